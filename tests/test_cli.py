@@ -1,0 +1,242 @@
+"""The command line as a user meets it: exit codes, one-line errors, JSON, nothing half-written."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from virtual_lab.cli import main
+
+Run = Callable[..., tuple[int, str, str]]
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Run:
+    """Run the program in an empty folder; return exit code, stdout and stderr."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*words: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["virtual-lab", *words])
+        with pytest.raises(SystemExit) as leaving:
+            main()
+        captured = capsys.readouterr()
+        return int(leaving.value.code or 0), captured.out, captured.err
+
+    return call
+
+
+@pytest.fixture(scope="module")
+def tested(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the output folder of one test, as the program leaves it."""
+    folder = tmp_path_factory.mktemp("cli") / "r161"
+    words = ["certify", "r161", "--seed", "7041776", "--out", str(folder)]
+    subprocess.run([sys.executable, "-m", "virtual_lab", *words], check=True, capture_output=True)
+    return folder
+
+
+def test_certify_writes_all_it_promises(tested: Path) -> None:
+    """The issue's list of files, and the keys other programs rely on."""
+    found = {str(path.relative_to(tested)) for path in tested.rglob("*") if path.is_file()}
+    assert {"certificate.html", "certificate.json", "readings.csv"} <= found
+    assert {"records/session.json", "records/impact/encoder.csv", "truth/truth.json"} <= found
+    certificate = json.loads((tested / "certificate.json").read_text())
+    assert {"name", "value", "u", "interval_95", "limit"} <= set(certificate["metric"])
+    for name in ("collision_efficiency", "restitution", "recoil_factor", "ball_restitution"):
+        assert set(certificate[name]) == {"value", "u"}
+    assert certificate["verdict"] == "PASS"
+    assert certificate["marginal"] is False
+    assert certificate["valid_hits"] == 6
+    assert abs(certificate["v_rel_mph"] - 60) < 1
+    assert certificate["metric"]["limit"] == 1.2
+    low, high = certificate["metric"]["interval_95"]
+    assert low < certificate["metric"]["value"] < high
+    assert sorted(path.name for path in tested.parent.iterdir()) == ["r161"]
+
+
+def test_reduce_gives_the_same_numbers_from_the_records_alone(
+    tested: Path, tmp_path: Path, run: Run
+) -> None:
+    """Bit for bit, in a folder that never saw the truth."""
+    shutil.copytree(tested / "records", tmp_path / "theirs")
+    code, out, _ = run("reduce", "theirs", "--json")
+    certificate = json.loads((tested / "certificate.json").read_text())
+    del certificate["simulation"]["truth_digest"]
+    assert code == 0
+    assert json.loads(out) == certificate
+
+
+def test_the_truth_on_disk_changes_only_the_score(tested: Path, tmp_path: Path, run: Run) -> None:
+    """Another truth: the same reduction, a broken seal; no truth: `score` alone fails."""
+    shutil.copytree(tested, tmp_path / "copy")
+    before = run("reduce", "copy/records", "--json")
+    truth = tmp_path / "copy" / "truth" / "truth.json"
+    whole = json.loads(run("score", "copy", "--json")[1])
+    document = json.loads(truth.read_text())
+    document["measurand"]["bat_performance_factor"] += 0.1
+    truth.write_text(json.dumps(document))
+    broken = json.loads(run("score", "copy", "--json")[1])
+    assert (whole["seal"], broken["seal"]) == ("whole", "broken")
+    assert broken["metric"]["error"] == pytest.approx(whole["metric"]["error"] - 0.1)
+    assert run("reduce", "copy/records", "--json") == before
+    shutil.rmtree(tmp_path / "copy" / "truth")
+    code, out, err = run("score", "copy")
+    assert (code, out) == (2, "")
+    assert "copy/truth/truth.json" in err
+    assert run("reduce", "copy/records", "--json") == before
+
+
+def test_score_speaks_in_units_and_standard_uncertainties(tested: Path, run: Run) -> None:
+    document = json.loads(run("score", str(tested), "--json")[1])
+    for name in ("metric", "collision_efficiency", "restitution", "recoil_factor"):
+        row = document[name]
+        assert row["error"] == row["measured"] - row["true"]
+        assert row["z"] == pytest.approx(row["error"] / row["u"])
+        assert abs(row["z"]) < 4
+
+
+def test_no_record_and_no_certificate_tells_the_seed(tested: Path) -> None:
+    """The seed is 7041776; it and its hash without salt stand in the truth alone."""
+    bare = hashlib.sha256(b"7041776").hexdigest()
+    for path in tested.rglob("*"):
+        if path.is_file() and path.parent.name != "truth":
+            text = path.read_text()
+            assert "7041776" not in text, path
+            assert bare not in text, path
+    assert '"seed": 7041776' in (tested / "truth" / "truth.json").read_text()
+
+
+def test_ideal_says_the_truth(run: Run) -> None:
+    """1e-9 relative through the whole program, files and all."""
+    assert run("certify", "ea70", "--ideal", "--out", "ideal")[0] == 0
+    document = json.loads(run("score", "ideal", "--json")[1])
+    del document["seal"]
+    for name, row in document.items():
+        assert row["measured"] == pytest.approx(row["true"], rel=1e-9), name
+
+
+def test_results_go_to_the_first_free_folder(run: Run, tmp_path: Path) -> None:
+    for _ in range(2):
+        assert run("certify", "r161", "--ideal")[0] == 0
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["r161", "r161-2"]
+
+
+def test_profile_has_the_promised_keys(run: Run) -> None:
+    code, out, _ = run("profile", "r161", "--swing", "0.5", "--json")
+    document = json.loads(out)
+    assert code == 0
+    assert document["mass_oz"] == pytest.approx(31, rel=5e-3)  # Table I
+    assert document["modal_frequencies_hz"][:2] == pytest.approx([164, 551], rel=5e-3)
+    assert document["barrel_nodes_in"] == pytest.approx([6.8, 5.2], abs=0.1)
+    lengths = {len(document[key]) for key in ("z_in", "e", "r", "e_A", "v_bat_mph", "v_f_mph")}
+    assert len(lengths) == 1
+
+
+@pytest.mark.parametrize("kind", [None, "bats", "balls", "procedures", "instruments", "rigs"])
+def test_list_and_show(kind: str | None, run: Run) -> None:
+    """Everything listed can be shown, every number with unit and source (rigs of others aside)."""
+    rows = json.loads(run("list", *([kind] if kind else []), "--json")[1])
+    assert rows
+    for row in rows:
+        if row["name"] == "speed-gun-pivot":
+            continue
+        document = json.loads(run("show", row["name"], "--json")[1])
+        for number in document["numbers"]:
+            assert number["unit"]
+            assert number["source"] in document["sources"]
+
+
+R161 = (ROOT / "data" / "bats" / "r161.toml").read_text()
+BAD_BATS = {
+    "wrong unit": ('unit = "kg/m^3"', 'unit = "kg"', ["density", "kg/m^3"]),
+    "negative": ("value = 644.3", "value = -644.3", ["density", "-644.3", "greater than 0"]),
+    "missing": ("damping_ratio =", "damping =", ["damping"]),
+    "not a number": ("value = 644.3", "value = nan", ["density", "finite"]),
+    "not monotonic": ("[0, 2, 5, 8,", "[0, 5, 2, 8,", ["profile", "increase"]),
+}
+
+
+@pytest.mark.parametrize("fault", BAD_BATS)
+def test_a_bad_file_is_one_line_and_leaves_nothing(fault: str, run: Run, tmp_path: Path) -> None:
+    old, new, words = BAD_BATS[fault]
+    assert old in R161
+    (tmp_path / "mine.toml").write_text(R161.replace(old, new))
+    code, out, err = run("certify", "mine.toml", "--out", "out")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    for word in ["mine.toml", *words]:
+        assert word in err
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["certify", "r116"], "did you mean r161?"),
+        (["certify", "r161", "--procedure", "astm"], "did you mean astm-f1881?"),
+        (["certify", "r161", "--seed", "-1"], "--seed"),
+        (["certify", "r161", "--bogus"], "--bogus"),
+        (["certify", "nowhere.toml"], "no such file"),
+        (["reduce", "nowhere"], "nowhere/session.json"),
+        (["score", "nowhere"], "nowhere/certificate.json"),
+        (["show", "r162"], "did you mean r161?"),
+        (["profile", "r161", "--swing", "3"], "0 to 0.5"),
+        (["list", "hats"], "bats"),
+        (["dance"], "dance"),
+    ],
+)
+def test_bad_words_are_one_line(words: list[str], said: str, run: Run, tmp_path: Path) -> None:
+    code, out, err = run(*words)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert said in err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_in_use_is_left_alone(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "thesis.txt").write_text("years of work")
+    code, _, err = run("certify", "r161", "--out", "full")
+    assert code == 2
+    assert "not empty" in err
+    assert [path.name for path in (tmp_path / "full").iterdir()] == ["thesis.txt"]
+
+
+def test_a_place_that_cannot_be_written(run: Run, tmp_path: Path) -> None:
+    """A file stands where the folder should: true for root too, whom no mode bit stops."""
+    (tmp_path / "file").write_text("")
+    for target in ("file", "file/inside"):
+        code, _, err = run("certify", "r161", "--out", target)
+        assert code == 2
+        assert target in err
+
+
+def test_a_record_cut_short(tested: Path, run: Run, tmp_path: Path) -> None:
+    shutil.copytree(tested / "records", tmp_path / "records")
+    path = tmp_path / "records" / "impact" / "encoder.csv"
+    path.write_bytes(path.read_bytes()[:4000])
+    code, out, err = run("reduce", "records")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "records/impact/encoder.csv" in err
+    assert "cut short" in err
+
+
+def test_version_help_and_completion(run: Run) -> None:
+    from virtual_lab import __version__
+
+    assert run("--version")[1].strip().endswith(__version__)
+    assert "certify" in run()[1]
+    assert "_VIRTUAL_LAB_COMPLETE" in run("completion", "bash")[1]
+
+
+def test_no_progress_in_a_pipe(tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "virtual_lab", "certify", "r161", "--ideal", "--json"]
+    done = subprocess.run(words, capture_output=True, cwd=tmp_path, env=os.environ, check=True)
+    assert done.stderr == b""
+    assert json.loads(done.stdout)["verdict"] == "PASS"

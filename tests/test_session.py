@@ -1,0 +1,249 @@
+"""Sessions on disk: the same bits back, and every broken folder said in one line."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from math import inf
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.test_records import ANY, bits
+from virtual_lab.certification import certify_session
+from virtual_lab.errors import InputError
+from virtual_lab.estimate import Estimate
+from virtual_lab.records import GateRecord, MassReadings, Record, ShotLog
+from virtual_lab.session import Session, load_session, save_session
+
+ESTIMATES = st.builds(
+    Estimate,
+    value=st.floats(allow_nan=False, allow_infinity=False),
+    u=st.floats(0, 1e300),
+    dof=st.just(inf) | st.floats(1e-3, 1e6),
+)
+EXAMPLE = Session(
+    bat="r161",
+    ball="baseball-2003",
+    rigs={"impact": "astm-pivot"},
+    procedure_text='name = "übung"\n',
+    calibration={"impact.gates.clock": Estimate(value=1.0, u=2e-5, dof=7.0)},
+    records={
+        "impact": {
+            "log": ShotLog(ball=np.arange(2.0), nominal_speed=np.ones(2), place=np.ones(2)),
+            "gates": GateRecord(times=np.arange(16.0).reshape(2, 2, 2, 2)),
+        },
+        "bench": {"bat-mass": MassReadings(readings=np.ones((1, 3)))},
+    },
+    simulation={"reality": "real", "seed_commitment": "ab", "rungs": {"collision": "modal"}},
+)
+
+
+@given(record=ANY, known=st.dictionaries(st.text(min_size=1), ESTIMATES, max_size=3))
+@settings(max_examples=60)
+def test_every_record_comes_back_bit_for_bit(record: Record, known: dict) -> None:
+    """Any doubles of any record type through CSV; calibrations through JSON."""
+    with TemporaryDirectory() as folder:
+        session = replace(EXAMPLE, records={"impact": {"x": record}}, calibration=known)
+        save_session(session, Path(folder))
+        loaded = load_session(Path(folder))
+    assert type(loaded.records["impact"]["x"]) is type(record)
+    assert bits(loaded.records["impact"]["x"]) == bits(record)
+    assert {k: (e.value, e.u, e.dof) for k, e in loaded.calibration.items()} == {
+        k: (e.value, e.u, e.dof) for k, e in known.items()
+    }
+
+
+def test_what_is_no_record_comes_back_too(tmp_path: Path) -> None:
+    """Names, rigs, the procedure's very text, what is said of the simulation."""
+    save_session(EXAMPLE, tmp_path)
+    loaded = load_session(tmp_path)
+    for field in ("bat", "ball", "rigs", "procedure_text", "calibration", "simulation"):
+        assert getattr(loaded, field) == getattr(EXAMPLE, field)
+    assert {stage: set(found) for stage, found in loaded.records.items()} == {
+        "impact": {"log", "gates"},
+        "bench": {"bat-mass"},
+    }
+
+
+def _edit(change: Callable[[dict], object]) -> Callable[[Path], object]:
+    def edit(folder: Path) -> None:
+        path = folder / "session.json"
+        document = json.loads(path.read_text("utf-8"))
+        change(document)
+        path.write_text(json.dumps(document), "utf-8")
+
+    return edit
+
+
+def _file(name: str, old: str, new: str) -> Callable[[Path], object]:
+    """Return a change of a record that its digest in session.json was removed for."""
+
+    def change(folder: Path) -> None:
+        path = folder / name
+        text = path.read_text("utf-8")
+        assert old in text
+        path.write_text(text.replace(old, new, 1), "utf-8")
+        _edit(lambda d: d["channels"]["impact"]["gates"].pop("sha256"))(folder)
+
+    return change
+
+
+def _cut(folder: Path) -> None:
+    path = folder / "impact/gates.csv"
+    path.write_text("".join(path.read_text("utf-8").splitlines(keepends=True)[:-3]), "utf-8")
+
+
+GATES = "impact/gates.csv"
+
+
+@pytest.mark.parametrize(
+    ("break_it", "file", "key", "allowed"),
+    [
+        (_cut, "gates.csv", "rows", "session.json says 16"),
+        (lambda f: (f / GATES).unlink(), "gates.csv", "file", "cannot be read"),
+        (lambda f: (f / "session.json").unlink(), "session.json", "file", "cannot be read"),
+        (lambda f: (f / "procedure.toml").unlink(), "procedure.toml", "file", "cannot be read"),
+        (lambda f: (f / "session.json").write_text("{"), "session.json", "JSON", "parsed"),
+        (lambda f: (f / "session.json").write_text("[]"), "session.json", "JSON", "object"),
+        (lambda f: (f / "procedure.toml").write_bytes(b"\xff"), "procedure.toml", "file", ""),
+        (_file(GATES, "time_s", "time_ms"), "gates.csv", "columns", "time_s"),
+        (_file(GATES, "1,1,1,1,15.0", "1,1,1,1,soon"), "gates.csv", "time_s", "numbers"),
+        (_file(GATES, "1,1,1,1,15.0", "1,1,1,0,15.0"), "gates.csv", "rows", "same"),
+        (_file(GATES, "1,1,1,1,15.0", "1,1,1,1,15.0,9"), "gates.csv", "CSV", "cannot be read"),
+        (
+            lambda f: (f / GATES).write_text((f / GATES).read_text().replace("15.0", "15.5")),
+            "gates.csv",
+            "sha256",
+            "not the",
+        ),
+        (lambda f: (f / GATES).write_bytes(b""), "gates.csv", "CSV", "cannot be read"),
+        (lambda f: (f / GATES).write_bytes(b"\xff\xfe"), "gates.csv", "CSV", "cannot be read"),
+        (_edit(lambda d: d.update(schema=99)), "session.json", "schema", "allowed: 1"),
+        (_edit(lambda d: d.pop("schema")), "session.json", "schema", "allowed: 1"),
+        (_edit(lambda d: d.pop("calibration")), "session.json", "calibration", "missing"),
+        (_edit(lambda d: d.update(channels=[])), "session.json", "channels", ""),
+        (
+            _edit(lambda d: d["channels"]["impact"]["gates"].update(record="radar")),
+            "session.json",
+            "gates.record",
+            "allowed: mass-readings",
+        ),
+        (
+            _edit(lambda d: d["channels"]["impact"].update(gates=3)),
+            "session.json",
+            "gates",
+            "",
+        ),
+        (
+            _edit(lambda d: d["calibration"].update({"a.b": {"value": "one", "u": 0}})),
+            "session.json",
+            "calibration.a.b",
+            "",
+        ),
+        (
+            _edit(lambda d: d["calibration"].update({"a.b": {"value": 1.0}})),
+            "session.json",
+            "calibration.a.b",
+            "expected { value, u }",
+        ),
+        (
+            _edit(lambda d: d["calibration"].update({"a.b": {"value": 1.0, "u": -1.0}})),
+            "session.json",
+            "calibration.a.b",
+            "at least 0",
+        ),
+    ],
+)
+def test_a_broken_folder(
+    break_it: Callable[[Path], object], file: str, key: str, allowed: str, tmp_path: Path
+) -> None:
+    """Each fault alone in a folder that otherwise reads: file, key and mend in one line."""
+    save_session(EXAMPLE, tmp_path)
+    load_session(tmp_path)
+    break_it(tmp_path)
+    with pytest.raises(InputError) as caught:
+        load_session(tmp_path)
+    sentence = str(caught.value)
+    assert "\n" not in sentence
+    assert file in caught.value.where
+    assert key in caught.value.key
+    assert allowed in caught.value.allowed
+
+
+def test_an_edited_record_is_taken_where_the_digest_was_removed(tmp_path: Path) -> None:
+    """The way session.json itself names for a change that is meant."""
+    save_session(EXAMPLE, tmp_path)
+    _file(GATES, "15.0", "15.5")(tmp_path)
+    assert load_session(tmp_path).records["impact"]["gates"].times[1, 1, 1, 1] == 15.5
+
+
+def test_a_missing_edge_is_an_empty_cell(tmp_path: Path) -> None:
+    """NaN: not seen; another laboratory's file simply leaves the cell empty."""
+    save_session(EXAMPLE, tmp_path)
+    _file(GATES, "1,1,1,1,15.0", "1,1,1,1,")(tmp_path)
+    times = load_session(tmp_path).records["impact"]["gates"].times
+    assert np.isnan(times[1, 1, 1, 1])
+    assert np.isfinite(times).sum() == 15
+
+
+def _without(stage: str, channel: str) -> Callable[[Session], Session]:
+    def change(session: Session) -> Session:
+        records = {name: dict(found) for name, found in session.records.items()}
+        del records[stage][channel]
+        return replace(session, records=records)
+
+    return change
+
+
+def _without_stage(session: Session) -> Session:
+    return replace(session, records={k: v for k, v in session.records.items() if k != "balls"})
+
+
+def _without_constant(session: Session) -> Session:
+    known = {k: v for k, v in session.calibration.items() if k != "impact.encoder.scale"}
+    return replace(session, calibration=known)
+
+
+def _ball(number: float) -> Callable[[Session], Session]:
+    def change(session: Session) -> Session:
+        log = session.records["impact"]["log"]
+        ball = np.array(log.ball)
+        ball[0] = number
+        impact = dict(session.records["impact"]) | {"log": replace(log, ball=ball)}
+        return replace(session, records=dict(session.records) | {"impact": impact})
+
+    return change
+
+
+def _wrong_kind(session: Session) -> Session:
+    bench = dict(session.records["bench"])
+    bench["pendulum"] = bench["length"]
+    return replace(session, records=dict(session.records) | {"bench": bench})
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        (_without("impact", "encoder"), "encoder"),
+        (_without("impact", "aim"), "aim"),
+        (_without("bench", "bat-mass"), "bat-mass"),
+        (_without("balls", "log"), "log"),
+        (_without_stage, "balls"),
+        (_without_constant, "impact.encoder.scale"),
+        (_ball(-1.0), "ball"),
+        (_ball(999.0), "ball"),
+        (_ball(0.5), "ball"),
+        (_wrong_kind, "pendulum"),
+    ],
+)
+def test_a_session_that_lacks_what_the_reduction_needs(change, named: str, played) -> None:
+    """Another laboratory's session, one thing missing or impossible: one line that names it."""
+    session = played().certification.session
+    with pytest.raises(InputError) as caught:
+        certify_session(change(session))
+    assert "\n" not in str(caught.value)
+    assert named in str(caught.value)

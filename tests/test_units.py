@@ -1,0 +1,101 @@
+"""Units against their legal definitions, in exact rational arithmetic."""
+
+from fractions import Fraction
+from math import isclose, radians
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from virtual_lab import units
+
+# International yard and pound agreement of 1959: 1 yd = 0.9144 m, 1 lb = 0.45359237 kg exactly;
+# 1 yd = 36 in, 1 mile = 1760 yd, 1 lb = 16 oz avoirdupois. The rest are SI prefixes.
+INCH = Fraction(9144, 10000) / 36
+POUND = Fraction(45359237, 10**8)
+OUNCE = POUND / 16
+MPH = 1760 * Fraction(9144, 10000) / 3600
+DEFINED: dict[str, dict[str, Fraction]] = {
+    "length": {
+        "m": Fraction(1),
+        "mm": Fraction(1, 1000),
+        "cm": Fraction(1, 100),
+        "in": INCH,
+        "um": Fraction(1, 10**6),
+    },
+    "mass": {"kg": Fraction(1), "g": Fraction(1, 1000), "oz": OUNCE, "lb": POUND},
+    "inertia": {"kg m^2": Fraction(1), "oz in^2": OUNCE * INCH**2},
+    "moment": {"kg m": Fraction(1), "oz in": OUNCE * INCH},
+    "speed": {"m/s": Fraction(1), "mph": MPH},
+    "slope of speed": {"s/m": Fraction(1), "1/mph": 1 / MPH},
+    "time": {"s": Fraction(1), "ms": Fraction(1, 1000), "us": Fraction(1, 10**6)},
+    "frequency": {"Hz": Fraction(1), "kHz": Fraction(1000)},
+    "angle": {
+        "rad": Fraction(1),
+        "mrad": Fraction(1, 1000),
+        "deg": Fraction(radians(180)) / 180,
+    },
+    "angular speed": {"rad/s": Fraction(1)},
+    "angular acceleration": {"rad/s^2": Fraction(1)},
+    "rate": {"1/s": Fraction(1)},
+    "density": {"kg/m^3": Fraction(1)},
+    "modulus": {"Pa": Fraction(1), "MPa": Fraction(10**6), "GPa": Fraction(10**9)},
+    "acceleration": {"m/s^2": Fraction(1), "in/s^2": INCH},
+    "stiffness": {"N/m^a": Fraction(1)},
+    "torque": {"N m": Fraction(1)},
+    "viscous torque": {"N m s": Fraction(1)},
+    "quadratic torque": {"N m s^2": Fraction(1)},
+    "number": {"1": Fraction(1), "%": Fraction(1, 100), "ppm": Fraction(1, 10**6)},
+}
+EVERY = [(dimension, unit) for dimension, known in units.DIMENSIONS.items() for unit in known]
+ROUNDING = 4e-16  # two roundings of a double, relative
+
+
+def test_constants_are_the_legal_ones() -> None:
+    """1959 agreement (NIST SP 811, B.8); standard gravity: 3rd CGPM 1901."""
+    assert Fraction(units.INCH).limit_denominator(10**9) == INCH == Fraction(254, 10000)
+    assert units.POUND == 0.45359237
+    assert units.OUNCE == 0.028349523125
+    assert units.MPH == 0.44704
+    assert units.STANDARD_GRAVITY == 9.80665
+    assert isclose(16 * units.OZ_IN2, 2.926397e-4, rel_tol=2e-7)  # NIST SP 811: 1 lb in^2
+
+
+@pytest.mark.parametrize(("dimension", "unit"), EVERY)
+def test_factor_of_every_unit(dimension: str, unit: str) -> None:
+    """Factors in rationals from the definitions above; a unit without one fails here."""
+    defined = DEFINED[dimension][unit]
+    assert isclose(units.to_si(1.0, unit, dimension), defined, rel_tol=ROUNDING)
+
+
+@pytest.mark.parametrize(("dimension", "unit"), EVERY)
+@given(value=st.floats(1e-250, 1e250) | st.floats(-1e250, -1e-250) | st.just(0.0))
+def test_there_and_back(dimension: str, unit: str, value: float) -> None:
+    """A product and its quotient differ from the start by two roundings at most (IEEE 754)."""
+    back = units.from_si(units.to_si(value, unit, dimension), unit, dimension)
+    assert isclose(back, value, rel_tol=ROUNDING)
+
+
+@pytest.mark.parametrize(
+    ("function", "argument", "expected"),
+    [
+        (units.inches, 0.8636, 34.0),  # a 34 in bat
+        (units.metres, 34.0, 0.8636),
+        (units.ounces, 0.1417476156, 5.0),  # ball of 5 oz: 5 x 28.34952312 g
+        (units.miles_per_hour, 26.8224, 60.0),  # 60 mph = 88 ft/s
+        (units.metres_per_second, 60.0, 88 * 0.3048),
+        (units.ounce_square_inches, 1.0, 54674.75),  # NIST SP 811: 1 lb ft^2 is 0.04214011 kg m^2
+    ],
+)
+def test_conversions_at_the_edges(function, argument: float, expected: float) -> None:
+    """Numbers worked by hand from the 1959 agreement."""
+    assert isclose(function(argument), expected, rel_tol=2e-8)
+
+
+@pytest.mark.parametrize(("unit", "dimension"), [("kg", "length"), ("ft", "length"), ("", "mass")])
+def test_a_unit_of_another_dimension_is_refused(unit: str, dimension: str) -> None:
+    """The documented `KeyError`."""
+    with pytest.raises(KeyError):
+        units.to_si(1.0, unit, dimension)
+    with pytest.raises(KeyError):
+        units.from_si(1.0, unit, dimension)

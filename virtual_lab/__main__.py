@@ -1,0 +1,5 @@
+"""``python -m virtual_lab``."""
+
+from virtual_lab.cli import main
+
+main()

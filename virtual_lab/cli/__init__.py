@@ -1,0 +1,75 @@
+"""The command line. Exit codes: 0 it ran, whatever the verdict; 2 bad input; 1 our fault."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import click
+
+from virtual_lab import __version__
+from virtual_lab.cli.bench import certify, reduce, score
+from virtual_lab.cli.shelf import list_, profile, show
+from virtual_lab.cli.study import bias, chart, coverage
+from virtual_lab.errors import InputError
+
+__all__ = ["main"]
+
+PROGRAM = "virtual-lab"
+
+
+def main() -> None:
+    """Run the command line and leave with its exit code."""
+    # the matrices here are small: threads inside one product only get in each other's way
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    try:
+        code = cli.main(prog_name=PROGRAM, standalone_mode=False)
+    except InputError as fault:
+        _leave(2, str(fault))
+    except click.UsageError as fault:
+        _leave(2, f"{fault.format_message()} (try '{PROGRAM} --help')")
+    except click.ClickException as fault:
+        _leave(2, fault.format_message())
+    except (click.Abort, KeyboardInterrupt):
+        _leave(130, "interrupted, nothing was written")
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)
+    except Exception:
+        import traceback
+
+        traceback.print_exc()
+        _leave(1, "a fault of this program, not of the input; please report the lines above")
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _leave(code: int, message: str) -> None:
+    click.echo(f"{PROGRAM}: {' '.join(message.split())}", err=True)
+    sys.exit(code)
+
+
+@click.group(
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 96},
+)
+@click.version_option(__version__, prog_name=PROGRAM)
+@click.pass_context
+def cli(context: click.Context) -> None:
+    """Run a bat certification laboratory that does not exist exactly as a real one."""
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
+
+
+@cli.command()
+@click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
+def completion(shell: str) -> None:
+    """Print the completion script for a SHELL, to be sourced from its start-up file."""
+    from click.shell_completion import get_completion_class
+
+    script = get_completion_class(shell)
+    assert script is not None
+    click.echo(script(cli, {}, PROGRAM, "_VIRTUAL_LAB_COMPLETE").source())
+
+
+for command in (certify, score, reduce, list_, show, profile, coverage, bias, chart):
+    cli.add_command(command)

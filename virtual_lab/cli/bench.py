@@ -1,0 +1,112 @@
+"""Commands that test a bat: certify, reduce, score."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from virtual_lab.cli.shared import json_option, names, print_json, teller
+
+
+@click.command()
+@click.argument("bat", shell_complete=names("bats"))
+@click.option(
+    "--procedure",
+    default="astm-f1881",
+    show_default=True,
+    help="Name, or a .toml file.",
+    shell_complete=names("procedures"),
+)
+@click.option(
+    "--seed", type=click.IntRange(min=0), help="Of everything random; one is drawn without it."
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="New folder for the results  [default: out/BAT]",
+)
+@click.option(
+    "--ideal",
+    "reality",
+    flag_value="ideal",
+    help="Every individual and instrument equals its nominal.",
+)
+@click.option(
+    "--noise-free",
+    "reality",
+    flag_value="noise-free",
+    help="No randomness; ring, counts, drag and friction stay.",
+)
+@click.option(
+    "--collision",
+    "rung",
+    type=click.Choice(["rigid", "modal", "reference"]),
+    help="Pin the collision model  [default: the cheapest that is good enough]",
+)
+@json_option
+def certify(
+    bat: str,
+    procedure: str,
+    seed: int | None,
+    out: Path | None,
+    reality: str | None,
+    rung: str | None,
+    as_json: bool,
+) -> None:
+    """Take BAT (a name or a .toml file) through a procedure and write its certificate."""
+    from virtual_lab.folder import check_new_folder, first_free
+
+    target = out or first_free(Path("out") / Path(bat).stem)
+    check_new_folder(target)
+    from virtual_lab.api import certify as run
+    from virtual_lab.report.text import certificate_text
+
+    certificate = run(
+        bat, procedure=procedure, seed=seed, reality=reality or "real", rung=rung, say=teller()
+    )
+    certificate.save(target)
+    if as_json:
+        print_json(certificate.document | {"folder": str(target)})
+    else:
+        click.echo(certificate_text(certificate.document))
+        click.echo(f"\n{target / 'certificate.html'}")
+
+
+@click.command()
+@click.argument("records", type=click.Path(path_type=Path))
+@click.option(
+    "--out", type=click.Path(path_type=Path), help="New folder for certificate and readings."
+)
+@json_option
+def reduce(records: Path, out: Path | None, as_json: bool) -> None:
+    """Reduce a folder of raw RECORDS again, without the truth."""
+    from virtual_lab.folder import check_new_folder
+
+    if out:
+        check_new_folder(out)
+    from virtual_lab.api import reduce as run
+    from virtual_lab.report.text import certificate_text
+
+    certificate = run(records)
+    if out:
+        certificate.save(out)
+    if as_json:
+        print_json(certificate.document)
+    else:
+        click.echo(certificate_text(certificate.document))
+
+
+@click.command()
+@click.argument("folder", type=click.Path(path_type=Path))
+@json_option
+def score(folder: Path, as_json: bool) -> None:
+    """Open the sealed truth in FOLDER: recovered against true, in units and uncertainties."""
+    from virtual_lab.report.text import score_text
+    from virtual_lab.studies.score import score_folder
+
+    document = score_folder(folder)
+    if as_json:
+        print_json(document)
+    else:
+        click.echo(score_text(document))

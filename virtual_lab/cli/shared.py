@@ -1,0 +1,36 @@
+"""What the commands share: JSON on stdout, progress on a terminal, completion of names."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import click
+
+__all__ = ["json_option", "names", "print_json", "teller"]
+
+json_option = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout.")
+
+
+def teller() -> Callable[[str], None]:
+    """Return a teller of progress: to a terminal on stderr, to nobody in a pipe."""
+    return lambda text: click.echo(f"… {text}", err=True) if sys.stderr.isatty() else None
+
+
+def print_json(document: Any) -> None:
+    """Print one JSON document."""
+    click.echo(json.dumps(document, indent=2, allow_nan=False))
+
+
+def names(*kinds: str) -> Callable[..., list[str]]:
+    """Return a completer for catalog names of some kinds."""
+
+    def complete(_ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[str]:
+        from virtual_lab import catalog
+
+        found = [name for kind in kinds for name in catalog.names(kind)]
+        return [name for name in found if name.startswith(incomplete)]
+
+    return complete

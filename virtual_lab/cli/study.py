@@ -1,0 +1,70 @@
+"""Commands that study the laboratory itself: coverage, bias, chart."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from virtual_lab.cli.shared import json_option, names, print_json, teller
+
+
+@click.command()
+@click.argument("bat", shell_complete=names("bats"))
+@click.option("--laboratories", type=click.IntRange(min=2), default=1000, show_default=True)
+@click.option("--first-seed", type=click.IntRange(min=0), default=1, show_default=True)
+@json_option
+def coverage(bat: str, laboratories: int, first_seed: int, as_json: bool) -> None:
+    """Certify BAT in many laboratories and count the 95 % intervals that hold the truth."""
+    from virtual_lab.report.text import table_text
+    from virtual_lab.studies.coverage import coverage as run
+
+    rows = run(bat, laboratories=laboratories, first_seed=first_seed, say=teller())
+    if as_json:
+        print_json(rows)
+    else:
+        click.echo(table_text(rows))
+
+
+@click.command()
+@json_option
+def bias(as_json: bool) -> None:
+    """Measure what the method gets wrong when nothing is random, for every bat."""
+    from virtual_lab.report.text import table_text
+    from virtual_lab.studies.bias import bias as run
+
+    rows = run()
+    if as_json:
+        print_json(rows)
+    else:
+        click.echo(table_text(rows))
+
+
+@click.group()
+def chart() -> None:
+    """Draw speed against accuracy."""
+
+
+@chart.command("collision")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("out/chart-collision"),
+    show_default=True,
+    help="New folder for PNG and CSV.",
+)
+@json_option
+def chart_collision(out: Path, as_json: bool) -> None:
+    """Error of the collision rungs against their time a shot."""
+    from virtual_lab.fidelity.collision_chart import measure, save
+    from virtual_lab.folder import check_new_folder
+    from virtual_lab.report.text import table_text
+
+    check_new_folder(out)
+    rows = measure(say=teller())
+    save(rows, out)
+    if as_json:
+        print_json(rows)
+    else:
+        click.echo(table_text(rows))
+        click.echo(f"\n{out / 'collision.png'}")

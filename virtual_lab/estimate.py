@@ -1,0 +1,55 @@
+"""A measured value with its standard uncertainty: what calibration and reduction hand on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, isfinite, isnan, sqrt
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+__all__ = ["Estimate", "mean_of_readings"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """Value, standard uncertainty `u` (both SI), degrees of freedom, evaluation type (GUM)."""
+
+    value: float
+    u: float = 0.0
+    dof: float = inf
+    evaluation: Literal["A", "B"] = "B"
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        if not isfinite(self.value):
+            raise ValueError(f"value must be finite, not {self.value}")
+        if not (isfinite(self.u) and self.u >= 0):
+            raise ValueError(f"standard uncertainty must be finite and at least 0, not {self.u}")
+        if isnan(self.dof) or self.dof <= 0:
+            raise ValueError(f"degrees of freedom must be above 0, not {self.dof}")
+
+
+def mean_of_readings(readings: ArrayLike, *, least_u: float = 0.0, source: str = "") -> Estimate:
+    """Return the mean of repeated readings with its type A standard uncertainty.
+
+    Parameters
+    ----------
+    readings
+        Repeated readings, shape (n,), n ≥ 2.
+    least_u
+        Standard uncertainty below which the scatter of the readings says nothing, because
+        the instrument's resolution hides it (GUM F.2.2.1: step/√12). [unit of the readings]
+    """
+    values = np.asarray(readings, dtype=float)
+    if values.ndim != 1 or values.size < 2:
+        raise ValueError(f"a type A evaluation needs at least 2 readings, not {values.size}")
+    scatter = float(values.std(ddof=1)) / sqrt(values.size)
+    return Estimate(
+        value=float(values.mean()),
+        u=max(scatter, least_u),
+        dof=float(values.size - 1) if scatter >= least_u else inf,
+        evaluation="A",
+        source=source,
+    )

@@ -1,0 +1,55 @@
+"""A ball in still air over a short straight line: quadratic drag, dv/dx = -κ v.
+
+With κ = ρ C_d A / (2 m) the speed falls as e^(-κx), so the time over a distance is exact in
+κ at any speed; κ = 0 is the ball without air.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import exprel
+
+__all__ = ["drag_rate", "speed_from_passages", "time_after", "time_before"]
+
+Array = NDArray[np.float64]
+
+
+def drag_rate(
+    air_density: ArrayLike, drag_coefficient: ArrayLike, radius: ArrayLike, mass: ArrayLike
+) -> Array:
+    """Return κ = ρ C_d π R² / (2 m) [1/m]."""
+    area = np.pi * np.square(radius)
+    return np.asarray(np.asarray(air_density) * drag_coefficient * area / (2 * np.asarray(mass)))
+
+
+def time_before(distance: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
+    """Return the time from `distance` [m] ahead of a place to the place, passed at `speed`."""
+    distance = np.asarray(distance)
+    return np.asarray(distance * exprel(-np.asarray(drag) * distance) / speed)
+
+
+def time_after(distance: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
+    """Return the time from a place, left at `speed` [m/s], to `distance` [m] beyond it."""
+    return time_before(distance, speed, -np.asarray(drag))
+
+
+def speed_from_passages(
+    far: ArrayLike, near: ArrayLike, duration: ArrayLike, drag: ArrayLike, *, outbound: bool
+) -> Array:
+    """Return the speed at the place [m/s] from the time between two gates.
+
+    Parameters
+    ----------
+    far, near
+        Distances of the two gates from the place [m].
+    duration
+        Time between the two passages [s], positive.
+    drag
+        κ [1/m].
+    outbound
+        False: the ball flies toward the place; True: away from it.
+    """
+    signed = np.asarray(drag) * (-1.0 if outbound else 1.0)
+    apart = time_before(far, 1.0, signed) - time_before(near, 1.0, signed)
+    return np.asarray(apart / np.asarray(duration))

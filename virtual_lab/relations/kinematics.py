@@ -1,0 +1,144 @@
+"""Closed forms of the ball-bat collision that the truth and the reduction both use.
+
+Symbols: ``e_A`` collision efficiency, ``e`` restitution of ball and bat, ``e0`` of the ball
+on a rigid wall, ``r`` recoil factor, ``m`` ball mass, ``M`` bat mass. Every function
+broadcasts over numbers and arrays, works in SI (or any coherent units) and passes NaN
+through: a shot without a rebound is a result, not an error. Equation numbers are those of
+the 2003 paper (source key ``nathan2003``).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "EnergyFractions",
+    "bat_performance_factor",
+    "batted_speed",
+    "batted_speed_gain",
+    "besr",
+    "centre_of_percussion",
+    "collision_efficiency",
+    "efficiency_from_restitution",
+    "efficiency_off_axis",
+    "energy_fractions",
+    "offset_angle",
+    "parallel_axis",
+    "rebound_speed_from_recoil",
+    "recoil_factor_free",
+    "recoil_factor_pivoted",
+    "restitution_from_efficiency",
+    "restitution_from_recoil",
+]
+
+Floats = float | NDArray[np.float64]
+
+
+class EnergyFractions(NamedTuple):
+    """Where the collision energy (bat rest frame) went; the three add to 1."""
+
+    ball: Floats
+    bat: Floats
+    dissipated: Floats
+
+
+def collision_efficiency(v_ball: Floats, v_bat: Floats, v_f: Floats) -> Floats:
+    """Return e_A from ball, bat and batted-ball speeds [m/s] at the impact. Eq. (2)."""
+    return (v_f - v_bat) / (v_ball + v_bat)
+
+
+def batted_speed(e_A: Floats, v_ball: Floats, v_bat: Floats) -> Floats:
+    """Return the batted-ball speed [m/s]. Eq. (3)."""
+    return e_A * v_ball + (1 + e_A) * v_bat
+
+
+def besr(e_A: Floats) -> Floats:
+    """Return the ball exit speed ratio, which is e_A + 1/2. Eq. (4)."""
+    return e_A + 0.5
+
+
+def bat_performance_factor(e: Floats, e0: Floats) -> Floats:
+    """Return BPF, the restitution of ball and bat over that of the ball on a wall. Eq. (5)."""
+    return e / e0
+
+
+def restitution_from_efficiency(e_A: Floats, r: Floats) -> Floats:
+    """Return e of an efficiency and a recoil factor. Eq. (6)."""
+    return e_A * (1 + r) + r
+
+
+def efficiency_from_restitution(e: Floats, r: Floats) -> Floats:
+    """Return e_A of a restitution and a recoil factor. Eq. (6)."""
+    return (e - r) / (1 + r)
+
+
+def recoil_factor_free(m: Floats, M: Floats, I_cm: Floats, d: Floats) -> Floats:
+    """Return r of a free bat struck `d` [m] from its centre of mass. Eqs. (7), (8)."""
+    return m * (1 / M + d**2 / I_cm)
+
+
+def recoil_factor_pivoted(m: Floats, I_p: Floats, b: Floats) -> Floats:
+    """Return r of a bat on a pivot struck a lever `b` [m] from it. Eqs. (7), (9)."""
+    return m * b**2 / I_p
+
+
+def parallel_axis(I_cm: Floats, M: Floats, d: Floats) -> Floats:
+    """Return the moment of inertia [kg m^2] about an axis `d` [m] from the centre of mass."""
+    return I_cm + M * d**2
+
+
+def centre_of_percussion(z_cm: Floats, I_cm: Floats, M: Floats, z_pivot: Floats) -> Floats:
+    """Return the place [m] conjugate to `z_pivot`: a blow there leaves the pivot at rest.
+
+    Eq. (11). It runs to infinity as the pivot comes to the centre of mass.
+    """
+    return z_cm - I_cm / (M * (z_pivot - z_cm))
+
+
+def energy_fractions(e: Floats, r: Floats) -> EnergyFractions:
+    """Return the shares of ball, rigid bat and everything else in the energy. Eqs. (10)."""
+    return EnergyFractions(
+        ball=((e - r) / (1 + r)) ** 2,
+        bat=r * ((1 + e) / (1 + r)) ** 2,
+        dissipated=(1 - e**2) / (1 + r),
+    )
+
+
+def batted_speed_gain(v_rel: Floats, gain_e: Floats, r: Floats) -> Floats:
+    """Return the change of batted-ball speed [m/s] that a change of e brings. Eq. (12)."""
+    return v_rel * gain_e / (1 + r)
+
+
+def rebound_speed_from_recoil(
+    I_p: Floats, omega: Floats, m: Floats, b: Floats, v_ball: Floats
+) -> Floats:
+    """Return the rebound speed [m/s] of a ball that leaves a resting pivoted bat at `omega`.
+
+    Angular momentum about the pivot: ``I_p omega = m b (v_ball + v_f)``.
+    """
+    return I_p * omega / (m * b) - v_ball
+
+
+def restitution_from_recoil(b: Floats, omega: Floats, v_ball: Floats, r: Floats) -> Floats:
+    """Return e from the bat's recoil [rad/s] alone: ``(b omega / v_ball)(1 + 1/r) - 1``."""
+    return b * omega / v_ball * (1 + 1 / r) - 1
+
+
+def offset_angle(offset: Floats, ball_radius: Floats, bat_radius: Floats) -> Floats:
+    """Return the angle [rad] of the line of centres for a hit `offset` [m] across the axis."""
+    angle: Floats = np.arcsin(offset / (ball_radius + bat_radius))
+    return angle
+
+
+def efficiency_off_axis(e_A: Floats, angle: Floats) -> Floats:
+    """Return the e_A seen along the line of flight when the ball is struck at `angle` [rad].
+
+    Smooth ball: the normal part of its velocity is reversed times e_A, the part along the
+    surface stays, so the component back along the line of flight is
+    ``e_A cos^2 - sin^2``.
+    """
+    seen: Floats = e_A * np.cos(angle) ** 2 - np.sin(angle) ** 2
+    return seen

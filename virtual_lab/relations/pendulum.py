@@ -1,0 +1,39 @@
+"""The physical pendulum: moment of inertia from the period, and the finite-amplitude factor."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["amplitude_factor", "inertia_from_period", "mean_amplitude_factor", "small_period"]
+
+Array = NDArray[np.float64]
+
+
+def small_period(inertia: ArrayLike, moment: ArrayLike, gravity: ArrayLike) -> Array:
+    """Return T₀ = 2π √(I / (g M d)) [s]; `moment` is M d [kg m] about the axis."""
+    stiffness = np.asarray(gravity, dtype=float) * np.asarray(moment, dtype=float)
+    return np.asarray(2 * np.pi * np.sqrt(np.asarray(inertia, dtype=float) / stiffness))
+
+
+def inertia_from_period(period: ArrayLike, moment: ArrayLike, gravity: ArrayLike) -> Array:
+    """Return I = T₀² g M d / 4π² [kg m²] (ASTM F2398's form), the inverse of `small_period`."""
+    turn = np.asarray(period, dtype=float) / (2 * np.pi)
+    return np.asarray(turn**2 * np.asarray(gravity) * np.asarray(moment))
+
+
+def amplitude_factor(amplitude: ArrayLike) -> Array:
+    """Return T/T₀ = 1 + θ²/16 + 11 θ⁴/3072 of a swing of amplitude θ [rad]; 1e-7 at 20°."""
+    square = np.square(amplitude)
+    return np.asarray(1 + square / 16 + 11 * np.square(square) / 3072)
+
+
+def mean_amplitude_factor(first: ArrayLike, last: ArrayLike, swings: int) -> Array:
+    """Return the mean of `amplitude_factor` over swings whose amplitude decays geometrically.
+
+    `first` and `last` are the amplitudes [rad] at the two ends of `swings` whole periods.
+    """
+    first, last = np.asarray(first, dtype=float), np.asarray(last, dtype=float)
+    step = (np.arange(swings) + 0.5) / swings  # a swing counts by its middle
+    amplitudes = first[..., None] * (last / first)[..., None] ** step
+    return np.asarray(amplitude_factor(amplitudes).mean(axis=-1))

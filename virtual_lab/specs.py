@@ -1,0 +1,252 @@
+"""Nominal quantities: what a data sheet, a drawing or a rule book says. SI floats, frozen.
+
+Axes and signs, for the whole project: ``z`` runs along the bat from the barrel tip (0) to
+the knob (the length); speeds are positive in their usual directions (ball toward the bat,
+bat toward the ball, batted ball away). A field annotated with a `Dimension` stands in its
+file as ``{ value, unit, source, verified }`` and here as an SI float.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite
+from typing import TYPE_CHECKING, Annotated, Any
+
+from annotated_types import Ge, Gt, Le, Lt, MinLen
+
+from virtual_lab.units import DIMENSIONS, to_si
+
+if TYPE_CHECKING:
+    from pydantic import GetCoreSchemaHandler
+    from pydantic_core import CoreSchema
+
+__all__ = [
+    "BallSpec",
+    "BallSpread",
+    "BatBody",
+    "BatSpec",
+    "BatSpread",
+    "Dimension",
+    "HoopMode",
+    "Lump",
+    "Material",
+    "Profile",
+    "PublishedBat",
+    "RestitutionLine",
+    "Spec",
+]
+
+QUANTITY_KEYS = frozenset({"value", "unit", "source", "verified", "note"})
+
+
+@dataclass(frozen=True, slots=True)
+class Dimension:
+    """Mark on a field: its file entry is a quantity of this dimension, read into SI."""
+
+    name: str
+
+    def read(self, raw: object) -> object:
+        """Return the SI value (or tuple of values) of one file entry; `ValueError` if unfit."""
+        if not isinstance(raw, Mapping):
+            raise ValueError("expected a table { value, unit, source, verified }")
+        if unknown := sorted(set(raw) - QUANTITY_KEYS):
+            raise ValueError(
+                f"unknown key {unknown[0]!r}, allowed: {', '.join(sorted(QUANTITY_KEYS))}"
+            )
+        for key in ("value", "unit", "source", "verified"):
+            if key not in raw:
+                raise ValueError(f"misses {key!r} (value, unit, source and verified are needed)")
+        units = DIMENSIONS[self.name]
+        if raw["unit"] not in units:
+            raise ValueError(f"unit {raw['unit']!r} is no {self.name}, allowed: {', '.join(units)}")
+        if not isinstance(raw["verified"], bool):
+            raise ValueError("verified must be true or false")
+        if not (isinstance(raw["source"], str) and raw["source"]):
+            raise ValueError("source must name where the number comes from")
+        value = raw["value"]
+        if isinstance(value, list):
+            return tuple(self._number(item, raw["unit"]) for item in value)
+        return self._number(value, raw["unit"])
+
+    def _number(self, value: object, unit: str) -> float:
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not isfinite(value):
+            raise ValueError("value must be a finite number")
+        return to_si(float(value), unit, self.name)
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_before_validator_function(self.read, handler(source))
+
+
+class Spec:
+    """Base of every nominal dataclass: unknown keys in its file are errors."""
+
+    __slots__ = ()
+    __pydantic_config__ = {"extra": "forbid", "allow_inf_nan": False}  # noqa: RUF012 pydantic's own form
+
+
+Length = Annotated[float, Dimension("length")]
+PositiveLength = Annotated[float, Gt(0), Dimension("length")]
+Spread = Annotated[float, Ge(0)]
+SpreadNumber = Annotated[float, Ge(0), Dimension("number")]
+PositiveNumber = Annotated[float, Gt(0), Dimension("number")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Profile(Spec):
+    """Outline of the bat by stations: z, outer diameter, wall thickness (absent: solid) [m]."""
+
+    z: Annotated[tuple[float, ...], MinLen(2), Dimension("length")]
+    outer_diameter: Annotated[tuple[float, ...], MinLen(2), Dimension("length")]
+    wall: Annotated[tuple[float, ...] | None, Dimension("length")] = None
+
+    def __post_init__(self) -> None:
+        if self.z[0] != 0:
+            raise ValueError(f"z must start at 0, the barrel tip, not at {self.z[0]:g} m")
+        for left, right in zip(self.z, self.z[1:], strict=False):
+            if right <= left:
+                raise ValueError(
+                    f"z must increase from station to station: {right:g} m follows {left:g} m"
+                )
+        for name in ("outer_diameter", "wall"):
+            values = getattr(self, name)
+            if values is None:
+                continue
+            if len(values) != len(self.z):
+                raise ValueError(f"{name} has {len(values)} stations where z has {len(self.z)}")
+            if min(values) <= 0:
+                raise ValueError(
+                    f"{name} must be positive at every station, found {min(values):g} m"
+                )
+        if self.wall is not None:
+            for diameter, wall in zip(self.outer_diameter, self.wall, strict=True):
+                if 2 * wall > diameter:
+                    raise ValueError(
+                        f"wall of {wall:g} m does not fit in a diameter of {diameter:g} m"
+                    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Material(Spec):
+    """Of the whole bat. The shear coefficient is 0.9 for a solid round, about 0.5 for a thin tube.
+
+    `density_tilt` t makes the density run linearly along the bat, from (1 + t) times the mean
+    at the tip to (1 - t) times at the knob; drawings have none, individuals do.
+    """
+
+    density: Annotated[float, Gt(0), Dimension("density")]
+    youngs_modulus: Annotated[float, Gt(0), Dimension("modulus")]
+    shear_modulus: Annotated[float, Gt(0), Dimension("modulus")]
+    shear_coefficient: Annotated[float, Gt(0), Le(1), Dimension("number")]
+    density_tilt: Annotated[float, Gt(-1), Lt(1), Dimension("number")] = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lump(Spec):
+    """A knob, an end cap or an added weight: mass [kg] and rotary inertia [kg m^2] at z [m]."""
+
+    name: str
+    z: Annotated[float, Ge(0), Dimension("length")]
+    mass: Annotated[float, Gt(0), Dimension("mass")]
+    inertia: Annotated[float, Ge(0), Dimension("inertia")] = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HoopMode(Spec):
+    """The n = 2 shell mode of a hollow barrel: a modal coordinate without net momentum."""
+
+    frequency: Annotated[float, Gt(0), Dimension("frequency")]
+    modal_mass: Annotated[float, Gt(0), Dimension("mass")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BatBody(Spec):
+    """Geometry and material of one bat, all the physics needs."""
+
+    profile: Profile
+    material: Material
+    damping_ratio: Annotated[float, Ge(0), Lt(1), Dimension("number")]
+    lumps: tuple[Lump, ...] = ()
+    hoop: HoopMode | None = None
+
+    def __post_init__(self) -> None:
+        for lump in self.lumps:
+            if lump.z > self.length:
+                raise ValueError(
+                    f"lump {lump.name!r} at {lump.z:g} m lies beyond the knob at {self.length:g} m"
+                )
+
+    @property
+    def length(self) -> float:
+        """Length of the bat [m]."""
+        return self.profile.z[-1]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BatSpread(Spec):
+    """How one made bat differs from the drawing: relative standard deviations."""
+
+    density: SpreadNumber
+    youngs_modulus: SpreadNumber
+    density_tilt: SpreadNumber  # of the density, tip against knob
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PublishedBat(Spec):
+    """What a publication says of the bat, for comparison with what the body computes to."""
+
+    length: PositiveLength
+    mass: Annotated[float, Gt(0), Dimension("mass")]
+    z_cm: PositiveLength
+    inertia_cm: Annotated[float, Gt(0), Dimension("inertia")]
+    inertia_knob: Annotated[float, Gt(0), Dimension("inertia")]
+    bending_frequencies: Annotated[tuple[float, ...], Dimension("frequency")]
+    barrel_nodes: Annotated[tuple[float, ...], Dimension("length")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BatSpec(Spec):
+    """A bat as drawn."""
+
+    name: str
+    title: str
+    body: BatBody
+    spread: BatSpread
+    published: PublishedBat | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RestitutionLine(Spec):
+    """Ball-wall restitution e0(v) = value + slope (v - speed), never below `floor`."""
+
+    speed: Annotated[float, Gt(0), Dimension("speed")]
+    value: Annotated[float, Gt(0), Le(1), Dimension("number")]
+    slope: Annotated[float, Le(0), Dimension("slope of speed")]
+    floor: Annotated[float, Gt(0), Le(1), Dimension("number")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BallSpread(Spec):
+    """Ball to ball within a lot, and hit to hit of one ball: standard deviations."""
+
+    mass: Annotated[float, Ge(0), Dimension("mass")]
+    restitution: SpreadNumber
+    hit_restitution: SpreadNumber
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BallSpec(Spec):
+    """A ball as specified; force F = stiffness u^exponent while it is compressed."""
+
+    name: str
+    title: str
+    mass: Annotated[float, Gt(0), Dimension("mass")]
+    radius: PositiveLength
+    stiffness: Annotated[float, Gt(0), Dimension("stiffness")]
+    exponent: Annotated[float, Ge(1), Dimension("number")]
+    restitution: RestitutionLine
+    spread: BallSpread

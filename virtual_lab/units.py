@@ -1,0 +1,75 @@
+"""Exact constants and the conversions at the edges: SI inside, one table for units in files.
+
+Every constant is exact by definition but the standard acceleration of gravity the
+laboratory's own g replaces. Python names cross an edge with their unit (``speed_mph``);
+numbers in files carry a unit that `to_si` and `from_si` know.
+"""
+
+from __future__ import annotations
+
+from math import pi
+
+INCH = 0.0254  # m
+POUND = 0.45359237  # kg
+OUNCE = POUND / 16  # kg
+MPH = 0.44704  # m/s
+STANDARD_GRAVITY = 9.80665  # m/s^2
+OZ_IN2 = OUNCE * INCH**2  # kg m^2
+DEGREE = pi / 180  # rad
+
+DIMENSIONS: dict[str, dict[str, float]] = {
+    "length": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": INCH, "um": 1e-6},
+    "mass": {"kg": 1.0, "g": 1e-3, "oz": OUNCE, "lb": POUND},
+    "inertia": {"kg m^2": 1.0, "oz in^2": OZ_IN2},
+    "moment": {"kg m": 1.0, "oz in": OUNCE * INCH},
+    "speed": {"m/s": 1.0, "mph": MPH},
+    "slope of speed": {"s/m": 1.0, "1/mph": 1 / MPH},
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
+    "frequency": {"Hz": 1.0, "kHz": 1e3},
+    "angle": {"rad": 1.0, "mrad": 1e-3, "deg": DEGREE},
+    "angular speed": {"rad/s": 1.0},
+    "angular acceleration": {"rad/s^2": 1.0},
+    "rate": {"1/s": 1.0},
+    "density": {"kg/m^3": 1.0},
+    "modulus": {"Pa": 1.0, "MPa": 1e6, "GPa": 1e9},
+    "acceleration": {"m/s^2": 1.0, "in/s^2": INCH},
+    "stiffness": {"N/m^a": 1.0},
+    "torque": {"N m": 1.0},
+    "viscous torque": {"N m s": 1.0},
+    "quadratic torque": {"N m s^2": 1.0},
+    "number": {"1": 1.0, "%": 1e-2, "ppm": 1e-6},
+}
+
+
+def to_si(value: float, unit: str, dimension: str) -> float:
+    """Return `value` in SI. `KeyError` where `unit` is no unit of `dimension`."""
+    return value * DIMENSIONS[dimension][unit]
+
+
+def from_si(value: float, unit: str, dimension: str) -> float:
+    """Return an SI `value` in `unit`. `KeyError` where `unit` is no unit of `dimension`."""
+    return value / DIMENSIONS[dimension][unit]
+
+
+def inches(length_m: float) -> float:
+    return length_m / INCH
+
+
+def metres(length_in: float) -> float:
+    return length_in * INCH
+
+
+def ounces(mass_kg: float) -> float:
+    return mass_kg / OUNCE
+
+
+def miles_per_hour(speed: float) -> float:
+    return speed / MPH
+
+
+def metres_per_second(speed_mph: float) -> float:
+    return speed_mph * MPH
+
+
+def ounce_square_inches(inertia: float) -> float:
+    return inertia / OZ_IN2
