@@ -1,0 +1,34 @@
+"""The chart of the collision rungs: the order of its points, and its files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from virtual_lab.fidelity import collision_chart
+
+
+@pytest.fixture(scope="module")
+def rows() -> list[dict[str, object]]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(collision_chart, "BATCH", 40)
+        patch.setattr(collision_chart, "REPEATS", 1)
+        patch.setattr(collision_chart, "PLACES_IN", (3.5, 6.5))
+        patch.setattr(collision_chart, "SPEEDS_MPH", (60.0,))
+        return collision_chart.measure()
+
+
+def test_more_modes_and_smaller_steps_err_less(rows: list[dict[str, object]]) -> None:
+    """Errors only: times are for the reader, never for a test."""
+    for series in (collision_chart.MODES, collision_chart.STEPS):
+        errors = np.array([float(str(r["worst_error"])) for r in rows if r["series"] == series])
+        assert errors[-1] < errors[0] / 50
+        assert (np.diff(errors) < 0).all()
+
+
+def test_files(rows: list[dict[str, object]], tmp_path: Path) -> None:
+    collision_chart.save(rows, tmp_path / "chart")
+    assert (tmp_path / "chart" / "collision.png").read_bytes().startswith(b"\x89PNG")
+    assert len((tmp_path / "chart" / "collision.csv").read_text().splitlines()) == len(rows) + 1

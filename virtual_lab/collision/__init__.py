@@ -1,0 +1,1 @@
+"""The collision of ball and bat: a ladder of models, cheap to dear."""

@@ -1,0 +1,236 @@
+"""The reference rung: an independent high-accuracy solution, for tests and charts.
+
+Every mode of ball and bat in its own coordinate, phases split at their events, integrated
+by an adaptive Runge-Kutta method of order eight. Nothing is shared with the modal rung's
+time stepping; the law of the ball and the patch are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from virtual_lab.collision.modal import WINDOW, energy_split
+from virtual_lab.collision.patch import PATCH, patch_shape
+from virtual_lab.collision.scene import Collisions, Scenes
+from virtual_lab.physics.ball import unloading_exponent
+from virtual_lab.physics.modes import Modes, modes_of
+from virtual_lab.physics.supports import Support
+from virtual_lab.specs import BatBody
+
+__all__ = ["ReferenceModel"]
+
+Floats = NDArray[np.float64]
+Law = tuple[float, float, float]  # force = coefficient (u / scale)^power
+BENDING_MODES = 100
+LONGEST_STEP = 0.2  # times the highest angular frequency: no event slips between two steps
+TURN, BACK, FULL, RELEASE, TOUCH = "turn", "back", "full", "release", "touch"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReferenceModel:
+    """A bat by many modes, solved to a tight tolerance; slow."""
+
+    modes: Modes
+    patch: float = PATCH  # full width [m]
+    tolerance: float = 1e-12
+    rung: str = "reference"
+
+    @classmethod
+    def of(
+        cls,
+        body: BatBody,
+        support: Support,
+        bending_modes: int = BENDING_MODES,
+    ) -> Self:
+        """Return the model of a bat. `InputError` as for the modal rung."""
+        return cls(modes=modes_of(body, support, bending_modes))
+
+    def collide(self, scenes: Scenes) -> Collisions:
+        """Return what the scenes come to. `InputError` where a place lies off the bat."""
+        scenes.require_on(self.modes.length)
+        shapes = patch_shape(self.modes, scenes.impact_position, self.patch)
+        b = unloading_exponent(scenes.exponent, scenes.ball_restitution)
+        runs = [
+            self._one(
+                _Scene(
+                    shape=shapes[i],
+                    angular=self.modes.angular_frequencies,
+                    mass=float(scenes.ball_mass[i]),
+                    speed=float(scenes.relative_speed[i]),
+                    k=float(scenes.stiffness[i]),
+                    a=float(scenes.exponent[i]),
+                    b=float(b[i]),
+                )
+            )
+            for i in range(len(scenes))
+        ]
+        states = np.array([run.state for run in runs])
+        count = self.modes.count
+        displacements, velocities = states[:, :count], states[:, count + 1 : -1]
+        speed, mass = scenes.relative_speed, scenes.ball_mass
+        e_A = -states[:, -1] / speed
+        losses = np.array([run.loss for run in runs])
+        return Collisions(
+            rung=self.rung,
+            collision_efficiency=e_A,
+            modal_displacements=displacements,
+            modal_velocities=velocities,
+            contact_time=np.array([run.time for run in runs]),
+            impulse=mass * speed * (1 + e_A),
+            contacts=np.array([run.contacts for run in runs], dtype=np.int64),
+            reloads=np.array([run.reloads for run in runs], dtype=np.int64),
+            energy=energy_split(
+                self.modes, displacements, velocities, e_A, losses, mass * speed**2 / 2
+            ),
+        )
+
+    def _one(self, scene: _Scene) -> _Run:
+        y = np.zeros(2 * (self.modes.count + 1))
+        y[-1] = scene.speed
+        run = _Run(state=y, time=0.0, loss=0.0, contacts=0, reloads=0)
+        touch: _Point | None = _Point(time=0.0, state=y)
+        while touch is not None:
+            run = self._contact(scene, run, touch)
+            touch = self._flight(scene, run)
+        return run
+
+    def _contact(self, scene: _Scene, run: _Run, at: _Point) -> _Run:
+        """Follow one contact phase by phase to its release."""
+        reloads, met, peak = run.reloads, FULL, 0.0
+        while met != RELEASE:
+            if met == FULL:
+                at, _ = self._phase(scene, (scene.k, 1.0, scene.a), at, {TURN: -1})
+                peak = scene.compression(at.state)
+                met = TURN
+            law = (scene.k * peak**scene.a, peak, scene.b)
+            if met == TURN:
+                at, met = self._phase(scene, law, at, {RELEASE: -1, BACK: 1}, peak)
+            else:
+                reloads += 1
+                at, met = self._phase(scene, law, at, {FULL: 1, TURN: -1}, peak)
+        loss = scene.k * peak ** (scene.a + 1) * (1 / (scene.a + 1) - 1 / (scene.b + 1))
+        return _Run(
+            state=at.state,
+            time=at.time,
+            loss=run.loss + loss,
+            contacts=run.contacts + 1,
+            reloads=reloads,
+        )
+
+    def _flight(self, scene: _Scene, run: _Run) -> _Point | None:
+        """Fly on from a release; return where ball and bat meet again, if they do."""
+        release = _Point(time=run.time, state=run.state)
+        end = scene.out_of_reach(run)
+        at, met = self._phase(scene, (0.0, 1.0, 1.0), release, {TOUCH: 1}, end=end)
+        return at if met == TOUCH else None
+
+    def _phase(
+        self,
+        scene: _Scene,
+        law: Law,
+        start: _Point,
+        watch: dict[str, int],
+        peak: float = 0.0,
+        end: float = WINDOW,
+    ) -> tuple[_Point, str]:
+        """Integrate under one branch of the law to the first watched event, or to `end`."""
+        if start.time >= end:
+            return start, RELEASE
+        solution = solve_ivp(
+            lambda _, y: scene.derivative(y, law),
+            (start.time, end),
+            start.state,
+            method="DOP853",
+            rtol=self.tolerance,
+            atol=self.tolerance * scene.sizes,
+            max_step=LONGEST_STEP / max(float(scene.angular.max(initial=0.0)), 1e4),
+            events=[_event(scene, name, direction, peak) for name, direction in watch.items()],
+        )
+        for name, times, states in zip(
+            watch, solution.t_events or [], solution.y_events or [], strict=True
+        ):
+            if len(times):
+                return _Point(time=float(times[0]), state=states[0]), name
+        return _Point(time=float(solution.t[-1]), state=solution.y[:, -1]), RELEASE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Point:
+    time: float
+    state: Floats  # modal displacements, ball displacement; then their rates
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Run:
+    """A collision up to its last release so far."""
+
+    state: Floats
+    time: float
+    loss: float
+    contacts: int
+    reloads: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Scene:
+    """One scene in scalars, its modes in arrays (N,)."""
+
+    shape: Floats
+    angular: Floats
+    mass: float
+    speed: float
+    k: float
+    a: float
+    b: float
+
+    @property
+    def sizes(self) -> Floats:
+        """Typical size of each state variable: a millisecond at the ball's speed."""
+        n = len(self.shape) + 1
+        return self.speed * np.concatenate((np.full(n, 1e-3), np.ones(n)))
+
+    def compression(self, y: Floats) -> float:
+        n = len(self.shape)
+        return float(y[n] - self.shape @ y[:n])
+
+    def rate(self, y: Floats) -> float:
+        return self.compression(y[len(self.shape) + 1 :])
+
+    def derivative(self, y: Floats, law: Law) -> Floats:
+        coefficient, scale, power = law
+        u = self.compression(y)
+        force = coefficient * (u / scale) ** power if u > 0 else 0.0
+        n = len(self.shape)
+        bat = self.shape * force - self.angular**2 * y[:n]
+        return np.concatenate((y[n + 1 :], bat, [-force / self.mass]))
+
+    def out_of_reach(self, run: _Run) -> float:
+        """Return a time [s] after which ball and ringing bat cannot meet any more."""
+        n, y = len(self.shape), run.state
+        flexible = self.angular > 0
+        rate = y[-1] - self.shape[~flexible] @ y[n + 1 : -1][~flexible]
+        if rate >= 0:
+            return WINDOW
+        place = y[n] - self.shape[~flexible] @ y[:n][~flexible]
+        swing = np.hypot(y[:n][flexible], y[n + 1 : -1][flexible] / self.angular[flexible])
+        reach = place + np.abs(self.shape[flexible]) @ swing
+        return min(WINDOW, run.time + float(reach / -rate))
+
+
+def _event(
+    scene: _Scene, name: str, direction: int, peak: float
+) -> Callable[[float, Floats], float]:
+    def event(_: float, y: Floats) -> float:
+        if name in (TURN, BACK):
+            return scene.rate(y)
+        return scene.compression(y) - (peak if name == FULL else 0.0)
+
+    event.terminal = True  # type: ignore[attr-defined]
+    event.direction = direction  # type: ignore[attr-defined]
+    return event

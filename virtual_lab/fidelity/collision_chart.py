@@ -1,0 +1,148 @@
+"""Speed against accuracy of the collision rungs: error in e_A over time a shot.
+
+Errors are the worst over scenes along the barrel and over speeds: of the rigid rung and of
+each number of modes against the reference (all the beam's modes, its own integrator), of each
+time step against the same modes at a far finer step. Times are medians of repeated batches.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab import catalog
+from virtual_lab.collision.modal import ModalModel
+from virtual_lab.collision.reference import ReferenceModel
+from virtual_lab.collision.rigid import RigidModel
+from virtual_lab.collision.scene import CollisionModel, Scenes
+from virtual_lab.folder import new_folder
+from virtual_lab.physics.supports import Free
+from virtual_lab.specs import BallSpec
+from virtual_lab.units import INCH, MPH
+
+__all__ = ["measure", "save"]
+
+Array = NDArray[np.float64]
+BAT, BALL = "r161", "baseball-2003"
+MODE_COUNTS = (4, 6, 8, 10, 14, 20, 30)
+REFINEMENTS = (0.35, 0.5, 0.7, 1.0, 1.4)
+FINEST = 8.0
+PLACES_IN = (2.0, 3.5, 5.0, 6.5, 8.0, 10.0, 12.0)
+SPEEDS_MPH = (60.0, 110.0, 160.0)
+BATCH, REPEATS = 2000, 7
+MODES, STEPS = "modal, by number of modes", "modal, by time step alone"
+NOISE_FLOOR = 2.3e-3  # standard uncertainty of e_A in a certificate of this bat
+
+
+def measure(say: Callable[[str], None] = lambda _: None) -> list[dict[str, Any]]:
+    """Return a row a model: rung, setting, worst and rms error in e_A, time a shot [µs]."""
+    body = catalog.load_bat(BAT).spec.body
+    scenes = _scenes(np.array(PLACES_IN) * INCH, np.array(SPEEDS_MPH) * MPH)
+    batch = _scenes(np.linspace(2, 12, BATCH // 4) * INCH, np.linspace(60, 160, 4) * MPH)
+    say("reference: every mode, tight tolerance")
+    true = ReferenceModel.of(body, Free()).collide(scenes).collision_efficiency
+    rows = []
+    same_modes = replace(ModalModel.of(body, Free()), refinement=FINEST)
+    converged = same_modes.collide(scenes).collision_efficiency
+    for series, setting, model in _models():
+        say(f"{series}: {setting}")
+        against = converged if series == STEPS else true
+        error = model.collide(scenes).collision_efficiency - against
+        rows.append(
+            {
+                "series": series,
+                "setting": setting,
+                "worst_error": float(np.abs(error).max()),
+                "rms_error": float(np.sqrt((error**2).mean())),
+                "us_a_shot": _median_time(model, batch) / len(batch) * 1e6,
+            }
+        )
+    return rows
+
+
+def save(rows: list[dict[str, Any]], folder: Path) -> None:
+    """Write the rows as CSV and draw them as PNG into a new folder."""
+    import pandas as pd
+
+    with new_folder(folder) as draft:
+        pd.DataFrame(rows).to_csv(draft / "collision.csv", index=False)
+        _draw(rows, draft / "collision.png")
+
+
+def _models() -> Iterator[tuple[str, str, CollisionModel]]:
+    body = catalog.load_bat(BAT).spec.body
+    yield "rigid", "closed form", RigidModel.of(body, Free())
+    for count in MODE_COUNTS:
+        yield MODES, f"{count} modes", ModalModel.of(body, Free(), count)
+    default = ModalModel.of(body, Free())
+    for refinement in REFINEMENTS:
+        model = replace(default, refinement=refinement)
+        yield STEPS, f"step x {1 / refinement:.2g}", model
+
+
+def _scenes(places: Array, speeds: Array) -> Scenes:
+    ball = catalog.load("balls", BALL, BallSpec).spec
+    place, speed = (grid.ravel() for grid in np.meshgrid(places, speeds))
+    line = ball.restitution
+    return Scenes.of(
+        impact_position=place,
+        relative_speed=speed,
+        ball_mass=ball.mass,
+        ball_restitution=np.maximum(line.value + line.slope * (speed - line.speed), line.floor),
+        stiffness=ball.stiffness,
+        exponent=ball.exponent,
+    )
+
+
+def _median_time(model: CollisionModel, batch: Scenes) -> float:
+    model.collide(batch)
+    times = []
+    for _ in range(REPEATS):
+        start = time.perf_counter()
+        model.collide(batch)
+        times.append(time.perf_counter() - start)
+    return float(np.median(times))
+
+
+def _draw(rows: list[dict[str, Any]], path: Path) -> None:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.2, 4.6), dpi=150, layout="constrained")
+    axes = figure.add_subplot()
+    marks = {"rigid": ("s", 7), MODES: ("o", -7), STEPS: ("^", 7)}  # marker, label's offset
+    for series, (marker, aside) in marks.items():
+        own = [row for row in rows if row["series"] == series]
+        times, errors = zip(*((r["us_a_shot"], r["worst_error"]) for r in own), strict=True)
+        axes.loglog(times, errors, marker=marker, linewidth=1, label=series)
+        for row in own:
+            axes.annotate(
+                row["setting"],
+                (row["us_a_shot"], row["worst_error"]),
+                xytext=(aside, -2),
+                textcoords="offset points",
+                ha="left" if aside > 0 else "right",
+                fontsize=7,
+            )
+    low, high = axes.get_xlim()
+    axes.set_xlim(low, 3 * high)
+    axes.axhline(NOISE_FLOOR, color="0.4", linestyle=":", linewidth=1)
+    axes.annotate(
+        "standard uncertainty of e_A in a certificate",
+        (low, NOISE_FLOOR),
+        xytext=(4, 3),
+        textcoords="offset points",
+        fontsize=7,
+        color="0.3",
+    )
+    axes.set_xlabel("time a shot, one core [µs]")
+    axes.set_ylabel("worst error in $e_A$")
+    axes.set_title("Collision: accuracy over cost, R161, 2 to 12 in, 60 to 160 mph", fontsize=10)
+    axes.grid(True, which="major", linewidth=0.3)
+    axes.legend(fontsize=8, frameon=False, loc="lower left")
+    figure.savefig(path)

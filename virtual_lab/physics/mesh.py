@@ -1,0 +1,126 @@
+"""Spectral elements in one dimension: nodes, Lagrange basis, interpolation anywhere."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+__all__ = ["Mesh", "ReferenceElement", "mesh_through", "reference_element"]
+
+Floats = NDArray[np.float64]
+MERGE = 1e-5  # m: places closer than this share one element boundary
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReferenceElement:
+    """Lagrange basis on the Legendre-Gauss-Lobatto nodes of [-1, 1]."""
+
+    nodes: Floats  # (p + 1,)
+    barycentric: Floats  # (p + 1,)
+    differentiation: Floats  # (p + 1, p + 1), derivative of basis j at node i
+
+    def basis(self, x: Floats) -> Floats:
+        """Return the basis at `x` (...), shape (..., p + 1), by the barycentric formula."""
+        gap = x[..., None] - self.nodes
+        on_node = gap == 0
+        terms = self.barycentric / np.where(on_node, 1.0, gap)
+        values = terms / terms.sum(axis=-1, keepdims=True)
+        hit = on_node.any(axis=-1, keepdims=True)
+        return np.asarray(np.where(hit, on_node.astype(np.float64), values))
+
+
+@lru_cache
+def reference_element(order: int) -> ReferenceElement:
+    """Return the element of polynomial degree `order`."""
+    last = np.zeros(order + 1)
+    last[-1] = 1.0
+    inner = np.sort(legendre.legroots(legendre.legder(last)).real)
+    nodes = np.concatenate(([-1.0], inner, [1.0]))
+    gaps = nodes[:, None] - nodes
+    np.fill_diagonal(gaps, 1.0)
+    barycentric = 1 / gaps.prod(axis=1)
+    differentiation = barycentric / barycentric[:, None] / gaps
+    np.fill_diagonal(differentiation, 0.0)
+    # rows of a differentiation matrix annihilate constants
+    np.fill_diagonal(differentiation, -differentiation.sum(axis=1))
+    return ReferenceElement(nodes=nodes, barycentric=barycentric, differentiation=differentiation)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mesh:
+    """Elements of one polynomial degree between boundaries along the bat."""
+
+    boundaries: Floats  # (elements + 1,) [m]
+    order: int
+
+    @property
+    def nodes(self) -> Floats:
+        """Places of all nodes [m], (elements * order + 1,); neighbours share one."""
+        inner = (self._reference.nodes[1:] + 1) / 2
+        starts, sizes = self.boundaries[:-1, None], np.diff(self.boundaries)[:, None]
+        nodes = np.concatenate((self.boundaries[:1], (starts + sizes * inner).ravel()))
+        nodes[:: self.order] = self.boundaries  # exact, not rounded
+        return nodes
+
+    @property
+    def _reference(self) -> ReferenceElement:
+        return reference_element(self.order)
+
+    @property
+    def connectivity(self) -> NDArray[np.intp]:
+        """Node numbers of each element, (elements, order + 1)."""
+        elements = np.arange(len(self.boundaries) - 1)
+        return elements[:, None] * self.order + np.arange(self.order + 1)
+
+    def interpolation(self, z: Floats, weights: Floats | None = None) -> csr_array:
+        """Return the matrix that takes node values to weighted sums of values at places.
+
+        Parameters
+        ----------
+        z : (n, g) array
+            Places [m], within the mesh.
+        weights : (n, g) or (g,) array
+            Of each place in the sum of its row; 1 by default.
+
+        Returns
+        -------
+        (n, nodes) sparse array
+        """
+        element = np.clip(
+            np.searchsorted(self.boundaries, z, side="right") - 1, 0, len(self.boundaries) - 2
+        )
+        start = self.boundaries[element]
+        size = self.boundaries[element + 1] - start
+        basis = self._reference.basis(2 * (z - start) / size - 1)
+        if weights is not None:
+            basis = basis * np.asarray(weights)[..., None]
+        rows, per_row = len(z), basis[0].size
+        return csr_array(
+            (basis.ravel(), self.connectivity[element].ravel(), per_row * np.arange(rows + 1)),
+            shape=(rows, (len(self.boundaries) - 1) * self.order + 1),
+        )
+
+
+def mesh_through(
+    places: tuple[float, ...], keep: tuple[float, ...], *, size: float, order: int
+) -> Mesh:
+    """Return a mesh with boundaries at `places` and no element longer than `size` [m].
+
+    `keep` are boundaries held to the last bit (ends, supports); others give way to them.
+    """
+    kept = np.unique(np.array(keep))
+    others = np.unique(np.array(places))
+    others = others[np.diff(others, prepend=-np.inf) > MERGE]
+    clear = np.abs(others[:, None] - kept).min(axis=1) > MERGE
+    coarse = np.union1d(kept, others[clear])
+    parts = [coarse[:1]]
+    for left, right in pairwise(coarse):
+        count = int(np.ceil((right - left) / size - 1e-9))
+        parts.append(np.linspace(left, right, count + 1)[1:])
+    return Mesh(boundaries=np.concatenate(parts), order=order)
