@@ -1,0 +1,112 @@
+"""The ball-wall rig: balls fired at a massive rigid wall through gates that time both ways."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from virtual_lab import catalog
+from virtual_lab.estimate import Estimate
+from virtual_lab.instruments import Instrument, calibration_of, errors_of
+from virtual_lab.instruments.air import Air, AirSpec
+from virtual_lab.instruments.cannon import Cannon, CannonSpec
+from virtual_lab.instruments.light_gate import LightGates, LightGateSpec, Passage
+from virtual_lab.physics.ball import wall_contact
+from virtual_lab.records import GateRecord, Record, ShotLog
+from virtual_lab.rig import Order, Play, Specimen, Stage
+from virtual_lab.specs import Spec
+from virtual_lab.streams import Draws
+from virtual_lab.units import STANDARD_GRAVITY
+
+__all__ = ["RIG", "BallWall"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BallWallSpec(Spec):
+    """Which instruments make up the rig."""
+
+    name: str
+    title: str
+    cannon: str
+    gates: str
+    air: str
+
+
+class BallWall:
+    """The rig."""
+
+    name = "ball-wall"
+    title = "Ball-wall rig: cannon, massive wall, light gates in and out"
+    stage = Stage.BALLS
+    channels: Mapping[str, type[Record]] = {"log": ShotLog, "gates": GateRecord}
+
+    def commission(self, draws: Draws, *, ideal: bool = False) -> BallWallStation:
+        spec = catalog.load("rigs", self.name, BallWallSpec).spec
+        cannon = catalog.load("instruments", spec.cannon, CannonSpec).spec
+        gates = catalog.load("instruments", spec.gates, LightGateSpec).spec
+        air = catalog.load("instruments", spec.air, AirSpec).spec
+        if ideal:
+            cannon, gates, air = cannon.ideal(), gates.ideal(), air.ideal()
+        return BallWallStation(
+            cannon=Cannon.commission(cannon, draws, "ball-wall.cannon"),
+            gates=LightGates.commission(gates, draws, "ball-wall.gates"),
+            air=Air.commission(air, draws, "ball-wall.air"),
+            ideal=ideal,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BallWallStation:
+    """The rig in one laboratory."""
+
+    cannon: Cannon
+    gates: LightGates
+    air: Air
+    ideal: bool
+
+    @property
+    def calibration(self) -> dict[str, Estimate]:
+        return calibration_of(self._instruments)
+
+    @property
+    def true_constants(self) -> dict[str, float]:
+        return errors_of(self._instruments) | errors_of({"cannon": self.cannon})
+
+    @property
+    def _instruments(self) -> dict[str, Instrument]:
+        return {"gates": self.gates, "air": self.air}
+
+    def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
+        """Fire the balls that `order` names at the wall; its places mean nothing here."""
+        balls = specimen.balls
+        launch = self.cannon.fire(order.speed, draws, "ball-wall.launch", order.block)
+        hit = balls.draw_hits(order.ball, launch.speed, draws, "ball-wall.hit", order.block)
+        passage = Passage(
+            speed_in=launch.speed,
+            speed_out=hit * launch.speed,
+            drag=self.air.drag(balls.spec.radius, balls.mass[order.ball]),
+            radius=balls.spec.radius,
+            rise_per_metre=np.zeros(launch.speed.shape),
+            gravity=0.0 if self.ideal else STANDARD_GRAVITY,
+        )
+        contact = self.gates.arrival(passage)
+        touching = wall_contact(
+            speed=launch.speed,
+            mass=balls.mass[order.ball],
+            restitution=hit,
+            stiffness=np.full(hit.shape, balls.spec.stiffness),
+            exponent=np.full(hit.shape, balls.spec.exponent),
+        ).time
+        record = self.gates.watch(
+            passage, contact, contact + touching, draws, "ball-wall.gates", order.block
+        )
+        log = order.log()
+        return Play(
+            records={"log": log, "gates": record},
+            truth={"speed": launch.speed, "ball_restitution": hit},
+        )
+
+
+RIG = BallWall()

@@ -1,0 +1,147 @@
+"""The bench: scale, rule, balance stand and pendulum measure the bat; the scale, the balls."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Gt
+
+from virtual_lab import catalog
+from virtual_lab.estimate import Estimate
+from virtual_lab.instruments import Instrument, calibration_of, errors_of
+from virtual_lab.instruments.pendulum import Pendulum, PendulumSpec
+from virtual_lab.instruments.rule import Rule, RuleSpec
+from virtual_lab.instruments.scale import Scale, ScaleSpec
+from virtual_lab.physics.beam import beam_of
+from virtual_lab.physics.section import outer_diameter
+from virtual_lab.records import LengthReadings, MassReadings, PendulumRecord, Record
+from virtual_lab.rig import Order, Play, Specimen, Stage
+from virtual_lab.specs import Dimension, Spec
+from virtual_lab.streams import Draws
+from virtual_lab.units import INCH
+
+__all__ = ["RIG", "Bench"]
+
+SWEET_SPOT = np.array(6 * INCH)  # where the barrel's radius is taken, from the tip
+Repeats = Annotated[int, Gt(1), Dimension("number")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BenchSpec(Spec):
+    """Which instruments stand on the bench and how often each is read."""
+
+    name: str
+    title: str
+    scale: str
+    rule: str
+    stand: str
+    pendulum: str
+    repeats: Repeats
+    releases: Repeats
+
+
+class Bench:
+    """The rig."""
+
+    name = "bench"
+    title = "Bench: scale, rule, balance stand, pendulum"
+    stage = Stage.BENCH
+    channels: Mapping[str, type[Record]] = {
+        "bat-mass": MassReadings,
+        "ball-mass": MassReadings,
+        "length": LengthReadings,
+        "barrel-radius": LengthReadings,
+        "balance": LengthReadings,
+        "pendulum": PendulumRecord,
+    }
+
+    def commission(self, draws: Draws, *, ideal: bool = False) -> BenchStation:
+        spec = catalog.load("rigs", self.name, BenchSpec).spec
+        scale = catalog.load("instruments", spec.scale, ScaleSpec).spec
+        rule = catalog.load("instruments", spec.rule, RuleSpec).spec
+        stand = catalog.load("instruments", spec.stand, RuleSpec).spec
+        pendulum = catalog.load("instruments", spec.pendulum, PendulumSpec).spec
+        if ideal:
+            scale, rule, stand, pendulum = (
+                scale.ideal(),
+                rule.ideal(),
+                stand.ideal(),
+                pendulum.ideal(),
+            )
+        return BenchStation(
+            spec=spec,
+            scale=Scale.commission(scale, draws, "bench.scale"),
+            rule=Rule.commission(rule, draws, "bench.rule"),
+            stand=Rule.commission(stand, draws, "bench.stand"),
+            pendulum=Pendulum.commission(pendulum, draws, "bench.pendulum"),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BenchStation:
+    """The bench of one laboratory."""
+
+    spec: BenchSpec
+    scale: Scale
+    rule: Rule
+    stand: Rule
+    pendulum: Pendulum
+
+    @property
+    def calibration(self) -> dict[str, Estimate]:
+        return calibration_of(self._instruments)
+
+    @property
+    def true_constants(self) -> dict[str, float]:
+        return errors_of(self._instruments)
+
+    @property
+    def _instruments(self) -> dict[str, Instrument]:
+        return {
+            "scale": self.scale,
+            "rule": self.rule,
+            "stand": self.stand,
+            "pendulum": self.pendulum,
+        }
+
+    def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
+        """Measure the bat and weigh the balls that `order` names."""
+        beam = beam_of(specimen.bat.body)
+        axis = beam.length - self.pendulum.constants["pivot_from_knob"]
+        moment = beam.mass * (axis - beam.z_cm)
+        repeats = self.spec.repeats
+        return Play(
+            records={
+                "bat-mass": self.scale.weigh(beam.mass, repeats, draws, "bench.bat-mass"),
+                "ball-mass": self.scale.weigh(
+                    specimen.balls.mass[order.ball], repeats, draws, "bench.ball-mass"
+                ),
+                "length": self.rule.measure(beam.length, repeats, draws, "bench.length"),
+                "barrel-radius": self.rule.measure(
+                    outer_diameter(specimen.bat.body.profile, SWEET_SPOT) / 2,
+                    repeats,
+                    draws,
+                    "bench.barrel-radius",
+                ),
+                "balance": self.stand.measure(beam.z_cm, repeats, draws, "bench.balance"),
+                "pendulum": self.pendulum.swing(
+                    inertia=beam.inertia(axis),
+                    moment=moment,
+                    releases=self.spec.releases,
+                    draws=draws,
+                    name="bench.pendulum",
+                ),
+            },
+            truth={
+                "mass": np.array(beam.mass),
+                "z_cm": np.array(beam.z_cm),
+                "inertia_cm": np.array(beam.inertia_cm),
+                "length": np.array(beam.length),
+            },
+        )
+
+
+RIG = Bench()

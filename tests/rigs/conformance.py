@@ -1,0 +1,281 @@
+"""What every rig must do, whoever made it.
+
+Its author runs this against the rig, installed or not:
+
+    @pytest.mark.parametrize("check", conformance.CHECKS, ids=conformance.name_of)
+    def test_my_rig(check, tmp_path):
+        check(conformance.Bench(my_rig, tmp_path))
+
+Nothing here knows a particular rig; what each check asks is what `virtual_lab.rig` documents.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from math import inf, isclose
+from pathlib import Path
+
+import numpy as np
+
+from virtual_lab import catalog
+from virtual_lab.collision.modal import ModalModel
+from virtual_lab.collision.scene import CollisionModel
+from virtual_lab.estimate import Estimate
+from virtual_lab.physics.supports import Support
+from virtual_lab.records import RECORD_TYPES, Record
+from virtual_lab.rig import ImpactStation, Order, Play, Rig, Specimen, Stage, Station
+from virtual_lab.session import Session, load_session, save_session
+from virtual_lab.specs import BallSpec, BatBody
+from virtual_lab.streams import Quiet, Streams
+from virtual_lab.truth import TrueOutcome, draw_balls, draw_bat
+
+__all__ = ["CHECKS", "Bench", "name_of"]
+
+SEED = 918273645546372819
+SHOTS = 4
+FEWER = 2
+SPEED = 26.8224  # m/s, 60 mph
+PLACE = 0.15  # m, on the barrel of any bat
+
+
+@lru_cache(maxsize=4)
+def _modal(body: BatBody, support: Support) -> CollisionModel:
+    return ModalModel.of(body, support)
+
+
+@dataclass
+class Bench:
+    """One rig under test, with the plays that several checks look at."""
+
+    rig: Rig
+    folder: Path
+
+    @cached_property
+    def specimen(self) -> Specimen:
+        """A drawn bat and lot: the catalog's first bat and first ball."""
+        bat = catalog.load_bat(catalog.names("bats")[0]).spec
+        ball = catalog.load("balls", catalog.names("balls")[0], BallSpec).spec
+        draws = Streams(SEED)
+        return Specimen(
+            bat=draw_bat(bat, draws), balls=draw_balls(ball, SHOTS, draws), collision=_modal
+        )
+
+    def order(self, shots: int = SHOTS, block: int = 0) -> Order:
+        """Ask for the first `shots` balls of the lot, one each."""
+        return Order(
+            ball=np.arange(shots),
+            speed=np.full(shots, SPEED),
+            place=np.full(shots, PLACE),
+            block=block,
+        )
+
+    def play(self, *, seed: int = SEED, shots: int = SHOTS, block: int = 0) -> Play:
+        """Commission anew and play: two calls share nothing but their arguments."""
+        draws = Streams(seed)
+        return self.rig.commission(draws).play(self.order(shots, block), self.specimen, draws)
+
+
+def same(left: Mapping[str, Record], right: Mapping[str, Record]) -> bool:
+    """Return whether two plays wrote the same channels with the same bits."""
+    return left.keys() == right.keys() and all(
+        type(left[channel]) is type(right[channel])
+        and all(
+            getattr(left[channel], field).tobytes() == getattr(right[channel], field).tobytes()
+            for field in left[channel].columns
+        )
+        for channel in left
+    )
+
+
+def attributes(bench: Bench) -> None:
+    """Say what it is, in words a page can print."""
+    rig = bench.rig
+    assert rig.name
+    assert rig.name == rig.name.strip().lower()
+    assert rig.title
+    assert "\n" not in rig.title
+    assert isinstance(rig.stage, Stage)
+    assert rig.channels
+    for channel, kind in rig.channels.items():
+        assert channel == Path(channel).name, "a channel is the name of a file"
+        assert kind in RECORD_TYPES.values()
+
+
+def records_are_as_declared(bench: Bench) -> None:
+    """Write only channels it declares, of the type it declares, and not none."""
+    records = bench.play().records
+    assert records
+    for channel, record in records.items():
+        assert type(record) is bench.rig.channels[channel]
+
+
+def records_survive_the_disk(bench: Bench) -> None:
+    """Give every record the same bits after saving and loading."""
+    records, stage = bench.play().records, bench.rig.stage.value
+    calibration = bench.rig.commission(Streams(SEED)).calibration
+    session = Session(
+        bat="bat",
+        ball="ball",
+        rigs={stage: bench.rig.name},
+        procedure_text="",
+        calibration={f"{stage}.{key}": known for key, known in calibration.items()},
+        records={stage: records},
+        simulation={},
+    )
+    save_session(session, bench.folder)
+    loaded = load_session(bench.folder)
+    assert same(loaded.records[stage], records)
+    assert {k: (e.value, e.u, e.dof) for k, e in loaded.calibration.items()} == {
+        k: (e.value, e.u, e.dof) for k, e in session.calibration.items()
+    }
+
+
+def same_seed_same_records(bench: Bench) -> None:
+    """Draw from `draws` alone: a rig commissioned twice does the same thing."""
+    first, second = bench.play(), bench.play()
+    assert same(first.records, second.records)
+    assert first.truth.keys() == second.truth.keys()
+    for name, values in first.truth.items():
+        assert values.tobytes() == second.truth[name].tobytes()
+
+
+def other_seed_other_records(bench: Bench) -> None:
+    """Another seed is another laboratory: nothing is left of the first one's noise."""
+    assert not same(bench.play().records, bench.play(seed=SEED + 1).records)
+
+
+def other_block_other_noise(bench: Bench) -> None:
+    """Shots of another block scatter anew. A bench, which has no shots, may ignore blocks."""
+    if bench.rig.stage is not Stage.BENCH:
+        assert not same(bench.play().records, bench.play(block=1).records)
+
+
+def fewer_shots_same_shapes(bench: Bench) -> None:
+    """Only the shot axis knows how many shots there were (and the items of a bench)."""
+    many, few = bench.play(), bench.play(shots=FEWER)
+    assert many.records.keys() == few.records.keys()
+    for channel, record in many.records.items():
+        for field, column in record.columns.items():
+            more, less = getattr(record, field), getattr(few.records[channel], field)
+            grows = column.axes[0] == "shot" or (
+                bench.rig.stage is Stage.BENCH and more.shape[0] == SHOTS != less.shape[0]
+            )
+            expected = ((FEWER,) if grows else more.shape[:1]) + more.shape[1:]
+            assert less.shape == expected, f"{channel}.{field}"
+            if column.axes[0] == "shot":
+                assert more.shape[0] == SHOTS
+
+
+def true_constants_are_known_ones(bench: Bench) -> None:
+    """Whatever a calibration is unsure of has a true value, within reason of what it says."""
+    station = bench.rig.commission(Streams(SEED))
+    for key, known in station.calibration.items():
+        if known.u > 0:
+            off = abs(station.true_constants[key] - known.value)
+            assert 0 < off < 6 * known.u, key  # 2e-9 a constant, fixed seed
+    for key in station.true_constants.keys() & station.calibration.keys():
+        known = station.calibration[key]
+        assert abs(station.true_constants[key] - known.value) <= 6 * known.u, key
+
+
+def quiet_laboratory_is_nominal(bench: Bench) -> None:
+    """Without randomness every constant is what the calibration says."""
+    for ideal in (False, True):
+        station = bench.rig.commission(Quiet(), ideal=ideal)
+        _all_nominal(station)
+
+
+def ideal_rig_has_no_uncertainty(bench: Bench) -> None:
+    """Know its constants when it is ideal, whatever is drawn."""
+    station = bench.rig.commission(Streams(SEED), ideal=True)
+    for key, known in station.calibration.items():
+        assert known.u == 0, key
+        assert known.dof == inf, key
+    _all_nominal(station)
+
+
+def calibration_is_of_estimates(bench: Bench) -> None:
+    """Calibrations are `Estimate`s, true constants finite numbers."""
+    station = bench.rig.commission(Streams(SEED))
+    assert all(isinstance(known, Estimate) for known in station.calibration.values())
+    assert all(np.isfinite(value) for value in station.true_constants.values())
+
+
+def truth_has_a_shot_axis(bench: Bench) -> None:
+    """Truth is arrays, one entry a shot; of a bench, one number a property."""
+    truth = bench.play().truth
+    assert truth, "a rig that hides what happened cannot be scored"
+    for name, values in truth.items():
+        assert isinstance(values, np.ndarray), name
+        if bench.rig.stage is Stage.BENCH:
+            assert values.ndim == 0 or values.shape[0] in (1, SHOTS), name
+        else:
+            assert values.shape[:1] == (SHOTS,), name
+
+
+def seed_is_in_no_record(bench: Bench) -> None:
+    """No number a rig writes is the seed, and no file holds its digits."""
+    records = bench.play().records
+    for channel, record in records.items():
+        for field in record.columns:
+            assert not np.any(getattr(record, field) == float(SEED)), f"{channel}.{field}"
+        assert str(SEED) not in record.table().to_csv()
+
+
+def log_is_the_order(bench: Bench) -> None:
+    """Where a rig keeps a shot log it says what was asked for, not what happened."""
+    log = bench.play().records.get("log")
+    if log is not None:
+        order = bench.order()
+        assert np.array_equal(log.ball, order.ball)
+        assert np.array_equal(log.nominal_speed, order.speed)
+        assert np.array_equal(log.place, order.place)
+
+
+def impact_station_knows_the_measurand(bench: Bench) -> None:
+    """E = e_A (1 + r) + r (Eq. 6 of the 2003 paper) of numbers a bat can have; no shot moves it."""
+    station = bench.rig.commission(Streams(SEED))
+    if bench.rig.stage is not Stage.IMPACT:
+        return
+    assert isinstance(station, ImpactStation)
+    before = station.outcome(SPEED, PLACE, bench.specimen)
+    assert isinstance(before, TrueOutcome)
+    station.play(bench.order(), bench.specimen, Streams(SEED))
+    assert station.outcome(SPEED, PLACE, bench.specimen) == before
+    r, e_A = before.recoil_factor, before.collision_efficiency
+    assert isclose(before.restitution, e_A * (1 + r) + r, rel_tol=1e-12)
+    assert 0 < r < 1
+    assert 0 < before.ball_restitution < 1
+    assert before.relative_speed > 0
+
+
+def _all_nominal(station: Station) -> None:
+    for key, known in station.calibration.items():
+        if key in station.true_constants:
+            assert station.true_constants[key] == known.value, key
+
+
+def name_of(check: Callable[[Bench], None]) -> str:
+    """Return a check's name for a report."""
+    return check.__name__
+
+
+CHECKS: tuple[Callable[[Bench], None], ...] = (
+    attributes,
+    records_are_as_declared,
+    records_survive_the_disk,
+    same_seed_same_records,
+    other_seed_other_records,
+    other_block_other_noise,
+    fewer_shots_same_shapes,
+    true_constants_are_known_ones,
+    quiet_laboratory_is_nominal,
+    ideal_rig_has_no_uncertainty,
+    calibration_is_of_estimates,
+    truth_has_a_shot_axis,
+    seed_is_in_no_record,
+    log_is_the_order,
+    impact_station_knows_the_measurand,
+)

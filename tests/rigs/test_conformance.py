@@ -1,0 +1,94 @@
+"""Every rig installed here, ours and the third party's, held to the same suite."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.rigs import conformance
+from virtual_lab.errors import InputError
+from virtual_lab.records import ShotLog
+from virtual_lab.rig import Play, Stage, find_rig, installed_rigs
+from virtual_lab.streams import Quiet
+
+OURS = {"astm-pivot", "ball-wall", "bench"}
+THIRD_PARTY = "speed-gun-pivot"
+INSTALLED = installed_rigs()
+
+
+def test_ours_and_the_third_partys_are_discovered() -> None:
+    """Entry points of two distributions: this project's and tests/third_party_rig's."""
+    assert OURS | {THIRD_PARTY} <= INSTALLED.keys()
+    assert type(INSTALLED[THIRD_PARTY]).__module__ == "third_party_rig"
+
+
+@pytest.mark.parametrize("name", INSTALLED)
+def test_a_rig_is_installed_under_its_own_name(name: str) -> None:
+    """`find_rig` is asked by entry point, certificates print `Rig.name`: they must agree."""
+    assert INSTALLED[name].name == name
+
+
+@pytest.mark.parametrize("check", conformance.CHECKS, ids=conformance.name_of)
+@pytest.mark.parametrize("name", INSTALLED)
+def test_installed_rig(name: str, check, tmp_path: Path) -> None:
+    """The suite of tests/rigs/conformance.py."""
+    check(conformance.Bench(INSTALLED[name], tmp_path))
+
+
+class Leaky:
+    """A rig with every fault the suite looks for that does not stop it from playing."""
+
+    name, title, stage = "Leaky ", "two\nlines", Stage.IMPACT
+    channels = {"../log": ShotLog}  # noqa: RUF012
+    calibration = (
+        conformance.Bench(INSTALLED["ball-wall"], Path()).rig.commission(Quiet()).calibration
+    )
+    true_constants = dict.fromkeys(calibration, np.nan)
+    state = 0.0
+
+    def commission(self, draws, *, ideal=False):
+        return self
+
+    def play(self, order, specimen, draws):
+        Leaky.state += 1
+        log = ShotLog(
+            ball=order.ball,
+            nominal_speed=order.speed * 0 + Leaky.state,
+            place=order.place * 0 + float(conformance.SEED),
+        )
+        return Play(records={"notes": log, "log": log}, truth={"speed": np.zeros(1)})
+
+
+@pytest.mark.parametrize(
+    "check",
+    [
+        conformance.attributes,
+        conformance.records_are_as_declared,
+        conformance.same_seed_same_records,
+        conformance.true_constants_are_known_ones,
+        conformance.quiet_laboratory_is_nominal,
+        conformance.ideal_rig_has_no_uncertainty,
+        conformance.calibration_is_of_estimates,
+        conformance.truth_has_a_shot_axis,
+        conformance.seed_is_in_no_record,
+        conformance.log_is_the_order,
+        conformance.impact_station_knows_the_measurand,
+    ],
+    ids=conformance.name_of,
+)
+def test_the_suite_catches_a_bad_rig(check, tmp_path: Path) -> None:
+    """Mutation of the oracle: each check must fail where its promise is broken."""
+    with pytest.raises((AssertionError, KeyError)):
+        check(conformance.Bench(Leaky(), tmp_path))
+
+
+@pytest.mark.parametrize(("name", "stage"), [("astm-pivto", "impact"), ("bench", "impact")])
+def test_an_unknown_rig_is_refused_in_one_line(name: str, stage: str) -> None:
+    """`find_rig` names the key, the value and the rigs of that stage."""
+    with pytest.raises(InputError) as caught:
+        find_rig(name, Stage(stage))
+    sentence = str(caught.value)
+    assert "\n" not in sentence
+    assert f"impact rig = '{name}'" in sentence
+    assert "astm-pivot" in sentence
+    assert "ball-wall" not in sentence

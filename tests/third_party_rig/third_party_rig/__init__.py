@@ -1,0 +1,151 @@
+"""A pivoted-bat rig of another maker: gates time the ball in and out, nothing counts the bat."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from virtual_lab.collision.scene import Scenes
+from virtual_lab.estimate import Estimate
+from virtual_lab.instruments import Instrument, calibration_of, errors_of
+from virtual_lab.instruments.air import Air, AirSpec
+from virtual_lab.instruments.light_gate import LightGates, LightGateSpec, Passage
+from virtual_lab.physics.beam import beam_of
+from virtual_lab.physics.supports import Pinned
+from virtual_lab.records import GateRecord, Record, ShotLog
+from virtual_lab.relations.kinematics import recoil_factor_pivoted, restitution_from_efficiency
+from virtual_lab.rig import Order, Play, Specimen, Stage
+from virtual_lab.streams import Draws
+from virtual_lab.truth import TrueOutcome
+
+__all__ = ["RIG", "SpeedGunPivot"]
+
+PIVOT_FROM_KNOB = 6 * 0.0254  # m
+SPEED_SCATTER = 0.2  # m/s, of the launcher
+AIR = AirSpec(
+    kind="air",
+    title="Still air",
+    density=1.2,
+    density_u=0.02,
+    drag_coefficient=0.4,
+    drag_coefficient_u=0.05,
+)
+GATES = LightGateSpec(
+    kind="light-gate",
+    title="Three curtains in one frame",
+    distances=(0.60, 0.40, 0.20),
+    distance_u=0.05e-3,
+    half_height=0.10,
+    tick=0.5e-6,
+    edge_jitter=1e-6,
+    clock_u=10e-6,
+)
+
+
+class SpeedGunPivot:
+    """The rig."""
+
+    name = "speed-gun-pivot"
+    title = "Speed-gun pivot: three light curtains see the ball come and go"
+    stage = Stage.IMPACT
+    channels: Mapping[str, type[Record]] = {"log": ShotLog, "gates": GateRecord}
+
+    def commission(self, draws: Draws, *, ideal: bool = False) -> SpeedGunStation:
+        return SpeedGunStation(
+            gates=LightGates.commission(
+                GATES.ideal() if ideal else GATES, draws, f"{self.name}.gates"
+            ),
+            air=Air.commission(AIR.ideal() if ideal else AIR, draws, f"{self.name}.air"),
+            scatter=0.0 if ideal else SPEED_SCATTER,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpeedGunStation:
+    """The rig in one laboratory."""
+
+    gates: LightGates
+    air: Air
+    scatter: float
+
+    @property
+    def calibration(self) -> dict[str, Estimate]:
+        pivot = {"pivot.from_knob": Estimate(value=PIVOT_FROM_KNOB)}
+        return pivot | calibration_of(self._instruments)
+
+    @property
+    def true_constants(self) -> dict[str, float]:
+        return {"pivot.from_knob": PIVOT_FROM_KNOB} | errors_of(self._instruments)
+
+    @property
+    def _instruments(self) -> dict[str, Instrument]:
+        return {"gates": self.gates, "air": self.air}
+
+    def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
+        """Fire at the bat at rest and time the ball through every curtain, both ways."""
+        name, block, balls = SpeedGunPivot.name, order.block, specimen.balls
+        speed = order.speed + self.scatter * draws.normal(
+            f"{name}.launch", order.speed.shape, block
+        )
+        e0 = balls.draw_hits(order.ball, speed, draws, f"{name}.hit", block)
+        mass = balls.mass[order.ball]
+        model = specimen.collision(specimen.bat.body, _support(specimen))
+        hit = model.collide(_scenes(specimen, order.place, speed, mass, e0))
+        passage = Passage(
+            speed_in=speed,
+            speed_out=hit.collision_efficiency * speed,
+            drag=self.air.drag(balls.spec.radius, mass),
+            radius=balls.spec.radius,
+            rise_per_metre=np.zeros(speed.shape),
+            gravity=0.0,
+        )
+        contact = self.gates.arrival(passage)
+        leaving = contact + hit.contact_time
+        return Play(
+            records={
+                "log": ShotLog(ball=order.ball, nominal_speed=order.speed, place=order.place),
+                "gates": self.gates.watch(passage, contact, leaving, draws, f"{name}.gates", block),
+            },
+            truth={"speed": speed, "collision_efficiency": hit.collision_efficiency},
+        )
+
+    def outcome(self, speed: float, place: float, specimen: Specimen) -> TrueOutcome:
+        """Return the measurand: this bat, the lot's mean ball, nominal speed, aimed place."""
+        ball = specimen.balls.mean_ball()
+        at, first = np.array([speed]), np.zeros(1, dtype=int)
+        e0 = ball.restitution_at(first, at)
+        support = _support(specimen)
+        model = specimen.collision(specimen.bat.body, support)
+        scenes = _scenes(replace(specimen, balls=ball), np.array([place]), at, ball.mass, e0)
+        efficiency = model.collide(scenes).collision_efficiency
+        inertia = beam_of(specimen.bat.body).inertia(support.z)
+        recoil = recoil_factor_pivoted(ball.mass, inertia, support.z - place)
+        return TrueOutcome(
+            collision_efficiency=float(efficiency[0]),
+            restitution=float(restitution_from_efficiency(efficiency, recoil)[0]),
+            recoil_factor=float(np.asarray(recoil)[0]),
+            ball_restitution=float(e0[0]),
+            relative_speed=speed,
+        )
+
+
+def _support(specimen: Specimen) -> Pinned:
+    return Pinned(specimen.bat.body.length - PIVOT_FROM_KNOB)
+
+
+def _scenes(
+    specimen: Specimen, place: np.ndarray, speed: np.ndarray, mass: np.ndarray, e0: np.ndarray
+) -> Scenes:
+    return Scenes.of(
+        impact_position=place,
+        relative_speed=speed,
+        ball_mass=mass,
+        ball_restitution=e0,
+        stiffness=specimen.balls.spec.stiffness,
+        exponent=specimen.balls.spec.exponent,
+    )
+
+
+RIG = SpeedGunPivot()

@@ -1,0 +1,40 @@
+"""Instruments: a data sheet, errors drawn once a laboratory, noise drawn each shot.
+
+Each module holds a spec (what its file in ``data/instruments`` says), and the instrument as
+one laboratory has it: ``commission`` draws what calibration left, ``calibration()`` is what the
+laboratory knows, ``errors()`` what really is, and a verb of its own writes raw records.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from virtual_lab.estimate import Estimate
+
+__all__ = ["Instrument", "calibration_of", "errors_of"]
+
+
+class Instrument(Protocol):
+    """What every instrument can be asked for."""
+
+    def calibration(self) -> Mapping[str, Estimate]: ...
+    def errors(self) -> Mapping[str, float]: ...
+
+
+def calibration_of(instruments: Mapping[str, Instrument]) -> dict[str, Estimate]:
+    """Return the constants of several instruments under ``instrument.constant`` names."""
+    return {
+        f"{name}.{key}": estimate
+        for name, instrument in instruments.items()
+        for key, estimate in instrument.calibration().items()
+    }
+
+
+def errors_of(instruments: Mapping[str, Instrument]) -> dict[str, float]:
+    """Return their true constants under the same names."""
+    return {
+        f"{name}.{key}": value
+        for name, instrument in instruments.items()
+        for key, value in instrument.errors().items()
+    }

@@ -1,0 +1,78 @@
+"""The angle encoder on the pivot: whole counts at the ticks of the recorder.
+
+It turns with the section of the bat at the pivot, so it shows the rigid turn and the bending
+ring alike, and its mounting makes it show a little more or less than the true angle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import tau
+from typing import Annotated, Self
+
+import numpy as np
+from annotated_types import Ge, Gt
+from numpy.typing import NDArray
+
+from virtual_lab.estimate import Estimate
+from virtual_lab.records import EncoderRecord
+from virtual_lab.specs import Dimension, Spec
+from virtual_lab.streams import Draws
+
+__all__ = ["Encoder", "EncoderSpec"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EncoderSpec(Spec):
+    """Data sheet of the encoder and its recorder."""
+
+    kind: str
+    title: str
+    counts_per_turn: Annotated[int, Gt(0), Dimension("number")]
+    sample_rate: Annotated[float, Gt(0), Dimension("frequency")]
+    duration: Annotated[float, Gt(0), Dimension("time")]
+    scale_u: Annotated[float, Ge(0), Dimension("number")]
+    whole_counts: bool = True
+    sees_ring: bool = True
+
+    def ideal(self) -> Self:
+        """Return the encoder that shows the rigid turn as a real number."""
+        return replace(self, scale_u=0.0, whole_counts=False, sees_ring=False)
+
+    def sample_times(self) -> Array:
+        """Return the recorder's ticks from the trigger on [s], shape (sample,)."""
+        return np.arange(round(self.duration * self.sample_rate)) / self.sample_rate
+
+
+@dataclass(frozen=True, slots=True)
+class Encoder:
+    """The encoder of one laboratory, its true scale drawn once."""
+
+    spec: EncoderSpec
+    scale: float
+
+    @classmethod
+    def commission(cls, spec: EncoderSpec, draws: Draws, name: str) -> Self:
+        return cls(spec, 1 + spec.scale_u * float(draws.normal(f"{name}.errors")))
+
+    def calibration(self) -> dict[str, Estimate]:
+        """Return what the laboratory knows: counts = scale x counts_per_turn x angle / 2π."""
+        return {
+            "scale": Estimate(value=1.0, u=self.spec.scale_u),
+            "counts_per_turn": Estimate(value=float(self.spec.counts_per_turn)),
+        }
+
+    def errors(self) -> dict[str, float]:
+        """Return the true constants, to be sealed."""
+        return {"scale": self.scale}
+
+    def read(self, angle: Array, draws: Draws, name: str, block: int) -> EncoderRecord:
+        """Count true angles [rad], shape (shot, sample), from a rest angle of any phase."""
+        rest = draws.uniform(f"{name}.rest", (len(angle), 1), block)
+        counts = self.scale * self.spec.counts_per_turn / tau * angle + rest
+        return EncoderRecord(
+            counts=np.floor(counts + 0.5) if self.spec.whole_counts else counts,
+            times=self.spec.sample_times(),
+        )
