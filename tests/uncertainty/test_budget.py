@@ -1,0 +1,144 @@
+"""Propagation and combination against the GUM's examples and exact cases."""
+
+from math import inf, sqrt
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from virtual_lab.estimate import Estimate
+from virtual_lab.uncertainty.budget import Component, combine, effective_dof, interval_95, propagate
+
+ROOT3, ROOT2 = sqrt(3), sqrt(2)
+# JCGM 100:2008, H.1: end gauge, lengths in nm, temperatures in °C
+END_GAUGE = {
+    "ls": Estimate(value=50_000_623.0, u=25.0, dof=18),
+    "d0": Estimate(value=215.0, u=5.8, dof=24),
+    "d1": Estimate(value=0.0, u=3.9, dof=5),
+    "d2": Estimate(value=0.0, u=6.7, dof=8),
+    "as": Estimate(value=11.5e-6, u=2e-6 / ROOT3),
+    "da": Estimate(value=0.0, u=1e-6 / ROOT3, dof=50),
+    "dt": Estimate(value=0.0, u=0.05 / ROOT3, dof=2),
+    "t": Estimate(value=-0.1, u=0.2),
+    "delta": Estimate(value=0.0, u=0.5 / ROOT2),
+}
+
+
+def end_gauge(x):
+    """L = ls + d - ls (da θ + as dθ), and d alone."""
+    d = (x["d0"] + x["d1"] + x["d2"])[:, 0]
+    expansion = x["da"] * (x["t"] + x["delta"]) + x["as"] * x["dt"]
+    return {"length": d + (x["ls"] * (1 - expansion))[:, 0], "d": d}
+
+
+def test_gum_h1_end_gauge() -> None:
+    """JCGM 100 H.1: u 32 nm, ν 16, U99 93 nm; GTC 1.5.1 to more digits: 31.664 and 16.752."""
+    components = propagate(end_gauge, END_GAUGE)
+    budget = combine(50_000_838.0, components["length"])
+    assert budget.u == pytest.approx(31.664, abs=5e-4)
+    assert budget.dof == pytest.approx(16.752, abs=5e-4)
+    assert round(stats.t.ppf(0.995, int(budget.dof)) * budget.u, -0) in (92, 93)
+    difference = combine(215.0, components["d"])
+    assert difference.u == pytest.approx(9.682, abs=5e-4)
+    assert difference.dof == pytest.approx(25.447, abs=5e-4)
+    by_name = {part.name: part for part in budget.components}
+    # table H.1: sensitivities of the two that matter most, and of those that are 0
+    assert by_name["ls"].sensitivity == pytest.approx(1, abs=1e-5)
+    assert by_name["dt"].contribution == pytest.approx(16.6, abs=0.05)
+    assert by_name["da"].contribution == pytest.approx(2.9, abs=0.05)
+    assert by_name["as"].contribution == pytest.approx(0, abs=1e-6)
+    assert [part.name for part in budget.components][:2] == ["ls", "dt"]
+
+
+def test_welch_satterthwaite_is_welchs_own() -> None:
+    """The dof of Welch's two-sample t-test, by scipy.stats.ttest_ind(equal_var=False)."""
+    rng = np.random.default_rng(12)
+    a, b = rng.normal(0, 1, 7), rng.normal(0, 3, 12)
+    expected = stats.ttest_ind(a, b, equal_var=False).df
+    parts = [
+        Component(
+            name=name,
+            value=0.0,
+            u=float(values.std(ddof=1) / sqrt(values.size)),
+            evaluation="A",
+            dof=values.size - 1,
+            sensitivity=1.0,
+            contribution=float(values.std(ddof=1) / sqrt(values.size)),
+        )
+        for name, values in (("a", a), ("b", b))
+    ]
+    assert effective_dof(parts) == pytest.approx(expected, rel=1e-12)
+
+
+@given(
+    terms=st.lists(
+        st.tuples(st.floats(-100, 100), st.floats(-100, 100), st.floats(1e-3, 10)),
+        min_size=1,
+        max_size=6,
+    )
+)
+def test_a_linear_model_is_exact(terms: list[tuple[float, float, float]]) -> None:
+    """Y = Σ c x: u² = Σ c² u² (GUM 5.1.2, independent inputs)."""
+    constants = {f"x{i}": Estimate(value=x, u=u) for i, (_, x, u) in enumerate(terms)}
+
+    def model(x):
+        return {"y": sum(c * x[f"x{i}"][:, 0] for i, (c, _, _) in enumerate(terms))}
+
+    parts = propagate(model, constants)["y"]
+    for (c, _, u), part in zip(terms, parts, strict=True):
+        assert part.sensitivity == pytest.approx(c, abs=1e-9 * 1e4 / u)
+    expected = sqrt(sum((c * u) ** 2 for c, _, u in terms))
+    assert combine(0.0, parts).u == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_a_shared_constant_cancels() -> None:
+    """Both speeds on one clock: their ratio does not know it, each of them does."""
+    constants = {
+        "clock": Estimate(value=1.0, u=0.01),
+        "near": Estimate(value=0.3, u=1e-3),
+    }
+
+    def model(x):
+        into, back = x["near"] * x["clock"] / 0.01, x["near"] * x["clock"] / 0.05
+        return {"ratio": (back / into)[:, 0], "speed": into[:, 0]}
+
+    parts = propagate(model, constants)
+    assert max(part.contribution for part in parts["ratio"]) < 1e-15
+    assert combine(30.0, parts["speed"]).u == pytest.approx(30 * sqrt(1e-4 + 1 / 9e4), rel=1e-3)
+
+
+def test_certain_constants_are_left_out_and_scatter_comes_in() -> None:
+    """Hits 1, 2, 3, 4: s/√n = √(5/3)/2 with 3 dof; a constant without u gives no line."""
+    constants = {"a": Estimate(value=1.0), "b": Estimate(value=1.0, u=0.5)}
+    parts = propagate(lambda x: {"y": (x["a"] * x["b"])[:, 0]}, constants)["y"]
+    assert [part.name for part in parts] == ["b"]
+    budget = combine(2.5, parts, np.array([1.0, 2.0, 3.0, 4.0]))
+    scatter = sqrt(5 / 3) / 2
+    assert budget.u_type_a == pytest.approx(scatter, rel=1e-12)
+    assert budget.u_type_b == pytest.approx(0.5, rel=1e-12)
+    assert budget.u == pytest.approx(sqrt(scatter**2 + 0.25), rel=1e-12)
+    assert budget.dof == pytest.approx(3 * (budget.u / scatter) ** 4, rel=1e-12)
+    assert [part.name for part in budget.components] == ["hits", "b"]
+
+
+@pytest.mark.parametrize(("dof", "factor"), [(1, 12.71), (5, 2.57), (16, 2.12), (50, 2.01)])
+def test_interval_is_students(dof: float, factor: float) -> None:
+    """JCGM 100:2008, table G.2, column 95 %."""
+    low, high = interval_95(10.0, 2.0, dof)
+    assert (high - 10) / 2 == pytest.approx(factor, abs=0.005)
+    assert 10 - low == pytest.approx(high - 10)
+
+
+def test_interval_without_end_of_freedom() -> None:
+    """The normal law's 1.96, and no width where nothing is uncertain."""
+    assert interval_95(0.0, 1.0, inf)[1] == pytest.approx(1.959964, abs=1e-6)
+    nothing = combine(3.0, [])
+    assert (nothing.u, nothing.dof, nothing.interval_95) == (0.0, inf, (3.0, 3.0))
+
+
+def test_a_nonlinear_model_by_its_derivative() -> None:
+    """Y = x³ at 2 ± 1e-4: the central difference is 3x² + u², to 1e-8."""
+    parts = propagate(lambda x: {"y": x["x"][:, 0] ** 3}, {"x": Estimate(value=2.0, u=1e-4)})["y"]
+    assert parts[0].sensitivity == pytest.approx(12 + 1e-8, rel=1e-9)

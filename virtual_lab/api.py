@@ -1,0 +1,140 @@
+"""What a Python user holds: a tested bat, its tables, its certificate, and how to keep them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from virtual_lab.certification import Certification, certify_session
+from virtual_lab.folder import new_folder
+from virtual_lab.lab import certify_bat
+from virtual_lab.report.certificate import certificate
+from virtual_lab.report.render import certificate_page, notebook_card
+from virtual_lab.report.tables import budget_table, shot_table
+from virtual_lab.rig import Reality
+from virtual_lab.session import load_session, save_session
+from virtual_lab.studies.score import score
+from virtual_lab.truth import Sealed
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Certificate", "certify", "reduce"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Certificate:
+    """A bat's certificate and everything behind it."""
+
+    certification: Certification
+    sealed: Sealed | None = field(default=None, repr=False)
+
+    @cached_property
+    def document(self) -> dict[str, Any]:
+        """The certificate as it stands in ``certificate.json``."""
+        digest = hashlib.sha256(self._truth).hexdigest() if self.sealed else None
+        return certificate(self.certification, truth_digest=digest)
+
+    @cached_property
+    def shots(self) -> pd.DataFrame:
+        """A row a shot: what each instrument gave and what was reduced from it."""
+        return shot_table(self.certification)
+
+    @cached_property
+    def budget(self) -> pd.DataFrame:
+        """The uncertainty budget of the metric, largest component first."""
+        metric = self.certification.metric
+        if metric is None:
+            raise ValueError("too few valid hits for an uncertainty budget")
+        return budget_table(metric)
+
+    @property
+    def verdict(self) -> str:
+        return self.certification.verdict.value
+
+    def score(self) -> dict[str, Any]:
+        """Open the sealed truth: recovered against true, in units and standard uncertainties."""
+        if self.sealed is None:
+            raise ValueError("these records came without a sealed truth")
+        return score(self.document, self.sealed.document()["measurand"])
+
+    def save(self, folder: str | Path) -> Path:
+        """Write certificate, readings, raw records and sealed truth into a new folder.
+
+        Raises `InputError` where the folder is not empty or cannot be written; nothing is left
+        half-written.
+        """
+        target = Path(folder)
+        with new_folder(target) as draft:
+            text = json.dumps(self.document, indent=2, allow_nan=False)
+            (draft / "certificate.json").write_text(text + "\n", encoding="utf-8")
+            page = certificate_page(self.document, self.certification)
+            (draft / "certificate.html").write_text(page, encoding="utf-8")
+            self.shots.to_csv(draft / "readings.csv", index=False)
+            (draft / "records").mkdir()
+            save_session(self.certification.session, draft / "records")
+            if self.sealed:
+                (draft / "truth").mkdir()
+                (draft / "truth" / "truth.json").write_bytes(self._truth)
+        return target
+
+    @cached_property
+    def _truth(self) -> bytes:
+        assert self.sealed is not None
+        return (json.dumps(self.sealed.document(), indent=1, allow_nan=False) + "\n").encode()
+
+    def _repr_html_(self) -> str:
+        return notebook_card(self.document)
+
+
+def certify(
+    bat: str,
+    *,
+    procedure: str = "astm-f1881",
+    seed: int | None = None,
+    reality: Reality | str = Reality.REAL,
+    rung: str | None = None,
+    say: Callable[[str], None] = lambda _: None,
+) -> Certificate:
+    """Take a bat through a procedure and return its certificate.
+
+    Parameters
+    ----------
+    bat, procedure
+        Names in the catalog (``virtual-lab list``), or paths of .toml files.
+    seed
+        Of everything random in the laboratory; None draws one.
+    reality
+        ``real``; ``noise-free``: no randomness, but ring, counts, drag and friction; ``ideal``:
+        every individual and every instrument equals its nominal.
+    rung
+        Of the collision: ``rigid``, ``modal`` or ``reference``; None takes the cheapest that is
+        good enough, and the certificate says which and why.
+    say
+        Told what goes on, a sentence at a time.
+
+    Raises
+    ------
+    InputError
+        An unknown name or a file that cannot be used.
+    """
+    tested = certify_bat(
+        bat, procedure=procedure, seed=seed, reality=Reality(reality), rung=rung, say=say
+    )
+    return Certificate(certification=tested.certification, sealed=tested.sealed)
+
+
+def reduce(records: str | Path) -> Certificate:
+    """Return the certificate of a folder of raw records, without any truth.
+
+    Raises
+    ------
+    InputError
+        A record, calibration or procedure that is missing or cannot be used.
+    """
+    return Certificate(certification=certify_session(load_session(Path(records))))

@@ -1,0 +1,1 @@
+"""From raw records and calibrations to measured values; never from the truth."""

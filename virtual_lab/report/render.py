@@ -1,0 +1,300 @@
+"""The certificate as a page a customer can read and print, and as a card for a notebook.
+
+Everything printed comes from the certificate's document; the certification behind it gives
+what the document leaves out: the shots and the raw record of the figures.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Mapping
+from math import isfinite, sqrt
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from virtual_lab.certification import Certification
+from virtual_lab.report.rounding import decimals
+from virtual_lab.units import INCH, MPH, OUNCE, OZ_IN2
+
+if TYPE_CHECKING:
+    from jinja2 import Template
+
+__all__ = ["certificate_page", "notebook_card"]
+
+NONE = "–"
+PLACES = 7  # decimals at most; what needs more is the computer's own arithmetic
+LEAST_SHARE = 1.0  # % of the variance; lesser components are summed in one line
+METRICS = {"bat_performance_factor": ("Bat performance factor", "BPF")}
+VERDICTS = {
+    "PASS": "the bat meets the limit",
+    "FAIL": "the bat exceeds the limit",
+    "INVALID": "the test was not valid, and nothing is said of the bat",
+}
+STAGES = {"bench": "Bench", "balls": "Wall rig", "impact": "Bat rig"}
+INPUTS = {  # name of a constant, of any stage: words, unit of print, SI times this gives it
+    "hits": ("Scatter from hit to hit", "", 1.0),
+    "bat.mass": ("Bat mass, readings", "g", 1e3),
+    "bat.length": ("Bat length, readings", "mm", 1e3),
+    "bat.balance": ("Balance point, readings", "mm", 1e3),
+    "bat.barrel_radius": ("Barrel radius, readings", "mm", 1e3),
+    "bat.period": ("Pendulum period, readings", "ms", 1e3),
+    "balls.repeatability": ("Ball restitution, wall hits", "", 1.0),
+    "ball.radius": ("Ball radius", "mm", 1e3),
+    "ball.restitution_slope": ("Fall of ball restitution with speed", "s/m", 1.0),
+    "scale.zero": ("scale, zero", "g", 1e3),
+    "scale.span": ("scale, span", "ppm", 1e6),
+    "rule.offset": ("rule, offset", "mm", 1e3),
+    "stand.offset": ("balance stand, offset", "mm", 1e3),
+    "pendulum.clock": ("pendulum, clock rate", "ppm", 1e6),
+    "pendulum.amplitude_offset": ("pendulum, amplitude reading", "mrad", 1e3),
+    "pendulum.pivot_from_knob": ("pendulum, axis to knob", "mm", 1e3),
+    "pendulum.clamp_inertia": ("pendulum, inertia of the clamp", "g m²", 1e3),
+    "pendulum.clamp_moment": ("pendulum, balance of the clamp", "g m", 1e3),
+    "pendulum.gravity": ("local gravity", "mm/s²", 1e3),
+    "gates.clock": ("light gates, clock rate", "ppm", 1e6),
+    "air.density": ("air density", "kg/m³", 1.0),
+    "air.drag_coefficient": ("drag coefficient of the ball", "", 1.0),
+    "pivot.from_knob": ("pivot to knob", "mm", 1e3),
+    "cannon.along": ("cannon, aim along the bat", "mm", 1e3),
+    "aim.across_square": ("cannon, mean square aim across the bat", "mm²", 1e6),
+    "encoder.scale": ("encoder, scale", "ppm", 1e6),
+}
+
+
+def certificate_page(document: dict[str, Any], certification: Certification) -> str:
+    """Return the certificate as one HTML page that needs nothing but itself.
+
+    Parameters
+    ----------
+    document
+        What `virtual_lab.report.certificate.certificate` made of `certification`.
+    certification
+        For the table of shots and the figures.
+    """
+    from markupsafe import Markup
+
+    from virtual_lab.report.figures import encoder_figure, hits_figure
+
+    symbol = _metric_words(document)[1]
+    return _template("certificate.html").render(
+        document=document,
+        number=_number_of(document),
+        result=_result(document, certification.procedure.valid_hits),
+        quantities=_quantities(document),
+        at_percussion=certification.procedure.place == "centre-of-percussion",
+        bat=_bat(document["bat"]),
+        shots=_shots(certification),
+        budget=_budget(document),
+        rebound=_rebound(document, certification),
+        # drawn by this package, text inside already escaped
+        hits_figure=Markup(hits_figure(certification, symbol)),
+        encoder_figure=Markup(encoder_figure(certification)),
+        rings=", ".join(f"{pitch:.0f}" for pitch in document["ring"]["frequencies_hz"]),
+    )
+
+
+def notebook_card(document: dict[str, Any]) -> str:
+    """Return verdict and result as a small piece of HTML for a notebook's output cell."""
+    return _template("card.html").render(document=document, result=_result(document, None))
+
+
+def _template(name: str) -> Template:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("virtual_lab.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(name)
+
+
+def _number_of(document: Mapping[str, Any]) -> str:
+    """Return the first digits of the SHA-256 of ``certificate.json``, so anyone can check it."""
+    text = json.dumps(document, indent=2, allow_nan=False) + "\n"
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+def _metric_words(document: Mapping[str, Any]) -> tuple[str, str]:
+    name = document["metric"]["name"]
+    return METRICS.get(name, (name.replace("_", " ").capitalize(), name))
+
+
+def _result(document: Mapping[str, Any], needed: int | None) -> dict[str, Any]:
+    metric, verdict = document["metric"], document["verdict"]
+    words, symbol = _metric_words(document)
+    said = VERDICTS[verdict]
+    hits = f"{document['valid_hits']} valid hits"
+    if verdict == "INVALID" and needed:
+        hits += f", the procedure asks for {needed}"
+    result = {
+        "words": words,
+        "symbol": symbol,
+        "verdict": verdict,
+        "said": said,
+        "hits": hits,
+        "limit": f"{metric['limit']:.3f}",
+        "stated": metric["value"] is not None,
+    }
+    return result | _stated(metric) if result["stated"] else result
+
+
+def _stated(metric: Mapping[str, Any]) -> dict[str, Any]:
+    """Return value, expanded uncertainty and interval as printed, all to the same place."""
+    value, u, (low, high) = metric["value"], metric["u"], metric["interval_95"]
+    expanded, dof = high - value, metric["degrees_of_freedom"]
+    places, certain = _places(expanded), _digits(u) == "0"
+    return {
+        "uncertain": not certain,
+        "value": f"{value:.{places}f}",
+        "expanded": _digits(expanded),
+        "low": f"{low:.{places}f}",
+        "high": f"{high:.{places}f}",
+        "u": _digits(u),
+        "u_type_a": _digits(metric["u_type_a"]),
+        "u_type_b": _digits(metric["u_type_b"]),
+        "k": NONE if certain else f"{expanded / u:.2f}",
+        "dof": "∞" if dof is None else f"{dof:.1f}" if dof < 100 else f"{dof:.0f}",
+    }
+
+
+def _quantities(document: Mapping[str, Any]) -> list[dict[str, str]]:
+    which = document["recoil"]["which"]
+    rows = [
+        ("Collision efficiency", "e", "A", "collision_efficiency"),
+        ("Restitution of ball and bat", "e", "", "restitution"),
+        (f"Recoil factor, {which} bat", "r", "", "recoil_factor"),
+        ("Restitution, ball on a wall", "e", "0", "ball_restitution"),
+    ]
+    return [
+        {"words": words, "letter": letter, "index": index, **_with_u(document[name])}
+        for words, letter, index, name in rows
+        if name in document
+    ]
+
+
+def _bat(bat: Mapping[str, Any]) -> list[dict[str, str]]:
+    rows = [
+        ("Mass", "mass_kg", "oz", 1 / OUNCE, "g", 1e3),
+        ("Length", "length_m", "in", 1 / INCH, "mm", 1e3),
+        ("Balance point", "z_cm_m", "in", 1 / INCH, "mm", 1e3),
+        ("Moment of inertia", "inertia_cm_kg_m2", "oz in²", 1 / OZ_IN2, "g m²", 1e3),
+    ]
+    return [
+        {
+            "words": words,
+            "unit": unit,
+            "si_unit": si_unit,
+            **_with_u(bat[name], factor),
+            "si": _with_u(bat[name], si_factor)["value"],
+            "si_u": _with_u(bat[name], si_factor)["u"],
+        }
+        for words, name, unit, factor, si_unit, si_factor in rows
+    ]
+
+
+def _shots(certification: Certification) -> list[dict[str, Any]]:
+    shots, reasons = certification.shots, certification.judgement.reasons
+    return [
+        {
+            "shot": shot,
+            "speed": _number(shots.speed[shot] / MPH, 2, "not seen"),
+            "recoil": _number(shots.recoil_rate[shot], 3),
+            "by_recoil": _number(shots.collision_efficiency[shot], 4),
+            "by_rebound": _number(shots.rebound_efficiency[shot], 4, "not seen"),
+            "factor": _number(shots.bat_performance_factor[shot], 4),
+            "reason": reason,
+        }
+        for shot, reason in enumerate(reasons)
+    ]
+
+
+def _budget(document: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Return the components that matter, and in the last line all others together."""
+    rows, u = document["budget"], document["metric"]["u"]
+    if not rows or _digits(u) == "0":
+        return []
+    places = _places(u) + 1
+    large = [row for row in rows if row["share_percent"] >= LEAST_SHARE]
+    small = rows[len(large) :]  # rows come largest first
+    lines = [
+        {
+            **_input(row["component"], row["u"]),
+            "type": row["type"],
+            "contribution": f"{row['contribution']:.{places}f}",
+            "share": f"{row['share_percent']:.1f}",
+        }
+        for row in large
+    ]
+    if small:
+        rest = sqrt(sum(row["contribution"] ** 2 for row in small))
+        lines.append(
+            {
+                "words": f"All others ({len(small)}), each below {LEAST_SHARE:.0f} %",
+                "u": "",
+                "type": ", ".join(sorted({row["type"] for row in small})),
+                "contribution": f"{rest:.{places}f}",
+                "share": f"{sum(row['share_percent'] for row in small):.1f}",
+            }
+        )
+    return lines
+
+
+def _input(name: str, u: float) -> dict[str, str]:
+    """Return what a budget calls a constant, and its uncertainty in a handy unit."""
+    stage, _, rest = name.partition(".")
+    if gate := re.fullmatch(r"gates\.distance_(\d+)", rest):
+        words, unit, factor = f"light gates, distance of gate {int(gate[1]) + 1}", "mm", 1e3
+    elif name in INPUTS:
+        words, unit, factor = INPUTS[name]
+        return {"words": words, "u": f"{_digits(u * factor)} {unit}".strip()}
+    elif rest in INPUTS and stage in STAGES:
+        words, unit, factor = INPUTS[rest]
+    else:
+        return {"words": name, "u": f"{u:.2g} (SI)"}
+    return {
+        "words": f"{STAGES.get(stage, stage)}: {words}",
+        "u": f"{_digits(u * factor)} {unit}".strip(),
+    }
+
+
+def _rebound(document: Mapping[str, Any], certification: Certification) -> dict[str, Any]:
+    check, shots = document["rebound_check"], certification.shots
+    gap = (shots.rebound_efficiency - shots.collision_efficiency)[certification.judgement.valid]
+    gap = gap[np.isfinite(gap)]
+    if not check["shots"]:
+        return {"shots": 0}
+    return {
+        "shots": check["shots"],
+        "by_rebound": _number(check["collision_efficiency"], 4),
+        "by_recoil": _number(check["collision_efficiency"] - check["difference"], 4),
+        "difference": f"{round(check['difference'], 4) + 0.0:+.4f}".replace("-", "−"),
+        "u": _number(gap.std(ddof=1) / sqrt(gap.size), 4) if gap.size > 1 else "",
+    }
+
+
+def _with_u(known: Mapping[str, float | None], factor: float = 1.0) -> dict[str, str]:
+    value, u = known["value"], known["u"]
+    if value is None or u is None:
+        return {"value": NONE, "u": NONE}
+    return {"value": f"{value * factor:.{_places(u * factor)}f}", "u": _digits(u * factor)}
+
+
+def _places(u: float) -> int:
+    return min(decimals(u), PLACES)
+
+
+def _digits(u: float) -> str:
+    """Return an uncertainty to two significant digits, 0 where it is only arithmetic."""
+    return f"{u:.{_places(u)}f}" if u > 0.5 * 10**-PLACES else "0"
+
+
+def _number(value: float | None, places: int, otherwise: str = NONE) -> str:
+    if value is None or not isfinite(value):
+        return otherwise
+    return f"{value:.{places}f}".replace("-", "−")

@@ -1,0 +1,158 @@
+"""Certificates, scores, sheets and profiles as plain text for a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from virtual_lab.report.rounding import with_uncertainty
+from virtual_lab.specs import PublishedBat
+from virtual_lab.units import INCH, OUNCE, OZ_IN2
+
+__all__ = ["certificate_text", "profile_text", "score_text", "sheet_text", "table_text"]
+
+WORDS = {
+    "bat_performance_factor": "BPF",
+    "collision_efficiency": "e_A",
+    "restitution": "e",
+    "recoil_factor": "r",
+    "ball_restitution": "e0",
+}
+
+
+def table_text(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return rows of one shape as a table with a header, columns as wide as they need."""
+    if not rows:
+        return "nothing"
+    cells = [[_cell(value) for value in row.values()] for row in rows]
+    lines = [list(rows[0]), *cells]
+    widths = [max(len(line[column]) for line in lines) for column in range(len(lines[0]))]
+    return "\n".join(
+        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
+        for line in lines
+    )
+
+
+def certificate_text(document: Mapping[str, Any]) -> str:
+    """Return what a certificate says, in a dozen lines."""
+    metric, procedure = document["metric"], document["procedure"]
+    marginal = ", marginal: the limit lies within the 95 % interval" if document["marginal"] else ""
+    lines = [
+        f"{document['bat']['name']} by {procedure['name']} ({procedure['edition']})",
+        f"  {document['verdict']}{marginal}",
+    ]
+    if metric["value"] is not None:
+        low, high = metric["interval_95"]
+        lines.append(
+            f"  {WORDS[metric['name']]:4} {with_uncertainty(metric['value'], metric['u'])}"
+            f"   95 % interval {low:.4f} to {high:.4f}, limit {metric['limit']:.3f}"
+        )
+        lines += [
+            f"  {WORDS[name]:4} {with_uncertainty(document[name]['value'], document[name]['u'])}"
+            f"{'   ' + document['recoil']['which'] if name == 'recoil_factor' else ''}"
+            for name in WORDS
+            if name != metric["name"]
+        ]
+        place = document["impact_position_in"]
+        lines.append(f"  at {document['v_rel_mph']:.2f} mph, {place:.2f} in from the tip")
+    lines.append(
+        f"  {document['valid_hits']} valid hits, {len(document['rejected_hits'])} rejected"
+    )
+    lines += [f"    shot {hit['shot']}: {hit['reason']}" for hit in document["rejected_hits"]]
+    if document["unverified"]:
+        lines.append(f"  rests on {len(document['unverified'])} unverified values of the procedure")
+    if document["statement"]:
+        lines.append(f"  {document['statement']}")
+    return "\n".join(lines)
+
+
+def score_text(document: Mapping[str, Any]) -> str:
+    """Return measured against true as a table."""
+    rows = [
+        {
+            "quantity": name,
+            "measured": _number(row["measured"]),
+            "u": _number(row["u"]),
+            "true": _number(row["true"]),
+            "error": _number(row["error"], "+.6f"),
+            "error/u": _number(row["z"], "+.2f"),
+        }
+        for name, row in document.items()
+        if name != "seal"
+    ]
+    seal = document["seal"]
+    note = "" if seal == "whole" else ": the truth is not the one the certificate was issued with"
+    return f"{table_text(rows)}\nseal {seal}{note}"
+
+
+def sheet_text(document: Mapping[str, Any]) -> str:
+    """Return a specification: words, numbers with source, and what the sources are."""
+    rows = [
+        {
+            "key": number["key"],
+            "value": number["value"],
+            "unit": number["unit"].removesuffix("1") if number["unit"] == "1" else number["unit"],
+            "source": number["source"] + ("" if number["verified"] else " (unverified)"),
+            "note": number["note"],
+        }
+        for number in document["numbers"]
+    ]
+    parts = [f"{document['name']}: {document['title']} ({document['kind']})"]
+    parts += [f"  {key}: {value}" for key, value in document["words"].items()]
+    if rows:
+        parts += ["", table_text(rows)]
+    parts += [""] + [f"{key}: {text}" for key, text in document["sources"].items()]
+    return "\n".join(parts).rstrip()
+
+
+def profile_text(document: Mapping[str, Any], published: PublishedBat | None) -> str:
+    """Return a bat's properties, beside the published ones where there are any, and its curve."""
+    computed = {
+        "mass_oz": document["mass_oz"],
+        "z_cm_in": document["z_cm_in"],
+        "i_cm_oz_in2": document["i_cm_oz_in2"],
+        "i_knob_oz_in2": document["i_knob_oz_in2"],
+        **{f"f{i + 1}_hz": f for i, f in enumerate(document["modal_frequencies_hz"][:4])},
+        **{f"node{i + 1}_in": node for i, node in enumerate(document["barrel_nodes_in"])},
+    }
+    said = _published(published)
+    rows = [
+        {
+            "property": name,
+            "computed": f"{value:.6g}",
+            "published": _number(said.get(name), "g"),
+        }
+        for name, value in computed.items()
+    ]
+    columns = ("z_in", "e", "r", "e_A", "v_bat_mph", "v_f_mph")
+    forms = ("5.2f", ".4f", ".4f", "+.4f", ".2f", ".2f")
+    curve = [
+        {name: f"{document[name][i]:{form}}" for name, form in zip(columns, forms, strict=True)}
+        for i in range(len(document["z_in"]))
+    ]
+    return f"{table_text(rows)}\n\n{table_text(curve)}"
+
+
+def _published(bat: PublishedBat | None) -> dict[str, float]:
+    if bat is None:
+        return {}
+    return {
+        "mass_oz": bat.mass / OUNCE,
+        "z_cm_in": bat.z_cm / INCH,
+        "i_cm_oz_in2": bat.inertia_cm / OZ_IN2,
+        "i_knob_oz_in2": bat.inertia_knob / OZ_IN2,
+        **{f"f{i + 1}_hz": f for i, f in enumerate(bat.bending_frequencies)},
+        **{f"node{i + 1}_in": node / INCH for i, node in enumerate(bat.barrel_nodes)},
+    }
+
+
+def _number(value: float | None, form: str = ".6f") -> str:
+    return "" if value is None else f"{value:{form}}"
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, (list, tuple)):
+        return ", ".join(f"{item:g}" for item in value)
+    return str(value)

@@ -1,0 +1,1 @@
+"""What may open the truth: score."""

@@ -1,0 +1,26 @@
+"""The method's own bias: what is left of the error when nothing is random.
+
+Ring, whole counts, drag and friction stay, so this is what the reduction itself gets wrong.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from virtual_lab import catalog
+from virtual_lab.certification import QUANTITIES
+from virtual_lab.lab import certify_bat
+from virtual_lab.rig import Reality
+
+__all__ = ["bias"]
+
+
+def bias(procedure: str = "astm-f1881") -> list[dict[str, Any]]:
+    """Return a row a bat of the catalog: measured less true of every quantity."""
+    rows = []
+    for bat in catalog.names("bats"):
+        tested = certify_bat(bat, procedure=procedure, seed=0, reality=Reality.NOISE_FREE)
+        measured, true = tested.certification.quantities, tested.sealed.measurand
+        errors = {name: measured[name].value - getattr(true, name) for name in QUANTITIES}
+        rows.append({"bat": bat, **errors})
+    return rows

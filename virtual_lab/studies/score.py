@@ -1,0 +1,65 @@
+"""Open the sealed truth of a test and say how close its certificate came."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from virtual_lab.certification import QUANTITIES
+from virtual_lab.documents import read_bytes, read_json
+from virtual_lab.errors import InputError
+
+__all__ = ["score", "score_folder"]
+
+
+def score(certificate: Mapping[str, Any], measurand: Mapping[str, float]) -> dict[str, Any]:
+    """Return measured against true for the metric and the quantities behind it.
+
+    Each entry holds `measured`, `u`, `true`, `error` and `z` (the error in standard
+    uncertainties, None where u is 0 or nothing was measured).
+    """
+    metric = certificate["metric"]["name"]
+    rows = {"metric": _row(certificate["metric"], measurand[metric])}
+    for name in QUANTITIES:
+        if name != metric:
+            rows[name] = _row(certificate[name], measurand[name])
+    return rows
+
+
+def score_folder(folder: Path) -> dict[str, Any]:
+    """Score the test in an output folder and say whether the seal on its truth is whole.
+
+    Raises
+    ------
+    InputError
+        The certificate or the truth is missing, is not JSON or misses a key.
+    """
+    certificate = read_json(folder / "certificate.json")
+    data = read_bytes(folder / "truth" / "truth.json")
+    truth = read_json(folder / "truth" / "truth.json")
+    try:
+        rows = score(certificate, truth["measurand"])
+        digest = certificate["simulation"].get("truth_digest")
+    except (KeyError, TypeError) as fault:
+        raise InputError(
+            str(folder),
+            str(fault).strip("'"),
+            None,
+            "this key is missing in certificate.json or truth.json",
+        ) from fault
+    whole = digest == hashlib.sha256(data).hexdigest()
+    return {"seal": "whole" if whole else "broken", **rows}
+
+
+def _row(measured: Mapping[str, Any], true: float) -> dict[str, float | None]:
+    value, u = measured["value"], measured["u"]
+    error = None if value is None else value - true
+    return {
+        "measured": value,
+        "u": u,
+        "true": true,
+        "error": error,
+        "z": error / u if error is not None and u else None,
+    }

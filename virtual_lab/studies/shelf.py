@@ -1,0 +1,64 @@
+"""What is on the shelf: the catalog's names and sheets, and the rigs installed here."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import asdict
+from importlib.resources import files
+from typing import Any
+
+from virtual_lab import catalog
+from virtual_lab.errors import InputError
+from virtual_lab.rig import installed_rigs
+
+__all__ = ["sheet", "shelf"]
+
+
+def shelf(kind: str | None = None) -> list[dict[str, str]]:
+    """Return kind, name and title of everything in the catalog, or of one kind.
+
+    Rigs are those installed, whoever made them.
+    """
+    rows = []
+    for each in catalog.KINDS if kind is None else (kind,):
+        if each == "rigs":
+            found = {name: rig.title for name, rig in installed_rigs().items()}
+        else:
+            found = {name: catalog.title(each, name) for name in catalog.names(each)}
+        rows += [{"kind": each, "name": name, "title": text} for name, text in found.items()]
+    return rows
+
+
+def sheet(name: str) -> dict[str, Any]:
+    """Return a catalog entry, every number with unit, source and whether it is verified.
+
+    Raises
+    ------
+    InputError
+        Nothing in the catalog has this name; the nearest names are suggested.
+    """
+    for kind in catalog.KINDS:
+        if name in catalog.names(kind):
+            return _sheet(kind, name)
+    if name.endswith(".toml"):
+        return _sheet("bats", name)
+    near = catalog.nearest(name, [known for kind in catalog.KINDS for known in catalog.names(kind)])
+    raise InputError("", "name", name, f"{near}'virtual-lab list' shows what there is")
+
+
+def _sheet(kind: str, name: str) -> dict[str, Any]:
+    document, data = catalog.sheet(kind, name)
+    known = tomllib.loads(files("virtual_lab.data").joinpath("sources.toml").read_text("utf-8"))
+    used = sorted({datum.source for datum in data})
+    return {
+        "kind": kind,
+        "name": document.get("name", name),
+        "title": document["title"],
+        "words": {
+            key: value
+            for key, value in document.items()
+            if isinstance(value, str) and key not in ("name", "title")
+        },
+        "numbers": [asdict(datum) for datum in data],
+        "sources": {key: known[key]["text"] if key in known else key for key in used},
+    }

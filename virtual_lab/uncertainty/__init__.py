@@ -1,0 +1,1 @@
+"""Uncertainty of what reduction gives: budgets, intervals, coverage factors."""
