@@ -143,7 +143,9 @@ class _Laboratory:
         }
         salt = secrets.token_bytes(16)
         collision = Ladder(
-            probe=probing_scenes(ball, rules.spec.speed), standard_uncertainty=EFFICIENCY_U, rung=rung
+            probe=probing_scenes(ball, rules.spec.speed),
+            standard_uncertainty=EFFICIENCY_U,
+            rung=rung,
         )
         known = {
             f"{stage.value}.{name}": estimate

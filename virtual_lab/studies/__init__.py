@@ -1,1 +1,1 @@
-"""What may open the truth: score."""
+"""Studies: what may open the truth (score, coverage, bias), and what a bat or a shelf holds."""
