@@ -34,7 +34,7 @@ __all__ = [
     "unverified",
 ]
 
-KINDS = ("bats", "balls", "procedures", "instruments", "rigs")
+KINDS = ("bats", "balls", "procedures", "instruments", "rigs", "conditions")
 T = TypeVar("T")
 
 

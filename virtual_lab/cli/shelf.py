@@ -15,7 +15,7 @@ from virtual_lab.errors import InputError
     "kind",
     required=False,
     metavar="[KIND]",
-    type=click.Choice(["bats", "balls", "procedures", "instruments", "rigs"]),
+    type=click.Choice(["bats", "balls", "procedures", "instruments", "rigs", "conditions"]),
 )
 @json_option
 def list_(kind: str | None, as_json: bool) -> None:
@@ -31,7 +31,9 @@ def list_(kind: str | None, as_json: bool) -> None:
 
 
 @click.command()
-@click.argument("name", shell_complete=names("bats", "balls", "procedures", "instruments", "rigs"))
+@click.argument(
+    "name", shell_complete=names("bats", "balls", "procedures", "instruments", "rigs", "conditions")
+)
 @json_option
 def show(name: str, as_json: bool) -> None:
     """Show a specification, every number with its unit and source."""

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import inf, isfinite, sqrt
+from math import inf, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from virtual_lab.estimate import Estimate
 
@@ -128,7 +128,7 @@ def effective_dof(components: Sequence[Component]) -> float:
 
 def interval_95(value: float, u: float, dof: float) -> tuple[float, float]:
     """Return the 95 % interval value ± t u, t of Student with `dof` degrees of freedom."""
-    factor = float(student.ppf(0.975, dof if isfinite(dof) else 1e9))
+    factor = float(stdtrit(min(dof, 1e9), 0.975))
     return value - factor * u, value + factor * u
 
 

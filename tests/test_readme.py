@@ -1,0 +1,65 @@
+"""The README is true: its code runs, its commands exist, its tables are those on file."""
+
+from __future__ import annotations
+
+import csv
+import re
+from pathlib import Path
+
+import click
+import pytest
+
+from virtual_lab.cli import cli
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text()
+
+
+def test_the_python_example_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    (block,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    exec(compile(block, "README.md", "exec"), {})
+    assert (tmp_path / "out" / "mine" / "certificate.html").exists()
+
+
+def test_every_command_named_exists() -> None:
+    named = set(re.findall(r"virtual-lab ([a-z-]+)", README))
+    assert {"certify", "score", "reduce", "profile", "show", "coverage"} <= named
+    context = click.Context(cli)
+    for command in named:
+        assert cli.get_command(context, command), command
+
+
+def test_every_file_named_exists() -> None:
+    for name in re.findall(r"\]\(([^)#:]+)\)", README) + re.findall(
+        r"`((?:data|tests|rigs)/\S+?)`", README
+    ):
+        assert (ROOT / name.rstrip("/")).exists(), name
+
+
+def test_the_coverage_table_is_the_one_on_file() -> None:
+    (path,) = (ROOT / "tests" / "studies").glob("coverage-*.csv")
+    date = path.stem.removeprefix("coverage-")
+    assert date in README
+    with path.open() as lines:
+        for row in csv.DictReader(lines):
+            held, low, high = (
+                f"{100 * float(row[key]):.1f}" for key in ("coverage", "low", "high")
+            )
+            assert f"| {held} % ({low} to {high}) |" in README
+            assert f"{float(row['rms_u']):.5f}, {float(row['rms_error']):.5f}" in README
+            assert float(row["coverage"]) >= 0.93
+
+
+def test_the_chart_table_is_the_one_on_file() -> None:
+    """Seven of the picture's points, rounded to one digit of error and two of time."""
+    with (ROOT / "data" / "figures" / "collision.csv").open() as lines:
+        rows = list(csv.DictReader(lines))
+    points = set()
+    for row in rows:
+        time = float(f"{float(row['us_a_shot']):.2g}")
+        points.add(f"{float(row['worst_error']):.0e} | {time:g}")
+    table = README.split("worst error | µs |\n|---|---|---|\n")[1].split("\n\n")[0].splitlines()
+    assert len(table) == 7
+    for line in table:
+        assert line.split(" | ", 1)[1].removesuffix(" |") in points, line
