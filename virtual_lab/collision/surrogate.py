@@ -1,0 +1,169 @@
+"""The surrogate rung: e_A of one bat and one kind of ball as a Chebyshev interpolant.
+
+Built on demand from another rung over a box of place, log speed, e0 and ball mass; refined
+axis by axis until its error on points it was not fitted to is small enough. It knows e_A
+only: a rig that needs the bat's ring afterwards takes the modal rung.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dctn
+
+from virtual_lab.collision.scene import CollisionModel, Scenes
+from virtual_lab.errors import InputError
+
+__all__ = ["Box", "Surrogate"]
+
+Floats = NDArray[np.float64]
+AXES = ("impact_position", "relative_speed", "ball_restitution", "ball_mass")
+FIRST_NODES = (16, 5, 5, 3)
+MOST_NODES = 12_000
+CHECK_POINTS = 400
+CHECK_SEED = 20_031  # of the points the error is measured on; any will do, it must only stay
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Box:
+    """Where a surrogate holds: low and high of each variable, and the ball's force law."""
+
+    impact_position: tuple[float, float]  # [m]
+    relative_speed: tuple[float, float]  # [m/s]
+    ball_restitution: tuple[float, float]
+    ball_mass: tuple[float, float]  # [kg]
+    stiffness: float  # [N/m^a]
+    exponent: float
+
+    def __post_init__(self) -> None:
+        for axis in AXES:
+            low, high = getattr(self, axis)
+            if not low < high:
+                raise InputError(
+                    "surrogate", axis, f"{low:g} to {high:g}", "low must be below high"
+                )
+
+    def unit(self, scenes: Scenes) -> Floats:
+        """Return the scenes' places in the box, each variable from -1 to 1, shape (4, n).
+
+        Raises `InputError` where a scene lies outside or is of another ball.
+        """
+        for law in ("stiffness", "exponent"):
+            values = getattr(scenes, law)
+            if not np.all(values == getattr(self, law)):
+                other = values[values != getattr(self, law)][0]
+                raise InputError("surrogate", law, other, f"built for {getattr(self, law):g}")
+        rows = []
+        for axis in AXES:
+            low, high = getattr(self, axis)
+            values = getattr(scenes, axis)
+            rounding = 1e-12 * (high - low)
+            outside = (values < low - rounding) | (values > high + rounding)
+            if outside.any():
+                bad = float(values[outside][0])
+                raise InputError("surrogate", axis, bad, f"allowed: {low:g} to {high:g}, its box")
+            rows.append(_to_unit(axis, np.clip(values, low, high), low, high))
+        return np.stack(rows)
+
+    def scenes(self, unit: Floats) -> Scenes:
+        """Return the scenes at places of the box, shape (4, n), the inverse of `unit`."""
+        values = {
+            axis: _from_unit(axis, row, *getattr(self, axis))
+            for axis, row in zip(AXES, unit, strict=True)
+        }
+        return Scenes.of(**values, stiffness=self.stiffness, exponent=self.exponent)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Surrogate:
+    """An interpolant and what it is worth."""
+
+    box: Box
+    coefficients: Floats  # of T_i T_j T_k T_l, one axis a variable
+    error: float  # worst found on points it was not fitted to, against the rung it stands for
+    rung: str = "surrogate"
+
+    @classmethod
+    def build(cls, model: CollisionModel, box: Box, *, tolerance: float) -> Self:
+        """Build over `box` to an error of at most `tolerance` in e_A.
+
+        Raises
+        ------
+        InputError
+            Somewhere in the box ball and bat re-load or meet again, where e_A is not smooth; or
+            the tolerance asks for more than `MOST_NODES` nodes.
+        """
+        check = np.random.default_rng(CHECK_SEED).uniform(-1, 1, (4, CHECK_POINTS))
+        true = _smooth_efficiency(model, box.scenes(check))
+        nodes: tuple[int, ...] = FIRST_NODES
+        while True:
+            coefficients = _fit(lambda unit: _smooth_efficiency(model, box.scenes(unit)), nodes)
+            error = float(np.abs(_evaluate(coefficients, check) - true).max())
+            if error <= tolerance:
+                return cls(box=box, coefficients=coefficients, error=error)
+            nodes = _refined(coefficients)
+            if np.prod(nodes) > MOST_NODES:
+                allowed = f"{error:.1e} is reached with {coefficients.size} nodes, the most"
+                raise InputError("surrogate", "tolerance", tolerance, allowed)
+
+    def efficiency(self, scenes: Scenes) -> Floats:
+        """Return e_A of the scenes, shape (n,). `InputError` outside the box."""
+        return _evaluate(self.coefficients, self.box.unit(scenes))
+
+
+def _smooth_efficiency(model: CollisionModel, scenes: Scenes) -> Floats:
+    collisions = model.collide(scenes)
+    rough = (collisions.reloads > 0) | (collisions.contacts > 1)
+    if rough.any():
+        place = float(scenes.impact_position[rough][0])
+        raise InputError(
+            "surrogate", "impact_position", place, "ball and bat re-load here: take the modal rung"
+        )
+    return collisions.collision_efficiency
+
+
+def _fit(value: Callable[[Floats], Floats], nodes: tuple[int, ...]) -> Floats:
+    """Return the coefficients through the Chebyshev points of the first kind, by cosine sums."""
+    points = [np.cos(np.pi * (np.arange(n) + 0.5) / n) for n in nodes]
+    grid = np.stack([axis.ravel() for axis in np.meshgrid(*points, indexing="ij")])
+    coefficients = dctn(value(grid).reshape(nodes), type=2) / np.prod(nodes)
+    for axis in range(len(nodes)):
+        first = [slice(None)] * len(nodes)
+        first[axis] = slice(0, 1)
+        coefficients[tuple(first)] /= 2
+    return np.ascontiguousarray(coefficients)
+
+
+def _refined(coefficients: Floats) -> tuple[int, ...]:
+    """Return more nodes along the axis whose last coefficients are the largest."""
+    size = np.abs(coefficients)
+    tails = [
+        size.take(range(n - max(1, n // 6), n), axis=axis).max()
+        for axis, n in enumerate(size.shape)
+    ]
+    worst = int(np.argmax(tails))
+    return tuple(
+        n + 1 + n // 6 if axis == worst else n for axis, n in enumerate(coefficients.shape)
+    )
+
+
+def _evaluate(coefficients: Floats, unit: Floats) -> Floats:
+    from virtual_lab.collision.surrogate_kernel import evaluate
+
+    return np.asarray(evaluate(coefficients, np.ascontiguousarray(unit)))
+
+
+def _to_unit(axis: str, values: Floats, low: float, high: float) -> Floats:
+    if axis == "relative_speed":
+        values, low, high = np.log(values), np.log(low), np.log(high)
+    return (2 * values - low - high) / (high - low)
+
+
+def _from_unit(axis: str, unit: Floats, low: float, high: float) -> Floats:
+    if axis == "relative_speed":
+        return np.asarray(np.exp(_from_unit("", unit, np.log(low), np.log(high))))
+    return (low + high + unit * (high - low)) / 2
