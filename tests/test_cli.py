@@ -140,6 +140,23 @@ def test_profile_has_the_promised_keys(run: Run) -> None:
     assert len(lengths) == 1
 
 
+def test_profile_and_compare_write_their_folders(run: Run, tmp_path: Path) -> None:
+    assert run("profile", "r161", "--out", "one")[0] == 0
+    assert sorted(path.name for path in (tmp_path / "one").iterdir()) == [
+        "profile.csv",
+        "profile.png",
+    ]
+    code, out, _ = run("compare", "r161", "ea70", "--swing", "0.5", "--out", "two", "--json")
+    document = json.loads(out)
+    assert code == 0
+    assert [row["bat"] for row in document["peaks"]] == ["r161", "ea70"]
+    assert document["differences"][0]["v_f_mph"] == pytest.approx(6, abs=1)
+    assert (tmp_path / "two" / "compare.png").is_file()
+    code, _, err = run("compare", "r161", "ea70", "--out", "two")
+    assert code == 2
+    assert "not empty" in err
+
+
 @pytest.mark.parametrize("kind", [None, "bats", "balls", "procedures", "instruments", "rigs"])
 def test_list_and_show(kind: str | None, run: Run) -> None:
     """Everything listed can be shown, every number with unit and source (rigs of others aside)."""
@@ -188,6 +205,12 @@ def test_a_bad_file_is_one_line_and_leaves_nothing(fault: str, run: Run, tmp_pat
         (["score", "nowhere"], "nowhere/certificate.json"),
         (["show", "r162"], "did you mean r161?"),
         (["profile", "r161", "--swing", "3"], "0 to 0.5"),
+        (["profile", "r161", "--reference-inertia", "17000"], "with its unit"),
+        (["compare", "r161"], "two and more"),
+        (["compare", "r161", "ea7"], "did you mean ea70?"),
+        (["compare", "r161", "r161"], "its own name"),
+        (["compare", "r161", "ea70", "--swing", "nan"], "0 to 0.5"),
+        (["compare", "r161", "ea70", "--reference-inertia", "1 kg"], "kg m^2"),
         (["list", "hats"], "bats"),
         (["dance"], "dance"),
     ],

@@ -13,7 +13,9 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 from annotated_types import Ge, Gt, Le, Lt, MinLen
+from numpy.typing import ArrayLike, NDArray
 
 from virtual_lab.units import DIMENSIONS, to_si
 
@@ -227,6 +229,10 @@ class RestitutionLine(Spec):
     value: Annotated[float, Gt(0), Le(1), Dimension("number")]
     slope: Annotated[float, Le(0), Dimension("slope of speed")]
     floor: Annotated[float, Gt(0), Le(1), Dimension("number")]
+
+    def at(self, speed: ArrayLike) -> NDArray[np.float64]:
+        """Return e0 of the nominal ball at `speed` [m/s], of its shape."""
+        return np.maximum(self.value + self.slope * (np.asarray(speed) - self.speed), self.floor)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

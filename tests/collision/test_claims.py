@@ -8,9 +8,9 @@ import pytest
 
 from tests.collision.scenes import usual
 from virtual_lab.catalog import load_bat
-from virtual_lab.collision.modal import ModalModel
+from virtual_lab.collision.modal import BENDING_MODES, ModalModel
 from virtual_lab.physics.beam import beam_of
-from virtual_lab.physics.supports import Free
+from virtual_lab.physics.supports import Clamped, Free, Pinned
 from virtual_lab.physics.swing import KNOB_OFFSET, PowerLawSwing, bat_speed
 from virtual_lab.relations import kinematics
 from virtual_lab.units import INCH, MPH, OUNCE, OZ_IN2
@@ -61,6 +61,16 @@ def test_wood_peaks_in_the_order_of_the_paper() -> None:
     assert wood.v_f_at < wood.efficiency_at - 0.4
 
 
+def test_restitution_falls_on_both_sides_of_its_peak() -> None:
+    body = load_bat("r161").spec.body
+    beam, z = beam_of(body), np.array([2.5, 5.25, 8.5])
+    e_A = ModalModel.of(body, Free()).collide(usual(z)).collision_efficiency
+    r = kinematics.recoil_factor_free(MASS, beam.mass, beam.inertia_cm, z * INCH - beam.z_cm)
+    e = np.asarray(kinematics.restitution_from_efficiency(e_A, r))
+    assert e[1] - e[0] > 0.1
+    assert e[1] - e[2] > 0.1
+
+
 def test_aluminium_beats_wood_in_the_laboratory_but_not_at_equal_swing() -> None:
     wood, aluminium = peaks("r161"), peaks("ea70")
     assert aluminium.e / wood.e - 1 == pytest.approx(0.085, abs=0.003)
@@ -85,3 +95,33 @@ def test_loading_the_barrel_wins_for_any_swing_short_of_equal_energy() -> None:
     ]
     assert leads[0] > leads[1] > leads[2] > 0
     assert leads[0] > 5
+
+
+def test_one_laboratory_number_ranks_bats_the_wrong_way_round() -> None:
+    """BPF puts a knob-loaded bat first which is last when all swing alike, first when not."""
+    wood, loaded = peaks("r161"), peaks("knob-loaded")
+    assert loaded.e > 1.05 * wood.e
+    assert loaded.v_f < wood.v_f - 2
+    assert peaks("knob-loaded", 0.5).v_f > peaks("r161", 0.5).v_f + 2
+
+
+@pytest.mark.parametrize("name", ["r161", "ea70"])
+def test_the_support_changes_restitution_but_not_efficiency(name: str) -> None:
+    """Free, pinned 6 in and clamped 1 in from the knob; the gap falls with the modes kept."""
+    body, z, pin = load_bat(name).spec.body, np.linspace(3, 8, 21), 28 * INCH
+
+    def efficiency(modes: int, support: Free | Pinned | Clamped) -> np.ndarray:
+        return ModalModel.of(body, support, modes).collide(usual(z)).collision_efficiency
+
+    gaps = {}
+    for modes in (6, 8, 10, 14, BENDING_MODES, 30):
+        free = efficiency(modes, Free())
+        held = (efficiency(modes, Pinned(pin)), efficiency(modes, Clamped(33 * INCH)))
+        gaps[modes] = [float(np.abs(one - free).max()) for one in held]
+        print(f"{name}, {modes} modes: e_A pinned and clamped less free, worst", gaps[modes])
+    assert max(gaps[BENDING_MODES]) < 3e-4
+    assert max(gaps[6]) > max(gaps[BENDING_MODES])
+    beam, free = beam_of(body), efficiency(BENDING_MODES, Free())
+    r = kinematics.recoil_factor_free(MASS, beam.mass, beam.inertia_cm, z * INCH - beam.z_cm)
+    e = np.asarray(kinematics.restitution_from_efficiency(free, r))
+    assert np.all(e - free > 0.1)  # clamped: r = 0, so e is e_A

@@ -28,6 +28,14 @@ def test_more_modes_and_smaller_steps_err_less(rows: list[dict[str, object]]) ->
         assert (np.diff(errors) < 0).all()
 
 
+def test_a_surrogate_keeps_its_tolerance(rows: list[dict[str, object]]) -> None:
+    errors = [
+        float(str(r["worst_error"])) for r in rows if r["series"] == collision_chart.SURROGATE
+    ]
+    for error, tolerance in zip(errors, collision_chart.TOLERANCES, strict=True):
+        assert error <= 2 * tolerance
+
+
 def test_files(rows: list[dict[str, object]], tmp_path: Path) -> None:
     collision_chart.save(rows, tmp_path / "chart")
     assert (tmp_path / "chart" / "collision.png").read_bytes().startswith(b"\x89PNG")

@@ -122,15 +122,7 @@ class Ladder:
 
 def probing_scenes(ball: BallSpec, speed: float) -> Scenes:
     """Return scenes of a nominal ball at `speed` [m/s] about the barrel, to compare rungs on."""
-    line = ball.restitution
-    return Scenes.of(
-        impact_position=np.array(PROBED_IN) * INCH,
-        relative_speed=speed,
-        ball_mass=ball.mass,
-        ball_restitution=max(line.value + line.slope * (speed - line.speed), line.floor),
-        stiffness=ball.stiffness,
-        exponent=ball.exponent,
-    )
+    return Scenes.with_ball(ball, impact_position=np.array(PROBED_IN) * INCH, relative_speed=speed)
 
 
 def _error(error: float, allowed: float | None = None) -> str:

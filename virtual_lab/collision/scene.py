@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.physics.modes import Modes
+from virtual_lab.specs import BallSpec
 
 __all__ = ["CollisionModel", "Collisions", "EnergySplit", "Scenes"]
 
@@ -67,6 +68,20 @@ class Scenes:
         if len(shape) != 1 or shape[0] == 0:
             raise InputError("scenes", "shapes", shapes, "allowed: all (n,) or numbers, n >= 1")
         return cls(**_named(cls, [np.broadcast_to(array, shape) for array in arrays]))
+
+    @classmethod
+    def with_ball(
+        cls, ball: BallSpec, *, impact_position: ArrayLike, relative_speed: ArrayLike
+    ) -> Self:
+        """Return scenes of a nominal ball, its e0 taken at the relative speed."""
+        return cls.of(
+            impact_position=impact_position,
+            relative_speed=relative_speed,
+            ball_mass=ball.mass,
+            ball_restitution=ball.restitution.at(relative_speed),
+            stiffness=ball.stiffness,
+            exponent=ball.exponent,
+        )
 
     def __post_init__(self) -> None:
         for name, value in self._arrays():

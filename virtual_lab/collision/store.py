@@ -7,11 +7,11 @@ import os
 import tempfile
 import zipfile
 from dataclasses import asdict
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 
-from virtual_lab import __version__
 from virtual_lab.collision.modal import BENDING_MODES, STIFF_MODES, ModalModel
 from virtual_lab.collision.patch import PATCH
 from virtual_lab.collision.surrogate import Box, Surrogate
@@ -52,7 +52,7 @@ def surrogate_of(
 
 def _key(body: BatBody, support: Support, box: Box, tolerance: float) -> str:
     """Return a hash of all that the coefficients depend on."""
-    settings = (__version__, BENDING_MODES, STIFF_MODES, PATCH, type(support).__name__)
+    settings = (version("virtual-lab"), BENDING_MODES, STIFF_MODES, PATCH, type(support).__name__)
     everything = (settings, asdict(body), asdict(support), asdict(box), tolerance)
     return hashlib.sha256(repr(everything).encode()).hexdigest()[:32]
 

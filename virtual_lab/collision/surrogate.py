@@ -17,6 +17,7 @@ from scipy.fft import dctn
 
 from virtual_lab.collision.scene import CollisionModel, Scenes
 from virtual_lab.errors import InputError
+from virtual_lab.streams import Streams
 
 __all__ = ["Box", "Surrogate"]
 
@@ -97,7 +98,7 @@ class Surrogate:
             Somewhere in the box ball and bat re-load or meet again, where e_A is not smooth; or
             the tolerance asks for more than `MOST_NODES` nodes.
         """
-        check = np.random.default_rng(CHECK_SEED).uniform(-1, 1, (4, CHECK_POINTS))
+        check = 2 * Streams(CHECK_SEED).uniform("surrogate.check", (4, CHECK_POINTS))
         true = _smooth_efficiency(model, box.scenes(check))
         nodes: tuple[int, ...] = FIRST_NODES
         while True:

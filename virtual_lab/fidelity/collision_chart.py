@@ -2,7 +2,8 @@
 
 Errors are the worst over scenes along the barrel and over speeds: of the rigid rung and of
 each number of modes against the reference (all the beam's modes, its own integrator), of each
-time step against the same modes at a far finer step. Times are medians of repeated batches.
+time step and each surrogate against the default modes at a far finer step. Times are medians of
+repeated batches.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from virtual_lab.collision.modal import ModalModel
 from virtual_lab.collision.reference import ReferenceModel
 from virtual_lab.collision.rigid import RigidModel
 from virtual_lab.collision.scene import CollisionModel, Scenes
+from virtual_lab.collision.surrogate import Box, Surrogate
 from virtual_lab.folder import new_folder
 from virtual_lab.physics.supports import Free
 from virtual_lab.specs import BallSpec
@@ -29,6 +31,7 @@ from virtual_lab.units import INCH, MPH
 __all__ = ["measure", "save"]
 
 Array = NDArray[np.float64]
+Efficiency = Callable[[Scenes], Array]
 BAT, BALL = "r161", "baseball-2003"
 MODE_COUNTS = (4, 6, 8, 10, 14, 20, 30)
 REFINEMENTS = (0.35, 0.5, 0.7, 1.0, 1.4)
@@ -37,6 +40,8 @@ PLACES_IN = (2.0, 3.5, 5.0, 6.5, 8.0, 10.0, 12.0)
 SPEEDS_MPH = (60.0, 110.0, 160.0)
 BATCH, REPEATS = 2000, 7
 MODES, STEPS = "modal, by number of modes", "modal, by time step alone"
+SURROGATE = "surrogate of the default, its own error"
+TOLERANCES = (1e-4, 1e-5, 2e-6)
 NOISE_FLOOR = 2.3e-3  # standard uncertainty of e_A in a certificate of this bat
 
 
@@ -50,17 +55,17 @@ def measure(say: Callable[[str], None] = lambda _: None) -> list[dict[str, Any]]
     rows = []
     same_modes = replace(ModalModel.of(body, Free()), refinement=FINEST)
     converged = same_modes.collide(scenes).collision_efficiency
-    for series, setting, model in _models():
+    for series, setting, efficiency in _models():
         say(f"{series}: {setting}")
-        against = converged if series == STEPS else true
-        error = model.collide(scenes).collision_efficiency - against
+        against = converged if series in (STEPS, SURROGATE) else true
+        error = efficiency(scenes) - against
         rows.append(
             {
                 "series": series,
                 "setting": setting,
                 "worst_error": float(np.abs(error).max()),
                 "rms_error": float(np.sqrt((error**2).mean())),
-                "us_a_shot": _median_time(model, batch) / len(batch) * 1e6,
+                "us_a_shot": _median_time(efficiency, batch) / len(batch) * 1e6,
             }
         )
     return rows
@@ -75,37 +80,49 @@ def save(rows: list[dict[str, Any]], folder: Path) -> None:
         _draw(rows, draft / "collision.png")
 
 
-def _models() -> Iterator[tuple[str, str, CollisionModel]]:
+def _models() -> Iterator[tuple[str, str, Efficiency]]:
     body = catalog.load_bat(BAT).spec.body
-    yield "rigid", "closed form", RigidModel.of(body, Free())
-    for count in MODE_COUNTS:
-        yield MODES, f"{count} modes", ModalModel.of(body, Free(), count)
     default = ModalModel.of(body, Free())
+    yield "rigid", "closed form", _of(RigidModel.of(body, Free()))
+    for tolerance in TOLERANCES:
+        surrogate = Surrogate.build(default, _box(), tolerance=tolerance)
+        yield SURROGATE, f"{surrogate.coefficients.size} nodes", surrogate.efficiency
+    for count in MODE_COUNTS:
+        yield MODES, f"{count} modes", _of(ModalModel.of(body, Free(), count))
     for refinement in REFINEMENTS:
-        model = replace(default, refinement=refinement)
-        yield STEPS, f"step x {1 / refinement:.2g}", model
+        setting = f"step x {1 / refinement:.2g}"
+        yield STEPS, setting, _of(replace(default, refinement=refinement))
 
 
-def _scenes(places: Array, speeds: Array) -> Scenes:
+def _of(model: CollisionModel) -> Efficiency:
+    return lambda scenes: model.collide(scenes).collision_efficiency
+
+
+def _box() -> Box:
+    """Return a box about all scenes of this chart."""
     ball = catalog.load("balls", BALL, BallSpec).spec
-    place, speed = (grid.ravel() for grid in np.meshgrid(places, speeds))
-    line = ball.restitution
-    return Scenes.of(
-        impact_position=place,
-        relative_speed=speed,
-        ball_mass=ball.mass,
-        ball_restitution=np.maximum(line.value + line.slope * (speed - line.speed), line.floor),
+    return Box(
+        impact_position=(1.5 * INCH, 12.5 * INCH),
+        relative_speed=(55 * MPH, 170 * MPH),
+        ball_restitution=(0.43, 0.57),
+        ball_mass=(0.98 * ball.mass, 1.02 * ball.mass),
         stiffness=ball.stiffness,
         exponent=ball.exponent,
     )
 
 
-def _median_time(model: CollisionModel, batch: Scenes) -> float:
-    model.collide(batch)
+def _scenes(places: Array, speeds: Array) -> Scenes:
+    ball = catalog.load("balls", BALL, BallSpec).spec
+    place, speed = (grid.ravel() for grid in np.meshgrid(places, speeds))
+    return Scenes.with_ball(ball, impact_position=place, relative_speed=speed)
+
+
+def _median_time(efficiency: Efficiency, batch: Scenes) -> float:
+    efficiency(batch)
     times = []
     for _ in range(REPEATS):
         start = time.perf_counter()
-        model.collide(batch)
+        efficiency(batch)
         times.append(time.perf_counter() - start)
     return float(np.median(times))
 
@@ -115,7 +132,12 @@ def _draw(rows: list[dict[str, Any]], path: Path) -> None:
 
     figure = Figure(figsize=(7.2, 4.6), dpi=150, layout="constrained")
     axes = figure.add_subplot()
-    marks = {"rigid": ("s", 7), MODES: ("o", -7), STEPS: ("^", 7)}  # marker, label's offset
+    marks = {
+        "rigid": ("s", 7),
+        SURROGATE: ("d", 7),
+        MODES: ("o", -7),
+        STEPS: ("^", 7),
+    }  # marker, label's offset
     for series, (marker, aside) in marks.items():
         own = [row for row in rows if row["series"] == series]
         times, errors = zip(*((r["us_a_shot"], r["worst_error"]) for r in own), strict=True)

@@ -9,7 +9,14 @@ from virtual_lab.report.rounding import with_uncertainty
 from virtual_lab.specs import PublishedBat
 from virtual_lab.units import INCH, OUNCE, OZ_IN2
 
-__all__ = ["certificate_text", "profile_text", "score_text", "sheet_text", "table_text"]
+__all__ = [
+    "certificate_text",
+    "comparison_text",
+    "profile_text",
+    "score_text",
+    "sheet_text",
+    "table_text",
+]
 
 WORDS = {
     "bat_performance_factor": "BPF",
@@ -131,6 +138,25 @@ def profile_text(document: Mapping[str, Any], published: PublishedBat | None) ->
         for i in range(len(document["z_in"]))
     ]
     return f"{table_text(rows)}\n\n{table_text(curve)}"
+
+
+def comparison_text(
+    peaks: Sequence[Mapping[str, Any]], differences: Sequence[Mapping[str, Any]]
+) -> str:
+    """Return the peaks of several bats, and how far they lie from those of the first."""
+    forms = {"e": ".4f", "BPF": ".4f", "e_A": ".4f", "v_f_mph": ".2f"}
+    tops = [
+        {"bat": row["bat"], "n": f"{row['n']:g}"}
+        | {name: f"{row[name]:{form}} @ {row[f'{name}_at_in']:.2f}" for name, form in forms.items()}
+        for row in peaks
+    ]
+    apart = [
+        {"bat": f"{row['bat']} against {row['against']}", "n": f"{row['n']:g}"}
+        | {name: f"{row[f'{name}_percent']:+.1f} %" for name in ("e", "BPF", "e_A")}
+        | {"v_f": f"{row['v_f_mph']:+.2f} mph"}
+        for row in differences
+    ]
+    return f"peak @ inches from the tip\n{table_text(tops)}\n\n{table_text(apart)}"
 
 
 def _published(bat: PublishedBat | None) -> dict[str, float]:
