@@ -106,7 +106,7 @@ def judge(procedure: Procedure, results: ShotResults, readings: ImpactReadings) 
     mass, e0 = results.ball_mass, results.nominal_ball_restitution
     low, high = windows.ball_mass_low, windows.ball_mass_high
     dead, lively = windows.ball_restitution_low, windows.ball_restitution_high
-    around = f"{procedure.speed / MPH:.1f} ± {windows.speed_tolerance / MPH:.1f}"
+    around = f"{procedure.speed / MPH:.4g} ± {windows.speed_tolerance / MPH:.3g}"
     criteria: tuple[tuple[NDArray[np.bool_], str, Array], ...] = (
         (np.isfinite(results.speed), "the gates did not see the ball come in", results.speed),
         (
