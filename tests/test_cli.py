@@ -211,6 +211,7 @@ def test_a_bad_file_is_one_line_and_leaves_nothing(fault: str, run: Run, tmp_pat
         (["compare", "r161", "r161"], "its own name"),
         (["compare", "r161", "ea70", "--swing", "nan"], "0 to 0.5"),
         (["compare", "r161", "ea70", "--reference-inertia", "1 kg"], "kg m^2"),
+        (["sensitivity", "r116"], "did you mean r161?"),
         (["list", "hats"], "bats"),
         (["dance"], "dance"),
     ],

@@ -20,7 +20,7 @@ BARREL = np.linspace(3, 8, 11)
 
 
 @pytest.mark.parametrize("body", [WOOD, ALUMINIUM])
-@pytest.mark.parametrize("support", [Free(), Pinned(PIVOT), Clamped(31 * INCH)])
+@pytest.mark.parametrize("support", [Free(), Pinned(PIVOT), Pinned(PIVOT, 1e6), Clamped(31 * INCH)])
 def test_energy_is_accounted_for(body: BatBody, support: Support) -> None:
     # the hysteresis is the area of the ball's law, not what is missing
     result = ModalModel.of(body, support).collide(scattered(60, 0.5, 24, seed=1))
@@ -134,3 +134,18 @@ def test_a_batch_is_its_scenes_one_by_one() -> None:
 def test_the_ball_that_carries_on_has_a_negative_efficiency() -> None:
     result = ModalModel.of(WOOD, Free()).collide(usual([0.3]))
     assert result.collision_efficiency[0] < -0.1
+
+
+def test_a_yielding_pivot_lies_between_a_free_bat_and_a_rigid_pin() -> None:
+    """Close to the pivot, where it is felt: e_A goes to the one with k, to the other with 1/k."""
+    scenes = usual([5.0, 12.0, 20.0, 24.0])
+
+    def efficiency(support: Support) -> np.ndarray:
+        return ModalModel.of(WOOD, support, 30).collide(scenes).collision_efficiency
+
+    free, rigid = efficiency(Free()), efficiency(Pinned(PIVOT))
+    assert np.abs(free - rigid).max() > 0.1
+    gaps = [np.abs(efficiency(Pinned(PIVOT, k)) - rigid).max() for k in (1e9, 1e10, 1e11)]
+    assert gaps[1] == pytest.approx(gaps[0] / 10, rel=0.2)
+    assert gaps[2] < 2e-5
+    assert np.abs(efficiency(Pinned(PIVOT, 1.0)) - free).max() < 2e-5

@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 
 from tests.collision.scenes import scattered, usual
+from tests.physics.bodies import rigid_rod
 from virtual_lab.catalog import load_bat
 from virtual_lab.collision.ladder import MODAL_ERROR
 from virtual_lab.collision.modal import ModalModel
 from virtual_lab.collision.reference import ReferenceModel
 from virtual_lab.collision.scene import Scenes
+from virtual_lab.physics.ball import HuntCrossley, LawOfBall, PowerLaw, wall_contact
 from virtual_lab.physics.modes import modes_of
 from virtual_lab.physics.supports import Free, Pinned, Support
+from virtual_lab.relations.kinematics import efficiency_from_restitution
 from virtual_lab.specs import BatBody
 from virtual_lab.units import INCH
 
@@ -39,7 +42,7 @@ def agree(body: BatBody, support: Support, scenes: Scenes, tolerance: float) -> 
 
 
 @pytest.mark.parametrize("body", [WOOD, ALUMINIUM])
-@pytest.mark.parametrize("support", [Free(), Pinned(28 * INCH)])
+@pytest.mark.parametrize("support", [Free(), Pinned(28 * INCH), Pinned(28 * INCH, 1e6)])
 def test_barrel_hits_agree_with_the_reference(body: BatBody, support: Support) -> None:
     agree(body, support, scattered(25, 1, 12, seed=4), 1e-8)
 
@@ -86,3 +89,40 @@ def test_residual_flexibility_is_worth_ten_times() -> None:
     bare = replace(model, stiff=model.stiff.above(model.stiff.count))
     errors = [np.abs(m.collide(scenes).collision_efficiency - truth).max() for m in (model, bare)]
     assert 10 * errors[0] < errors[1]
+
+
+@pytest.mark.parametrize("law", [PowerLaw.of, HuntCrossley.of])
+@pytest.mark.parametrize(("exponent", "e0"), [(1.0, 0.5), (1.5, 0.45), (2.0, 0.9)])
+def test_a_wall_gives_back_e0(law: LawOfBall, exponent: float, e0: float) -> None:
+    """A rod of 200 000 tons against closed forms (power law) and quadrature (the other)."""
+    k = 3.5e6 * 0.012 ** (1 - exponent)
+    scenes = usual([20.0], exponent=exponent, stiffness=k, ball_restitution=e0)
+    result = ReferenceModel.of(rigid_rod(), Free(), 0, law).collide(scenes)
+    mass, speed = float(scenes.ball_mass[0]), float(scenes.relative_speed[0])
+    made = law(stiffness=k, exponent=exponent, restitution=e0, speed=speed)
+    if isinstance(made, HuntCrossley):
+        wall = made.wall_contact(mass, speed)
+    else:
+        wall = wall_contact(*(np.array(x) for x in (mass, speed, k, exponent, e0)))
+    assert result.collision_efficiency[0] == pytest.approx(e0, rel=1e-8)
+    assert result.contact_time[0] == pytest.approx(wall.time, rel=1e-8)
+    assert result.energy.hysteresis[0] == pytest.approx(1 - e0**2, rel=1e-8)
+
+
+@pytest.mark.parametrize("law", [PowerLaw.of, HuntCrossley.of])
+def test_a_rigid_bat_that_recoils_has_e_of_the_wall(law: LawOfBall) -> None:
+    """No mode that bends: e = e0 for any reduced mass, e_A by Eq. (6)."""
+    modes = modes_of(WOOD, Free(), 0)
+    scenes = usual([3.0, 6.0, 20.0])
+    r = scenes.ball_mass * np.sum(modes.shape(scenes.impact_position) ** 2, axis=1)
+    found = ReferenceModel(modes=modes, patch=0.0, law=law).collide(scenes).collision_efficiency
+    assert found == pytest.approx(efficiency_from_restitution(0.5, r), abs=1e-9)
+
+
+@pytest.mark.parametrize("body", [WOOD, ALUMINIUM])
+@pytest.mark.parametrize("law", [PowerLaw.of, HuntCrossley.of])
+def test_every_law_accounts_for_its_energy(body: BatBody, law: LawOfBall) -> None:
+    e = ReferenceModel.of(body, Free(), MODES, law).collide(scattered(8, 0.5, 24, seed=8)).energy
+    whole = e.ball + e.rigid + e.bending + e.hoop + e.hysteresis
+    assert whole == pytest.approx(np.ones(8), abs=1e-9)
+    assert e.hysteresis.min() > 0

@@ -211,3 +211,47 @@ def test_places_off_the_bat_are_refused(z: float) -> None:
 def test_more_modes_than_the_mesh_has_are_refused() -> None:
     with pytest.raises(InputError, match="bending"):
         modes_of(BAT, Free(), 10_000)
+
+
+def test_a_stiff_rod_bounces_on_its_spring_as_a_rigid_one() -> None:
+    """One pivot spring k: the turn about it is free, the other mode has w^2 = k / M_eff."""
+    body = rod((0.05, 0.06), youngs_modulus=1e13, shear_modulus=4e12)
+    beam, modes = beam_of(body), modes_of(body, Pinned(0.8, 1e4), 2)
+    inverse_mass = 1 / beam.mass + (0.8 - beam.z_cm) ** 2 / beam.inertia_cm
+    assert modes.rigid == 1
+    assert modes.angular_frequencies[1] ** 2 == pytest.approx(1e4 * inverse_mass, rel=1e-3)
+
+
+@pytest.mark.parametrize("stiffness", [1e4, 1e7, 1e10])
+def test_modes_over_a_spring_are_orthonormal_and_hold_its_energy(stiffness: float) -> None:
+    support = Pinned(0.7, stiffness)
+    beam, modes = beam_of(BAT, support), modes_of(BAT, support, 12)
+    vectors = np.concatenate((modes.deflections, modes.rotations))
+    gram = vectors.T @ beam.mass_matrix @ vectors
+    assert np.abs(gram - np.eye(len(gram))).max() < 1e-12
+    at = modes.shape(0.7)
+    energy = vectors.T @ beam.stiffness_matrix @ vectors + stiffness * np.outer(at, at)
+    squares = modes.angular_frequencies**2
+    assert np.abs(energy - np.diag(squares)).max() < 1e-7 * squares.max()
+
+
+def test_a_pivot_spring_runs_from_free_to_rigid() -> None:
+    """Frequencies: 1/k from the pinned bat, k from the free one, whose bounce is extra."""
+    rigid = modes_of(BAT, Pinned(0.7), 4).angular_frequencies[1:]
+    free = modes_of(BAT, Free(), 4).angular_frequencies[2:]
+
+    def gap(stiffness: float) -> float:
+        found = modes_of(BAT, Pinned(0.7, stiffness), 5).angular_frequencies
+        against = rigid if stiffness > 1e7 else free
+        own = found[1:5] if stiffness > 1e7 else found[2:]
+        return float(np.abs(own / against - 1).max())
+
+    assert gap(1e11) == pytest.approx(gap(1e10) / 10, rel=0.05)
+    assert gap(1e2) == pytest.approx(gap(1e3) / 10, rel=0.05)
+    assert max(gap(1e11), gap(1e2)) < 1e-3
+
+
+@pytest.mark.parametrize("stiffness", [0.0, -1.0, float("nan"), 1e-12])
+def test_a_pivot_without_stiffness_is_refused(stiffness: float) -> None:
+    with pytest.raises(InputError, match="stiffness"):
+        modes_of(rod(youngs_modulus=1e15), Pinned(0.7, stiffness), 2)

@@ -10,7 +10,7 @@ import click
 from virtual_lab import __version__
 from virtual_lab.cli.bench import certify, reduce, score
 from virtual_lab.cli.shelf import compare, list_, profile, show
-from virtual_lab.cli.study import bias, chart, coverage
+from virtual_lab.cli.study import bias, chart, coverage, sensitivity
 from virtual_lab.errors import InputError
 
 __all__ = ["main"]
@@ -71,5 +71,17 @@ def completion(shell: str) -> None:
     click.echo(script(cli, {}, PROGRAM, "_VIRTUAL_LAB_COMPLETE").source())
 
 
-for command in (certify, score, reduce, list_, show, profile, compare, coverage, bias, chart):
+for command in (
+    certify,
+    score,
+    reduce,
+    list_,
+    show,
+    profile,
+    compare,
+    coverage,
+    bias,
+    sensitivity,
+    chart,
+):
     cli.add_command(command)

@@ -1,4 +1,4 @@
-"""Commands that study the laboratory itself: coverage, bias, chart."""
+"""Commands that study the laboratory itself: coverage, bias, sensitivity, chart."""
 
 from __future__ import annotations
 
@@ -38,6 +38,21 @@ def bias(as_json: bool) -> None:
         print_json(rows)
     else:
         click.echo(table_text(rows))
+
+
+@click.command()
+@click.argument("bat", shell_complete=names("bats"))
+@json_option
+def sensitivity(bat: str, as_json: bool) -> None:
+    """Show how far the peaks of BAT hang on the law of the ball."""
+    from virtual_lab.report.text import sensitivity_text
+    from virtual_lab.studies.ball_law import sensitivity as run
+
+    rows = run(bat, say=teller())
+    if as_json:
+        print_json(rows)
+    else:
+        click.echo(sensitivity_text(rows))
 
 
 @click.group()

@@ -8,6 +8,7 @@ by ``shape_i(z) F``.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import isfinite
 from typing import Self
 
 import numpy as np
@@ -137,7 +138,13 @@ def modes_of(
     Raises
     ------
     InputError
-        The support lies off the bat, or the mesh has fewer modes than asked for.
+        The support lies off the bat, its spring is too soft, or the mesh has fewer modes than
+        asked for.
+
+    Notes
+    -----
+    Under a pivot of finite stiffness the bounce on its spring is the first bending mode, and
+    the energy of that mode, spring included, counts as bending.
     """
     beam = beam_of(body, support, order=order, element_size=element_size)
     rigid = _rigid_modes(beam, support)
@@ -145,7 +152,10 @@ def modes_of(
     most = len(free) - rigid.shape[1]
     if not 0 <= bending <= most:
         raise InputError("modes", "bending", bending, f"allowed: 0 to {most} for this mesh")
-    squares, vectors = _bending_modes(beam, free, rigid, bending)
+    squares, vectors = _bending_modes(_sprung(beam, support), free, rigid, bending)
+    if not np.all(squares > 0):
+        allowed = "allowed: enough to tell from rounding; a free bat needs no spring"
+        raise InputError("pinned bat", "stiffness", getattr(support, "stiffness", None), allowed)
     shapes = np.concatenate((rigid, vectors), axis=1)
     angular = (np.zeros(rigid.shape[1]), np.sqrt(squares), _hoop_frequency(body.hoop))
     n = beam.mesh.nodes.size
@@ -191,12 +201,25 @@ def _rigid_modes(beam: Beam, support: Support) -> Floats:
             return np.zeros((2 * beam.mesh.nodes.size, 0))
 
 
+def _sprung(beam: Beam, support: Support) -> Beam:
+    """Return the beam with the spring of a yielding pivot in its stiffness."""
+    match support:
+        case Pinned(z=z, stiffness=k) if isfinite(k):
+            stiffness = beam.stiffness_matrix.copy()
+            node = int(np.flatnonzero(beam.mesh.nodes == z)[0])
+            stiffness[node, node] += k
+            return replace(beam, stiffness_matrix=stiffness)
+    return beam
+
+
 def _free_freedoms(beam: Beam, support: Support) -> NDArray[np.intp]:
     """Return the numbers of the freedoms the support leaves free."""
     nodes = beam.mesh.nodes
     everything = np.arange(2 * nodes.size)
     match support:
         case Free():
+            return everything
+        case Pinned(stiffness=k) if isfinite(k):
             return everything
         case Pinned(z=z):
             held = [int(np.flatnonzero(nodes == z)[0])]

@@ -14,6 +14,7 @@ __all__ = [
     "comparison_text",
     "profile_text",
     "score_text",
+    "sensitivity_text",
     "sheet_text",
     "table_text",
 ]
@@ -157,6 +158,30 @@ def comparison_text(
         for row in differences
     ]
     return f"peak @ inches from the tip\n{table_text(tops)}\n\n{table_text(apart)}"
+
+
+def sensitivity_text(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return what each law of the ball makes of a bat, and how far the results spread."""
+    forms = {"e": ".4f", "BPF": ".4f", "e_A": ".4f", "v_f_mph": ".2f"}
+    cells = [
+        {
+            "law": row["law"],
+            "exponent": f"{row['exponent']:g}",
+            "wall, ms": f"{row['wall_time_ms']:.3f}",
+            "wall, kN": f"{row['wall_force_kn']:.1f}",
+        }
+        | {name: f"{row[name]:{form}} @ {row[f'{name}_at_in']:.2f}" for name, form in forms.items()}
+        for row in rows
+    ]
+    apart = {
+        name: max(row[name] for row in rows) - min(row[name] for row in rows)
+        for pair in forms
+        for name in (pair, f"{pair}_at_in")
+    }
+    spread = {"law": "spread", "exponent": "", "wall, ms": "", "wall, kN": ""} | {
+        name: f"{apart[name]:{form}} @ {apart[f'{name}_at_in']:.2f}" for name, form in forms.items()
+    }
+    return f"{rows[0]['bat']}: peak @ inches from the tip\n{table_text([*cells, spread])}"
 
 
 def _published(bat: PublishedBat | None) -> dict[str, float]:
