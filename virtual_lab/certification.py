@@ -49,6 +49,8 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
+PIVOT_TOLERANCE = 5e-3  # m, a rig this far off is another rig
+
 QUANTITIES: Mapping[str, str] = {  # name in a certificate: the shots' field it is the mean of
     "bat_performance_factor": "bat_performance_factor",
     "collision_efficiency": "lot_collision_efficiency",
@@ -128,6 +130,7 @@ def _constants_known() -> Iterator[None]:
 def reduce_session(session: Session) -> Reduced:
     """Reduce a session's records. `InputError` where a record or procedure is of no use."""
     procedure = read(session.procedure_text, "procedure.toml", Procedure)
+    _require_pivot(session, procedure.spec)
     ball_readings, readings = observe_balls(session), observe_impact(session)
     constants = _constants(session) | {
         "procedure.pivot_from_knob": Estimate(value=procedure.spec.pivot_from_knob),
@@ -149,6 +152,15 @@ def reduce_session(session: Session) -> Reduced:
         shots=shots,
         judgement=judge(procedure.spec, shots, readings),
     )
+
+
+def _require_pivot(session: Session, procedure: Procedure) -> None:
+    """Refuse a rig whose axis is not where the rules ask for it: no reduction mends that."""
+    axis, asked = session.calibration["impact.pivot.from_knob"].value, procedure.pivot_from_knob
+    if abs(axis - asked) > PIVOT_TOLERANCE:
+        raise InputError(
+            "procedure.toml", "pivot_from_knob", f"{asked:g} m", f"the rig's axis is at {axis:g} m"
+        )
 
 
 def certify_session(session: Session) -> Certification:

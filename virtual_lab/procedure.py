@@ -20,6 +20,7 @@ from virtual_lab.units import MPH, OUNCE
 __all__ = ["Judgement", "Procedure", "Verdict", "Windows", "aimed_place", "judge", "verdict"]
 
 Array = NDArray[np.float64]
+MOST_ATTEMPTS = 1000  # a slip of the pen, not a test, beyond
 SETTING_STEP = 0.5e-3  # m, the operator sets a place to half a millimetre
 
 Mass = Annotated[float, Gt(0), Dimension("mass")]
@@ -38,6 +39,12 @@ class Windows(Spec):
     ball_mass_high: Mass
     ball_restitution_low: Number
     ball_restitution_high: Number
+
+    def __post_init__(self) -> None:
+        for name in ("ball_mass", "ball_restitution"):
+            low, high = getattr(self, f"{name}_low"), getattr(self, f"{name}_high")
+            if low > high:
+                raise ValueError(f"{name}_low {low:g} is above {name}_high {high:g}: no ball fits")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,6 +70,8 @@ class Procedure(Spec):
     def __post_init__(self) -> None:
         if self.attempts < self.valid_hits:
             raise ValueError(f"{self.attempts} attempts cannot give {self.valid_hits} valid hits")
+        if self.attempts > MOST_ATTEMPTS:
+            raise ValueError(f"{self.attempts} attempts; allowed: up to {MOST_ATTEMPTS}")
 
 
 class Verdict(Enum):
@@ -133,6 +142,11 @@ def judge(procedure: Procedure, results: ShotResults, readings: ImpactReadings) 
             unclear <= windows.recoil_u,
             f"recoil known to {{:.2%}}, allowed {windows.recoil_u:.2%}",
             unclear,
+        ),
+        (
+            (results.restitution > 0) & (results.restitution <= 1),
+            "restitution of {:.3f}, which no collision has (signs, units or calibration?)",
+            results.restitution,
         ),
     )
     missed = np.array([~met for met, _, _ in criteria])

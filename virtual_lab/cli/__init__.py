@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 
 import click
@@ -22,6 +23,7 @@ def main() -> None:
     """Run the command line and leave with its exit code."""
     # the matrices here are small: threads inside one product only get in each other's way
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    signal.signal(signal.SIGTERM, _interrupt)  # so that drafts are swept up as after Ctrl-C
     try:
         code = cli.main(prog_name=PROGRAM, standalone_mode=False)
     except InputError as fault:
@@ -41,6 +43,10 @@ def main() -> None:
         traceback.print_exc()
         _leave(1, "a fault of this program, not of the input; please report the lines above")
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _interrupt(*_: object) -> None:
+    raise KeyboardInterrupt
 
 
 def _leave(code: int, message: str) -> None:

@@ -81,12 +81,20 @@ def bench_constants(session: Session) -> dict[str, Estimate]:
     The period is that of small swings: each release is corrected for its own amplitudes.
     """
     pendulum = _channel(session, "bench", "pendulum", PendulumRecord)
-    swings = pendulum.times.shape[1] - 1
+    releases, passages = pendulum.times.shape
+    swings = passages - 1
+    if releases < 2 or swings < 1:
+        raise InputError(
+            "bench/pendulum", "size", f"{releases} x {passages}", "needs 2 releases of 2 passages"
+        )
+    for name in ("first_amplitude", "last_amplitude"):
+        if not (getattr(pendulum, name) > 0).all():
+            raise InputError("bench/pendulum", name, None, "amplitudes must be above 0")
     shown = (pendulum.times[:, -1] - pendulum.times[:, 0]) / swings
     first, last = pendulum.first_amplitude, pendulum.last_amplitude
     constants = {
         f"bat.{name}": mean_of_readings(
-            _table(session, channel)[0],
+            _repeated(session, channel),
             least_u=session.calibration[f"bench.{instrument}.resolution"].value / sqrt(12),
         )
         for name, channel, instrument in READ_WITH
@@ -102,12 +110,20 @@ def bench_constants(session: Session) -> dict[str, Estimate]:
 def observe_balls(session: Session) -> BallReadings:
     """Return what the scale and the wall rig's gates say of the balls."""
     log, gates = _log_and_gates(session, "balls")
+    mass = _table(session, "ball-mass").mean(axis=1)
+    seen = np.isfinite(inbound_duration(gates)) & np.isfinite(outbound_duration(gates))
+    ball = log.ball.astype(int)[seen]  # a hit the gates missed is no measurement of e0
+    hits = np.bincount(ball, minlength=mass.size)
+    if hits.min() < 2:
+        raise InputError(
+            "balls/gates", "ball", int(hits.argmin()), "needs 2 wall hits seen both ways"
+        )
     return BallReadings(
-        mass=_table(session, "ball-mass").mean(axis=1),
-        ball=log.ball.astype(int),
-        nominal_speed=log.nominal_speed,
-        duration_in=inbound_duration(gates),
-        duration_out=outbound_duration(gates),
+        mass=mass,
+        ball=ball,
+        nominal_speed=log.nominal_speed[seen],
+        duration_in=inbound_duration(gates)[seen],
+        duration_out=outbound_duration(gates)[seen],
     )
 
 
@@ -119,7 +135,22 @@ def observe_impact(session: Session) -> ImpactReadings:
     nearest = session.calibration[f"impact.gates.distance_{passages.shape[1] - 1}"].value
     duration = inbound_duration(gates)
     farthest = session.calibration["impact.gates.distance_0"].value
+    if not farthest > nearest:
+        raise InputError(
+            "session.json",
+            "calibration.impact.gates.distance_0",
+            farthest,
+            f"must be above {nearest:g} m, the nearest gate's",
+        )
     contact = passages[:, -1] + nearest * duration / (farthest - nearest)
+    if len(encoder.counts) != len(log.ball):
+        raise InputError(
+            "impact/encoder", "shots", len(encoder.counts), f"the log has {len(log.ball)}"
+        )
+    try:
+        recoil = fit_recoil(encoder, contact)
+    except ValueError as fault:
+        raise InputError("impact/encoder", "times", None, str(fault)) from fault
     return ImpactReadings(
         ball=log.ball.astype(int),
         nominal_speed=log.nominal_speed,
@@ -127,7 +158,7 @@ def observe_impact(session: Session) -> ImpactReadings:
         duration_in=duration,
         duration_out=outbound_duration(gates),
         contact=contact,
-        recoil=fit_recoil(encoder, contact),
+        recoil=recoil,
     )
 
 
@@ -171,6 +202,16 @@ def _log_and_gates(session: Session, stage: str) -> tuple[ShotLog, GateRecord]:
     if len(log.ball) != len(gates.times):
         raise InputError(stage, "shots", len(gates.times), f"the log has {len(log.ball)}")
     return log, gates
+
+
+def _repeated(session: Session, channel: str) -> Array:
+    """Return the readings of the one item of a bench channel, (repeat,), all above 0."""
+    readings = _table(session, channel)[0]
+    if readings.size < 2:
+        raise InputError(f"bench/{channel}", "repeats", readings.size, "needs 2 readings or more")
+    if not readings.min() > 0:
+        raise InputError(f"bench/{channel}", "reading", readings.min(), "must be above 0")
+    return np.asarray(readings)
 
 
 def _table(session: Session, channel: str) -> Array:

@@ -1,6 +1,8 @@
 """The method's own bias: what is left of the error when nothing is random.
 
-Ring, whole counts, drag and friction stay, so this is what the reduction itself gets wrong.
+Ring, whole counts, drag and friction stay, and so do the steps of rule, scale and timer: each
+reading is rounded once, always to the same side, and no scatter averages that out. Most of what
+is left is this one draw of the rounding (it is in the budget); the rest is the reduction's.
 """
 
 from __future__ import annotations

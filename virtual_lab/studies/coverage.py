@@ -29,7 +29,10 @@ def coverage(
 ) -> list[dict[str, Any]]:
     """Certify one bat design in many laboratories and count intervals that hold the truth.
 
-    Every laboratory draws its own bat, balls and calibration errors. INVALID tests state no
+    Every laboratory draws its own bat, balls and calibration errors. The same seeds draw the
+    same standardised errors for every bat, so two bats over the same seeds are one sample (their
+    errors correlate by 0.98); take another `first_seed` for a second opinion.
+    INVALID tests state no
     result and are counted apart.
 
     Returns
@@ -37,8 +40,9 @@ def coverage(
     list of dict
         A row a quantity: `laboratories` with a result, `invalid`, `coverage` with its
         Clopper-Pearson 95 % interval `low` to `high`, mean and standard deviation of the error
-        in standard uncertainties, and the shares of the squared error and of the stated
-        variance: their ratio tells an honest uncertainty (1) from a timid one (below 1).
+        in standard uncertainties (the mean with its standard error), and the root mean squares
+        of the error and of the stated u: their ratio is 1 for an honest uncertainty, above 1
+        for one that is too small.
 
     Raises
     ------
@@ -79,6 +83,7 @@ def _row(held: NDArray[np.bool_], errors: Array) -> dict[str, Any]:
         "low": float(count.low),
         "high": float(count.high),
         "mean_z": float(z.mean()),
+        "mean_z_se": float(z.std(ddof=1)) / sqrt(z.size),
         "sd_z": float(z.std(ddof=1)),
         "rms_error": sqrt(float((error**2).mean())),
         "rms_u": sqrt(float((u**2).mean())),
