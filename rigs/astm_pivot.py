@@ -98,7 +98,7 @@ class AstmPivot:
             cannon=Cannon.commission(cannon, draws, "astm-pivot.cannon"),
             gates=LightGates.commission(gates, draws, "astm-pivot.gates"),
             encoder=Encoder.commission(encoder, draws, "astm-pivot.encoder"),
-            air=Air.commission(air, draws, "astm-pivot.air"),
+            air=Air.commission(air, draws, "hall.air"),
             gravity=0.0 if ideal else STANDARD_GRAVITY,
         )
 

@@ -52,7 +52,7 @@ class BallWall:
         return BallWallStation(
             cannon=Cannon.commission(cannon, draws, "ball-wall.cannon"),
             gates=LightGates.commission(gates, draws, "ball-wall.gates"),
-            air=Air.commission(air, draws, "ball-wall.air"),
+            air=Air.commission(air, draws, "hall.air"),
             ideal=ideal,
         )
 

@@ -200,6 +200,7 @@ def test_a_bad_file_is_one_line_and_leaves_nothing(fault: str, run: Run, tmp_pat
         (["certify", "r161", "--procedure", "astm"], "did you mean astm-f1881?"),
         (["certify", "r161", "--seed", "-1"], "--seed"),
         (["certify", "r161", "--bogus"], "--bogus"),
+        (["certify", "r161", "--ideal", "--noise-free"], "exclude each other"),
         (["certify", "nowhere.toml"], "no such file"),
         (["reduce", "nowhere"], "nowhere/session.json"),
         (["score", "nowhere"], "nowhere/certificate.json"),

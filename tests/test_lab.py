@@ -12,7 +12,8 @@ from virtual_lab import catalog, lab
 from virtual_lab.certification import Certification, certify_session
 from virtual_lab.collision.modal import ModalModel
 from virtual_lab.errors import InputError
-from virtual_lab.procedure import Verdict
+from virtual_lab.lab import certify_bat
+from virtual_lab.procedure import Procedure, Verdict
 from virtual_lab.rig import Order, Reality, Specimen, Stage, find_rig
 from virtual_lab.session import load_session, save_session
 from virtual_lab.specs import BallSpec
@@ -270,3 +271,20 @@ def test_it_says_what_goes_on() -> None:
     said: list[str] = []
     lab.certify_bat("r161", procedure=PROCEDURE, reality=Reality.IDEAL, say=said.append)
     assert [line.split(":")[0] for line in said[:3]] == ["bench", "ball-wall rig", "impact rig"]
+
+
+def test_a_rig_with_its_axis_elsewhere_is_refused(tmp_path: Path) -> None:
+    """The rules ask for an axis 12 in from the knob, the rig has it at 6 in."""
+    text = catalog.load("procedures", "astm-f1881", Procedure).text
+    changed = text.replace("pivot_from_knob = { value = 6,", "pivot_from_knob = { value = 12,")
+    assert changed != text
+    (tmp_path / "mine.toml").write_text(changed)
+    with pytest.raises(InputError, match="pivot_from_knob"):
+        certify_bat("r161", procedure=str(tmp_path / "mine.toml"), seed=1)
+
+
+def test_one_hall_has_one_air() -> None:
+    """Both rigs stand in it: the same constants, drawn once."""
+    sealed = certify_bat("r161", procedure="astm-f1881", seed=1).sealed
+    names = [name for name in sealed.constants if "air." in name]
+    assert names == ["hall.air.density", "hall.air.drag_coefficient"]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from virtual_lab import catalog
+from virtual_lab.errors import InputError
 from virtual_lab.procedure import (
     Judgement,
     Procedure,
@@ -27,7 +28,9 @@ GOOD = {
     "ball_mass": 5.125 * OUNCE,
     "nominal_ball_restitution": 0.55,
     "recoil_rate": 14.0,
+    "restitution": 0.52,
 }
+AIMED = 0.15  # m
 COUNTS = {"rate": 22_000.0, "rate_u": 2.0, "rate_before": 0.0}
 
 
@@ -49,7 +52,7 @@ def shots(*changes: dict[str, float]) -> tuple[ShotResults, ImpactReadings]:
     readings = ImpactReadings(
         ball=np.arange(n),
         nominal_speed=np.full(n, 60 * MPH),
-        place=np.full(n, 0.15),
+        place=column("place", AIMED),
         duration_in=np.ones(n),
         duration_out=np.ones(n),
         contact=np.zeros(n),
@@ -60,12 +63,12 @@ def shots(*changes: dict[str, float]) -> tuple[ShotResults, ImpactReadings]:
 
 def reason(**change: float) -> str:
     """Return why a shot with one change does not count."""
-    return judge(RULES, *shots(change)).reasons[0]
+    return judge(RULES, *shots(change), AIMED).reasons[0]
 
 
 def test_a_good_shot_counts() -> None:
     """Middle of every window of data/procedures/astm-f1881.toml."""
-    judgement = judge(RULES, *shots({}, {}))
+    judgement = judge(RULES, *shots({}, {}), AIMED)
     assert judgement == Judgement(reasons=("", ""))
     assert judgement.valid.tolist() == [True, True]
 
@@ -76,6 +79,10 @@ def test_a_good_shot_counts() -> None:
         ({"speed": nan}, "the gates did not see the ball come in"),
         ({"speed": 61.01 * MPH}, "ball at 61.01 mph, allowed 60 ± 1 mph"),
         ({"speed": 58.99 * MPH}, "ball at 58.99 mph, allowed 60 ± 1 mph"),
+        ({"place": 0.1511}, "set at 5.949 in, allowed 5.906 ± 0.039 in"),
+        ({"place": 0.100}, "set at 3.937 in, allowed 5.906 ± 0.039 in"),
+        ({"restitution": -0.1}, "restitution of -0.100, which no collision has (signs, units or"),
+        ({"restitution": 1.01}, "restitution of 1.010, which no collision has (signs, units or"),
         ({"ball_mass": 4.999 * OUNCE}, "ball of 4.999 oz, allowed 5.000 to 5.250 oz"),
         ({"ball_mass": 5.251 * OUNCE}, "ball of 5.251 oz, allowed 5.000 to 5.250 oz"),
         ({"nominal_ball_restitution": 0.5249}, "ball of e0 0.5249, allowed 0.525 to 0.575"),
@@ -89,7 +96,7 @@ def test_a_good_shot_counts() -> None:
 )
 def test_each_window_rejects_with_its_sentence(change: dict[str, float], sentence: str) -> None:
     """One quantity outside, in the units of its rule; numbers of the shipped procedure."""
-    assert reason(**change) == sentence
+    assert reason(**change).startswith(sentence)
 
 
 @pytest.mark.parametrize(
@@ -97,6 +104,8 @@ def test_each_window_rejects_with_its_sentence(change: dict[str, float], sentenc
     [
         {"speed": RULES.speed + RULES.windows.speed_tolerance * (1 - 1e-12)},
         {"speed": RULES.speed - RULES.windows.speed_tolerance * (1 - 1e-12)},
+        {"place": AIMED + RULES.windows.place_tolerance * (1 - 1e-12)},
+        {"restitution": 1.0},
         {"ball_mass": RULES.windows.ball_mass_low},
         {"ball_mass": RULES.windows.ball_mass_high},
         {"nominal_ball_restitution": RULES.windows.ball_restitution_low},
@@ -114,7 +123,7 @@ def test_at_the_edge_a_shot_counts(change: dict[str, float]) -> None:
 def test_the_first_window_missed_is_named() -> None:
     """Too fast and too heavy: the order of the rules decides, for each shot by itself."""
     fast_and_heavy = {"speed": 65 * MPH, "ball_mass": 6 * OUNCE}
-    reasons = judge(RULES, *shots({}, fast_and_heavy, {"ball_mass": 6 * OUNCE})).reasons
+    reasons = judge(RULES, *shots({}, fast_and_heavy, {"ball_mass": 6 * OUNCE}), AIMED).reasons
     assert reasons[0] == ""
     assert reasons[1].startswith("ball at 65.00 mph")
     assert reasons[2].startswith("ball of 6.000 oz")
@@ -166,3 +175,23 @@ def test_aimed_place_of_the_papers_bat() -> None:
 def test_aimed_place_is_set_in_half_millimetres() -> None:
     """6.3956 in is 162.45 mm: the operator sets 162.5 mm."""
     assert aimed_place(BAT, 6 * 0.0254, exact=False) == pytest.approx(0.1625, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("ball_mass_low = { value = 5.0,", "ball_mass_low = { value = 5.5,", "ball_mass_low"),
+        (
+            "ball_restitution_low = { value = 0.525",
+            "ball_restitution_low = { value = 0.6",
+            "no ball",
+        ),
+        ("attempts = { value = 12,", "attempts = { value = 100000,", "up to 1000"),
+        ("attempts = { value = 12,", "attempts = { value = 3,", "cannot give"),
+    ],
+)
+def test_rules_that_no_test_can_meet_are_refused(old: str, new: str, said: str) -> None:
+    text = catalog.load("procedures", "astm-f1881", Procedure).text
+    assert old in text
+    with pytest.raises(InputError, match=said):
+        catalog.read(text.replace(old, new), "mine.toml", Procedure)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from virtual_lab.catalog import Datum, Entry, read
 from virtual_lab.errors import InputError
 from virtual_lab.estimate import Estimate
-from virtual_lab.procedure import Judgement, Procedure, Verdict, judge, verdict
+from virtual_lab.procedure import Judgement, Procedure, Verdict, aimed_place, judge, verdict
 from virtual_lab.reduction.measurement import (
     BatProperties,
     ShotResults,
@@ -49,6 +49,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
+BAT_PROPERTIES = ("mass", "length", "z_cm", "inertia_cm")
 PIVOT_TOLERANCE = 5e-3  # m, a rig this far off is another rig
 
 QUANTITIES: Mapping[str, str] = {  # name in a certificate: the shots' field it is the mean of
@@ -143,14 +144,17 @@ def reduce_session(session: Session) -> Reduced:
 
     best = {name: np.array(known.value) for name, known in constants.items()}
     shots = results(best)
+    bat = bat_properties(best)
+    measured = {name: float(getattr(bat, name)) for name in BAT_PROPERTIES}
+    aimed = aimed_place(measured, procedure.spec.pivot_from_knob, exact=True)
     return Reduced(
         procedure=procedure,
         constants=constants,
         results=results,
         readings=readings,
-        bat=bat_properties(best),
+        bat=bat,
         shots=shots,
-        judgement=judge(procedure.spec, shots, readings),
+        judgement=judge(procedure.spec, shots, readings, aimed),
     )
 
 
@@ -199,9 +203,7 @@ def measure_bat(session: Session) -> dict[str, Budget]:
 
     def properties(x: Mapping[str, Array]) -> dict[str, Array]:
         bat = bat_properties(x)
-        return {
-            name: np.ravel(getattr(bat, name)) for name in ("mass", "length", "z_cm", "inertia_cm")
-        }
+        return {name: np.ravel(getattr(bat, name)) for name in BAT_PROPERTIES}
 
     best = properties({name: np.array([[known.value]]) for name, known in constants.items()})
     return {

@@ -148,7 +148,7 @@ class _Laboratory:
             rung=rung,
         )
         known = {
-            f"{stage.value}.{name}": estimate
+            _constant(stage, name): estimate
             for stage, station in stations.items()
             for name, estimate in station.calibration.items()
         }
@@ -229,7 +229,7 @@ class _Laboratory:
             bat_properties=bench.truth,
             balls=self.specimen.balls,
             constants={
-                f"{stage.value}.{name}": value
+                _constant(stage, name): value
                 for stage, station in self.stations.items()
                 for name, value in station.true_constants.items()
             },
@@ -241,6 +241,11 @@ class _Laboratory:
             },
             wall_hits=wall.truth,
         )
+
+
+def _constant(stage: Stage, name: str) -> str:
+    """Return a constant's name in a session: all rigs stand in one hall and share its air."""
+    return f"hall.{name}" if name.startswith("air.") else f"{stage.value}.{name}"
 
 
 def _unverified_rigs(impact_rig: str) -> dict[str, str]:

@@ -15,7 +15,7 @@ from virtual_lab.reduction.measurement import ShotResults
 from virtual_lab.reduction.observations import ImpactReadings
 from virtual_lab.relations.kinematics import centre_of_percussion
 from virtual_lab.specs import Dimension, Spec
-from virtual_lab.units import MPH, OUNCE
+from virtual_lab.units import INCH, MPH, OUNCE
 
 __all__ = ["Judgement", "Procedure", "Verdict", "Windows", "aimed_place", "judge", "verdict"]
 
@@ -33,6 +33,7 @@ class Windows(Spec):
     """What a hit must meet to count."""
 
     speed_tolerance: Annotated[float, Gt(0), Dimension("speed")]
+    place_tolerance: Annotated[float, Gt(0), Dimension("length")]
     rate_before: Annotated[float, Gt(0), Dimension("angular speed")]
     recoil_u: Number  # of one recoil fit, relative
     ball_mass_low: Mass
@@ -105,8 +106,13 @@ def aimed_place(bat: Mapping[str, float], pivot_from_knob: float, *, exact: bool
     return place if exact else round(place / SETTING_STEP) * SETTING_STEP
 
 
-def judge(procedure: Procedure, results: ShotResults, readings: ImpactReadings) -> Judgement:
-    """Accept or reject each shot by the windows; the first one missed is named."""
+def judge(
+    procedure: Procedure, results: ShotResults, readings: ImpactReadings, aimed: float
+) -> Judgement:
+    """Accept or reject each shot by the windows; the first one missed is named.
+
+    `aimed` is the place [m] that the bat as measured asks for.
+    """
     windows, recoil = procedure.windows, readings.recoil
     with np.errstate(divide="ignore", invalid="ignore"):  # a bat that was not hit does not turn
         per_count = results.recoil_rate / recoil.rate
@@ -115,6 +121,7 @@ def judge(procedure: Procedure, results: ShotResults, readings: ImpactReadings) 
     mass, e0 = results.ball_mass, results.nominal_ball_restitution
     low, high = windows.ball_mass_low, windows.ball_mass_high
     dead, lively = windows.ball_restitution_low, windows.ball_restitution_high
+    nearby = windows.place_tolerance
     around = f"{procedure.speed / MPH:.4g} ± {windows.speed_tolerance / MPH:.3g}"
     criteria: tuple[tuple[NDArray[np.bool_], str, Array], ...] = (
         (np.isfinite(results.speed), "the gates did not see the ball come in", results.speed),
@@ -122,6 +129,11 @@ def judge(procedure: Procedure, results: ShotResults, readings: ImpactReadings) 
             np.abs(results.speed - procedure.speed) <= windows.speed_tolerance,
             f"ball at {{:.2f}} mph, allowed {around} mph",
             results.speed / MPH,
+        ),
+        (
+            np.abs(readings.place - aimed) <= nearby,
+            f"set at {{:.3f}} in, allowed {aimed / INCH:.3f} ± {nearby / INCH:.3f} in",
+            readings.place / INCH,
         ),
         (
             (low <= mass) & (mass <= high),

@@ -126,8 +126,8 @@ M, I_P, B, V, OMEGA, E0, R_BARREL, R_BALL = 0.145, 0.20, 0.55, 27.0, 14.0, 0.54,
 
 def constants(**changes: float) -> dict[str, np.ndarray]:
     known = {
-        "impact.air.density": 0.0,
-        "impact.air.drag_coefficient": 0.0,
+        "hall.air.density": 0.0,
+        "hall.air.drag_coefficient": 0.0,
         "impact.gates.distance_0": 0.55,
         "impact.gates.distance_1": 0.25,
         "impact.gates.clock": 1.0,

@@ -23,7 +23,8 @@ def main() -> None:
     """Run the command line and leave with its exit code."""
     # the matrices here are small: threads inside one product only get in each other's way
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    signal.signal(signal.SIGTERM, _interrupt)  # so that drafts are swept up as after Ctrl-C
+    for name in (signal.SIGTERM, signal.SIGHUP):  # so that drafts are swept up as after Ctrl-C
+        signal.signal(name, _interrupt)
     try:
         code = cli.main(prog_name=PROGRAM, standalone_mode=False)
     except InputError as fault:

@@ -28,14 +28,12 @@ from virtual_lab.cli.shared import json_option, names, print_json, teller
 )
 @click.option(
     "--ideal",
-    "reality",
-    flag_value="ideal",
+    is_flag=True,
     help="Every individual and instrument equals its nominal.",
 )
 @click.option(
     "--noise-free",
-    "reality",
-    flag_value="noise-free",
+    is_flag=True,
     help="No randomness; ring, counts, drag and friction stay.",
 )
 @click.option(
@@ -50,21 +48,23 @@ def certify(
     procedure: str,
     seed: int | None,
     out: Path | None,
-    reality: str | None,
+    ideal: bool,
+    noise_free: bool,
     rung: str | None,
     as_json: bool,
 ) -> None:
     """Take BAT (a name or a .toml file) through a procedure and write its certificate."""
     from virtual_lab.folder import check_new_folder, first_free
 
+    if ideal and noise_free:
+        raise click.UsageError("--ideal and --noise-free exclude each other")
+    reality = "ideal" if ideal else "noise-free" if noise_free else "real"
     target = out or first_free(Path("out") / Path(bat).stem)
     check_new_folder(target)
     from virtual_lab.api import certify as run
     from virtual_lab.report.text import certificate_text
 
-    certificate = run(
-        bat, procedure=procedure, seed=seed, reality=reality or "real", rung=rung, say=teller()
-    )
+    certificate = run(bat, procedure=procedure, seed=seed, reality=reality, rung=rung, say=teller())
     certificate.save(target)
     if as_json:
         print_json(certificate.document | {"folder": str(target)})

@@ -114,8 +114,8 @@ def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
     """Return the balls' masses and their mean e0 over the wall hits, at the nominal speed."""
     mass = (readings.mass - x["bench.scale.zero"]) / x["bench.scale.span"]
     drag = drag_rate(
-        x["balls.air.density"],
-        x["balls.air.drag_coefficient"],
+        x["hall.air.density"],
+        x["hall.air.drag_coefficient"],
         x["ball.radius"],
         mass[..., readings.ball],
     )
@@ -138,9 +138,7 @@ def shot_results(
 ) -> ShotResults:
     """Return e_A by angular momentum about the pivot and Eq. (2), e by Eq. (6), BPF by Eq. (5)."""
     mass = balls.mass[..., readings.ball]
-    drag = drag_rate(
-        x["impact.air.density"], x["impact.air.drag_coefficient"], x["ball.radius"], mass
-    )
+    drag = drag_rate(x["hall.air.density"], x["hall.air.drag_coefficient"], x["ball.radius"], mass)
     speed, rebound = _gate_speeds(x, "impact", readings, drag)
     axis = bat.length - x["impact.pivot.from_knob"]
     turning = parallel_axis(bat.inertia_cm, bat.mass, axis - bat.z_cm)

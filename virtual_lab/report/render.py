@@ -33,7 +33,7 @@ VERDICTS = {
     "FAIL": "the bat exceeds the limit",
     "INVALID": "the test was not valid, and nothing is said of the bat",
 }
-STAGES = {"bench": "Bench", "balls": "Wall rig", "impact": "Bat rig"}
+STAGES = {"bench": "Bench", "balls": "Wall rig", "impact": "Bat rig", "hall": "Hall"}
 INPUTS = {  # name of a constant, of any stage: words, unit of print, SI times this gives it
     "hits": ("Scatter from hit to hit", "", 1.0),
     "bat.mass": ("Bat mass, readings", "g", 1e3),
