@@ -24,11 +24,16 @@ from virtual_lab.instruments.cannon import Cannon, CannonSpec, Launch
 from virtual_lab.instruments.encoder import Encoder, EncoderSpec
 from virtual_lab.instruments.light_gate import LightGates, LightGateSpec, Passage
 from virtual_lab.physics.beam import beam_of
-from virtual_lab.physics.recoil import coast, ring
+from virtual_lab.physics.coasting import coast, ring
 from virtual_lab.physics.section import outer_diameter
 from virtual_lab.physics.supports import Pinned
 from virtual_lab.records import AimMarks, EncoderRecord, GateRecord, Record, ShotLog
-from virtual_lab.relations.kinematics import recoil_factor_pivoted, restitution_from_efficiency
+from virtual_lab.relations.kinematics import (
+    efficiency_off_axis,
+    offset_angle,
+    recoil_factor_pivoted,
+    restitution_from_efficiency,
+)
 from virtual_lab.rig import Order, Play, Specimen, Stage
 from virtual_lab.specs import Dimension, Spec
 from virtual_lab.streams import Draws
@@ -195,7 +200,7 @@ class AstmPivotStation:
     def _contact_angle(self, specimen: Specimen, place: Array, launch: Launch) -> Array:
         """Return the angle between the line of fire and the line of centres [rad]."""
         barrel = outer_diameter(specimen.bat.body.profile, place) / 2
-        return np.arcsin(launch.across / (barrel + specimen.balls.spec.radius))
+        return np.asarray(offset_angle(launch.across, specimen.balls.spec.radius, barrel))
 
     def _passage(
         self,
@@ -207,9 +212,9 @@ class AstmPivotStation:
     ) -> Passage:
         """Return the flights: smooth contact keeps the speed along the barrel's surface."""
         balls = specimen.balls
-        along_normal = collisions.collision_efficiency * np.cos(tilt)
-        back = along_normal * np.cos(tilt) - np.sin(tilt) ** 2
-        up = (along_normal + np.cos(tilt)) * np.sin(tilt)
+        efficiency = collisions.collision_efficiency
+        back = np.asarray(efficiency_off_axis(efficiency, tilt))
+        up = (1 + efficiency) * np.cos(tilt) * np.sin(tilt)
         return Passage(
             speed_in=launch.speed,
             speed_out=back * launch.speed,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -258,6 +259,18 @@ def test_version_help_and_completion(run: Run) -> None:
     assert run("--version")[1].strip().endswith(__version__)
     assert "certify" in run()[1]
     assert "_VIRTUAL_LAB_COMPLETE" in run("completion", "bash")[1]
+
+
+def test_a_reader_that_has_had_enough_is_no_fault(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """``virtual-lab list | head -1``: the pipe closes while we write."""
+
+    def closed(*_: object, **__: object) -> None:
+        raise BrokenPipeError(errno.EPIPE, "Broken pipe")
+
+    monkeypatch.setattr("virtual_lab.cli.shelf.click.echo", closed)
+    assert run("list")[0] == 0
 
 
 def test_no_progress_in_a_pipe(tmp_path: Path) -> None:

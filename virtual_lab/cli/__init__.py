@@ -35,8 +35,7 @@ def main() -> None:
         _leave(2, fault.format_message())
     except (click.Abort, KeyboardInterrupt):
         _leave(130, "interrupted, nothing was written")
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except SystemExit:  # click's answer to a reader that has had enough (EPIPE): no fault
         sys.exit(0)
     except Exception:
         import traceback
