@@ -194,6 +194,51 @@ def test_a_bad_file_is_one_line_and_leaves_nothing(fault: str, run: Run, tmp_pat
     assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]
 
 
+MEASURED = """name = "mine"
+title = "Mine"
+template = "wood"
+length = { value = 34, unit = "in", source = "rule", verified = true }
+mass = { value = 31, unit = "oz", source = "scale", verified = true }
+z_cm = { value = 11.3, unit = "in", source = "stand", verified = true }
+inertia = { value = 17137, unit = "oz in^2", source = "pendulum", verified = true }
+inertia_axis = { value = 33, unit = "in", source = "pendulum", verified = true }
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("value = 31", "value = 35.5", ["wood", "no bat of it meets", "misses"]),
+        ('"wood"', '"straw"', ["template", "wood"]),
+        ("17137", "137", ["less than mass times"]),
+        ('unit = "oz"', 'unit = "in"', ["mass", "oz"]),
+        ("z_cm =", "balance =", ["z_cm", "missing"]),
+    ],
+)
+def test_measurements_no_bat_is_fitted_to(
+    old: str, new: str, words: list[str], run: Run, tmp_path: Path
+) -> None:
+    (tmp_path / "measured.toml").write_text(MEASURED.replace(old, new))
+    code, out, err = run("fit-bat", "measured.toml", "--out", "mine.toml")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    for word in words:
+        assert word in err
+    assert [path.name for path in tmp_path.iterdir()] == ["measured.toml"]
+
+
+def test_a_fitted_bat_can_be_profiled(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "measured.toml").write_text(MEASURED)
+    words = ["fit-bat", "measured.toml", "--out", "mine.toml", "--members", "2"]
+    code, out, _ = run(*words, "--json")
+    assert code == 0
+    assert json.loads(out)["members"] == 2
+    document = json.loads(run("profile", "mine.toml", "--json")[1])
+    assert document["i_knob_oz_in2"] == pytest.approx(17137, rel=1e-5)
+    code, _, err = run(*words)
+    assert code == 2
+    assert "is there already" in err
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -214,6 +259,9 @@ def test_a_bad_file_is_one_line_and_leaves_nothing(fault: str, run: Run, tmp_pat
         (["compare", "r161", "ea70", "--swing", "nan"], "0 to 0.5"),
         (["compare", "r161", "ea70", "--reference-inertia", "1 kg"], "kg m^2"),
         (["sensitivity", "r116"], "did you mean r161?"),
+        (["fit-bat", "nowhere.toml", "--out", "mine.toml"], "no such file"),
+        (["fit-bat", "nowhere.toml", "--out", "mine"], "ends in .toml"),
+        (["fit-bat", "r161", "--out", "mine.toml"], "a .toml file"),
         (["list", "hats"], "bats"),
         (["dance"], "dance"),
     ],

@@ -10,7 +10,7 @@ import click
 
 from virtual_lab import __version__
 from virtual_lab.cli.bench import certify, reduce, score
-from virtual_lab.cli.shelf import compare, list_, profile, show
+from virtual_lab.cli.shelf import compare, fit_bat, list_, profile, show
 from virtual_lab.cli.study import bias, chart, coverage, sensitivity
 from virtual_lab.errors import InputError
 
@@ -85,6 +85,7 @@ for command in (
     show,
     profile,
     compare,
+    fit_bat,
     coverage,
     bias,
     sensitivity,

@@ -1,4 +1,4 @@
-"""Commands that look: list, show, profile, compare."""
+"""Commands on bats: list, show, profile, compare, fit-bat."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from pathlib import Path
 
 import click
 
-from virtual_lab.cli.shared import json_option, names, print_json
+from virtual_lab.cli.shared import json_option, names, print_json, teller
+from virtual_lab.errors import InputError
 from virtual_lab.folder import check_new_folder
+from virtual_lab.units import INCH
 
 
 @click.command("list")
@@ -128,3 +130,37 @@ def compare(
         print_json(compared.document)
     else:
         click.echo(comparison_text(compared.peaks, compared.differences))
+
+
+@click.command("fit-bat")
+@click.argument("measured", type=click.Path(), metavar="MEASURED.TOML")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="New bat file.")
+@click.option(
+    "--members",
+    type=click.IntRange(min=2),
+    default=12,
+    show_default=True,
+    help="Bats that meet the data, from which their spread is taken.",
+)
+@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True)
+@json_option
+def fit_bat(measured: str, out: Path, members: int, seed: int, as_json: bool) -> None:
+    """Fit a bat to what was MEASURED of one, and tell what the measurements leave open."""
+    from virtual_lab.report.text import table_text
+    from virtual_lab.studies.fit_bat import fit_bat as run
+    from virtual_lab.studies.fit_bat import write_bat
+
+    if out.suffix != ".toml":
+        raise InputError("", "out", str(out), "a bat file's name ends in .toml")
+    if out.exists():
+        raise InputError("", "out", str(out), "is there already; name another file")
+    fitted = run(measured, members=members, seed=seed, say=teller())
+    write_bat(fitted, out, Path(measured).name)
+    if as_json:
+        print_json(fitted.document)
+        return
+    worst = ", ".join(
+        f"{name} {value / INCH:+.1e} in" if name.startswith("node") else f"{name} {value:+.1e}"
+        for name, value in fitted.fitted.misfits.items()
+    )
+    click.echo(f"{table_text(fitted.spread)}\n\nmisfits (relative): {worst}\n{out}")
