@@ -288,3 +288,18 @@ def test_one_hall_has_one_air() -> None:
     sealed = certify_bat("r161", procedure="astm-f1881", seed=1).sealed
     names = [name for name in sealed.constants if "air." in name]
     assert names == ["hall.air.density", "hall.air.drag_coefficient"]
+
+
+@pytest.mark.parametrize("times", ["reversed", "uneven", "constant"])
+def test_an_encoder_without_even_ticks_is_refused(times: str) -> None:
+    session = certify_bat("r161", procedure="astm-f1881", seed=1).certification.session
+    encoder = session.records["impact"]["encoder"]
+    good = encoder.times
+    bad = {
+        "reversed": good[::-1],
+        "uneven": good + 1e-6 * (np.arange(good.size) % 2),
+        "constant": np.zeros_like(good),
+    }[times]
+    impact = {**session.records["impact"], "encoder": replace(encoder, times=bad)}
+    with pytest.raises(InputError, match="even steps"):
+        certify_session(replace(session, records={**session.records, "impact": impact}))

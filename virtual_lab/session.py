@@ -80,6 +80,7 @@ def load_session(folder: Path) -> Session:
         raise InputError(str(where), "schema", document.get("schema"), f"allowed: {SCHEMA}")
     for key in ("rigs", "channels", "calibration"):
         _require_table(document[key], key, where)
+    _require_table(document.get("simulation", {}), "simulation", where)
     for stage, channels in document["channels"].items():
         _require_table(channels, f"channels.{stage}", where)
         for channel, entry in channels.items():

@@ -43,6 +43,7 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
+TICK_EVENNESS = 1e-3  # of a step; the search for rings takes them as even
 READ_WITH = (  # property, channel, instrument
     ("mass", "bat-mass", "scale"),
     ("length", "length", "rule"),
@@ -147,6 +148,9 @@ def observe_impact(session: Session) -> ImpactReadings:
         raise InputError(
             "impact/encoder", "shots", len(encoder.counts), f"the log has {len(log.ball)}"
         )
+    ticks = np.diff(encoder.times)
+    if not (ticks.size and ticks.min() > 0 and np.ptp(ticks) < TICK_EVENNESS * ticks.min()):
+        raise InputError("impact/encoder", "times", None, "must rise in even steps")
     try:
         recoil = fit_recoil(encoder, contact)
     except ValueError as fault:
