@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from datetime import date, timedelta
 from pathlib import Path
 
 import pytest
@@ -56,6 +57,7 @@ def test_certify_writes_all_it_promises(tested: Path) -> None:
     assert certificate["verdict"] == "PASS"
     assert certificate["marginal"] is False
     assert certificate["valid_hits"] == 6
+    assert date.fromisoformat(certificate["date"]) <= date.today() + timedelta(days=1)
     assert abs(certificate["v_rel_mph"] - 60) < 1
     assert certificate["metric"]["limit"] == 1.2
     low, high = certificate["metric"]["interval_95"]

@@ -7,6 +7,7 @@ enough hits are valid, and seals what really happened beside the raw records.
 
 from __future__ import annotations
 
+import datetime
 import secrets
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -168,6 +169,7 @@ class _Laboratory:
             session=Session(
                 bat=bat.name,
                 ball=ball.name,
+                date=datetime.date.today().isoformat(),
                 rigs={stage.value: name for stage, name in rigs.items()},
                 procedure_text=rules.text,
                 calibration=known | _ball_constants(ball),

@@ -37,6 +37,7 @@ class Session:
     procedure_text: str
     calibration: Mapping[str, Estimate]  # "stage.instrument.constant"
     records: Mapping[str, Mapping[str, Record]]  # stage: channel: record
+    date: str = ""  # of the test, as the laboratory writes dates
     simulation: Mapping[str, Any]  # rungs, reality and seed commitment; {} for a real laboratory
 
 
@@ -59,6 +60,7 @@ def save_session(session: Session, folder: Path) -> None:
         "schema": SCHEMA,
         "bat": session.bat,
         "ball": session.ball,
+        "date": session.date,
         "rigs": dict(session.rigs),
         "simulation": dict(session.simulation),
         "channels": channels,
@@ -101,6 +103,7 @@ def load_session(folder: Path) -> Session:
             }
             for stage, channels in document["channels"].items()
         },
+        date=str(document.get("date", "")),
         simulation=document.get("simulation", {}),
     )
 

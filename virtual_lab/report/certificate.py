@@ -52,6 +52,7 @@ def certificate(certification: Certification, *, truth_digest: str | None = None
             "ball_restitution_is": "the mean of the lot, every ball measured",
         },
         "rigs": dict(session.rigs),
+        "date": session.date,
         "metric": {
             "name": procedure.metric,
             "value": metric.value if metric else None,
