@@ -303,3 +303,11 @@ def test_an_encoder_without_even_ticks_is_refused(times: str) -> None:
     impact = {**session.records["impact"], "encoder": replace(encoder, times=bad)}
     with pytest.raises(InputError, match="even steps"):
         certify_session(replace(session, records={**session.records, "impact": impact}))
+
+
+@pytest.mark.parametrize("name", ["bench.scale.span", "impact.encoder.scale", "ball.radius"])
+def test_a_scale_factor_of_nothing_is_refused(name: str) -> None:
+    session = certify_bat("r161", procedure="astm-f1881", seed=1).certification.session
+    broken = {**session.calibration, name: replace(session.calibration[name], value=0.0)}
+    with pytest.raises(InputError, match=name):
+        certify_session(replace(session, calibration=broken))

@@ -188,6 +188,7 @@ def test_aimed_place_is_set_in_half_millimetres() -> None:
         ),
         ("attempts = { value = 12,", "attempts = { value = 100000,", "up to 1000"),
         ("attempts = { value = 12,", "attempts = { value = 3,", "cannot give"),
+        ("speed = { value = 60,", "speed = { value = 1000000,", "less than 100"),
     ],
 )
 def test_rules_that_no_test_can_meet_are_refused(old: str, new: str, said: str) -> None:

@@ -50,6 +50,7 @@ __all__ = [
 Array = NDArray[np.float64]
 
 BAT_PROPERTIES = ("mass", "length", "z_cm", "inertia_cm")
+POSITIVE = ("span", "clock", "scale", "counts_per_turn", "gravity", "radius")
 PIVOT_TOLERANCE = 5e-3  # m, a rig this far off is another rig
 
 QUANTITIES: Mapping[str, str] = {  # name in a certificate: the shots' field it is the mean of
@@ -213,6 +214,10 @@ def measure_bat(session: Session) -> dict[str, Budget]:
 
 
 def _constants(session: Session) -> dict[str, Estimate]:
+    for name, known in session.calibration.items():
+        if name.rpartition(".")[2] in POSITIVE and not known.value > 0:
+            key = f"calibration.{name}"
+            raise InputError("session.json", key, known.value, "allowed: above 0")
     return dict(session.calibration) | bench_constants(session)
 
 

@@ -8,7 +8,7 @@ from enum import Enum
 from typing import Annotated, Literal
 
 import numpy as np
-from annotated_types import Gt
+from annotated_types import Gt, Lt
 from numpy.typing import NDArray
 
 from virtual_lab.reduction.measurement import ShotResults
@@ -20,6 +20,7 @@ from virtual_lab.units import INCH, MPH, OUNCE
 __all__ = ["Judgement", "Procedure", "Verdict", "Windows", "aimed_place", "judge", "verdict"]
 
 Array = NDArray[np.float64]
+FASTEST = 100.0  # m/s, beyond any ball cannon and any bat
 MOST_ATTEMPTS = 1000  # a slip of the pen, not a test, beyond
 SETTING_STEP = 0.5e-3  # m, the operator sets a place to half a millimetre
 
@@ -61,7 +62,7 @@ class Procedure(Spec):
     place: Literal["centre-of-percussion"]
     recoil: Literal["pivoted"]
     pivot_from_knob: Annotated[float, Gt(0), Dimension("length")]
-    speed: Annotated[float, Gt(0), Dimension("speed")]
+    speed: Annotated[float, Gt(0), Lt(FASTEST), Dimension("speed")]
     limit: Number
     valid_hits: Count
     attempts: Count

@@ -122,8 +122,10 @@ def _written(known: Estimate) -> dict[str, Any]:
 
 def _known(entry: Any, key: str, where: Path) -> Estimate:
     try:
-        return Estimate(value=entry["value"], u=entry["u"], dof=entry.get("dof", inf))
-    except (TypeError, KeyError, AttributeError) as fault:
+        return Estimate(
+            value=float(entry["value"]), u=float(entry["u"]), dof=float(entry.get("dof", inf))
+        )
+    except (TypeError, KeyError, AttributeError, OverflowError) as fault:
         allowed = "expected { value, u } and, where limited, dof: numbers, SI"
         raise InputError(str(where), key, str(entry), allowed) from fault
     except ValueError as fault:
