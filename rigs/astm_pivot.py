@@ -18,24 +18,19 @@ from numpy.typing import NDArray
 from virtual_lab import catalog
 from virtual_lab.collision.scene import CollisionModel, Collisions, Scenes
 from virtual_lab.estimate import Estimate
-from virtual_lab.instruments import Instrument, calibration_of, errors_of
+from virtual_lab.impact import contact_angle, error_free, scenes_of, thrown_back
+from virtual_lab.instruments import Instrument, Rung, calibration_of, errors_of
 from virtual_lab.instruments.air import Air, AirSpec
-from virtual_lab.instruments.cannon import Cannon, CannonSpec, Launch
+from virtual_lab.instruments.cannon import Cannon, CannonSpec
 from virtual_lab.instruments.encoder import Encoder, EncoderSpec
-from virtual_lab.instruments.light_gate import LightGates, LightGateSpec, Passage
+from virtual_lab.instruments.light_gate import LightGates, LightGateSpec
+from virtual_lab.instruments.passage import Passage
 from virtual_lab.physics.beam import beam_of
 from virtual_lab.physics.coasting import coast, ring
-from virtual_lab.physics.section import outer_diameter
 from virtual_lab.physics.supports import Pinned
 from virtual_lab.records import AimMarks, EncoderRecord, GateRecord, Record, ShotLog
-from virtual_lab.relations.kinematics import (
-    efficiency_off_axis,
-    offset_angle,
-    recoil_factor_pivoted,
-    restitution_from_efficiency,
-)
 from virtual_lab.rig import Order, Play, Specimen, Stage
-from virtual_lab.specs import Dimension, Spec
+from virtual_lab.specs import BatBody, Dimension, Spec
 from virtual_lab.streams import Draws
 from virtual_lab.truth import TrueOutcome
 from virtual_lab.units import STANDARD_GRAVITY
@@ -43,6 +38,7 @@ from virtual_lab.units import STANDARD_GRAVITY
 __all__ = ["RIG", "AstmPivot"]
 
 Array = NDArray[np.float64]
+CONTACT_TIME = 0.7e-3  # s, where no record is fine enough to tell
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,10 +50,19 @@ class PivotSpec(Spec):
     constant_torque: Annotated[float, Ge(0), Dimension("torque")]
     viscous_torque: Annotated[float, Ge(0), Dimension("viscous torque")]
     air_torque: Annotated[float, Ge(0), Dimension("quadratic torque")]
+    friction: Annotated[float, Ge(0), Dimension("number")]  # of the journal, under the blow
+    journal_radius: Annotated[float, Ge(0), Dimension("length")]
 
     def ideal(self) -> Self:
         """Return the bearing that is where it should be and turns freely in no air."""
-        return replace(self, place_u=0.0, constant_torque=0.0, viscous_torque=0.0, air_torque=0.0)
+        return replace(
+            self,
+            place_u=0.0,
+            constant_torque=0.0,
+            viscous_torque=0.0,
+            air_torque=0.0,
+            friction=0.0,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,89 +145,80 @@ class AstmPivotStation:
 
     def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
         """Fire at the bat; every shot finds it at rest and is timed from its trigger."""
-        launch = self.cannon.fire(order.speed, draws, "astm-pivot.launch", order.block)
-        hit_restitution = specimen.balls.draw_hits(
-            order.ball, launch.speed, draws, "astm-pivot.hit", order.block
-        )
+        balls, block = specimen.balls, order.block
+        launch = self.cannon.fire(order.speed, draws, "astm-pivot.launch", block)
+        e0 = balls.draw_hits(order.ball, launch.speed, draws, "astm-pivot.hit", block)
         place = order.place + launch.along
-        tilt = self._contact_angle(specimen, place, launch)
-        model = self._collision(specimen)
-        scenes = _scenes(specimen, order.ball, place, launch.speed * np.cos(tilt), hit_restitution)
-        collisions = model.collide(scenes)
-        passage = self._passage(order, specimen, launch, tilt, collisions)
+        tilt = contact_angle(specimen, place, launch.across)
+        scenes = scenes_of(specimen, order.ball, place, launch.speed * np.cos(tilt), e0)
+        support = Pinned(specimen.bat.body.length - self.pivot_from_knob)
+        if order.rung is Rung.SUMMED:
+            efficiency = specimen.collision.efficiency(specimen.bat.body, support, scenes)
+            contact_time = np.full(efficiency.shape, CONTACT_TIME)
+        else:
+            model = specimen.collision(specimen.bat.body, support)
+            collisions = model.collide(scenes)
+            efficiency, contact_time = collisions.collision_efficiency, collisions.contact_time
+        back, up = thrown_back(efficiency, tilt, launch.speed, 0.0)
+        passage = Passage(
+            speed_in=launch.speed,
+            speed_out=back,
+            drag=self.air.drag(balls.spec.radius, balls.mass[order.ball]),
+            radius=balls.spec.radius,
+            gravity=self.gravity,
+            height=launch.across,
+            slope_out=up,
+        )
         contact = self.gates.arrival(passage)
-        leaving = contact + collisions.contact_time
-        angle = self._recoil(specimen, model, collisions, tilt, contact, leaving)
-        block = order.block
+        leaving = contact + contact_time
+        if order.rung is Rung.SUMMED:
+            rate = self._rate(scenes, efficiency, tilt, specimen)
+            encoder: Record = self.encoder.sum_up(
+                rate / self.gates.clock, draws, "astm-pivot.encoder", block
+            )
+        else:
+            angle = self._recoil(specimen, model, collisions, tilt, contact, leaving)
+            encoder = self.encoder.read(angle, draws, "astm-pivot.encoder", block)
         return Play(
             records={
                 "log": order.log(),
                 "gates": self.gates.watch(
-                    passage, contact, leaving, draws, "astm-pivot.gates", block
+                    passage, contact, leaving, draws, "astm-pivot.gates", block, order.rung
                 ),
-                "encoder": self.encoder.read(angle, draws, "astm-pivot.encoder", block),
+                "encoder": encoder,
                 "aim": self.cannon.mark(draws, "astm-pivot.aim"),
             },
             truth={
                 "speed": launch.speed,
                 "place": place,
                 "across": launch.across,
-                "ball_restitution": hit_restitution,
-                "collision_efficiency": collisions.collision_efficiency,
-                "rebound_speed": passage.speed_out,
-                "contact_time": collisions.contact_time,
+                "ball_restitution": e0,
+                "collision_efficiency": efficiency,
+                "rebound_speed": back,
+                "contact_time": contact_time,
             },
         )
 
-    def outcome(self, speed: float, place: float, specimen: Specimen) -> TrueOutcome:
+    def outcome(self, order: Order, specimen: Specimen) -> TrueOutcome:
         """Return what an error-free test would find, on an axis exactly where it should be."""
-        ball = specimen.balls.mean_ball()
-        beam = beam_of(specimen.bat.body)
-        axis = beam.length - self.pivot.from_knob
-        first, at = np.zeros(1, dtype=int), np.array([speed])
-        e0 = ball.restitution_at(first, at)
-        scenes = _scenes(replace(specimen, balls=ball), first, np.array([place]), at, e0)
-        model = specimen.collision(specimen.bat.body, Pinned(axis))
-        efficiency = model.collide(scenes).collision_efficiency
-        recoil = np.asarray(recoil_factor_pivoted(ball.mass, beam.inertia(axis), axis - place))
-        return TrueOutcome(
-            collision_efficiency=float(efficiency[0]),
-            restitution=float(np.ravel(restitution_from_efficiency(efficiency, recoil))[0]),
-            recoil_factor=float(recoil[0]),
-            ball_restitution=float(e0[0]),
-            relative_speed=speed,
-        )
+        body, from_knob = specimen.bat.body, self.pivot.from_knob
+        return error_free(order, specimen, Pinned(body.length - from_knob), from_knob)
 
-    def _collision(self, specimen: Specimen) -> CollisionModel:
+    def _rate(self, scenes: Scenes, efficiency: Array, tilt: Array, specimen: Specimen) -> Array:
+        """Return the rate of the rigid bat as the ball leaves [rad/s], (shot,)."""
         body = specimen.bat.body
-        return specimen.collision(body, Pinned(body.length - self.pivot_from_knob))
+        axis = body.length - self.pivot_from_knob
+        impulse = scenes.ball_mass * scenes.relative_speed * (1 + efficiency) * np.cos(tilt)
+        rate = impulse * (axis - scenes.impact_position) / beam_of(body).inertia(axis)
+        return rate - self._rubbed(rate, impulse, body)
 
-    def _contact_angle(self, specimen: Specimen, place: Array, launch: Launch) -> Array:
-        """Return the angle between the line of fire and the line of centres [rad]."""
-        barrel = outer_diameter(specimen.bat.body.profile, place) / 2
-        return np.asarray(offset_angle(launch.across, specimen.balls.spec.radius, barrel))
-
-    def _passage(
-        self,
-        order: Order,
-        specimen: Specimen,
-        launch: Launch,
-        tilt: Array,
-        collisions: Collisions,
-    ) -> Passage:
-        """Return the flights: smooth contact keeps the speed along the barrel's surface."""
-        balls = specimen.balls
-        efficiency = collisions.collision_efficiency
-        back = np.asarray(efficiency_off_axis(efficiency, tilt))
-        up = (1 + efficiency) * np.cos(tilt) * np.sin(tilt)
-        return Passage(
-            speed_in=launch.speed,
-            speed_out=back * launch.speed,
-            drag=self.air.drag(balls.spec.radius, balls.mass[order.ball]),
-            radius=balls.spec.radius,
-            rise_per_metre=up / np.where(back == 0, np.nan, back),
-            gravity=self.gravity,
-        )
+    def _rubbed(self, rate: Array, impulse: Array, body: BatBody) -> Array:
+        """Return the rate the bearing takes while the blow loads it; none at percussion [rad/s]."""
+        beam = beam_of(body)
+        axis = beam.length - self.pivot_from_knob
+        reaction = np.abs(impulse - beam.mass * (axis - beam.z_cm) * rate)
+        lost = self.pivot.friction * self.pivot.journal_radius * reaction / beam.inertia(axis)
+        return np.asarray(np.sign(rate) * np.minimum(lost, np.abs(rate)))
 
     def _recoil(
         self,
@@ -244,6 +240,7 @@ class AstmPivotStation:
         bends = slice(modes.rigid, None)
         start = (collisions.modal_displacements * turn)[:, : modes.rigid].sum(axis=1)
         rate = (collisions.modal_velocities * turn)[:, : modes.rigid].sum(axis=1)
+        rate = rate - self._rubbed(rate, collisions.impulse * np.cos(tilt), body)
         angle = start[:, None] + coast(
             rate,
             free,
@@ -263,20 +260,6 @@ class AstmPivotStation:
         # during contact, a millisecond that no reduction uses, the angle just grows smoothly
         touching = np.clip(1 + since / (leaving - contact)[:, None], 0.0, 1.0)
         return np.asarray(angle * touching**2 * (3 - 2 * touching))
-
-
-def _scenes(
-    specimen: Specimen, ball: NDArray[np.int_], place: Array, speed: Array, e0: Array
-) -> Scenes:
-    balls = specimen.balls
-    return Scenes.of(
-        impact_position=place,
-        relative_speed=speed,
-        ball_mass=balls.mass[ball],
-        ball_restitution=e0,
-        stiffness=balls.spec.stiffness,
-        exponent=balls.spec.exponent,
-    )
 
 
 RIG = AstmPivot()

@@ -12,7 +12,8 @@ from virtual_lab.estimate import Estimate
 from virtual_lab.instruments import Instrument, calibration_of, errors_of
 from virtual_lab.instruments.air import Air, AirSpec
 from virtual_lab.instruments.cannon import Cannon, CannonSpec
-from virtual_lab.instruments.light_gate import LightGates, LightGateSpec, Passage
+from virtual_lab.instruments.light_gate import LightGates, LightGateSpec
+from virtual_lab.instruments.passage import Passage
 from virtual_lab.physics.ball import wall_contact
 from virtual_lab.records import GateRecord, Record, ShotLog
 from virtual_lab.rig import Order, Play, Specimen, Stage
@@ -88,7 +89,6 @@ class BallWallStation:
             speed_out=hit * launch.speed,
             drag=self.air.drag(balls.spec.radius, balls.mass[order.ball]),
             radius=balls.spec.radius,
-            rise_per_metre=np.zeros(launch.speed.shape),
             gravity=0.0 if self.ideal else STANDARD_GRAVITY,
         )
         contact = self.gates.arrival(passage)
@@ -100,7 +100,7 @@ class BallWallStation:
             exponent=np.full(hit.shape, balls.spec.exponent),
         ).time
         record = self.gates.watch(
-            passage, contact, contact + touching, draws, "ball-wall.gates", order.block
+            passage, contact, contact + touching, draws, "ball-wall.gates", order.block, order.rung
         )
         log = order.log()
         return Play(

@@ -96,6 +96,7 @@ def certify(
     bat: str,
     *,
     procedure: str = "astm-f1881",
+    rig: str | None = None,
     seed: int | None = None,
     reality: Reality | str = Reality.REAL,
     rung: str | None = None,
@@ -107,6 +108,8 @@ def certify(
     ----------
     bat, procedure
         Names in the catalog (``virtual-lab list``), or paths of .toml files.
+    rig
+        A rig that gives what the procedure needs; None takes the one it names.
     seed
         Of everything random in the laboratory; None draws one.
     reality
@@ -124,7 +127,13 @@ def certify(
         An unknown name or a file that cannot be used.
     """
     tested = certify_bat(
-        bat, procedure=procedure, seed=seed, reality=Reality(reality), rung=rung, say=say
+        bat,
+        procedure=procedure,
+        rig=rig,
+        seed=seed,
+        reality=Reality(reality),
+        rung=rung,
+        say=say,
     )
     return Certificate(certification=tested.certification, sealed=tested.sealed)
 

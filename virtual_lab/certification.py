@@ -16,25 +16,39 @@ from numpy.typing import NDArray
 from virtual_lab.catalog import Datum, Entry, read
 from virtual_lab.errors import InputError
 from virtual_lab.estimate import Estimate
-from virtual_lab.procedure import Judgement, Procedure, Verdict, aimed_place, judge, verdict
+from virtual_lab.procedure import (
+    Curve,
+    Finding,
+    Judgement,
+    Outcome,
+    Procedure,
+    Verdict,
+    aimed_place,
+    findings,
+    judge,
+    metric_of,
+    outcome_of,
+    verdict,
+)
 from virtual_lab.reduction.measurement import (
     BatProperties,
     ShotResults,
     bat_properties,
     measured_balls,
+    recoil_factor,
     shot_results,
 )
 from virtual_lab.reduction.observations import (
     ImpactReadings,
     across_constant,
-    ball_repeatability,
+    ball_constants,
     bench_constants,
     observe_balls,
     observe_impact,
 )
-from virtual_lab.relations.kinematics import recoil_factor_free, restitution_from_efficiency
+from virtual_lab.relations.kinematics import restitution_from_efficiency
 from virtual_lab.session import Session
-from virtual_lab.uncertainty.budget import Budget, combine, propagate
+from virtual_lab.uncertainty.budget import Budget, combine, propagate, scatter
 
 __all__ = [
     "QUANTITIES",
@@ -50,8 +64,9 @@ __all__ = [
 Array = NDArray[np.float64]
 
 BAT_PROPERTIES = ("mass", "length", "z_cm", "inertia_cm")
-POSITIVE = ("span", "clock", "scale", "counts_per_turn", "gravity", "radius")
+POSITIVE = ("span", "clock", "scale", "counts_per_turn", "gravity", "radius", "pitch")
 PIVOT_TOLERANCE = 5e-3  # m, a rig this far off is another rig
+CONTROL = "control.restitution_ratio"
 
 QUANTITIES: Mapping[str, str] = {  # name in a certificate: the shots' field it is the mean of
     "bat_performance_factor": "bat_performance_factor",
@@ -64,8 +79,9 @@ QUANTITIES: Mapping[str, str] = {  # name in a certificate: the shots' field it 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherSupport:
-    """What the same collision efficiency would give with the recoil factor of a free bat."""
+    """What the same collision efficiency would give with the other support's recoil factor."""
 
+    which: str
     recoil_factor: float
     restitution: float
     bat_performance_factor: float
@@ -80,24 +96,23 @@ class Certification:
     procedure_sheet: tuple[Datum, ...]
     bat: Mapping[str, Budget]  # mass, length, z_cm, inertia_cm
     shots: ShotResults
+    shot_metric: Array  # (shot,)
     readings: ImpactReadings
     judgement: Judgement
-    quantities: Mapping[str, Budget]  # by the keys of QUANTITIES; {} with fewer than 2 valid hits
-    free: OtherSupport | None
+    outcome: Outcome
+    metric: Budget | None  # None where too few hits were valid to give one
+    quantities: Mapping[str, Budget]  # by the keys of QUANTITIES; {} without a metric
+    other: OtherSupport | None
+    findings: tuple[Finding, ...]  # what the rules ask of a bat before it is hit
     verdict: Verdict
-
-    @property
-    def metric(self) -> Budget | None:
-        """The procedure's metric, None where too few hits were valid to give one."""
-        return self.quantities.get(self.procedure.metric)
 
     @property
     def marginal(self) -> bool:
         """Whether the limit lies within the 95 % interval."""
-        if self.metric is None:
+        if self.metric is None or self.procedure.most is None:
             return False
         low, high = self.metric.interval_95
-        return low <= self.procedure.limit <= high
+        return low <= self.procedure.most <= high
 
     @property
     def unverified(self) -> tuple[Datum, ...]:
@@ -112,10 +127,14 @@ class Reduced:
     procedure: Entry[Procedure]
     constants: Mapping[str, Estimate]
     results: Callable[[Mapping[str, Array]], ShotResults]  # of any values of the constants
+    metric: Callable[[Mapping[str, Array], ShotResults], Array]  # of them and their shots
     readings: ImpactReadings
     bat: BatProperties
+    percussion: float  # centre of percussion of the bat as measured [m]
     shots: ShotResults
+    shot_metric: Array  # (shot,)
     judgement: Judgement
+    outcome: Outcome
 
 
 @contextmanager
@@ -132,35 +151,54 @@ def _constants_known() -> Iterator[None]:
 def reduce_session(session: Session) -> Reduced:
     """Reduce a session's records. `InputError` where a record or procedure is of no use."""
     procedure = read(session.procedure_text, "procedure.toml", Procedure)
-    _require_pivot(session, procedure.spec)
+    rules = procedure.spec
+    _require_rig(session, rules)
     ball_readings, readings = observe_balls(session), observe_impact(session)
-    constants = _constants(session) | {
-        "procedure.pivot_from_knob": Estimate(value=procedure.spec.pivot_from_knob),
-        "balls.repeatability": ball_repeatability(ball_readings),
-        "impact.aim.across_square": across_constant(session.records["impact"]),
-    }
+    constants = _constants(session) | ball_constants(ball_readings)
+    if "impact.gates.height_0" not in constants:
+        constants["impact.aim.across_square"] = across_constant(session.records["impact"])
 
     def results(x: Mapping[str, Array]) -> ShotResults:
-        return shot_results(x, bat_properties(x), measured_balls(x, ball_readings), readings)
+        balls = measured_balls(x, ball_readings)
+        return shot_results(x, bat_properties(x), balls, readings, rules.asked)
+
+    def metric(x: Mapping[str, Array], shots: ShotResults) -> Array:
+        of = metric_of(rules, control=x[CONTROL] if _controlled(rules) else 1.0)
+        return of(Curve.measured(shots), bat_properties(x))
 
     best = {name: np.array(known.value) for name, known in constants.items()}
     shots = results(best)
+    shot_metric = metric(best, shots)
     bat = bat_properties(best)
     measured = {name: float(getattr(bat, name)) for name in BAT_PROPERTIES}
-    aimed = aimed_place(measured, procedure.spec.pivot_from_knob, exact=True)
+    percussion = aimed_place(measured, rules.pivot_from_knob)
+    turn_rate = float(rules.turn_rate(measured["length"]))
+    judgement = judge(rules, shots, readings, percussion, turn_rate)
     return Reduced(
         procedure=procedure,
         constants=constants,
         results=results,
+        metric=metric,
         readings=readings,
         bat=bat,
+        percussion=percussion,
         shots=shots,
-        judgement=judge(procedure.spec, shots, readings, aimed),
+        shot_metric=shot_metric,
+        judgement=judgement,
+        outcome=outcome_of(rules, readings.place, judgement.valid, shot_metric),
     )
 
 
-def _require_pivot(session: Session, procedure: Procedure) -> None:
-    """Refuse a rig whose axis is not where the rules ask for it: no reduction mends that."""
+def _controlled(procedure: Procedure) -> bool:
+    return procedure.correction is not None and procedure.correction.method == "control-bat"
+
+
+def _require_rig(session: Session, procedure: Procedure) -> None:
+    """Refuse records that lack what the rules read, and a rig whose axis is elsewhere."""
+    written = session.records.get("impact", {}).keys()
+    for channel in sorted(procedure.needs - written):
+        allowed = f"{procedure.name} needs this record"
+        raise InputError(f"impact/{channel}", "record", None, allowed)
     axis, asked = session.calibration["impact.pivot.from_knob"].value, procedure.pivot_from_knob
     if abs(axis - asked) > PIVOT_TOLERANCE:
         raise InputError(
@@ -175,25 +213,40 @@ def certify_session(session: Session) -> Certification:
 
 def evaluate(session: Session, reduced: Reduced) -> Certification:
     """Return metric, uncertainty and verdict of a session already reduced."""
-    procedure, shots, valid = reduced.procedure.spec, reduced.shots, reduced.judgement.valid
-    quantities = {}
-    if valid.sum() >= 2:
-        shared = propagate(lambda x: _means(reduced.results(x), valid), reduced.constants)
-        for name, field in QUANTITIES.items():
-            hits = getattr(shots, field)[valid]
-            quantities[name] = combine(float(hits.mean()), shared[name], hits)
-    metric = quantities.get(procedure.metric)
+    procedure, shots, outcome = reduced.procedure.spec, reduced.shots, reduced.outcome
+    quantities: dict[str, Budget] = {}
+    metric = None
+    if np.isfinite(outcome.weights).all():
+        values = {name: getattr(shots, field) for name, field in QUANTITIES.items()}
+        values["metric"] = reduced.shot_metric
+        shared = propagate(lambda x: _weighted(reduced, x), reduced.constants)
+        used, groups = outcome.used, np.round(reduced.readings.place, 6)
+        for name, hits in values.items():
+            part = scatter(hits[used], outcome.weights[used], groups[used])
+            value = float(hits[used] @ outcome.weights[used])
+            quantities[name] = combine(value, [*shared[name], part])
+        metric = quantities.pop("metric")
+    found = findings(procedure, reduced.bat)
     return Certification(
         session=session,
         procedure=procedure,
         procedure_sheet=reduced.procedure.sheet,
         bat=measure_bat(session),
         shots=shots,
+        shot_metric=reduced.shot_metric,
         readings=reduced.readings,
         judgement=reduced.judgement,
+        outcome=outcome,
+        metric=metric,
         quantities=quantities,
-        free=_with_free_bat(reduced.bat, shots, reduced.readings, valid) if metric else None,
-        verdict=verdict(procedure, metric.value if metric else np.nan, int(valid.sum())),
+        other=_with_other_support(reduced) if metric else None,
+        findings=found,
+        verdict=verdict(
+            procedure,
+            metric.value if metric else np.nan,
+            complete=not outcome.reason,
+            eligible=all(finding.met for finding in found),
+        ),
     )
 
 
@@ -221,24 +274,27 @@ def _constants(session: Session) -> dict[str, Estimate]:
     return dict(session.calibration) | bench_constants(session)
 
 
-def _means(shots: ShotResults, valid: NDArray[np.bool_]) -> dict[str, Array]:
-    return {
-        name: getattr(shots, field)[..., valid].mean(axis=-1) for name, field in QUANTITIES.items()
-    }
+def _weighted(reduced: Reduced, x: Mapping[str, Array]) -> dict[str, Array]:
+    used, shots = reduced.outcome.used, reduced.results(x)
+    weights = reduced.outcome.weights[used]
+    sums = {name: getattr(shots, field)[..., used] @ weights for name, field in QUANTITIES.items()}
+    return sums | {"metric": reduced.metric(x, shots)[..., used] @ weights}
 
 
-def _with_free_bat(
-    bat: BatProperties, shots: ShotResults, readings: ImpactReadings, valid: NDArray[np.bool_]
-) -> OtherSupport:
-    pivoted = shots.lot_recoil_factor
-    lever = readings.place - bat.z_cm
-    # the lot's mean ball, by the recoil factor it has on the pivot
-    ball = shots.ball_mass * pivoted / shots.recoil_factor
-    recoil = np.asarray(recoil_factor_free(ball, bat.mass, bat.inertia_cm, lever))
+def _with_other_support(reduced: Reduced) -> OtherSupport:
+    procedure, shots = reduced.procedure.spec, reduced.shots
+    which = "free" if procedure.recoil == "pivoted" else "pivoted"
+    # the lot's mean ball, by the recoil factor it has on the support the rules name
+    ball = shots.ball_mass * shots.lot_recoil_factor / shots.recoil_factor
+    recoil = recoil_factor(
+        which, reduced.bat, ball, reduced.readings.place, procedure.pivot_from_knob
+    )
     restitution = np.asarray(restitution_from_efficiency(shots.lot_collision_efficiency, recoil))
-    factor = restitution / shots.lot_ball_restitution
+    used = reduced.outcome.used
+    weights = reduced.outcome.weights[used]
     return OtherSupport(
-        recoil_factor=float(recoil[valid].mean()),
-        restitution=float(restitution[valid].mean()),
-        bat_performance_factor=float(factor[valid].mean()),
+        which=which,
+        recoil_factor=float(recoil[used] @ weights),
+        restitution=float(restitution[used] @ weights),
+        bat_performance_factor=float((restitution / shots.lot_ball_restitution)[used] @ weights),
     )

@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.estimate import Estimate
+from virtual_lab.instruments import Rung
 from virtual_lab.records import Record, ShotLog
 from virtual_lab.streams import Draws, Quiet, Streams
 from virtual_lab.truth import TrueBalls, TrueBat, TrueOutcome
 
 if TYPE_CHECKING:
-    from virtual_lab.collision.scene import CollisionModel
+    from virtual_lab.collision.scene import CollisionModel, Scenes
     from virtual_lab.physics.supports import Support
     from virtual_lab.specs import BatBody
 
@@ -70,6 +71,9 @@ class CollisionChoice(Protocol):
     """How the laboratory hands a rig the collision: a bat's body and support in, a rung out."""
 
     def __call__(self, body: BatBody, support: Support) -> CollisionModel: ...
+    def efficiency(self, body: BatBody, support: Support, scenes: Scenes) -> Array:
+        """Return e_A of scenes nothing else is wanted of, (n,)."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,12 +87,17 @@ class Specimen:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Order:
-    """What the operator asks for: a ball, a nominal speed [m/s] and a set place [m] a shot."""
+    """What the operator asks for: a ball, a nominal speed [m/s] and a set place [m] a shot.
+
+    A rig that swings its bat turns it at `turn_rate` [rad/s]; others leave it at rest.
+    """
 
     ball: NDArray[np.int_]
     speed: Array
     place: Array
+    turn_rate: float = 0.0
     block: int = 0
+    rung: Rung = Rung.FULL
 
     def log(self) -> ShotLog:
         """Return the operator's log of the order."""
@@ -127,8 +136,8 @@ class Station(Protocol):
 class ImpactStation(Station, Protocol):
     """A station that fires at bats can also be asked for the error-free answer."""
 
-    def outcome(self, speed: float, place: float, specimen: Specimen) -> TrueOutcome:
-        """Return the measurand: this bat, the lot's mean ball, nominal speed, aimed place."""
+    def outcome(self, order: Order, specimen: Specimen) -> TrueOutcome:
+        """Return the measurand at the order's speeds and places: this bat, the lot's mean ball."""
         ...
 
 

@@ -59,17 +59,13 @@ class TrueBalls:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrueOutcome:
-    """What an error-free measurement would give: the measurand's true values."""
+    """What an error-free measurement would give at each place, arrays (place,)."""
 
-    collision_efficiency: float
-    restitution: float
-    recoil_factor: float
-    ball_restitution: float
-    relative_speed: float
-
-    @property
-    def bat_performance_factor(self) -> float:
-        return self.restitution / self.ball_restitution
+    collision_efficiency: Array
+    recoil_pivoted: Array  # r about the pivot, exactly where it should be
+    recoil_free: Array  # r of the free bat
+    ball_restitution: Array  # of the lot's mean ball at the relative speed
+    relative_speed: Array  # [m/s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -83,8 +79,8 @@ class Sealed:
     bat_properties: Mapping[str, Array]
     balls: TrueBalls
     constants: Mapping[str, float]  # "stage.instrument.constant"
-    measurand: TrueOutcome
-    place: float  # aimed, where the measurand is taken [m]
+    measurand: Mapping[str, float]  # "metric", and quantities by their names
+    place: Array  # aimed, (shot,) [m]
     shots: Mapping[str, Array]  # what happened, (shot,)
     wall_hits: Mapping[str, Array]
 
@@ -95,9 +91,8 @@ class Sealed:
             "seed": self.seed,
             "salt": self.salt.hex(),
             "reality": self.reality,
-            "measurand": asdict(self.measurand)
-            | {"bat_performance_factor": self.measurand.bat_performance_factor},
-            "place_m": self.place,
+            "measurand": dict(self.measurand),
+            "place_m": self.place.tolist(),
             "bat": asdict(self.bat),
             "bat_properties": _listed(self.bat_properties),
             "balls": {

@@ -12,8 +12,8 @@ from virtual_lab.collision.modal import ModalModel
 from virtual_lab.errors import InputError
 from virtual_lab.physics.beam import beam_of
 from virtual_lab.physics.supports import Free
+from virtual_lab.relations.peaks import peak
 from virtual_lab.studies.compare import Compared, compare, save_comparison
-from virtual_lab.studies.peaks import peak
 from virtual_lab.studies.profile import profile, read_inertia
 from virtual_lab.units import INCH, MPH, OZ_IN2
 

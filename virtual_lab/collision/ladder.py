@@ -39,6 +39,7 @@ SHARE = 0.1  # of the standard uncertainty that a model's error may take
 MODAL_ERROR = 1.1e-4
 SURROGATE_TOLERANCE = SHARE * MODAL_ERROR
 WORTH_BUILDING = 5_000  # scenes that cost the modal rung what a surrogate costs to build
+ROOM = 0.3  # of its width, that a surrogate reaches beyond the first scenes on each side
 PROBES = 64  # of many scenes, those that the rigid rung is tried on
 
 
@@ -112,12 +113,18 @@ class EfficiencyChoice:
 
 
 def choose_efficiency(
-    body: BatBody, support: Support, scenes: Scenes, *, standard_uncertainty: float
+    body: BatBody,
+    support: Support,
+    scenes: Scenes,
+    *,
+    standard_uncertainty: float,
+    box: Box | None = None,
 ) -> EfficiencyChoice:
     """Return the cheapest way to e_A of these scenes, nothing else of them being needed.
 
     As `choose`, with the surrogate between rigid and modal: where there are scenes enough to
-    pay for building it, all of one ball, none of which re-loads.
+    pay for building it, all of one ball, none of which re-loads. It is built over `box`, that
+    of the scenes by default.
     """
     probe = scenes.part(slice(None, None, -(-len(scenes) // PROBES)))
     choice = choose(body, support, probe, standard_uncertainty=standard_uncertainty)
@@ -131,7 +138,9 @@ def choose_efficiency(
     if plain.rung != "modal" or len(scenes) < WORTH_BUILDING or error > allowed:
         return plain
     try:
-        surrogate = surrogate_of(body, support, Box.about(scenes), tolerance=SURROGATE_TOLERANCE)
+        surrogate = surrogate_of(
+            body, support, box or Box.about(scenes), tolerance=SURROGATE_TOLERANCE
+        )
     except InputError as refused:
         return replace(plain, reason=f"{plain.reason}; no surrogate: {refused}")
     return EfficiencyChoice(
@@ -157,6 +166,9 @@ class Ladder:
     standard_uncertainty: float  # of the e_A that the test is to yield
     rung: str | None = None
     taken: dict[tuple[BatBody, Support], Choice] = field(default_factory=dict)
+    fitted: dict[tuple[BatBody, Support], tuple[Box, EfficiencyChoice]] = field(
+        default_factory=dict
+    )
 
     def __call__(self, body: BatBody, support: Support) -> CollisionModel:
         """Return the model for a bat under a support."""
@@ -170,6 +182,19 @@ class Ladder:
                 standard_uncertainty=self.standard_uncertainty,
             )
         return self.taken[key].model
+
+    def efficiency(self, body: BatBody, support: Support, scenes: Scenes) -> NDArray[np.float64]:
+        """Return e_A alone of scenes of a bat under a support, by the cheapest way there is."""
+        if self.rung is not None or len(scenes) < WORTH_BUILDING:
+            return self(body, support).collide(scenes).collision_efficiency
+        key, box = (body, support), Box.about(scenes)
+        ready = self.fitted.get(key)
+        if ready is None or not ready[0].holds(box):
+            wide = box.widened(ROOM)
+            u = self.standard_uncertainty
+            choice = choose_efficiency(body, support, scenes, standard_uncertainty=u, box=wide)
+            ready = self.fitted[key] = (wide, choice)
+        return ready[1].efficiency(scenes)
 
     def report(self) -> dict[str, str | float]:
         """Return the rung first taken, its error in e_A, and why."""

@@ -8,9 +8,9 @@ only: a rig that needs the bat's ring afterwards takes the modal rung.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +75,26 @@ class Box:
         )
         box.unit(scenes)
         return box
+
+    def holds(self, other: Box) -> bool:
+        """Return whether another box lies within this one, of the same force law."""
+        return (self.stiffness, self.exponent) == (other.stiffness, other.exponent) and all(
+            getattr(self, axis)[0] <= getattr(other, axis)[0]
+            and getattr(other, axis)[1] <= getattr(self, axis)[1]
+            for axis in AXES
+        )
+
+    def widened(self, room: float) -> Box:
+        """Return the box with each side longer by `room` of itself at either end."""
+
+        def wide(axis: str) -> tuple[float, float]:
+            low, high = getattr(self, axis)
+            more = room * (high - low)
+            most = 1.0 if axis == "ball_restitution" else inf
+            return max(low - more, low / 2), min(high + more, most)
+
+        sides: dict[str, Any] = {axis: wide(axis) for axis in AXES}
+        return replace(self, **sides)
 
     def unit(self, scenes: Scenes) -> Floats:
         """Return the scenes' places in the box, each variable from -1 to 1, shape (4, n).

@@ -8,11 +8,19 @@ laboratory knows, ``errors()`` what really is, and a verb of its own writes raw 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from enum import Enum
 from typing import Protocol
 
 from virtual_lab.estimate import Estimate
 
-__all__ = ["Instrument", "calibration_of", "errors_of"]
+__all__ = ["Instrument", "Rung", "calibration_of", "errors_of"]
+
+
+class Rung(Enum):
+    """How finely instruments write down what they saw."""
+
+    FULL = "full"  # every edge of a gate, every count of an encoder
+    SUMMED = "summed"  # what their own recorders make of them: sufficient statistics
 
 
 class Instrument(Protocol):

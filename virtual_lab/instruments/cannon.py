@@ -9,11 +9,13 @@ import numpy as np
 from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
+from virtual_lab.errors import InputError
 from virtual_lab.estimate import Estimate
 from virtual_lab.instruments.indicator import quantise
 from virtual_lab.records import AimMarks
 from virtual_lab.specs import Dimension, Spec
 from virtual_lab.streams import Draws
+from virtual_lab.units import MPH
 
 __all__ = ["Cannon", "CannonSpec", "Launch"]
 
@@ -27,9 +29,11 @@ class CannonSpec(Spec):
 
     kind: str
     title: str
+    fastest: Annotated[float, Gt(0), Dimension("speed")]
     speed_scatter: Annotated[float, Ge(0), Dimension("speed")]
     along_scatter: Distance
     across_scatter: Distance
+    slope_scatter: Annotated[float, Ge(0), Dimension("angle")]
     along_u: Distance
     across_u: Distance
     marks: Annotated[int, Gt(1), Dimension("number")]
@@ -42,6 +46,7 @@ class CannonSpec(Spec):
             speed_scatter=0.0,
             along_scatter=0.0,
             across_scatter=0.0,
+            slope_scatter=0.0,
             along_u=0.0,
             across_u=0.0,
             mark_resolution=0.0,
@@ -55,6 +60,7 @@ class Launch:
     speed: Array
     along: Array
     across: Array
+    slope: Array  # height lost a metre as the ball comes
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,12 +85,20 @@ class Cannon:
         return {"along": self.along, "across": self.across}
 
     def fire(self, speed: Array, draws: Draws, name: str, block: int) -> Launch:
-        """Fire shots asked to reach the target at `speed` [m/s], shape (shot,)."""
-        scatter = draws.normal(name, (3, len(speed)), block)
+        """Fire shots asked to reach the target at `speed` [m/s], shape (shot,).
+
+        Raises `InputError` where the cannon is not that strong.
+        """
+        if np.any(speed > self.spec.fastest):
+            asked, most = float(np.max(speed)) / MPH, self.spec.fastest / MPH
+            allowed = f"{self.spec.title} fires up to {most:.4g} mph"
+            raise InputError("procedure.toml", "ball_speed", f"{asked:.4g} mph", allowed)
+        scatter = draws.normal(name, (4, len(speed)), block)
         return Launch(
             speed=speed + self.spec.speed_scatter * scatter[0],
             along=self.along + self.spec.along_scatter * scatter[1],
             across=self.across + self.spec.across_scatter * scatter[2],
+            slope=self.spec.slope_scatter * scatter[3],
         )
 
     def mark(self, draws: Draws, name: str) -> AimMarks:

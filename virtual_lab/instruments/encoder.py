@@ -7,7 +7,7 @@ ring alike, and its mounting makes it show a little more or less than the true a
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import tau
+from math import sqrt, tau
 from typing import Annotated, Self
 
 import numpy as np
@@ -15,7 +15,7 @@ from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
 from virtual_lab.estimate import Estimate
-from virtual_lab.records import EncoderRecord
+from virtual_lab.records import EncoderRecord, RateRecord
 from virtual_lab.specs import Dimension, Spec
 from virtual_lab.streams import Draws
 
@@ -67,6 +67,27 @@ class Encoder:
     def errors(self) -> dict[str, float]:
         """Return the true constants, to be sealed."""
         return {"scale": self.scale}
+
+    def sum_up(
+        self, rate: Array, draws: Draws, name: str, block: int, *, angle: Array | None = None
+    ) -> RateRecord:
+        """Record rates [rad a shown second] at contact, (shot,), as a recorder that fits would.
+
+        Their noise is that of the slope, at its end, of a cubic through n whole counts:
+        √(1200/n) of a count's √(1/12) over the record (Legendre's polynomials).
+        """
+        spec, per_angle = self.spec, self.scale * self.spec.counts_per_turn / tau
+        samples = spec.duration * spec.sample_rate
+        count = sqrt(1 / 12) if spec.whole_counts else 0.0
+        u = count * sqrt(1200 / samples) / spec.duration
+        noise = u * draws.normal(f"{name}.sums", rate.shape, block)
+        swung = angle is not None
+        return RateRecord(
+            rate=per_angle * rate + noise,
+            rate_u=np.full(rate.shape, u),
+            before=np.full(rate.shape, np.nan if swung else 0.0),
+            angle=np.full(rate.shape, np.nan) if angle is None else per_angle * angle,
+        )
 
     def read(self, angle: Array, draws: Draws, name: str, block: int) -> EncoderRecord:
         """Count true angles [rad], shape (shot, sample), from a rest angle of any phase."""

@@ -8,20 +8,22 @@ edges is the passage of the ball's centre, whatever part of the beam trips it.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import sqrt
 from typing import Annotated, Self
 
 import numpy as np
 from annotated_types import Ge, Gt, MinLen
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from virtual_lab.estimate import Estimate
+from virtual_lab.instruments import Rung
 from virtual_lab.instruments.indicator import quantise
-from virtual_lab.records import GateRecord
-from virtual_lab.relations.flight import time_after, time_before
+from virtual_lab.instruments.passage import Passage
+from virtual_lab.records import GateRecord, PassageRecord
 from virtual_lab.specs import Dimension, Spec
 from virtual_lab.streams import Draws
 
-__all__ = ["LightGateSpec", "LightGates", "Passage"]
+__all__ = ["LightGateSpec", "LightGates"]
 
 Array = NDArray[np.float64]
 Time = Annotated[float, Ge(0), Dimension("time")]
@@ -56,20 +58,9 @@ class LightGateSpec(Spec):
         """Return gates that stand where surveyed, with a perfect clock."""
         return replace(self, distance_u=0.0, tick=0.0, edge_jitter=0.0, clock_u=0.0)
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Passage:
-    """True flights of a batch: speeds at the target [m/s], drag [1/m], radius [m], shape (shot,).
-
-    `rise_per_metre` is the slope of the rebound out of the horizontal; `gravity` bends it down.
-    """
-
-    speed_in: Array
-    speed_out: Array
-    drag: Array
-    radius: float
-    rise_per_metre: Array
-    gravity: float
+    def slowest_rebound(self, gravity: float) -> float:
+        """Return the speed [m/s] below which a level rebound falls out of the far curtain."""
+        return self.distances[0] * sqrt(gravity / (2 * self.half_height))
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,34 +99,63 @@ class LightGates:
 
         The trigger is the first edge of the far gate.
         """
-        return time_before(self.distances[0] + passage.radius, passage.speed_in, passage.drag)
+        return passage.inbound(self.distances[None, 0] + passage.radius)[0]
 
     def watch(
         self,
         passage: Passage,
-        contact: ArrayLike,
-        leaving: ArrayLike,
+        contact: Array,
+        leaving: Array,
+        draws: Draws,
+        name: str,
+        block: int,
+        rung: Rung = Rung.FULL,
+    ) -> GateRecord | PassageRecord:
+        """Record balls that reach the target at `contact` and leave it at `leaving` [s]."""
+        record = self._edges if rung is Rung.FULL else self._sums
+        return record(passage, contact, leaving, draws, name, block)
+
+    def _edges(
+        self,
+        passage: Passage,
+        contact: Array,
+        leaving: Array,
         draws: Draws,
         name: str,
         block: int,
     ) -> GateRecord:
-        """Record balls that reach the target at `contact` and leave it at `leaving` [s]."""
         edge = passage.radius * np.array([1.0, -1.0])
-        shots = (slice(None), None, None)
-        ahead = self.distances[:, None] + edge
-        inbound = np.asarray(contact)[shots] - time_before(
-            ahead, passage.speed_in[shots], passage.drag[shots]
-        )
-        back = self.distances[:, None] - edge
-        speed_out = np.where(passage.speed_out > 0, passage.speed_out, np.nan)
-        flight = time_after(back, speed_out[shots], passage.drag[shots])
-        height = passage.rise_per_metre[shots] * back - passage.gravity / 2 * flight**2
-        seen = np.abs(height) < self.spec.half_height
-        outbound = np.where(seen, np.asarray(leaving)[shots] + flight, np.nan)
+        before, _ = passage.inbound((self.distances[:, None] + edge)[None])
+        after, height = passage.outbound((self.distances[:, None] - edge)[None])
+        inbound = contact[:, None, None] - before
+        outbound = leaving[:, None, None] + self._seen(after, height)
         times = np.stack([inbound, outbound], axis=1)
-        return GateRecord(times=self._time(times, draws, name, block))
+        return GateRecord(times=self._time(times, self.spec.edge_jitter, draws, name, block))
 
-    def _time(self, times: Array, draws: Draws, name: str, block: int) -> Array:
+    def _sums(
+        self,
+        passage: Passage,
+        contact: Array,
+        leaving: Array,
+        draws: Draws,
+        name: str,
+        block: int,
+    ) -> PassageRecord:
+        """Sum each gate up: a passage with the noise of two edges."""
+        distances = self.distances[None]
+        before, _ = passage.inbound(distances)
+        after, height = passage.outbound(distances)
+        inbound = contact[:, None] - before
+        outbound = leaving[:, None] + self._seen(after, height)
+        times = np.stack([inbound, outbound], axis=1)
+        jitter = sqrt((self.spec.edge_jitter**2 + self.spec.tick**2 / 12) / 2)
+        noise = jitter * draws.normal(f"{name}.sums", times.shape, block)
+        return PassageRecord(times=self.clock * times + noise, heights=np.full(times.shape, np.nan))
+
+    def _seen(self, time: Array, height: Array) -> Array:
+        return np.where(np.abs(height) < self.spec.half_height, time, np.nan)
+
+    def _time(self, times: Array, jitter: float, draws: Draws, name: str, block: int) -> Array:
         start = self.spec.tick * draws.uniform(f"{name}.start", (len(times), 1, 1, 1), block)
-        jitter = self.spec.edge_jitter * draws.normal(f"{name}.jitter", times.shape, block)
-        return quantise(self.clock * times + start + jitter, self.spec.tick)
+        noise = jitter * draws.normal(f"{name}.jitter", times.shape, block)
+        return quantise(self.clock * times + start + noise, self.spec.tick)

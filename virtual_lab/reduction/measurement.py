@@ -8,30 +8,36 @@ what is computed.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.reduction.flights import Flights, flights
 from virtual_lab.reduction.observations import BallReadings, ImpactReadings
-from virtual_lab.relations.flight import drag_rate, speed_from_passages
+from virtual_lab.reduction.rate import RateFit
+from virtual_lab.relations.flight import drag_rate
 from virtual_lab.relations.kinematics import (
     bat_performance_factor,
     efficiency_from_restitution,
     parallel_axis,
     rebound_speed_from_recoil,
+    recoil_factor_free,
     recoil_factor_pivoted,
     restitution_from_efficiency,
 )
 from virtual_lab.relations.pendulum import inertia_from_period, mean_amplitude_factor
 
 __all__ = [
+    "Asked",
     "BatProperties",
     "MeasuredBalls",
     "ShotResults",
     "bat_properties",
     "measured_balls",
+    "recoil_factor",
     "shot_results",
 ]
 
@@ -52,11 +58,12 @@ class BatProperties:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredBalls:
-    """Measured balls, shape (..., ball); e0 is carried to the nominal speed."""
+    """Measured balls, shape (..., ball); e0 is that at the mean speed of the wall hits."""
 
     mass: Array
     restitution: Array
-    nominal_speed: float
+    speed: float  # mean nominal one of the wall hits [m/s]
+    slope: Array  # of e0 over the speed [s/m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,19 +71,38 @@ class ShotResults:
     """What each shot gave, shape (..., shot)."""
 
     speed: Array  # of the ball at the bat [m/s]
-    recoil_rate: Array  # of the bat about the pivot, at the end of contact [rad/s]
+    bat_speed: Array  # at the place struck, against the ball; 0 of a bat at rest [m/s]
+    relative_speed: Array  # [m/s]
+    recoil_rate: Array  # of a bat at rest, about the pivot, at the end of contact [rad/s]
+    swing_rate: Array  # of a swung bat, at contact; 0 of a bat at rest [rad/s]
+    rebound_speed: Array  # of the ball, along the line of fire [m/s]
+    rebound_slope: Array  # height the ball gains a metre as it comes back
     ball_mass: Array  # [kg]
-    recoil_factor: Array  # about the pivot
-    ball_restitution: Array  # of the ball, at the shot's own speed
-    collision_efficiency: Array  # from the recoil, freed of the offset across the bat
+    place: Array  # aimed, from the barrel tip [m]
+    recoil_factor: Array  # of the support the procedure names
+    ball_restitution: Array  # of the ball, at the shot's own relative speed
+    collision_efficiency: Array  # freed of the offset across the bat
     restitution: Array
     bat_performance_factor: Array
-    nominal_ball_restitution: Array  # of the ball, at the nominal speed
+    window_ball_restitution: Array  # of the ball, at the speed the procedure judges balls at
     lot_ball_restitution: Array  # these four: with the lot's mean ball at the nominal speed
     lot_recoil_factor: Array
     lot_restitution: Array
     lot_collision_efficiency: Array
     rebound_efficiency: Array  # e_A from the ball's own rebound, NaN: the gates did not see it
+    recoil_efficiency: Array  # e_A from the bat's recoil, NaN: nothing watched it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asked:
+    """What a procedure asks of the reduction."""
+
+    reads: Literal["recoil", "rebound"]  # what e_A is taken from
+    recoil: Literal["pivoted", "free"]  # whose recoil factor Eq. (6) gets
+    pivot_from_knob: float  # [m]
+    ball_speed: float  # nominal [m/s]
+    turn_rate: Callable[[Array], Array]  # nominal, of the bat, from its length [m], [rad/s]
+    window_speed: float  # at which balls are judged [m/s]
 
 
 def bat_properties(x: Constants) -> BatProperties:
@@ -111,17 +137,11 @@ def _inertia_cm(x: Constants, mass: Array, length: Array, z_cm: Array) -> Array:
 
 
 def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
-    """Return the balls' masses and their mean e0 over the wall hits, at the nominal speed."""
+    """Return the balls' masses and their mean e0 over the wall hits, at the hits' mean speed."""
     mass = (readings.mass - x["bench.scale.zero"]) / x["bench.scale.span"]
-    drag = drag_rate(
-        x["hall.air.density"],
-        x["hall.air.drag_coefficient"],
-        x["ball.radius"],
-        mass[..., readings.ball],
-    )
-    speed_in, speed_out = _gate_speeds(x, "balls", readings, drag)
-    nominal = float(readings.nominal_speed.mean())
-    hits = speed_out / speed_in - x["ball.restitution_slope"] * (speed_in - nominal)
+    seen = flights(x, "balls", readings.passages, _drag(x, mass[..., readings.ball]))
+    slope, nominal = x["ball.restitution_slope"], float(readings.nominal_speed.mean())
+    hits = seen.speed_out / seen.speed_in - slope * (seen.speed_in - nominal)
     restitution = np.stack(
         [hits[..., readings.ball == ball].mean(axis=-1) for ball in range(len(readings.mass))],
         axis=-1,
@@ -129,66 +149,113 @@ def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
     return MeasuredBalls(
         mass=np.broadcast_to(mass, restitution.shape),
         restitution=restitution,
-        nominal_speed=nominal,
+        speed=nominal,
+        slope=slope,
     )
 
 
 def shot_results(
-    x: Constants, bat: BatProperties, balls: MeasuredBalls, readings: ImpactReadings
+    x: Constants,
+    bat: BatProperties,
+    balls: MeasuredBalls,
+    readings: ImpactReadings,
+    asked: Asked,
 ) -> ShotResults:
-    """Return e_A by angular momentum about the pivot and Eq. (2), e by Eq. (6), BPF by Eq. (5)."""
+    """Return e_A by Eq. (2) or by angular momentum, e by Eq. (6), BPF by Eq. (5)."""
     mass = balls.mass[..., readings.ball]
-    drag = drag_rate(x["hall.air.density"], x["hall.air.drag_coefficient"], x["ball.radius"], mass)
-    speed, rebound = _gate_speeds(x, "impact", readings, drag)
-    axis = bat.length - x["impact.pivot.from_knob"]
-    turning = parallel_axis(bat.inertia_cm, bat.mass, axis - bat.z_cm)
-    lever = axis - readings.place - x["impact.cannon.along"]
-    scale = x["impact.encoder.scale"] * x["impact.encoder.counts_per_turn"]
-    rate = 2 * np.pi * readings.recoil.rate * x["impact.gates.clock"] / scale
-    seen = rebound_speed_from_recoil(turning, rate, mass, lever, speed) / speed
-    # mean of sin² of the contact angle: hits beside the axis only ever lower what is seen
-    sine = x["impact.aim.across_square"] / (bat.barrel_radius + x["ball.radius"]) ** 2
-    efficiency = (seen + sine) / (1 - sine)
+    seen = flights(x, "impact", readings.passages, _drag(x, mass))
+    lever = bat.length - x["impact.pivot.from_knob"] - readings.place - _along(x)
+    swing_rate = _turn(x, "swing", readings.swing) if readings.swing else 0 * lever
+    bat_speed = lever * swing_rate
+    relative_speed = seen.speed_in + bat_speed
+    rate = _turn(x, "encoder", readings.recoil) if readings.recoil else 0 * lever + np.nan
+    sine = _sine_square(x, bat, seen)
+
+    def squarely(efficiency: Array) -> Array:
+        """Free e_A of the offset across the bat, which only ever lowers what is seen."""
+        return np.asarray((efficiency + sine) / (1 - sine))
+
+    rebound = squarely((seen.speed_out - bat_speed) / relative_speed)
+    turning = parallel_axis(bat.inertia_cm, bat.mass, _axis(x, bat) - bat.z_cm)
+    momentum = rebound_speed_from_recoil(turning, rate, mass, lever, seen.speed_in)
+    recoiled = squarely(momentum / seen.speed_in)
+    efficiency = recoiled if asked.reads == "recoil" else rebound
     # the recoil factor is that of the axis and place asked for: e_A hardly knows where they are,
     # so what a misplaced axis or ball spoils is the angular momentum above and nothing here
-    asked = bat.length - x["procedure.pivot_from_knob"]
-    inertia = parallel_axis(bat.inertia_cm, bat.mass, asked - bat.z_cm)
-    reach = asked - readings.place
-    recoil = recoil_factor_pivoted(mass, inertia, reach)
+    recoil = recoil_factor(asked.recoil, bat, mass, readings.place, asked.pivot_from_knob)
     restitution = restitution_from_efficiency(efficiency, recoil)
-    nominal_e0 = balls.restitution[..., readings.ball]
-    e0 = nominal_e0 + x["ball.restitution_slope"] * (speed - balls.nominal_speed)
+    own = balls.restitution[..., readings.ball]
+    e0 = own + balls.slope * (relative_speed - balls.speed)
     factor = bat_performance_factor(restitution, e0)
-    lot_e0 = balls.restitution.mean(axis=-1, keepdims=True) + x["balls.repeatability"]
-    lot_recoil = recoil_factor_pivoted(balls.mass.mean(axis=-1, keepdims=True), inertia, reach)
+    nominal = asked.ball_speed + asked.turn_rate(bat.length) * (
+        bat.length - asked.pivot_from_knob - readings.place
+    )
+    lot = balls.restitution.mean(axis=-1, keepdims=True) + x["balls.repeatability"]
+    lot_e0 = lot + balls.slope * (nominal - balls.speed)
+    lot_mass = balls.mass.mean(axis=-1, keepdims=True)
+    lot_recoil = recoil_factor(asked.recoil, bat, lot_mass, readings.place, asked.pivot_from_knob)
     lot_restitution = factor * lot_e0
+    shape = np.shape(factor)
     return ShotResults(
-        speed=speed,
-        recoil_rate=rate,
+        speed=seen.speed_in,
+        bat_speed=np.broadcast_to(bat_speed, shape),
+        relative_speed=relative_speed,
+        recoil_rate=np.broadcast_to(rate, shape),
+        swing_rate=np.broadcast_to(swing_rate, shape),
+        rebound_speed=seen.speed_out,
+        rebound_slope=seen.slope_out,
         ball_mass=mass,
-        recoil_factor=np.asarray(recoil),
+        place=readings.place,
+        recoil_factor=np.broadcast_to(recoil, shape),
         ball_restitution=e0,
         collision_efficiency=efficiency,
         restitution=np.asarray(restitution),
         bat_performance_factor=np.asarray(factor),
-        nominal_ball_restitution=nominal_e0,
-        lot_ball_restitution=np.broadcast_to(lot_e0, np.shape(factor)),
-        lot_recoil_factor=np.broadcast_to(lot_recoil, np.shape(factor)),
+        window_ball_restitution=own + balls.slope * (asked.window_speed - balls.speed),
+        lot_ball_restitution=np.broadcast_to(lot_e0, shape),
+        lot_recoil_factor=np.broadcast_to(lot_recoil, shape),
         lot_restitution=np.asarray(lot_restitution),
         lot_collision_efficiency=np.asarray(
             efficiency_from_restitution(lot_restitution, lot_recoil)
         ),
-        rebound_efficiency=rebound / speed,
+        rebound_efficiency=np.broadcast_to(rebound, shape),
+        recoil_efficiency=np.broadcast_to(recoiled, shape),
     )
 
 
-def _gate_speeds(
-    x: Constants, stage: str, readings: BallReadings | ImpactReadings, drag: Array
-) -> tuple[Array, Array]:
-    """Return the speeds at the target, going in and coming back [m/s]."""
-    gates = [key for key in x if key.startswith(f"{stage}.gates.distance_")]
-    far, near = x[f"{stage}.gates.distance_0"], x[f"{stage}.gates.distance_{len(gates) - 1}"]
-    clock = x[f"{stage}.gates.clock"]
-    inward = speed_from_passages(far, near, readings.duration_in / clock, drag, outbound=False)
-    outward = speed_from_passages(far, near, readings.duration_out / clock, drag, outbound=True)
-    return inward, outward
+def recoil_factor(
+    support: str, bat: BatProperties, mass: Array, place: Array, pivot_from_knob: float
+) -> Array:
+    """Return r of a ball of `mass` [kg] at `place` [m], the bat free or on its pivot."""
+    if support == "free":
+        free = recoil_factor_free(mass, bat.mass, bat.inertia_cm, place - bat.z_cm)
+        return np.asarray(free)
+    axis = bat.length - pivot_from_knob
+    inertia = parallel_axis(bat.inertia_cm, bat.mass, axis - bat.z_cm)
+    return np.asarray(recoil_factor_pivoted(mass, inertia, axis - place))
+
+
+def _drag(x: Constants, mass: Array) -> Array:
+    return drag_rate(x["hall.air.density"], x["hall.air.drag_coefficient"], x["ball.radius"], mass)
+
+
+def _axis(x: Constants, bat: BatProperties) -> Array:
+    return np.asarray(bat.length - x["impact.pivot.from_knob"])
+
+
+def _along(x: Constants) -> Array | float:
+    return x.get("impact.cannon.along", 0.0)
+
+
+def _turn(x: Constants, encoder: str, seen: RateFit) -> Array:
+    """Return the bat's angular speed [rad/s] that an encoder counted."""
+    scale = x[f"impact.{encoder}.scale"] * x[f"impact.{encoder}.counts_per_turn"]
+    return np.asarray(2 * np.pi * seen.rate * x["impact.gates.clock"] / scale)
+
+
+def _sine_square(x: Constants, bat: BatProperties, seen: Flights) -> Array:
+    """Return sin² of the contact angle: each shot's where its height is measured, else the mean."""
+    touching = (bat.barrel_radius + x["ball.radius"]) ** 2
+    if "impact.aim.across_square" in x:
+        return np.asarray(x["impact.aim.across_square"] / touching)
+    return np.asarray((seen.offset - x["impact.pivot.height"]) ** 2 / touching)

@@ -7,7 +7,7 @@ algebra that joins the two is `virtual_lab.reduction.measurement`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import sqrt
 from typing import Any
@@ -19,16 +19,22 @@ from virtual_lab.errors import InputError
 from virtual_lab.estimate import Estimate, mean_of_readings
 from virtual_lab.records import (
     AimMarks,
+    BoardRecord,
     EncoderRecord,
     GateRecord,
     LengthReadings,
     MassReadings,
+    PassageRecord,
     PendulumRecord,
+    RateRecord,
     Record,
     ShotLog,
 )
-from virtual_lab.reduction.gates import inbound_duration, inbound_passages, outbound_duration
-from virtual_lab.reduction.recoil import RecoilFit, fit_recoil
+from virtual_lab.reduction.flights import gate_count
+from virtual_lab.reduction.gates import Passages, passages
+from virtual_lab.reduction.rate import RateFit, summed_up
+from virtual_lab.reduction.recoil import fit_recoil
+from virtual_lab.reduction.swing import fit_swing
 from virtual_lab.relations.pendulum import mean_amplitude_factor
 from virtual_lab.session import Session
 
@@ -36,7 +42,7 @@ __all__ = [
     "BallReadings",
     "ImpactReadings",
     "across_constant",
-    "ball_repeatability",
+    "ball_constants",
     "bench_constants",
     "observe_balls",
     "observe_impact",
@@ -59,8 +65,7 @@ class BallReadings:
     mass: Array  # mean scale reading a ball [kg], (ball,)
     ball: NDArray[np.int_]  # which ball, a wall hit
     nominal_speed: Array  # [m/s], (hit,)
-    duration_in: Array  # shown, between the gates [s], (hit,)
-    duration_out: Array
+    passages: Passages
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,10 +75,9 @@ class ImpactReadings:
     ball: NDArray[np.int_]
     nominal_speed: Array  # [m/s]
     place: Array  # set with the rule, from the barrel tip [m]
-    duration_in: Array  # shown, between the gates [s]
-    duration_out: Array
-    contact: Array  # shown time of contact, from the gates [s]
-    recoil: RecoilFit
+    passages: Passages
+    recoil: RateFit | None  # of a bat that was at rest, where an encoder watched it
+    swing: RateFit | None  # of a bat that was swung
 
 
 def bench_constants(session: Session) -> dict[str, Estimate]:
@@ -110,31 +114,25 @@ def bench_constants(session: Session) -> dict[str, Estimate]:
 
 def observe_balls(session: Session) -> BallReadings:
     """Return what the scale and the wall rig's gates say of the balls."""
-    log, gates = _log_and_gates(session, "balls")
+    log, seen = _log_and_passages(session, "balls")
     mass = _table(session, "ball-mass").mean(axis=1)
-    seen = np.isfinite(inbound_duration(gates)) & np.isfinite(outbound_duration(gates))
-    ball = log.ball.astype(int)[seen]  # a hit the gates missed is no measurement of e0
+    both = np.isfinite(seen.duration_in) & np.isfinite(seen.duration_out)
+    ball = log.ball.astype(int)[both]  # a hit the gates missed is no measurement of e0
     hits = np.bincount(ball, minlength=mass.size)
     if hits.min() < 2:
         raise InputError(
             "balls/gates", "ball", int(hits.argmin()), "needs 2 wall hits seen both ways"
         )
     return BallReadings(
-        mass=mass,
-        ball=ball,
-        nominal_speed=log.nominal_speed[seen],
-        duration_in=inbound_duration(gates)[seen],
-        duration_out=outbound_duration(gates)[seen],
+        mass=mass, ball=ball, nominal_speed=log.nominal_speed[both], passages=seen.part(both)
     )
 
 
 def observe_impact(session: Session) -> ImpactReadings:
-    """Return what gates and encoder say of the shots."""
-    log, gates = _log_and_gates(session, "impact")
-    encoder = _channel(session, "impact", "encoder", EncoderRecord)
-    passages = inbound_passages(gates)
-    nearest = session.calibration[f"impact.gates.distance_{passages.shape[1] - 1}"].value
-    duration = inbound_duration(gates)
+    """Return what gates and encoders say of the shots."""
+    log, seen = _log_and_passages(session, "impact")
+    last = seen.times.shape[2] - 1
+    nearest = session.calibration[f"impact.gates.distance_{last}"].value
     farthest = session.calibration["impact.gates.distance_0"].value
     if not farthest > nearest:
         raise InputError(
@@ -143,42 +141,51 @@ def observe_impact(session: Session) -> ImpactReadings:
             farthest,
             f"must be above {nearest:g} m, the nearest gate's",
         )
-    contact = passages[:, -1] + nearest * duration / (farthest - nearest)
-    if len(encoder.counts) != len(log.ball):
-        raise InputError(
-            "impact/encoder", "shots", len(encoder.counts), f"the log has {len(log.ball)}"
-        )
-    ticks = np.diff(encoder.times)
-    if not (ticks.size and ticks.min() > 0 and np.ptp(ticks) < TICK_EVENNESS * ticks.min()):
-        raise InputError("impact/encoder", "times", None, "must rise in even steps")
-    try:
-        recoil = fit_recoil(encoder, contact)
-    except ValueError as fault:
-        raise InputError("impact/encoder", "times", None, str(fault)) from fault
+    contact = seen.times[:, 0, -1] + nearest * seen.duration_in / (farthest - nearest)
+    recoil = _rates(session, "encoder", contact, fit_recoil)
+    swing = _rates(session, "swing", contact, fit_swing)
     return ImpactReadings(
         ball=log.ball.astype(int),
         nominal_speed=log.nominal_speed,
         place=log.place,
-        duration_in=duration,
-        duration_out=outbound_duration(gates),
-        contact=contact,
+        passages=seen,
         recoil=recoil,
+        swing=swing,
     )
 
 
-def ball_repeatability(readings: BallReadings) -> Estimate:
-    """Return the type A uncertainty of the lot's mean e0: 0 ± what repeated wall hits scatter.
+def ball_constants(readings: BallReadings) -> dict[str, Estimate]:
+    """Return type A constants of the lot: 0 ± what its mean e0 scatters, and e0's slope.
 
-    The scatter is that within each ball, pooled; how the balls differ is no uncertainty of a
-    lot measured whole.
+    The scatter is that within each ball and speed, pooled; how the balls differ is no
+    uncertainty of a lot measured whole. The slope [s/m] is there where the wall was hit at two
+    speeds or more, by least squares within each ball.
     """
-    ratio = readings.duration_in / readings.duration_out
+    ratio = readings.passages.duration_in / readings.passages.duration_out
     balls = len(readings.mass)
     hits = np.bincount(readings.ball, minlength=balls)
-    means = np.bincount(readings.ball, ratio, balls) / hits
-    dof = float(ratio.size - balls)
-    within = float(np.sum((ratio - means[readings.ball]) ** 2)) / dof
-    return Estimate(value=0.0, u=sqrt(within / ratio.size), dof=dof, evaluation="A")
+
+    def within(values: Array) -> Array:
+        means = np.bincount(readings.ball, values, balls) / hits
+        return np.asarray(values - means[readings.ball])
+
+    steeper = within(readings.nominal_speed)
+    width = float(np.sum(steeper**2))
+    sloped = bool(np.ptp(readings.nominal_speed) > 0)
+    slope = float(np.sum(steeper * within(ratio))) / width if sloped else 0.0
+    rest = within(ratio) - slope * steeper
+    dof = float(ratio.size - balls - sloped)
+    scatter = float(np.sum(rest**2)) / dof
+    constants = {
+        "balls.repeatability": Estimate(
+            value=0.0, u=sqrt(scatter / ratio.size), dof=dof, evaluation="A"
+        )
+    }
+    if sloped:
+        constants["ball.restitution_slope"] = Estimate(
+            value=slope, u=sqrt(scatter / width), dof=dof, evaluation="A"
+        )
+    return constants
 
 
 def across_constant(records: Mapping[str, Record]) -> Estimate:
@@ -194,9 +201,34 @@ def across_constant(records: Mapping[str, Record]) -> Estimate:
     return Estimate(value=square, u=square * sqrt(2 / number), dof=number, evaluation="A")
 
 
-def _log_and_gates(session: Session, stage: str) -> tuple[ShotLog, GateRecord]:
+def _rates(
+    session: Session,
+    channel: str,
+    contact: Array,
+    fit: Callable[[EncoderRecord, Array], RateFit],
+) -> RateFit | None:
+    """Return what an encoder says at contact, None where the rig has no such encoder."""
+    if channel not in session.records["impact"]:
+        return None
+    record = _channel(session, "impact", channel, EncoderRecord | RateRecord)
+    where = f"impact/{channel}"
+    shots = len(record.rate) if isinstance(record, RateRecord) else len(record.counts)
+    if shots != len(contact):
+        raise InputError(where, "shots", shots, f"the log has {len(contact)}")
+    if isinstance(record, RateRecord):
+        return summed_up(record)
+    ticks = np.diff(record.times)
+    if not (ticks.size and ticks.min() > 0 and np.ptp(ticks) < TICK_EVENNESS * ticks.min()):
+        raise InputError(where, "times", None, "must rise in even steps")
+    try:
+        return fit(record, contact)
+    except ValueError as fault:
+        raise InputError(where, "times", None, str(fault)) from fault
+
+
+def _log_and_passages(session: Session, stage: str) -> tuple[ShotLog, Passages]:
     log = _channel(session, stage, "log", ShotLog)
-    gates = _channel(session, stage, "gates", GateRecord)
+    gates = _channel(session, stage, "gates", GateRecord | BoardRecord | PassageRecord)
     balls = len(_table(session, "ball-mass"))
     for ball in log.ball:
         if ball not in range(balls):
@@ -205,7 +237,19 @@ def _log_and_gates(session: Session, stage: str) -> tuple[ShotLog, GateRecord]:
             )
     if len(log.ball) != len(gates.times):
         raise InputError(stage, "shots", len(gates.times), f"the log has {len(log.ball)}")
-    return log, gates
+    known = session.calibration
+    of_boards = (
+        {name: known[f"{stage}.gates.{name}"].value for name in ("lowest", "pitch")}
+        if isinstance(gates, BoardRecord)
+        else {}
+    )
+    seen = passages(gates, **of_boards)
+    surveyed = gate_count(known, stage)
+    if surveyed != seen.times.shape[2]:
+        raise InputError(
+            f"{stage}/gates", "gates", seen.times.shape[2], f"the calibration has {surveyed}"
+        )
+    return log, seen
 
 
 def _repeated(session: Session, channel: str) -> Array:

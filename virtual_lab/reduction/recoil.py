@@ -9,14 +9,13 @@ each shot's own and enter linearly. The shared ones are found by variable projec
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.records import EncoderRecord
+from virtual_lab.reduction.rate import RateFit
 
-__all__ = ["RecoilFit", "fit_recoil"]
+__all__ = ["fit_recoil"]
 
 Array = NDArray[np.float64]
 
@@ -34,19 +33,7 @@ CONVERGED = 1e-5  # of a frequency or decay in units of 1/record, far below what
 COUNTING_NOISE = 1e-3  # counts; below it there are no counts and nothing to tell apart
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RecoilFit:
-    """What the encoder says of a batch of shots, in counts and shown seconds."""
-
-    rate: Array  # at the end of contact, (shot,) [counts/s]
-    rate_u: Array  # its standard uncertainty from the fit, (shot,)
-    rate_before: Array  # before contact, (shot,)
-    ring_frequency: Array  # (ring,) [Hz]
-    ring_decay: Array  # (ring,) [1/s]
-    residual: Array  # rms, (shot,) [counts]
-
-
-def fit_recoil(record: EncoderRecord, contact: Array) -> RecoilFit:
+def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
     """Fit a batch of shots at one bat.
 
     Parameters
@@ -78,10 +65,11 @@ def fit_recoil(record: EncoderRecord, contact: Array) -> RecoilFit:
     variance = (residual**2).sum(axis=0) / freedom
     _, triangle = np.linalg.qr(basis)
     leverage = (np.linalg.solve(triangle.T, row.T) ** 2).sum(axis=0)
-    return RecoilFit(
+    return RateFit(
         rate=np.einsum("sp,ps->s", row, coefficients),
         rate_u=np.sqrt(variance * leverage),
-        rate_before=_rate_before(record, contact),
+        before=_rate_before(record, contact),
+        angle=np.full(contact.shape, np.nan),
         ring_frequency=rings[:, 0] / span,
         ring_decay=rings[:, 1] / span,
         residual=np.sqrt((residual**2).mean(axis=0)),

@@ -32,6 +32,7 @@ __all__ = [
     "recoil_factor_pivoted",
     "restitution_from_efficiency",
     "restitution_from_recoil",
+    "restitution_of_standard_ball",
 ]
 
 Floats = float | NDArray[np.float64]
@@ -125,6 +126,20 @@ def rebound_speed_from_recoil(
 def restitution_from_recoil(b: Floats, omega: Floats, v_ball: Floats, r: Floats) -> Floats:
     """Return e from the bat's recoil [rad/s] alone: ``(b omega / v_ball)(1 + 1/r) - 1``."""
     return b * omega / v_ball * (1 + 1 / r) - 1
+
+
+def restitution_of_standard_ball(e: Floats, e0: Floats, standard: float) -> Floats:
+    """Return the e that a ball of restitution `standard` would have where one of `e0` had `e`.
+
+    A springy shell and a lossy ball share the energy as their stiffnesses R = shell/ball ask:
+    ``e^2 = (e0^2 R + 1)/(R + 1)``, so R follows from e and e0. Where e is not above e0 there is
+    no spring to be found, and e goes with e0, as that of a rigid shell does.
+    """
+    e, e0 = np.asarray(e), np.asarray(e0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        stiffer = (1 - e**2) / (e**2 - e0**2)
+        sprung = np.sqrt((standard**2 * stiffer + 1) / (stiffer + 1))
+    return np.where(e > e0, sprung, e * standard / e0)
 
 
 def offset_angle(offset: Floats, ball_radius: Floats, bat_radius: Floats) -> Floats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from importlib.metadata import version
 from math import isfinite
 from typing import Any
@@ -9,7 +10,9 @@ from typing import Any
 import numpy as np
 
 from virtual_lab.certification import QUANTITIES, Certification
-from virtual_lab.report.tables import budget_rows
+from virtual_lab.procedure import Procedure
+from virtual_lab.report.metrics import METRICS
+from virtual_lab.report.tables import budget_rows, place_rows
 from virtual_lab.uncertainty.budget import Budget
 from virtual_lab.units import INCH, MPH
 
@@ -31,7 +34,8 @@ def certificate(certification: Certification, *, truth_digest: str | None = None
     session, procedure = certification.session, certification.procedure
     valid = certification.judgement.valid
     metric = certification.metric
-    shots, readings = certification.shots, certification.readings
+    shots, recoil = certification.shots, certification.readings.recoil
+    used = certification.outcome.used
     document = {
         "schema": SCHEMA,
         "statement": SIMULATED if session.simulation else "",
@@ -61,29 +65,31 @@ def certificate(certification: Certification, *, truth_digest: str | None = None
             "degrees_of_freedom": _finite(metric.dof) if metric else None,
             "u_type_a": metric.u_type_a if metric else None,
             "u_type_b": metric.u_type_b if metric else None,
-            "limit": procedure.limit,
+            "unit": METRICS[procedure.metric].unit,
+            "limit": procedure.most,
+            "place_in": certification.outcome.place / INCH if metric else None,
         },
         "verdict": certification.verdict.value,
         "marginal": certification.marginal,
         "decision_rule": DECISION_RULE,
     }
     for name in QUANTITIES:
-        if name != procedure.metric:
+        if name != procedure.metric or _of_standard_ball(procedure):
             document[name] = _estimate(certification.quantities.get(name))
     document |= {
         "recoil": {
             "which": procedure.recoil,
-            "with_free_bat": {
-                "recoil_factor": certification.free.recoil_factor,
-                "restitution": certification.free.restitution,
-                "bat_performance_factor": certification.free.bat_performance_factor,
-            }
-            if certification.free
-            else None,
+            "other": asdict(certification.other) if certification.other else None,
         },
-        "nominal_speed_mph": procedure.speed / MPH,
-        "v_rel_mph": float(shots.speed[valid].mean() / MPH) if valid.any() else None,
-        "impact_position_in": float(readings.place[0] / INCH),
+        "nominal_speed_mph": procedure.ball_speed / MPH,
+        "nominal_bat_speed_mph": (procedure.bat_speed or 0.0) / MPH,
+        "v_rel_mph": float(shots.relative_speed[used].mean() / MPH) if used.any() else None,
+        "impact_position_in": float(certification.outcome.place / INCH)
+        if isfinite(certification.outcome.place)
+        else None,
+        "places": place_rows(certification) if procedure.scan else [],
+        "findings": [asdict(finding) for finding in certification.findings],
+        "incomplete": certification.outcome.reason,
         "valid_hits": int(valid.sum()),
         "rejected_hits": [
             {"shot": shot, "reason": reason}
@@ -92,9 +98,11 @@ def certificate(certification: Certification, *, truth_digest: str | None = None
         ],
         "rebound_check": _rebound_check(certification),
         "ring": {
-            "frequencies_hz": certification.readings.recoil.ring_frequency.tolist(),
-            "decays_per_s": certification.readings.recoil.ring_decay.tolist(),
-        },
+            "frequencies_hz": recoil.ring_frequency.tolist(),
+            "decays_per_s": recoil.ring_decay.tolist(),
+        }
+        if recoil
+        else None,
         "budget": budget_rows(metric) if metric else [],
         "unverified": [
             {
@@ -121,8 +129,18 @@ def _finite(value: float) -> float | None:
     return value if isfinite(value) else None
 
 
-def _rebound_check(certification: Certification) -> dict[str, Any]:
-    """Return how the ball's own rebound agrees: the gates' e_A less the encoder's, same shots."""
+def _of_standard_ball(procedure: Procedure) -> bool:
+    """Return whether the metric is carried to another ball than the lot's own."""
+    return procedure.correction is not None and procedure.correction.method != "none"
+
+
+def _rebound_check(certification: Certification) -> dict[str, Any] | None:
+    """Return how the ball's own rebound agrees with the recoil: the gates' e_A less the encoder's.
+
+    None where nothing watched the recoil.
+    """
+    if certification.readings.recoil is None:
+        return None
     shots, valid = certification.shots, certification.judgement.valid
     seen = valid & np.isfinite(shots.rebound_efficiency)
     if not seen.any():
@@ -131,5 +149,5 @@ def _rebound_check(certification: Certification) -> dict[str, Any]:
     return {
         "shots": int(seen.sum()),
         "collision_efficiency": float(rebound.mean()),
-        "difference": float((rebound - shots.collision_efficiency[seen]).mean()),
+        "difference": float((rebound - shots.recoil_efficiency[seen]).mean()),
     }

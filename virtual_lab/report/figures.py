@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.certification import Certification
-from virtual_lab.records import EncoderRecord, GateRecord
-from virtual_lab.reduction.gates import inbound_passages
+from virtual_lab.records import EncoderRecord
 from virtual_lab.reduction.recoil import DEGREE, SETTLE
+from virtual_lab.report.metrics import METRICS, Printed
+from virtual_lab.units import INCH
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -50,24 +51,27 @@ LEAST_RANGE = 2e-3  # of the metric's axis: hits all alike are shown as such
 EVERY = 8  # of the slow turn's samples drawn: more would only make the page heavier
 
 
-def hits_figure(certification: Certification, label: str) -> str:
-    """Return the metric hit by hit, and the result against the limit, as SVG."""
-    metric = certification.metric
+def hits_figure(certification: Certification) -> str:
+    """Return the metric hit by hit, over the place on a scan, and against the limit, as SVG."""
+    metric, printed = certification.metric, METRICS[certification.procedure.metric]
+    draw_hits = _draw_scan if certification.procedure.scan else _draw_hits
 
     def draw(figure: Figure) -> None:
         if metric is None:
-            _draw_hits(figure.add_subplot(), certification, label, with_limit=True)
+            draw_hits(figure.add_subplot(), certification, printed, with_limit=True)
             return
         left, right = figure.subplots(1, 2, width_ratios=(3, 1))
-        _draw_hits(left, certification, label, with_limit=False)
-        _draw_result(right, certification)
+        draw_hits(left, certification, printed, with_limit=False)
+        _draw_result(right, certification, printed)
 
     valid, fired = (
         int(certification.judgement.valid.sum()),
         len(certification.judgement.reasons),
     )
-    description = f"{fired} shots, {valid} valid; limit {certification.procedure.limit:.3f}"
-    return _svg(draw, 1.5, "hits", f"{label} of every hit", description)
+    limit = certification.procedure.most
+    most = "no limit" if limit is None else f"limit {limit / printed.unit_si:.{printed.places}f}"
+    description = f"{fired} shots, {valid} valid; {most}"
+    return _svg(draw, 1.5, "hits", f"{printed.symbol} of every hit", description)
 
 
 def encoder_figure(certification: Certification) -> str:
@@ -79,6 +83,7 @@ def encoder_figure(certification: Certification) -> str:
     shot = _shot_to_show(certification)
     after, angle = _shot_record(certification, shot)
     recoil = certification.readings.recoil
+    assert recoil is not None
     turn, ring = _fit(after, angle, recoil.ring_frequency, recoil.ring_decay)
 
     def draw(figure: Figure) -> None:
@@ -102,20 +107,19 @@ def _shot_to_show(certification: Certification) -> int:
     return int(shown.argmax())
 
 
-def _draw_hits(axes: Axes, certification: Certification, label: str, *, with_limit: bool) -> None:
-    factor, valid = certification.shots.bat_performance_factor, certification.judgement.valid
-    shot, metric = np.arange(factor.size), certification.metric
-    if metric is not None:
-        low, high = metric.interval_95
-        axes.axhspan(low, high, facecolor=BAND, edgecolor="none", label="95 % interval")
-        axes.axhline(metric.value, color="black", label="mean")
+def _draw_hits(
+    axes: Axes, certification: Certification, printed: Printed, *, with_limit: bool
+) -> None:
+    values, valid = certification.shot_metric / printed.unit_si, certification.judgement.valid
+    shot = np.arange(values.size)
+    _draw_interval(axes, certification, printed, "mean")
     if with_limit:
-        _draw_limit(axes, certification.procedure.limit)
+        _draw_limit(axes, certification, printed)
     if valid.any():
-        axes.plot(shot[valid], factor[valid], "o", color="black", label="valid hit")
+        axes.plot(shot[valid], values[valid], "o", color="black", label="valid hit")
     if not valid.all():
-        axes.plot(shot[~valid], factor[~valid], "x", color="black", label="invalid hit")
-    for missing in shot[~np.isfinite(factor)]:
+        axes.plot(shot[~valid], values[~valid], "x", color="black", label="invalid hit")
+    for missing in shot[~np.isfinite(values)]:
         axes.annotate(
             "no value",
             (missing, 0.02),
@@ -124,40 +128,79 @@ def _draw_hits(axes: Axes, certification: Certification, label: str, *, with_lim
             ha="center",
             va="bottom",
         )
-    axes.set(xlabel="shot", ylabel=label, xlim=(-0.6, max(factor.size, 2) - 0.4))
+    axes.set(xlabel="shot", xlim=(-0.6, max(values.size, 2) - 0.4))
     axes.set_xticks(shot)
+    _finish(axes, printed, "hit by hit")
+
+
+def _draw_scan(
+    axes: Axes, certification: Certification, printed: Printed, *, with_limit: bool
+) -> None:
+    values, valid = certification.shot_metric / printed.unit_si, certification.judgement.valid
+    place, used = certification.readings.place / INCH, certification.outcome.used
+    _draw_interval(axes, certification, printed, "result")
+    if with_limit:
+        _draw_limit(axes, certification, printed)
+    if (valid & used).any():
+        axes.plot(
+            place[valid & used], values[valid & used], "o", color="black", label="in the result"
+        )
+    if (valid & ~used).any():
+        axes.plot(
+            place[valid & ~used],
+            values[valid & ~used],
+            "o",
+            markerfacecolor="white",
+            color="black",
+            label="other valid hit",
+        )
+    axes.set(xlabel="place from the tip, in")
+    _finish(axes, printed, "along the barrel")
+
+
+def _draw_interval(axes: Axes, certification: Certification, printed: Printed, label: str) -> None:
+    metric = certification.metric
+    if metric is not None:
+        low, high = (bound / printed.unit_si for bound in metric.interval_95)
+        axes.axhspan(low, high, facecolor=BAND, edgecolor="none", label="95 % interval")
+        axes.axhline(metric.value / printed.unit_si, color="black", label=label)
+
+
+def _finish(axes: Axes, printed: Printed, title: str) -> None:
+    axes.set_ylabel(f"{printed.symbol}, {printed.unit}" if printed.unit else printed.symbol)
     axes.ticklabel_format(axis="y", useOffset=False)
     axes.margins(y=0.12)
     low, high = axes.get_ylim()
     if high - low < LEAST_RANGE:
         axes.set_ylim((low + high - LEAST_RANGE) / 2, (low + high + LEAST_RANGE) / 2)
-    axes.set_title("hit by hit", pad=16)
+    axes.set_title(title, pad=16)
     axes.legend(loc="lower left", bbox_to_anchor=(0, 0.98), ncols=4, borderpad=0, handlelength=1.4)
 
 
-def _draw_result(axes: Axes, certification: Certification) -> None:
-    metric, limit = certification.metric, certification.procedure.limit
+def _draw_result(axes: Axes, certification: Certification, printed: Printed) -> None:
+    metric, most = certification.metric, certification.procedure.most
     assert metric is not None
-    half = metric.interval_95[1] - metric.value
-    axes.errorbar(
-        0, metric.value, half, fmt="o", color="black", markersize=3, capsize=5, linewidth=0.9
-    )
-    _draw_limit(axes, limit)
-    reach = max(abs(limit - metric.value), half, 0.01)
-    axes.set_ylim(
-        min(limit, metric.value - half) - 0.3 * reach,
-        max(limit, metric.value + half) + 0.3 * reach,
-    )
+    value = metric.value / printed.unit_si
+    half = metric.interval_95[1] / printed.unit_si - value
+    limit = value if most is None else most / printed.unit_si
+    axes.errorbar(0, value, half, fmt="o", color="black", markersize=3, capsize=5, linewidth=0.9)
+    _draw_limit(axes, certification, printed)
+    reach = max(abs(limit - value), half, 0.01)
+    axes.set_ylim(min(limit, value - half) - 0.3 * reach, max(limit, value + half) + 0.3 * reach)
     axes.set(xlim=(-1, 1), xticks=[])
     axes.set_xlabel("result and its\n95 % interval")
     axes.ticklabel_format(axis="y", useOffset=False)
-    axes.set_title("against the limit", pad=16)
+    axes.set_title("against the limit" if most is not None else "no limit is set", pad=16)
 
 
-def _draw_limit(axes: Axes, limit: float) -> None:
+def _draw_limit(axes: Axes, certification: Certification, printed: Printed) -> None:
+    most = certification.procedure.most
+    if most is None:
+        return
+    limit = most / printed.unit_si
     axes.axhline(limit, color="black", linewidth=1.4, linestyle=(0, (5, 2.5)))
     axes.annotate(
-        f"limit {limit:.3f}",
+        f"limit {limit:.{printed.places}f}",
         (1, limit),
         xycoords=("axes fraction", "data"),
         xytext=(0, 2),
@@ -199,13 +242,13 @@ def _draw_ring(axes: Axes, after: Array, rest: Array, ring: Array) -> None:
 def _shot_record(certification: Certification, shot: int) -> tuple[Array, Array]:
     """Return time after contact [s] and angle [°] of one shot, (sample,)."""
     session = certification.session
-    encoder, gates = session.records["impact"]["encoder"], session.records["impact"]["gates"]
+    encoder = session.records["impact"]["encoder"]
     assert isinstance(encoder, EncoderRecord)
-    assert isinstance(gates, GateRecord)
-    known, passages = session.calibration, inbound_passages(gates)[shot]
+    known, seen = session.calibration, certification.readings.passages
+    last = seen.times.shape[2] - 1
     far = known["impact.gates.distance_0"].value
-    near = known[f"impact.gates.distance_{passages.size - 1}"].value
-    contact = passages[-1] + near * (passages[-1] - passages[0]) / (far - near)
+    near = known[f"impact.gates.distance_{last}"].value
+    contact = seen.times[shot, 0, -1] + near * seen.duration_in[shot] / (far - near)
     turn = known["impact.encoder.counts_per_turn"].value * known["impact.encoder.scale"].value
     return encoder.times - contact, encoder.counts[shot] * (360 / turn)
 

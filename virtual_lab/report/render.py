@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 
 from virtual_lab.certification import Certification
+from virtual_lab.records import EncoderRecord
+from virtual_lab.report.metrics import METRICS
 from virtual_lab.report.rounding import decimals
 from virtual_lab.report.template import template
 from virtual_lab.units import INCH, MPH, OUNCE, OZ_IN2
@@ -24,12 +26,13 @@ __all__ = ["certificate_page", "notebook_card"]
 
 NONE = "–"
 PLACES = 7  # decimals at most; what needs more is the computer's own arithmetic
+NO_RING: Mapping[str, Any] = {"frequencies_hz": ()}
 LEAST_SHARE = 1.0  # % of the variance; lesser components are summed in one line
-METRICS = {"bat_performance_factor": ("Bat performance factor", "BPF")}
 VERDICTS = {
     "PASS": "the bat meets the limit",
     "FAIL": "the bat exceeds the limit",
     "INVALID": "the test was not valid, and nothing is said of the bat",
+    "MEASURED": "the rules set no limit",
 }
 STAGES = {"bench": "Bench", "balls": "Wall rig", "impact": "Bat rig", "hall": "Hall"}
 INPUTS = {  # name of a constant, of any stage: words, unit of print, SI times this gives it
@@ -56,6 +59,8 @@ INPUTS = {  # name of a constant, of any stage: words, unit of print, SI times t
     "air.density": ("air density", "kg/m³", 1.0),
     "air.drag_coefficient": ("drag coefficient of the ball", "", 1.0),
     "pivot.from_knob": ("pivot to knob", "mm", 1e3),
+    "pivot.height": ("bat above the line of fire", "mm", 1e3),
+    "swing.scale": ("encoder of the swing, scale", "ppm", 1e6),
     "cannon.along": ("cannon, aim along the bat", "mm", 1e3),
     "aim.across_square": ("cannon, mean square aim across the bat", "mm²", 1e6),
     "encoder.scale": ("encoder, scale", "ppm", 1e6),
@@ -76,7 +81,7 @@ def certificate_page(document: dict[str, Any], certification: Certification) -> 
 
     from virtual_lab.report.figures import encoder_figure, hits_figure
 
-    symbol = _metric_words(document)[1]
+    ring = document["ring"] or NO_RING
     return template("certificate.html").render(
         document=document,
         number=_number_of(document),
@@ -88,9 +93,10 @@ def certificate_page(document: dict[str, Any], certification: Certification) -> 
         budget=_budget(document),
         rebound=_rebound(document, certification),
         # drawn by this package, text inside already escaped
-        hits_figure=Markup(hits_figure(certification, symbol)),
-        encoder_figure=Markup(encoder_figure(certification)),
-        rings=", ".join(f"{pitch:.0f}" for pitch in document["ring"]["frequencies_hz"]),
+        hits_figure=Markup(hits_figure(certification)),
+        encoder_figure=Markup(encoder_figure(certification)) if _counted(certification) else None,
+        rings=", ".join(f"{pitch:.0f}" for pitch in ring["frequencies_hz"]),
+        swung=certification.readings.swing is not None,
     )
 
 
@@ -105,33 +111,36 @@ def _number_of(document: Mapping[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
-def _metric_words(document: Mapping[str, Any]) -> tuple[str, str]:
-    name = document["metric"]["name"]
-    return METRICS.get(name, (name.replace("_", " ").capitalize(), name))
+def _counted(certification: Certification) -> bool:
+    return isinstance(certification.session.records["impact"].get("encoder"), EncoderRecord)
 
 
 def _result(document: Mapping[str, Any], needed: int | None) -> dict[str, Any]:
     metric, verdict = document["metric"], document["verdict"]
-    words, symbol = _metric_words(document)
-    said = VERDICTS[verdict]
+    printed = METRICS[metric["name"]]
     hits = f"{document['valid_hits']} valid hits"
     if verdict == "INVALID" and needed:
         hits += f", the procedure asks for {needed}"
+    limit, unit = metric["limit"], f" {printed.unit}" if printed.unit else ""
     result = {
-        "words": words,
-        "symbol": symbol,
+        "words": printed.words,
+        "symbol": printed.symbol,
+        "unit": unit,
         "verdict": verdict,
-        "said": said,
+        "said": VERDICTS[verdict],
         "hits": hits,
-        "limit": f"{metric['limit']:.3f}",
+        "limit": "none" if limit is None else f"{limit / printed.unit_si:.{printed.places}f}{unit}",
         "stated": metric["value"] is not None,
     }
-    return result | _stated(metric) if result["stated"] else result
+    return result | _stated(metric, printed.unit_si) if result["stated"] else result
 
 
-def _stated(metric: Mapping[str, Any]) -> dict[str, Any]:
+def _stated(metric: Mapping[str, Any], unit_si: float) -> dict[str, Any]:
     """Return value, expanded uncertainty and interval as printed, all to the same place."""
-    value, u, (low, high) = metric["value"], metric["u"], metric["interval_95"]
+    value, u, *interval = (
+        number / unit_si for number in (metric["value"], metric["u"], *metric["interval_95"])
+    )
+    low, high = interval
     expanded, dof = high - value, metric["degrees_of_freedom"]
     places, certain = _places(expanded), _digits(u) == "0"
     return {
@@ -141,8 +150,8 @@ def _stated(metric: Mapping[str, Any]) -> dict[str, Any]:
         "low": f"{low:.{places}f}",
         "high": f"{high:.{places}f}",
         "u": _digits(u),
-        "u_type_a": _digits(metric["u_type_a"]),
-        "u_type_b": _digits(metric["u_type_b"]),
+        "u_type_a": _digits(metric["u_type_a"] / unit_si),
+        "u_type_b": _digits(metric["u_type_b"] / unit_si),
         "k": NONE if certain else f"{expanded / u:.2f}",
         "dof": "∞" if dof is None else f"{dof:.1f}" if dof < 100 else f"{dof:.0f}",
     }
@@ -185,14 +194,17 @@ def _bat(bat: Mapping[str, Any]) -> list[dict[str, str]]:
 
 def _shots(certification: Certification) -> list[dict[str, Any]]:
     shots, reasons = certification.shots, certification.judgement.reasons
+    unit_si = METRICS[certification.procedure.metric].unit_si
     return [
         {
             "shot": shot,
+            "place": _number(shots.place[shot] / INCH, 2),
             "speed": _number(shots.speed[shot] / MPH, 2, "not seen"),
+            "bat_speed": _number(shots.bat_speed[shot] / MPH, 2),
             "recoil": _number(shots.recoil_rate[shot], 3),
-            "by_recoil": _number(shots.collision_efficiency[shot], 4),
+            "by_recoil": _number(shots.recoil_efficiency[shot], 4),
             "by_rebound": _number(shots.rebound_efficiency[shot], 4, "not seen"),
-            "factor": _number(shots.bat_performance_factor[shot], 4),
+            "factor": _number(certification.shot_metric[shot] / unit_si, 4),
             "reason": reason,
         }
         for shot, reason in enumerate(reasons)
@@ -201,7 +213,8 @@ def _shots(certification: Certification) -> list[dict[str, Any]]:
 
 def _budget(document: Mapping[str, Any]) -> list[dict[str, str]]:
     """Return the components that matter, and in the last line all others together."""
-    rows, u = document["budget"], document["metric"]["u"]
+    unit_si = METRICS[document["metric"]["name"]].unit_si
+    rows, u = document["budget"], (document["metric"]["u"] or 0.0) / unit_si
     if not rows or _digits(u) == "0":
         return []
     places = _places(u) + 1
@@ -211,13 +224,13 @@ def _budget(document: Mapping[str, Any]) -> list[dict[str, str]]:
         {
             **_input(row["component"], row["u"]),
             "type": row["type"],
-            "contribution": f"{row['contribution']:.{places}f}",
+            "contribution": f"{row['contribution'] / unit_si:.{places}f}",
             "share": f"{row['share_percent']:.1f}",
         }
         for row in large
     ]
     if small:
-        rest = sqrt(sum(row["contribution"] ** 2 for row in small))
+        rest = sqrt(sum(row["contribution"] ** 2 for row in small)) / unit_si
         lines.append(
             {
                 "words": f"All others ({len(small)}), each below {LEAST_SHARE:.0f} %",
@@ -233,8 +246,8 @@ def _budget(document: Mapping[str, Any]) -> list[dict[str, str]]:
 def _input(name: str, u: float) -> dict[str, str]:
     """Return what a budget calls a constant, and its uncertainty in a handy unit."""
     stage, _, rest = name.partition(".")
-    if gate := re.fullmatch(r"gates\.distance_(\d+)", rest):
-        words, unit, factor = f"light gates, distance of gate {int(gate[1]) + 1}", "mm", 1e3
+    if gate := re.fullmatch(r"gates\.(distance|height)_(\d+)", rest):
+        words, unit, factor = f"light gates, {gate[1]} of gate {int(gate[2]) + 1}", "mm", 1e3
     elif name in INPUTS:
         words, unit, factor = INPUTS[name]
         return {"words": words, "u": f"{_digits(u * factor)} {unit}".strip()}
@@ -250,7 +263,9 @@ def _input(name: str, u: float) -> dict[str, str]:
 
 def _rebound(document: Mapping[str, Any], certification: Certification) -> dict[str, Any]:
     check, shots = document["rebound_check"], certification.shots
-    gap = (shots.rebound_efficiency - shots.collision_efficiency)[certification.judgement.valid]
+    if check is None:
+        return {"shots": 0}
+    gap = (shots.rebound_efficiency - shots.recoil_efficiency)[certification.judgement.valid]
     gap = gap[np.isfinite(gap)]
     if not check["shots"]:
         return {"shots": 0}

@@ -14,7 +14,7 @@ from virtual_lab.units import INCH, MPH, OUNCE
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["budget_rows", "budget_table", "shot_table"]
+__all__ = ["budget_rows", "budget_table", "place_rows", "shot_table"]
 
 
 def shot_table(certification: Certification) -> pd.DataFrame:
@@ -23,29 +23,59 @@ def shot_table(certification: Certification) -> pd.DataFrame:
 
     shots, readings = certification.shots, certification.readings
     judgement = certification.judgement
+    columns = {
+        "shot": np.arange(len(shots.speed)),
+        "ball": readings.ball,
+        "ball_mass_oz": shots.ball_mass / OUNCE,
+        "place_in": readings.place / INCH,
+        "gate_time_in_us": readings.passages.duration_in * 1e6,
+        "gate_time_out_us": readings.passages.duration_out * 1e6,
+        "speed_mph": shots.speed / MPH,
+        "rebound_mph": shots.rebound_speed / MPH,
+    }
+    for name, encoder in (("encoder", readings.recoil), ("swing", readings.swing)):
+        if encoder is not None:
+            columns |= {
+                f"{name}_counts_per_s": encoder.rate,
+                f"{name}_u_counts_per_s": encoder.rate_u,
+                f"{name}_residual_counts": encoder.residual,
+            }
+    if readings.recoil is not None:
+        columns |= {"recoil_rad_per_s": shots.recoil_rate}
+    if readings.swing is not None:
+        columns |= {"bat_speed_mph": shots.bat_speed / MPH}
     return pd.DataFrame(
-        {
-            "shot": np.arange(len(shots.speed)),
-            "ball": readings.ball,
-            "ball_mass_oz": shots.ball_mass / OUNCE,
-            "place_in": readings.place / INCH,
-            "gate_time_in_us": readings.duration_in * 1e6,
-            "gate_time_out_us": readings.duration_out * 1e6,
-            "encoder_counts_per_s": readings.recoil.rate,
-            "encoder_u_counts_per_s": readings.recoil.rate_u,
-            "encoder_residual_counts": readings.recoil.residual,
-            "speed_mph": shots.speed / MPH,
-            "recoil_rad_per_s": shots.recoil_rate,
+        columns
+        | {
             "collision_efficiency": shots.collision_efficiency,
             "rebound_efficiency": shots.rebound_efficiency,
             "recoil_factor": shots.recoil_factor,
             "restitution": shots.restitution,
             "ball_restitution": shots.ball_restitution,
             "bat_performance_factor": shots.bat_performance_factor,
+            f"metric_{certification.procedure.metric}": certification.shot_metric,
+            "weight": certification.outcome.weights,
             "valid": judgement.valid,
             "reason": list(judgement.reasons),
         }
     )
+
+
+def place_rows(certification: Certification) -> list[dict[str, Any]]:
+    """Return a row a place of a scan: hits, their mean metric and its scatter, as measured."""
+    place, valid = certification.readings.place, certification.judgement.valid
+    rows = []
+    for at in np.unique(place[valid]):
+        hits = certification.shot_metric[valid & (place == at)]
+        rows.append(
+            {
+                "place_in": float(at / INCH),
+                "hits": int(hits.size),
+                "mean": float(hits.mean()),
+                "s": float(hits.std(ddof=1)) if hits.size > 1 else None,
+            }
+        )
+    return rows
 
 
 def budget_rows(budget: Budget) -> list[dict[str, Any]]:

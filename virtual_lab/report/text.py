@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from virtual_lab.report.metrics import METRICS
 from virtual_lab.report.rounding import with_uncertainty
 from virtual_lab.specs import PublishedBat
 from virtual_lab.units import INCH, OUNCE, OZ_IN2
@@ -50,19 +51,21 @@ def certificate_text(document: Mapping[str, Any]) -> str:
         f"  {document['verdict']}{marginal}",
     ]
     if metric["value"] is not None:
-        low, high = metric["interval_95"]
-        lines.append(
-            f"  {WORDS[metric['name']]:4} {with_uncertainty(metric['value'], metric['u'])}"
-            f"   95 % interval {low:.4f} to {high:.4f}, limit {metric['limit']:.3f}"
-        )
+        lines.append("  " + _metric_line(metric))
         lines += [
-            f"  {WORDS[name]:4} {with_uncertainty(document[name]['value'], document[name]['u'])}"
+            f"  {word:4} {with_uncertainty(document[name]['value'], document[name]['u'])}"
             f"{'   ' + document['recoil']['which'] if name == 'recoil_factor' else ''}"
-            for name in WORDS
-            if name != metric["name"]
+            for name, word in WORDS.items()
+            if name in document
         ]
         place = document["impact_position_in"]
         lines.append(f"  at {document['v_rel_mph']:.2f} mph, {place:.2f} in from the tip")
+    if document["incomplete"]:
+        lines.append(f"  incomplete: {document['incomplete']}")
+    lines += [
+        f"  {'meets' if finding['met'] else 'FAILS'}: {finding['sentence']}"
+        for finding in document["findings"]
+    ]
     lines.append(
         f"  {document['valid_hits']} valid hits, {len(document['rejected_hits'])} rejected"
     )
@@ -72,6 +75,24 @@ def certificate_text(document: Mapping[str, Any]) -> str:
     if document["statement"]:
         lines.append(f"  {document['statement']}")
     return "\n".join(lines)
+
+
+def _metric_line(metric: Mapping[str, Any]) -> str:
+    printed = METRICS[metric["name"]]
+    value, u, limit = (
+        None if number is None else number / printed.unit_si
+        for number in (metric["value"], metric["u"], metric["limit"])
+    )
+    low, high = (bound / printed.unit_si for bound in metric["interval_95"])
+    assert value is not None
+    assert u is not None
+    unit = f" {printed.unit}" if printed.unit else ""
+    most = "no limit" if limit is None else f"limit {limit:.{printed.places}f}"
+    places = printed.places + 1
+    return (
+        f"{printed.symbol:4} {with_uncertainty(value, u)}{unit}"
+        f"   95 % interval {low:.{places}f} to {high:.{places}f}, {most}"
+    )
 
 
 def score_text(document: Mapping[str, Any]) -> str:

@@ -18,15 +18,15 @@ from virtual_lab.collision.scene import Scenes
 from virtual_lab.physics.ball import HuntCrossley, LawOfBall, PowerLaw, WallContact, wall_contact
 from virtual_lab.physics.beam import beam_of
 from virtual_lab.physics.supports import Free
-from virtual_lab.physics.swing import bat_speed
 from virtual_lab.relations.kinematics import (
     bat_performance_factor,
     batted_speed,
     recoil_factor_free,
     restitution_from_efficiency,
 )
+from virtual_lab.relations.peaks import peak
+from virtual_lab.relations.swing import bat_speed
 from virtual_lab.specs import BallSpec
-from virtual_lab.studies.peaks import peak
 from virtual_lab.studies.profile import CONDITIONS, GameConditions
 from virtual_lab.units import INCH, MPH
 

@@ -23,6 +23,6 @@ def bias(procedure: str = "astm-f1881") -> list[dict[str, Any]]:
     for bat in catalog.names("bats"):
         tested = certify_bat(bat, procedure=procedure, seed=0, reality=Reality.NOISE_FREE)
         measured, true = tested.certification.quantities, tested.sealed.measurand
-        errors = {name: measured[name].value - getattr(true, name) for name in QUANTITIES}
+        errors = {name: measured[name].value - true[name] for name in QUANTITIES}
         rows.append({"bat": bat, **errors})
     return rows

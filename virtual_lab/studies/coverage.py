@@ -60,7 +60,7 @@ def coverage(
             invalid += 1
             continue
         for name, budget in tested.certification.quantities.items():
-            true = getattr(tested.sealed.measurand, name)
+            true = tested.sealed.measurand[name]
             low, high = budget.interval_95
             held[name].append(low <= true <= high)
             errors[name].append((budget.value - true, budget.u))

@@ -22,9 +22,9 @@ from virtual_lab.collision.scene import Scenes
 from virtual_lab.errors import InputError
 from virtual_lab.physics.fit import TEMPLATES, BatMeasurements, Fitted, computed, fit
 from virtual_lab.physics.supports import Free
+from virtual_lab.relations.peaks import peak
 from virtual_lab.specs import BallSpec, BatBody
 from virtual_lab.streams import Streams
-from virtual_lab.studies.peaks import peak
 from virtual_lab.studies.profile import CONDITIONS, GameConditions
 from virtual_lab.units import INCH, MPH
 

@@ -23,16 +23,16 @@ from virtual_lab.folder import new_folder
 from virtual_lab.physics.beam import Beam, beam_of
 from virtual_lab.physics.modes import barrel_nodes
 from virtual_lab.physics.supports import Free
-from virtual_lab.physics.swing import KNOB_OFFSET, PowerLawSwing, bat_speed
 from virtual_lab.relations.kinematics import (
     bat_performance_factor,
     batted_speed,
     recoil_factor_free,
     restitution_from_efficiency,
 )
+from virtual_lab.relations.peaks import Peak, peak
+from virtual_lab.relations.swing import KNOB_OFFSET, PowerLawSwing, bat_speed
 from virtual_lab.report.curves import draw_profile
 from virtual_lab.specs import BallSpec, BatSpec, Dimension, Spec
-from virtual_lab.studies.peaks import Peak, peak
 from virtual_lab.units import DIMENSIONS, INCH, MPH, OUNCE, OZ_IN2, to_si
 
 if TYPE_CHECKING:

@@ -10,6 +10,7 @@ from typing import Any
 from virtual_lab.certification import QUANTITIES
 from virtual_lab.documents import read_bytes, read_json
 from virtual_lab.errors import InputError
+from virtual_lab.lab.measurand import CONTINUOUS
 
 __all__ = ["score", "score_folder"]
 
@@ -18,12 +19,15 @@ def score(certificate: Mapping[str, Any], measurand: Mapping[str, float]) -> dic
     """Return measured against true for the metric and the quantities behind it.
 
     Each entry holds `measured`, `u`, `true`, `error` and `z` (the error in standard
-    uncertainties, None where u is 0 or nothing was measured).
+    uncertainties, None where u is 0 or nothing was measured). Of a scan the metric stands twice:
+    against the procedure's own result on the exact curve, and against the curve's greatest value.
     """
-    metric = certificate["metric"]["name"]
-    rows = {"metric": _row(certificate["metric"], measurand[metric])}
+    metric = certificate["metric"]
+    rows = {"metric": _row(metric, measurand["metric"])}
+    if CONTINUOUS in measurand:
+        rows[CONTINUOUS] = _row(metric, measurand[CONTINUOUS])
     for name in QUANTITIES:
-        if name != metric:
+        if name in certificate:
             rows[name] = _row(certificate[name], measurand[name])
     return rows
 

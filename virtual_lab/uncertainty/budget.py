@@ -18,7 +18,7 @@ from scipy.special import stdtrit
 
 from virtual_lab.estimate import Estimate
 
-__all__ = ["Budget", "Component", "combine", "effective_dof", "interval_95", "propagate"]
+__all__ = ["Budget", "Component", "combine", "effective_dof", "interval_95", "propagate", "scatter"]
 
 Array = NDArray[np.float64]
 
@@ -86,13 +86,9 @@ def propagate(
     return components
 
 
-def combine(value: float, components: Sequence[Component], hits: Array | None = None) -> Budget:
-    """Return the budget of a result with its shared `components`.
-
-    Where the result is the mean of `hits` (n,), n ≥ 2, their scatter is one component more.
-    """
-    every = list(components) if hits is None else [_scatter(value, hits), *components]
-    every.sort(key=lambda part: -part.contribution)
+def combine(value: float, components: Sequence[Component]) -> Budget:
+    """Return the budget of a result with its components."""
+    every = sorted(components, key=lambda part: -part.contribution)
     u = _root_sum([part.contribution for part in every])
     dof = effective_dof(every)
     return Budget(
@@ -106,14 +102,27 @@ def combine(value: float, components: Sequence[Component], hits: Array | None = 
     )
 
 
-def _scatter(value: float, hits: Array) -> Component:
-    u = float(hits.std(ddof=1)) / sqrt(hits.size)
+def scatter(hits: Array, weights: Array, groups: Array) -> Component:
+    """Return the type A component of a weighted sum of hits, by their scatter at each place.
+
+    Parameters
+    ----------
+    hits, weights, groups
+        Shape (n,): values, what each weighs in the result, and the place each was taken at.
+        The variance is pooled over the places, with a degree of freedom less for each.
+    """
+    _, place = np.unique(groups, return_inverse=True)
+    many = np.bincount(place)
+    off = hits - (np.bincount(place, hits) / many)[place]
+    dof = float(hits.size - many.size)
+    spread = sqrt(float(np.sum(off**2)) / dof) if dof > 0 else 0.0
+    u = spread * sqrt(float(np.sum(weights**2)))
     return Component(
         name="hits",
-        value=value,
+        value=float(hits @ weights),
         u=u,
         evaluation="A",
-        dof=float(hits.size - 1),
+        dof=dof if dof > 0 else inf,
         sensitivity=1.0,
         contribution=u,
     )

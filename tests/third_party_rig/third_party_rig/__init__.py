@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from virtual_lab.collision.scene import Scenes
 from virtual_lab.estimate import Estimate
+from virtual_lab.impact import error_free, scenes_of
 from virtual_lab.instruments import Instrument, calibration_of, errors_of
 from virtual_lab.instruments.air import Air, AirSpec
-from virtual_lab.instruments.light_gate import LightGates, LightGateSpec, Passage
-from virtual_lab.physics.beam import beam_of
+from virtual_lab.instruments.light_gate import LightGates, LightGateSpec
+from virtual_lab.instruments.passage import Passage
 from virtual_lab.physics.supports import Pinned
 from virtual_lab.records import GateRecord, Record, ShotLog
-from virtual_lab.relations.kinematics import recoil_factor_pivoted, restitution_from_efficiency
 from virtual_lab.rig import Order, Play, Specimen, Stage
 from virtual_lab.streams import Draws
 from virtual_lab.truth import TrueOutcome
@@ -92,13 +91,12 @@ class SpeedGunStation:
         e0 = balls.draw_hits(order.ball, speed, draws, f"{name}.hit", block)
         mass = balls.mass[order.ball]
         model = specimen.collision(specimen.bat.body, _support(specimen))
-        hit = model.collide(_scenes(specimen, order.place, speed, mass, e0))
+        hit = model.collide(scenes_of(specimen, order.ball, order.place, speed, e0))
         passage = Passage(
             speed_in=speed,
             speed_out=hit.collision_efficiency * speed,
             drag=self.air.drag(balls.spec.radius, mass),
             radius=balls.spec.radius,
-            rise_per_metre=np.zeros(speed.shape),
             gravity=0.0,
         )
         contact = self.gates.arrival(passage)
@@ -111,41 +109,13 @@ class SpeedGunStation:
             truth={"speed": speed, "collision_efficiency": hit.collision_efficiency},
         )
 
-    def outcome(self, speed: float, place: float, specimen: Specimen) -> TrueOutcome:
-        """Return the measurand: this bat, the lot's mean ball, nominal speed, aimed place."""
-        ball = specimen.balls.mean_ball()
-        at, first = np.array([speed]), np.zeros(1, dtype=int)
-        e0 = ball.restitution_at(first, at)
-        support = _support(specimen)
-        model = specimen.collision(specimen.bat.body, support)
-        scenes = _scenes(replace(specimen, balls=ball), np.array([place]), at, ball.mass, e0)
-        efficiency = model.collide(scenes).collision_efficiency
-        inertia = beam_of(specimen.bat.body).inertia(support.z)
-        recoil = recoil_factor_pivoted(ball.mass, inertia, support.z - place)
-        return TrueOutcome(
-            collision_efficiency=float(efficiency[0]),
-            restitution=float(restitution_from_efficiency(efficiency, recoil)[0]),
-            recoil_factor=float(np.asarray(recoil)[0]),
-            ball_restitution=float(e0[0]),
-            relative_speed=speed,
-        )
+    def outcome(self, order: Order, specimen: Specimen) -> TrueOutcome:
+        """Return the measurand at the order's places: this bat, the lot's mean ball."""
+        return error_free(order, specimen, _support(specimen), PIVOT_FROM_KNOB)
 
 
 def _support(specimen: Specimen) -> Pinned:
     return Pinned(specimen.bat.body.length - PIVOT_FROM_KNOB)
-
-
-def _scenes(
-    specimen: Specimen, place: np.ndarray, speed: np.ndarray, mass: np.ndarray, e0: np.ndarray
-) -> Scenes:
-    return Scenes.of(
-        impact_position=place,
-        relative_speed=speed,
-        ball_mass=mass,
-        ball_restitution=e0,
-        stiffness=specimen.balls.spec.stiffness,
-        exponent=specimen.balls.spec.exponent,
-    )
 
 
 RIG = SpeedGunPivot()

@@ -2,7 +2,7 @@
 
 import pytest
 
-from virtual_lab.physics.swing import EnergySwing, PowerLawSwing, bat_speed
+from virtual_lab.relations.swing import EnergySwing, PowerLawSwing, bat_speed
 from virtual_lab.units import INCH, MPH, OZ_IN2
 
 

@@ -20,6 +20,7 @@ from virtual_lab import catalog
 from virtual_lab.catalog import Entry
 from virtual_lab.certification import (
     Certification,
+    Reduced,
     evaluate,
     measure_bat,
     reduce_session,
@@ -28,22 +29,26 @@ from virtual_lab.collision.ladder import Ladder, probing_scenes
 from virtual_lab.collision.modal import kernel_is_compiled
 from virtual_lab.errors import InputError
 from virtual_lab.estimate import Estimate
-from virtual_lab.procedure import Procedure, aimed_place
+from virtual_lab.lab.measurand import measurand
+from virtual_lab.procedure import Procedure, aimed_place, next_places, to_set
 from virtual_lab.records import Record, join
 from virtual_lab.rig import (
     ImpactStation,
     Order,
     Play,
     Reality,
+    Rig,
     Specimen,
     Stage,
     Station,
     find_rig,
+    installed_rigs,
 )
 from virtual_lab.session import Session
 from virtual_lab.specs import BallSpec, BatSpec
 from virtual_lab.streams import Draws, commitment
 from virtual_lab.truth import Sealed, draw_balls, draw_bat
+from virtual_lab.units import INCH
 
 __all__ = ["Tested", "certify_bat"]
 
@@ -65,6 +70,7 @@ def certify_bat(
     bat: str,
     *,
     procedure: str,
+    rig: str | None = None,
     seed: int | None = None,
     reality: Reality = Reality.REAL,
     rung: str | None = None,
@@ -76,6 +82,8 @@ def certify_bat(
     ----------
     bat, procedure
         Names in the catalog, or paths of .toml files.
+    rig
+        An installed rig that gives what the procedure needs; None takes the one it names.
     seed
         Of everything random; None draws one.
     reality
@@ -89,7 +97,8 @@ def certify_bat(
     Raises
     ------
     InputError
-        Unknown names, files that cannot be used, a negative seed, an unknown rung.
+        Unknown names, files that cannot be used, a negative seed, an unknown rung, a rig that
+        lacks what the procedure needs.
     """
     if seed is not None and seed < 0:
         raise InputError("", "seed", seed, "allowed: whole numbers from 0")
@@ -99,11 +108,12 @@ def certify_bat(
         ball=catalog.load("balls", rules.spec.ball, BallSpec).spec,
         rules=rules,
         seed=secrets.randbits(64) if seed is None else seed,
+        rig=rig or rules.spec.rig,
         reality=reality,
         rung=rung,
         unverified=catalog.unverified("bats", bat)
         | catalog.unverified("balls", rules.spec.ball)
-        | _unverified_rigs(rules.spec.rig),
+        | _unverified_rigs(rig or rules.spec.rig),
     )
     return laboratory.run(say)
 
@@ -130,13 +140,15 @@ class _Laboratory:
         ball: BallSpec,
         rules: Entry[Procedure],
         seed: int,
+        rig: str,
         reality: Reality,
         rung: str | None,
         unverified: Mapping[str, str],
     ) -> _Laboratory:
         """Commission the rigs and draw the individuals."""
         draws = reality.draws(seed)
-        rigs = {Stage.BENCH: BENCH_RIG, Stage.BALLS: BALL_RIG, Stage.IMPACT: rules.spec.rig}
+        rigs = {Stage.BENCH: BENCH_RIG, Stage.BALLS: BALL_RIG, Stage.IMPACT: rig}
+        _require(find_rig(rig, Stage.IMPACT), rules.spec)
         ideal = reality is Reality.IDEAL
         stations = {
             stage: find_rig(name, stage).commission(draws, ideal=ideal)
@@ -144,7 +156,7 @@ class _Laboratory:
         }
         salt = secrets.token_bytes(16)
         collision = Ladder(
-            probe=probing_scenes(ball, rules.spec.speed),
+            probe=probing_scenes(ball, rules.spec.ball_speed + (rules.spec.bat_speed or 0.0)),
             standard_uncertainty=EFFICIENCY_U,
             rung=rung,
         )
@@ -163,7 +175,7 @@ class _Laboratory:
             stations=stations,
             specimen=Specimen(
                 bat=draw_bat(bat, draws),
-                balls=draw_balls(ball, rules.spec.attempts, draws),
+                balls=draw_balls(ball, rules.spec.balls, draws),
                 collision=collision,
             ),
             session=Session(
@@ -183,45 +195,61 @@ class _Laboratory:
         )
 
     def run(self, say: Say) -> Tested:
-        """Measure bat and balls, fire, judge, and fire again until enough hits are valid."""
+        """Measure bat and balls, fire, judge, and fire again until the rules are content."""
         procedure, ideal = self.rules.spec, self.reality is Reality.IDEAL
-        balls = np.arange(procedure.attempts)
+        balls = np.arange(procedure.balls)
         say("bench: weighing, balancing and swinging the bat, weighing the balls")
         bench = self._play(Stage.BENCH, self._order(balls, np.nan))
         session = _with_records(self.session, Stage.BENCH, [bench])
         bat = {name: budget.value for name, budget in measure_bat(session).items()}
         say(f"ball-wall rig: {procedure.wall_hits} hits of each of {balls.size} balls")
-        wall = self._play(Stage.BALLS, self._order(balls.repeat(procedure.wall_hits), 0.0))
+        wall = self._play(Stage.BALLS, self._wall_order(balls))
         session = _with_records(session, Stage.BALLS, [wall])
-        place = aimed_place(bat, procedure.pivot_from_knob, exact=ideal)
+        percussion = aimed_place(bat, procedure.pivot_from_knob)
+        turn_rate = float(procedure.turn_rate(bat["length"]))
         if not kernel_is_compiled():
             say("compiling the collision kernel, which happens once and takes about five seconds")
         rounds: list[Play] = []
-        fired = valid = 0
-        while valid < procedure.valid_hits and fired < procedure.attempts:
-            number = min(procedure.valid_hits - valid, procedure.attempts - fired)
-            say(f"impact rig: round {len(rounds) + 1}, {number} shots")
-            order = replace(self._order(balls[fired : fired + number], place), block=len(rounds))
+        fired, valid, metric = np.zeros(0), np.zeros(0, dtype=bool), np.zeros(0)
+        while (asked := next_places(procedure, percussion, fired, valid, metric)).size:
+            places = to_set(asked, exact=ideal)
+            say(f"impact rig: round {len(rounds) + 1}, {_said(places)}")
+            order = replace(
+                self._order(np.arange(fired.size, fired.size + places.size), places),
+                turn_rate=turn_rate,
+                block=len(rounds),
+            )
             rounds.append(self._play(Stage.IMPACT, order))
-            fired += number
             session = _with_records(session, Stage.IMPACT, rounds)
             reduced = reduce_session(session)
-            valid = int(reduced.judgement.valid.sum())
+            fired, valid = reduced.readings.place, reduced.judgement.valid
+            metric = reduced.shot_metric
         rungs = {"collision": self.collision.report()}
         session = replace(session, simulation={**session.simulation, "rungs": rungs})
         return Tested(
             certification=evaluate(session, reduced),
-            sealed=self._seal(place, bench, wall, rounds),
+            sealed=self._seal(reduced, bench, wall, rounds),
         )
 
-    def _order(self, ball: NDArray[np.int_], place: float) -> Order:
-        speed = np.full(ball.shape, self.rules.spec.speed)
-        return Order(ball=ball, speed=speed, place=np.full(ball.shape, place))
+    def _order(self, shot: NDArray[np.int_], place: Array | float) -> Order:
+        """Return an order of shots that take the balls in turn."""
+        return Order(
+            ball=shot % self.rules.spec.balls,
+            speed=np.full(shot.shape, self.rules.spec.ball_speed),
+            place=np.broadcast_to(np.asarray(place, dtype=float), shot.shape),
+        )
+
+    def _wall_order(self, balls: NDArray[np.int_]) -> Order:
+        """Return an order that fires every ball at the wall at every speed, ball by ball."""
+        procedure = self.rules.spec
+        speeds = np.repeat(procedure.wall_speeds, procedure.wall_hits)
+        ball = balls.repeat(speeds.size)
+        return Order(ball=ball, speed=np.tile(speeds, balls.size), place=np.zeros(ball.shape))
 
     def _play(self, stage: Stage, order: Order) -> Play:
         return self.stations[stage].play(order, self.specimen, self.draws)
 
-    def _seal(self, place: float, bench: Play, wall: Play, rounds: list[Play]) -> Sealed:
+    def _seal(self, reduced: Reduced, bench: Play, wall: Play, rounds: list[Play]) -> Sealed:
         impact = cast("ImpactStation", self.stations[Stage.IMPACT])
         return Sealed(
             seed=self.seed,
@@ -235,8 +263,8 @@ class _Laboratory:
                 for stage, station in self.stations.items()
                 for name, value in station.true_constants.items()
             },
-            measurand=impact.outcome(self.rules.spec.speed, place, self.specimen),
-            place=place,
+            measurand=measurand(impact, self.specimen, reduced),
+            place=reduced.readings.place,
             shots={
                 name: np.concatenate([play.truth[name] for play in rounds])
                 for name in rounds[0].truth
@@ -248,6 +276,28 @@ class _Laboratory:
 def _constant(stage: Stage, name: str) -> str:
     """Return a constant's name in a session: all rigs stand in one hall and share its air."""
     return f"hall.{name}" if name.startswith("air.") else f"{stage.value}.{name}"
+
+
+def _require(rig: Rig, procedure: Procedure) -> None:
+    """Refuse a rig that does not write what the procedure reads."""
+    lacking = sorted(procedure.needs - rig.channels.keys())
+    if lacking:
+        able = [
+            name
+            for name, other in installed_rigs().items()
+            if other.stage is Stage.IMPACT and procedure.needs <= other.channels.keys()
+        ]
+        allowed = f"{procedure.name} needs its {', '.join(lacking)}; such are {', '.join(able)}"
+        raise InputError("", "rig", rig.name, allowed)
+    if "swing" in rig.channels and procedure.bat_speed is None:
+        raise InputError("", "rig", rig.name, f"it swings the bat; {procedure.name} has it at rest")
+
+
+def _said(places: Array) -> str:
+    """Return a round in words: how many shots, and where they go if not to one place."""
+    where = sorted({round(float(place) / INCH, 2) for place in places})
+    along = f" at {', '.join(f'{place:g}' for place in where)} in" if len(where) > 1 else ""
+    return f"{places.size} shots{along}"
 
 
 def _unverified_rigs(impact_rig: str) -> dict[str, str]:

@@ -1,10 +1,4 @@
-"""Raw records: what instruments and operators wrote down, and nothing they could not know.
-
-A record is a set of arrays with named axes and one CSV form: a row for every index
-combination, an index column for every axis, a value column with its unit for every field.
-Another laboratory can write the same files by hand or from its own recorder; ``data/README.md``
-documents every column.
-"""
+"""What every record is: arrays with named axes, and their form in a CSV file."""
 
 from __future__ import annotations
 
@@ -20,19 +14,7 @@ from virtual_lab.errors import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = [
-    "RECORD_TYPES",
-    "AimMarks",
-    "Column",
-    "EncoderRecord",
-    "GateRecord",
-    "LengthReadings",
-    "MassReadings",
-    "PendulumRecord",
-    "Record",
-    "ShotLog",
-    "join",
-]
+__all__ = ["Column", "Record", "join"]
 
 Array = NDArray[np.float64]
 
@@ -156,99 +138,3 @@ def join(parts: list[Record]) -> Record:
         values = [getattr(part, name) for part in parts]
         arrays[name] = np.concatenate(values) if column.axes[0] == "shot" else values[0]
     return type(first)(**arrays)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MassReadings(Record):
-    """Repeated readings of a scale, shape (item, repeat)."""
-
-    readings: Array
-    columns: ClassVar[Mapping[str, Column]] = {"readings": Column("mass_kg", ("item", "repeat"))}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LengthReadings(Record):
-    """Repeated readings of a rule or a balance stand, shape (item, repeat)."""
-
-    readings: Array
-    columns: ClassVar[Mapping[str, Column]] = {"readings": Column("length_m", ("item", "repeat"))}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PendulumRecord(Record):
-    """Times of the same-way passages, shape (release, passage); amplitudes (release, end).
-
-    `end` 0 is the amplitude read at the first passage, 1 at the last.
-    """
-
-    times: Array
-    first_amplitude: Array
-    last_amplitude: Array
-    columns: ClassVar[Mapping[str, Column]] = {
-        "times": Column("time_s", ("release", "passage")),
-        "first_amplitude": Column("first_amplitude_rad", ("release",)),
-        "last_amplitude": Column("last_amplitude_rad", ("release",)),
-    }
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GateRecord(Record):
-    """Times at which beams broke and cleared, shape (shot, way, gate, edge), NaN: not seen.
-
-    `way` 0 is the ball going in, 1 coming back; `edge` 0 broke, 1 cleared; gates count from
-    the cannon to the target.
-    """
-
-    times: Array
-    columns: ClassVar[Mapping[str, Column]] = {
-        "times": Column("time_s", ("shot", "way", "gate", "edge"), may_be_missing=True)
-    }
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EncoderRecord(Record):
-    """Counts at the ticks of the recorder's clock: counts (shot, sample), times (sample,)."""
-
-    counts: Array
-    times: Array
-    columns: ClassVar[Mapping[str, Column]] = {
-        "counts": Column("counts", ("shot", "sample")),
-        "times": Column("time_s", ("sample",)),
-    }
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AimMarks(Record):
-    """Where test shots marked a witness paper, off the aim: along and across the bat."""
-
-    along: Array
-    across: Array
-    columns: ClassVar[Mapping[str, Column]] = {
-        "along": Column("along_m", ("mark",)),
-        "across": Column("across_m", ("mark",)),
-    }
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ShotLog(Record):
-    """The operator's log: ball used, nominal speed, place set with the rule, shape (shot,)."""
-
-    ball: Array
-    nominal_speed: Array
-    place: Array
-    columns: ClassVar[Mapping[str, Column]] = {
-        "ball": Column("ball", ("shot",)),
-        "nominal_speed": Column("nominal_speed_m_per_s", ("shot",)),
-        "place": Column("place_m", ("shot",)),
-    }
-
-
-RECORD_TYPES: Mapping[str, type[Record]] = {
-    "mass-readings": MassReadings,
-    "length-readings": LengthReadings,
-    "pendulum": PendulumRecord,
-    "gates": GateRecord,
-    "encoder": EncoderRecord,
-    "aim-marks": AimMarks,
-    "shot-log": ShotLog,
-}

@@ -1,0 +1,154 @@
+"""The ball cannon: a ball of 60 to 160 mph, a bat at rest on its pivot, boards of light beams.
+
+Nothing watches the bat: e_A is the ball's own speed back over its speed in, from all the edges
+of three boards, which also show how high above the bat's axis each ball struck. The pivot only
+holds the bat: e_A does not know it is there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from virtual_lab import catalog
+from virtual_lab.estimate import Estimate
+from virtual_lab.impact import contact_angle, error_free, scenes_of, thrown_back
+from virtual_lab.instruments import Instrument, Rung, calibration_of, errors_of
+from virtual_lab.instruments.air import Air, AirSpec
+from virtual_lab.instruments.cannon import Cannon, CannonSpec
+from virtual_lab.instruments.holder import Holder, HolderSpec
+from virtual_lab.instruments.light_board import LightBoards, LightBoardSpec
+from virtual_lab.instruments.passage import Passage
+from virtual_lab.physics.supports import Pinned
+from virtual_lab.records import AimMarks, BoardRecord, Record, ShotLog
+from virtual_lab.rig import Order, Play, Specimen, Stage
+from virtual_lab.specs import Spec
+from virtual_lab.streams import Draws
+from virtual_lab.truth import TrueOutcome
+from virtual_lab.units import STANDARD_GRAVITY
+
+__all__ = ["RIG", "BallCannon"]
+
+CONTACT_TIME = 0.7e-3  # s, where no record is fine enough to tell
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BallCannonSpec(Spec):
+    """Which instruments make up the rig, and what holds the bat."""
+
+    name: str
+    title: str
+    cannon: str
+    gates: str
+    air: str
+    holder: HolderSpec
+
+
+class BallCannon:
+    """The rig."""
+
+    name = "ball-cannon"
+    title = "Ball cannon: bat at rest on a pivot, three boards of light beams"
+    stage = Stage.IMPACT
+    channels: Mapping[str, type[Record]] = {"log": ShotLog, "gates": BoardRecord, "aim": AimMarks}
+
+    def commission(self, draws: Draws, *, ideal: bool = False) -> BallCannonStation:
+        spec = catalog.load("rigs", self.name, BallCannonSpec).spec
+        cannon = catalog.load("instruments", spec.cannon, CannonSpec).spec
+        gates = catalog.load("instruments", spec.gates, LightBoardSpec).spec
+        air = catalog.load("instruments", spec.air, AirSpec).spec
+        holder = spec.holder
+        if ideal:
+            cannon, gates, air, holder = cannon.ideal(), gates.ideal(), air.ideal(), holder.ideal()
+        return BallCannonStation(
+            holder=Holder.commission(holder, draws, "ball-cannon.holder"),
+            cannon=Cannon.commission(cannon, draws, "ball-cannon.cannon"),
+            gates=LightBoards.commission(gates, draws, "ball-cannon.gates"),
+            air=Air.commission(air, draws, "hall.air"),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BallCannonStation:
+    """The rig in one laboratory."""
+
+    holder: Holder
+    cannon: Cannon
+    gates: LightBoards
+    air: Air
+
+    @property
+    def calibration(self) -> dict[str, Estimate]:
+        return calibration_of(self._instruments)
+
+    @property
+    def true_constants(self) -> dict[str, float]:
+        return errors_of(self._instruments)
+
+    @property
+    def _instruments(self) -> dict[str, Instrument]:
+        return {
+            "pivot": self.holder,
+            "cannon": self.cannon,
+            "gates": self.gates,
+            "air": self.air,
+        }
+
+    def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
+        """Fire at the bat at rest and time the ball through every board, both ways."""
+        balls, body, block = specimen.balls, specimen.bat.body, order.block
+        launch = self.cannon.fire(order.speed, draws, "ball-cannon.launch", block)
+        e0 = balls.draw_hits(order.ball, launch.speed, draws, "ball-cannon.hit", block)
+        place = order.place + launch.along
+        across = launch.across - self.holder.height
+        tilt = contact_angle(specimen, place, across)
+        scenes = scenes_of(specimen, order.ball, place, launch.speed * np.cos(tilt), e0)
+        support = Pinned(body.length - self.holder.from_knob)
+        if order.rung is Rung.SUMMED:
+            efficiency = specimen.collision.efficiency(body, support, scenes)
+            contact_time = np.full(efficiency.shape, CONTACT_TIME)
+        else:
+            collisions = specimen.collision(body, support).collide(scenes)
+            efficiency, contact_time = collisions.collision_efficiency, collisions.contact_time
+        back, up = thrown_back(efficiency, tilt, launch.speed, 0.0)
+        passage = Passage(
+            speed_in=launch.speed,
+            speed_out=back,
+            drag=self.air.drag(balls.spec.radius, balls.mass[order.ball]),
+            radius=balls.spec.radius,
+            gravity=STANDARD_GRAVITY,
+            height=launch.across,
+            slope_in=launch.slope,
+            slope_out=up,
+        )
+        contact = self.gates.arrival(passage)
+        leaving = contact + contact_time
+        return Play(
+            records={
+                "log": order.log(),
+                "gates": self.gates.watch(
+                    passage, contact, leaving, draws, "ball-cannon.gates", block, order.rung
+                ),
+                "aim": self.cannon.mark(draws, "ball-cannon.aim"),
+            },
+            truth={
+                "speed": launch.speed,
+                "place": place,
+                "across": across,
+                "ball_restitution": e0,
+                "collision_efficiency": efficiency,
+                "rebound_speed": back,
+                "contact_time": contact_time,
+            },
+        )
+
+    def outcome(self, order: Order, specimen: Specimen) -> TrueOutcome:
+        """Return what an error-free test would find, on an axis exactly where it should be."""
+        from_knob = self.holder.spec.from_knob
+        support = Pinned(specimen.bat.body.length - from_knob)
+        return error_free(order, specimen, support, from_knob)
+
+
+RIG = BallCannon()

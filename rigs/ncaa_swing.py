@@ -1,0 +1,239 @@
+"""The NCAA swing machine: a ball of 70 mph meets a bat that a drive turns about its handle.
+
+The bat is to stand square to the ball at the moment they meet; when the two are a little out of
+step it does not, and they meet nearer or farther from the boards, and slantwise. An encoder on
+the shaft tells rate and angle, the boards tell the ball's speed in and out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import tau
+from typing import Annotated, Self
+
+import numpy as np
+from annotated_types import Ge, Gt
+from numpy.typing import NDArray
+
+from virtual_lab import catalog
+from virtual_lab.estimate import Estimate
+from virtual_lab.impact import contact_angle, error_free, scenes_of, thrown_back
+from virtual_lab.instruments import Instrument, Rung, calibration_of, errors_of
+from virtual_lab.instruments.air import Air, AirSpec
+from virtual_lab.instruments.cannon import Cannon, CannonSpec
+from virtual_lab.instruments.encoder import Encoder, EncoderSpec
+from virtual_lab.instruments.holder import Holder, HolderSpec
+from virtual_lab.instruments.light_board import LightBoards, LightBoardSpec
+from virtual_lab.instruments.passage import Passage
+from virtual_lab.physics.supports import Pinned
+from virtual_lab.records import AimMarks, BoardRecord, EncoderRecord, Record, ShotLog
+from virtual_lab.rig import Order, Play, Specimen, Stage
+from virtual_lab.specs import Dimension, Spec
+from virtual_lab.streams import Draws
+from virtual_lab.truth import TrueOutcome
+from virtual_lab.units import STANDARD_GRAVITY
+
+__all__ = ["RIG", "NcaaSwing"]
+
+Array = NDArray[np.float64]
+CONTACT_TIME = 0.7e-3  # s, where no record is fine enough to tell
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveSpec(Spec):
+    """The servo that turns the bat: how well it keeps its speed and its appointment."""
+
+    speed_scatter: Annotated[float, Ge(0), Dimension("number")]  # of the set speed, shot to shot
+    ripple: Annotated[float, Ge(0), Dimension("number")]  # of the speed, amplitude
+    ripple_frequency: Annotated[float, Gt(0), Dimension("frequency")]
+    droop: Annotated[float, Dimension("rate")]  # of the speed, relative, a second
+    timing_scatter: Annotated[float, Ge(0), Dimension("time")]  # of bat against ball
+
+    def ideal(self) -> Self:
+        """Return the drive that turns evenly and is on time."""
+        return replace(self, speed_scatter=0.0, ripple=0.0, droop=0.0, timing_scatter=0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NcaaSwingSpec(Spec):
+    """Which instruments make up the rig, its drive, and what holds the bat."""
+
+    name: str
+    title: str
+    cannon: str
+    gates: str
+    encoder: str
+    air: str
+    drive: DriveSpec
+    holder: HolderSpec
+
+
+@dataclass(frozen=True, slots=True)
+class _Swing:
+    """The bat's turn about the moment of contact, arrays (shot,)."""
+
+    angle: Array  # at contact, from square to the ball [rad]
+    rate: Array  # at contact [rad/s]
+    even: Array  # rate without ripple or droop [rad/s]
+    phase: Array  # of the ripple at contact [rad]
+
+
+class NcaaSwing:
+    """The rig."""
+
+    name = "ncaa-swing"
+    title = "NCAA swing machine: driven bat, ball cannon, three boards of light beams"
+    stage = Stage.IMPACT
+    channels: Mapping[str, type[Record]] = {
+        "log": ShotLog,
+        "gates": BoardRecord,
+        "swing": EncoderRecord,
+        "aim": AimMarks,
+    }
+
+    def commission(self, draws: Draws, *, ideal: bool = False) -> NcaaSwingStation:
+        spec = catalog.load("rigs", self.name, NcaaSwingSpec).spec
+        cannon = catalog.load("instruments", spec.cannon, CannonSpec).spec
+        gates = catalog.load("instruments", spec.gates, LightBoardSpec).spec
+        encoder = catalog.load("instruments", spec.encoder, EncoderSpec).spec
+        air = catalog.load("instruments", spec.air, AirSpec).spec
+        holder, drive = spec.holder, spec.drive
+        if ideal:
+            cannon, gates, encoder = cannon.ideal(), gates.ideal(), encoder.ideal()
+            air, holder, drive = air.ideal(), holder.ideal(), drive.ideal()
+        return NcaaSwingStation(
+            drive=drive,
+            holder=Holder.commission(holder, draws, "ncaa-swing.holder"),
+            cannon=Cannon.commission(cannon, draws, "ncaa-swing.cannon"),
+            gates=LightBoards.commission(gates, draws, "ncaa-swing.gates"),
+            encoder=Encoder.commission(encoder, draws, "ncaa-swing.encoder"),
+            air=Air.commission(air, draws, "hall.air"),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NcaaSwingStation:
+    """The rig in one laboratory."""
+
+    drive: DriveSpec
+    holder: Holder
+    cannon: Cannon
+    gates: LightBoards
+    encoder: Encoder
+    air: Air
+
+    @property
+    def calibration(self) -> dict[str, Estimate]:
+        return calibration_of(self._instruments)
+
+    @property
+    def true_constants(self) -> dict[str, float]:
+        return errors_of(self._instruments)
+
+    @property
+    def _instruments(self) -> dict[str, Instrument]:
+        return {
+            "pivot": self.holder,
+            "cannon": self.cannon,
+            "gates": self.gates,
+            "swing": self.encoder,
+            "air": self.air,
+        }
+
+    def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
+        """Fire at the turning bat; the ball is timed in and out, the shaft up to contact."""
+        balls, body, block = specimen.balls, specimen.bat.body, order.block
+        launch = self.cannon.fire(order.speed, draws, "ncaa-swing.launch", block)
+        swing = self._swing(order, draws)
+        axis = body.length - self.holder.from_knob
+        # the ball flies at a set distance from the axis and meets a slanting bat farther out
+        abreast = axis - order.place - launch.along
+        lever = abreast / np.cos(swing.angle)
+        bat_speed = swing.rate * lever
+        across = launch.across - self.holder.height
+        tilt = contact_angle(specimen, axis - lever, across)
+        closing = launch.speed * np.cos(swing.angle) + bat_speed
+        e0 = balls.draw_hits(order.ball, closing, draws, "ncaa-swing.hit", block)
+        scenes = scenes_of(specimen, order.ball, axis - lever, closing * np.cos(tilt), e0)
+        support = Pinned(axis)
+        if order.rung is Rung.SUMMED:
+            efficiency = specimen.collision.efficiency(body, support, scenes)
+            contact_time = np.full(efficiency.shape, CONTACT_TIME)
+        else:
+            collisions = specimen.collision(body, support).collide(scenes)
+            efficiency, contact_time = collisions.collision_efficiency, collisions.contact_time
+        square, up = thrown_back(efficiency, tilt, closing, bat_speed)
+        slide = launch.speed * np.sin(swing.angle)
+        back = square * np.cos(swing.angle) - slide * np.sin(swing.angle)
+        passage = Passage(
+            speed_in=launch.speed,
+            speed_out=back,
+            drag=self.air.drag(balls.spec.radius, balls.mass[order.ball]),
+            radius=balls.spec.radius,
+            gravity=STANDARD_GRAVITY,
+            height=launch.across,
+            slope_in=launch.slope,
+            slope_out=up,
+            plane=abreast * np.tan(swing.angle),
+        )
+        contact = self.gates.arrival(passage)
+        leaving = contact + contact_time
+        return Play(
+            records={
+                "log": order.log(),
+                "gates": self.gates.watch(
+                    passage, contact, leaving, draws, "ncaa-swing.gates", block, order.rung
+                ),
+                "swing": self._count(order, swing, contact, draws),
+                "aim": self.cannon.mark(draws, "ncaa-swing.aim"),
+            },
+            truth={
+                "speed": launch.speed,
+                "bat_speed": bat_speed,
+                "angle": swing.angle,
+                "place": axis - lever,
+                "across": across,
+                "ball_restitution": e0,
+                "collision_efficiency": efficiency,
+                "rebound_speed": back,
+                "contact_time": contact_time,
+            },
+        )
+
+    def outcome(self, order: Order, specimen: Specimen) -> TrueOutcome:
+        """Return what an error-free test would find, on an axis exactly where it should be."""
+        from_knob = self.holder.spec.from_knob
+        support = Pinned(specimen.bat.body.length - from_knob)
+        return error_free(order, specimen, support, from_knob)
+
+    def _swing(self, order: Order, draws: Draws) -> _Swing:
+        drive, shots = self.drive, len(order.place)
+        scatter, late = draws.normal("ncaa-swing.drive", (2, shots), order.block)
+        even = order.turn_rate * (1 + drive.speed_scatter * scatter)
+        phase = tau * draws.uniform("ncaa-swing.ripple", shots, order.block)
+        return _Swing(
+            angle=even * drive.timing_scatter * late,
+            rate=even * (1 + drive.ripple * np.cos(phase)),
+            even=even,
+            phase=phase,
+        )
+
+    def _count(self, order: Order, swing: _Swing, contact: Array, draws: Draws) -> Record:
+        """Record the shaft; the recorder's ticks are the boards' clock. It stops at contact."""
+        name, block = "ncaa-swing.encoder", order.block
+        if order.rung is Rung.SUMMED:
+            rate = swing.rate / self.gates.clock
+            return self.encoder.sum_up(rate, draws, name, block, angle=swing.angle)
+        since = self.encoder.spec.sample_times() / self.gates.clock - contact[:, None]
+        turned = tau * self.drive.ripple_frequency
+        wave = np.sin(turned * since + swing.phase[:, None]) - np.sin(swing.phase)[:, None]
+        angle = swing.angle[:, None] + swing.even[:, None] * (
+            since + self.drive.droop * since**2 / 2 + self.drive.ripple * wave / turned
+        )
+        return self.encoder.read(
+            np.where(since < 0, angle, swing.angle[:, None]), draws, name, block
+        )
+
+
+RIG = NcaaSwing()

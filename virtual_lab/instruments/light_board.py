@@ -1,0 +1,255 @@
+"""Light boards: rows of beams one above the other, both edges of every beam timed.
+
+A ball breaks some ten beams of a board, each along its own chord, so a board shows when the
+centre passed and how high. A beam trips a little early or late for good, by its own threshold;
+now and then a scrap of the sabot crosses the first board just ahead of the ball.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import sqrt
+from typing import Annotated, Self
+
+import numpy as np
+from annotated_types import Ge, Gt, Lt, MinLen
+from numpy.typing import NDArray
+
+from virtual_lab.estimate import Estimate
+from virtual_lab.instruments import Rung
+from virtual_lab.instruments.indicator import quantise
+from virtual_lab.instruments.passage import Passage
+from virtual_lab.records import BoardRecord, PassageRecord
+from virtual_lab.specs import Dimension, Spec
+from virtual_lab.streams import Draws
+
+__all__ = ["LightBoardSpec", "LightBoards"]
+
+Array = NDArray[np.float64]
+Time = Annotated[float, Ge(0), Dimension("time")]
+Length = Annotated[float, Ge(0), Dimension("length")]
+Number = Annotated[float, Ge(0), Dimension("number")]
+SCRAP_AHEAD = 0.03  # m, a scrap of the sabot flies this far ahead of the ball's front
+BROKEN = 2 / 3  # of a ball's diameter, the beams that the sums at a board rest on
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LightBoardSpec(Spec):
+    """Boards along the flight, their places counted from the ball's at contact, far one first."""
+
+    kind: str
+    title: str
+    distances: Annotated[tuple[float, ...], MinLen(3), Dimension("length")]
+    distance_u: Length
+    beams: Annotated[int, Gt(3), Dimension("number")]
+    pitch: Annotated[float, Gt(0), Dimension("length")]
+    lowest: Annotated[float, Dimension("length")]  # beam, above the line of fire
+    height_u: Length  # of each board
+    trip_spread: Length  # beam to beam, of how far into the beam the ball trips it
+    tick: Time
+    edge_jitter: Time
+    clock_u: Number
+    sabot_rate: Annotated[float, Ge(0), Lt(1), Dimension("number")]  # share of the shots
+
+    def __post_init__(self) -> None:
+        if (
+            list(self.distances) != sorted(set(self.distances), reverse=True)
+            or self.distances[-1] <= 0
+        ):
+            raise ValueError(
+                "distances must fall from the cannon's board to the target's, all above 0"
+            )
+        if not self.lowest < 0 < self.highest:
+            raise ValueError(
+                f"beams from {self.lowest:g} to {self.highest:g} m: none at the line of fire"
+            )
+
+    @property
+    def highest(self) -> float:
+        """Height of the top beam [m]."""
+        return self.lowest + (self.beams - 1) * self.pitch
+
+    def ideal(self) -> Self:
+        """Return boards that stand where surveyed, with alike beams and a perfect clock."""
+        return replace(
+            self,
+            distance_u=0.0,
+            height_u=0.0,
+            trip_spread=0.0,
+            tick=0.0,
+            edge_jitter=0.0,
+            clock_u=0.0,
+            sabot_rate=0.0,
+        )
+
+    def slowest_rebound(self, gravity: float) -> float:
+        """Return the speed [m/s] below which a level rebound falls below the far board."""
+        return self.distances[0] * sqrt(gravity / (2 * -self.lowest))
+
+
+@dataclass(frozen=True, slots=True)
+class LightBoards:
+    """The boards of one laboratory, true places, thresholds and clock drawn once."""
+
+    spec: LightBoardSpec
+    distances: Array  # (board,) [m]
+    heights: Array  # of the boards' zeros above the line of fire, (board,) [m]
+    trips: Array  # what each beam adds to the ball's radius, (board, beam) [m]
+    clock: float
+
+    @classmethod
+    def commission(cls, spec: LightBoardSpec, draws: Draws, name: str) -> Self:
+        boards = len(spec.distances)
+        survey, level = draws.normal(f"{name}.places", (2, boards))
+        trips = draws.normal(f"{name}.trips", (boards, spec.beams))
+        return cls(
+            spec,
+            np.asarray(spec.distances) + spec.distance_u * survey,
+            spec.height_u * level,
+            spec.trip_spread * trips,
+            1 + spec.clock_u * float(draws.normal(f"{name}.clock")),
+        )
+
+    def calibration(self) -> dict[str, Estimate]:
+        """Return what the laboratory knows: places, heights and beams of the boards, the clock."""
+        spec = self.spec
+        known = {
+            "clock": Estimate(value=1.0, u=spec.clock_u),
+            "lowest": Estimate(value=spec.lowest),
+            "pitch": Estimate(value=spec.pitch),
+        }
+        for index, distance in enumerate(spec.distances):
+            known[f"distance_{index}"] = Estimate(value=distance, u=spec.distance_u)
+            known[f"height_{index}"] = Estimate(value=0.0, u=spec.height_u)
+        return known
+
+    def errors(self) -> dict[str, float]:
+        """Return the true constants, to be sealed."""
+        true = {"clock": self.clock}
+        for index, (distance, height) in enumerate(zip(self.distances, self.heights, strict=True)):
+            true |= {f"distance_{index}": float(distance), f"height_{index}": float(height)}
+        return true
+
+    def arrival(self, passage: Passage) -> Array:
+        """Return the true time from the trigger to contact [s], shape (shot,).
+
+        The trigger is the ball's front at the far board.
+        """
+        return passage.inbound(self.distances[None, 0] + passage.radius)[0]
+
+    def watch(
+        self,
+        passage: Passage,
+        contact: Array,
+        leaving: Array,
+        draws: Draws,
+        name: str,
+        block: int,
+        rung: Rung = Rung.FULL,
+    ) -> BoardRecord | PassageRecord:
+        """Record balls that reach the target at `contact` and leave it at `leaving` [s]."""
+        record = self._edges if rung is Rung.FULL else self._sums
+        return record(passage, contact, leaving, draws, name, block)
+
+    def _edges(
+        self,
+        passage: Passage,
+        contact: Array,
+        leaving: Array,
+        draws: Draws,
+        name: str,
+        block: int,
+    ) -> BoardRecord:
+        spec = self.spec
+        beams = np.asarray(spec.lowest + spec.pitch * np.arange(spec.beams), dtype=np.float64)
+        time, height = passage.inbound(self.distances[None])
+        inward = self._chords(passage, passage.speed_in, time, height, passage.slope_in, beams)
+        near, far = (self.distances[:, None] + side for side in inward)
+        inbound = np.stack([passage.inbound(far)[0], passage.inbound(near)[0]], axis=-1)
+        inbound = contact[:, None, None, None] - inbound
+        inbound = self._scraps(inbound, passage, contact, draws, name, block)
+        time, height = passage.outbound(self.distances[None])
+        outward = self._chords(passage, passage.speed_out, time, height, passage.slope_out, beams)
+        outbound = np.stack(
+            [passage.outbound(self.distances[:, None] + side)[0] for side in outward], axis=-1
+        )
+        outbound = leaving[:, None, None, None] + outbound
+        times = np.stack([inbound, outbound], axis=1)
+        start = spec.tick * draws.uniform(f"{name}.start", (len(times), 1, 1, 1, 1), block)
+        noise = spec.edge_jitter * draws.normal(f"{name}.jitter", times.shape, block)
+        return BoardRecord(times=quantise(self.clock * times + start + noise, spec.tick))
+
+    def _sums(
+        self,
+        passage: Passage,
+        contact: Array,
+        leaving: Array,
+        draws: Draws,
+        name: str,
+        block: int,
+    ) -> PassageRecord:
+        """Sum each board up: time and height of the ball's centre.
+
+        Their noise is that of the sums over the beams a ball breaks: n edges' jitter and n
+        thresholds in the time, √(3/n) of the chords' in the height.
+        """
+        spec, distances = self.spec, self.distances[None]
+        beams = max(BROKEN * 2 * passage.radius / spec.pitch, 1.0)
+        before, height_in = passage.inbound(distances)
+        after, height_out = passage.outbound(distances)
+        edge = sqrt(spec.edge_jitter**2 + spec.tick**2 / 12)
+        noise = draws.normal(f"{name}.sums", (2, len(contact), 2, distances.size), block)
+        times = np.stack([contact[:, None] - before, leaving[:, None] + after], axis=1)
+        heights = np.stack([height_in, height_out], axis=1) - self.heights
+        seen = (heights > spec.lowest) & (heights < spec.highest)
+        speeds = np.stack([passage.speed_in, np.abs(passage.speed_out)], axis=1)[..., None]
+        chord = np.hypot(edge * speeds, spec.trip_spread) * sqrt(3 / beams)
+        return PassageRecord(
+            times=np.where(seen, self.clock * times + edge / sqrt(2 * beams) * noise[0], np.nan),
+            heights=np.where(seen, heights + chord * noise[1], np.nan),
+        )
+
+    def _chords(
+        self,
+        passage: Passage,
+        speed: Array,
+        time: Array,
+        height: Array,
+        slope: Array | float,
+        beams: Array,
+    ) -> tuple[Array, Array]:
+        """Return where a centre breaks and clears each beam, from its board, (shot, board, beam).
+
+        About a board the flight is a straight line of its own slope; NaN: the ball passes by.
+        """
+        fall = passage.gravity * time / np.where(speed > 0, speed, np.nan)[:, None]
+        steep = (np.reshape(slope, (-1, 1)) - fall)[..., None]
+        above = height[..., None] - self.heights[:, None] - beams
+        reach = (passage.radius + self.trips) ** 2
+        root = (steep * above) ** 2 - (1 + steep**2) * (above**2 - reach)
+        half = np.sqrt(np.where(root > 0, root, np.nan)) / (1 + steep**2)
+        middle = -steep * above / (1 + steep**2)
+        return middle - half, middle + half
+
+    def _scraps(
+        self,
+        inbound: Array,
+        passage: Passage,
+        contact: Array,
+        draws: Draws,
+        name: str,
+        block: int,
+    ) -> Array:
+        """Let a scrap of the sabot break some beams of the first board ahead of the ball."""
+        spec = self.spec
+        share = draws.uniform(f"{name}.sabot", (2, len(inbound)), block) + 0.5
+        tripped = share[0] < spec.sabot_rate
+        if not tripped.any():
+            return inbound
+        beam = np.arange(spec.beams)
+        struck = np.abs(beam - (spec.beams - 1) * share[1, :, None]) < 2
+        early = contact - passage.inbound(self.distances[None, 0] + passage.radius + SCRAP_AHEAD)[0]
+        scrapped = inbound.copy()
+        at = tripped[:, None] & struck
+        scrapped[:, 0, :, 0] = np.where(at, early[:, None], inbound[:, 0, :, 0])
+        return scrapped

@@ -1,0 +1,56 @@
+"""The true flights of a batch of balls, in to the target and back, that gates and cameras watch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.relations.flight import time_after, time_before
+
+__all__ = ["Passage"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Passage:
+    """Flights of a batch, shape (shot,) but for the numbers that all share.
+
+    Distances count from the target toward the cannon, heights from the line of fire. A way in
+    that no instrument heeds the height of is level and passes at the height 0.
+    """
+
+    speed_in: Array  # at the target [m/s]
+    speed_out: Array  # along the line of fire [m/s]; not above 0: the ball does not come back
+    drag: Array  # [1/m]
+    radius: float  # [m]
+    gravity: float  # [m/s^2]
+    height: Array | float = 0.0  # of the ball's centre at contact [m]
+    slope_in: Array | float = 0.0  # height gained a metre of distance, on the way in
+    slope_out: Array | float = 0.0  # the same on the way back
+    plane: Array | float = 0.0  # distance of the contact from where the target nominally is [m]
+
+    def inbound(self, distance: Array) -> tuple[Array, Array]:
+        """Return time before contact [s] and height [m] at `distance` (shot or 1, …)."""
+        ahead = distance - _column(self.plane, distance)
+        time = time_before(ahead, _column(self.speed_in, distance), _column(self.drag, distance))
+        return time, self._height(ahead, time, self.slope_in)
+
+    def outbound(self, distance: Array) -> tuple[Array, Array]:
+        """Return time after leaving [s], NaN where the ball goes on, and height [m]."""
+        back = distance - _column(self.plane, distance)
+        speed = np.where(self.speed_out > 0, self.speed_out, np.nan)
+        time = time_after(back, _column(speed, distance), _column(self.drag, distance))
+        return time, self._height(back, time, self.slope_out)
+
+    def _height(self, way: Array, time: Array, slope: Array | float) -> Array:
+        fall = self.gravity / 2 * time**2
+        return np.asarray(_column(self.height, way) + _column(slope, way) * way - fall)
+
+
+def _column(values: Array | float, like: Array) -> Array:
+    """Return (shot,) values with axes added to stand beside `like`, numbers as they are."""
+    array = np.asarray(values)
+    return array.reshape(array.shape + (1,) * (like.ndim - 1)) if array.ndim else array

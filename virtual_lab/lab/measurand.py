@@ -1,0 +1,83 @@
+"""What a test was to find: the procedure's own result on the exact curve of this very bat.
+
+(i) the rule book's functional on the places visited, which an error-free laboratory returns
+exactly; (ii) of a scan, the greatest value of the continuous curve.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.certification import Reduced
+from virtual_lab.physics.beam import beam_of
+from virtual_lab.procedure import Curve, Procedure, exact_result, metric_of
+from virtual_lab.reduction.measurement import BatProperties
+from virtual_lab.relations.kinematics import restitution_from_efficiency
+from virtual_lab.relations.peaks import peak
+from virtual_lab.rig import ImpactStation, Order, Specimen
+
+__all__ = ["CONTINUOUS", "measurand"]
+
+Array = NDArray[np.float64]
+CONTINUOUS = "metric_of_continuous_curve"
+CURVE_POINTS = 41
+
+
+def measurand(station: ImpactStation, specimen: Specimen, reduced: Reduced) -> dict[str, float]:
+    """Return the true metric as ``metric``, and quantities by their names in a certificate.
+
+    The quantities beside the metric are those at the place the certificate names, so they are
+    weighed as its hits were. {} where the test gave no result.
+    """
+    procedure, outcome = reduced.procedure.spec, reduced.outcome
+    if not np.isfinite(outcome.weights).all():
+        return {}
+    place = reduced.readings.place
+    each, back = np.unique(place, return_inverse=True)
+    curve, bat = _curve(station, specimen, procedure, each)
+    metric = metric_of(procedure)(curve, bat)
+    true = {
+        "collision_efficiency": curve.collision_efficiency,
+        "restitution": curve.restitution,
+        "recoil_factor": curve.recoil_factor,
+        "ball_restitution": curve.ball_restitution,
+        "bat_performance_factor": curve.restitution / curve.ball_restitution,
+    }
+    weighed = {name: float(values[back] @ outcome.weights) for name, values in true.items()}
+    exact = exact_result(procedure, place, reduced.judgement.valid, metric[back])
+    found = weighed | {"metric": exact}
+    if procedure.scan is not None:
+        along = np.linspace(procedure.scan.low, procedure.scan.high, CURVE_POINTS)
+        fine, bat = _curve(station, specimen, procedure, along)
+        found[CONTINUOUS] = peak(along, metric_of(procedure)(fine, bat)).value
+    return found
+
+
+def _curve(
+    station: ImpactStation, specimen: Specimen, procedure: Procedure, places: Array
+) -> tuple[Curve, BatProperties]:
+    beam = beam_of(specimen.bat.body)
+    order = Order(
+        ball=np.zeros(places.shape, dtype=int),
+        speed=np.full(places.shape, procedure.ball_speed),
+        place=places,
+        turn_rate=float(procedure.turn_rate(beam.length)),
+    )
+    true = station.outcome(order, specimen)
+    recoil = true.recoil_free if procedure.recoil == "free" else true.recoil_pivoted
+    bat = BatProperties(
+        mass=np.array(beam.mass),
+        length=np.array(beam.length),
+        z_cm=np.array(beam.z_cm),
+        inertia_cm=np.array(beam.inertia_cm),
+        barrel_radius=np.array(np.nan),
+    )
+    curve = Curve(
+        place=places,
+        collision_efficiency=true.collision_efficiency,
+        recoil_factor=recoil,
+        restitution=np.asarray(restitution_from_efficiency(true.collision_efficiency, recoil)),
+        ball_restitution=true.ball_restitution,
+    )
+    return curve, bat

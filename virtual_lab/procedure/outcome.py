@@ -1,0 +1,148 @@
+"""From hits to a result: which hits weigh how much, the place they speak of, and the verdict.
+
+A result is a weighted sum of the hits. At a fixed place all weigh the same. On a scan they are
+those of the top of a curve fitted about the best place: at a maximum the place does not
+matter to first order, so the weights carry every quantity and its uncertainty there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.procedure.rules import Procedure, Scan
+from virtual_lab.procedure.schedule import SETTING_STEP, best_place, same_place, scan_hits
+
+__all__ = ["Outcome", "Verdict", "exact_result", "outcome_of", "verdict"]
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+DEGREE = 3  # of the fitted curve: at equal steps the odd term costs nothing at the middle
+ROUNDING = 1e-6  # m, within which two places are one
+
+
+class Verdict(Enum):
+    """The outcome of a test by the procedure's own rule."""
+
+    PASS = "PASS"
+    FAIL = "FAIL"
+    INVALID = "INVALID"
+    MEASURED = "MEASURED"  # the rules set no limit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """How the hits make the result."""
+
+    weights: Array  # (shot,), they add to 1; NaN where nothing can be said
+    place: float  # that the result speaks of, from the tip [m]
+    reason: str  # why the test gives no result; empty where it does
+
+    @property
+    def used(self) -> Bools:
+        """Which shots the result rests on, (shot,)."""
+        return np.asarray(self.weights != 0) & np.isfinite(self.weights)
+
+
+def outcome_of(procedure: Procedure, place: Array, valid: Bools, metric: Array) -> Outcome:
+    """Return the weights of the hits.
+
+    Parameters
+    ----------
+    procedure
+        Its counts and its scan.
+    place, valid, metric
+        Of the shots in the order they were fired, (shot,).
+    """
+    if valid.sum() < 2:
+        return _nothing(len(place), "fewer than two hits were valid")
+    if procedure.scan is None:
+        few = valid.sum() < procedure.valid_hits
+        reason = f"{valid.sum()} valid hits of {procedure.valid_hits}" if few else ""
+        return Outcome(weights=valid / valid.sum(), place=float(place[valid].mean()), reason=reason)
+    return _of_scan(procedure, procedure.scan, place, valid, metric)
+
+
+def exact_result(procedure: Procedure, place: Array, valid: Bools, metric: Array) -> float:
+    """Return what the rules make of an exact curve at the places that were visited.
+
+    `metric` is free of error, (shot,). Of a scan that fires again at its best place it is the
+    greatest value at the places complete; otherwise what `outcome_of` makes of it.
+    """
+    if procedure.scan is not None and procedure.scan.final_hits:
+        places = _complete(procedure, place, valid)
+        return float(metric[np.isin(np.round(place, 6), places)].max())
+    return float(metric @ outcome_of(procedure, place, valid, metric).weights)
+
+
+def _complete(procedure: Procedure, place: Array, valid: Bools) -> Array:
+    """Return the places with all the hits a scan asks for."""
+    counted = scan_hits(procedure, place, valid)
+    places, number = np.unique(np.round(place[counted], 6), return_counts=True)
+    return np.asarray(places[number >= procedure.valid_hits])
+
+
+def _of_scan(
+    procedure: Procedure, scan: Scan, place: Array, valid: Bools, metric: Array
+) -> Outcome:
+    counted = scan_hits(procedure, place, valid)
+    complete = _complete(procedure, place, valid)
+    if complete.size < 3:
+        reason = f"{procedure.valid_hits} valid hits at {complete.size} places, 3 make a scan"
+        return _nothing(len(place), reason)
+    best = best_place(procedure, complete, place, valid, metric)
+    spaced = scan.fine_step + 2 * SETTING_STEP
+    lower = (complete < best - ROUNDING) & (complete > best - spaced)
+    upper = (complete > best + ROUNDING) & (complete < best + spaced)
+    bracketed = bool(lower.any() and upper.any())
+    reason = "" if bracketed else f"no maximum between {scan.low:g} and {scan.high:g} m"
+    if scan.final_hits:
+        fresh = np.flatnonzero(valid & ~counted & same_place(place, best))[-scan.final_hits :]
+        if fresh.size < scan.final_hits:
+            reason = reason or f"{fresh.size} of {scan.final_hits} hits at the best place"
+        if fresh.size == 0:
+            return _nothing(len(place), reason)
+        weights = np.zeros(len(place))
+        weights[fresh] = 1 / fresh.size
+        return Outcome(weights=weights, place=float(place[fresh].mean()), reason=reason)
+    near = counted & (np.abs(place - best) < scan.fit_half_width + 2 * SETTING_STEP)
+    near &= np.isin(np.round(place, 6), complete)
+    weights, top = _top_of_curve(place, near, metric, scan.fit_half_width)
+    return Outcome(weights=weights, place=top, reason=reason)
+
+
+def _top_of_curve(
+    place: Array, near: Bools, metric: Array, half_width: float
+) -> tuple[Array, float]:
+    """Return the weights of the hits at the top of the polynomial fitted to them, and its place."""
+    middle = place[near].mean()
+    unit = (place[near] - middle) / half_width
+    degree = min(DEGREE, len(np.unique(np.round(unit, 6))) - 1)
+    solved = np.linalg.pinv(np.vander(unit, degree + 1, increasing=True))
+    fitted = np.polynomial.Polynomial(solved @ metric[near])
+    turns = fitted.deriv().roots()
+    turns = np.real(turns[np.abs(np.imag(turns)) < ROUNDING])
+    inside = turns[(turns > unit.min()) & (turns < unit.max())]
+    candidates = np.concatenate([inside, [unit.min(), unit.max()]])
+    top = float(candidates[np.argmax(fitted(candidates))])
+    weights = np.zeros(len(place))
+    weights[near] = top ** np.arange(degree + 1) @ solved
+    return weights, float(middle + top * half_width)
+
+
+def _nothing(shots: int, reason: str) -> Outcome:
+    return Outcome(weights=np.full(shots, np.nan), place=np.nan, reason=reason)
+
+
+def verdict(procedure: Procedure, value: float, *, complete: bool, eligible: bool) -> Verdict:
+    """Return PASS up to and including the limit, FAIL beyond, INVALID of an incomplete test."""
+    if not complete:
+        return Verdict.INVALID
+    if not eligible:
+        return Verdict.FAIL
+    if procedure.most is None:
+        return Verdict.MEASURED
+    return Verdict.PASS if value <= procedure.most else Verdict.FAIL

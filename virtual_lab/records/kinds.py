@@ -1,0 +1,176 @@
+"""The kinds of record: one class a kind, its fields, their axes and columns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.records.record import Column, Record
+
+__all__ = [
+    "RECORD_TYPES",
+    "AimMarks",
+    "BoardRecord",
+    "EncoderRecord",
+    "GateRecord",
+    "LengthReadings",
+    "MassReadings",
+    "PassageRecord",
+    "PendulumRecord",
+    "RateRecord",
+    "ShotLog",
+]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MassReadings(Record):
+    """Repeated readings of a scale, shape (item, repeat)."""
+
+    readings: Array
+    columns: ClassVar[Mapping[str, Column]] = {"readings": Column("mass_kg", ("item", "repeat"))}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LengthReadings(Record):
+    """Repeated readings of a rule or a balance stand, shape (item, repeat)."""
+
+    readings: Array
+    columns: ClassVar[Mapping[str, Column]] = {"readings": Column("length_m", ("item", "repeat"))}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PendulumRecord(Record):
+    """Times of the same-way passages, shape (release, passage); amplitudes (release, end).
+
+    `end` 0 is the amplitude read at the first passage, 1 at the last.
+    """
+
+    times: Array
+    first_amplitude: Array
+    last_amplitude: Array
+    columns: ClassVar[Mapping[str, Column]] = {
+        "times": Column("time_s", ("release", "passage")),
+        "first_amplitude": Column("first_amplitude_rad", ("release",)),
+        "last_amplitude": Column("last_amplitude_rad", ("release",)),
+    }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GateRecord(Record):
+    """Times at which beams broke and cleared, shape (shot, way, gate, edge), NaN: not seen.
+
+    `way` 0 is the ball going in, 1 coming back; `edge` 0 broke, 1 cleared; gates count from
+    the cannon to the target.
+    """
+
+    times: Array
+    columns: ClassVar[Mapping[str, Column]] = {
+        "times": Column("time_s", ("shot", "way", "gate", "edge"), may_be_missing=True)
+    }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoardRecord(Record):
+    """Times at which each beam of a board broke and cleared, NaN: the ball passed it by.
+
+    Shape (shot, way, board, beam, edge); ways and edges as in `GateRecord`, boards count from
+    the cannon to the target, beams from the lowest up.
+    """
+
+    times: Array
+    columns: ClassVar[Mapping[str, Column]] = {
+        "times": Column("time_s", ("shot", "way", "board", "beam", "edge"), may_be_missing=True)
+    }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PassageRecord(Record):
+    """What gates that do their own sums write: the ball's centre at each, (shot, way, gate).
+
+    Time of its passage and height above the gates' zero; NaN: not seen, or not measured.
+    """
+
+    times: Array
+    heights: Array
+    columns: ClassVar[Mapping[str, Column]] = {
+        "times": Column("time_s", ("shot", "way", "gate"), may_be_missing=True),
+        "heights": Column("height_m", ("shot", "way", "gate"), may_be_missing=True),
+    }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RateRecord(Record):
+    """What an encoder that does its own sums writes: rate at contact and its u, (shot,).
+
+    `before` is the rate before a struck bat moved, `angle` where a swung one was at contact,
+    counted from where it stands square to the ball; NaN where it does not apply.
+    """
+
+    rate: Array
+    rate_u: Array
+    before: Array
+    angle: Array
+    columns: ClassVar[Mapping[str, Column]] = {
+        "rate": Column("counts_per_s", ("shot",)),
+        "rate_u": Column("u_counts_per_s", ("shot",)),
+        "before": Column("counts_per_s_before", ("shot",), may_be_missing=True),
+        "angle": Column("counts_at_contact", ("shot",), may_be_missing=True),
+    }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EncoderRecord(Record):
+    """Counts at the ticks of the recorder's clock: counts (shot, sample), times (sample,)."""
+
+    counts: Array
+    times: Array
+    columns: ClassVar[Mapping[str, Column]] = {
+        "counts": Column("counts", ("shot", "sample")),
+        "times": Column("time_s", ("sample",)),
+    }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AimMarks(Record):
+    """Where test shots marked a witness paper, off the aim: along and across the bat."""
+
+    along: Array
+    across: Array
+    columns: ClassVar[Mapping[str, Column]] = {
+        "along": Column("along_m", ("mark",)),
+        "across": Column("across_m", ("mark",)),
+    }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShotLog(Record):
+    """The operator's log: ball used, nominal speed, place set with the rule, shape (shot,)."""
+
+    ball: Array
+    nominal_speed: Array
+    place: Array
+    columns: ClassVar[Mapping[str, Column]] = {
+        "ball": Column("ball", ("shot",)),
+        "nominal_speed": Column("nominal_speed_m_per_s", ("shot",)),
+        "place": Column("place_m", ("shot",)),
+    }
+
+
+RECORD_TYPES: Mapping[str, type[Record]] = {
+    "mass-readings": MassReadings,
+    "length-readings": LengthReadings,
+    "pendulum": PendulumRecord,
+    "gates": GateRecord,
+    "boards": BoardRecord,
+    "passages": PassageRecord,
+    "rates": RateRecord,
+    "encoder": EncoderRecord,
+    "aim-marks": AimMarks,
+    "shot-log": ShotLog,
+}

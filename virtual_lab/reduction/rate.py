@@ -1,0 +1,40 @@
+"""What an encoder says of a turning bat at contact, whoever did the sums."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.records import RateRecord
+
+__all__ = ["RateFit", "summed_up"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RateFit:
+    """What an encoder says of a batch of shots, in counts and shown seconds."""
+
+    rate: Array  # at contact: its end for a struck bat, its beginning for a swung one, (shot,)
+    rate_u: Array  # its standard uncertainty from the fit, (shot,)
+    before: Array  # rate before contact, of a bat that should be at rest, (shot,)
+    angle: Array  # at contact, of a bat that is swung, from square to the ball, (shot,) [counts]
+    ring_frequency: Array  # (ring,) [Hz]
+    ring_decay: Array  # (ring,) [1/s]
+    residual: Array  # rms, (shot,) [counts]
+
+
+def summed_up(record: RateRecord) -> RateFit:
+    """Return the rates that an encoder's own recorder worked out."""
+    return RateFit(
+        rate=record.rate,
+        rate_u=record.rate_u,
+        before=record.before,
+        angle=record.angle,
+        ring_frequency=np.zeros(0),
+        ring_decay=np.zeros(0),
+        residual=np.full(record.rate.shape, np.nan),
+    )

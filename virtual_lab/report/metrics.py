@@ -1,0 +1,28 @@
+"""How a metric is said and printed: words, symbol, unit and decimals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from virtual_lab.units import MPH
+
+__all__ = ["METRICS", "Printed"]
+
+
+@dataclass(frozen=True, slots=True)
+class Printed:
+    """A metric in print; its SI value over `unit_si` is the number printed."""
+
+    words: str
+    symbol: str
+    unit: str
+    unit_si: float
+    places: int  # decimals of a limit
+
+
+METRICS = {
+    "bat_performance_factor": Printed("Bat performance factor", "BPF", "", 1.0, 3),
+    "besr": Printed("Ball exit speed ratio", "BESR", "", 1.0, 3),
+    "restitution": Printed("Restitution of ball and bat", "e", "", 1.0, 3),
+    "batted_speed": Printed("Batted-ball speed", "v_f", "mph", MPH, 1),
+}
