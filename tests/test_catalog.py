@@ -17,6 +17,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.instruments.air import AirSpec
 from virtual_lab.instruments.cannon import CannonSpec
 from virtual_lab.instruments.encoder import EncoderSpec
+from virtual_lab.instruments.light_board import LightBoardSpec
 from virtual_lab.instruments.light_gate import LightGateSpec
 from virtual_lab.instruments.pendulum import PendulumSpec
 from virtual_lab.instruments.rule import RuleSpec
@@ -32,6 +33,7 @@ INSTRUMENTS = {
     "air": AirSpec,
     "cannon": CannonSpec,
     "encoder": EncoderSpec,
+    "light-board": LightBoardSpec,
     "light-gate": LightGateSpec,
     "pendulum": PendulumSpec,
     "rule": RuleSpec,
@@ -230,8 +232,15 @@ def test_a_bad_bat_file(old: str, new: str, key: str, value: str | None, allowed
             "valid_hits",
             "integer",
         ),
-        ("procedures", RULES, "value = 12,", "value = 5,", "file", "5 attempts cannot give 6"),
-        ("procedures", RULES, '"pivoted"', '"free"', "recoil", "'pivoted'"),
+        (
+            "procedures",
+            RULES,
+            "attempts = { value = 12,",
+            "attempts = { value = 5,",
+            "file",
+            "5 attempts cannot give 6",
+        ),
+        ("procedures", RULES, '"pivoted"', '"held"', "recoil", "'pivoted'"),
         ("procedures", RULES, "value = 1.2", "value = 0", "limit", "greater than 0"),
         ("procedures", RULES, "[windows]", "[widows]", "windows", "missing"),
         ("instruments", GATES, "[0.55, 0.25]", "[0.25, 0.55]", "file", "must fall"),

@@ -84,7 +84,7 @@ def test_the_truth_on_disk_changes_only_the_score(tested: Path, tmp_path: Path, 
     truth = tmp_path / "copy" / "truth" / "truth.json"
     whole = json.loads(run("score", "copy", "--json")[1])
     document = json.loads(truth.read_text())
-    document["measurand"]["bat_performance_factor"] += 0.1
+    document["measurand"]["metric"] += 0.1
     truth.write_text(json.dumps(document))
     broken = json.loads(run("score", "copy", "--json")[1])
     assert (whole["seal"], broken["seal"]) == ("whole", "broken")
@@ -272,7 +272,7 @@ def test_a_fitted_bat_can_be_profiled(run: Run, tmp_path: Path) -> None:
     ("words", "said"),
     [
         (["certify", "r116"], "did you mean r161?"),
-        (["certify", "r161", "--procedure", "astm"], "did you mean astm-f1881?"),
+        (["certify", "r161", "--procedure", "astm-f1818"], "did you mean astm-f1881?"),
         (["certify", "r161", "--seed", "-1"], "--seed"),
         (["certify", "r161", "--bogus"], "--bogus"),
         (["certify", "r161", "--ideal", "--noise-free"], "exclude each other"),

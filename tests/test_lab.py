@@ -39,7 +39,7 @@ def test_ideal_laboratory_recovers_the_truth(bat: str, played: Play) -> None:
     tested = played(bat, Reality.IDEAL)
     for name in RECOVERED:
         measured = tested.certification.quantities[name].value
-        true = getattr(tested.sealed.measurand, name)
+        true = tested.sealed.measurand[name]
         assert measured == pytest.approx(true, rel=1e-9), name
     assert all(not reason for reason in tested.certification.judgement.reasons)
 
@@ -50,7 +50,7 @@ def test_noise_free_laboratory(played: Play, capsys: pytest.CaptureFixture[str])
     for bat in BATS:
         tested = played(bat, Reality.NOISE_FREE)
         found, true = tested.certification.quantities, tested.sealed.measurand
-        rows.append([bat, *(found[name].value - getattr(true, name) for name in RECOVERED)])
+        rows.append([bat, *(found[name].value - true[name] for name in RECOVERED)])
     with capsys.disabled():
         print(f"\nbias, noise-free: {', '.join(RECOVERED)}")
         for bat, *bias in rows:
@@ -119,7 +119,7 @@ def test_no_record_holds_the_seed_or_the_truth(tmp_path: Path) -> None:
     save_session(tested.certification.session, tmp_path)
     truth = tested.sealed.measurand
     secrets = {str(seed), f"{seed:x}", tested.sealed.salt.hex(), repr(float(seed))}
-    secrets |= {repr(getattr(truth, name)) for name in RECOVERED}
+    secrets |= {repr(truth[name]) for name in RECOVERED}
     secrets |= {repr(float(value)) for value in tested.sealed.shots["collision_efficiency"]}
     written = [path for path in tmp_path.rglob("*") if path.is_file()]
     assert len(written) >= 10
@@ -146,7 +146,7 @@ def test_attempts_run_out(tmp_path: Path) -> None:
     assert result.verdict is Verdict.INVALID
     assert result.metric is None
     assert result.quantities == {}
-    assert result.free is None
+    assert result.other is None
     assert not result.marginal
     assert [line for line in said if "round" in line] == [
         "impact rig: round 1, 6 shots",
@@ -216,7 +216,7 @@ def scores(played: Play) -> dict[str, np.ndarray]:
     return {
         name: np.array(
             [
-                (t.certification.quantities[name].value - getattr(t.sealed.measurand, name))
+                (t.certification.quantities[name].value - t.sealed.measurand[name])
                 / t.certification.quantities[name].u
                 for t in tests
                 if t.certification.quantities
@@ -247,7 +247,7 @@ def test_intervals_of_real_days(name: str, played: Play) -> None:
     for seed in SEEDS:
         tested = played(seed=seed)
         low, high = tested.certification.quantities[name].interval_95
-        held += low <= getattr(tested.sealed.measurand, name) <= high
+        held += low <= tested.sealed.measurand[name] <= high
     assert held >= 33
 
 

@@ -45,7 +45,7 @@ def test_import_contracts() -> None:
     [
         ("virtual_lab/reduction/gates.py", "import virtual_lab.truth", "never reaches what is"),
         ("virtual_lab/units.py", "import virtual_lab.physics.ball", "never reaches what is"),
-        ("virtual_lab/lab.py", "import rigs.bench", "no machine in particular"),
+        ("virtual_lab/lab/laboratory.py", "import rigs.bench", "no machine in particular"),
         ("rigs/bench.py", "import virtual_lab.reduction.gates", "how its records are reduced"),
         ("virtual_lab/session.py", "import virtual_lab.report.tables", "laboratory's layers"),
         ("virtual_lab/physics/ball.py", "import virtual_lab.collision.scene", "machines' layers"),

@@ -22,7 +22,9 @@ from virtual_lab.instruments.air import Air, AirSpec
 from virtual_lab.instruments.cannon import Cannon, CannonSpec
 from virtual_lab.instruments.encoder import Encoder, EncoderSpec
 from virtual_lab.instruments.indicator import indicate, quantise
-from virtual_lab.instruments.light_gate import LightGates, LightGateSpec, Passage
+from virtual_lab.instruments.light_board import LightBoards, LightBoardSpec
+from virtual_lab.instruments.light_gate import LightGates, LightGateSpec
+from virtual_lab.instruments.passage import Passage
 from virtual_lab.instruments.pendulum import Pendulum, PendulumSpec
 from virtual_lab.instruments.rule import Rule, RuleSpec
 from virtual_lab.instruments.scale import Scale, ScaleSpec
@@ -32,6 +34,7 @@ MAKERS = {
     "air": Air,
     "cannon": Cannon,
     "encoder": Encoder,
+    "light-board": LightBoards,
     "light-gate": LightGates,
     "pendulum": Pendulum,
     "rule": Rule,
@@ -46,7 +49,7 @@ KIND = {
 }
 # Constants a calibration gives but that have no true value of their own: a step is no error, the
 # number of lines of an encoder is exact, and nobody can know how a cannon points across.
-NEVER_WRONG = {"resolution", "counts_per_turn"}
+NEVER_WRONG = {"resolution", "counts_per_turn", "lowest", "pitch"}
 NEVER_KNOWN = {"across"}
 
 
@@ -242,7 +245,6 @@ def passage(n: int = 1, **changes) -> Passage:
         "speed_out": np.full(n, 6.0),
         "drag": np.zeros(n),
         "radius": 0.0366,
-        "rise_per_metre": np.zeros(n),
         "gravity": 0.0,
     }
     return Passage(**(given | changes))
@@ -303,8 +305,8 @@ def test_gates_show_jitter_clock_and_ticks() -> None:
         ({}, True),
         ({"speed_out": np.array([0.0])}, False),
         ({"speed_out": np.array([-1.0])}, False),
-        ({"rise_per_metre": np.array([0.2])}, False),  # 0.13 m up at the far gate
-        ({"rise_per_metre": np.array([0.05])}, True),
+        ({"slope_out": np.array([0.2])}, False),  # 0.13 m up at the far gate
+        ({"slope_out": np.array([0.05])}, True),
         # falls g t²/2 = 49 mm in 0.1 s; at 6 m/s the far gate is 0.106 s away
         ({"gravity": 9.80665}, False),
         ({"gravity": 9.80665, "speed_out": np.array([6.6])}, True),
@@ -428,6 +430,7 @@ def test_specs_are_those_of_the_catalog() -> None:
         AirSpec,
         CannonSpec,
         EncoderSpec,
+        LightBoardSpec,
         LightGateSpec,
         PendulumSpec,
         RuleSpec,

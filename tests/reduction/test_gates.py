@@ -5,10 +5,15 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from virtual_lab.records import GateRecord
-from virtual_lab.reduction.gates import inbound_duration, inbound_passages, outbound_duration
-from virtual_lab.relations.flight import speed_from_passages
+from virtual_lab.reduction.flights import flights
+from virtual_lab.reduction.gates import passages
 
 FAR, NEAR, RADIUS = 0.60, 0.25, 0.0366  # m
+SURVEYED = {
+    "impact.gates.distance_0": np.array(FAR),
+    "impact.gates.distance_1": np.array(NEAR),
+    "impact.gates.clock": np.array(1.0),
+}
 DRAG = 0.0345  # 1/m, five times a baseball's
 
 
@@ -46,17 +51,15 @@ def record_of(speed_in: float, speed_out: float, drag: float) -> GateRecord:
 def test_speeds_of_a_flown_ball(speed_in: float, speed_out: float, drag: float) -> None:
     """solve_ivp at 1e-12; the mean of two edges is the centre's passage but for (κR)²/6 ≈ 3e-7."""
     record = record_of(speed_in, speed_out, drag)
-    given = {"drag": drag, "far": FAR, "near": NEAR}
-    into = speed_from_passages(duration=inbound_duration(record), outbound=False, **given)
-    back = speed_from_passages(duration=outbound_duration(record), outbound=True, **given)
-    assert into == pytest.approx(speed_in, rel=1e-6)
-    assert back == pytest.approx(speed_out, rel=1e-6)
+    seen = flights(SURVEYED, "impact", passages(record), np.array([drag]))
+    assert seen.speed_in == pytest.approx(speed_in, rel=1e-6)
+    assert seen.speed_out == pytest.approx(speed_out, rel=1e-6)
 
 
 def test_air_matters() -> None:
     """The same record reduced without air is off by κ x: the test above tests something."""
     record = record_of(26.8224, 7.0, DRAG)
-    still = speed_from_passages(FAR, NEAR, inbound_duration(record), 0.0, outbound=False)
+    still = flights(SURVEYED, "impact", passages(record), np.zeros(1)).speed_in
     middle = (FAR + NEAR) / 2
     assert still / 26.8224 - 1 == pytest.approx(DRAG * middle, rel=0.05)
 
@@ -66,6 +69,7 @@ def test_a_ball_that_is_not_seen_gives_nan() -> None:
     times = np.array(record_of(26.8224, 7.0, 0.0).times)
     times[0, 1, 0, 1] = np.nan
     record = GateRecord(times=times)
-    assert np.isnan(outbound_duration(record)[0])
-    assert np.isfinite(inbound_duration(record)[0])
-    assert inbound_passages(record).shape == (1, 2)
+    seen = passages(record)
+    assert np.isnan(seen.duration_out[0])
+    assert np.isfinite(seen.duration_in[0])
+    assert seen.times.shape == (1, 2, 2)

@@ -8,14 +8,16 @@ from scipy.integrate import solve_ivp
 
 from virtual_lab.estimate import Estimate
 from virtual_lab.records import AimMarks, LengthReadings, MassReadings, PendulumRecord, ShotLog
+from virtual_lab.reduction.gates import Passages
 from virtual_lab.reduction.measurement import (
+    Asked,
     BatProperties,
     MeasuredBalls,
     bat_properties,
     shot_results,
 )
 from virtual_lab.reduction.observations import ImpactReadings, across_constant, bench_constants
-from virtual_lab.reduction.recoil import RecoilFit
+from virtual_lab.reduction.rate import RateFit
 from virtual_lab.session import Session
 
 # A bat of round numbers on a stand of round numbers
@@ -138,7 +140,6 @@ def constants(**changes: float) -> dict[str, np.ndarray]:
         "impact.aim.across_square": 0.0,
         "ball.radius": R_BALL,
         "ball.restitution_slope": 0.0,
-        "procedure.pivot_from_knob": 0.15,
         "balls.repeatability": 0.0,
     }
     return {key: np.array(value) for key, value in (known | changes).items()}
@@ -153,12 +154,18 @@ def worked(x: dict[str, np.ndarray]):
         inertia_cm=np.array(I_P - MASS * d**2),
         barrel_radius=np.array(R_BARREL),
     )
-    balls = MeasuredBalls(mass=np.array([M]), restitution=np.array([E0]), nominal_speed=26.8224)
+    balls = MeasuredBalls(
+        mass=np.array([M]),
+        restitution=np.array([E0]),
+        speed=26.8224,
+        slope=x["ball.restitution_slope"],
+    )
     counts = np.array([OMEGA / (2 * pi) * 10_000])
-    recoil = RecoilFit(
+    recoil = RateFit(
         rate=counts,
         rate_u=np.zeros(1),
-        rate_before=np.zeros(1),
+        before=np.zeros(1),
+        angle=np.zeros(1),
         ring_frequency=np.zeros(0),
         ring_decay=np.zeros(0),
         residual=np.zeros(1),
@@ -167,12 +174,23 @@ def worked(x: dict[str, np.ndarray]):
         ball=np.zeros(1, dtype=int),
         nominal_speed=np.array([26.8224]),
         place=np.array([LENGTH - 0.15 - B]),
-        duration_in=np.array([0.3 / V]),
-        duration_out=np.array([0.3 / 6.0]),
-        contact=np.zeros(1),
+        passages=Passages(
+            times=np.array([[[0.0, 0.3 / V], [0.2 + 0.3 / 6.0, 0.2]]]),
+            heights=np.full((1, 2, 2), np.nan),
+            misfit=np.full((1, 2), np.nan),
+        ),
         recoil=recoil,
+        swing=None,
     )
-    return shot_results(x, bat, balls, readings)
+    asked = Asked(
+        reads="recoil",
+        recoil="pivoted",
+        pivot_from_knob=0.15,
+        ball_speed=26.8224,
+        turn_rate=np.zeros_like,
+        window_speed=26.8224,
+    )
+    return shot_results(x, bat, balls, readings, asked)
 
 
 def test_a_collision_by_hand() -> None:
@@ -214,7 +232,7 @@ def test_e0_is_carried_to_the_shots_speed() -> None:
     slope = -0.001 / 0.44704
     got = worked(constants(**{"ball.restitution_slope": slope}))
     assert got.ball_restitution[0] == pytest.approx(E0 + slope * (V - 26.8224), rel=1e-12)
-    assert got.nominal_ball_restitution[0] == E0
+    assert got.window_ball_restitution[0] == E0
     assert got.lot_restitution[0] / E0 == pytest.approx(got.bat_performance_factor[0])
 
 

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from virtual_lab.records import EncoderRecord
-from virtual_lab.reduction.recoil import CONTACT_DURATION, RecoilFit, fit_recoil
+from virtual_lab.reduction.rate import RateFit
+from virtual_lab.reduction.recoil import CONTACT_DURATION, fit_recoil
 
 RECORDS, SHOTS = 300, 6
 COUNTS = 10_000  # a turn
@@ -55,7 +56,7 @@ def make(seed: int, *, counts: int = COUNTS, whole: bool = True, rings: int = 3)
 
 
 @lru_cache(maxsize=1)
-def fitted() -> list[tuple[Made, RecoilFit]]:
+def fitted() -> list[tuple[Made, RateFit]]:
     """Return the fixed-seed records and their fits."""
     made = [make(seed) for seed in range(RECORDS)]
     return [(one, fit_recoil(one.record, one.contact)) for one in made]
@@ -105,10 +106,10 @@ def test_residual_is_what_counting_leaves() -> None:
 def test_a_bat_at_rest_before_contact() -> None:
     """Flat counts have a rate of 0; a bat that turned shows it to the resolution of 18 ms."""
     one = make(1)
-    assert fit_recoil(one.record, one.contact).rate_before == pytest.approx(0, abs=1e-9)
+    assert fit_recoil(one.record, one.contact).before == pytest.approx(0, abs=1e-9)
     drift = 500 * one.record.times  # counts, 500 counts/s
     turning = EncoderRecord(counts=one.record.counts + np.floor(drift), times=one.record.times)
-    before = fit_recoil(turning, one.contact).rate_before
+    before = fit_recoil(turning, one.contact).before
     assert before == pytest.approx(500, abs=20)
 
 

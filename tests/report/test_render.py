@@ -212,22 +212,18 @@ def test_the_number_is_the_digest_of_the_certificate_as_saved(tmp_path: object) 
 
 @pytest.mark.parametrize("name", ["pass", "ideal", "no valid hit"])
 def test_figures_are_light_and_the_same_every_time(name: str) -> None:
-    for draw in (lambda c: hits_figure(c, "BPF"), encoder_figure):
+    for draw in (hits_figure, encoder_figure):
         figure = draw(case(name))
         assert figure == draw(case(name))
         assert len(figure.encode()) < HEAVIEST
         assert "<metadata" not in figure
 
 
-def test_a_label_in_a_figure_is_escaped() -> None:
-    assert "<b>" not in hits_figure(certified(), "<b>")
-
-
 def test_a_figure_leaves_the_users_matplotlib_as_it_was() -> None:
     import matplotlib as mpl
 
     before = dict(mpl.rcParams)
-    hits_figure(certified(), "BPF")
+    hits_figure(certified())
     assert dict(mpl.rcParams) == before
 
 

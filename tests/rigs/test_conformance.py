@@ -11,7 +11,7 @@ from virtual_lab.records import ShotLog
 from virtual_lab.rig import Play, Stage, find_rig, installed_rigs
 from virtual_lab.streams import Quiet
 
-OURS = {"astm-pivot", "ball-wall", "bench"}
+OURS = {"astm-pivot", "ball-cannon", "ball-wall", "bench", "ncaa-swing"}
 THIRD_PARTY = "speed-gun-pivot"
 INSTALLED = installed_rigs()
 

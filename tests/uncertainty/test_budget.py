@@ -9,7 +9,14 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from virtual_lab.estimate import Estimate
-from virtual_lab.uncertainty.budget import Component, combine, effective_dof, interval_95, propagate
+from virtual_lab.uncertainty.budget import (
+    Component,
+    combine,
+    effective_dof,
+    interval_95,
+    propagate,
+    scatter,
+)
 
 ROOT3, ROOT2 = sqrt(3), sqrt(2)
 # JCGM 100:2008, H.1: end gauge, lengths in nm, temperatures in °C
@@ -114,12 +121,12 @@ def test_certain_constants_are_left_out_and_scatter_comes_in() -> None:
     constants = {"a": Estimate(value=1.0), "b": Estimate(value=1.0, u=0.5)}
     parts = propagate(lambda x: {"y": (x["a"] * x["b"])[:, 0]}, constants)["y"]
     assert [part.name for part in parts] == ["b"]
-    budget = combine(2.5, parts, np.array([1.0, 2.0, 3.0, 4.0]))
-    scatter = sqrt(5 / 3) / 2
-    assert budget.u_type_a == pytest.approx(scatter, rel=1e-12)
+    budget = combine(2.5, [*parts, scatter(np.arange(1.0, 5.0), np.full(4, 0.25), np.zeros(4))])
+    spread = sqrt(5 / 3) / 2
+    assert budget.u_type_a == pytest.approx(spread, rel=1e-12)
     assert budget.u_type_b == pytest.approx(0.5, rel=1e-12)
-    assert budget.u == pytest.approx(sqrt(scatter**2 + 0.25), rel=1e-12)
-    assert budget.dof == pytest.approx(3 * (budget.u / scatter) ** 4, rel=1e-12)
+    assert budget.u == pytest.approx(sqrt(spread**2 + 0.25), rel=1e-12)
+    assert budget.dof == pytest.approx(3 * (budget.u / spread) ** 4, rel=1e-12)
     assert [part.name for part in budget.components] == ["hits", "b"]
 
 

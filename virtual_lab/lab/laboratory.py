@@ -29,6 +29,7 @@ from virtual_lab.collision.ladder import Ladder, probing_scenes
 from virtual_lab.collision.modal import kernel_is_compiled
 from virtual_lab.errors import InputError
 from virtual_lab.estimate import Estimate
+from virtual_lab.lab.fitting import require_rig, unverified_rigs
 from virtual_lab.lab.measurand import measurand
 from virtual_lab.procedure import Procedure, aimed_place, next_places, to_set
 from virtual_lab.records import Record, join
@@ -37,12 +38,10 @@ from virtual_lab.rig import (
     Order,
     Play,
     Reality,
-    Rig,
     Specimen,
     Stage,
     Station,
     find_rig,
-    installed_rigs,
 )
 from virtual_lab.session import Session
 from virtual_lab.specs import BallSpec, BatSpec
@@ -113,7 +112,7 @@ def certify_bat(
         rung=rung,
         unverified=catalog.unverified("bats", bat)
         | catalog.unverified("balls", rules.spec.ball)
-        | _unverified_rigs(rig or rules.spec.rig),
+        | unverified_rigs((BENCH_RIG, BALL_RIG, rig or rules.spec.rig)),
     )
     return laboratory.run(say)
 
@@ -148,7 +147,7 @@ class _Laboratory:
         """Commission the rigs and draw the individuals."""
         draws = reality.draws(seed)
         rigs = {Stage.BENCH: BENCH_RIG, Stage.BALLS: BALL_RIG, Stage.IMPACT: rig}
-        _require(find_rig(rig, Stage.IMPACT), rules.spec)
+        require_rig(find_rig(rig, Stage.IMPACT), rules.spec)
         ideal = reality is Reality.IDEAL
         stations = {
             stage: find_rig(name, stage).commission(draws, ideal=ideal)
@@ -278,35 +277,11 @@ def _constant(stage: Stage, name: str) -> str:
     return f"hall.{name}" if name.startswith("air.") else f"{stage.value}.{name}"
 
 
-def _require(rig: Rig, procedure: Procedure) -> None:
-    """Refuse a rig that does not write what the procedure reads."""
-    lacking = sorted(procedure.needs - rig.channels.keys())
-    if lacking:
-        able = [
-            name
-            for name, other in installed_rigs().items()
-            if other.stage is Stage.IMPACT and procedure.needs <= other.channels.keys()
-        ]
-        allowed = f"{procedure.name} needs its {', '.join(lacking)}; such are {', '.join(able)}"
-        raise InputError("", "rig", rig.name, allowed)
-    if "swing" in rig.channels and procedure.bat_speed is None:
-        raise InputError("", "rig", rig.name, f"it swings the bat; {procedure.name} has it at rest")
-
-
 def _said(places: Array) -> str:
     """Return a round in words: how many shots, and where they go if not to one place."""
     where = sorted({round(float(place) / INCH, 2) for place in places})
     along = f" at {', '.join(f'{place:g}' for place in where)} in" if len(where) > 1 else ""
     return f"{places.size} shots{along}"
-
-
-def _unverified_rigs(impact_rig: str) -> dict[str, str]:
-    """Return the unverified numbers of the rigs; another maker's rig keeps its own sheets."""
-    found: dict[str, str] = {}
-    for rig in (BENCH_RIG, BALL_RIG, impact_rig):
-        if rig in catalog.names("rigs"):
-            found |= catalog.unverified("rigs", rig)
-    return found
 
 
 def _ball_constants(ball: BallSpec) -> dict[str, Estimate]:

@@ -14,7 +14,15 @@ from numpy.typing import NDArray
 from virtual_lab.procedure.rules import Procedure, Scan
 from virtual_lab.relations.kinematics import centre_of_percussion
 
-__all__ = ["SETTING_STEP", "aimed_place", "best_place", "next_places", "same_place", "scan_hits", "to_set"]
+__all__ = [
+    "SETTING_STEP",
+    "aimed_place",
+    "best_place",
+    "next_places",
+    "same_place",
+    "scan_hits",
+    "to_set",
+]
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]

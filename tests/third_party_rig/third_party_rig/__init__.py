@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from virtual_lab.estimate import Estimate
 from virtual_lab.impact import error_free, scenes_of
 from virtual_lab.instruments import Instrument, calibration_of, errors_of
