@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Ge
+from numpy.typing import NDArray
 
 from virtual_lab import catalog
 from virtual_lab.estimate import Estimate
@@ -14,14 +17,17 @@ from virtual_lab.instruments.air import Air, AirSpec
 from virtual_lab.instruments.cannon import Cannon, CannonSpec
 from virtual_lab.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.instruments.passage import Passage
+from virtual_lab.physics.ageing import loss_of_restitution
 from virtual_lab.physics.ball import wall_contact
 from virtual_lab.records import GateRecord, Record, ShotLog
 from virtual_lab.rig import Order, Play, Specimen, Stage
-from virtual_lab.specs import Spec
+from virtual_lab.specs import Dimension, Spec
 from virtual_lab.streams import Draws
 from virtual_lab.units import STANDARD_GRAVITY
 
 __all__ = ["RIG", "BallWall"]
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,6 +39,7 @@ class BallWallSpec(Spec):
     cannon: str
     gates: str
     air: str
+    rest: Annotated[float, Ge(0), Dimension("time")]  # between two hits of one ball
 
 
 class BallWall:
@@ -54,6 +61,7 @@ class BallWall:
             cannon=Cannon.commission(cannon, draws, "ball-wall.cannon"),
             gates=LightGates.commission(gates, draws, "ball-wall.gates"),
             air=Air.commission(air, draws, "hall.air"),
+            rest=spec.rest,
             ideal=ideal,
         )
 
@@ -65,6 +73,7 @@ class BallWallStation:
     cannon: Cannon
     gates: LightGates
     air: Air
+    rest: float  # [s]
     ideal: bool
 
     @property
@@ -83,7 +92,8 @@ class BallWallStation:
         """Fire the balls that `order` names at the wall; its places mean nothing here."""
         balls = specimen.balls
         launch = self.cannon.fire(order.speed, draws, "ball-wall.launch", order.block)
-        hit = balls.draw_hits(order.ball, launch.speed, draws, "ball-wall.hit", order.block)
+        loss = self._loss(order, specimen, launch.speed)
+        hit = balls.draw_hits(order.ball, launch.speed, draws, "ball-wall.hit", order.block, loss)
         passage = Passage(
             speed_in=launch.speed,
             speed_out=hit * launch.speed,
@@ -105,8 +115,15 @@ class BallWallStation:
         log = order.log()
         return Play(
             records={"log": log, "gates": record},
-            truth={"speed": launch.speed, "ball_restitution": hit},
+            truth={"speed": launch.speed, "ball_restitution": hit, "restitution_loss": loss},
         )
+
+    def _loss(self, order: Order, specimen: Specimen, speed: Array) -> Array:
+        """Return what a ball's earlier hits have taken off its e0; balls of an ideal do not age."""
+        ageing = specimen.balls.spec.ageing
+        if ageing is None or self.ideal:
+            return np.zeros(speed.shape)
+        return loss_of_restitution(ageing, order.ball, speed, self.rest)
 
 
 RIG = BallWall()

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from pydantic_core import CoreSchema
 
 __all__ = [
+    "BallAgeing",
     "BallSpec",
     "BallSpread",
     "BatBody",
@@ -245,6 +246,16 @@ class BallSpread(Spec):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class BallAgeing(Spec):
+    """A hit at v takes loss (v / speed)² off e0; a share comes back while the ball rests."""
+
+    speed: Annotated[float, Gt(0), Dimension("speed")]
+    loss: Annotated[float, Ge(0), Lt(1), Dimension("number")]
+    recovering: Annotated[float, Ge(0), Le(1), Dimension("number")]  # share of the loss
+    recovery_time: Annotated[float, Gt(0), Dimension("time")]  # of its exponential
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class BallSpec(Spec):
     """A ball as specified; force F = stiffness u^exponent while it is compressed."""
 
@@ -256,3 +267,4 @@ class BallSpec(Spec):
     exponent: Annotated[float, Ge(1), Dimension("number")]
     restitution: RestitutionLine
     spread: BallSpread
+    ageing: BallAgeing | None = None

@@ -42,11 +42,27 @@ class TrueBalls:
         return np.maximum(self.restitution[ball] + line.slope * (speed - line.speed), line.floor)
 
     def draw_hits(
-        self, ball: NDArray[np.int_], speed: Array, draws: Draws, name: str, block: int
+        self,
+        ball: NDArray[np.int_],
+        speed: Array,
+        draws: Draws,
+        name: str,
+        block: int,
+        loss: Array | float = 0.0,
     ) -> Array:
-        """Return the restitution of these very hits: a ball's seams fall otherwise each time."""
+        """Return the restitution of these very hits: a ball's seams fall otherwise each time.
+
+        `loss` is what earlier hits have taken off it, (shot,).
+        """
         scatter = self.spec.spread.hit_restitution * draws.normal(name, ball.shape, block)
-        return np.clip(self.restitution_at(ball, speed) + scatter, self.spec.restitution.floor, 1.0)
+        e0 = self.restitution_at(ball, speed) - loss + scatter
+        return np.clip(e0, self.spec.restitution.floor, 1.0)
+
+    def as_found(self, ball: NDArray[np.int_], loss: Array) -> TrueBalls:
+        """Return the lot as hits found it: every ball of e0 less its mean `loss` over its hits."""
+        hits = np.bincount(ball, minlength=self.mass.size)
+        lost = np.bincount(ball, loss, self.mass.size) / np.maximum(hits, 1)
+        return replace(self, restitution=self.restitution - lost)
 
     def mean_ball(self) -> TrueBalls:
         """Return a lot of one: the mean ball of this lot, the one a measurand speaks of."""

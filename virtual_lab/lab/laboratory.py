@@ -202,7 +202,9 @@ class _Laboratory:
         session = _with_records(self.session, Stage.BENCH, [bench])
         bat = {name: budget.value for name, budget in measure_bat(session).items()}
         say(f"ball-wall rig: {procedure.wall_hits} hits of each of {balls.size} balls")
-        wall = self._play(Stage.BALLS, self._wall_order(balls))
+        wall_order = self._wall_order(balls)
+        wall = self._play(Stage.BALLS, wall_order)
+        aged = self._with_balls_as_found(wall_order, wall)
         session = _with_records(session, Stage.BALLS, [wall])
         percussion = aimed_place(bat, procedure.pivot_from_knob)
         turn_rate = float(procedure.turn_rate(bat["length"]))
@@ -218,7 +220,7 @@ class _Laboratory:
                 turn_rate=turn_rate,
                 block=len(rounds),
             )
-            rounds.append(self._play(Stage.IMPACT, order))
+            rounds.append(aged._play(Stage.IMPACT, order))
             session = _with_records(session, Stage.IMPACT, rounds)
             reduced = reduce_session(session)
             fired, valid = reduced.readings.place, reduced.judgement.valid
@@ -227,7 +229,7 @@ class _Laboratory:
         session = replace(session, simulation={**session.simulation, "rungs": rungs})
         return Tested(
             certification=evaluate(session, reduced),
-            sealed=self._seal(reduced, bench, wall, rounds),
+            sealed=aged._seal(reduced, bench, wall, rounds),
         )
 
     def _order(self, shot: NDArray[np.int_], place: Array | float) -> Order:
@@ -244,6 +246,15 @@ class _Laboratory:
         speeds = np.repeat(procedure.wall_speeds, procedure.wall_hits)
         ball = balls.repeat(speeds.size)
         return Order(ball=ball, speed=np.tile(speeds, balls.size), place=np.zeros(ball.shape))
+
+    def _with_balls_as_found(self, order: Order, wall: Play) -> _Laboratory:
+        """Return the laboratory whose lot has the e0 that its wall hits found on average.
+
+        That lot is the measurand's, and the bat meets it: what a ball gains or loses between
+        the wall and the bat is left out.
+        """
+        balls = self.specimen.balls.as_found(order.ball, wall.truth["restitution_loss"])
+        return replace(self, specimen=replace(self.specimen, balls=balls))
 
     def _play(self, stage: Stage, order: Order) -> Play:
         return self.stations[stage].play(order, self.specimen, self.draws)

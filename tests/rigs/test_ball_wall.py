@@ -1,0 +1,57 @@
+"""The ball-wall rig: what a ball's earlier hits do to it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from virtual_lab import catalog
+from virtual_lab.collision.modal import ModalModel
+from virtual_lab.rig import Order, Play, Reality, Specimen, Stage, find_rig
+from virtual_lab.specs import BallAgeing, BallSpec
+from virtual_lab.truth import draw_balls, draw_bat
+
+SPEED = 26.8224  # m/s, 60 mph
+AGEING = BallAgeing(speed=SPEED, loss=0.01, recovering=0.0, recovery_time=1.0)
+TURNS = np.array([2, 0, 2, 2, 1, 0])
+
+
+def play(reality: Reality, ageing: BallAgeing | None = AGEING) -> Play:
+    draws = reality.draws(5)
+    ball = replace(catalog.load("balls", "baseball-2003", BallSpec).spec, ageing=ageing)
+    specimen = Specimen(
+        bat=draw_bat(catalog.load_bat("r161").spec, draws),
+        balls=draw_balls(ball, 3, draws),
+        collision=ModalModel.of,
+    )
+    station = find_rig("ball-wall", Stage.BALLS).commission(draws, ideal=reality is Reality.IDEAL)
+    order = Order(ball=TURNS, speed=np.full(6, SPEED), place=np.zeros(6))
+    return station.play(order, specimen, draws)
+
+
+def test_hits_of_a_ball_count_in_their_order() -> None:
+    """Ball 2 is hit three times, ball 0 twice, ball 1 once; one hundredth a hit and no recovery."""
+    truth = play(Reality.NOISE_FREE).truth
+    assert truth["restitution_loss"] == pytest.approx([0, 0, 0.01, 0.02, 0, 0.01], abs=1e-12)
+    assert truth["ball_restitution"] == pytest.approx(0.55 - truth["restitution_loss"], abs=1e-12)
+
+
+def test_a_real_balls_hits_scatter_about_the_loss() -> None:
+    """The same seed without ageing: the difference of the two is the loss alone."""
+    aged, fresh = play(Reality.REAL).truth, play(Reality.REAL, ageing=None).truth
+    difference = fresh["ball_restitution"] - aged["ball_restitution"]
+    assert difference == pytest.approx(aged["restitution_loss"], abs=1e-15)
+    assert np.array_equal(fresh["restitution_loss"], np.zeros(6))
+
+
+def test_ideal_balls_do_not_age() -> None:
+    assert not play(Reality.IDEAL).truth["restitution_loss"].any()
+
+
+def test_the_lot_as_found_has_each_balls_mean_loss() -> None:
+    ball = catalog.load("balls", "baseball-2003", BallSpec).spec
+    lot = draw_balls(ball, 4, Reality.IDEAL.draws(0))
+    found = lot.as_found(TURNS, np.array([0, 0, 0.01, 0.02, 0, 0.01]))
+    assert found.restitution == pytest.approx([0.545, 0.55, 0.54, 0.55], abs=1e-12)
