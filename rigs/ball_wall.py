@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge
+from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 
 from virtual_lab import catalog
@@ -40,6 +40,8 @@ class BallWallSpec(Spec):
     gates: str
     air: str
     rest: Annotated[float, Ge(0), Dimension("time")]  # between two hits of one ball
+    # of what a rigid wall would give back: 1 for one that stands fast
+    wall_restitution: Annotated[float, Gt(0), Le(1), Dimension("number")]
 
 
 class BallWall:
@@ -62,6 +64,7 @@ class BallWall:
             gates=LightGates.commission(gates, draws, "ball-wall.gates"),
             air=Air.commission(air, draws, "hall.air"),
             rest=spec.rest,
+            wall_restitution=spec.wall_restitution,
             ideal=ideal,
         )
 
@@ -74,6 +77,7 @@ class BallWallStation:
     gates: LightGates
     air: Air
     rest: float  # [s]
+    wall_restitution: float
     ideal: bool
 
     @property
@@ -82,11 +86,16 @@ class BallWallStation:
 
     @property
     def true_constants(self) -> dict[str, float]:
-        return errors_of(self._instruments) | errors_of({"cannon": self.cannon})
+        wall = {"wall.restitution": self.wall_restitution}
+        return wall | errors_of(self._instruments) | errors_of({"cannon": self.cannon})
 
     @property
     def _instruments(self) -> dict[str, Instrument]:
         return {"gates": self.gates, "air": self.air}
+
+    def with_wall(self, restitution: float) -> BallWallStation:
+        """Return the rig on a wall that gives back `restitution` of what a rigid one would."""
+        return replace(self, wall_restitution=restitution)
 
     def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
         """Fire the balls that `order` names at the wall; its places mean nothing here."""
@@ -94,9 +103,10 @@ class BallWallStation:
         launch = self.cannon.fire(order.speed, draws, "ball-wall.launch", order.block)
         loss = self._loss(order, specimen, launch.speed)
         hit = balls.draw_hits(order.ball, launch.speed, draws, "ball-wall.hit", order.block, loss)
+        back = self.wall_restitution * hit
         passage = Passage(
             speed_in=launch.speed,
-            speed_out=hit * launch.speed,
+            speed_out=back * launch.speed,
             drag=self.air.drag(balls.spec.radius, balls.mass[order.ball]),
             radius=balls.spec.radius,
             gravity=0.0 if self.ideal else STANDARD_GRAVITY,
@@ -105,7 +115,7 @@ class BallWallStation:
         touching = wall_contact(
             speed=launch.speed,
             mass=balls.mass[order.ball],
-            restitution=hit,
+            restitution=back,
             stiffness=np.full(hit.shape, balls.spec.stiffness),
             exponent=np.full(hit.shape, balls.spec.exponent),
         ).time

@@ -268,6 +268,18 @@ def test_a_fitted_bat_can_be_profiled(run: Run, tmp_path: Path) -> None:
     assert "is there already" in err
 
 
+def test_a_laboratorys_mornings(run: Run, tmp_path: Path) -> None:
+    """The table, the picture's path, and the next free folder where none is named."""
+    code, out, err = run("daily", "--days", "40", "--drift", "0.001", "--rule", "1")
+    assert (code, err) == (0, "")
+    assert "cumulative sum (CUSUM)" in out
+    assert out.splitlines()[-1] == "out/daily/daily.png"
+    document = json.loads(run("daily", "--days", "30", "--json")[1])
+    assert document["folder"] == "out/daily-2"
+    assert len(document["days"]) == 30
+    assert (tmp_path / "out" / "daily-2" / "daily.png").is_file()
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -291,6 +303,8 @@ def test_a_fitted_bat_can_be_profiled(run: Run, tmp_path: Path) -> None:
         (["fit-bat", "nowhere.toml", "--out", "mine.toml"], "no such file"),
         (["fit-bat", "nowhere.toml", "--out", "mine"], "ends in .toml"),
         (["fit-bat", "r161", "--out", "mine.toml"], "a .toml file"),
+        (["daily", "--days", "3"], "days = 3"),
+        (["daily", "--rule", "5"], "1, 2, 3, 4"),
         (["list", "hats"], "bats"),
         (["dance"], "dance"),
     ],

@@ -39,6 +39,7 @@ __all__ = [
     "Specimen",
     "Stage",
     "Station",
+    "WallStation",
     "find_rig",
     "installed_rigs",
 ]
@@ -138,6 +139,15 @@ class ImpactStation(Station, Protocol):
 
     def outcome(self, order: Order, specimen: Specimen) -> TrueOutcome:
         """Return the measurand at the order's speeds and places: this bat, the lot's mean ball."""
+        ...
+
+
+@runtime_checkable
+class WallStation(Station, Protocol):
+    """A station that fires at a wall can be told that the wall gives."""
+
+    def with_wall(self, restitution: float) -> WallStation:
+        """Return the station whose wall gives back `restitution` of what a rigid one would."""
         ...
 
 

@@ -8,11 +8,13 @@ import pytest
 from virtual_lab import catalog
 from virtual_lab.collision.modal import ModalModel
 from virtual_lab.collision.scene import Scenes
+from virtual_lab.lab import certify_bat
 from virtual_lab.physics.ball import wall_contact
 from virtual_lab.physics.beam import beam_of
 from virtual_lab.physics.modes import modes_of
 from virtual_lab.physics.supports import Free, Pinned
 from virtual_lab.relations.kinematics import recoil_factor_pivoted, restitution_from_efficiency
+from virtual_lab.rig import Reality
 from virtual_lab.specs import BallSpec
 from virtual_lab.units import INCH, MPH, OUNCE, OZ_IN2
 
@@ -95,3 +97,12 @@ def test_the_check_cylinder_is_nearly_rigid() -> None:
     for ball in ("baseball-2003", "softball-slowpitch"):
         factor = _factors("check-cylinder", np.array([percussion / INCH]), ball)[0]
         assert factor == pytest.approx(1, abs=0.01)
+
+
+def test_the_impact_rig_finds_the_check_cylinder_rigid() -> None:
+    """From the gates and the encoder, without noise: e = e0, and e_A = (e0 - r) / (1 + r)."""
+    tested = certify_bat("check-cylinder", procedure="astm-f1881", reality=Reality.IDEAL, seed=0)
+    found = {name: known.value for name, known in tested.certification.quantities.items()}
+    assert found["bat_performance_factor"] == pytest.approx(1, abs=0.01)
+    r, e0 = found["recoil_factor"], found["ball_restitution"]
+    assert found["collision_efficiency"] == pytest.approx((e0 - r) / (1 + r), abs=0.01 * e0)

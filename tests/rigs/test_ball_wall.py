@@ -9,7 +9,7 @@ import pytest
 
 from virtual_lab import catalog
 from virtual_lab.collision.modal import ModalModel
-from virtual_lab.rig import Order, Play, Reality, Specimen, Stage, find_rig
+from virtual_lab.rig import Order, Play, Reality, Specimen, Stage, WallStation, find_rig
 from virtual_lab.specs import BallAgeing, BallSpec
 from virtual_lab.truth import draw_balls, draw_bat
 
@@ -18,7 +18,7 @@ AGEING = BallAgeing(speed=SPEED, loss=0.01, recovering=0.0, recovery_time=1.0)
 TURNS = np.array([2, 0, 2, 2, 1, 0])
 
 
-def play(reality: Reality, ageing: BallAgeing | None = AGEING) -> Play:
+def play(reality: Reality, ageing: BallAgeing | None = AGEING, wall: float | None = None) -> Play:
     draws = reality.draws(5)
     ball = replace(catalog.load("balls", "baseball-2003", BallSpec).spec, ageing=ageing)
     specimen = Specimen(
@@ -27,6 +27,10 @@ def play(reality: Reality, ageing: BallAgeing | None = AGEING) -> Play:
         collision=ModalModel.of,
     )
     station = find_rig("ball-wall", Stage.BALLS).commission(draws, ideal=reality is Reality.IDEAL)
+    assert isinstance(station, WallStation)
+    if wall is not None:
+        station = station.with_wall(wall)
+        assert station.true_constants["wall.restitution"] == wall
     order = Order(ball=TURNS, speed=np.full(6, SPEED), place=np.zeros(6))
     return station.play(order, specimen, draws)
 
@@ -55,3 +59,13 @@ def test_the_lot_as_found_has_each_balls_mean_loss() -> None:
     lot = draw_balls(ball, 4, Reality.IDEAL.draws(0))
     found = lot.as_found(TURNS, np.array([0, 0, 0.01, 0.02, 0, 0.01]))
     assert found.restitution == pytest.approx([0.545, 0.55, 0.54, 0.55], abs=1e-12)
+
+
+def test_a_wall_that_gives_slows_the_rebound() -> None:
+    """Without air and noise the time back over the time in is 1 over e0 and the wall's own part."""
+    for wall, ratio in ((None, 0.55), (1.0, 0.55), (0.9, 0.495)):
+        played = play(Reality.IDEAL, wall=wall)
+        times = played.records["gates"].times.mean(axis=-1)
+        back = (times[:, 0, 1] - times[:, 0, 0]) / (times[:, 1, 0] - times[:, 1, 1])
+        assert back == pytest.approx(ratio, rel=1e-9)
+        assert played.truth["ball_restitution"] == pytest.approx(0.55, abs=1e-12)

@@ -233,17 +233,20 @@ def test_a_baseline_of_no_use(values: list[float]) -> None:
         Baseline.of(values)
 
 
-def test_a_chart_counts_days_from_the_baselines_first() -> None:
-    """Four days of baseline, then two in control and one far off: day 7."""
+def test_a_chart_begins_after_its_baseline() -> None:
+    """Four days of baseline, then two in control and one far off."""
     charted = chart([-1, 1, -1, 1, 0.1, -0.1, 30.0], 4, rules=(1,))
-    assert charted.first_alarms() == {
-        RULES[1].words: 7,
-        "moving range": 7,
-        "moving average (EWMA)": 7,
-        "cumulative sum (CUSUM)": 7,
+    assert set(charted.alarms) == {
+        RULES[1].words,
+        "moving range",
+        "moving average (EWMA)",
+        "cumulative sum (CUSUM)",
     }
+    for flags in charted.alarms.values():
+        assert flags.tolist() == [False, False, True]
+    assert charted.ranges * charted.baseline.sigma == pytest.approx([0.9, 0.2, 30.1])
     calm = chart([-1, 1, -1, 1, 0.1], 4)
-    assert set(calm.first_alarms().values()) == {None}
     assert len(calm.alarms) == 7
+    assert not any(flags.any() for flags in calm.alarms.values())
     with pytest.raises(ValueError, match="leave none"):
         chart([-1, 1, -1, 1], 4)

@@ -11,7 +11,15 @@ import click
 from virtual_lab import __version__
 from virtual_lab.cli.bench import certify, reduce, score
 from virtual_lab.cli.shelf import compare, fit_bat, list_, profile, show
-from virtual_lab.cli.study import bias, chart, convergence, coverage, sensitivity, stability
+from virtual_lab.cli.study import (
+    bias,
+    chart,
+    convergence,
+    coverage,
+    daily,
+    sensitivity,
+    stability,
+)
 from virtual_lab.errors import InputError
 
 __all__ = ["main"]
@@ -92,5 +100,6 @@ for command in (
     convergence,
     chart,
     stability,
+    daily,
 ):
     cli.add_command(command)

@@ -1,4 +1,4 @@
-"""Commands that study the laboratory itself: coverage, bias, sensitivity, chart, stability."""
+"""Commands that study the laboratory: coverage, bias, sensitivity, daily, chart, stability."""
 
 from __future__ import annotations
 
@@ -72,6 +72,47 @@ def convergence(bats: tuple[str, ...], as_json: bool) -> None:
         print_json(rows)
     else:
         click.echo(table_text(rows))
+
+
+@click.command()
+@click.option("--ball", default="check-ball", show_default=True, shell_complete=names("balls"))
+@click.option("--days", type=int, default=60, show_default=True)
+@click.option("--baseline", type=int, default=25, show_default=True, help="Days that set limits.")
+@click.option("--hits", type=int, default=10, show_default=True, help="Each morning.")
+@click.option("--drift", type=float, default=0.0, help="What the wall gives back less each day.")
+@click.option("--step", type=float, default=0.0, help="What it gives back less at once.")
+@click.option("--since", type=int, help="First day of that  [default: after the baseline]")
+@click.option(
+    "--rule",
+    "rules",
+    type=int,
+    multiple=True,
+    default=(1, 2, 3, 4),
+    show_default=True,
+    help="Western Electric rule, 1 to 4; may be given several times.",
+)
+@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="New folder for the CSV and the control charts  [default: out/daily]",
+)
+@json_option
+def daily(out: Path | None, as_json: bool, **asked: Any) -> None:
+    """Fire a check ball at the wall each morning and keep control charts of it."""
+    from virtual_lab.folder import check_new_folder, first_free
+    from virtual_lab.report.text import table_text
+    from virtual_lab.studies.daily import daily as run
+    from virtual_lab.studies.daily import save_daily
+
+    target = out or first_free(Path("out/daily"))
+    check_new_folder(target)
+    played = run(**asked)
+    save_daily(played, target)
+    if as_json:
+        print_json(played.document | {"folder": str(target)})
+    else:
+        click.echo(f"{table_text(played.alarms)}\n\n{target / 'daily.png'}")
 
 
 @click.group()

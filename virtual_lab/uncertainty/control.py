@@ -131,18 +131,11 @@ class Charted:
     sum_down: Array
     alarms: Mapping[str, Flags]  # by what was broken
 
-    def first_alarms(self) -> dict[str, int | None]:
-        """Return the day of each first alarm, days counted from 1 with the baseline's."""
-        return {
-            name: self.baseline_days + 1 + int(days.argmax()) if days.any() else None
-            for name, days in self.alarms.items()
-        }
-
 
 def chart(values: ArrayLike, baseline_days: int, rules: Collection[int] = tuple(RULES)) -> Charted:
     """Return daily values (day,) on the charts, limits from the first `baseline_days` of them.
 
-    The charts begin anew, at the centre, on the day after the baseline.
+    Rules, average and sums begin anew, at the centre, on the day after the baseline.
 
     Raises
     ------
@@ -153,8 +146,9 @@ def chart(values: ArrayLike, baseline_days: int, rules: Collection[int] = tuple(
     baseline = Baseline.of(days[:baseline_days])
     if not days.size > baseline_days:
         raise ValueError(f"{days.size} days leave none after a baseline of {baseline_days}")
-    x = baseline.standardised(days[baseline_days:])
-    ranges, average, (up, down) = moving_range(x), ewma(x), cusum(x)
+    every = baseline.standardised(days)
+    x, ranges = every[baseline_days:], moving_range(every)[baseline_days:]
+    average, (up, down) = ewma(x), cusum(x)
     alarms = {RULES[rule].words: breaks(x, rule) for rule in sorted(rules)}
     alarms["moving range"] = ranges > RANGE_LIMIT
     alarms["moving average (EWMA)"] = np.abs(average) > EWMA_LIMIT

@@ -1,0 +1,130 @@
+"""Mornings of a laboratory: what the check ball measures, and when the charts see the wall give."""
+
+from __future__ import annotations
+
+import csv
+import json
+from math import sqrt
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from virtual_lab.errors import InputError
+from virtual_lab.studies.daily import daily, save_daily
+
+HIT = 0.003 / sqrt(10)  # of the mean of ten hits of the check ball, data/balls/check-ball.toml
+
+
+def test_days_in_control_scatter_as_ten_hits_do() -> None:
+    """300 days: the mean within 5 sd of the ball drawn (0.004 of 0.55), gates add a little."""
+    played = daily(days=300, baseline=299)
+    assert abs(played.values.mean() - 0.55) < 5 * 0.004
+    assert 0.85 * HIT < played.values.std(ddof=1) < 1.25 * HIT
+    assert played.charted.baseline.sigma == pytest.approx(played.values.std(ddof=1), rel=0.15)
+    neighbours = np.corrcoef(played.values[1:], played.values[:-1])[0, 1]
+    assert abs(neighbours) < 4 / sqrt(300)
+
+
+def test_the_wall_takes_its_part() -> None:
+    """The same laboratory on both walls: the ratio is the wall's, to the steps of the timer."""
+    fast, loose = (daily(days=40, step=step, since=31) for step in (0.0, 0.1))
+    assert np.array_equal(loose.values[:30], fast.values[:30])
+    assert loose.values[30:] / fast.values[30:] == pytest.approx(0.9, rel=1e-3)
+    assert loose.wall.tolist() == [1.0] * 30 + [0.9] * 10
+
+
+def test_a_drift_goes_on() -> None:
+    """From day 31 on a thousandth a day: a hundredth after ten."""
+    played = daily(days=40, drift=0.001, since=31)
+    assert played.wall[[29, 30, 39]] == pytest.approx([1, 0.999, 0.99], rel=1e-12)
+
+
+def test_delays_of_a_step_no_chart_can_miss() -> None:
+    """More than ten standard deviations: what each pattern needs, and not a day more."""
+    played = daily(step=0.03, seed=3)
+    assert played.since == 26
+    rows = {row["rule"]: row for row in played.alarms}
+    assert {name: row["delay_days"] for name, row in rows.items()} == {
+        "1 day beyond 3 sigma": 0,
+        "2 of 3 days beyond 2 sigma": 1,
+        "4 of 5 days beyond 1 sigma": 3,
+        "8 days on one side": 7,
+        "moving range": 0,
+        "moving average (EWMA)": 0,
+        "cumulative sum (CUSUM)": 0,
+    }
+    assert rows["8 days on one side"]["first_alarm_day"] == 33
+    assert rows["8 days on one side"]["earlier_alarms"] == 0
+
+
+def test_alarms_before_the_change_are_counted_apart() -> None:
+    """With the change on the last day all but one of the days belong to what came before."""
+    late = daily(step=0.03, since=60, seed=3)
+    rows = {row["rule"]: row for row in late.alarms}
+    flags = late.charted.alarms["1 day beyond 3 sigma"]
+    assert rows["1 day beyond 3 sigma"]["delay_days"] == 0
+    assert rows["1 day beyond 3 sigma"]["earlier_alarms"] == int(flags.sum()) - 1
+    assert rows["moving range"]["delay_days"] == 0
+    assert rows["8 days on one side"]["delay_days"] is None
+
+
+def test_a_check_ball_that_ages_is_seen_to() -> None:
+    """Ten hits a day, a ten-thousandth each, half of it back by morning: 5e-4 a day."""
+    played = daily(ball="baseball-2003", days=101, baseline=100)
+    slope = np.polyfit(np.arange(101), played.values, 1)[0]
+    assert slope == pytest.approx(-5e-4, rel=0.05)  # a standard error of 0.7 %
+
+
+def test_a_day_is_a_block_of_its_own() -> None:
+    """However many days follow, the first ones are the same; another seed, others."""
+    short, long = daily(days=30), daily(days=60)
+    assert np.array_equal(short.values, long.values[:30])
+    assert len(set(long.values)) == 60
+    assert not set(daily(days=30, seed=2).values) & set(short.values)
+
+
+def test_what_is_written(tmp_path: Path) -> None:
+    """The days as CSV, the charts as PNG, and one document that JSON can hold."""
+    played = daily(drift=0.001, rules=(1, 4))
+    save_daily(played, tmp_path / "out")
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"daily.csv", "daily.png"}
+    assert (tmp_path / "out" / "daily.png").read_bytes().startswith(b"\x89PNG")
+    with (tmp_path / "out" / "daily.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["day"]) for row in rows] == list(range(1, 61))
+    assert [row["ewma"] == "" for row in rows] == [True] * 25 + [False] * 35
+    document = json.loads(json.dumps(played.document, allow_nan=False))
+    assert len(document["alarms"]) == 5
+    for rule in document["alarms"]:
+        flagged = [day["day"] for day in document["days"] if rule["rule"] in day["alarms"]]
+        assert rule["first_alarm_day"] == (flagged[0] if flagged else None)
+
+
+def test_a_calm_laboratory_without_rules_is_drawn_too(tmp_path: Path) -> None:
+    played = daily(days=26, rules=())
+    assert played.since is None
+    assert [row["first_alarm_day"] for row in played.alarms] == [None] * 3
+    save_daily(played, tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({"days": 5}, "days = 5; allowed: 6 to"),
+        ({"days": 60, "baseline": 60}, "baseline = 60; allowed: 5 to 59"),
+        ({"hits": 1}, "hits = 1; allowed: 2 to"),
+        ({"since": 61}, "since = 61; allowed: 1 to 60"),
+        ({"step": -0.1}, "step = -0.1; allowed: 0 to 1"),
+        ({"drift": float("nan")}, "drift = nan; allowed: 0 to 1"),
+        ({"drift": 0.05}, "all 60 days"),
+        ({"step": 0.9}, "day = 26; the gates did not see"),
+        ({"rules": (1, 5)}, "rule = 5; allowed: 1, 2, 3, 4"),
+        ({"ball": "check-bal"}, "did you mean check-ball"),
+    ],
+)
+def test_what_cannot_be_played(asked: dict, said: str) -> None:
+    with pytest.raises(InputError) as caught:
+        daily(**asked)
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,260 @@
+"""A laboratory's mornings: the check ball against the wall, and the charts that watch it.
+
+What is charted is the check ball's measured e0, the mean of the morning's hits, by the gates and
+the reduction of the ball-wall rig. The wall may be told to work loose; nobody tells the charts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab import catalog
+from virtual_lab.collision.modal import ModalModel
+from virtual_lab.errors import InputError
+from virtual_lab.estimate import Estimate
+from virtual_lab.folder import new_folder
+from virtual_lab.physics.ageing import lasting_loss
+from virtual_lab.records import GateRecord
+from virtual_lab.reduction.gates import inbound_duration, outbound_duration
+from virtual_lab.reduction.measurement import measured_balls
+from virtual_lab.reduction.observations import BallReadings
+from virtual_lab.report.control_chart import draw_control_chart
+from virtual_lab.rig import Order, Reality, Specimen, Stage, WallStation, find_rig
+from virtual_lab.specs import BallSpec
+from virtual_lab.truth import TrueBalls, draw_balls, draw_bat
+from virtual_lab.uncertainty.control import RULES, Charted, chart
+from virtual_lab.units import MPH
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Daily", "daily", "save_daily"]
+
+Array = NDArray[np.float64]
+BALL_RIG = "ball-wall"
+SPEED = 60 * MPH  # of the wall test
+NO_BAT = "check-cylinder"  # a specimen has a bat, which a wall never meets
+MOST_DAYS, MOST_HITS = 10_000, 1000
+LEAST_BASELINE = 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Daily:
+    """Mornings of one laboratory; arrays (day,)."""
+
+    ball: str
+    hits: int
+    since: int | None  # the day from which the wall gives; None: it stands fast
+    values: Array  # mean measured e0 of the check ball
+    wall: Array  # what the wall gave back, of what a rigid one would
+    charted: Charted
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """A row a day; the charts' columns are empty in the baseline."""
+        import pandas as pd
+
+        charted, first = self.charted, self.charted.baseline_days
+        columns: dict[str, Array] = {
+            "standardised": charted.standardised,
+            "moving_range": charted.ranges,
+            "ewma": charted.average,
+            "cusum_up": charted.sum_up,
+            "cusum_down": charted.sum_down,
+        }
+        blank = np.full(first, np.nan)
+        broken = [
+            "; ".join(name for name, days in charted.alarms.items() if days[day])
+            for day in range(self.values.size - first)
+        ]
+        return pd.DataFrame(
+            {"day": np.arange(1, self.values.size + 1), "e0": self.values, "true_wall": self.wall}
+            | {name: np.concatenate([blank, values]) for name, values in columns.items()}
+            | {"alarms": [""] * first + broken}
+        )
+
+    @property
+    def alarms(self) -> list[dict[str, Any]]:
+        """A row a rule or chart: its first alarm, alarms before the wall gave, the delay after.
+
+        Earlier alarms are false ones, or those of a ball that ages; on the very day that the
+        wall begins to give the delay is 0.
+        """
+        began = self.values.size + 1 if self.since is None else self.since
+        first_day = self.charted.baseline_days + 1
+        rows = []
+        for name, flags in self.charted.alarms.items():
+            days = np.flatnonzero(flags) + first_day
+            seen = days[days >= began]
+            rows.append(
+                {
+                    "rule": name,
+                    "first_alarm_day": int(days[0]) if days.size else None,
+                    "earlier_alarms": int((days < began).sum()),
+                    "delay_days": int(seen[0]) - began if seen.size else None,
+                }
+            )
+        return rows
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """All of it for JSON."""
+        baseline = self.charted.baseline
+        rows = self.table.astype(object)
+        return {
+            "ball": self.ball,
+            "hits_a_day": self.hits,
+            "baseline": {
+                "days": self.charted.baseline_days,
+                "centre": baseline.centre,
+                "sigma": baseline.sigma,
+            },
+            "wall_gives_since_day": self.since,
+            "alarms": self.alarms,
+            "days": rows.where(rows.notna(), None).to_dict("records"),
+        }
+
+
+def daily(
+    *,
+    ball: str = "check-ball",
+    days: int = 60,
+    baseline: int = 25,
+    hits: int = 10,
+    drift: float = 0.0,
+    step: float = 0.0,
+    since: int | None = None,
+    rules: Collection[int] = tuple(RULES),
+    seed: int = 1,
+) -> Daily:
+    """Play the mornings of one laboratory and chart them.
+
+    Parameters
+    ----------
+    ball
+        The check ball: a name in the catalog or path of a .toml file. One that ages is hit
+        more dead from day to day, which the charts see too.
+    days, baseline, hits
+        Mornings, how many of them set the limits, and hits a morning.
+    drift, step
+        What the wall gives back less, of what a rigid one would: more each day, and at once.
+    since
+        First day of that, counted from 1; the first after the baseline by default.
+    rules
+        Western Electric rules to judge by, of 1 to 4.
+    seed
+        Of the laboratory; day by day its draws are a block each.
+
+    Raises
+    ------
+    InputError
+        Numbers out of range, an unknown ball or rule, a ball that falls out of the gates.
+    """
+    _check_counts(days, baseline, hits, rules)
+    begin = baseline + 1 if since is None else since
+    if not 1 <= begin <= days:
+        raise InputError("", "since", begin, f"allowed: 1 to {days}, the last day")
+    for name, value in (("step", step), ("drift", drift)):
+        if not 0 <= value < 1:
+            raise InputError("", name, value, "allowed: 0 to 1, of what the wall gives back")
+    gone = np.maximum(np.arange(1, days + 1) - begin + 1, 0)
+    wall = 1 - step * (gone > 0) - drift * gone
+    if not wall[-1] > 0:
+        allowed = f"a wall that gives something back on all {days} days"
+        raise InputError("", "drift", drift, f"allowed: {allowed}")
+    spec = catalog.load("balls", ball, BallSpec).spec
+    values = _mornings(spec, wall, hits, seed)
+    return Daily(
+        ball=spec.name,
+        hits=hits,
+        since=begin if drift or step else None,
+        values=values,
+        wall=wall,
+        charted=chart(values, baseline, rules),
+    )
+
+
+def save_daily(played: Daily, folder: Path) -> None:
+    """Write the days as CSV and the control charts as PNG into a new folder."""
+    with new_folder(folder) as draft:
+        played.table.to_csv(draft / "daily.csv", index=False)
+        draw_control_chart(
+            played.values, played.charted, "$e_0$ of the check ball", draft / "daily.png"
+        )
+
+
+def _check_counts(days: int, baseline: int, hits: int, rules: Collection[int]) -> None:
+    for name, value, low, high in (
+        ("days", days, LEAST_BASELINE + 1, MOST_DAYS),
+        ("baseline", baseline, LEAST_BASELINE, days - 1),
+        ("hits", hits, 2, MOST_HITS),
+    ):
+        if not low <= value <= high:
+            raise InputError("", name, value, f"allowed: {low} to {high}")
+    for rule in rules:
+        if rule not in RULES:
+            raise InputError("", "rule", rule, f"allowed: {', '.join(map(str, RULES))}")
+
+
+def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
+    """Return the measured e0 of each morning, (day,)."""
+    draws = Reality.REAL.draws(seed)
+    station = cast("WallStation", find_rig(BALL_RIG, Stage.BALLS).commission(draws))
+    constants = _constants(station.calibration, spec)
+    bat = draw_bat(catalog.load_bat(NO_BAT).spec, draws)
+    balls = draw_balls(spec, 1, draws)
+    first = np.zeros(hits, dtype=int)
+    order = Order(ball=first, speed=np.full(hits, SPEED), place=np.zeros(hits))
+    values = []
+    for day, gives in enumerate(wall):
+        play = station.with_wall(float(gives)).play(
+            replace(order, block=day),
+            Specimen(bat=bat, balls=balls, collision=ModalModel.of),
+            draws,
+        )
+        gates = play.records["gates"]
+        assert isinstance(gates, GateRecord)
+        values.append(_measured(gates, spec, order, constants))
+        if not np.isfinite(values[-1]):
+            allowed = "the gates did not see every hit come back; allowed: a livelier ball or wall"
+            raise InputError("", "day", day + 1, allowed)
+        balls = _overnight(balls, play.truth["speed"])
+    return np.array(values)
+
+
+def _measured(
+    gates: GateRecord, spec: BallSpec, order: Order, constants: dict[str, Array]
+) -> float:
+    """Return the check ball's mean e0 at the nominal speed. Its mass was weighed long ago."""
+    readings = BallReadings(
+        mass=np.array([spec.mass]),
+        ball=order.ball,
+        nominal_speed=order.speed,
+        duration_in=inbound_duration(gates),
+        duration_out=outbound_duration(gates),
+    )
+    return float(measured_balls(constants, readings).restitution[0])
+
+
+def _constants(known: Mapping[str, Estimate], spec: BallSpec) -> dict[str, Array]:
+    named = {
+        f"hall.{name}" if name.startswith("air.") else f"balls.{name}": estimate.value
+        for name, estimate in known.items()
+    }
+    scale = {"bench.scale.zero": 0.0, "bench.scale.span": 1.0}
+    ball = {"ball.radius": spec.radius, "ball.restitution_slope": spec.restitution.slope}
+    return {name: np.array(value) for name, value in (named | scale | ball).items()}
+
+
+def _overnight(balls: TrueBalls, speed: Array) -> TrueBalls:
+    """Return the check ball as the next morning finds it: what comes back has come back."""
+    ageing = balls.spec.ageing
+    if ageing is None:
+        return balls
+    return replace(balls, restitution=balls.restitution - lasting_loss(ageing, speed).sum())
