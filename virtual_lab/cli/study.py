@@ -137,6 +137,22 @@ def chart_collision(out: Path, as_json: bool) -> None:
     _measure(measure, save, table_text, out / "collision.png", as_json)
 
 
+@chart.command("motion")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("out/chart-motion"),
+    show_default=True,
+    help="New folder for PNG, CSV and HTML.",
+)
+@json_option
+def chart_motion(out: Path, as_json: bool) -> None:
+    """Error of the motion rungs, and of pymunk alone, against their time a shot."""
+    from virtual_lab.fidelity.motion_chart import chart_text, measure, save
+
+    _measure(measure, save, chart_text, out / "motion.png", as_json)
+
+
 @click.group()
 def stability() -> None:
     """Map where the numerics hold."""
@@ -154,6 +170,22 @@ def stability() -> None:
 def stability_collision(out: Path, as_json: bool) -> None:
     """Map the steps of the modal rung against modes, place, speed and ball."""
     from virtual_lab.fidelity.collision_stability import maps_text, measure, save
+
+    _measure(measure, save, maps_text, out / "stability.png", as_json)
+
+
+@stability.command("motion")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("out/stability-motion"),
+    show_default=True,
+    help="New folder for PNG and CSV.",
+)
+@json_option
+def stability_motion(out: Path, as_json: bool) -> None:
+    """Map the steps of pymunk, alone and as a rung, against speed, place and its settings."""
+    from virtual_lab.fidelity.motion_stability import maps_text, measure, save
 
     _measure(measure, save, maps_text, out / "stability.png", as_json)
 

@@ -24,7 +24,7 @@ def chart_page(title: str, words: str, figure: Figure, rows: Sequence[Mapping[st
     figure
         Goes in as SVG.
     rows
-        All of the same keys, the columns; numbers are rounded to three digits.
+        All of the same keys, the columns; numbers are rounded to three digits, None is blank.
     """
     from markupsafe import Markup
     from matplotlib import rc_context
@@ -45,4 +45,6 @@ def chart_page(title: str, words: str, figure: Figure, rows: Sequence[Mapping[st
 
 
 def _cell(value: Any) -> str:
+    if value is None:
+        return ""
     return value if isinstance(value, str) else f"{float(f'{value:.3g}'):g}"

@@ -1,0 +1,84 @@
+"""The maps of pymunk's steps: what they say, and their files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from virtual_lab.cli import cli
+from virtual_lab.fidelity import motion_stability as maps
+
+Row = dict[str, Any]
+
+
+@pytest.fixture(scope="module")
+def rows() -> list[Row]:
+    ends = {axis: (values[0], values[-1]) for axis, values in maps.AXES.items()}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(maps, "AXES", ends)
+        patch.setattr(maps, "STEPS", (1e-2, 1e-3, 1e-4))
+        return maps.measure()
+
+
+def state(rows: list[Row], method: str, axis: str, step: float, value: float) -> str:
+    own = {"method": method, "map": axis, "step": step, "value": value}
+    (found,) = [row for row in rows if all(row[name] == v for name, v in own.items())]
+    return str(found["state"])
+
+
+def test_the_rung_is_good_wherever_it_answers(rows: list[Row]) -> None:
+    own = [row for row in rows if row["method"] == maps.RUNG]
+    assert {row["state"] for row in own if not row["refused"]} == {maps.GOOD}
+    for row in own:
+        long = row["step"] == 1e-2 and not (row["map"] == maps.SPEED and row["value"] == 10)
+        long |= row["step"] == 1e-3 and row["map"] == maps.SPEED and row["value"] == 200
+        slop = row["map"] == maps.SLOP and row["value"] == 0.1
+        few = row["map"] == maps.ITERATIONS and row["value"] == 1
+        assert row["refused"] == (long or slop or few), row
+
+
+def test_pymunk_alone_is_refused_nothing_and_wrong_in_places(rows: list[Row]) -> None:
+    """A flat hit is right until it is jumped; the tip, the round and a lone iteration are not."""
+    assert not any(row["refused"] for row in rows if row["method"] == maps.ALONE)
+    assert state(rows, maps.ALONE, maps.SPEED, 1e-2, 10) == maps.GOOD
+    assert state(rows, maps.ALONE, maps.SPEED, 1e-3, 200) == maps.UNSTABLE
+    assert state(rows, maps.ALONE, maps.SPEED, 1e-4, 200) == maps.GOOD
+    assert state(rows, maps.ALONE, maps.PLACE, 1e-4, 0.2) == maps.INACCURATE
+    assert state(rows, maps.ALONE, maps.PLACE, 1e-4, 20) == maps.GOOD
+    assert state(rows, maps.ALONE, maps.ACROSS, 1e-4, 60) == maps.INACCURATE
+    assert state(rows, maps.ALONE, maps.ITERATIONS, 1e-4, 1) == maps.INACCURATE
+    assert state(rows, maps.ALONE, maps.ITERATIONS, 1e-4, 50) == maps.GOOD
+
+
+def test_text_and_files(rows: list[Row], tmp_path: Path) -> None:
+    text = maps.maps_text(rows)
+    assert text.count(maps.RUNG) == text.count(maps.ALONE) == len(maps.AXES)
+    assert "(.)" in text
+    json.dumps(rows, allow_nan=False)
+    maps.save(rows, tmp_path / "maps")
+    assert (tmp_path / "maps" / "stability.png").read_bytes().startswith(b"\x89PNG")
+    assert len((tmp_path / "maps" / "stability.csv").read_text().splitlines()) == len(rows) + 1
+
+
+@pytest.mark.parametrize("words", [["stability", "motion"], ["chart", "motion"]])
+def test_the_commands_stop_at_a_folder_that_is_not_new(words: list[str], tmp_path: Path) -> None:
+    from click.testing import CliRunner
+
+    (tmp_path / "kept").write_text("")
+    done = CliRunner().invoke(cli, [*words, "--out", str(tmp_path)])
+    assert done.exit_code == 1
+    assert "not empty" in str(done.exception)
+
+
+def test_the_command_prints_its_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from click.testing import CliRunner
+
+    monkeypatch.setattr(maps, "AXES", {maps.SPEED: (60,)})
+    monkeypatch.setattr(maps, "STEPS", (1e-3,))
+    out = str(tmp_path / "maps")
+    done = CliRunner().invoke(cli, ["stability", "motion", "--out", out, "--json"])
+    assert done.exit_code == 0, done.output
+    assert [row["state"] for row in json.loads(done.stdout)] == [maps.GOOD, maps.GOOD]

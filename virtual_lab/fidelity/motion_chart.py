@@ -1,0 +1,284 @@
+"""Speed against accuracy of the motion rungs, beside pymunk left to itself.
+
+Errors are root mean squares over shots whose starts are spread evenly over one step, against
+scipy's integration of the same equations. The bat is rigid, of one radius, in no air and on no
+friction, so that pymunk itself could be right. What planning reckoned with stands beside what
+is measured; it was measured on pymunk alone, and is why ball and bat never collide there.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab import catalog
+from virtual_lab.errors import InputError
+from virtual_lab.fidelity.motion_drawing import CLOSED, NAIVE, OURS, SCIPY, TITLE, WORDS, draw
+from virtual_lab.fidelity.motion_reference import reference
+from virtual_lab.fidelity.naive_pymunk import (
+    Hit,
+    Rod,
+    energy_lost,
+    hit_of,
+    missed,
+    off_round_end,
+    round_hit,
+)
+from virtual_lab.folder import new_folder
+from virtual_lab.motion import play
+from virtual_lab.motion.outcome import Outcome
+from virtual_lab.motion.scene import Balls, Barrel, Bat, Scene, State
+from virtual_lab.motion.settings import Settings
+from virtual_lab.physics.beam import beam_of
+from virtual_lab.report.text import table_text
+from virtual_lab.specs import BallSpec, Profile
+from virtual_lab.units import INCH
+
+__all__ = ["chart_text", "measure", "rod", "save", "scene_of"]
+
+Array = NDArray[np.float64]
+Row = dict[str, Any]
+BAT, BALL = "r161", "baseball-2003"
+RADIUS = 0.0318  # m, of the straight bat; with the ball's the reach of planning's figures
+SPEED, AHEAD, AFTER = 26.8, 0.12, 5e-3  # m/s, m, s
+SQUARE, SWUNG, ROUND, TIP = "at rest, square", "swung and aslant", "10 mm off the axis", "tip"
+STARTS: dict[str, dict[str, float]] = {
+    SQUARE: {"z": 6 * INCH},
+    SWUNG: {"z": 6 * INCH, "vz": 1.0, "rate": -30.0, "angle": 0.12},
+    ROUND: {"z": 6 * INCH, "y": 0.010},
+    TIP: {"z": 0.010},
+}
+STEPS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
+SHOTS, FEW_SHOTS, BATCH = 20, 4, 20_000
+ITERATIONS = (1, 2, 5, 10, 20)
+BARREL, GRIP = "2 to 10 in, worst", "20 in"
+PLACES_IN = {BARREL: (2, 4, 6, 8, 10), GRIP: (20,)}
+MISSES = ((26.8, 1e-2, 0.74), (62.6, 2e-3, 0.45), (62.6, 1e-3, 0.0))  # m/s, s, planned share
+LOSSES = ((1e-2, 0.41), (1e-3, 0.07), (1e-4, 0.0075), (1e-5, 0.00075))  # s, planned share
+SPIN = 11.5  # rad/s, at which planning's losses come out
+PLANNED_ROUND = {1e-3: 1.4, 1e-4: 0.11, 1e-5: 0.008}  # m/s, upward
+PLANNED_ITERATIONS = {(GRIP, 1): 0.24, (BARREL, 10): 1e-16}
+
+
+def measure(say: Callable[[str], None] = lambda _: None) -> list[Row]:
+    """Return a row a model, scene and setting: errors, shares, planned figure, time a shot [µs].
+
+    Errors are in e_A, in the ball's velocity [m/s] and in the bat's rate [rad/s]; shares, of
+    shots missed or of energy lost. What does not apply is None.
+    """
+    rows: list[Row] = []
+    play(_scene(SQUARE, 1e-3, 1), "pymunk")  # what is loaded at first use is nobody's time
+    for name in STARTS:
+        say(name)
+        rows += _accuracy(name)
+    say("iterations")
+    rows += [_iterations(count, scene) for scene in PLACES_IN for count in ITERATIONS]
+    say("missed contacts and lost energy")
+    rows += [row for speed, step, planned in MISSES for row in _misses(speed, step, planned)]
+    rows += [row for step, planned in LOSSES for row in _losses(step, planned)]
+    return rows
+
+
+def save(rows: list[Row], folder: Path) -> None:
+    """Write the rows as CSV, PNG and an HTML page into a new folder."""
+    import pandas as pd
+
+    from virtual_lab.report.chart_page import chart_page
+
+    with new_folder(folder) as draft:
+        pd.DataFrame(rows).to_csv(draft / "motion.csv", index=False)
+        figure = draw(rows)
+        figure.savefig(draft / "motion.png")
+        page = chart_page(TITLE, WORDS, figure, rows)
+        (draft / "motion.html").write_text(page, encoding="utf-8")
+
+
+def chart_text(rows: list[Row]) -> str:
+    """Return the rows as a table for a terminal."""
+    return table_text([{k: "" if v is None else v for k, v in row.items()} for row in rows])
+
+
+def rod() -> Rod:
+    """Return a bat of one radius with the mass and the inertia of a real one."""
+    beam = beam_of(catalog.load_bat(BAT).spec.body)
+    ball = catalog.load("balls", BALL, BallSpec).spec
+    axis = beam.length - 6 * INCH
+    return Rod(
+        length=beam.length,
+        radius=RADIUS,
+        axis=axis,
+        mass=beam.mass,
+        z_cm=beam.z_cm,
+        inertia=beam.inertia(axis),
+        ball_mass=ball.mass,
+        ball_radius=ball.radius,
+        restitution=0.5,
+    )
+
+
+def scene_of(start: dict[str, float], speed: float, ahead: Array, duration: float) -> Scene:
+    """Return shots at the bat of `rod`, their balls `ahead` [m] of its axis, (n,)."""
+    bat, many = rod(), np.ones(len(ahead))
+    width = (2 * bat.radius, 2 * bat.radius)
+    usual = dict.fromkeys(State.__slots__, 0.0) | {"vx": speed} | start
+    return Scene(
+        start=State.of(**(usual | {"x": -ahead})),
+        balls=Balls(
+            mass=bat.ball_mass * many,
+            restitution=bat.restitution * many,
+            drag=0 * many,
+            radius=bat.ball_radius,
+        ),
+        bat=Bat(
+            barrel=Barrel(Profile(z=(0.0, bat.length), outer_diameter=width)),
+            axis=bat.axis,
+            inertia=bat.inertia,
+        ),
+        efficiency=bat.efficiency,
+        duration=duration,
+    )
+
+
+def _row(series: str, scene: str, setting: str, **own: float | None) -> Row:
+    names = ("e_A", "ball_m_s", "bat_rad_s", "share", "planned", "us_a_shot")
+    return {"series": series, "scene": scene, "setting": setting} | {
+        name: own.get(name) for name in names
+    }
+
+
+def _accuracy(name: str) -> Iterator[Row]:
+    scene = _scene(name, 1e-3, SHOTS)
+    closed = play(scene, "closed-form")
+    true, spent = _timed(partial(_truth, scene))
+    yield _row(SCIPY, name, "1e-13", us_a_shot=spent / SHOTS * 1e6)
+    _, spent = _timed(partial(play, _scene(name, 1e-3, BATCH), "closed-form"))
+    yield _errors(closed, true, _row(CLOSED, name, "exact", us_a_shot=spent / BATCH * 1e6))
+    for step in STEPS:
+        scene = _scene(name, step, FEW_SHOTS)
+        try:
+            carried, spent = _timed(partial(play, scene, "pymunk", settings=Settings(step=step)))
+        except InputError:
+            yield _row(OURS, name, f"{step:.0e} s: refused")
+            continue
+        row = _row(OURS, name, f"{step:.0e} s", us_a_shot=spent / FEW_SHOTS * 1e6)
+        yield _errors(carried, _truth(scene), row)
+    for step in STEPS:
+        yield _naive(name, step)
+
+
+def _scene(name: str, step: float, shots: int) -> Scene:
+    """Return shots whose contacts fall evenly into a step."""
+    spread = SPEED * step * (np.arange(shots) + 0.5) / shots
+    ahead = AHEAD + spread
+    return scene_of(STARTS[name], SPEED, ahead, float(ahead.max()) / SPEED + AFTER)
+
+
+def _truth(scene: Scene) -> list[Any]:
+    return [reference(scene, shot) for shot in range(len(scene))]
+
+
+def _errors(found: Outcome, true: list[Any], row: Row) -> Row:
+    ball = found.ball_velocity - [t.ball_velocity for t in true]
+    return row | {
+        "e_A": _rms(found.collision_efficiency - [t.efficiency for t in true]),
+        "ball_m_s": _rms(np.linalg.norm(ball, axis=1)),
+        "bat_rad_s": _rms(found.bat_rate - [t.bat_rate for t in true]),
+    }
+
+
+def _naive(name: str, step: float) -> Row:
+    """Return the errors of pymunk alone; of a round barrel the upward one, as was planned."""
+    bat, scene = rod(), _scene(name, step, SHOTS)
+    hits, spent = _timed(lambda: [_naive_hit(name, bat, scene, i, step) for i in range(SHOTS)])
+    row = _row(NAIVE, name, f"{step:.0e} s", us_a_shot=spent / SHOTS * 1e6)
+    balls = np.array([hit.velocity for hit in hits])
+    if name == ROUND:
+        angle = np.arcsin(STARTS[ROUND]["y"] / (bat.radius + bat.ball_radius))
+        e_A = bat.efficiency(*(np.array(v) for v in (6 * INCH, 0.0, bat.ball_mass, 0.5)))
+        up = (1 + e_A) * SPEED * np.cos(angle) * np.sin(angle)
+        planned = PLANNED_ROUND.get(step)
+        return row | {"ball_m_s": _rms(balls[:, 1] - up), "planned": planned}
+    if name == TIP:
+        true_tip = off_round_end(bat, STARTS[TIP]["z"], SPEED)
+        return row | {"ball_m_s": _rms(np.linalg.norm(balls - true_tip, axis=1))}
+    true = _truth(scene)
+    velocity = np.array([t.ball_velocity[[0, 2]] for t in true])
+    came = np.array([SPEED, STARTS[name].get("vz", 0.0)])
+    normal = (velocity - came) / np.linalg.norm(velocity - came, axis=1)[:, None]
+    approach = np.array([t.contacts[0][3] for t in true])
+    return row | {
+        "e_A": _rms(((balls - velocity) * normal).sum(axis=1) / approach),
+        "ball_m_s": _rms(np.linalg.norm(balls - velocity, axis=1)),
+        "bat_rad_s": _rms(np.array([h.rate - t.bat_rate for h, t in zip(hits, true, strict=True)])),
+    }
+
+
+def _naive_hit(name: str, bat: Rod, scene: Scene, shot: int, step: float) -> Hit:
+    one = scene.start.part(shot)
+    if name == ROUND:
+        return round_hit(bat, (float(one.x), float(one.y)), SPEED, step=step)
+    return hit_of(
+        bat,
+        (float(one.x), float(one.z)),
+        (float(one.vx), float(one.vz)),
+        step=step,
+        angle=float(one.angle),
+        rate=float(one.rate),
+        round_end=name == TIP,
+    )
+
+
+def _iterations(count: int, scene: str) -> Row:
+    """Return the worst error in e_A over the places, flat hits in steps of 1e-4 s."""
+    bat, errors = rod(), []
+    for place in np.array(PLACES_IN[scene]) * INCH:
+        hit = hit_of(bat, (-AHEAD, place), (SPEED, 0.0), step=1e-4, iterations=count)
+        true = bat.efficiency(*(np.array(v) for v in (place, 0.0, bat.ball_mass, 0.5)))
+        errors.append(-hit.velocity[0] / SPEED - float(true))
+    planned = PLANNED_ITERATIONS.get((scene, count))
+    words = f"{count} iterations" if count > 1 else "1 iteration"
+    return _row(NAIVE, scene, words, e_A=float(np.abs(errors).max()), planned=planned)
+
+
+def _misses(speed: float, step: float, planned: float) -> Iterator[Row]:
+    setting = f"{step:.0e} s"
+    scene = f"missed at {speed:g} m/s"
+    share = missed(rod(), speed, step, 100)
+    yield _row(NAIVE, scene, setting, share=share, planned=planned)
+    spread = speed * step * (np.arange(SHOTS) + 0.5) / SHOTS
+    shots = scene_of(STARTS[SQUARE], speed, 0.2 + spread, duration=0.03)
+    try:
+        found = play(shots, "pymunk", settings=Settings(step=step))
+    except InputError:
+        yield _row(OURS, scene, f"{setting}: refused")
+    else:
+        yield _row(OURS, scene, setting, share=float(np.isnan(found.time).mean()))
+
+
+def _losses(step: float, planned: float) -> Iterator[Row]:
+    scene, setting = f"energy lost a second at {SPIN:g} rad/s", f"{step:.0e} s"
+    yield _row(NAIVE, scene, setting, share=energy_lost(rod(), SPIN, step), planned=planned)
+    # a ball that rests far away limits no step
+    alone = scene_of({"rate": SPIN, "vx": 0.0}, 0.0, np.array([9.0]), duration=1.0)
+    try:
+        end = play(alone, "pymunk", settings=Settings(step=step)).end
+    except InputError:
+        yield _row(OURS, scene, f"{setting}: refused")
+    else:
+        yield _row(OURS, scene, setting, share=abs(float(1 - (end.rate[0] / SPIN) ** 2)))
+
+
+def _rms(error: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(error))))
+
+
+def _timed(work: Callable[[], Any]) -> tuple[Any, float]:
+    start = time.perf_counter()
+    done = work()
+    return done, time.perf_counter() - start
