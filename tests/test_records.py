@@ -1,7 +1,8 @@
 """Raw records: what they hold, their file form, and every way a file can be wrong."""
 
+import re
 from dataclasses import FrozenInstanceError
-from math import inf, nan
+from math import inf, nan, prod
 
 import numpy as np
 import pandas as pd
@@ -15,6 +16,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.records import (
     RECORD_TYPES,
     AimMarks,
+    Column,
     EncoderRecord,
     GateRecord,
     MassReadings,
@@ -29,15 +31,37 @@ SIZE = st.integers(1, 4)
 
 
 @st.composite
-def records(draw: st.DrawFn, kind: type[Record]) -> Record:
-    """Draw a record of a kind: any axis lengths, any doubles, NaN where it may be missing."""
-    sizes: dict[str, int] = {}
+def records(
+    draw: st.DrawFn, kind: type[Record], number: st.SearchStrategy[float] = FINITE
+) -> Record:
+    """Draw a record of a kind: any axis lengths, any numbers, NaN where it may be missing.
+
+    Times are in the order in which things happen, numbers of items are whole.
+    """
+    sizes: dict[str, int] = {"way": 2, "edge": 2}
     arrays = {}
     for field, column in kind.columns.items():
         shape = tuple(sizes.setdefault(axis, draw(SIZE)) for axis in column.axes)
-        numbers = FINITE | st.just(nan) if column.may_be_missing else FINITE
+        numbers = number | st.just(nan) if column.may_be_missing else number
+        if column.is_index:
+            numbers = st.integers(0, 10).map(float)
         arrays[field] = draw(hnp.arrays(np.float64, shape, elements=numbers))
+    if "times" in arrays:
+        arrays["times"] = draw(in_order(kind.columns["times"], arrays["times"].shape, number))
     return kind(**arrays)
+
+
+@st.composite
+def in_order(
+    draw: st.DrawFn, column: Column, shape: tuple[int, ...], number: st.SearchStrategy[float]
+) -> np.ndarray:
+    """Draw times that can be: rising, a ball's from gate to gate and back the other way."""
+    times = np.sort(draw(hnp.arrays(np.float64, prod(shape), elements=number, unique=True)))
+    times = times.reshape(shape)
+    if "way" not in column.axes:
+        return times
+    times[:, 1] = times[:, 1, ::-1]
+    return np.where(draw(hnp.arrays(bool, shape)), nan, times)
 
 
 ANY = st.sampled_from(list(RECORD_TYPES.values())).flatmap(records)
@@ -132,7 +156,10 @@ def test_join_of_one_is_itself(record: type[Record]) -> None:
     assert bits(join([one])) == bits(one)
 
 
-GATES = GateRecord(times=np.arange(16.0).reshape(2, 2, 2, 2)).table()
+FLIGHTS = np.arange(16.0).reshape(2, 2, 2, 2)  # two balls, in and back
+FLIGHTS[:, 1] = FLIGHTS[:, 1, ::-1]
+GATES = GateRecord(times=FLIGHTS).table()
+LOG = ShotLog(ball=np.arange(2.0), nominal_speed=np.ones(2), place=np.ones(2)).table()
 ENCODER = EncoderRecord(counts=np.arange(6.0).reshape(2, 3), times=np.arange(3.0)).table()
 
 
@@ -163,6 +190,11 @@ def _set(column: str, value: object, row: int = -1):
         (GateRecord, GATES, _set("edge", -1), "edge", "whole numbers"),
         (GateRecord, GATES, _set("edge", nan), "edge", "whole numbers"),
         (GateRecord, GATES, _set("shot", 2), "rows", "expected 24"),
+        (GateRecord, GATES, lambda t: t.replace({"shot": {1: 2}}), "shot", "go up to 2"),
+        (GateRecord, GATES, lambda t: t[t.way == 0], "way", "needs 0 and 1, in and back"),
+        (GateRecord, GATES, lambda t: t[t.edge == 0], "edge", "broke and cleared"),
+        (ShotLog, LOG, _set("ball", 0.5), "ball", "whole numbers from 0"),
+        (ShotLog, LOG, _set("ball", -1), "ball", "whole numbers from 0"),
         (EncoderRecord, ENCODER, _set("counts", nan), "counts", "finite"),
         (EncoderRecord, ENCODER, _set("counts", inf), "counts", "finite"),
         (EncoderRecord, ENCODER, _set("time_s", 7.0), "time_s", ""),
@@ -187,3 +219,77 @@ def test_the_offending_text_is_shown() -> None:
     with pytest.raises(InputError) as caught:
         GateRecord.from_table(_set("time_s", "12 ms", row=3)(GATES), "x.csv")
     assert "12 ms" in str(caught.value)
+
+
+def _swap(times: np.ndarray, *places: tuple[int, ...]) -> np.ndarray:
+    """Return the times with those at two places exchanged."""
+    times = times.copy()
+    one, other = places
+    times[one], times[other] = times[other].copy(), times[one].copy()
+    return times
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "fault", "at"),
+    [
+        ((1, 0, 1, 0), (1, 0, 1, 1), "cleared before it broke", "shot 1, way 0, gate 1, edge 1"),
+        ((1, 1, 0, 0), (1, 1, 0, 1), "cleared before it broke", "shot 1, way 1, gate 0, edge 1"),
+        ((0, 0, 0), (0, 0, 1), "out of turn", "shot 0, way 0, gate 1, edge 0"),
+        ((1, 1, 0), (1, 1, 1), "out of turn", "shot 1, way 1, gate 1, edge 0"),
+        ((1, 0), (1, 1), "out of turn", "shot 1, way 0, gate 1, edge 0"),
+    ],
+)
+def test_gates_that_time_runs_backwards_at(
+    one: tuple[int, ...], other: tuple[int, ...], fault: str, at: str
+) -> None:
+    """Each exchange alone; the sentence counts from 0, or from where the file does."""
+    table = GateRecord(times=_swap(FLIGHTS, one, other)).table()
+    with pytest.raises(InputError, match=f"{fault}.*{at}") as caught:
+        GateRecord.from_table(table, "x.csv")
+    assert caught.value.key == "time_s"
+    theirs = table.assign(**{axis: table[axis] + 1 for axis in table if axis != "time_s"})
+    with pytest.raises(InputError, match=fault) as shifted:
+        GateRecord.from_table(theirs, "x.csv", dict.fromkeys(("shot", "way", "gate", "edge"), 1))
+    numbers = [int(number) + 1 for number in re.findall(r"\d+", at)]
+    assert [int(n) for n in re.findall(r" (\d+)[,)]", shifted.value.allowed)] == numbers
+
+
+def test_a_ball_back_before_it_came() -> None:
+    """A whole flight back, in order within itself, ahead of the flight in."""
+    with pytest.raises(InputError, match="came back before it came in"):
+        GateRecord.from_table(
+            GateRecord(times=FLIGHTS - 9 * np.reshape([0.0, 1.0], (2, 1, 1))).table(), "x.csv"
+        )
+
+
+def test_order_looks_past_what_was_not_seen() -> None:
+    """Three gates, the middle one blind: the last still may not come before the first."""
+    times = np.full((1, 2, 3, 2), nan)
+    times[0, 0, 0], times[0, 0, 2] = (2.0, 3.0), (1.0, 4.0)
+    with pytest.raises(InputError, match=r"out of turn.*gate 2, edge 0"):
+        GateRecord.from_table(GateRecord(times=times).table(), "x.csv")
+
+
+def test_gates_nearer_than_a_ball_is_long() -> None:
+    """The second beam breaks before the first clears, and slow clocks show the same tick."""
+    times = np.full((1, 2, 2, 2), nan)
+    times[0, 0] = [[0.0, 3.0], [1.0, 4.0]]
+    record = GateRecord(times=times)
+    assert bits(GateRecord.from_table(record.table(), "x.csv")) == bits(record)
+    level = GateRecord(times=np.zeros((1, 2, 2, 2)))
+    assert bits(GateRecord.from_table(level.table(), "x.csv")) == bits(level)
+
+
+@pytest.mark.parametrize("time", [1.0, 0.5])
+def test_a_clock_that_does_not_rise(time: float) -> None:
+    """An encoder's, a pendulum's: standing still or running back, at the sample named."""
+    counts = EncoderRecord(counts=np.zeros((2, 3)), times=np.array([0.0, 1.0, time]))
+    with pytest.raises(InputError, match=f"time_s = {time}; .*sample 2"):
+        EncoderRecord.from_table(counts.table(), "x.csv")
+    swings = PendulumRecord(
+        times=np.array([[0.0, 1.0, 2.0], [0.0, 1.0, time]]),
+        first_amplitude=np.ones(2),
+        last_amplitude=np.ones(2),
+    )
+    with pytest.raises(InputError, match=f"time_s = {time}; .*release 1, passage 2"):
+        PendulumRecord.from_table(swings.table(), "x.csv")

@@ -25,6 +25,8 @@ ESTIMATES = st.builds(
     u=st.floats(0, 1e300),
     dof=st.just(inf) | st.floats(1e-3, 1e6),
 )
+FLIGHTS = np.arange(16.0).reshape(2, 2, 2, 2)  # two balls, in and back
+FLIGHTS[:, 1] = FLIGHTS[:, 1, ::-1]
 EXAMPLE = Session(
     bat="r161",
     ball="baseball-2003",
@@ -34,7 +36,7 @@ EXAMPLE = Session(
     records={
         "impact": {
             "log": ShotLog(ball=np.arange(2.0), nominal_speed=np.ones(2), place=np.ones(2)),
-            "gates": GateRecord(times=np.arange(16.0).reshape(2, 2, 2, 2)),
+            "gates": GateRecord(times=FLIGHTS),
         },
         "bench": {"bat-mass": MassReadings(readings=np.ones((1, 3)))},
     },
@@ -111,9 +113,10 @@ GATES = "impact/gates.csv"
         (lambda f: (f / "session.json").write_text("[]"), "session.json", "JSON", "object"),
         (lambda f: (f / "procedure.toml").write_bytes(b"\xff"), "procedure.toml", "file", ""),
         (_file(GATES, "time_s", "time_ms"), "gates.csv", "columns", "time_s"),
-        (_file(GATES, "1,1,1,1,15.0", "1,1,1,1,soon"), "gates.csv", "time_s", "numbers"),
-        (_file(GATES, "1,1,1,1,15.0", "1,1,1,0,15.0"), "gates.csv", "rows", "same"),
-        (_file(GATES, "1,1,1,1,15.0", "1,1,1,1,15.0,9"), "gates.csv", "CSV", "cannot be read"),
+        (_file(GATES, "1,1,0,1,15.0", "1,1,0,1,soon"), "gates.csv", "time_s", "numbers"),
+        (_file(GATES, "1,1,0,1,15.0", "1,1,0,0,15.0"), "gates.csv", "rows", "same"),
+        (_file(GATES, "1,1,0,1,15.0", "1,1,0,1,13.5"), "gates.csv", "time_s", "cleared before"),
+        (_file(GATES, "1,1,0,1,15.0", "1,1,0,1,15.0,9"), "gates.csv", "CSV", "cannot be read"),
         (
             lambda f: (f / GATES).write_text((f / GATES).read_text().replace("15.0", "15.5")),
             "gates.csv",
@@ -178,15 +181,15 @@ def test_an_edited_record_is_taken_where_the_digest_was_removed(tmp_path: Path) 
     """The way session.json itself names for a change that is meant."""
     save_session(EXAMPLE, tmp_path)
     _file(GATES, "15.0", "15.5")(tmp_path)
-    assert load_session(tmp_path).records["impact"]["gates"].times[1, 1, 1, 1] == 15.5
+    assert load_session(tmp_path).records["impact"]["gates"].times[1, 1, 0, 1] == 15.5
 
 
 def test_a_missing_edge_is_an_empty_cell(tmp_path: Path) -> None:
     """NaN: not seen; another laboratory's file simply leaves the cell empty."""
     save_session(EXAMPLE, tmp_path)
-    _file(GATES, "1,1,1,1,15.0", "1,1,1,1,")(tmp_path)
+    _file(GATES, "1,1,0,1,15.0", "1,1,0,1,")(tmp_path)
     times = load_session(tmp_path).records["impact"]["gates"].times
-    assert np.isnan(times[1, 1, 1, 1])
+    assert np.isnan(times[1, 1, 0, 1])
     assert np.isfinite(times).sum() == 15
 
 

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.records.record import Column, Record
+from virtual_lab.records.record import Column, Order, Record
 
 __all__ = [
     "RECORD_TYPES",
@@ -60,6 +60,9 @@ class PendulumRecord(Record):
         "last_amplitude": Column("last_amplitude_rad", ("release",)),
     }
 
+    def orders(self) -> tuple[Order, ...]:
+        return (_rising(self.times, ("release", "passage")),)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GateRecord(Record):
@@ -73,6 +76,9 @@ class GateRecord(Record):
     columns: ClassVar[Mapping[str, Column]] = {
         "times": Column("time_s", ("shot", "way", "gate", "edge"), may_be_missing=True)
     }
+
+    def orders(self) -> tuple[Order, ...]:
+        return _of_a_flight(self.times, ("shot", "way", "gate", "edge"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,6 +94,9 @@ class BoardRecord(Record):
         "times": Column("time_s", ("shot", "way", "board", "beam", "edge"), may_be_missing=True)
     }
 
+    def orders(self) -> tuple[Order, ...]:
+        return _of_a_flight(self.times, ("shot", "way", "board", "beam", "edge"))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PassageRecord(Record):
@@ -102,6 +111,9 @@ class PassageRecord(Record):
         "times": Column("time_s", ("shot", "way", "gate"), may_be_missing=True),
         "heights": Column("height_m", ("shot", "way", "gate"), may_be_missing=True),
     }
+
+    def orders(self) -> tuple[Order, ...]:
+        return _of_a_flight(self.times, ("shot", "way", "gate"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,6 +147,9 @@ class EncoderRecord(Record):
         "times": Column("time_s", ("sample",)),
     }
 
+    def orders(self) -> tuple[Order, ...]:
+        return (_rising(self.times, ("sample",)),)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AimMarks(Record):
@@ -156,10 +171,40 @@ class ShotLog(Record):
     nominal_speed: Array
     place: Array
     columns: ClassVar[Mapping[str, Column]] = {
-        "ball": Column("ball", ("shot",)),
+        "ball": Column("ball", ("shot",), is_index=True),
         "nominal_speed": Column("nominal_speed_m_per_s", ("shot",)),
         "place": Column("place_m", ("shot",)),
     }
+
+
+def _rising(times: Array, axes: tuple[str, ...]) -> Order:
+    fault = f"must rise from {axes[-1]} to {axes[-1]}"
+    return Order(
+        column="time_s", values=times, axes=axes, along=axes[-1], fault=fault, strictly=True
+    )
+
+
+def _of_a_flight(times: Array, axes: tuple[str, ...]) -> tuple[Order, ...]:
+    """Return the order of a ball's passages: in from gate to gate, back the other way round."""
+    gate = axes[2]
+    back = np.reshape([1.0, -1.0], (2, *[1] * (times.ndim - 2)))
+    faults = {
+        "edge": "the beam cleared before it broke",
+        gate: f"the ball was at this {gate} out of turn",
+        "way": "the ball came back before it came in",
+    }
+    return tuple(
+        Order(
+            column="time_s",
+            values=times,
+            axes=axes,
+            along=axis,
+            sign=back if axis == gate else 1.0,
+            fault=fault,
+        )
+        for axis, fault in faults.items()
+        if axis in axes
+    )
 
 
 RECORD_TYPES: Mapping[str, type[Record]] = {

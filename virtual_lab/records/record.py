@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -14,9 +15,10 @@ from virtual_lab.errors import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Column", "Record", "join"]
+__all__ = ["Column", "Order", "Record", "join", "require_numbers"]
 
 Array = NDArray[np.float64]
+PAIRS = {"way": "in and back", "edge": "broke and cleared"}  # axes that are two by nature
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +28,32 @@ class Column:
     name: str
     axes: tuple[str, ...]
     may_be_missing: bool = False
+    is_index: bool = False  # the number of an item, counted as axes are
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Order:
+    """Values that may not fall along an axis, NaN left out; `strictly`: that must rise."""
+
+    column: str
+    values: Array
+    axes: tuple[str, ...]
+    along: str
+    fault: str  # said where they do
+    sign: float | Array = 1.0  # -1: that may not rise
+    strictly: bool = False
+
+    def first_fault(self) -> tuple[int, ...] | None:
+        """Return the index of the first value out of order, None where all are in order."""
+        axis = self.axes.index(self.along)
+        signed = np.moveaxis(self.values * self.sign, axis, 0)
+        highest, later = np.fmax.accumulate(signed)[:-1], signed[1:]
+        wrong = later <= highest if self.strictly else later < highest
+        if not wrong.any():
+            return None
+        place = np.argwhere(np.moveaxis(wrong, 0, axis))[0]
+        place[axis] += 1
+        return tuple(map(int, place))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,9 +96,18 @@ class Record:
             data[column.name] = getattr(self, field.name)[tuple(data[axis] for axis in column.axes)]
         return pd.DataFrame(data)
 
+    def orders(self) -> tuple[Order, ...]:
+        """Return what must stand in order for the record to be possible: time, above all."""
+        return ()
+
     @classmethod
-    def from_table(cls, table: pd.DataFrame, where: str) -> Self:
-        """Return the record a file holds; `InputError` where columns or rows do not fit."""
+    def from_table(
+        cls, table: pd.DataFrame, where: str, first: Mapping[str, int] = MappingProxyType({})
+    ) -> Self:
+        """Return the record a file holds; `InputError` where columns, rows or times do not fit.
+
+        `first` holds the numbers that index columns start from, where it is not 0.
+        """
         axes = list(dict.fromkeys(axis for column in cls.columns.values() for axis in column.axes))
         wanted = [*axes, *(column.name for column in cls.columns.values())]
         if list(table.columns) != wanted:
@@ -80,8 +117,14 @@ class Record:
                 ", ".join(map(str, table.columns)),
                 f"expected {', '.join(wanted)}",
             )
-        _check_numbers(table, axes, cls.columns.values(), where)
+        _check_numbers(table, axes, cls.columns.values(), where, first)
+        shifted = {name: table[name] - at for name, at in first.items() if name in table}
+        table = table.assign(**shifted)
         sizes = {axis: int(table[axis].max()) + 1 if len(table) else 0 for axis in axes}
+        for axis in sizes.keys() & PAIRS.keys():
+            if len(table) and sizes[axis] != 2:
+                numbers = f"{first.get(axis, 0)} and {first.get(axis, 0) + 1}"
+                raise InputError(where, axis, None, f"needs {numbers}, {PAIRS[axis]}")
         rows = int(np.prod(list(sizes.values())))
         if rows == 0 or len(table) != rows:
             raise InputError(
@@ -101,33 +144,58 @@ class Record:
                 over = ", ".join(column.axes)
                 raise InputError(where, column.name, None, f"one value for each {over}, found more")
             arrays[name] = values
-        return cls(**arrays)
+        record = cls(**arrays)
+        record._check_orders(where, first)
+        return record
+
+    def _check_orders(self, where: str, first: Mapping[str, int]) -> None:
+        for order in self.orders():
+            place = order.first_fault()
+            if place is not None:
+                numbered = zip(order.axes, place, strict=True)
+                at = ", ".join(f"{axis} {number + first.get(axis, 0)}" for axis, number in numbered)
+                raise InputError(where, order.column, order.values[place], f"{order.fault} ({at})")
 
 
-def _check_numbers(table: pd.DataFrame, axes: list[str], columns: Any, where: str) -> None:
-    import pandas as pd
-
-    for name in table.columns:
-        if not pd.api.types.is_numeric_dtype(table[name]):
-            text = table[name][pd.to_numeric(table[name], errors="coerce").isna()].dropna()
-            raise InputError(
-                where,
-                str(name),
-                str(text.iloc[0]) if len(text) else None,
-                "must be numbers",
-            )
+def _check_numbers(
+    table: pd.DataFrame, axes: list[str], columns: Any, where: str, first: Mapping[str, int]
+) -> None:
+    require_numbers(table, where)
     for axis in axes:
-        if len(table) and (
-            table[axis].isna().any()
-            or (table[axis] != table[axis].round()).any()
-            or table[axis].min() < 0
-        ):
-            raise InputError(where, axis, None, "must be whole numbers from 0")
+        _check_index(table[axis].to_numpy(float), axis, first.get(axis, 0), where)
+        numbers = np.unique(table[axis])
+        due = first.get(axis, 0) + np.arange(numbers.size)
+        if (numbers != due).any():
+            skipped = due[numbers != due][0]
+            raise InputError(where, axis, skipped, f"is missing, others go up to {numbers[-1]:g}")
     for column in columns:
         values = table[column.name].to_numpy(float)
         if np.isinf(values).any() or (np.isnan(values).any() and not column.may_be_missing):
             bad = values[~np.isfinite(values)][0]
             raise InputError(where, column.name, bad, "every row needs a finite number")
+        if column.is_index:
+            _check_index(values, column.name, first.get(column.name, 0), where)
+
+
+def _check_index(values: Array, name: str, first: int, where: str) -> None:
+    wrong = values[~((values >= first) & (values == np.round(values)))]
+    if wrong.size:
+        raise InputError(where, name, wrong[0], f"must be whole numbers from {first}")
+
+
+def require_numbers(table: pd.DataFrame, where: str) -> None:
+    """Raise `InputError` that shows the first cell of a table that is no number."""
+    import pandas as pd
+
+    for name in table.columns:
+        cells = table[name]
+        if pd.api.types.is_bool_dtype(cells):
+            cells = cells.astype(str)
+        if pd.api.types.is_numeric_dtype(cells):
+            continue
+        text = cells[pd.to_numeric(cells, errors="coerce").isna()].dropna()
+        shown = str(text.iloc[0]) if len(text) else None
+        raise InputError(where, str(name), shown, "must be numbers, without unit or decimal comma")
 
 
 def join(parts: list[Record]) -> Record:
