@@ -194,6 +194,10 @@ def across_constant(records: Mapping[str, Record]) -> Estimate:
     Its standard uncertainty is that of a mean square of n normal offsets, √(2/n) of itself.
     """
     marks = records.get("aim")
+    if marks is None:
+        raise InputError("impact/aim", "record", None, "this record is missing")
+    if marks is None:
+        raise InputError("impact/aim", "record", None, "this record is missing")
     if not isinstance(marks, AimMarks):
         raise InputError("impact/aim", "record", type(marks).__name__, "expected aim marks")
     square = float(np.mean(marks.across**2))
@@ -233,7 +237,10 @@ def _log_and_passages(session: Session, stage: str) -> tuple[ShotLog, Passages]:
     for ball in log.ball:
         if ball not in range(balls):
             raise InputError(
-                f"{stage}/log", "ball", ball, f"allowed: 0 to {balls - 1}, those weighed"
+                f"{stage}/log",
+                "ball",
+                ball,
+                f"allowed: 0 to {balls - 1}, those weighed, counted from 0",
             )
     if len(log.ball) != len(gates.times):
         raise InputError(stage, "shots", len(gates.times), f"the log has {len(log.ball)}")
