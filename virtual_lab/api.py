@@ -12,12 +12,14 @@ from typing import TYPE_CHECKING, Any
 
 from virtual_lab.certification import Certification, certify_session
 from virtual_lab.folder import new_folder
+from virtual_lab.foreign.laboratory import FORM
 from virtual_lab.lab import certify_bat
 from virtual_lab.report.certificate import certificate
 from virtual_lab.report.render import certificate_page, notebook_card
 from virtual_lab.report.tables import budget_table, shot_table
 from virtual_lab.rig import Reality
 from virtual_lab.session import load_session, save_session
+from virtual_lab.studies.foreign import certify_laboratory
 from virtual_lab.studies.score import score
 from virtual_lab.truth import Sealed
 
@@ -141,9 +143,14 @@ def certify(
 def reduce(records: str | Path) -> Certificate:
     """Return the certificate of a folder of raw records, without any truth.
 
+    The folder holds a ``session.json`` of ours, or the ``laboratory.toml`` of another laboratory.
+
     Raises
     ------
     InputError
         A record, calibration or procedure that is missing or cannot be used.
     """
-    return Certificate(certification=certify_session(load_session(Path(records))))
+    folder = Path(records)
+    if (folder / FORM).exists():
+        return Certificate(certification=certify_laboratory(folder))
+    return Certificate(certification=certify_session(load_session(folder)))

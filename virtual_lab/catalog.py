@@ -30,8 +30,10 @@ __all__ = [
     "names",
     "nearest",
     "sheet",
+    "text",
     "title",
     "unverified",
+    "validate",
 ]
 
 KINDS = ("bats", "balls", "procedures", "instruments", "rigs", "conditions")
@@ -125,6 +127,11 @@ def unverified(kind: str, name: str) -> dict[str, str]:
     return found
 
 
+def text(kind: str, name: str) -> str:
+    """Return the text of a catalog entry's (or user's own) file."""
+    return _text(find(kind, name))[0]
+
+
 def load(kind: str, name: str, spec: type[T]) -> Entry[T]:
     """Return the catalog entry (or user's file) `name`, read as `spec`."""
     return read(*_text(find(kind, name)), spec)
@@ -133,7 +140,7 @@ def load(kind: str, name: str, spec: type[T]) -> Entry[T]:
 def read(text: str, where: str, spec: type[T]) -> Entry[T]:
     """Return the entry that TOML `text` holds; `where` names the file in errors."""
     document = _parse(text, where)
-    return Entry(_validate(document, where, spec), text, tuple(_sheet(document)))
+    return Entry(validate(document, where, spec), text, tuple(_sheet(document)))
 
 
 def load_bat(name: str) -> Entry[BatSpec]:
@@ -145,8 +152,8 @@ def read_bat(text: str, where: str) -> Entry[BatSpec]:
     """Return the bat that TOML `text` describes, resolving ``base`` in the catalog."""
     document = _parse(text, where)
     if "base" not in document:
-        return Entry(_validate(document, where, BatSpec), text, tuple(_sheet(document)))
-    change = _validate(document, where, ModifiedBat)
+        return Entry(validate(document, where, BatSpec), text, tuple(_sheet(document)))
+    change = validate(document, where, ModifiedBat)
     if change.base not in names("bats"):
         hint = nearest(change.base, names("bats"))
         raise InputError(where, "base", change.base, f"{hint}known: {', '.join(names('bats'))}")
@@ -203,7 +210,7 @@ def _replaced(key: str, change: ModifiedBat, own: set[str]) -> bool:
 
 def _text(path: Traversable | Path) -> tuple[str, str]:
     try:
-        return path.read_text(encoding="utf-8"), str(path) if isinstance(
+        return path.read_text(encoding="utf-8-sig"), str(path) if isinstance(
             path, Path
         ) and not _shipped(path) else path.name
     except (OSError, UnicodeDecodeError) as fault:
@@ -221,7 +228,8 @@ def _parse(text: str, where: str) -> dict[str, Any]:
         raise InputError(where, "TOML", None, f"cannot be parsed: {fault}") from fault
 
 
-def _validate(document: Mapping[str, Any], where: str, spec: type[T]) -> T:
+def validate(document: Mapping[str, Any], where: str, spec: type[T]) -> T:
+    """Return the spec a parsed document holds; `InputError` names the key that does not fit."""
     from pydantic import TypeAdapter, ValidationError
 
     try:

@@ -1,14 +1,23 @@
-"""Reading JSON documents and raw bytes with errors that name the file."""
+"""Reading JSON, TOML, tables and raw bytes with errors that name the file."""
 
 from __future__ import annotations
 
+import csv
+import io
 import json
+import tomllib
+import warnings
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from virtual_lab.errors import InputError
 
-__all__ = ["read_bytes", "read_json", "read_text"]
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["parse_table", "read_bytes", "read_json", "read_table", "read_text", "read_toml"]
+
+SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab"}
 
 
 def read_bytes(path: Path) -> bytes:
@@ -20,9 +29,9 @@ def read_bytes(path: Path) -> bytes:
 
 
 def read_text(path: Path) -> str:
-    """Return the text of a UTF-8 file; `InputError` where it is none."""
+    """Return the text of a UTF-8 file, with or without its mark; `InputError` where it is none."""
     try:
-        return read_bytes(path).decode()
+        return read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError as fault:
         raise InputError(str(path), "file", None, f"is no UTF-8 text ({fault.reason})") from fault
 
@@ -37,3 +46,75 @@ def read_json(path: Path) -> dict[str, Any]:
     if not isinstance(document, dict):
         raise InputError(str(path), "JSON", type(document).__name__, "expected an object")
     return document
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return the TOML document in a file; `InputError` where it holds none."""
+    try:
+        return tomllib.loads(read_text(path))
+    except tomllib.TOMLDecodeError as fault:
+        raise InputError(str(path), "TOML", None, f"cannot be parsed: {fault}") from fault
+
+
+def read_table(path: Path, *, delimiter: str = ",", decimal: str = ".") -> pd.DataFrame:
+    """Return the table in a CSV file: a header, then rows as long as it.
+
+    Raises `InputError` where the file is empty, no text, of another delimiter, or uneven.
+    """
+    return parse_table(read_bytes(path), str(path), delimiter=delimiter, decimal=decimal)
+
+
+def parse_table(
+    data: bytes, where: str, *, delimiter: str = ",", decimal: str = "."
+) -> pd.DataFrame:
+    """Return the table that the bytes of a CSV file hold, as `read_table` does."""
+    import pandas as pd
+
+    head = _head(data, where, delimiter)
+    with warnings.catch_warnings():
+        # a row longer than the header: pandas would drop or shift its cells
+        warnings.simplefilter("error", pd.errors.ParserWarning)
+        try:
+            table = pd.read_csv(
+                io.BytesIO(data),
+                header=None,
+                skiprows=1,
+                names=head,
+                index_col=False,
+                sep=delimiter,
+                decimal=decimal,
+                skipinitialspace=True,
+                encoding="utf-8-sig",
+            )
+        except pd.errors.ParserWarning as fault:
+            why = "rows are longer than the header (decimal commas?)"
+            raise InputError(where, "CSV", None, f"cannot be read: {why}") from fault
+        except (ValueError, pd.errors.ParserError) as fault:
+            why = " ".join(str(fault).split())
+            raise InputError(where, "CSV", None, f"cannot be read: {why}") from fault
+    if table.empty:
+        raise InputError(where, "rows", 0, "a header and nothing below it")
+    return table
+
+
+def _head(data: bytes, where: str, delimiter: str) -> list[str]:
+    """Return the names in the first line of a CSV file, each of them once."""
+    if not data.strip():
+        raise InputError(where, "CSV", None, "cannot be read: the file is empty")
+    line = data.split(b"\n", 1)[0]
+    if b"\0" in data:
+        raise InputError(where, "CSV", None, "cannot be read: it is no text (a spreadsheet?)")
+    try:
+        text = line.decode("utf-8-sig").strip("\r")
+    except UnicodeDecodeError as fault:
+        raise InputError(where, "CSV", None, "cannot be read: it is no UTF-8 text") from fault
+    rows = csv.reader([text], delimiter=delimiter, skipinitialspace=True)
+    head = [name.strip() for row in rows for name in row]
+    others = [word for mark, word in SEPARATORS.items() if mark != delimiter and mark in text]
+    if len(head) < 2 and others:
+        allowed = f"cannot be read: cells are parted by {SEPARATORS[delimiter]}s here"
+        raise InputError(where, "delimiter", others[0], allowed)
+    for name in head:
+        if head.count(name) > 1:
+            raise InputError(where, "columns", name, "stands twice in the header")
+    return head

@@ -9,7 +9,6 @@ whole reduction.
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-from virtual_lab.documents import read_bytes, read_json, read_text
+from virtual_lab.documents import parse_table, read_bytes, read_json, read_text
 from virtual_lab.errors import InputError
 from virtual_lab.estimate import Estimate
 from virtual_lab.records import RECORD_TYPES, Record
@@ -25,6 +24,7 @@ from virtual_lab.records import RECORD_TYPES, Record
 __all__ = ["SCHEMA", "Session", "load_session", "save_session"]
 
 SCHEMA = 1
+PARTIES = ("laboratory", "customer")  # left out where the records do not name them
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +38,8 @@ class Session:
     calibration: Mapping[str, Estimate]  # "stage.instrument.constant"
     records: Mapping[str, Mapping[str, Record]]  # stage: channel: record
     date: str = ""  # of the test, as the laboratory writes dates
+    laboratory: str = ""
+    customer: str = ""
     simulation: Mapping[str, Any]  # rungs, reality and seed commitment; {} for a real laboratory
 
 
@@ -61,6 +63,7 @@ def save_session(session: Session, folder: Path) -> None:
         "bat": session.bat,
         "ball": session.ball,
         "date": session.date,
+        **{key: getattr(session, key) for key in PARTIES if getattr(session, key)},
         "rigs": dict(session.rigs),
         "simulation": dict(session.simulation),
         "channels": channels,
@@ -104,6 +107,7 @@ def load_session(folder: Path) -> Session:
             for stage, channels in document["channels"].items()
         },
         date=str(document.get("date", "")),
+        **{key: str(document.get(key, "")) for key in PARTIES},
         simulation=document.get("simulation", {}),
     )
 
@@ -117,13 +121,18 @@ def _written(known: Estimate) -> dict[str, Any]:
     entry: dict[str, Any] = {"value": known.value, "u": known.u}
     if known.dof != inf:
         entry["dof"] = known.dof
+    if known.source:
+        entry["source"] = known.source
     return entry
 
 
 def _known(entry: Any, key: str, where: Path) -> Estimate:
     try:
         return Estimate(
-            value=float(entry["value"]), u=float(entry["u"]), dof=float(entry.get("dof", inf))
+            value=float(entry["value"]),
+            u=float(entry["u"]),
+            dof=float(entry.get("dof", inf)),
+            source=str(entry.get("source", "")),
         )
     except (TypeError, KeyError, AttributeError, OverflowError) as fault:
         allowed = "expected { value, u } and, where limited, dof: numbers, SI"
@@ -133,19 +142,13 @@ def _known(entry: Any, key: str, where: Path) -> Estimate:
 
 
 def _record(path: Path, entry: Mapping[str, Any], where: Path) -> Record:
-    import pandas as pd
-
     kind = str(entry.get("record"))
     if kind not in RECORD_TYPES:
         raise InputError(
             str(where), f"{path.stem}.record", kind, f"allowed: {', '.join(RECORD_TYPES)}"
         )
     data = read_bytes(path)
-    try:
-        table = pd.read_csv(io.BytesIO(data))
-    except (ValueError, pd.errors.ParserError) as fault:
-        why = " ".join(str(fault).split())
-        raise InputError(str(path), "CSV", None, f"cannot be read: {why}") from fault
+    table = parse_table(data, str(path))
     if "rows" in entry and entry["rows"] != len(table):
         raise InputError(
             str(path),

@@ -51,6 +51,11 @@ def from_si(value: float, unit: str, dimension: str) -> float:
     return value / DIMENSIONS[dimension][unit]
 
 
+def suffix(unit: str) -> str:
+    """Return `unit` as names carry it at their end: m/s is ``m_per_s``."""
+    return unit.replace("/", "_per_").replace(" ", "_").replace("^", "")
+
+
 def inches(length_m: float) -> float:
     return length_m / INCH
 
