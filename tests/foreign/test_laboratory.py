@@ -91,7 +91,7 @@ def _no_line(start: str) -> Change:
         (_form('^bat = "r161"', 'bat = "?"'), ["bat", "not filled in"]),
         (
             _both(_form('^bat = "r161"', 'bat = "?"'), _form('= 0, unit = "oz"', '= "?"')),
-            ["bat, calibration.bench.scale.zero.value", "not filled in"],
+            ["bat, calibration.bench.scale.zero;", "not filled in"],
         ),
         (_form("^bat = ", "bats = 1\nbat = "), ["bats", "unknown key"]),
         (_no_line("bat ="), ["bat", "missing"]),

@@ -165,6 +165,17 @@ def test_amplitudes_stand_once_in_a_wide_table() -> None:
     assert record.last_amplitude == pytest.approx(np.radians([4]))
 
 
+def test_what_belongs_to_fewer_indices_stands_once() -> None:
+    """A clock all shots share, an amplitude a release: anywhere in its rows, or in all of them."""
+    data = b"shot,sample,counts,time_ms\n0,0,5,1\n0,1,6,\n1,0,7,\n1,1,8,2\n"
+    record = read(data, ChannelForm(record="encoder", file="x.csv"))
+    assert record.counts.tolist() == [[5, 6], [7, 8]]
+    assert record.times == pytest.approx(np.array([1e-3, 2e-3]))
+    data = data.replace(b"1,0,7,\n", b"1,0,7,3\n")
+    with pytest.raises(InputError, match="time_ms; one value for each sample, found more"):
+        read(data, ChannelForm(record="encoder", file="x.csv"))
+
+
 @pytest.mark.parametrize(
     ("data", "more"),
     [

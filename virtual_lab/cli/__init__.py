@@ -9,7 +9,7 @@ import sys
 import click
 
 from virtual_lab import __version__
-from virtual_lab.cli.bench import certify, reduce, score
+from virtual_lab.cli.bench import certify, reduce, score, template
 from virtual_lab.cli.shelf import compare, fit_bat, list_, profile, show
 from virtual_lab.cli.study import (
     bias,
@@ -89,6 +89,7 @@ for command in (
     certify,
     score,
     reduce,
+    template,
     list_,
     show,
     profile,

@@ -1,4 +1,4 @@
-"""Commands that test a bat: certify, reduce, score."""
+"""Commands that test a bat: certify, reduce, score, and forms for who tests elsewhere."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def certify(
 )
 @json_option
 def reduce(records: Path, out: Path | None, as_json: bool) -> None:
-    """Reduce a folder of raw RECORDS again, without the truth."""
+    """Reduce a folder of raw RECORDS, ours or another laboratory's, without the truth."""
     from virtual_lab.folder import check_new_folder
 
     if out:
@@ -110,3 +110,16 @@ def score(folder: Path, as_json: bool) -> None:
         print_json(document)
     else:
         click.echo(score_text(document))
+
+
+@click.command()
+@click.argument("procedure", shell_complete=names("procedures"))
+@click.argument("folder", type=click.Path(path_type=Path))
+def template(procedure: str, folder: Path) -> None:
+    """Write the empty forms of a PROCEDURE for another laboratory into a new FOLDER."""
+    from virtual_lab.folder import check_new_folder
+
+    check_new_folder(folder)
+    from virtual_lab.studies.template import write_template
+
+    click.echo(write_template(procedure, folder))

@@ -5,55 +5,64 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from math import inf
-from typing import Any
+from typing import Any, NamedTuple
 
 from virtual_lab.errors import InputError
 from virtual_lab.estimate import Estimate
 from virtual_lab.units import DIMENSIONS, to_si
 
-__all__ = ["UNIT_OF", "dimension_of", "read_constants"]
+__all__ = ["Constant", "constant_of", "read_constants"]
 
 GREATEST = 1e300  # a whole number in TOML may be beyond any float
 KEYS = ("value", "unit", "u", "dof", "source")
-UNIT_OF = {  # "instrument.constant": its dimension
-    "scale.zero": "mass",
-    "scale.span": "number",
-    "scale.resolution": "mass",
-    "rule.offset": "length",
-    "rule.resolution": "length",
-    "stand.offset": "length",
-    "stand.resolution": "length",
-    "pendulum.clock": "number",
-    "pendulum.amplitude_offset": "angle",
-    "pendulum.pivot_from_knob": "length",
-    "pendulum.clamp_inertia": "inertia",
-    "pendulum.clamp_moment": "moment",
-    "pendulum.gravity": "acceleration",
-    "gates.distance": "length",
-    "gates.height": "length",
-    "gates.lowest": "length",
-    "gates.pitch": "length",
-    "gates.clock": "number",
-    "air.density": "density",
-    "air.drag_coefficient": "number",
-    "pivot.from_knob": "length",
-    "pivot.height": "length",
-    "cannon.along": "length",
-    "encoder.scale": "number",
-    "encoder.counts_per_turn": "number",
-    "swing.scale": "number",
-    "swing.counts_per_turn": "number",
-    "ball.radius": "length",
-    "ball.restitution_slope": "slope of speed",
+
+
+class Constant(NamedTuple):
+    """What a constant is."""
+
+    dimension: str
+    meaning: str
+
+
+CONSTANTS = {  # by "instrument.constant"
+    "scale.zero": Constant("mass", "what the scale shows of nothing"),
+    "scale.span": Constant("number", "mass shown, less the zero, over true mass"),
+    "scale.resolution": Constant("mass", "its smallest step"),
+    "rule.offset": Constant("length", "length shown less true length"),
+    "rule.resolution": Constant("length", "its smallest step"),
+    "stand.offset": Constant("length", "balance point shown less true one"),
+    "stand.resolution": Constant("length", "its smallest step"),
+    "pendulum.clock": Constant("number", "time shown over true time"),
+    "pendulum.amplitude_offset": Constant("angle", "amplitude shown less true one"),
+    "pendulum.pivot_from_knob": Constant("length", "from the knob's end to the axis it swings on"),
+    "pendulum.clamp_inertia": Constant("inertia", "of the clamp alone, about that axis"),
+    "pendulum.clamp_moment": Constant("moment", "mass of the clamp times its lever below the axis"),
+    "pendulum.gravity": Constant("acceleration", "where the pendulum stands"),
+    "gates.distance": Constant("length", "from the ball's centre at contact; 0: farthest gate"),
+    "gates.height": Constant("length", "of the gate above the line of fire, against its nominal"),
+    "gates.lowest": Constant("length", "of the lowest beam above the line of fire"),
+    "gates.pitch": Constant("length", "from beam to beam"),
+    "gates.clock": Constant("number", "time shown over true time"),
+    "air.density": Constant("density", "of the air in the hall"),
+    "air.drag_coefficient": Constant("number", "of the ball"),
+    "pivot.from_knob": Constant("length", "from the knob's end to the axis the bat turns on"),
+    "pivot.height": Constant("length", "of the bat's axis above the line of fire"),
+    "cannon.along": Constant("length", "where balls strike less where they were set to"),
+    "encoder.scale": Constant("number", "angle shown over true angle"),
+    "encoder.counts_per_turn": Constant("number", "of the encoder"),
+    "swing.scale": Constant("number", "angle shown over true angle"),
+    "swing.counts_per_turn": Constant("number", "of the encoder"),
+    "ball.radius": Constant("length", "of the ball"),
+    "ball.restitution_slope": Constant("slope of speed", "of the ball's e0 over its speed"),
 }
 
 
-def dimension_of(key: str) -> str | None:
-    """Return the dimension of a constant ``stage.instrument.constant``, None where unknown.
+def constant_of(key: str) -> Constant | None:
+    """Return what a constant ``stage.instrument.constant`` is, None where it is not ours.
 
     A number at the end tells apart constants of a kind: ``distance_0``, ``distance_1``.
     """
-    return UNIT_OF.get(re.sub(r"_\d+$", "", ".".join(key.split(".")[-2:])))
+    return CONSTANTS.get(re.sub(r"_\d+$", "", ".".join(key.split(".")[-2:])))
 
 
 def read_constants(entries: Mapping[str, Any], where: str) -> dict[str, Estimate]:
@@ -98,10 +107,10 @@ def _number(entry: Mapping[str, Any], name: str, at: str, where: str) -> float:
 
 def _units(key: str) -> dict[str, str]:
     """Return the units a constant may be in, and the dimension each is of."""
-    only = dimension_of(key)
+    only = constant_of(key)
     return {
         unit: dimension
         for dimension, units in DIMENSIONS.items()
         for unit in units
-        if only in (None, dimension)
+        if only is None or only.dimension == dimension
     }

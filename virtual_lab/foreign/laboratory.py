@@ -76,7 +76,7 @@ def _record(entry: Any, where: str, folder: Path, form: LaboratoryForm) -> Any:
 
 def _read_form(path: Path) -> LaboratoryForm:
     document = read_toml(path)
-    if blank := list(_blank(document)):
+    if blank := [key for name in document for key in _blank(document[name], name)]:
         raise InputError(str(path), ", ".join(blank), None, f"not filled in yet ({BLANK!r})")
     return catalog.validate(document, str(path), LaboratoryForm)
 
@@ -94,10 +94,10 @@ def _procedure_text(name: str, folder: Path, where: Path) -> str:
         raise InputError(str(where), fault.key, fault.value, fault.allowed) from fault
 
 
-def _blank(document: Any, key: str = "") -> Iterator[str]:
-    """Yield the keys still to be filled in."""
-    if document == BLANK:
+def _blank(entry: Any, key: str) -> Iterator[str]:
+    """Yield the keys still to be filled in, a table that lacks several things as one."""
+    if entry == BLANK or (isinstance(entry, Mapping) and BLANK in entry.values()):
         yield key
-    if isinstance(document, Mapping):
-        for name, entry in document.items():
-            yield from _blank(entry, f"{key}.{name}" if key else name)
+    elif isinstance(entry, Mapping):
+        for name, inner in entry.items():
+            yield from _blank(inner, f"{key}.{name}")

@@ -109,6 +109,10 @@ def read_channel(form: ChannelForm, folder: Path, index_from: FirstIndex, where:
     if table[values].isna().all(axis=None):
         raise InputError(str(path), ", ".join(values), None, "hold no number yet")
     record = table[list(found.values())].set_axis(list(found), axis="columns")
+    for column in kind.columns.values():
+        if column.axes != tuple(_axes(kind)):  # need stand only once
+            once = record.groupby(list(column.axes))[column.name].transform("first")
+            record = record.assign(**{column.name: record[column.name].fillna(once)})
     factors = {column: meanings[name].factor for column, name in found.items()}
     record = record.assign(**{key: record[key] * by for key, by in factors.items() if by != 1})
     try:

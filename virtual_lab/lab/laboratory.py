@@ -49,7 +49,7 @@ from virtual_lab.streams import Draws, commitment
 from virtual_lab.truth import Sealed, draw_balls, draw_bat
 from virtual_lab.units import INCH
 
-__all__ = ["Tested", "certify_bat", "commission"]
+__all__ = ["Tested", "certify_bat"]
 
 Array = NDArray[np.float64]
 Say = Callable[[str], None]
@@ -101,23 +101,8 @@ def certify_bat(
     """
     if seed is not None and seed < 0:
         raise InputError("", "seed", seed, "allowed: whole numbers from 0")
-    return _open(bat, procedure, seed=seed, reality=reality, rung=rung).run(say)
-
-
-def commission(procedure: str) -> Session:
-    """Return what a laboratory for a procedure knows before it plays: rigs and constants.
-
-    `InputError` as `certify_bat`.
-    """
-    bat = catalog.names("bats")[0]
-    return _open(bat, procedure, seed=0, reality=Reality.NOISE_FREE, rung=None).session
-
-
-def _open(
-    bat: str, procedure: str, *, seed: int | None, reality: Reality, rung: str | None
-) -> _Laboratory:
     rules = catalog.load("procedures", procedure, Procedure)
-    return _Laboratory.open(
+    laboratory = _Laboratory.open(
         bat=catalog.load_bat(bat).spec,
         ball=catalog.load("balls", rules.spec.ball, BallSpec).spec,
         rules=rules,
@@ -129,6 +114,7 @@ def _open(
         | catalog.unverified("balls", rules.spec.ball)
         | unverified_rigs((BENCH_RIG, BALL_RIG, rig or rules.spec.rig)),
     )
+    return laboratory.run(say)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

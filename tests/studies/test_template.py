@@ -1,0 +1,130 @@
+"""Forms of every procedure: empty they say what they lack, filled in they reduce to the same."""
+
+from __future__ import annotations
+
+import io
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.test_cli import Run, run  # noqa: F401 a fixture
+from virtual_lab import catalog
+from virtual_lab.api import reduce
+from virtual_lab.certification import certify_session
+from virtual_lab.errors import InputError
+from virtual_lab.foreign.laboratory import load_laboratory
+from virtual_lab.session import Session
+from virtual_lab.studies.foreign import our_own
+from virtual_lab.studies.template import write_template
+
+PROCEDURES = catalog.names("procedures")
+HAS_TO_BE_FILLED = re.compile(r"""^"?([\w.]+)"? = .*"\?\"""", re.MULTILINE)
+
+
+def fill_in(folder: Path, session: Session) -> None:
+    """Fill a form in with a session, as somebody with an editor would."""
+    path = folder / "laboratory.toml"
+    text = path.read_text("utf-8").replace("\r\n", "\n")
+    for key, known in session.calibration.items():
+        old = f'"{key}" = {{ value = "?"'
+        assert text.count(old) == 1
+        text = text.replace(old, f'"{key}" = {{ value = {known.value!r}')
+        text = re.sub(
+            f'^("{re.escape(key)}".*) u = "\\?"', f"\\1 u = {known.u!r}", text, flags=re.M
+        )
+    path.write_text(text.replace('"?"', '"x"').replace('bat = "x"', f'bat = "{session.bat}"'))
+    for stage, records in session.records.items():
+        for channel, record in records.items():
+            sheet = folder / stage / f"{channel}.csv"
+            header = sheet.read_text().splitlines()[0].split(",")
+            record.table()[header].to_csv(sheet, index=False)
+
+
+@pytest.mark.parametrize("procedure", PROCEDURES)
+def test_an_empty_form_lists_what_it_lacks(procedure: str, tmp_path: Path) -> None:
+    """Every key with a question mark; then, one by one, the tables."""
+    folder = write_template(procedure, tmp_path / "form")
+    text = (folder / "laboratory.toml").read_text("utf-8")
+    with pytest.raises(InputError, match="not filled in") as caught:
+        load_laboratory(folder)
+    said = {key.removeprefix("calibration.") for key in caught.value.key.split(", ")}
+    due = set(HAS_TO_BE_FILLED.findall(text)) - {"bench", "balls", "impact"} | {"rigs"}
+    assert said == due
+    assert set(our_own(procedure).calibration) < said
+
+
+@pytest.mark.parametrize("procedure", PROCEDURES)
+def test_a_form_filled_in_gives_the_same_numbers(procedure: str, tmp_path: Path) -> None:
+    """What our own laboratory measured, written into the form by hand."""
+    session = our_own(procedure)
+    expected = certify_session(session)
+    folder = write_template(procedure, tmp_path / "form")
+    fill_in(folder, session)
+    found = reduce(folder).certification
+    assert found.verdict is expected.verdict
+    assert found.quantities.keys() == expected.quantities.keys()
+    for name, budget in expected.quantities.items():
+        assert found.quantities[name].value == budget.value
+        assert found.quantities[name].u == budget.u
+
+
+@pytest.mark.parametrize("procedure", PROCEDURES)
+def test_the_tables_have_their_index_columns(procedure: str, tmp_path: Path) -> None:
+    """A row for every shot, gate and reading; long ones their first row; no values anywhere."""
+    folder = write_template(procedure, tmp_path / "form")
+    for stage, records in our_own(procedure).records.items():
+        for channel, record in records.items():
+            form = pd.read_csv(io.StringIO((folder / stage / f"{channel}.csv").read_text()))
+            full = record.table()
+            assert list(form.columns) == list(full.columns)
+            assert len(form) == (1 if len(full) > 500 else len(full))
+            for name in form.columns:
+                if form[name].notna().any():
+                    np.testing.assert_array_equal(form[name], full[name].head(len(form)))
+            assert set(record.sizes()) <= set(form.columns[form.notna().all()])
+            assert form.columns[form.isna().all()].size
+
+
+def test_a_form_with_empty_tables(tmp_path: Path) -> None:
+    """Only the form proper filled in: the first table is named."""
+    folder = write_template("astm-f1881", tmp_path / "form")
+    tables = {path: path.read_text() for path in folder.glob("*/*.csv")}
+    fill_in(folder, our_own("astm-f1881"))
+    load_laboratory(folder)
+    for path, text in tables.items():
+        filled = path.read_text()
+        path.write_text(text)
+        with pytest.raises(InputError, match="no number yet") as caught:
+            load_laboratory(folder)
+        assert caught.value.where == str(path)
+        path.write_text(filled)
+
+
+def test_rules_of_your_own_come_along(tmp_path: Path) -> None:
+    rules = tmp_path / "mine.toml"
+    text = catalog.text("procedures", "astm-f1881").replace(
+        "attempts = { value = 12", "attempts = { value = 7"
+    )
+    rules.write_text(text)
+    folder = write_template(str(rules), tmp_path / "form")
+    assert (folder / "procedure.toml").read_text() == text
+    assert 'procedure = "procedure.toml"' in (folder / "laboratory.toml").read_text()
+    assert len((folder / "bench" / "ball-mass.csv").read_text().splitlines()) == 1 + 7 * 5
+
+
+def test_by_the_command_line(run: Run, tmp_path: Path) -> None:  # noqa: F811
+    assert run("template", "astm-f1881", "form")[:2] == (0, "form\n")
+    assert (tmp_path / "form" / "laboratory.toml").is_file()
+    code, out, err = run("template", "astm-f1881", "form")
+    assert (code, out) == (2, "")
+    assert "not empty" in err
+    code, out, err = run("template", "astm-f1882", "other")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "did you mean astm-f1881" in err
+    assert [path.name for path in tmp_path.iterdir()] == ["form"]
+    code, _, err = run("reduce", "form")
+    assert code == 2
+    assert "form/laboratory.toml: laboratory, customer, date, bat, rigs, calibration." in err

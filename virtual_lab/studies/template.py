@@ -1,0 +1,121 @@
+"""Empty forms for another laboratory: what a test by a procedure writes, values left out.
+
+A laboratory of ours plays the procedure once, so the forms follow whatever rigs, records and
+constants it takes.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator
+from pathlib import Path
+
+from virtual_lab import catalog
+from virtual_lab.folder import new_folder
+from virtual_lab.foreign.constants import constant_of
+from virtual_lab.foreign.laboratory import BLANK, FORM
+from virtual_lab.foreign.table import column_names
+from virtual_lab.procedure import Procedure
+from virtual_lab.records import RECORD_TYPES, Record
+from virtual_lab.session import Session
+from virtual_lab.studies.foreign import our_own
+from virtual_lab.units import DIMENSIONS
+
+__all__ = ["write_template"]
+
+MOST_ROWS = 500  # a longer table is no form to fill in by hand
+OWN_RULES = "procedure.toml"
+
+
+def write_template(procedure: str, folder: Path) -> Path:
+    """Write the forms of a procedure (a name, or a .toml file) into a new folder.
+
+    Raises `InputError` where there is no such procedure, or the folder cannot be written; nothing
+    is left half-written.
+    """
+    session = our_own(procedure)
+    own = procedure.endswith(".toml")
+    with new_folder(folder) as draft:
+        if own:
+            (draft / OWN_RULES).write_text(session.procedure_text, encoding="utf-8")
+        text = "\n".join(_form(session, OWN_RULES if own else procedure))
+        (draft / FORM).write_text(text + "\n", encoding="utf-8")
+        for stage, records in session.records.items():
+            (draft / stage).mkdir()
+            for channel, record in records.items():
+                (draft / stage / f"{channel}.csv").write_text(_table(record), encoding="utf-8")
+    return folder
+
+
+def _form(session: Session, procedure: str) -> Iterator[str]:
+    rules = catalog.read(session.procedure_text, procedure, Procedure).spec
+    yield f"# The form of a test by {procedure}: {rules.title}."
+    yield f"# Fill in every {BLANK!r} and the tables, then: virtual-lab reduce FOLDER"
+    yield "# Tables may have other units, names and shapes: data/README.md, A form, says how."
+    yield ""
+    yield f'laboratory = "{BLANK}"  # this line, the next and the date may go'
+    for key in ("customer", "date", "bat"):
+        yield f'{key} = "{BLANK}"'
+    yield f'ball = "{session.ball}"'
+    yield f'procedure = "{procedure}"'
+    yield "index_from = 0  # where shots, balls, readings and the rest are counted from; or 1"
+    yield ""
+    yield "[rigs]  # your machines, in your own words"
+    for stage, name in session.rigs.items():
+        yield f'{stage} = "{BLANK}"  # ours: {name}'
+    for stage, records in session.records.items():
+        for channel, record in records.items():
+            yield ""
+            yield from _channel(stage, channel, record)
+    yield ""
+    yield "# What your calibrations say. u is the standard uncertainty, in the unit of the value;"
+    yield "# dof = NUMBER may be added where it is known no better. Nothing is assumed for you: a"
+    yield "# correction you do not make has value 0, and the u of not making it."
+    yield ""
+    yield "[calibration]"
+    for key in session.calibration:
+        yield from _constant(key)
+
+
+def _channel(stage: str, channel: str, record: Record) -> Iterator[str]:
+    names = {kind: name for name, kind in RECORD_TYPES.items()}
+    for line in filter(None, inspect.cleandoc(type(record).__doc__ or "").splitlines()):
+        yield f"# {line}"
+    sizes = record.sizes()
+    last = {axis: size - 1 for axis, size in sizes.items()}
+    numbers = ", ".join(f"{axis} 0 to {end}" if end else f"{axis} 0" for axis, end in last.items())
+    rest = "; the file holds the first row only" if _is_long(record) else ""
+    yield f"# Of our test: {numbers}{rest}."
+    for column in record.columns.values():
+        others = [name for name in column_names(column.name) if name != column.name]
+        once = f" once for each {', '.join(column.axes)}" if set(column.axes) < set(sizes) else ""
+        units = f" (or {', '.join(others)})" if others else ""
+        yield f"# {column.name}{units}{once}{', or empty' if column.may_be_missing else ''}"
+    yield f"[channels.{stage}.{channel}]"
+    yield f'record = "{names[type(record)]}"'
+    yield f'file = "{stage}/{channel}.csv"'
+
+
+def _constant(key: str) -> Iterator[str]:
+    known = constant_of(key)
+    units = list(DIMENSIONS[known.dimension]) if known else [BLANK]
+    meaning = f"{known.meaning}; " if known else ""
+    yield f"# {meaning}{' or '.join(units)}"
+    yield f'"{key}" = {{ value = "{BLANK}", unit = "{units[0]}", u = "{BLANK}", source = "" }}'
+
+
+def _is_long(record: Record) -> bool:
+    rows = 1
+    for size in record.sizes().values():
+        rows *= size
+    return rows > MOST_ROWS
+
+
+def _table(record: Record) -> str:
+    """Return the CSV form of a record, its values left out and the numbers of items kept."""
+    table = record.table()
+    values = [column.name for column in record.columns.values() if not column.is_index]
+    numbers = [column.name for column in record.columns.values() if column.is_index]
+    table = table.astype(dict.fromkeys(numbers, int)).astype(dict.fromkeys(values, object))
+    table[values] = ""
+    return (table.head(1) if _is_long(record) else table).to_csv(index=False, lineterminator="\n")
