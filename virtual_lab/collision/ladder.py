@@ -163,7 +163,7 @@ class Ladder:
     """The collision for the scenes of one test: chosen once for each bat and support."""
 
     probe: Scenes
-    standard_uncertainty: float  # of the e_A that the test is to yield
+    standard_uncertainty: float | None  # of the e_A that the test is to yield; None: modal
     rung: str | None = None
     taken: dict[tuple[BatBody, Support], Choice] = field(default_factory=dict)
     fitted: dict[tuple[BatBody, Support], tuple[Box, EfficiencyChoice]] = field(
@@ -185,13 +185,13 @@ class Ladder:
 
     def efficiency(self, body: BatBody, support: Support, scenes: Scenes) -> NDArray[np.float64]:
         """Return e_A alone of scenes of a bat under a support, by the cheapest way there is."""
-        if self.rung is not None or len(scenes) < WORTH_BUILDING:
+        u = self.standard_uncertainty
+        if self.rung is not None or u is None or len(scenes) < WORTH_BUILDING:
             return self(body, support).collide(scenes).collision_efficiency
         key, box = (body, support), Box.about(scenes)
         ready = self.fitted.get(key)
         if ready is None or not ready[0].holds(box):
             wide = box.widened(ROOM)
-            u = self.standard_uncertainty
             choice = choose_efficiency(body, support, scenes, standard_uncertainty=u, box=wide)
             ready = self.fitted[key] = (wide, choice)
         return ready[1].efficiency(scenes)

@@ -1,5 +1,6 @@
 """One test: the only place where rigs, reduction and procedure meet."""
 
-from virtual_lab.lab.laboratory import Tested, certify_bat
+from virtual_lab.lab.certify import certify_bat
+from virtual_lab.lab.laboratory import Tested
 
 __all__ = ["Tested", "certify_bat"]

@@ -16,7 +16,6 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab import catalog
 from virtual_lab.catalog import Entry
 from virtual_lab.certification import (
     Certification,
@@ -27,9 +26,8 @@ from virtual_lab.certification import (
 )
 from virtual_lab.collision.ladder import Ladder, probing_scenes
 from virtual_lab.collision.modal import kernel_is_compiled
-from virtual_lab.errors import InputError
 from virtual_lab.estimate import Estimate
-from virtual_lab.lab.fitting import require_rig, unverified_rigs
+from virtual_lab.lab.fitting import require_rig
 from virtual_lab.lab.measurand import measurand
 from virtual_lab.procedure import Procedure, aimed_place, next_places, to_set
 from virtual_lab.records import Record, join
@@ -49,7 +47,7 @@ from virtual_lab.streams import Draws, commitment
 from virtual_lab.truth import Sealed, draw_balls, draw_bat
 from virtual_lab.units import INCH
 
-__all__ = ["Tested", "certify_bat"]
+__all__ = ["BALL_RIG", "BENCH_RIG", "Laboratory", "Say", "Tested"]
 
 Array = NDArray[np.float64]
 Say = Callable[[str], None]
@@ -65,60 +63,8 @@ class Tested:
     sealed: Sealed
 
 
-def certify_bat(
-    bat: str,
-    *,
-    procedure: str,
-    rig: str | None = None,
-    seed: int | None = None,
-    reality: Reality = Reality.REAL,
-    rung: str | None = None,
-    say: Say = lambda _: None,
-) -> Tested:
-    """Take a bat through a procedure.
-
-    Parameters
-    ----------
-    bat, procedure
-        Names in the catalog, or paths of .toml files.
-    rig
-        An installed rig that gives what the procedure needs; None takes the one it names.
-    seed
-        Of everything random; None draws one.
-    reality
-        How much of a real day is played.
-    rung
-        Of the collision: ``rigid``, ``modal`` or ``reference``; None takes the cheapest whose
-        error is at most a tenth of the standard uncertainty of e_A that such a test reaches.
-    say
-        Told what goes on, a sentence at a time.
-
-    Raises
-    ------
-    InputError
-        Unknown names, files that cannot be used, a negative seed, an unknown rung, a rig that
-        lacks what the procedure needs.
-    """
-    if seed is not None and seed < 0:
-        raise InputError("", "seed", seed, "allowed: whole numbers from 0")
-    rules = catalog.load("procedures", procedure, Procedure)
-    laboratory = _Laboratory.open(
-        bat=catalog.load_bat(bat).spec,
-        ball=catalog.load("balls", rules.spec.ball, BallSpec).spec,
-        rules=rules,
-        seed=secrets.randbits(64) if seed is None else seed,
-        rig=rig or rules.spec.rig,
-        reality=reality,
-        rung=rung,
-        unverified=catalog.unverified("bats", bat)
-        | catalog.unverified("balls", rules.spec.ball)
-        | unverified_rigs((BENCH_RIG, BALL_RIG, rig or rules.spec.rig)),
-    )
-    return laboratory.run(say)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Laboratory:
+class Laboratory:
     """One laboratory on the day of one test."""
 
     rules: Entry[Procedure]
@@ -143,7 +89,7 @@ class _Laboratory:
         reality: Reality,
         rung: str | None,
         unverified: Mapping[str, str],
-    ) -> _Laboratory:
+    ) -> Laboratory:
         """Commission the rigs and draw the individuals."""
         draws = reality.draws(seed)
         rigs = {Stage.BENCH: BENCH_RIG, Stage.BALLS: BALL_RIG, Stage.IMPACT: rig}
@@ -247,7 +193,7 @@ class _Laboratory:
         ball = balls.repeat(speeds.size)
         return Order(ball=ball, speed=np.tile(speeds, balls.size), place=np.zeros(ball.shape))
 
-    def _with_balls_as_found(self, order: Order, wall: Play) -> _Laboratory:
+    def _with_balls_as_found(self, order: Order, wall: Play) -> Laboratory:
         """Return the laboratory whose lot has the e0 that its wall hits found on average.
 
         That lot is the measurand's, and the bat meets it: what a ball gains or loses between

@@ -196,8 +196,6 @@ def across_constant(records: Mapping[str, Record]) -> Estimate:
     marks = records.get("aim")
     if marks is None:
         raise InputError("impact/aim", "record", None, "this record is missing")
-    if marks is None:
-        raise InputError("impact/aim", "record", None, "this record is missing")
     if not isinstance(marks, AimMarks):
         raise InputError("impact/aim", "record", type(marks).__name__, "expected aim marks")
     square = float(np.mean(marks.across**2))

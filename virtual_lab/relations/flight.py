@@ -10,18 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import exprel
 
-<<<<<<< HEAD
-__all__ = ["drag_rate", "time_after", "time_before"]
-=======
 __all__ = [
     "distance_after",
     "drag_rate",
     "speed_after",
-    "speed_from_passages",
     "time_after",
     "time_before",
 ]
->>>>>>> The motion of ball and bat: a closed form, and a pymunk scene for what it cannot do
 
 Array = NDArray[np.float64]
 
@@ -43,8 +38,6 @@ def time_before(distance: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array
 def time_after(distance: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
     """Return the time from a place, left at `speed` [m/s], to `distance` [m] beyond it."""
     return time_before(distance, speed, -np.asarray(drag))
-<<<<<<< HEAD
-=======
 
 
 def distance_after(time: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
@@ -59,25 +52,3 @@ def distance_after(time: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
 def speed_after(time: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
     """Return the speed [m/s] a `time` [s] after a place left at `speed`."""
     return np.asarray(speed / (1 + np.asarray(drag) * speed * np.asarray(time)))
-
-
-def speed_from_passages(
-    far: ArrayLike, near: ArrayLike, duration: ArrayLike, drag: ArrayLike, *, outbound: bool
-) -> Array:
-    """Return the speed at the place [m/s] from the time between two gates.
-
-    Parameters
-    ----------
-    far, near
-        Distances of the two gates from the place [m].
-    duration
-        Time between the two passages [s], positive.
-    drag
-        κ [1/m].
-    outbound
-        False: the ball flies toward the place; True: away from it.
-    """
-    signed = np.asarray(drag) * (-1.0 if outbound else 1.0)
-    apart = time_before(far, 1.0, signed) - time_before(near, 1.0, signed)
-    return np.asarray(apart / np.asarray(duration))
->>>>>>> The motion of ball and bat: a closed form, and a pymunk scene for what it cannot do

@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab import catalog
-from virtual_lab.collision.modal import ModalModel
+from virtual_lab.collision.ladder import Ladder, probing_scenes
 from virtual_lab.errors import InputError
 from virtual_lab.estimate import Estimate
 from virtual_lab.folder import new_folder
 from virtual_lab.physics.ageing import lasting_loss
 from virtual_lab.records import GateRecord
-from virtual_lab.reduction.gates import inbound_duration, outbound_duration
+from virtual_lab.reduction.gates import passages
 from virtual_lab.reduction.measurement import measured_balls
 from virtual_lab.reduction.observations import BallReadings
 from virtual_lab.report.control_chart import draw_control_chart
@@ -215,7 +215,11 @@ def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
     for day, gives in enumerate(wall):
         play = station.with_wall(float(gives)).play(
             replace(order, block=day),
-            Specimen(bat=bat, balls=balls, collision=ModalModel.of),
+            Specimen(
+                bat=bat,
+                balls=balls,
+                collision=Ladder(probe=probing_scenes(spec, SPEED), standard_uncertainty=None),
+            ),
             draws,
         )
         gates = play.records["gates"]
@@ -236,8 +240,7 @@ def _measured(
         mass=np.array([spec.mass]),
         ball=order.ball,
         nominal_speed=order.speed,
-        duration_in=inbound_duration(gates),
-        duration_out=outbound_duration(gates),
+        passages=passages(gates),
     )
     return float(measured_balls(constants, readings).restitution[0])
 

@@ -1,0 +1,67 @@
+"""Take a bat through a procedure: names in, a tested bat out."""
+
+from __future__ import annotations
+
+import secrets
+
+from virtual_lab import catalog
+from virtual_lab.errors import InputError
+from virtual_lab.lab.fitting import unverified_rigs
+from virtual_lab.lab.laboratory import BALL_RIG, BENCH_RIG, Laboratory, Say, Tested
+from virtual_lab.procedure import Procedure
+from virtual_lab.rig import Reality
+from virtual_lab.specs import BallSpec
+
+__all__ = ["certify_bat"]
+
+
+def certify_bat(
+    bat: str,
+    *,
+    procedure: str,
+    rig: str | None = None,
+    seed: int | None = None,
+    reality: Reality = Reality.REAL,
+    rung: str | None = None,
+    say: Say = lambda _: None,
+) -> Tested:
+    """Take a bat through a procedure.
+
+    Parameters
+    ----------
+    bat, procedure
+        Names in the catalog, or paths of .toml files.
+    rig
+        An installed rig that gives what the procedure needs; None takes the one it names.
+    seed
+        Of everything random; None draws one.
+    reality
+        How much of a real day is played.
+    rung
+        Of the collision: ``rigid``, ``modal`` or ``reference``; None takes the cheapest whose
+        error is at most a tenth of the standard uncertainty of e_A that such a test reaches.
+    say
+        Told what goes on, a sentence at a time.
+
+    Raises
+    ------
+    InputError
+        Unknown names, files that cannot be used, a negative seed, an unknown rung, a rig that
+        lacks what the procedure needs.
+    """
+    if seed is not None and seed < 0:
+        raise InputError("", "seed", seed, "allowed: whole numbers from 0")
+    rules = catalog.load("procedures", procedure, Procedure)
+    laboratory = Laboratory.open(
+        bat=catalog.load_bat(bat).spec,
+        ball=catalog.load("balls", rules.spec.ball, BallSpec).spec,
+        rules=rules,
+        seed=secrets.randbits(64) if seed is None else seed,
+        rig=rig or rules.spec.rig,
+        reality=reality,
+        rung=rung,
+        unverified=catalog.unverified("bats", bat)
+        | catalog.unverified("balls", rules.spec.ball)
+        | unverified_rigs((BENCH_RIG, BALL_RIG, rig or rules.spec.rig)),
+    )
+    return laboratory.run(say)
