@@ -187,9 +187,9 @@ class Laboratory:
         )
 
     def _wall_order(self, balls: NDArray[np.int_]) -> Order:
-        """Return an order that fires every ball at the wall at every speed, ball by ball."""
+        """Return an order that fires every ball at the wall at the speeds in turn: it ages."""
         procedure = self.rules.spec
-        speeds = np.repeat(procedure.wall_speeds, procedure.wall_hits)
+        speeds = np.tile(procedure.wall_speeds, procedure.wall_hits)
         ball = balls.repeat(speeds.size)
         return Order(ball=ball, speed=np.tile(speeds, balls.size), place=np.zeros(ball.shape))
 
