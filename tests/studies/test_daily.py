@@ -10,7 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from virtual_lab import catalog
 from virtual_lab.errors import InputError
+from virtual_lab.specs import BallSpec
 from virtual_lab.studies.daily import daily, save_daily
 
 HIT = 0.003 / sqrt(10)  # of the mean of ten hits of the check ball, data/balls/check-ball.toml
@@ -70,10 +72,12 @@ def test_alarms_before_the_change_are_counted_apart() -> None:
 
 
 def test_a_check_ball_that_ages_is_seen_to() -> None:
-    """Ten hits a day, a ten-thousandth each, half of it back by morning: 5e-4 a day."""
-    played = daily(ball="baseball-2003", days=101, baseline=100)
+    """Ten hits a day at the sheet's loss each, its recovering share back by morning."""
+    ageing = catalog.load("balls", "softball-slowpitch", BallSpec).spec.ageing
+    daily_loss = 10 * ageing.loss * (1 - ageing.recovering)
+    played = daily(ball="softball-slowpitch", days=101, baseline=100)
     slope = np.polyfit(np.arange(101), played.values, 1)[0]
-    assert slope == pytest.approx(-5e-4, rel=0.05)  # a standard error of 0.7 %
+    assert slope == pytest.approx(-daily_loss, rel=0.05)  # a standard error of 0.7 %
 
 
 def test_a_day_is_a_block_of_its_own() -> None:

@@ -106,7 +106,7 @@ def test_a_form_with_empty_tables(tmp_path: Path) -> None:
 def test_rules_of_your_own_come_along(tmp_path: Path) -> None:
     rules = tmp_path / "mine.toml"
     text = catalog.text("procedures", "astm-f1881").replace(
-        "attempts = { value = 12", "attempts = { value = 7"
+        "\nballs = { value = 12", "\nballs = { value = 7"
     )
     rules.write_text(text)
     folder = write_template(str(rules), tmp_path / "form")

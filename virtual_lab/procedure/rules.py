@@ -26,14 +26,30 @@ __all__ = [
 FASTEST = 100.0  # m/s, beyond any ball cannon and any bat
 MOST_ATTEMPTS = 1000  # a slip of the pen, not a test, beyond
 REFERENCE_PLACE = 6 * INCH  # from the tip, where a bat's speed is named
-
+OPTIONAL_WINDOWS = (
+    "place_tolerance",
+    "rate_before",
+    "recoil_u",
+    "bat_speed_tolerance",
+    "contact_angle",
+    "edge_misfit",
+    "rebound_angle",
+    "agreement",
+)
 Metric = Literal["bat_performance_factor", "besr", "restitution", "batted_speed"]
 Mass = Annotated[float, Gt(0), Dimension("mass")]
 Length = Annotated[float, Gt(0), Dimension("length")]
 Speed = Annotated[float, Gt(0), Lt(FASTEST), Dimension("speed")]
 Number = Annotated[float, Gt(0), Dimension("number")]
 Count = Annotated[int, Gt(1), Dimension("number")]
-Lengths = Annotated[tuple[float, ...], Dimension("length")]
+
+
+def _require_positive(spec: Spec, *names: str) -> None:
+    """Refuse numbers not above 0 in fields that may also be left out."""
+    for name in names:
+        value = getattr(spec, name)
+        if value is not None and not value > 0:
+            raise ValueError(f"{name} is {value:g}; it must be greater than 0, or left out")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,6 +72,7 @@ class Windows(Spec):
     agreement: Annotated[float | None, Dimension("number")] = None  # e_A, recoil and rebound
 
     def __post_init__(self) -> None:
+        _require_positive(self, *OPTIONAL_WINDOWS)
         for name in ("ball_mass", "ball_restitution"):
             low, high = getattr(self, f"{name}_low"), getattr(self, f"{name}_high")
             if low > high:
@@ -104,6 +121,7 @@ class Game(Spec):
     bat_speed: Annotated[float | None, Dimension("speed")] = None
 
     def __post_init__(self) -> None:
+        _require_positive(self, "angular_speed", "bat_speed", "reference_inertia", "reference_mass")
         if (self.angular_speed is None) == (self.bat_speed is None):
             raise ValueError("a swing has either an angular_speed or a bat_speed")
         if self.angular_speed is not None and self.axis_from_knob is None:
@@ -171,6 +189,9 @@ class Procedure(Spec):
     eligibility: Eligibility | None = None
 
     def __post_init__(self) -> None:
+        _require_positive(self, "limit", "speed_limit", "bat_speed")
+        if self.bat_speed is not None and self.bat_speed >= FASTEST:
+            raise ValueError(f"bat_speed is {self.bat_speed:g} m/s; allowed: below {FASTEST:g}")
         if self.attempts < self.valid_hits:
             raise ValueError(f"{self.attempts} attempts cannot give {self.valid_hits} valid hits")
         if self.attempts > MOST_ATTEMPTS:
