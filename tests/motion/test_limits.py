@@ -64,7 +64,6 @@ def test_the_longest_step_is_that_of_ball_and_barrel() -> None:
         ("angle", {"stops": Stops(low=0.1, high=1.0)}),
         ("stops", {"stops": Stops(low=1.0, high=-1.0)}),
         ("stop restitution", {"stops": Stops(low=-1.0, high=1.0, restitution=2.0)}),
-        ("sample_times", {"sample_times": (0.1, 0.3)}),
         (
             "obstacle kind",
             {"obstacles": (Obstacle(kind="tree", x=(0, 0), z=(0, 0), radius=1, restitution=0),)},
@@ -125,6 +124,28 @@ def test_a_ball_past_the_tip_misses(rung: str) -> None:
     assert np.isnan(outcome.time).all()
     assert outcome.end.rate.tolist() == [0, 0]
     assert (outcome.end.x > 1).all()
+
+
+@pytest.mark.parametrize("rung", ["closed-form", "pymunk"])
+def test_a_graze_ends_and_is_no_fault(rung: str) -> None:
+    """Depths above, about and below what the search tells apart: done, refused, or a miss."""
+    touching = 0.0366 + float(scene().bat.barrel.radius(np.array(6 * INCH)))
+    depth = np.array([1e-5, 1e-6, 1e-8, 0.0, -1e-8, -1e-6])
+    outcome = play(scene(y=touching - depth, gravity=0.0, duration=0.05), rung)
+    assert outcome.refused[[0, 1, 5]].tolist() == ["", "", ""]
+    assert np.isnan(outcome.time[5])
+    shallow = 26.8 * np.exp(-0.006 * 0.9) * np.sqrt(2 * depth[:2] / touching)
+    assert outcome.relative_speed[:2] == pytest.approx(shallow, rel=6e-2)
+
+
+def test_without_settings_the_step_is_short_enough() -> None:
+    fast = scene(vx=190.0, duration=0.02)
+    with pytest.raises(InputError, match="step"):
+        Settings().check(fast)
+    Settings.safe(fast).check(fast)
+    assert Settings.safe(scene()) == Settings()
+    outcome = play(fast, "pymunk")
+    assert outcome.time == pytest.approx(play(fast).time)
 
 
 def test_a_contact_not_seen_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:

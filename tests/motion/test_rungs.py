@@ -212,16 +212,3 @@ def test_a_bar_is_flown_over() -> None:
         assert outcome.events.kind[outcome.events.shot == 2].tolist() == ["frame"]
         assert "frame" not in outcome.events.kind[outcome.events.shot < 2].tolist()
     assert outcome.end.vx[2] == pytest.approx(-0.5 * 26.8, rel=2e-2)
-
-
-def test_sampled_angles_and_places_are_those_of_shorter_records() -> None:
-    moments = (0.0, 0.01, 0.033, 0.08)
-    played = scene(sample_times=moments, duration=0.08, vz=1.0)
-    for rung in ("closed-form", "pymunk"):
-        outcome = play(played, rung)
-        for column, moment in enumerate(moments[1:], 1):
-            end = play(scene(duration=moment, vz=1.0), rung).end
-            assert outcome.sampled_angle[0, column] == pytest.approx(end.angle[0], abs=1e-12)
-            place = [end.x[0], end.y[0], end.z[0]]
-            assert outcome.sampled_ball[0, column] == pytest.approx(place, abs=1e-9)
-        assert outcome.sampled_ball[0, 0].tolist() == [-0.9, 0.0, 6 * INCH]

@@ -20,14 +20,16 @@ from virtual_lab.motion.touch import (
     obstacle_gap,
     struck,
 )
+from virtual_lab.motion.track import Track
 from virtual_lab.physics.coasting import time_to_turn
 
-__all__ = ["EDGE", "FOLLOWED", "RUNG", "effective", "play_closed_form"]
+__all__ = ["EDGE", "FOLLOWED", "GRAZED", "RUNG", "effective", "play_closed_form"]
 
 Array = NDArray[np.float64]
 RUNG = "closed-form"
 EDGE = "the ball strikes the edge of the bat's end, where no collision model holds"
 STOPPED = "the bat reaches a stop within the record"
+GRAZED = "the ball grazes the bat by less than its roundness is known"
 FOLLOWED = "the bat follows faster than the ball leaves it: no such e_A can be"
 
 
@@ -48,7 +50,10 @@ def play_closed_form(scene: Scene) -> Outcome:
     edge = (near.place < 0) | (near.place > scene.bat.barrel.length)
     refusals = _Refusals(count)
     refusals.note(hit[edge], time[hit[edge]], EDGE)
-    on, hit = ~edge, hit[~edge]
+    grazed = ~edge & (near.approach <= 0)
+    refusals.note(hit[grazed], time[hit[grazed]], GRAZED)
+    on = ~edge & ~grazed
+    hit = hit[on]
     before, near = before.part(on), _part(near, on)
     efficiency = effective(scene, near, hit)
     after = struck(scene, before, near, efficiency, hit)
@@ -145,8 +150,6 @@ def _outcome(
     end = moved(scene, last, scene.duration - began)
     nothing = np.full(int((~good).sum()), np.nan)
     end = end.with_part(~good, State(**dict.fromkeys(State.__slots__, nothing)))
-    angle, ball = _samples(scene, last, began)
-    angle[~good], ball[~good] = np.nan, np.nan
     sound = good[hit]
     columns = hit[sound], time[hit][sound], near.place[sound], near.approach[sound]
     rows = zip(*(column.tolist() for column in columns), strict=True)
@@ -162,22 +165,12 @@ def _outcome(
         bat_rate=of_hits(after.rate),
         end=end,
         pivot_drift=np.where(good, 0.0, np.nan),
-        sampled_angle=angle,
-        sampled_ball=ball,
         events=Events.of([(shot, when, BAT, z, v) for shot, when, z, v in rows]),
+        track=Track.of(
+            scene,
+            [
+                (np.flatnonzero(good), np.zeros(int(good.sum())), scene.start.part(good)),
+                (hit[sound], time[hit][sound], after.part(sound)),
+            ],
+        ),
     )
-
-
-def _samples(scene: Scene, last: State, began: Array) -> tuple[Array, Array]:
-    """Return angles (n, s) and places of the ball (n, s, 3) at the sample times."""
-    shape = (len(scene), len(scene.sample_times))
-    angle, ball = np.empty(shape), np.empty((*shape, 3))
-    for column, moment in enumerate(scene.sample_times):
-        early = moment < began
-        first = moved(scene, scene.start, np.full(len(scene), moment))
-        then = moved(scene, last, np.maximum(moment - began, 0.0))
-        angle[:, column] = np.where(early, first.angle, then.angle)
-        for axis, name in enumerate(("x", "y", "z")):
-            place = np.where(early, getattr(first, name), getattr(then, name))
-            ball[:, column, axis] = place
-    return angle, ball

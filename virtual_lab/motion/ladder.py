@@ -28,7 +28,7 @@ def play(scene: Scene, rung: str | None = None, *, settings: Settings | None = N
         One of `RUNGS`, for all shots. Without it each shot has the closed form, or pymunk
         where that refuses it.
     settings : Settings, optional
-        Of pymunk.
+        Of pymunk; without them its own, with a step short enough for the scene.
 
     Returns
     -------
@@ -51,7 +51,7 @@ def play(scene: Scene, rung: str | None = None, *, settings: Settings | None = N
         return outcome
     carried = pymunk_scene.play_pymunk(scene.part(beyond), settings)
     reasons = np.array([f"no closed form: {why}" for why in outcome.refused[beyond]])
-    return outcome.merged(beyond, replace(carried, reason=reasons))
+    return outcome.merged(scene, beyond, replace(carried, reason=reasons))
 
 
 def _check_start(scene: Scene) -> None:

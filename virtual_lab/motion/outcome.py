@@ -8,7 +8,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.motion.scene import State
+from virtual_lab.motion.scene import Scene, State
+from virtual_lab.motion.track import Track
 
 __all__ = ["BAT", "BAT_AGAIN", "STOP", "Events", "Outcome"]
 
@@ -68,12 +69,11 @@ class Outcome:
     bat_rate: Array  # just after it [rad/s]
     end: State  # at the end of the record
     pivot_drift: Array  # greatest way of the bat off its axis [m]
-    sampled_angle: Array  # (n, s) [rad]
-    sampled_ball: Array  # (n, s, 3) [m]
     events: Events
+    track: Track
 
-    def merged(self, chosen: NDArray[np.int_], other: Outcome) -> Self:
-        """Return this outcome, the chosen shots as `other` has them."""
+    def merged(self, scene: Scene, chosen: NDArray[np.int_], other: Outcome) -> Self:
+        """Return this outcome, the chosen shots, refused here, as `other` has them."""
         arrays: dict[str, Any] = {}
         for field in fields(self):
             own = getattr(self, field.name)
@@ -82,6 +82,10 @@ class Outcome:
                 # texts grow to the longer of both
                 arrays[field.name] = own.astype(np.result_type(own, theirs))
                 arrays[field.name][chosen] = theirs
-        kept = [row for row in self.events.rows() if row[0] not in set(chosen.tolist())]
-        events = Events.of(kept + other.events.of_shots(chosen).rows())
-        return replace(self, **arrays, end=self.end.with_part(chosen, other.end), events=events)
+        return replace(
+            self,
+            **arrays,
+            end=self.end.with_part(chosen, other.end),
+            events=Events.of(self.events.rows() + other.events.of_shots(chosen).rows()),
+            track=Track.of(scene, [self.track.rows(), other.track.rows(chosen)]),
+        )

@@ -15,12 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.motion.closed_form import EDGE, FOLLOWED, effective
+from virtual_lab.motion.closed_form import EDGE, FOLLOWED, GRAZED, effective
 from virtual_lab.motion.outcome import BAT, BAT_AGAIN, STOP, Events, Outcome
 from virtual_lab.motion.scene import Scene, State
 from virtual_lab.motion.settings import Settings
 from virtual_lab.motion.space import Space
-from virtual_lab.motion.touch import NEAR, Nearness, first_touch, moved, nearness, struck
+from virtual_lab.motion.touch import Nearness, first_touch, moved, nearness, struck
+from virtual_lab.motion.track import Track
 from virtual_lab.physics.coasting import time_to_turn, turned
 from virtual_lab.relations.flight import distance_after, time_after
 
@@ -28,7 +29,8 @@ __all__ = ["RUNG", "MissedContactError", "play_pymunk"]
 
 Array = NDArray[np.float64]
 RUNG = "pymunk"
-DEEP = 1e-7  # m, an overlap of ball and bat that no rounding explains
+DEEP = 1e-6  # m, an overlap that no rounding explains
+BEYOND = 1e-9  # m, by which a ball must overlap an obstacle for pymunk to see it
 MOST_CONTACTS = 100
 ONE = np.zeros(1, dtype=np.int_)
 
@@ -51,7 +53,7 @@ def play_pymunk(scene: Scene, settings: Settings | None = None) -> Outcome:
     MissedContactError
         A contact that should have been was not.
     """
-    settings = settings or Settings()
+    settings = settings or Settings.safe(scene)
     settings.check(scene)
     return carried(scene, settings)
 
@@ -66,7 +68,6 @@ def carried(scene: Scene, settings: Settings) -> Outcome:
     def column(name: str, *shape: int) -> Array:
         return np.array([getattr(shot, name) for shot in shots], dtype=float).reshape(count, *shape)
 
-    samples = len(scene.sample_times)
     rows = [(i, *row) for i, shot in enumerate(shots) for row in shot.events]
     return Outcome(
         rung=np.full(count, RUNG),
@@ -80,9 +81,8 @@ def carried(scene: Scene, settings: Settings) -> Outcome:
         bat_rate=column("bat_rate"),
         end=State.of(**{n: [getattr(s.state, n)[0] for s in shots] for n in State.__slots__}),
         pivot_drift=column("drift"),
-        sampled_angle=column("angles", samples),
-        sampled_ball=column("places", samples, 3),
         events=Events.of(rows),
+        track=Track.of(scene, [shot.pieces(i) for i, shot in enumerate(shots)]),
     )
 
 
@@ -104,15 +104,13 @@ class _Shot:
     drift: float = 0.0
     events: list[tuple[float, str, float, float]] = field(default_factory=list)
     state: State = field(init=False)
-    angles: Array = field(init=False)
-    places: Array = field(init=False)
+    begun: list[tuple[float, State]] = field(init=False)  # free motion, from when and where
     space: Space = field(init=False)
     ahead: tuple[Any, str] = (None, "")  # the shape this step ends at, and its kind
 
     def __post_init__(self) -> None:
         self.state = self.scene.start
-        self.angles = np.full(len(self.scene.sample_times), np.nan)
-        self.places = np.full((len(self.scene.sample_times), 3), np.nan)
+        self.begun = [(0.0, self.state)]
         self.space = Space(self.scene, self.settings)
 
     def play(self) -> None:
@@ -129,9 +127,17 @@ class _Shot:
         self.time = self.place = self.relative_speed = self.efficiency = self.bat_rate = np.nan
         self.ball_velocity = np.full(3, np.nan)
         self.drift = np.nan
-        self.angles[:], self.places[:] = np.nan, np.nan
         self.state = State(**dict.fromkeys(State.__slots__, nothing))
-        self.events = []
+        self.events, self.begun = [], []
+
+    def pieces(self, shot: int) -> tuple[NDArray[np.int_], Array, State]:
+        """Return the pieces of free motion as `Track` takes them."""
+        parts = [state for _, state in self.begun]
+        names = State.__slots__
+        empty = np.zeros(0)
+        whole = {n: np.concatenate([empty, *(getattr(s, n) for s in parts)]) for n in names}
+        times = np.array([time for time, _ in self.begun])
+        return np.full(len(parts), shot), times, State(**whole)
 
     def _step(self, step: float) -> None:
         """Go a step, or to the first contact within it."""
@@ -140,7 +146,6 @@ class _Shot:
         stop = self._stop(min(step, touch))
         solid = self._solid(min(step, touch, stop))
         span = min(step, touch, stop, solid)
-        self._sample(span)
         mean = self._carry(span)
         self.now += span
         if len(self.events) > MOST_CONTACTS:
@@ -153,6 +158,8 @@ class _Shot:
             self._strike()
         else:
             self._assert_apart(before)
+            return
+        self.begun.append((self.now, self.state))
 
     def _carry(self, span: float) -> Array:
         """Let pymunk move the bodies by their mean velocities, then give them their own.
@@ -208,8 +215,7 @@ class _Shot:
         speed = float(np.hypot(start.vx[0], start.vz[0]))
         way = float(np.hypot(there[0] - here[0], there[1] - here[1]))
         for share, solid, obstacle in self.space.ahead(here, there):
-            # a little beyond the touch, or pymunk would see nothing
-            time = float(time_after(share * way + NEAR, speed, balls.drag[0]))
+            time = float(time_after(share * way + BEYOND, speed, balls.drag[0]))
             height = moved(self.scene, start, np.array([time])).y
             if obstacle.meets(height, balls.radius)[0]:
                 self.ahead = solid, obstacle.kind
@@ -222,6 +228,8 @@ class _Shot:
         near = nearness(scene, self.state)
         if not 0 <= near.place[0] <= scene.bat.barrel.length:
             raise RefusedError(EDGE)
+        if near.approach[0] <= 0:
+            raise RefusedError(GRAZED)
         efficiency = effective(scene, near, ONE)
         self.state = struck(scene, self.state, near, efficiency)
         if nearness(scene, self.state).opening[0] <= 0:
@@ -281,11 +289,3 @@ class _Shot:
         x, z = float(state.x[0]), float(state.z[0]) - self.scene.bat.axis
         cos, sin = np.cos(state.angle[0]), np.sin(state.angle[0])
         return float(x * cos + z * sin), float(x * sin - z * cos)
-
-    def _sample(self, span: float) -> None:
-        times = np.array(self.scene.sample_times)
-        due = (times >= self.now) & (times <= self.now + span)
-        if due.any():
-            here = moved(self.scene, self.state, times[due] - self.now)
-            self.angles[due] = here.angle
-            self.places[due] = np.stack([here.x, here.y, here.z], axis=-1)

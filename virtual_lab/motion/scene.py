@@ -162,7 +162,8 @@ class Obstacle:
     """What stands in the hall: upright, round-edged, between two points of the plan.
 
     A post has both points in one. A ball strikes it if, where their outlines meet in the plan,
-    its own outline reaches between `low` and `high`; it rebounds in the plan, as if smooth.
+    its own outline reaches between `low` and `high`; it rebounds in the plan, as if smooth. What
+    stops the bat are `Stops`: it swings past obstacles.
     """
 
     kind: str  # "frame" or "wall"
@@ -184,8 +185,7 @@ class Scene:
     """Shots to be played, all from time 0 to `duration` [s] at one bat.
 
     `efficiency` gives e_A for places [m], normal relative speeds [m/s], ball masses and e0 at
-    first contacts and later ones alike; the contact takes no time here. `sample_times` are the
-    moments, (s,), at which the outcome tells the bat's angle and the ball's place.
+    first contacts and later ones alike; the contact takes no time here.
 
     Raises
     ------
@@ -201,7 +201,6 @@ class Scene:
     gravity: float = 0.0
     stops: Stops | None = None
     obstacles: tuple[Obstacle, ...] = ()
-    sample_times: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         for part in (self.start, self.balls):
@@ -240,8 +239,6 @@ class Scene:
                 raise InputError("motion", "obstacle kind", kind, "allowed: frame, wall")
             _require("obstacle radius", obstacle.radius, obstacle.radius > 0, "above 0")
             _require("obstacle restitution", e, 0 <= e <= 1, "0 to 1")
-        for time in self.sample_times:
-            _require("sample_times", time, 0 <= time <= self.duration, "within the duration")
         if self.stops:
             low, high, angle = self.stops.low, self.stops.high, self.start.angle
             _require("stops", low, low < high, f"low below high, {high:g}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isfinite
+from typing import Self
 
 import numpy as np
 
@@ -25,6 +26,13 @@ class Settings:
     iterations: int = 10
     slop: float = 1e-6  # overlap that is left alone [m]
     bias: float = 0.0018  # share of an overlap left after a second; pymunk's default
+
+    @classmethod
+    def safe(cls, scene: Scene) -> Self:
+        """Return the usual settings, their step at most half of what a scene allows."""
+        speed = cls.fastest(scene)
+        most = cls.reach(scene) / speed / 2 if speed > 0 else np.inf
+        return cls(step=min(cls().step, most))
 
     def check(self, scene: Scene) -> None:
         """Raise `InputError` where a setting is unsafe for a scene."""

@@ -18,12 +18,12 @@ Array = NDArray[np.float64]
 Shots = NDArray[np.int_] | slice
 Gap = Callable[[Array, NDArray[np.int_]], tuple[Array, Array]]
 ALL = slice(None)
-NEAR = 1e-9  # m, that no contact is worth
-# A gap that opens at a rate stays open while the square of all speeds over the radii, its
-# greatest curvature, times the time is a fraction of that rate.
-PARTING = 0.05
-POLISHING = 2  # steps of Newton from within `NEAR`
-SHARP = 1e-3  # of the ball's speed, at which a gap must close to be polished
+NEAR = 1e-7  # m, that no barrel is round to
+# A gap that opens at a rate stays open while this share of its radii, over the square of all
+# speeds, times the rate passes: its curvature would have to be 8 of those squares over the radii.
+PARTING = 0.25
+POLISHING = 3  # steps of Newton from within `NEAR`
+SHARP = 1e-2  # of the ball's speed, at which a gap must close to be polished
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,7 +153,8 @@ def first_touch(
     for _ in range(POLISHING):
         near = nearness(scene, moved(scene, state.part(met), time[met], of_scene[met]))
         sharp = near.opening < -SHARP * np.hypot(state.vx[met], state.vz[met])
-        time[met] -= np.where(sharp, near.gap / np.where(sharp, near.opening, 1.0), 0.0)
+        nearer = np.where(sharp, near.gap / np.where(sharp, near.opening, 1.0), 0.0)
+        time[met] = np.maximum(time[met] - nearer, 0.0)
     return time
 
 
