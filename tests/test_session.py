@@ -30,9 +30,12 @@ FLIGHTS[:, 1] = FLIGHTS[:, 1, ::-1]
 EXAMPLE = Session(
     bat="r161",
     ball="baseball-2003",
+    date="2026-11-20",
+    laboratory="Übungslabor",
+    customer="Ashwood & Sons",
     rigs={"impact": "astm-pivot"},
     procedure_text='name = "übung"\n',
-    calibration={"impact.gates.clock": Estimate(value=1.0, u=2e-5, dof=7.0)},
+    calibration={"impact.gates.clock": Estimate(value=1.0, u=2e-5, dof=7.0, source="x")},
     records={
         "impact": {
             "log": ShotLog(ball=np.arange(2.0), nominal_speed=np.ones(2), place=np.ones(2)),
@@ -63,7 +66,8 @@ def test_what_is_no_record_comes_back_too(tmp_path: Path) -> None:
     """Names, rigs, the procedure's very text, what is said of the simulation."""
     save_session(EXAMPLE, tmp_path)
     loaded = load_session(tmp_path)
-    for field in ("bat", "ball", "rigs", "procedure_text", "calibration", "simulation"):
+    named = ("bat", "ball", "date", "laboratory", "customer", "rigs")
+    for field in (*named, "procedure_text", "calibration", "simulation"):
         assert getattr(loaded, field) == getattr(EXAMPLE, field)
     assert {stage: set(found) for stage, found in loaded.records.items()} == {
         "impact": {"log", "gates"},

@@ -101,15 +101,20 @@ def _head(data: bytes, where: str, delimiter: str) -> list[str]:
     """Return the names in the first line of a CSV file, each of them once."""
     if not data.strip():
         raise InputError(where, "CSV", None, "cannot be read: the file is empty")
-    line = data.split(b"\n", 1)[0]
+    line = data.replace(b"\r", b"\n").split(b"\n", 1)[0]
     if b"\0" in data:
         raise InputError(where, "CSV", None, "cannot be read: it is no text (a spreadsheet?)")
     try:
-        text = line.decode("utf-8-sig").strip("\r")
+        text = line.decode("utf-8-sig")
     except UnicodeDecodeError as fault:
         raise InputError(where, "CSV", None, "cannot be read: it is no UTF-8 text") from fault
-    rows = csv.reader([text], delimiter=delimiter, skipinitialspace=True)
-    head = [name.strip() for row in rows for name in row]
+    try:
+        (names,) = csv.reader([text], delimiter=delimiter, skipinitialspace=True)
+    except csv.Error:  # a cell beyond any length
+        names = []
+    if not names:
+        raise InputError(where, "CSV", None, "cannot be read: no header in its first line")
+    head = [name.strip() for name in names]
     others = [word for mark, word in SEPARATORS.items() if mark != delimiter and mark in text]
     if len(head) < 2 and others:
         allowed = f"cannot be read: cells are parted by {SEPARATORS[delimiter]}s here"

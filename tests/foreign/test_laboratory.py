@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,8 @@ from tests.foreign_laboratory.make import ANSWER, RECORDS
 from tests.test_cli import Run, run  # noqa: F401 a fixture
 from virtual_lab.api import reduce
 from virtual_lab.errors import InputError
-from virtual_lab.foreign.laboratory import load_laboratory
+from virtual_lab.foreign.laboratory import LaboratoryForm, load_laboratory
+from virtual_lab.foreign.table import ChannelForm
 
 KNOWN = json.loads(ANSWER.read_text())
 QUANTITIES = [name for name in KNOWN if name != "verdict"]
@@ -47,6 +49,10 @@ def test_by_the_command_line(run: Run, tmp_path: Path) -> None:  # noqa: F811
     assert document["verdict"] == KNOWN["verdict"]
     assert document["statement"] == ""  # not simulated here
     assert document["simulation"] == {}
+    assert document["laboratory"] == "Crosstown Bat Laboratory"
+    page = (tmp_path / "theirs/certificate.html").read_text("utf-8")
+    assert "Crosstown Bat Laboratory; reduced by the Virtual laboratory" in page
+    assert "<dt>Customer</dt><dd>Ashwood &amp; Sons</dd>" in page
     known = KNOWN["bat_performance_factor"]
     assert abs(document["metric"]["value"] - known["value"]) < 0.02 * known["u"]
     again = json.loads(run("reduce", "theirs/records", "--json")[1])
@@ -186,3 +192,14 @@ def test_a_rig_nobody_here_has(tmp_path: Path) -> None:
     _no_line('"impact.encoder.scale"')(tmp_path / "theirs")
     with pytest.raises(InputError, match=r"laboratory.toml: calibration.impact.encoder.scale"):
         reduce(tmp_path / "theirs")
+
+
+def test_the_readme_has_every_key() -> None:
+    """What may be said of a channel, and of a laboratory, is written down for its users."""
+    readme = (Path(__file__).parents[2] / "data" / "README.md").read_text("utf-8")
+    section = readme.partition("# A form for another laboratory")[2]
+    for form in (ChannelForm, LaboratoryForm):
+        for field in fields(form):
+            assert re.search(rf"`{field.name}`|^{field.name} =|^\[{field.name}", section, re.M), (
+                field
+            )

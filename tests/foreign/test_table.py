@@ -181,6 +181,7 @@ def test_what_belongs_to_fewer_indices_stands_once() -> None:
     [
         (b"\xef\xbb\xbfitem,repeat,mass_g\n0,0,1.5\n0,1,2.5\n", {}),
         (b"item,repeat,mass_g\r\n0,0,1.5\r\n0,1,2.5\r\n", {}),
+        (b"item,repeat,mass_g\r0,0,1.5\r0,1,2.5\r", {}),
         (
             b"\xef\xbb\xbfitem;repeat;mass_g\r\n0;0;1,5\r\n0;1;2,5",
             {"delimiter": ";", "decimal": ","},
@@ -189,7 +190,7 @@ def test_what_belongs_to_fewer_indices_stands_once() -> None:
         (b'"item", "repeat" , "mass_g"\n0, 0, 1.5\n0, 1, 2.5 \n', {}),
         (b'item,repeat,mass_g\n"0","0","1.5"\n0.0,1.0,2.5e0\n', {}),
     ],
-    ids=["BOM", "CRLF", "spreadsheet", "tabs", "spaces", "quotes"],
+    ids=["BOM", "CRLF", "CR", "spreadsheet", "tabs", "spaces", "quotes"],
 )
 def test_what_spreadsheets_make_of_a_table(data: bytes, more: dict) -> None:
     """Marks, line ends, separators, spaces, quotes: the same two readings."""
@@ -242,6 +243,8 @@ TEXT = THEIRS.to_csv(index=False)
         (_as(TEXT.replace(".0", ",0")), "CSV", None, "longer than the header"),
         (_as(""), "CSV", None, "empty"),
         (_as("\n \n"), "CSV", None, "empty"),
+        (_as("\n" + TEXT), "CSV", None, "header"),
+        (_as("x" * 200_000 + "\n1\n"), "CSV", None, "header"),
         (_as(TEXT.splitlines()[0]), "rows", 0, "nothing below"),
         (_as("PK\x03\x04\x00\x00"), "CSV", None, "no text"),
         (lambda _: TEXT.encode("utf-16"), "CSV", None, "no text"),

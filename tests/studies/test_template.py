@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import re
 from pathlib import Path
 
@@ -118,13 +119,14 @@ def test_rules_of_your_own_come_along(tmp_path: Path) -> None:
 def test_by_the_command_line(run: Run, tmp_path: Path) -> None:  # noqa: F811
     assert run("template", "astm-f1881", "form")[:2] == (0, "form\n")
     assert (tmp_path / "form" / "laboratory.toml").is_file()
+    assert json.loads(run("template", "astm-f1881", "json", "--json")[1]) == {"folder": "json"}
     code, out, err = run("template", "astm-f1881", "form")
     assert (code, out) == (2, "")
     assert "not empty" in err
     code, out, err = run("template", "astm-f1882", "other")
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert "did you mean astm-f1881" in err
-    assert [path.name for path in tmp_path.iterdir()] == ["form"]
+    assert {path.name for path in tmp_path.iterdir()} == {"form", "json"}
     code, _, err = run("reduce", "form")
     assert code == 2
     assert "form/laboratory.toml: laboratory, customer, date, bat, rigs, calibration." in err

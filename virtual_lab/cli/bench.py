@@ -115,11 +115,16 @@ def score(folder: Path, as_json: bool) -> None:
 @click.command()
 @click.argument("procedure", shell_complete=names("procedures"))
 @click.argument("folder", type=click.Path(path_type=Path))
-def template(procedure: str, folder: Path) -> None:
+@json_option
+def template(procedure: str, folder: Path, as_json: bool) -> None:
     """Write the empty forms of a PROCEDURE for another laboratory into a new FOLDER."""
     from virtual_lab.folder import check_new_folder
 
     check_new_folder(folder)
     from virtual_lab.studies.template import write_template
 
-    click.echo(write_template(procedure, folder))
+    written = write_template(procedure, folder)
+    if as_json:
+        print_json({"folder": str(written)})
+    else:
+        click.echo(written)

@@ -56,6 +56,8 @@ def certificate(certification: Certification, *, truth_digest: str | None = None
             "ball_restitution_is": "the mean of the lot, every ball measured",
         },
         "rigs": dict(session.rigs),
+        "laboratory": session.laboratory,
+        "customer": session.customer,
         "date": session.date,
         "metric": {
             "name": procedure.metric,

@@ -51,7 +51,7 @@ def _form(session: Session, procedure: str) -> Iterator[str]:
     rules = catalog.read(session.procedure_text, procedure, Procedure).spec
     yield f"# The form of a test by {procedure}: {rules.title}."
     yield f"# Fill in every {BLANK!r} and the tables, then: virtual-lab reduce FOLDER"
-    yield "# Tables may have other units, names and shapes: data/README.md, A form, says how."
+    yield "# Tables may have other units, names and shapes: data/README.md says how."
     yield ""
     yield f'laboratory = "{BLANK}"  # this line, the next and the date may go'
     for key in ("customer", "date", "bat"):
