@@ -151,12 +151,14 @@ class AstmPivotStation:
         place = order.place + launch.along
         tilt = contact_angle(specimen, place, launch.across)
         scenes = scenes_of(specimen, order.ball, place, launch.speed * np.cos(tilt), e0)
-        support = Pinned(specimen.bat.body.length - self.pivot_from_knob)
+        body = specimen.bat.body
         if order.rung is Rung.SUMMED:
-            efficiency = specimen.collision.efficiency(specimen.bat.body, support, scenes)
+            # one support for all laboratories: e_A knows nothing of where exactly the axis is
+            support = Pinned(body.length - self.pivot.from_knob)
+            efficiency = specimen.collision.efficiency(body, support, scenes)
             contact_time = np.full(efficiency.shape, CONTACT_TIME)
         else:
-            model = specimen.collision(specimen.bat.body, support)
+            model = specimen.collision(body, Pinned(body.length - self.pivot_from_knob))
             collisions = model.collide(scenes)
             efficiency, contact_time = collisions.collision_efficiency, collisions.contact_time
         back, up = thrown_back(efficiency, tilt, launch.speed, 0.0)

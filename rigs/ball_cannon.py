@@ -105,11 +105,13 @@ class BallCannonStation:
         across = launch.across - self.holder.height
         tilt = contact_angle(specimen, place, across)
         scenes = scenes_of(specimen, order.ball, place, launch.speed * np.cos(tilt), e0)
-        support = Pinned(body.length - self.holder.from_knob)
         if order.rung is Rung.SUMMED:
+            # one support for all laboratories: e_A knows nothing of where exactly the axis is
+            support = Pinned(body.length - self.holder.spec.from_knob)
             efficiency = specimen.collision.efficiency(body, support, scenes)
             contact_time = np.full(efficiency.shape, CONTACT_TIME)
         else:
+            support = Pinned(body.length - self.holder.from_knob)
             collisions = specimen.collision(body, support).collide(scenes)
             efficiency, contact_time = collisions.collision_efficiency, collisions.contact_time
         back, up = thrown_back(efficiency, tilt, launch.speed, 0.0)

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import difflib
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import lru_cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Annotated, Any, Generic, TypeVar, get_args, get_type_hints
+from typing import Annotated, Any, Generic, TypeVar, cast, get_args, get_type_hints
 
 from annotated_types import Gt
 
@@ -139,8 +140,14 @@ def load(kind: str, name: str, spec: type[T]) -> Entry[T]:
 
 def read(text: str, where: str, spec: type[T]) -> Entry[T]:
     """Return the entry that TOML `text` holds; `where` names the file in errors."""
+    return cast("Entry[T]", _read(text, where, cast("Hashable", spec)))
+
+
+@lru_cache(maxsize=64)
+def _read(text: str, where: str, spec: Hashable) -> Any:
+    """Read a text once: a test reads its rules anew after every round."""
     document = _parse(text, where)
-    return Entry(validate(document, where, spec), text, tuple(_sheet(document)))
+    return Entry(validate(document, where, cast("type", spec)), text, tuple(_sheet(document)))
 
 
 def load_bat(name: str) -> Entry[BatSpec]:
@@ -217,6 +224,7 @@ def _text(path: Traversable | Path) -> tuple[str, str]:
         raise InputError(str(path), "file", None, f"cannot be read ({fault})") from fault
 
 
+@lru_cache(maxsize=256)
 def _shipped(path: Path) -> bool:
     return path.resolve().is_relative_to(Path(str(files("virtual_lab.data"))).resolve())
 
@@ -230,10 +238,10 @@ def _parse(text: str, where: str) -> dict[str, Any]:
 
 def validate(document: Mapping[str, Any], where: str, spec: type[T]) -> T:
     """Return the spec a parsed document holds; `InputError` names the key that does not fit."""
-    from pydantic import TypeAdapter, ValidationError
+    from pydantic import ValidationError
 
     try:
-        return TypeAdapter(spec).validate_python(document)
+        return cast("T", _adapter(cast("Hashable", spec)).validate_python(document))
     except ValidationError as fault:
         error = fault.errors(include_url=False)[0]
         key, value = ".".join(map(str, error["loc"])), _at(document, error["loc"])
@@ -244,6 +252,14 @@ def validate(document: Mapping[str, Any], where: str, spec: type[T]) -> T:
             allowed = ", ".join(_keys(spec, error["loc"][:-1]))
             value, message = None, f"unknown key, allowed here: {allowed}"
         raise InputError(where, key or "file", value, message) from fault
+
+
+@lru_cache(maxsize=64)
+def _adapter(spec: Hashable) -> Any:
+    """Return the validator of a spec, which takes longer to build than to use."""
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(cast("type", spec))
 
 
 def _keys(spec: Any, location: tuple[int | str, ...]) -> list[str]:

@@ -11,7 +11,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import cache
 from importlib.metadata import entry_points
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
@@ -170,9 +172,11 @@ class Rig(Protocol):
         ...
 
 
-def installed_rigs() -> dict[str, Rig]:
+@cache
+def installed_rigs() -> Mapping[str, Rig]:
     """Return every rig installed on this machine by name."""
-    return {point.name: point.load() for point in sorted(entry_points(group=GROUP))}
+    found = {point.name: point.load() for point in sorted(entry_points(group=GROUP))}
+    return MappingProxyType(found)
 
 
 def find_rig(name: str, stage: Stage) -> Rig:

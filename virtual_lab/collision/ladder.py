@@ -40,6 +40,7 @@ MODAL_ERROR = 1.1e-4
 SURROGATE_TOLERANCE = SHARE * MODAL_ERROR
 WORTH_BUILDING = 5_000  # scenes that cost the modal rung what a surrogate costs to build
 ROOM = 0.3  # of its width, that a surrogate reaches beyond the first scenes on each side
+ROOM_FOR_FEW = 2.0  # the same, where the first scenes were few
 PROBES = 64  # of many scenes, those that the rigid rung is tried on
 
 
@@ -119,12 +120,13 @@ def choose_efficiency(
     *,
     standard_uncertainty: float,
     box: Box | None = None,
+    expected: int = 0,
 ) -> EfficiencyChoice:
     """Return the cheapest way to e_A of these scenes, nothing else of them being needed.
 
     As `choose`, with the surrogate between rigid and modal: where there are scenes enough to
     pay for building it, all of one ball, none of which re-loads. It is built over `box`, that
-    of the scenes by default.
+    of the scenes by default; `expected` counts scenes still to come.
     """
     probe = scenes.part(slice(None, None, -(-len(scenes) // PROBES)))
     choice = choose(body, support, probe, standard_uncertainty=standard_uncertainty)
@@ -135,7 +137,7 @@ def choose_efficiency(
         reason=choice.reason,
     )
     error, allowed = MODAL_ERROR + SURROGATE_TOLERANCE, SHARE * standard_uncertainty
-    if plain.rung != "modal" or len(scenes) < WORTH_BUILDING or error > allowed:
+    if plain.rung != "modal" or len(scenes) + expected < WORTH_BUILDING or error > allowed:
         return plain
     try:
         surrogate = surrogate_of(
@@ -165,6 +167,7 @@ class Ladder:
     probe: Scenes
     standard_uncertainty: float | None  # of the e_A that the test is to yield; None: modal
     rung: str | None = None
+    expected: int = 0  # scenes to come in small batches, which together pay for a surrogate
     taken: dict[tuple[BatBody, Support], Choice] = field(default_factory=dict)
     fitted: dict[tuple[BatBody, Support], tuple[Box, EfficiencyChoice]] = field(
         default_factory=dict
@@ -186,20 +189,25 @@ class Ladder:
     def efficiency(self, body: BatBody, support: Support, scenes: Scenes) -> NDArray[np.float64]:
         """Return e_A alone of scenes of a bat under a support, by the cheapest way there is."""
         u = self.standard_uncertainty
-        if self.rung is not None or u is None or len(scenes) < WORTH_BUILDING:
+        if self.rung is not None or u is None or len(scenes) + self.expected < WORTH_BUILDING:
             return self(body, support).collide(scenes).collision_efficiency
         key, box = (body, support), Box.about(scenes)
         ready = self.fitted.get(key)
         if ready is None or not ready[0].holds(box):
-            wide = box.widened(ROOM)
-            choice = choose_efficiency(body, support, scenes, standard_uncertainty=u, box=wide)
+            wide = box.widened(ROOM if len(scenes) > PROBES else ROOM_FOR_FEW)
+            wide = wide.joined(ready[0]) if ready else wide
+            choice = choose_efficiency(
+                body, support, scenes, standard_uncertainty=u, box=wide, expected=self.expected
+            )
             ready = self.fitted[key] = (wide, choice)
         return ready[1].efficiency(scenes)
 
     def report(self) -> dict[str, str | float]:
         """Return the rung first taken, its error in e_A, and why."""
-        choice = next(iter(self.taken.values()))
-        return {"rung": choice.model.rung, "error": choice.error, "reason": choice.reason}
+        for choice in self.taken.values():
+            return {"rung": choice.model.rung, "error": choice.error, "reason": choice.reason}
+        fitted = next(choice for _, choice in self.fitted.values())
+        return {"rung": fitted.rung, "error": fitted.error, "reason": fitted.reason}
 
 
 def probing_scenes(ball: BallSpec, speed: float) -> Scenes:

@@ -26,6 +26,7 @@ Floats = NDArray[np.float64]
 AXES = ("impact_position", "relative_speed", "ball_restitution", "ball_mass")
 LINE_NODES = 48  # of the cuts along each axis that say how many it needs
 LINE_SHARE = 0.1  # of the tolerance that a cut may miss
+PLACE_ROOM = 0.015  # m
 LEAST_NODES = 3
 LEAST_SIDE = 1e-3  # of a box, over its value: equal values still need some width
 MOST_NODES = 12_000
@@ -84,12 +85,27 @@ class Box:
             for axis in AXES
         )
 
+    def joined(self, other: Box) -> Box:
+        """Return the least box about this one and another."""
+
+        def side(axis: str) -> tuple[float, float]:
+            (low, high), (least, most) = getattr(self, axis), getattr(other, axis)
+            return min(low, least), max(high, most)
+
+        sides: dict[str, Any] = {axis: side(axis) for axis in AXES}
+        return replace(self, **sides)
+
     def widened(self, room: float) -> Box:
-        """Return the box with each side longer by `room` of itself at either end."""
+        """Return the box with each side longer by `room` of itself at either end.
+
+        Places are widened by no more than `PLACE_ROOM`: toward tip and handle balls hit twice.
+        """
 
         def wide(axis: str) -> tuple[float, float]:
             low, high = getattr(self, axis)
             more = room * (high - low)
+            if axis == "impact_position":
+                more = min(more, PLACE_ROOM)
             most = 1.0 if axis == "ball_restitution" else inf
             return max(low - more, low / 2), min(high + more, most)
 

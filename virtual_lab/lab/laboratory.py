@@ -27,6 +27,7 @@ from virtual_lab.certification import (
 from virtual_lab.collision.ladder import Ladder, probing_scenes
 from virtual_lab.collision.modal import kernel_is_compiled
 from virtual_lab.estimate import Estimate
+from virtual_lab.instruments import Rung
 from virtual_lab.lab.fitting import require_rig
 from virtual_lab.lab.measurand import measurand
 from virtual_lab.procedure import Procedure, aimed_place, next_places, to_set
@@ -43,7 +44,7 @@ from virtual_lab.rig import (
 )
 from virtual_lab.session import Session
 from virtual_lab.specs import BallSpec, BatSpec
-from virtual_lab.streams import Draws, commitment
+from virtual_lab.streams import Draws, Quiet, commitment
 from virtual_lab.truth import Sealed, draw_balls, draw_bat
 from virtual_lab.units import INCH
 
@@ -76,6 +77,7 @@ class Laboratory:
     stations: Mapping[Stage, Station]
     specimen: Specimen
     session: Session
+    instruments: Rung = Rung.FULL
 
     @classmethod
     def open(
@@ -89,8 +91,14 @@ class Laboratory:
         reality: Reality,
         rung: str | None,
         unverified: Mapping[str, str],
+        instruments: Rung = Rung.FULL,
+        collision: Ladder | None = None,
+        made: bool = True,
     ) -> Laboratory:
-        """Commission the rigs and draw the individuals."""
+        """Commission the rigs and draw the individuals.
+
+        A ladder handed in serves many laboratories; a bat that is not `made` is its drawing.
+        """
         draws = reality.draws(seed)
         rigs = {Stage.BENCH: BENCH_RIG, Stage.BALLS: BALL_RIG, Stage.IMPACT: rig}
         require_rig(find_rig(rig, Stage.IMPACT), rules.spec)
@@ -100,7 +108,7 @@ class Laboratory:
             for stage, name in rigs.items()
         }
         salt = secrets.token_bytes(16)
-        collision = Ladder(
+        collision = collision or Ladder(
             probe=probing_scenes(ball, rules.spec.ball_speed + (rules.spec.bat_speed or 0.0)),
             standard_uncertainty=EFFICIENCY_U,
             rung=rung,
@@ -118,8 +126,9 @@ class Laboratory:
             draws=draws,
             collision=collision,
             stations=stations,
+            instruments=instruments,
             specimen=Specimen(
-                bat=draw_bat(bat, draws),
+                bat=draw_bat(bat, draws if made else Quiet()),
                 balls=draw_balls(ball, rules.spec.balls, draws),
                 collision=collision,
             ),
@@ -184,6 +193,7 @@ class Laboratory:
             ball=shot % self.rules.spec.balls,
             speed=np.full(shot.shape, self.rules.spec.ball_speed),
             place=np.broadcast_to(np.asarray(place, dtype=float), shot.shape),
+            rung=self.instruments,
         )
 
     def _wall_order(self, balls: NDArray[np.int_]) -> Order:
@@ -191,7 +201,12 @@ class Laboratory:
         procedure = self.rules.spec
         speeds = np.tile(procedure.wall_speeds, procedure.wall_hits)
         ball = balls.repeat(speeds.size)
-        return Order(ball=ball, speed=np.tile(speeds, balls.size), place=np.zeros(ball.shape))
+        return Order(
+            ball=ball,
+            speed=np.tile(speeds, balls.size),
+            place=np.zeros(ball.shape),
+            rung=self.instruments,
+        )
 
     def _with_balls_as_found(self, order: Order, wall: Play) -> Laboratory:
         """Return the laboratory whose lot has the e0 that its wall hits found on average.

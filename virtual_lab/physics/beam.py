@@ -9,6 +9,7 @@ do not lock; rotary inertia is kept, of the section and of the lumps.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +76,7 @@ class Beam:
         return np.concatenate((z - nodes, np.ones_like(nodes)))
 
 
+@lru_cache(maxsize=16)
 def beam_of(
     body: BatBody,
     support: Support | None = None,
