@@ -6,7 +6,7 @@ there, so time is linear in 1/speed whatever the number of gates.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,63 +51,60 @@ def flights(x: Mapping[str, Array], stage: str, seen: Passages, drag: Array) -> 
     gates = range(gate_count(x, stage))
     distances = [x[f"{stage}.gates.distance_{index}"] for index in gates]
     clock = x[f"{stage}.gates.clock"]
+    times = _by_gate(seen.times)
     reach_in = [time_before(distance, 1.0, drag) for distance in distances]
     reach_out = [time_before(distance, 1.0, -drag) for distance in distances]
-    speed_in = _speed(reach_in, seen.times[:, INBOUND], clock, toward=True)
-    speed_out = _speed(reach_out, seen.times[:, OUTBOUND], clock, toward=False)
-    unknown = np.full(np.shape(speed_in), np.nan)
+    speed_in = -clock * _slope(times[INBOUND], reach_in)
+    speed_out = clock * _slope(times[OUTBOUND], reach_out)
     if f"{stage}.gates.height_0" not in x:
+        unknown = np.full(np.shape(speed_in), np.nan)
         return Flights(speed_in=speed_in, speed_out=speed_out, offset=unknown, slope_out=unknown)
     zeros = [x[f"{stage}.gates.height_{index}"] for index in gates]
-    offset, _ = _line(x, distances, zeros, reach_in, seen.heights[:, INBOUND], speed_in)
-    _, slope = _line(x, distances, zeros, reach_out, seen.heights[:, OUTBOUND], speed_out)
-    return Flights(speed_in=speed_in, speed_out=speed_out, offset=offset, slope_out=slope)
+    heights = _by_gate(seen.heights)
+    fall = x["bench.pendulum.gravity"] / 2
+
+    def level(way: int, reach: list[Array], speed: Array) -> list[Array]:
+        """Return the heights without gravity, which are those of a straight line."""
+        dropped = fall / speed**2
+        return [heights[way][k] + zeros[k] + dropped * reach[k] ** 2 for k in gates]
+
+    rising = level(INBOUND, reach_in, speed_in)
+    slope_in = _slope(distances, rising)
+    known = np.isfinite(heights[INBOUND])
+    offset = _mean(rising, known) - slope_in * _mean(distances, known)
+    slope_out = _slope(distances, level(OUTBOUND, reach_out, speed_out))
+    return Flights(speed_in=speed_in, speed_out=speed_out, offset=offset, slope_out=slope_out)
 
 
-def _speed(reach: list[Array], times: Array, clock: Array, *, toward: bool) -> Array:
-    """Return the slope of reach over time: a weighted sum of differences from the first gate."""
-    if len(reach) == 2:
-        apart = (reach[0] - reach[1]) * (-1.0 if toward else 1.0)
-        return np.asarray(apart * clock / (times[:, 0] - times[:, 1]))
-    known = np.isfinite(times)
-    count = known.sum(axis=-1)
-    many = np.where(count >= 2, count, np.nan)
-    mean_time = np.where(known, times, 0.0).sum(axis=-1) / many
-    mean_reach = sum(np.where(known[:, k], reach[k], 0.0) for k in range(len(reach))) / many
+def _by_gate(values: Array) -> Array:
+    """Return (shot, way, gate) as (way, gate, shot): whole shots lie side by side."""
+    return np.ascontiguousarray(values.transpose(1, 2, 0))
+
+
+def _slope(across: Sequence[Array], up: Sequence[Array]) -> Array:
+    """Return the least-squares slope of `up` over `across`, gate by gate where both are known.
+
+    NaN where fewer than two gates saw the ball.
+    """
+    known = [np.isfinite(a) & np.isfinite(b) for a, b in zip(across, up, strict=True)]
+    x_mean, y_mean = _mean(across, known), _mean(up, known)
     both: Array | float = 0.0
     square: Array | float = 0.0
-    for k, way in enumerate(reach):
-        off = np.where(known[:, k], way - mean_reach, 0.0)
-        both = both + off * np.where(known[:, k], times[:, k] - mean_time, 0.0)
+    whole = all(each.all() for each in known)
+    for k, (a, b) in enumerate(zip(across, up, strict=True)):
+        off, rise = a - x_mean, b - y_mean
+        if not whole:
+            off, rise = np.where(known[k], off, 0.0), np.where(known[k], rise, 0.0)
+        both = both + off * rise
         square = square + off**2
-    both = np.where(count >= 2, both, np.nan)
-    return np.asarray(square * clock / both * (-1.0 if toward else 1.0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(both / square)
 
 
-def _line(
-    x: Mapping[str, Array],
-    distances: list[Array],
-    zeros: list[Array],
-    reach: list[Array],
-    heights: Array,
-    speed: Array,
-) -> tuple[Array, Array]:
-    """Return height at the target and slope of the straight line that gravity bends, per shot."""
-    known = np.isfinite(heights)
-    count = known.sum(axis=-1)
-    many = np.where(count >= 2, count, np.nan)
-    fall = x["bench.pendulum.gravity"] / 2 / speed**2
-    level = [
-        np.where(known[:, k], heights[:, k] + zeros[k] + fall * reach[k] ** 2, 0.0)
-        for k in range(len(distances))
-    ]
-    mean_height = sum(level) / many
-    mean_way = sum(np.where(known[:, k], distances[k], 0.0) for k in range(len(distances))) / many
-    both: Array | float = 0.0
-    square: Array | float = 0.0
-    for k, distance in enumerate(distances):
-        off = np.where(known[:, k], distance - mean_way, 0.0)
-        both = both + off * (level[k] - mean_height)
-        square = square + off**2
-    slope = both / np.where(count >= 2, square, np.nan)
-    return np.asarray(mean_height - slope * mean_way), np.asarray(slope)
+def _mean(values: Sequence[Array], known: Sequence[NDArray[np.bool_]]) -> Array:
+    """Return the mean over the gates that know."""
+    if all(each.all() for each in known):
+        return np.asarray(sum(values) / len(values))
+    count = sum(each.astype(float) for each in known)
+    total = sum(np.where(each, value, 0.0) for each, value in zip(known, values, strict=True))
+    return np.asarray(total / np.where(count >= 2, count, np.nan))

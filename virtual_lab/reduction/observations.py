@@ -232,14 +232,10 @@ def _log_and_passages(session: Session, stage: str) -> tuple[ShotLog, Passages]:
     log = _channel(session, stage, "log", ShotLog)
     gates = _channel(session, stage, "gates", GateRecord | BoardRecord | PassageRecord)
     balls = len(_table(session, "ball-mass"))
-    for ball in log.ball:
-        if ball not in range(balls):
-            raise InputError(
-                f"{stage}/log",
-                "ball",
-                ball,
-                f"allowed: 0 to {balls - 1}, those weighed, counted from 0",
-            )
+    odd = (log.ball != np.floor(log.ball)) | (log.ball < 0) | (log.ball >= balls)
+    if odd.any():
+        allowed = f"allowed: 0 to {balls - 1}, those weighed, counted from 0"
+        raise InputError(f"{stage}/log", "ball", log.ball[odd][0], allowed)
     if len(log.ball) != len(gates.times):
         raise InputError(stage, "shots", len(gates.times), f"the log has {len(log.ball)}")
     known = session.calibration

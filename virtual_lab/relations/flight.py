@@ -6,6 +6,8 @@ With κ = ρ C_d A / (2 m) the speed falls as e^(-κx), so the time over a dista
 
 from __future__ import annotations
 
+from math import factorial
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import exprel
@@ -19,6 +21,8 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
+SERIES_BELOW = 0.03  # below it what the series leaves out is less than rounding
+SERIES = tuple(1 / factorial(n + 1) for n in reversed(range(8)))
 
 
 def drag_rate(
@@ -32,7 +36,7 @@ def drag_rate(
 def time_before(distance: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
     """Return the time from `distance` [m] ahead of a place to the place, passed at `speed`."""
     distance = np.asarray(distance)
-    return np.asarray(distance * exprel(-np.asarray(drag) * distance) / speed)
+    return np.asarray(distance * _exprel(-np.asarray(drag) * distance) / np.asarray(speed))
 
 
 def time_after(distance: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
@@ -52,3 +56,14 @@ def distance_after(time: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
 def speed_after(time: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
     """Return the speed [m/s] a `time` [s] after a place left at `speed`."""
     return np.asarray(speed / (1 + np.asarray(drag) * speed * np.asarray(time)))
+
+
+def _exprel(x: Array) -> Array:
+    """Return (e^x - 1)/x. Over a hall's distances x is so small that its series is quicker."""
+    if np.abs(x).max(initial=0.0) > SERIES_BELOW:
+        return np.asarray(exprel(x))
+    series = np.full_like(x, SERIES[0])
+    for coefficient in SERIES[1:]:
+        series *= x
+        series += coefficient
+    return series
