@@ -96,6 +96,12 @@ def test_one_ball_a_shot() -> None:
         )
 
 
+@pytest.mark.parametrize("rung", ["closed-form", "pymunk"])
+def test_an_efficiency_that_is_no_number_is_refused(rung: str) -> None:
+    with pytest.raises(InputError, match="efficiency = nan; allowed: finite"):
+        play(scene(efficiency=constant(np.nan)), rung)
+
+
 def test_rungs_have_names() -> None:
     with pytest.raises(InputError, match="allowed: closed-form, pymunk"):
         play(scene(), "exact")

@@ -1,7 +1,8 @@
 """An independent answer to a scene of motion: all equations stepped by scipy, contacts as events.
 
 It shares the scene and nothing else with the rungs: positions are vectors, the contact is solved
-from its impulse, and nothing is in closed form.
+from its impulse, and nothing is in closed form. It sees no contact that begins and would end
+within one of its steps: a ball that clips an edge is not its business.
 """
 
 from __future__ import annotations

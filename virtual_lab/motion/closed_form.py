@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.errors import InputError
 from virtual_lab.motion.outcome import BAT, Events, Outcome
 from virtual_lab.motion.scene import Obstacle, Scene, State
 from virtual_lab.motion.touch import (
@@ -75,12 +76,22 @@ def play_closed_form(scene: Scene) -> Outcome:
 
 
 def effective(scene: Scene, near: Nearness, shots: NDArray[np.int_]) -> Array:
-    """Return the scene's e_A for contacts of these shots, which are on the bat."""
+    """Return the scene's e_A for contacts of these shots, which are on the bat.
+
+    Raises
+    ------
+    InputError
+        An e_A that is no number: nothing could be said of what follows.
+    """
     if not len(shots):
         return np.zeros(0)
     balls = scene.balls
     given = near.place, near.approach, balls.mass[shots], balls.restitution[shots]
-    return np.asarray(scene.efficiency(*given), dtype=float)
+    found = np.asarray(scene.efficiency(*given), dtype=float)
+    if not np.isfinite(found).all():
+        bad = float(found[~np.isfinite(found)][0])
+        raise InputError("motion", "efficiency", bad, "allowed: finite numbers")
+    return found
 
 
 class _Refusals:

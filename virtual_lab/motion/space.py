@@ -11,7 +11,7 @@ from virtual_lab.motion.settings import Settings
 
 __all__ = ["Space"]
 
-BALL, SOLID = 1, 2  # categories of shapes
+BALL = 1  # its category: it alone meets what stands
 Point = tuple[float, float]
 
 
@@ -32,30 +32,33 @@ class Space:
         self.radius = scene.balls.radius
         circle = pymunk.Circle(self.ball, self.radius)
         circle.elasticity = 1.0  # pymunk multiplies: the obstacle's own stands
-        circle.filter = pymunk.ShapeFilter(categories=BALL, mask=SOLID)
+        circle.filter = pymunk.ShapeFilter(categories=BALL)
         self.bat = pymunk.Body(1.0, scene.bat.inertia)  # with its centre held, any mass will do
         self.pivot = (0.0, scene.bat.axis)
         self.bat.position = self.pivot
         joint = pymunk.PivotJoint(space.static_body, self.bat, self.pivot)
         space.add(self.ball, circle, self.bat, joint)
-        self.solids = [(self._stand(space, one), one) for one in scene.obstacles]
+        self.solids = [(*self._stand(space, one), one) for one in scene.obstacles]
         space.on_collision(pre_solve=self._pass_others)
         self.space, self.striking = space, None
 
     @staticmethod
-    def _stand(space: Any, obstacle: Obstacle) -> Any:
+    def _stand(space: Any, obstacle: Obstacle) -> tuple[Any, list[Any]]:
+        """Return the shape of an obstacle and those to be asked for a ball that comes to it."""
         import pymunk
 
         first, last = zip(obstacle.x, obstacle.z, strict=True)
-        solid: Any
-        if first == last:  # a segment of no length has no normal
-            solid = pymunk.Circle(space.static_body, obstacle.radius, first)
-        else:
-            solid = pymunk.Segment(space.static_body, first, last, obstacle.radius)
+        body, radius = space.static_body, obstacle.radius
+        ends = [pymunk.Circle(body, radius, end) for end in (first, last)]
+        # a segment of no length has no normal
+        solid: Any = ends[0] if first == last else pymunk.Segment(body, first, last, radius)
+        # a segment that is asked overlooks its round ends from beside itself: they are asked too
+        asked = [solid] if first == last else [solid, *ends]
         solid.elasticity = obstacle.restitution
-        solid.filter = pymunk.ShapeFilter(categories=SOLID, mask=BALL)
-        space.add(solid)
-        return solid
+        for shape in asked:
+            shape.filter = pymunk.ShapeFilter(mask=BALL if shape is solid else 0)
+        space.add(*asked)
+        return solid, asked
 
     def carry(
         self, place: Point, velocity: Point, angle: float, rate: float, span: float, solid: Any
@@ -86,14 +89,15 @@ class Space:
         """
         found = []
         way = there[0] - here[0], there[1] - here[1]
-        for solid, obstacle in self.solids:
-            hit = solid.segment_query(here, there, self.radius)
-            if hit and hit.shape and hit.normal.dot(way) < 0:
-                found.append((float(hit.alpha), solid, obstacle))
+        for solid, asked, obstacle in self.solids:
+            for shape in asked:
+                hit = shape.segment_query(here, there, self.radius)
+                if hit and hit.shape and hit.normal.dot(way) < 0:
+                    found.append((float(hit.alpha), solid, obstacle))
         return sorted(found, key=lambda one: one[0])
 
     def within(self, depth: float) -> list[Obstacle]:
         """Return what the ball overlaps in the plan by more than `depth` [m]."""
         near = self.radius - depth
         place = self.ball.position
-        return [one for solid, one in self.solids if solid.point_query(place).distance < near]
+        return [one for solid, _, one in self.solids if solid.point_query(place).distance < near]
