@@ -59,7 +59,8 @@ def read_toml(path: Path) -> dict[str, Any]:
 def read_table(path: Path, *, delimiter: str = ",", decimal: str = ".") -> pd.DataFrame:
     """Return the table in a CSV file: a header, then rows as long as it.
 
-    Raises `InputError` where the file is empty, no text, of another delimiter, or uneven.
+    Raises `InputError` where the file is empty, no text, of another delimiter, or its rows are
+    not as long as the header.
     """
     return parse_table(read_bytes(path), str(path), delimiter=delimiter, decimal=decimal)
 
@@ -94,7 +95,19 @@ def parse_table(
             raise InputError(where, "CSV", None, f"cannot be read: {why}") from fault
     if table.empty:
         raise InputError(where, "rows", 0, "a header and nothing below it")
+    _require_whole_rows(data, where, delimiter, len(head))
     return table
+
+
+def _require_whole_rows(data: bytes, where: str, delimiter: str, cells: int) -> None:
+    """Refuse a row shorter than the header, which pandas fills up: the file may be cut short."""
+    if b'"' in data:
+        return  # what parts cells may stand within them
+    for number, line in enumerate(data.splitlines(), 1):
+        found = line.count(delimiter.encode()) + 1
+        if found < cells and line.strip():
+            allowed = f"the header has {cells} (is the record cut short?)"
+            raise InputError(where, f"line {number}", f"{found} cells", allowed)
 
 
 def _head(data: bytes, where: str, delimiter: str) -> list[str]:
@@ -117,7 +130,7 @@ def _head(data: bytes, where: str, delimiter: str) -> list[str]:
     head = [name.strip() for name in names]
     others = [word for mark, word in SEPARATORS.items() if mark != delimiter and mark in text]
     if len(head) < 2 and others:
-        allowed = f"cannot be read: cells are parted by {SEPARATORS[delimiter]}s here"
+        allowed = f"expected {SEPARATORS[delimiter]}s, or a form that names delimiter and decimal"
         raise InputError(where, "delimiter", others[0], allowed)
     for name in head:
         if head.count(name) > 1:
