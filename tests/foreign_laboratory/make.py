@@ -5,7 +5,8 @@
 Inches, ounces, mph, microseconds, degrees and milliseconds, counted from 1, rounded to what such
 recorders show. The form ``records/laboratory.toml`` is written by hand and stays. The answer
 holds what the same session gives in our own form, and what was true. The simulation may change:
-the tables need not be made again for that.
+the tables need not be made again for that. Where they are, ``worked_by_hand.md`` must follow; its
+test names every number that no longer fits.
 """
 
 from __future__ import annotations

@@ -81,7 +81,7 @@ def test_the_tables_have_their_index_columns(procedure: str, tmp_path: Path) -> 
             form = pd.read_csv(io.StringIO((folder / stage / f"{channel}.csv").read_text()))
             full = record.table()
             assert list(form.columns) == list(full.columns)
-            assert len(form) == (1 if len(full) > 500 else len(full))
+            assert len(form) == (1 if len(full) > 1000 else len(full))
             for name in form.columns:
                 if form[name].notna().any():
                     np.testing.assert_array_equal(form[name], full[name].head(len(form)))

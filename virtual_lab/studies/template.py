@@ -23,7 +23,7 @@ from virtual_lab.units import DIMENSIONS
 
 __all__ = ["write_template"]
 
-MOST_ROWS = 500  # a longer table is no form to fill in by hand
+MOST_ROWS = 1000  # a longer table is no form to fill in by hand
 OWN_RULES = "procedure.toml"
 
 
