@@ -237,15 +237,15 @@ class AstmPivotStation:
         turn = modes.rotation(axis) * np.cos(tilt)[:, None]
         inertia = beam_of(body).inertia(axis)
         # the recorder's ticks are the gates' clock, which runs a little fast or slow
-        since = self.encoder.spec.sample_times() / self.gates.clock - leaving[:, None]
-        free = np.maximum(since, 0.0)
+        ticks = self.encoder.spec.sample_times() / self.gates.clock
         bends = slice(modes.rigid, None)
         start = (collisions.modal_displacements * turn)[:, : modes.rigid].sum(axis=1)
         rate = (collisions.modal_velocities * turn)[:, : modes.rigid].sum(axis=1)
         rate = rate - self._rubbed(rate, collisions.impulse * np.cos(tilt), body)
         angle = start[:, None] + coast(
             rate,
-            free,
+            ticks,
+            leaving,
             constant=self.pivot.constant_torque / inertia,
             linear=self.pivot.viscous_torque / inertia,
             quadratic=self.pivot.air_torque / inertia,
@@ -257,11 +257,15 @@ class AstmPivotStation:
                 collisions.modal_velocities[:, bends],
                 modes.angular_frequencies[bends],
                 body.damping_ratio,
-                free,
+                ticks,
+                leaving,
             )
         # during contact, a millisecond that no reduction uses, the angle just grows smoothly
-        touching = np.clip(1 + since / (leaving - contact)[:, None], 0.0, 1.0)
-        return np.asarray(angle * touching**2 * (3 - 2 * touching))
+        early = slice(0, int(np.searchsorted(ticks, leaving.max())))
+        since = (ticks[early] - contact[:, None]) / (leaving - contact)[:, None]
+        touching = np.clip(since, 0.0, 1.0)
+        angle[:, early] *= touching**2 * (3 - 2 * touching)
+        return np.asarray(angle)
 
 
 RIG = AstmPivot()

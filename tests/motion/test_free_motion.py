@@ -67,7 +67,7 @@ def test_an_angle_beyond_rest_is_never_turned() -> None:
 def test_both_ways_to_coast_agree() -> None:
     friction = {"constant": 0.1, "linear": 0.01, "quadratic": 0.0105}
     times = np.linspace(0, 0.3, 7)
-    series = coast(np.array([20.0]), times[None], **friction)[0]
+    series = coast(np.array([20.0]), times, np.zeros(1), **friction)[0]
     assert turned(np.full(7, 20.0), times, **friction) == pytest.approx(series, rel=1e-12)
 
 

@@ -15,6 +15,7 @@ from virtual_lab.foreign.constants import read_constants
 from virtual_lab.foreign.table import ChannelForm, FirstIndex, read_channel
 from virtual_lab.session import Session
 from virtual_lab.specs import Spec
+from virtual_lab.validation import validate
 
 __all__ = ["BLANK", "FORM", "load_laboratory", "procedure_name"]
 
@@ -70,7 +71,7 @@ def load_laboratory(folder: Path) -> Session:
 
 
 def _record(entry: Any, where: str, folder: Path, form: LaboratoryForm) -> Any:
-    channel = catalog.validate(entry, where, ChannelForm)
+    channel = validate(entry, where, ChannelForm)
     return read_channel(channel, folder, form.index_from, where)
 
 
@@ -78,7 +79,7 @@ def _read_form(path: Path) -> LaboratoryForm:
     document = read_toml(path)
     if blank := [key for name in document for key in _blank(document[name], name)]:
         raise InputError(str(path), ", ".join(blank), None, f"not filled in yet ({BLANK!r})")
-    return catalog.validate(document, str(path), LaboratoryForm)
+    return validate(document, str(path), LaboratoryForm)
 
 
 def procedure_name(folder: Path) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import ceil, comb, log
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,13 +12,22 @@ __all__ = ["coast", "ring", "slowed", "time_to_rest", "time_to_turn", "turned"]
 Array = NDArray[np.float64]
 
 ORDER = 14
+ROUNDING = 1e-17
 TURNS = 12
 ROOTS, DOUBLE_WEIGHTS = np.polynomial.legendre.leggauss(10)
 NODES, WEIGHTS = (1 + ROOTS) / 2, DOUBLE_WEIGHTS / 2  # on 0 to 1
 
 
-def coast(rate: Array, time: Array, *, constant: float, linear: float, quadratic: float) -> Array:
-    """Return the angle turned since release [rad], shape (shot, sample).
+def coast(
+    rate: Array,
+    ticks: Array,
+    release: Array,
+    *,
+    constant: float,
+    linear: float,
+    quadratic: float,
+) -> Array:
+    """Return the angle turned since release [rad], shape (shot, sample); 0 before it.
 
     Solves dω/dt = -(constant + linear ω + quadratic ω²) by its power series, whose
     coefficients follow from each other; the series is exact to rounding while
@@ -26,23 +37,37 @@ def coast(rate: Array, time: Array, *, constant: float, linear: float, quadratic
     ----------
     rate
         Rate at release [rad/s], shape (shot,).
-    time
-        Time since release [s], shape (shot, sample).
+    ticks
+        Times that all shots share [s], shape (sample,).
+    release
+        When each bat was let go [s], shape (shot,).
     constant, linear, quadratic
         Bearing and air torques divided by the moment of inertia [rad/s², 1/s, 1/rad].
     """
-    reach = (linear + 2 * quadratic * np.abs(rate).max(initial=0.0)) * time.max(initial=0.0)
+    longest = max(ticks.max(initial=0.0) - release.min(initial=0.0), 0.0)
+    reach = (linear + 2 * quadratic * np.abs(rate).max(initial=0.0)) * longest
     if reach > 0.25:
         raise ValueError(f"friction of {reach:.3g} over the record, the series needs at most 0.25")
+    order = min(max(ceil(log(ROUNDING) / log(max(reach, ROUNDING))), 2), ORDER)
     powers = [np.asarray(rate, dtype=float)]
-    for k in range(ORDER):
+    for k in range(order):
         product = np.sum([powers[i] * powers[k - i] for i in range(k + 1)], axis=0)
         slope = -(constant * (k == 0) + linear * powers[k] + quadratic * product)
         powers.append(slope / (k + 1))
-    angle = np.zeros_like(time)
-    for k in reversed(range(ORDER + 1)):
-        angle = angle * time + powers[k][:, None] / (k + 1)
-    return angle * time
+    own = [np.zeros_like(powers[0]), *(power / (k + 1) for k, power in enumerate(powers))]
+    # about one moment for all shots the series is a product of two matrices
+    middle = release.mean() if release.size else 0.0
+    shared = np.stack(_shifted(own, middle - release), axis=1)
+    angle = shared @ np.vander(ticks - middle, len(own), increasing=True).T
+    return np.where(ticks > release[:, None], angle, 0.0)
+
+
+def _shifted(series: list[Array], by: Array) -> list[Array]:
+    """Return the coefficients of a power series about a point `by` further on."""
+    return [
+        np.asarray(sum(comb(k, j) * series[k] * by ** (k - j) for k in range(j, len(series))))
+        for j in range(len(series))
+    ]
 
 
 def time_to_rest(rate: Array, *, constant: float, linear: float, quadratic: float) -> Array:
@@ -120,9 +145,12 @@ def ring(
     velocity: Array,
     angular_frequency: Array,
     damping_ratio: float,
-    time: Array,
+    ticks: Array,
+    release: Array,
 ) -> Array:
     """Return the decaying bending part of the angle at a section [rad], shape (shot, sample).
+
+    Before release it is that at release.
 
     Parameters
     ----------
@@ -134,16 +162,20 @@ def ring(
         Undamped, shape (mode,) [rad/s].
     damping_ratio
         Of every mode, a share of critical.
-    time
-        Since release, shape (shot, sample) [s].
+    ticks
+        Times that all shots share [s], shape (sample,).
+    release
+        When each ring began [s], shape (shot,).
     """
     decay = damping_ratio * angular_frequency
     damped = angular_frequency * np.sqrt(1 - damping_ratio**2)
     sine = (velocity + decay * displacement) / damped
-    angle = np.zeros_like(time)
-    # mode by mode, as (shot, sample, mode) at once would not stay in the cache
-    for mode in range(len(angular_frequency)):
-        phase = damped[mode] * time
-        swing = displacement[:, mode, None] * np.cos(phase) + sine[:, mode, None] * np.sin(phase)
-        angle += turn[:, mode, None] * np.exp(-decay[mode] * time) * swing
-    return angle
+    # a ring is the real part of a turning arrow: who began it when turns the arrow once, and
+    # what is left is a product of two matrices, over modes
+    pace = 1j * damped - decay
+    middle = release.mean() if release.size else 0.0
+    arrow = turn * (displacement - 1j * sine) * np.exp(-np.outer(release - middle, pace))
+    turning = np.exp(np.outer(pace, ticks - middle))
+    swing = np.hstack([arrow.real, -arrow.imag]) @ np.vstack([turning.real, turning.imag])
+    begin = (turn * displacement).sum(axis=1)[:, None]
+    return np.asarray(np.where(ticks > release[:, None], swing, begin))

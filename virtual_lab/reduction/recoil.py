@@ -29,6 +29,7 @@ FIRST_DECAY = 5.0  # 1/s
 WIDEST_DECAY = 300.0  # 1/s
 STANDS_OUT = 20.0  # a ring's peak over the median of the periodogram
 MAX_STEPS = 10
+SEARCHED = 48  # shots, which tell the rings to far below what one shot's noise hides
 CONVERGED = 1e-5  # of a frequency or decay in units of 1/record, far below what noise hides
 COUNTING_NOISE = 1e-3  # counts; below it there are no counts and nothing to tell apart
 
@@ -52,10 +53,12 @@ def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
     after = record.times > (seen.max() if seen.size else np.inf) + SETTLE
     if after.sum() < 20 * (DEGREE + 1 + 2 * MAX_RINGS):
         raise ValueError("the encoder record ends too soon after contact")
-    times, counts = record.times[after], record.counts[:, after].T
+    tail = slice(int(after.argmax()), None)
+    times, counts = record.times[tail], record.counts[:, tail].T
     origin, span = times[0], times[-1] - times[0]
     clock = (times - origin) / span
-    rings, basis = _find_rings(clock, counts, span)
+    # all shots ring alike, so a few of a large batch tell the frequencies
+    rings, basis = _find_rings(clock, counts[:, :SEARCHED], span)
     coefficients, residual = _project(basis, counts)
     row = np.zeros((contact.size, basis.shape[1]))
     release = (contact + CONTACT_DURATION - origin) / span

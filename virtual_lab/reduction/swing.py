@@ -38,26 +38,47 @@ def fit_swing(record: EncoderRecord, contact: Array) -> RateFit:
     if not seen.size:
         raise ValueError("the gates saw no ball come in")
     contact = np.where(np.isfinite(contact), contact, np.median(seen))
-    before = record.times[None] < contact[:, None] - MARGIN
-    samples = before.sum(axis=1)
+    # shots of as many samples before contact share the matrix of their fit
+    samples = np.searchsorted(record.times, contact - MARGIN)
     if samples.min() < 5 * (DEGREE + 1):
         raise ValueError("the encoder record holds too little before contact")
-    span = contact - record.times[0]
-    clock = np.where(before, (record.times[None] - contact[:, None]) / span[:, None], 0.0)
-    basis = np.stack([np.where(before, clock**power, 0.0) for power in range(DEGREE + 1)], axis=1)
-    normal = basis @ basis.transpose(0, 2, 1)
-    inverse = np.linalg.inv(normal)
-    counts = np.where(before, record.counts, 0.0)
-    coefficients = (inverse @ (basis @ counts[..., None]))[..., 0]
-    fitted = (coefficients[:, None] @ basis)[:, 0]
-    square = np.where(before, (counts - fitted) ** 2, 0.0).sum(axis=1)
-    variance = square / (samples - DEGREE - 1)
+    fitted = np.empty((4, contact.size))  # rate, its u, angle, residual
+    for number in np.unique(samples):
+        shots = samples == number
+        fitted[:, shots] = _fit(
+            record.times[:number], record.counts[shots, :number], contact[shots]
+        )
+    rate, rate_u, angle, residual = fitted
     return RateFit(
-        rate=coefficients[:, 1] / span,
-        rate_u=np.sqrt(variance * inverse[:, 1, 1]) / span,
+        rate=rate,
+        rate_u=rate_u,
         before=np.full(contact.shape, np.nan),
-        angle=coefficients[:, 0],
+        angle=angle,
         ring_frequency=np.zeros(0),
         ring_decay=np.zeros(0),
-        residual=np.sqrt(square / samples),
+        residual=residual,
+    )
+
+
+def _fit(times: Array, counts: Array, contact: Array) -> tuple[Array, Array, Array, Array]:
+    """Return rate, its u, angle and residual at contact of shots with the same samples, (shot,)."""
+    span = times[-1] - times[0]
+    orthogonal, triangle = np.linalg.qr(
+        np.vander((times - times[-1]) / span, DEGREE + 1, increasing=True)
+    )
+    seen = counts @ orthogonal
+    coefficients = np.linalg.solve(triangle, seen.T)
+    left = counts - seen @ orthogonal.T
+    square = (left**2).sum(axis=1)
+    beyond = (contact - times[-1]) / span
+    powers = np.arange(DEGREE + 1)[:, None]
+    at = beyond**powers
+    slope = powers * beyond ** np.maximum(powers - 1, 0) / span
+    leverage = (np.linalg.solve(triangle.T, slope) ** 2).sum(axis=0)
+    variance = square / (times.size - DEGREE - 1)
+    return (
+        (slope * coefficients).sum(axis=0),
+        np.sqrt(variance * leverage),
+        (at * coefficients).sum(axis=0),
+        np.sqrt(square / times.size),
     )

@@ -1,0 +1,67 @@
+"""A parsed document against a spec: the errors name the key, its value and what is allowed."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from dataclasses import fields, is_dataclass
+from functools import lru_cache
+from typing import Any, TypeVar, cast, get_args, get_type_hints
+
+from virtual_lab.errors import InputError
+
+__all__ = ["validate"]
+
+T = TypeVar("T")
+
+
+def validate(document: Mapping[str, Any], where: str, spec: type[T]) -> T:
+    """Return the spec a parsed document holds; `InputError` names the key that does not fit."""
+    from pydantic import ValidationError
+
+    try:
+        return cast("T", _adapter(cast("Hashable", spec)).validate_python(document))
+    except ValidationError as fault:
+        error = fault.errors(include_url=False)[0]
+        key, value = ".".join(map(str, error["loc"])), _at(document, error["loc"])
+        message = error["msg"].removeprefix("Value error, ")
+        if error["type"] == "missing":
+            value, message = None, "this key is missing"
+        if error["type"] == "unexpected_keyword_argument":
+            allowed = ", ".join(_keys(spec, error["loc"][:-1]))
+            value, message = None, f"unknown key, allowed here: {allowed}"
+        raise InputError(where, key or "file", value, message) from fault
+
+
+@lru_cache(maxsize=64)
+def _adapter(spec: Hashable) -> Any:
+    """Return the validator of a spec, which takes longer to build than to use."""
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(cast("type", spec))
+
+
+def _keys(spec: Any, location: tuple[int | str, ...]) -> list[str]:
+    """Return the keys a file may have at a place, by following the specs' annotations down."""
+    for part in location:
+        if isinstance(part, str):
+            spec = get_type_hints(spec)[part]
+        # an optional or repeated part: the spec is among its type arguments
+        inside = [each for each in (spec, *get_args(spec)) if is_dataclass(each)]
+        spec = inside[0] if inside else spec
+    return [field.name for field in fields(spec)]
+
+
+def _at(document: Any, location: tuple[int | str, ...]) -> Any:
+    """Return what the file says at an error's place: the number and unit as written."""
+    for part in location:
+        try:
+            document = document[part]
+        except (KeyError, IndexError, TypeError):
+            break
+    if isinstance(document, Mapping):
+        return (
+            f"{document['value']} {document.get('unit', '')}".strip()
+            if "value" in document
+            else None
+        )
+    return document
