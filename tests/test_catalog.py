@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from tests.test_units import DEFINED
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
+from virtual_lab.faults import FaultSheet
 from virtual_lab.instruments.air import AirSpec
 from virtual_lab.instruments.cannon import CannonSpec
 from virtual_lab.instruments.encoder import EncoderSpec
@@ -83,10 +84,24 @@ def test_every_game_reads(name: str) -> None:
     assert game.ball in catalog.names("balls")
 
 
+@pytest.mark.parametrize("name", catalog.names("faults"))
+def test_every_fault_reads(name: str) -> None:
+    """What it says beyond this is held in tests/faults."""
+    assert catalog.load("faults", name, FaultSheet).spec.name == name
+
+
 def test_every_folder_of_the_catalog_is_read_here() -> None:
     """A new kind of file needs a test above."""
     holding = {path.parent.name for path in DATA.glob("*/*.toml")}
-    assert holding == {"bats", "balls", "conditions", "instruments", "procedures", "rigs"}
+    assert holding == {
+        "bats",
+        "balls",
+        "conditions",
+        "faults",
+        "instruments",
+        "procedures",
+        "rigs",
+    }
 
 
 @pytest.mark.parametrize("name", catalog.names("rigs"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -102,6 +102,7 @@ def certify(
     seed: int | None = None,
     reality: Reality | str = Reality.REAL,
     rung: str | None = None,
+    faults: Sequence[str] = (),
     say: Callable[[str], None] = lambda _: None,
 ) -> Certificate:
     """Take a bat through a procedure and return its certificate.
@@ -120,6 +121,9 @@ def certify(
     rung
         Of the collision: ``rigid``, ``modal`` or ``reference``; None takes the cheapest that is
         good enough, and the certificate says which and why.
+    faults
+        Names of what goes wrong on the day (``virtual-lab list faults``); only the sealed truth
+        tells them.
     say
         Told what goes on, a sentence at a time.
 
@@ -135,6 +139,7 @@ def certify(
         seed=seed,
         reality=Reality(reality),
         rung=rung,
+        faults=faults,
         say=say,
     )
     return Certificate(certification=tested.certification, sealed=tested.sealed)

@@ -38,7 +38,7 @@ __all__ = [
     "validate",
 ]
 
-KINDS = ("bats", "balls", "procedures", "instruments", "rigs", "conditions")
+KINDS = ("bats", "balls", "procedures", "instruments", "rigs", "conditions", "faults")
 T = TypeVar("T")
 
 

@@ -14,8 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.catalog import Datum, Entry, read
+from virtual_lab.diagnostics import Evidence, Flag, flags
 from virtual_lab.errors import InputError
 from virtual_lab.estimate import Estimate
+from virtual_lab.other_support import OtherSupport, other_support
 from virtual_lab.procedure import (
     Curve,
     Finding,
@@ -35,10 +37,10 @@ from virtual_lab.reduction.measurement import (
     ShotResults,
     bat_properties,
     measured_balls,
-    recoil_factor,
     shot_results,
 )
 from virtual_lab.reduction.observations import (
+    BallReadings,
     ImpactReadings,
     across_constant,
     ball_constants,
@@ -46,14 +48,12 @@ from virtual_lab.reduction.observations import (
     observe_balls,
     observe_impact,
 )
-from virtual_lab.relations.kinematics import restitution_from_efficiency
 from virtual_lab.session import Session
 from virtual_lab.uncertainty.budget import Budget, combine, propagate, scatter
 
 __all__ = [
     "QUANTITIES",
     "Certification",
-    "OtherSupport",
     "Reduced",
     "certify_session",
     "evaluate",
@@ -78,16 +78,6 @@ QUANTITIES: Mapping[str, str] = {  # name in a certificate: the shots' field it 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OtherSupport:
-    """What the same collision efficiency would give with the other support's recoil factor."""
-
-    which: str
-    recoil_factor: float
-    restitution: float
-    bat_performance_factor: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Certification:
     """The outcome of one test, all of it measured."""
 
@@ -104,6 +94,7 @@ class Certification:
     quantities: Mapping[str, Budget]  # by the keys of QUANTITIES; {} without a metric
     other: OtherSupport | None
     findings: tuple[Finding, ...]  # what the rules ask of a bat before it is hit
+    flags: tuple[Flag, ...]  # what does not hang together in the records
     verdict: Verdict
 
     @property
@@ -128,6 +119,7 @@ class Reduced:
     constants: Mapping[str, Estimate]
     results: Callable[[Mapping[str, Array]], ShotResults]  # of any values of the constants
     metric: Callable[[Mapping[str, Array], ShotResults], Array]  # of them and their shots
+    balls: BallReadings
     readings: ImpactReadings
     bat: BatProperties
     percussion: float  # centre of percussion of the bat as measured [m]
@@ -179,6 +171,7 @@ def reduce_session(session: Session) -> Reduced:
         constants=constants,
         results=results,
         metric=metric,
+        balls=ball_readings,
         readings=readings,
         bat=bat,
         percussion=percussion,
@@ -239,14 +232,29 @@ def evaluate(session: Session, reduced: Reduced) -> Certification:
         outcome=outcome,
         metric=metric,
         quantities=quantities,
-        other=_with_other_support(reduced) if metric else None,
+        other=other_support(procedure, shots, reduced.bat, outcome) if metric else None,
         findings=found,
+        flags=flags(_evidence(session, reduced)),
         verdict=verdict(
             procedure,
             metric.value if metric else np.nan,
             complete=not outcome.reason,
             eligible=all(finding.met for finding in found),
         ),
+    )
+
+
+def _evidence(session: Session, reduced: Reduced) -> Evidence:
+    return Evidence(
+        session=session,
+        procedure=reduced.procedure.spec,
+        constants=reduced.constants,
+        bat=reduced.bat,
+        balls=reduced.balls,
+        readings=reduced.readings,
+        shots=reduced.shots,
+        judgement=reduced.judgement,
+        results=reduced.results,
     )
 
 
@@ -279,22 +287,3 @@ def _weighted(reduced: Reduced, x: Mapping[str, Array]) -> dict[str, Array]:
     weights = reduced.outcome.weights[used]
     sums = {name: getattr(shots, field)[..., used] @ weights for name, field in QUANTITIES.items()}
     return sums | {"metric": reduced.metric(x, shots)[..., used] @ weights}
-
-
-def _with_other_support(reduced: Reduced) -> OtherSupport:
-    procedure, shots = reduced.procedure.spec, reduced.shots
-    which = "free" if procedure.recoil == "pivoted" else "pivoted"
-    # the lot's mean ball, by the recoil factor it has on the support the rules name
-    ball = shots.ball_mass * shots.lot_recoil_factor / shots.recoil_factor
-    recoil = recoil_factor(
-        which, reduced.bat, ball, reduced.readings.place, procedure.pivot_from_knob
-    )
-    restitution = np.asarray(restitution_from_efficiency(shots.lot_collision_efficiency, recoil))
-    used = reduced.outcome.used
-    weights = reduced.outcome.weights[used]
-    return OtherSupport(
-        which=which,
-        recoil_factor=float(recoil[used] @ weights),
-        restitution=float(restitution[used] @ weights),
-        bat_performance_factor=float((restitution / shots.lot_ball_restitution)[used] @ weights),
-    )

@@ -99,6 +99,7 @@ class Sealed:
     place: Array  # aimed, (shot,) [m]
     shots: Mapping[str, Array]  # what happened, (shot,)
     wall_hits: Mapping[str, Array]
+    faults: tuple[str, ...] = ()  # what went wrong on the day
 
     def document(self) -> dict[str, Any]:
         """Return the truth in the form of its file."""
@@ -119,6 +120,7 @@ class Sealed:
             "constants": dict(self.constants),
             "shots": _listed(self.shots),
             "wall_hits": _listed(self.wall_hits),
+            "faults": list(self.faults),
         }
 
 

@@ -17,6 +17,7 @@ from virtual_lab.cli.study import (
     convergence,
     coverage,
     daily,
+    faults,
     sensitivity,
     stability,
 )
@@ -97,6 +98,7 @@ for command in (
     fit_bat,
     coverage,
     bias,
+    faults,
     sensitivity,
     convergence,
     chart,

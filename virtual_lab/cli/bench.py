@@ -42,6 +42,13 @@ from virtual_lab.cli.shared import json_option, names, print_json, teller
     type=click.Choice(["rigid", "modal", "reference"]),
     help="Pin the collision model  [default: the cheapest that is good enough]",
 )
+@click.option(
+    "--fault",
+    "faults",
+    multiple=True,
+    help="What goes wrong on the day; may be given several times ('virtual-lab list faults').",
+    shell_complete=names("faults"),
+)
 @json_option
 def certify(
     bat: str,
@@ -51,6 +58,7 @@ def certify(
     ideal: bool,
     noise_free: bool,
     rung: str | None,
+    faults: tuple[str, ...],
     as_json: bool,
 ) -> None:
     """Take BAT (a name or a .toml file) through a procedure and write its certificate."""
@@ -64,7 +72,15 @@ def certify(
     from virtual_lab.api import certify as run
     from virtual_lab.report.text import certificate_text
 
-    certificate = run(bat, procedure=procedure, seed=seed, reality=reality, rung=rung, say=teller())
+    certificate = run(
+        bat,
+        procedure=procedure,
+        seed=seed,
+        reality=reality,
+        rung=rung,
+        faults=faults,
+        say=teller(),
+    )
     certificate.save(target)
     if as_json:
         print_json(certificate.document | {"folder": str(target)})

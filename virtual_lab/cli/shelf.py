@@ -18,7 +18,9 @@ from virtual_lab.units import INCH
     "kind",
     required=False,
     metavar="[KIND]",
-    type=click.Choice(["bats", "balls", "procedures", "instruments", "rigs", "conditions"]),
+    type=click.Choice(
+        ["bats", "balls", "procedures", "instruments", "rigs", "conditions", "faults"]
+    ),
 )
 @json_option
 def list_(kind: str | None, as_json: bool) -> None:
@@ -35,7 +37,10 @@ def list_(kind: str | None, as_json: bool) -> None:
 
 @click.command()
 @click.argument(
-    "name", shell_complete=names("bats", "balls", "procedures", "instruments", "rigs", "conditions")
+    "name",
+    shell_complete=names(
+        "bats", "balls", "procedures", "instruments", "rigs", "conditions", "faults"
+    ),
 )
 @json_option
 def show(name: str, as_json: bool) -> None:

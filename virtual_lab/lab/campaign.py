@@ -10,6 +10,7 @@ from collections.abc import Iterator
 
 from virtual_lab import catalog
 from virtual_lab.collision.ladder import Ladder, probing_scenes
+from virtual_lab.faults import Day
 from virtual_lab.instruments import Rung
 from virtual_lab.lab.laboratory import EFFICIENCY_U, Laboratory, Tested
 from virtual_lab.procedure import Procedure
@@ -41,6 +42,7 @@ def campaign(bat: str, *, procedure: str, laboratories: int, first_seed: int) ->
             rig=rules.spec.rig,
             reality=Reality.REAL,
             rung=None,
+            day=Day(),
             unverified={},
             instruments=Rung.SUMMED,
             collision=collision,

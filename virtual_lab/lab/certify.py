@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import secrets
+from collections.abc import Sequence
 
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
+from virtual_lab.faults import Day
 from virtual_lab.lab.fitting import unverified_rigs
 from virtual_lab.lab.laboratory import BALL_RIG, BENCH_RIG, Laboratory, Say, Tested
 from virtual_lab.procedure import Procedure
@@ -23,6 +25,7 @@ def certify_bat(
     seed: int | None = None,
     reality: Reality = Reality.REAL,
     rung: str | None = None,
+    faults: Sequence[str] = (),
     say: Say = lambda _: None,
 ) -> Tested:
     """Take a bat through a procedure.
@@ -40,6 +43,8 @@ def certify_bat(
     rung
         Of the collision: ``rigid``, ``modal`` or ``reference``; None takes the cheapest whose
         error is at most a tenth of the standard uncertainty of e_A that such a test reaches.
+    faults
+        Names of what goes wrong on the day, in the catalog; the sealed truth tells them.
     say
         Told what goes on, a sentence at a time.
 
@@ -47,7 +52,7 @@ def certify_bat(
     ------
     InputError
         Unknown names, files that cannot be used, a negative seed, an unknown rung, a rig that
-        lacks what the procedure needs.
+        lacks what the procedure needs, a fault that cannot befall the rig.
     """
     if seed is not None and seed < 0:
         raise InputError("", "seed", seed, "allowed: whole numbers from 0")
@@ -60,6 +65,7 @@ def certify_bat(
         rig=rig or rules.spec.rig,
         reality=reality,
         rung=rung,
+        day=Day.of(faults, rig=rig or rules.spec.rig),
         unverified=catalog.unverified("bats", bat)
         | catalog.unverified("balls", rules.spec.ball)
         | unverified_rigs((BENCH_RIG, BALL_RIG, rig or rules.spec.rig)),

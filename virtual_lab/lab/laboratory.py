@@ -27,6 +27,7 @@ from virtual_lab.certification import (
 from virtual_lab.collision.ladder import Ladder, probing_scenes
 from virtual_lab.collision.modal import kernel_is_compiled
 from virtual_lab.estimate import Estimate
+from virtual_lab.faults import Day
 from virtual_lab.instruments import Rung
 from virtual_lab.lab.fitting import require_rig
 from virtual_lab.lab.measurand import measurand
@@ -74,6 +75,7 @@ class Laboratory:
     reality: Reality
     draws: Draws
     collision: Ladder
+    day: Day
     stations: Mapping[Stage, Station]
     specimen: Specimen
     session: Session
@@ -90,6 +92,7 @@ class Laboratory:
         rig: str,
         reality: Reality,
         rung: str | None,
+        day: Day,
         unverified: Mapping[str, str],
         instruments: Rung = Rung.FULL,
         collision: Ladder | None = None,
@@ -104,7 +107,7 @@ class Laboratory:
         require_rig(find_rig(rig, Stage.IMPACT), rules.spec)
         ideal = reality is Reality.IDEAL
         stations = {
-            stage: find_rig(name, stage).commission(draws, ideal=ideal)
+            stage: day.station(stage, find_rig(name, stage).commission(draws, ideal=ideal))
             for stage, name in rigs.items()
         }
         salt = secrets.token_bytes(16)
@@ -125,6 +128,7 @@ class Laboratory:
             reality=reality,
             draws=draws,
             collision=collision,
+            day=day,
             stations=stations,
             instruments=instruments,
             specimen=Specimen(
@@ -138,7 +142,7 @@ class Laboratory:
                 date=datetime.date.today().isoformat(),
                 rigs={stage.value: name for stage, name in rigs.items()},
                 procedure_text=rules.text,
-                calibration=known | _ball_constants(ball),
+                calibration=day.calibration(known | _ball_constants(ball)),
                 records={},
                 simulation={
                     "reality": reality.value,
@@ -218,7 +222,7 @@ class Laboratory:
         return replace(self, specimen=replace(self.specimen, balls=balls))
 
     def _play(self, stage: Stage, order: Order) -> Play:
-        return self.stations[stage].play(order, self.specimen, self.draws)
+        return self.day.play(stage, self.stations[stage], order, self.specimen, self.draws)
 
     def _seal(self, reduced: Reduced, bench: Play, wall: Play, rounds: list[Play]) -> Sealed:
         impact = cast("ImpactStation", self.stations[Stage.IMPACT])
@@ -241,6 +245,7 @@ class Laboratory:
                 for name in rounds[0].truth
             },
             wall_hits=wall.truth,
+            faults=self.day.names,
         )
 
 

@@ -36,6 +36,7 @@ __all__ = [
     "MeasuredBalls",
     "ShotResults",
     "bat_properties",
+    "drag_of",
     "measured_balls",
     "recoil_factor",
     "shot_results",
@@ -139,7 +140,7 @@ def _inertia_cm(x: Constants, mass: Array, length: Array, z_cm: Array) -> Array:
 def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
     """Return the balls' masses and their mean e0 over the wall hits, at the hits' mean speed."""
     mass = (readings.mass - x["bench.scale.zero"]) / x["bench.scale.span"]
-    seen = flights(x, "balls", readings.passages, _drag(x, mass[..., readings.ball]))
+    seen = flights(x, "balls", readings.passages, drag_of(x, mass[..., readings.ball]))
     slope, nominal = x["ball.restitution_slope"], float(readings.nominal_speed.mean())
     hits = seen.speed_out / seen.speed_in - slope * (seen.speed_in - nominal)
     restitution = np.stack(
@@ -163,7 +164,7 @@ def shot_results(
 ) -> ShotResults:
     """Return e_A by Eq. (2) or by angular momentum, e by Eq. (6), BPF by Eq. (5)."""
     mass = balls.mass[..., readings.ball]
-    seen = flights(x, "impact", readings.passages, _drag(x, mass))
+    seen = flights(x, "impact", readings.passages, drag_of(x, mass))
     lever = bat.length - x["impact.pivot.from_knob"] - readings.place - _along(x)
     swing_rate = _turn(x, "swing", readings.swing) if readings.swing else 0 * lever
     bat_speed = lever * swing_rate
@@ -235,7 +236,8 @@ def recoil_factor(
     return np.asarray(recoil_factor_pivoted(mass, inertia, axis - place))
 
 
-def _drag(x: Constants, mass: Array) -> Array:
+def drag_of(x: Constants, mass: Array) -> Array:
+    """Return κ [1/m] of balls of `mass` [kg] in the hall's air."""
     return drag_rate(x["hall.air.density"], x["hall.air.drag_coefficient"], x["ball.radius"], mass)
 
 

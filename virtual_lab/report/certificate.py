@@ -91,6 +91,7 @@ def certificate(certification: Certification, *, truth_digest: str | None = None
         else None,
         "places": place_rows(certification) if procedure.scan else [],
         "findings": [asdict(finding) for finding in certification.findings],
+        "flags": [asdict(flag) for flag in certification.flags],
         "incomplete": certification.outcome.reason,
         "valid_hits": int(valid.sum()),
         "rejected_hits": [

@@ -13,6 +13,7 @@ from virtual_lab.units import INCH, OUNCE, OZ_IN2
 __all__ = [
     "certificate_text",
     "comparison_text",
+    "faults_text",
     "profile_text",
     "score_text",
     "sensitivity_text",
@@ -66,6 +67,7 @@ def certificate_text(document: Mapping[str, Any]) -> str:
         f"  {'meets' if finding['met'] else 'FAILS'}: {finding['sentence']}"
         for finding in document["findings"]
     ]
+    lines += [f"  FLAG {flag['name']}: {flag['sentence']}" for flag in document["flags"]]
     lines.append(
         f"  {document['valid_hits']} valid hits, {len(document['rejected_hits'])} rejected"
     )
@@ -203,6 +205,33 @@ def sensitivity_text(rows: Sequence[Mapping[str, Any]]) -> str:
         name: f"{apart[name]:{form}} @ {apart[f'{name}_at_in']:.2f}" for name, form in forms.items()
     }
     return f"{rows[0]['bat']}: peak @ inches from the tip\n{table_text([*cells, spread])}"
+
+
+def faults_text(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return which faults were caught by what, and the biases they left beside those predicted."""
+    cells = [
+        {
+            "procedure": row["procedure"],
+            "fault": row["fault"],
+            "predicted": row["prediction"],
+            "caught": f"{row['caught']:.0%} ({row['low']:.0%} to {row['high']:.0%})",
+            "by": row["by"],
+            "bias of e_A": _bias_text(row, "e_A"),
+            "bias of the metric": _bias_text(row, "metric"),
+            "came out": "as predicted" if row["as_predicted"] else "NOT as predicted",
+        }
+        for row in rows
+    ]
+    return table_text(cells)
+
+
+def _bias_text(row: Mapping[str, Any], what: str) -> str:
+    if row[f"{what}_bias"] is None:
+        return ""
+    measured = f"{row[f'{what}_bias']:+.5f} ± {row[f'{what}_bias_se']:.5f}"
+    if row[f"{what}_z"] is None:
+        return measured
+    return f"{measured}, predicted {row[f'{what}_predicted']:+.5f}, z {row[f'{what}_z']:+.1f}"
 
 
 def _published(bat: PublishedBat | None) -> dict[str, float]:

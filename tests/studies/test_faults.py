@@ -1,0 +1,56 @@
+"""The study of faults: its table, reduced, and how a prediction is judged."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from virtual_lab.errors import InputError
+from virtual_lab.faults import Prediction
+from virtual_lab.studies.faults import _bias, faults, save_faults
+
+FEW = ("gate-moved", "wrong-lot", "encoder-slip", "ball-out-of-round")
+LABORATORIES = 6
+
+
+def test_a_few_faults_come_out_as_predicted(tmp_path: Path) -> None:
+    """The reduced form of ``virtual-lab faults`` (60 laboratories a fault, table beside this).
+
+    Caught is caught in all 6; the biases lie within three standard uncertainties of those
+    predicted; no sound day is flagged, which 1 % a day leaves 94 % likely.
+    """
+    rows = faults(FEW, procedures=("astm-f1881",), laboratories=LABORATORIES, first_seed=600)
+    assert [row["fault"] for row in rows] == ["none", *FEW]
+    for row in rows:
+        print(row)
+        assert row["as_predicted"], row["fault"]
+        assert 0 <= row["low"] <= row["caught"] <= row["high"] <= 1
+    assert rows[0]["caught"] == 0
+    assert rows[3]["by"].startswith(f"encoder-fit {LABORATORIES}")
+    assert rows[1]["e_A_bias"] == pytest.approx(-0.0040, abs=0.0002)
+    save_faults(rows, tmp_path / "new")
+    assert (tmp_path / "new" / "faults.csv").read_text().count("\n") == len(rows) + 1
+
+
+def test_a_wrong_prediction_shows() -> None:
+    """A bias ten Monte Carlo errors from the predicted one, and one that is met."""
+    differences = np.array([0.9, 1.1] * 50)  # 1 ± 0.1005/10
+    error = float(differences.std(ddof=1)) / 10
+    assert _bias("metric", differences, 1.0, 0.0)["metric_z"] == pytest.approx(0.0, abs=1e-9)
+    assert _bias("metric", differences, 1 - 10 * error, 0.0)["metric_z"] == pytest.approx(10.0)
+
+
+def test_a_prediction_is_one_of_two_kinds() -> None:
+    with pytest.raises(ValueError, match="leaves no bias"):
+        Prediction(procedure="bbcor", caught_by="aim", metric_bias=0.1)
+    with pytest.raises(ValueError, match="needs caught_by"):
+        Prediction(procedure="bbcor", metric_bias=0.1, metric_bias_u=0.1)
+
+
+def test_bad_words() -> None:
+    with pytest.raises(InputError, match="2 and more"):
+        faults(laboratories=1)
+    with pytest.raises(InputError, match="did you mean gate-moved"):
+        faults(("gate-move",), laboratories=2)

@@ -1,0 +1,46 @@
+"""A flag, and when chance alone may raise one.
+
+Checks are of two kinds. A test holds a number of zero mean against its own uncertainty and is
+flagged where chance would put it farther off in one sound test of two thousand. A band holds a
+number against limits that a sound laboratory stays far inside of. Together they flag fewer
+than one sound test in a hundred.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf
+
+from scipy.special import stdtr
+
+from virtual_lab.uncertainty.budget import Component, combine
+
+__all__ = ["FALSE_ALARMS", "Flag", "chance", "type_a"]
+
+FALSE_ALARMS = 5e-4  # of one test, in a sound laboratory
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flag:
+    """What does not hang together: the name of the check, and a sentence with the numbers."""
+
+    name: str
+    sentence: str
+
+
+def chance(value: float, components: Sequence[Component], *, least: float) -> tuple[float, float]:
+    """Return the uncertainty of a `value` that should be 0, and how likely one farther off is.
+
+    `least` is a standard uncertainty that no laboratory asks to be below.
+    """
+    floor = type_a(least, inf)
+    budget = combine(value, [*components, floor])
+    return budget.u, 2 * float(stdtr(min(budget.dof, 1e9), -abs(value) / budget.u))
+
+
+def type_a(u: float, dof: float) -> Component:
+    """Return the component of a scatter of standard uncertainty `u`."""
+    return Component(
+        name="scatter", value=0.0, u=u, evaluation="A", dof=dof, sensitivity=1.0, contribution=u
+    )

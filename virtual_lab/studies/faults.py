@@ -1,0 +1,183 @@
+"""Faults of a real day, played: caught as predicted, or leaving the bias that was predicted.
+
+Every laboratory is played twice from the same seed, sound and with the fault, so a bias is that
+of one day against the same day, and chance does not blur it.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import hypot, sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import binomtest
+
+from virtual_lab import catalog
+from virtual_lab.certification import Certification
+from virtual_lab.errors import InputError
+from virtual_lab.faults import FaultSheet, Prediction
+from virtual_lab.folder import new_folder
+from virtual_lab.lab import certify_bat
+
+__all__ = ["PROCEDURES", "faults", "save_faults"]
+
+PROCEDURES = ("astm-f1881", "bbcor")
+CAUGHT = 0.95  # of the laboratories, at least
+FALSE_ALARMS = 0.01  # of the sound ones, at most
+FAR = 3.0  # standard uncertainties
+RESULTS = ("e_A", "metric")
+PARTS = ("bias", "bias_se", "predicted", "z")
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """What the operator of one laboratory is told, and the numbers on the certificate."""
+
+    catches: tuple[str, ...]
+    efficiency: float
+    metric: float
+
+
+def faults(
+    names: Sequence[str] = (),
+    *,
+    bat: str = "r161",
+    procedures: Sequence[str] = PROCEDURES,
+    laboratories: int = 60,
+    first_seed: int = 1,
+    say: Callable[[str], None] = lambda _: None,
+) -> list[dict[str, Any]]:
+    """Play faults in many laboratories and hold what comes of them against what was predicted.
+
+    Parameters
+    ----------
+    names
+        Faults in the catalog; none: every one.
+    bat, procedures
+        Names in the catalog. A fault is played by the procedures it has a prediction for.
+    laboratories, first_seed
+        How many seeds, and the first.
+    say
+        Told what goes on, a sentence at a time.
+
+    Returns
+    -------
+    list of dict
+        A row a procedure and fault, the sound day first (``fault`` is ``none``): the share of
+        the laboratories that caught it (a flag, or the verdict INVALID) with its Clopper-Pearson
+        95 % interval and `by` what; bias of e_A and of the metric with their Monte Carlo
+        standard errors, what was predicted, and `z` of the difference in standard uncertainties
+        of both; and whether it came out `as predicted`.
+
+    Raises
+    ------
+    InputError
+        Unknown names, or fewer than 2 laboratories.
+    """
+    if laboratories < 2:
+        raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
+    sheets = [catalog.load("faults", name, FaultSheet).spec for name in names or _every()]
+    seeds = range(first_seed, first_seed + laboratories)
+    rows = []
+    for procedure in procedures:
+        predicted = {
+            sheet.name: prediction
+            for sheet in sheets
+            for prediction in sheet.predictions
+            if prediction.procedure == procedure
+        }
+        say(f"{procedure}: {laboratories} sound laboratories")
+        sound = [_play(bat, procedure, seed, ()) for seed in seeds]
+        rows.append(_sound_row(procedure, sound))
+        for name, prediction in predicted.items():
+            say(f"{procedure}: {name}")
+            spoiled = [_play(bat, procedure, seed, (name,)) for seed in seeds]
+            rows.append(_row(name, prediction, spoiled, sound))
+    return rows
+
+
+def save_faults(rows: Sequence[dict[str, Any]], folder: Path) -> None:
+    """Write ``faults.csv`` into a new folder."""
+    import pandas as pd
+
+    with new_folder(folder) as draft:
+        pd.DataFrame(rows).to_csv(draft / "faults.csv", index=False, float_format="%.5g")
+
+
+def _every() -> tuple[str, ...]:
+    return catalog.names("faults")
+
+
+def _play(bat: str, procedure: str, seed: int, on: tuple[str, ...]) -> _Seen:
+    found = certify_bat(bat, procedure=procedure, seed=seed, faults=on).certification
+    metric = found.metric.value if found.metric else np.nan
+    efficiency = found.quantities["collision_efficiency"].value if found.metric else np.nan
+    return _Seen(catches=_catches(found), efficiency=efficiency, metric=metric)
+
+
+def _catches(found: Certification) -> tuple[str, ...]:
+    invalid = ("INVALID",) if found.verdict.value == "INVALID" else ()
+    return (*invalid, *(flag.name for flag in found.flags))
+
+
+def _sound_row(procedure: str, sound: Sequence[_Seen]) -> dict[str, Any]:
+    caught = _caught("none", procedure, f"at most {FALSE_ALARMS:.0%}", sound)
+    blank = {f"{what}_{part}": None for what in RESULTS for part in PARTS}
+    return caught | blank | {"as_predicted": caught["low"] <= FALSE_ALARMS}
+
+
+def _row(
+    name: str, prediction: Prediction, spoiled: Sequence[_Seen], sound: Sequence[_Seen]
+) -> dict[str, Any]:
+    words = prediction.caught_by or "a bias"
+    row = _caught(name, prediction.procedure, words, spoiled)
+    both = list(zip(spoiled, sound, strict=True))
+    efficiency = np.array([each.efficiency - twin.efficiency for each, twin in both])
+    metric = np.array([each.metric - twin.metric for each, twin in both])
+    row |= _bias("e_A", efficiency, prediction.efficiency_bias, prediction.efficiency_bias_u)
+    row |= _bias("metric", metric, prediction.metric_bias, prediction.metric_bias_u)
+    if prediction.caught_by:
+        named = set(prediction.caught_by.split(", "))
+        share = np.mean([bool(named & set(each.catches)) for each in spoiled])
+        return row | {"as_predicted": bool(share >= CAUGHT)}
+    near = [row[f"{what}_z"] is not None and abs(row[f"{what}_z"]) <= FAR for what in RESULTS]
+    return row | {"as_predicted": all(near)}
+
+
+def _caught(name: str, procedure: str, predicted: str, seen: Sequence[_Seen]) -> dict[str, Any]:
+    many = sum(bool(each.catches) for each in seen)
+    interval = binomtest(many, len(seen)).proportion_ci(0.95, "exact")
+    by = Counter(catch for each in seen for catch in each.catches)
+    return {
+        "procedure": procedure,
+        "fault": name,
+        "prediction": predicted,
+        "laboratories": len(seen),
+        "caught": many / len(seen),
+        "low": float(interval.low),
+        "high": float(interval.high),
+        "by": ", ".join(f"{catch} {number}" for catch, number in by.most_common()),
+    }
+
+
+def _bias(
+    what: str, differences: NDArray[np.float64], predicted: float | None, trust: float | None
+) -> dict[str, Any]:
+    known = differences[np.isfinite(differences)]
+    if known.size < 2:
+        return {f"{what}_{part}": None for part in PARTS}
+    bias, error = float(known.mean()), float(known.std(ddof=1)) / sqrt(known.size)
+    z = None
+    if predicted is not None and trust is not None:
+        z = (bias - predicted) / hypot(error, trust)
+    return {
+        f"{what}_bias": bias,
+        f"{what}_bias_se": error,
+        f"{what}_predicted": predicted,
+        f"{what}_z": z,
+    }
