@@ -15,63 +15,32 @@ Rows = list[dict[str, Any]]
 
 @click.command()
 @click.argument("bat", shell_complete=names("bats"))
+@click.option(
+    "--procedure", default="astm-f1881", show_default=True, shell_complete=names("procedures")
+)
 @click.option("--laboratories", type=click.IntRange(min=2), default=1000, show_default=True)
 @click.option("--first-seed", type=click.IntRange(min=0), default=1, show_default=True)
+@click.option("--summed", is_flag=True, help="The bat as drawn, instruments that write sums.")
 @json_option
-def coverage(bat: str, laboratories: int, first_seed: int, as_json: bool) -> None:
+def coverage(
+    bat: str, procedure: str, laboratories: int, first_seed: int, summed: bool, as_json: bool
+) -> None:
     """Certify BAT in many laboratories and count the 95 % intervals that hold the truth."""
     from virtual_lab.report.text import table_text
     from virtual_lab.studies.coverage import coverage as run
 
-    rows = run(bat, laboratories=laboratories, first_seed=first_seed, say=teller())
+    rows = run(
+        bat,
+        procedure=procedure,
+        laboratories=laboratories,
+        first_seed=first_seed,
+        summed=summed,
+        say=teller(),
+    )
     if as_json:
         print_json(rows)
     else:
         click.echo(table_text(rows))
-
-
-@click.command()
-@click.argument("faults", nargs=-1, metavar="[FAULT]...", shell_complete=names("faults"))
-@click.option("--laboratories", type=click.IntRange(min=2), default=60, show_default=True)
-@click.option("--first-seed", type=click.IntRange(min=0), default=1, show_default=True)
-@click.option(
-    "--procedure",
-    "procedures",
-    multiple=True,
-    help="One with predictions; may be given several times  [default: astm-f1881, bbcor]",
-    shell_complete=names("procedures"),
-)
-@click.option("--out", type=click.Path(path_type=Path), help="New folder for the CSV.")
-@json_option
-def faults(
-    faults: tuple[str, ...],
-    laboratories: int,
-    first_seed: int,
-    procedures: tuple[str, ...],
-    out: Path | None,
-    as_json: bool,
-) -> None:
-    """Play FAULTS of a real day (or all) and hold what comes of them against the predictions."""
-    from virtual_lab.folder import check_new_folder
-    from virtual_lab.report.text import faults_text
-    from virtual_lab.studies.faults import PROCEDURES, save_faults
-    from virtual_lab.studies.faults import faults as run
-
-    if out:
-        check_new_folder(out)
-    rows = run(
-        faults,
-        procedures=procedures or PROCEDURES,
-        laboratories=laboratories,
-        first_seed=first_seed,
-        say=teller(),
-    )
-    if out:
-        save_faults(rows, out)
-    if as_json:
-        print_json(rows)
-    else:
-        click.echo(faults_text(rows))
 
 
 @click.command()

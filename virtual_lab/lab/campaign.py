@@ -7,45 +7,68 @@ once; a laboratory then costs some milliseconds.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Self
 
 from virtual_lab import catalog
+from virtual_lab.catalog import Entry
 from virtual_lab.collision.ladder import Ladder, probing_scenes
 from virtual_lab.faults import Day
 from virtual_lab.instruments import Rung
 from virtual_lab.lab.laboratory import EFFICIENCY_U, Laboratory, Tested
 from virtual_lab.procedure import Procedure
 from virtual_lab.rig import Reality
-from virtual_lab.specs import BallSpec
+from virtual_lab.specs import BallSpec, BatSpec
 
-__all__ = ["campaign"]
+__all__ = ["Campaign"]
 
 SCENES = 1_000_000  # more than any small batch: a surrogate is worth building
 
 
-def campaign(bat: str, *, procedure: str, laboratories: int, first_seed: int) -> Iterator[Tested]:
-    """Yield the certifications of a bat as drawn in laboratories of successive seeds.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Campaign:
+    """What is the same in every laboratory."""
 
-    Instruments write what their recorders sum up (`Rung.SUMMED`). `InputError` as `certify_bat`.
-    """
-    rules = catalog.load("procedures", procedure, Procedure)
-    spec, ball = catalog.load_bat(bat).spec, catalog.load("balls", rules.spec.ball, BallSpec).spec
-    speed = rules.spec.ball_speed + (rules.spec.bat_speed or 0.0)
-    collision = Ladder(
-        probe=probing_scenes(ball, speed), standard_uncertainty=EFFICIENCY_U, expected=SCENES
-    )
-    for seed in range(first_seed, first_seed + laboratories):
-        laboratory = Laboratory.open(
-            bat=spec,
-            ball=ball,
+    rules: Entry[Procedure]
+    bat: BatSpec
+    ball: BallSpec
+    collision: Ladder
+
+    @classmethod
+    def of(cls, bat: str, procedure: str) -> Self:
+        """Return the campaign of a bat by a procedure; `InputError` as `certify_bat`."""
+        rules = catalog.load("procedures", procedure, Procedure)
+        ball = catalog.load("balls", rules.spec.ball, BallSpec).spec
+        speed = rules.spec.ball_speed + (rules.spec.bat_speed or 0.0)
+        return cls(
             rules=rules,
+            bat=catalog.load_bat(bat).spec,
+            ball=ball,
+            collision=Ladder(
+                probe=probing_scenes(ball, speed),
+                standard_uncertainty=EFFICIENCY_U,
+                expected=SCENES,
+            ),
+        )
+
+    def laboratory(self, seed: int) -> Laboratory:
+        """Return the laboratory of a seed."""
+        return Laboratory.open(
+            bat=self.bat,
+            ball=self.ball,
+            rules=self.rules,
             seed=seed,
-            rig=rules.spec.rig,
+            rig=self.rules.spec.rig,
             reality=Reality.REAL,
             rung=None,
             day=Day(),
             unverified={},
             instruments=Rung.SUMMED,
-            collision=collision,
+            collision=self.collision,
             made=False,
         )
-        yield laboratory.run(lambda _: None)
+
+    def run(self, laboratories: int, first_seed: int) -> Iterator[Tested]:
+        """Yield the certifications of laboratories of successive seeds."""
+        for seed in range(first_seed, first_seed + laboratories):
+            yield self.laboratory(seed).run(lambda _: None)

@@ -17,7 +17,7 @@ from virtual_lab.relations.kinematics import restitution_from_efficiency
 from virtual_lab.relations.peaks import peak
 from virtual_lab.rig import ImpactStation, Order, Specimen
 
-__all__ = ["CONTINUOUS", "measurand"]
+__all__ = ["CONTINUOUS", "measurand", "results_along"]
 
 Array = NDArray[np.float64]
 CONTINUOUS = "metric_of_continuous_curve"
@@ -35,28 +35,24 @@ def measurand(station: ImpactStation, specimen: Specimen, reduced: Reduced) -> d
         return {}
     place = reduced.readings.place
     each, back = np.unique(place, return_inverse=True)
-    curve, bat = _curve(station, specimen, procedure, each)
+    curve, bat = results_along(station, specimen, procedure, each)
     metric = metric_of(procedure)(curve, bat)
-    true = {
-        "collision_efficiency": curve.collision_efficiency,
-        "restitution": curve.restitution,
-        "recoil_factor": curve.recoil_factor,
-        "ball_restitution": curve.ball_restitution,
-        "bat_performance_factor": curve.restitution / curve.ball_restitution,
+    weighed = {
+        name: float(values[back] @ outcome.weights) for name, values in curve.quantities.items()
     }
-    weighed = {name: float(values[back] @ outcome.weights) for name, values in true.items()}
     exact = exact_result(procedure, place, reduced.judgement.valid, metric[back])
     found = weighed | {"metric": exact}
     if procedure.scan is not None:
         along = np.linspace(procedure.scan.low, procedure.scan.high, CURVE_POINTS)
-        fine, bat = _curve(station, specimen, procedure, along)
+        fine, bat = results_along(station, specimen, procedure, along)
         found[CONTINUOUS] = peak(along, metric_of(procedure)(fine, bat)).value
     return found
 
 
-def _curve(
+def results_along(
     station: ImpactStation, specimen: Specimen, procedure: Procedure, places: Array
 ) -> tuple[Curve, BatProperties]:
+    """Return what an error-free test finds at `places` [m], and the bat's true properties."""
     beam = beam_of(specimen.bat.body)
     order = Order(
         ball=np.zeros(places.shape, dtype=int),

@@ -34,6 +34,7 @@ class Component:
     dof: float
     sensitivity: float  # of the result, per unit of the component
     contribution: float  # |sensitivity| u, in units of the result
+    shift: float = 0.0  # of the result's mean by curvature, u² f''/2 (GUM F.2.4.4, note 2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,6 +47,7 @@ class Budget:
     u_type_b: float
     dof: float
     interval_95: tuple[float, float]
+    shift: float  # of the mean by the curvature of all components; no correction is made
     components: tuple[Component, ...]
 
 
@@ -70,7 +72,8 @@ def propagate(
         columns[name][1 + n + index] -= constants[name].u
     components = {}
     for output, values in model(columns).items():
-        effects = (values[1 : n + 1] - values[n + 1 :]) / 2
+        up, down = values[1 : n + 1], values[n + 1 :]
+        effects, shifts = (up - down) / 2, (up + down) / 2 - values[0]
         components[output] = [
             Component(
                 name=name,
@@ -80,8 +83,9 @@ def propagate(
                 dof=constants[name].dof,
                 sensitivity=float(effect / constants[name].u),
                 contribution=abs(float(effect)),
+                shift=float(shift),
             )
-            for name, effect in zip(uncertain, effects, strict=True)
+            for name, effect, shift in zip(uncertain, effects, shifts, strict=True)
         ]
     return components
 
@@ -98,6 +102,7 @@ def combine(value: float, components: Sequence[Component]) -> Budget:
         u_type_b=_root_sum([part.contribution for part in every if part.evaluation == "B"]),
         dof=dof,
         interval_95=interval_95(value, u, dof),
+        shift=sum(part.shift for part in every),
         components=tuple(every),
     )
 

@@ -1,0 +1,26 @@
+"""How a result bends along the barrel, which hits beside the place aimed at make a bias of."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+
+from virtual_lab.lab.laboratory import Laboratory
+from virtual_lab.lab.measurand import results_along
+from virtual_lab.procedure import metric_of
+from virtual_lab.rig import ImpactStation, Stage
+
+__all__ = ["curvatures"]
+
+STEP = 4e-3  # m
+
+
+def curvatures(laboratory: Laboratory, place: float) -> dict[str, float]:
+    """Return d²/dz² [1/m²] of the metric (as ``metric``) and of the quantities at a place [m]."""
+    places = place + STEP * np.array([-1.0, 0.0, 1.0])
+    station = cast("ImpactStation", laboratory.stations[Stage.IMPACT])
+    procedure = laboratory.rules.spec
+    curve, bat = results_along(station, laboratory.specimen, procedure, places)
+    values = curve.quantities | {"metric": metric_of(procedure)(curve, bat)}
+    return {name: float(np.diff(row, 2)[0]) / STEP**2 for name, row in values.items()}
