@@ -39,6 +39,7 @@ __all__ = ["RIG", "AstmPivot"]
 
 Array = NDArray[np.float64]
 CONTACT_TIME = 0.7e-3  # s, where no record is fine enough to tell
+GAP = 2.3e-3  # s, a recorder that sums up leaves out after contact: the blow's own shudder
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -175,8 +176,9 @@ class AstmPivotStation:
         leaving = contact + contact_time
         if order.rung is Rung.SUMMED:
             rate = self._rate(scenes, efficiency, tilt, specimen)
+            span = self.encoder.spec.duration - leaving - GAP
             encoder: Record = self.encoder.sum_up(
-                rate / self.gates.clock, draws, "astm-pivot.encoder", block
+                rate / self.gates.clock, draws, "astm-pivot.encoder", block, span=span, gap=GAP
             )
         else:
             angle = self._recoil(specimen, model, collisions, tilt, contact, leaving)

@@ -38,6 +38,7 @@ __all__ = ["RIG", "NcaaSwing"]
 
 Array = NDArray[np.float64]
 CONTACT_TIME = 0.7e-3  # s, where no record is fine enough to tell
+GAP = 1e-3  # s, a recorder that sums up leaves out before contact, which may come early
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -225,7 +226,9 @@ class NcaaSwingStation:
         name, block = "ncaa-swing.encoder", order.block
         if order.rung is Rung.SUMMED:
             rate = swing.rate / self.gates.clock
-            return self.encoder.sum_up(rate, draws, name, block, angle=swing.angle)
+            return self.encoder.sum_up(
+                rate, draws, name, block, span=contact - GAP, gap=GAP, angle=swing.angle
+            )
         since = self.encoder.spec.sample_times() / self.gates.clock - contact[:, None]
         turned = tau * self.drive.ripple_frequency
         wave = np.sin(turned * since + swing.phase[:, None]) - np.sin(swing.phase)[:, None]

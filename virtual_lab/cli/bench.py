@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from virtual_lab.cli.shared import json_option, names, print_json, teller
+from virtual_lab.cli.shared import json_option, names, print_json, rigs, teller
 
 
 @click.command()
@@ -17,6 +17,11 @@ from virtual_lab.cli.shared import json_option, names, print_json, teller
     show_default=True,
     help="Name, or a .toml file.",
     shell_complete=names("procedures"),
+)
+@click.option(
+    "--rig",
+    help="Another rig than the procedure's own; one that lacks what it needs is refused.",
+    shell_complete=rigs,
 )
 @click.option(
     "--seed", type=click.IntRange(min=0), help="Of everything random; one is drawn without it."
@@ -53,6 +58,7 @@ from virtual_lab.cli.shared import json_option, names, print_json, teller
 def certify(
     bat: str,
     procedure: str,
+    rig: str | None,
     seed: int | None,
     out: Path | None,
     ideal: bool,
@@ -75,6 +81,7 @@ def certify(
     certificate = run(
         bat,
         procedure=procedure,
+        rig=rig,
         seed=seed,
         reality=reality,
         rung=rung,

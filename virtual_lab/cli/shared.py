@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-__all__ = ["json_option", "names", "print_json", "teller"]
+__all__ = ["json_option", "names", "print_json", "rigs", "teller"]
 
 json_option = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout.")
 
@@ -34,3 +34,11 @@ def names(*kinds: str) -> Callable[..., list[str]]:
         return [name for name in found if name.startswith(incomplete)]
 
     return complete
+
+
+def rigs(_ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[str]:
+    """Complete the name of an installed rig that fires at bats."""
+    from virtual_lab.rig import Stage, installed_rigs
+
+    found = [name for name, rig in installed_rigs().items() if rig.stage is Stage.IMPACT]
+    return [name for name in found if name.startswith(incomplete)]

@@ -69,22 +69,32 @@ class Encoder:
         return {"scale": self.scale}
 
     def sum_up(
-        self, rate: Array, draws: Draws, name: str, block: int, *, angle: Array | None = None
+        self,
+        rate: Array,
+        draws: Draws,
+        name: str,
+        block: int,
+        *,
+        span: Array,
+        gap: float,
+        angle: Array | None = None,
     ) -> RateRecord:
         """Record rates [rad a shown second] at contact, (shot,), as a recorder that fits would.
 
-        Their noise is that of the slope, at its end, of a cubic through n whole counts:
-        √(1200/n) of a count's √(1/12) over the record (Legendre's polynomials).
+        It fits a cubic to the counts of a `span` (shot,) that ends, or begins, a `gap` from
+        contact [s]. The noise is that of the cubic's slope there, of n counts each rounded:
+        with Legendre's polynomials σ √(Σ (2k + 1) P_k'² / n) 2/span, at 1 + 2 gap/span.
         """
         spec, per_angle = self.spec, self.scale * self.spec.counts_per_turn / tau
-        samples = spec.duration * spec.sample_rate
         count = sqrt(1 / 12) if spec.whole_counts else 0.0
-        u = count * sqrt(1200 / samples) / spec.duration
+        at = 1 + 2 * gap / span
+        slopes = 3 + 5 * (3 * at) ** 2 + 7 * (7.5 * at**2 - 1.5) ** 2
+        u = count * np.sqrt(slopes / (span * spec.sample_rate)) * 2 / span
         noise = u * draws.normal(f"{name}.sums", rate.shape, block)
         swung = angle is not None
         return RateRecord(
             rate=per_angle * rate + noise,
-            rate_u=np.full(rate.shape, u),
+            rate_u=u,
             before=np.full(rate.shape, np.nan if swung else 0.0),
             angle=np.full(rate.shape, np.nan) if angle is None else per_angle * angle,
         )

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.estimate import Estimate
 from virtual_lab.instruments import Rung
+from virtual_lab.instruments.board_sums import gains_of_sums
 from virtual_lab.instruments.indicator import quantise
 from virtual_lab.instruments.passage import Passage
 from virtual_lab.records import BoardRecord, PassageRecord
@@ -30,7 +31,6 @@ Time = Annotated[float, Ge(0), Dimension("time")]
 Length = Annotated[float, Ge(0), Dimension("length")]
 Number = Annotated[float, Ge(0), Dimension("number")]
 SCRAP_AHEAD = 0.03  # m, a scrap of the sabot flies this far ahead of the ball's front
-BROKEN = 2 / 3  # of a ball's diameter, the beams that the sums at a board rest on
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -190,26 +190,34 @@ class LightBoards:
     ) -> PassageRecord:
         """Sum each board up: time and height of the ball's centre.
 
-        Their noise is that of the sums over the beams a ball breaks: n edges' jitter and n
-        thresholds in the time, √(3/n) of the chords' in the height.
+        Their noise is that of the sums over the beams that a ball breaks where it passes. A
+        ball that rises or falls passes its own height sooner or later: the height's error is
+        in the time too.
         """
         spec, gates = self.spec, range(len(self.distances))
-        beams = max(BROKEN * 2 * passage.radius / spec.pitch, 1.0)
         edge = sqrt(spec.edge_jitter**2 + spec.tick**2 / 12)
         # gate by gate, as whole shots side by side are what numpy is quick with
         noise = draws.normal(f"{name}.sums", (2, 2, len(gates), len(contact)), block)
         times, heights = np.empty((2, 2, len(gates), len(contact)))
-        for way, speed, start in ((0, passage.speed_in, contact), (1, passage.speed_out, leaving)):
-            chord = np.hypot(edge * speed, spec.trip_spread) * sqrt(3 / beams)
+        for way in (0, 1):
+            fly, start, speed, slope = (
+                (passage.outbound, leaving, passage.speed_out, passage.slope_out)
+                if way
+                else (passage.inbound, contact, passage.speed_in, passage.slope_in)
+            )
+            along = speed if way else -speed
             for gate in gates:
-                at = self.distances[gate, None]
-                since, height = passage.outbound(at) if way else passage.inbound(at)
-                times[way, gate] = self.clock * (start + since if way else start - since)
-                heights[way, gate] = height - self.heights[gate]
-                missed = (heights[way, gate] < spec.lowest) | (heights[way, gate] > spec.highest)
-                times[way, gate, missed] = heights[way, gate, missed] = np.nan
-            heights[way] += chord * noise[1, way]
-        times += edge / sqrt(2 * beams) * noise[0]
+                since, height = fly(self.distances[gate, None])
+                height = height - self.heights[gate]
+                steep = _steepness(passage, speed, since, slope)
+                gains = gains_of_sums(
+                    (height - spec.lowest) / spec.pitch, spec.beams, passage.radius / spec.pitch
+                )
+                spread = np.hypot(gains.way * edge * along, gains.trip * spec.trip_spread)
+                off = noise[1, way, gate] * spread
+                late = noise[0, way, gate] * gains.edge * edge + off * steep / along
+                times[way, gate] = self.clock * (start + since if way else start - since) + late
+                heights[way, gate] = np.where(np.isfinite(late), height + off, np.nan)
         return PassageRecord(times=times.transpose(2, 0, 1), heights=heights.transpose(2, 0, 1))
 
     def _chords(
@@ -225,8 +233,7 @@ class LightBoards:
 
         About a board the flight is a straight line of its own slope; NaN: the ball passes by.
         """
-        fall = passage.gravity * time / np.where(speed > 0, speed, np.nan)[:, None]
-        steep = (np.reshape(slope, (-1, 1)) - fall)[..., None]
+        steep = _steepness(passage, speed, time, slope)[..., None]
         above = height[..., None] - self.heights[:, None] - beams
         reach = (passage.radius + self.trips) ** 2
         root = (steep * above) ** 2 - (1 + steep**2) * (above**2 - reach)
@@ -256,3 +263,11 @@ class LightBoards:
         at = tripped[:, None] & struck
         scrapped[:, 0, :, 0] = np.where(at, early[:, None], inbound[:, 0, :, 0])
         return scrapped
+
+
+def _steepness(passage: Passage, speed: Array, time: Array, slope: Array | float) -> Array:
+    """Return the height a ball gains a metre as it passes each board, of the shape of `time`."""
+    speed = np.where(speed > 0, speed, np.nan)
+    shots = (-1,) + (1,) * (time.ndim - 1)
+    fall = passage.gravity * time / speed.reshape(shots)
+    return np.asarray(np.reshape(slope, shots) - fall)

@@ -1,4 +1,4 @@
-"""Whether a rig fits a procedure, by what the one writes and the other reads."""
+"""Whether rig, bat and ball fit a procedure: what is written and read, struck and let through."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from virtual_lab import catalog
 from virtual_lab.errors import InputError
 from virtual_lab.procedure import Procedure
 from virtual_lab.rig import Rig, Stage, installed_rigs
+from virtual_lab.specs import BallSpec, BatSpec
+from virtual_lab.units import INCH, OUNCE
 
-__all__ = ["require_rig", "unverified_rigs"]
+__all__ = ["require_ball", "require_places", "require_rig", "unverified_rigs"]
 
 
 def require_rig(rig: Rig, procedure: Procedure) -> None:
@@ -25,6 +27,40 @@ def require_rig(rig: Rig, procedure: Procedure) -> None:
         raise InputError("", "rig", rig.name, allowed)
     if "swing" in rig.channels and procedure.bat_speed is None:
         raise InputError("", "rig", rig.name, f"it swings the bat; {procedure.name} has it at rest")
+
+
+def require_places(procedure: Procedure, bat: BatSpec) -> None:
+    """Refuse a scan that leaves the bat or reaches the axis it is held on."""
+    if procedure.scan is None:
+        return
+    axis = bat.body.length - procedure.pivot_from_knob
+    for name in ("low", "high"):
+        place = getattr(procedure.scan, name)
+        if not 0 < place < axis:
+            raise InputError(
+                f"procedures/{procedure.name}",
+                f"scan.{name}",
+                f"{place / INCH:.4g} in",
+                f"{bat.name} has its axis {axis / INCH:.4g} in from the tip; allowed: between them",
+            )
+
+
+def require_ball(procedure: Procedure, ball: BallSpec) -> None:
+    """Refuse windows that the nominal ball itself does not meet: hardly a shot would count."""
+    windows = procedure.windows
+    e0 = ball.restitution.at(windows.ball_restitution_speed)
+    for name, value, unit, unit_si in (
+        ("ball_mass", ball.mass, " oz", OUNCE),
+        ("ball_restitution", e0, "", 1.0),
+    ):
+        low, high = (getattr(windows, f"{name}_{end}") / unit_si for end in ("low", "high"))
+        if not low <= value / unit_si <= high:
+            raise InputError(
+                f"procedures/{procedure.name}",
+                f"windows.{name}",
+                f"{low:.4g} to {high:.4g}{unit}",
+                f"the nominal {ball.name} has {value / unit_si:.4g}{unit}",
+            )
 
 
 def unverified_rigs(rigs: Iterable[str]) -> dict[str, str]:

@@ -29,7 +29,7 @@ from virtual_lab.collision.modal import kernel_is_compiled
 from virtual_lab.estimate import Estimate
 from virtual_lab.faults import Day
 from virtual_lab.instruments import Rung
-from virtual_lab.lab.fitting import require_rig
+from virtual_lab.lab.fitting import require_ball, require_places, require_rig
 from virtual_lab.lab.measurand import measurand
 from virtual_lab.procedure import Procedure, aimed_place, next_places, to_set
 from virtual_lab.records import Record, join
@@ -105,6 +105,8 @@ class Laboratory:
         draws = reality.draws(seed)
         rigs = {Stage.BENCH: BENCH_RIG, Stage.BALLS: BALL_RIG, Stage.IMPACT: rig}
         require_rig(find_rig(rig, Stage.IMPACT), rules.spec)
+        require_places(rules.spec, bat)
+        require_ball(rules.spec, ball)
         ideal = reality is Reality.IDEAL
         stations = {
             stage: day.station(stage, find_rig(name, stage).commission(draws, ideal=ideal))

@@ -3,7 +3,14 @@
 from virtual_lab.procedure.eligibility import Finding, findings
 from virtual_lab.procedure.judge import Judgement, judge
 from virtual_lab.procedure.metric import Curve, metric_of
-from virtual_lab.procedure.outcome import Outcome, Verdict, exact_result, outcome_of, verdict
+from virtual_lab.procedure.outcome import (
+    Outcome,
+    Verdict,
+    exact_result,
+    outcome_of,
+    selection_bias,
+    verdict,
+)
 from virtual_lab.procedure.rules import Procedure, Windows
 from virtual_lab.procedure.schedule import aimed_place, next_places, to_set
 
@@ -22,6 +29,7 @@ __all__ = [
     "metric_of",
     "next_places",
     "outcome_of",
+    "selection_bias",
     "to_set",
     "verdict",
 ]

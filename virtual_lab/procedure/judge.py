@@ -164,6 +164,7 @@ def _swing(
     if swing is None:
         return
     turned = results.swing_rate
+    yield np.isfinite(turned), "the encoder shows no turn up to contact", turned
     if windows.bat_speed_tolerance is not None:
         # the bat's speed is named 6 in from the tip, so the window is taken there
         lever = (procedure.bat_speed or 0.0) / turn_rate

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from virtual_lab.procedure.rules import Procedure, Scan
 from virtual_lab.procedure.schedule import SETTING_STEP, best_place, same_place, scan_hits
 
-__all__ = ["Outcome", "Verdict", "exact_result", "outcome_of", "verdict"]
+__all__ = ["Outcome", "Verdict", "exact_result", "outcome_of", "selection_bias", "verdict"]
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -108,16 +109,53 @@ def _of_scan(
         weights = np.zeros(len(place))
         weights[fresh] = 1 / fresh.size
         return Outcome(weights=weights, place=float(place[fresh].mean()), reason=reason)
-    near = counted & (np.abs(place - best) < scan.fit_half_width + 2 * SETTING_STEP)
-    near &= np.isin(np.round(place, 6), complete)
-    weights, top = _top_of_curve(place, near, metric, scan.fit_half_width)
-    return Outcome(weights=weights, place=top, reason=reason)
+    near = _near(scan, place, counted & np.isin(np.round(place, 6), complete), best)
+    top = _top_of_curve(place, near, metric, scan.fit_half_width)
+    return Outcome(weights=top.weights, place=top.place, reason=reason)
 
 
-def _top_of_curve(
-    place: Array, near: Bools, metric: Array, half_width: float
-) -> tuple[Array, float]:
-    """Return the weights of the hits at the top of the polynomial fitted to them, and its place."""
+def selection_bias(procedure: Procedure, place: Array, valid: Bools, metric: Array) -> float:
+    """Return by how much the top of a fitted curve is too high on average, in the metric's unit.
+
+    Noise shifts the top toward where it happens to be high: ½ Var(slope)/|curvature| of the
+    fitted curve there, to second order in the noise, which is the scatter within the places.
+    0 of a result that is no top of a fit: one place, or fresh hits at the best of them. NaN
+    where there is no top, or nothing tells the scatter. Parameters as `outcome_of`.
+    """
+    scan = procedure.scan
+    if scan is None or scan.final_hits:
+        return 0.0
+    complete = _complete(procedure, place, valid)
+    if complete.size < 3:
+        return np.nan
+    counted = scan_hits(procedure, place, valid) & np.isin(np.round(place, 6), complete)
+    best = best_place(procedure, complete, place, valid, metric)
+    near = _near(scan, place, counted, best)
+    top = _top_of_curve(place, near, metric, scan.fit_half_width)
+    spots, back = np.unique(np.round(place[near], 6), return_inverse=True)
+    freedom = back.size - spots.size
+    if not top.curvature < 0 or freedom == 0:
+        return np.nan
+    means = np.bincount(back, metric[near]) / np.bincount(back)
+    variance = float(np.sum((metric[near] - means[back]) ** 2)) / freedom
+    return variance * float(top.slope_weights @ top.slope_weights) / 2 / -top.curvature
+
+
+class _Top(NamedTuple):
+    weights: Array  # of the value, (shot,)
+    slope_weights: Array  # of the slope a half width, (shot,)
+    curvature: float  # a half width squared
+    place: float  # [m]
+
+
+def _near(scan: Scan, place: Array, counted: Bools, best: float) -> Bools:
+    return np.asarray(
+        counted & (np.abs(place - best) < scan.fit_half_width + 2 * SETTING_STEP), dtype=bool
+    )
+
+
+def _top_of_curve(place: Array, near: Bools, metric: Array, half_width: float) -> _Top:
+    """Return the top of the polynomial fitted to the hits `near`, and their weights in it."""
     middle = place[near].mean()
     unit = (place[near] - middle) / half_width
     degree = min(DEGREE, len(np.unique(np.round(unit, 6))) - 1)
@@ -128,9 +166,11 @@ def _top_of_curve(
     inside = turns[(turns > unit.min()) & (turns < unit.max())]
     candidates = np.concatenate([inside, [unit.min(), unit.max()]])
     top = float(candidates[np.argmax(fitted(candidates))])
-    weights = np.zeros(len(place))
-    weights[near] = top ** np.arange(degree + 1) @ solved
-    return weights, float(middle + top * half_width)
+    powers = np.arange(degree + 1)
+    weights, slope_weights = np.zeros((2, len(place)))
+    weights[near] = top**powers @ solved
+    slope_weights[near] = powers * top ** np.maximum(powers - 1, 0) @ solved
+    return _Top(weights, slope_weights, float(fitted.deriv(2)(top)), middle + top * half_width)
 
 
 def _nothing(shots: int, reason: str) -> Outcome:

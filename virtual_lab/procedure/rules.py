@@ -25,6 +25,7 @@ __all__ = [
 
 FASTEST = 100.0  # m/s, beyond any ball cannon and any bat
 MOST_ATTEMPTS = 1000  # a slip of the pen, not a test, beyond
+SETTING_STEP = 0.5e-3  # m, the operator sets a place to half a millimetre
 REFERENCE_PLACE = 6 * INCH  # from the tip, where a bat's speed is named
 OPTIONAL_WINDOWS = (
     "place_tolerance",
@@ -96,6 +97,10 @@ class Scan(Spec):
             raise ValueError(
                 f"a scan from {self.low:g} to {self.high:g} m holds no two steps "
                 f"of {self.coarse_step:g} m"
+            )
+        if self.fine_step < 2 * SETTING_STEP:
+            raise ValueError(
+                f"fine_step is {self.fine_step:g} m; places are set in steps of {SETTING_STEP:g} m"
             )
         if self.fine_step > self.coarse_step:
             raise ValueError("fine_step is above coarse_step")
@@ -198,6 +203,11 @@ class Procedure(Spec):
             raise ValueError(f"{self.attempts} attempts; allowed: up to {MOST_ATTEMPTS}")
         if (self.place == "scan") != (self.scan is not None):
             raise ValueError("place = 'scan' and a table [scan] belong together")
+        if self.scan is not None and self.scan.coarse_hits > self.valid_hits:
+            raise ValueError(
+                f"{self.scan.coarse_hits} coarse_hits of a scan are more than the "
+                f"{self.valid_hits} valid_hits of a place"
+            )
         if self.reads == "recoil" and self.bat_speed is not None:
             raise ValueError("reads = 'recoil' is for a bat at rest, which has no bat_speed")
         if self.limit is not None and self.speed_limit is not None:

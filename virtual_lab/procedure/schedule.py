@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.procedure.rules import Procedure, Scan
+from virtual_lab.procedure.rules import SETTING_STEP, Procedure, Scan
 from virtual_lab.relations.kinematics import centre_of_percussion
 
 __all__ = [
@@ -26,7 +26,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-SETTING_STEP = 0.5e-3  # m, the operator sets a place to half a millimetre
+ROUNDING = 1e-9  # m
 
 
 def aimed_place(bat: Mapping[str, float], pivot_from_knob: float) -> float:
@@ -65,29 +65,51 @@ def next_places(
 
 
 def _scan(procedure: Procedure, scan: Scan, place: Array, valid: Bools, metric: Array) -> Array:
-    coarse = np.arange(scan.low, scan.high + scan.fine_step / 2, scan.coarse_step)
+    coarse = np.arange(scan.low, scan.high + ROUNDING, scan.coarse_step)
+    coarse = _hopeful(coarse, scan.coarse_hits, place, metric)
     lacking = _lacking(coarse, scan.coarse_hits, place, valid)
-    if lacking.size:
+    if lacking.size or not coarse.size:
         return lacking
     means = [metric[valid & same_place(place, at)][: scan.coarse_hits].mean() for at in coarse]
-    middle = coarse[int(np.argmax(means))]
-    steps = np.arange(-1, 2) * scan.fine_step
-    for _ in range(len(coarse) * 4):
-        around = (middle + steps)[(middle + steps > scan.low - 1e-9)]
-        around = around[around < scan.high + 1e-9]
-        lacking = _lacking(around, procedure.valid_hits, place, valid)
-        if lacking.size:
-            return lacking
-        best = best_place(procedure, around, place, valid, metric)
-        if best == middle:
-            break
-        middle = best
-    if scan.final_hits:
-        fresh = valid & same_place(place, middle) & ~scan_hits(procedure, place, valid)
-        return np.full(max(scan.final_hits - int(fresh.sum()), 0), middle)
-    wide = np.arange(-scan.fit_half_width, scan.fit_half_width + 1e-9, scan.fine_step) + middle
-    wide = wide[(wide > scan.low - 1e-9) & (wide < scan.high + 1e-9)]
-    return _lacking(wide, procedure.valid_hits, place, valid)
+    middle = float(coarse[int(np.argmax(means))])
+    fine = _grid(scan, middle)
+    fine = _hopeful(fine, procedure.valid_hits, place, metric)
+    reaches = (scan.fine_step,) if scan.final_hits else (scan.fine_step, scan.fit_half_width)
+    settled = False
+    while not settled:
+        for reach in reaches:
+            around = fine[np.abs(fine - middle) < reach + ROUNDING]
+            lacking = _lacking(around, procedure.valid_hits, place, valid)
+            if lacking.size:
+                return lacking
+            # the result will be taken about the best of all the places, wherever it lies
+            complete = [at for at in fine if _hits(place, valid, at) >= procedure.valid_hits]
+            if not complete:
+                return np.zeros(0)
+            best = best_place(procedure, complete, place, valid, metric)
+            settled = best == middle
+            if not settled:
+                middle = best
+                break
+    fresh = valid & same_place(place, middle) & ~scan_hits(procedure, place, valid)
+    return np.full(max(scan.final_hits - int(fresh.sum()), 0), middle)
+
+
+def _grid(scan: Scan, middle: float) -> Array:
+    """Return the fine places from `low` to `high`, one of them `middle` [m]."""
+    below = int((middle - scan.low + ROUNDING) / scan.fine_step)
+    above = int((scan.high - middle + ROUNDING) / scan.fine_step)
+    return np.asarray(middle + scan.fine_step * np.arange(-below, above + 1))
+
+
+def _hopeful(places: Array, hits: int, place: Array, metric: Array) -> Array:
+    """Return the places but those that as many balls as would do did not come back from.
+
+    There the bat gives next to nothing back: such a place is not the greatest, whatever it is.
+    """
+    lost = [int((same_place(place, at) & ~np.isfinite(metric)).sum()) for at in places]
+    back = [int((same_place(place, at) & np.isfinite(metric)).sum()) for at in places]
+    return places[(np.array(lost) < hits) | (np.array(back) > np.array(lost))]
 
 
 def best_place(
@@ -114,5 +136,8 @@ def same_place(place: Array, at: float) -> Bools:
 
 
 def _lacking(places: Array, hits: int, place: Array, valid: Bools) -> Array:
-    there = [int((valid & same_place(place, at)).sum()) for at in places]
-    return np.repeat(places, [max(hits - number, 0) for number in there])
+    return np.repeat(places, [max(hits - _hits(place, valid, at), 0) for at in places])
+
+
+def _hits(place: Array, valid: Bools, at: float) -> int:
+    return int((valid & same_place(place, at)).sum())

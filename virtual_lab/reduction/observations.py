@@ -143,7 +143,10 @@ def observe_impact(session: Session) -> ImpactReadings:
         )
     contact = seen.times[:, 0, -1] + nearest * seen.duration_in / (farthest - nearest)
     recoil = _rates(session, "encoder", contact, fit_recoil)
-    swing = _rates(session, "swing", contact, fit_swing)
+    speed = (farthest - nearest) / seen.duration_in
+    swing = _rates(
+        session, "swing", contact, lambda r, t: fit_swing(r, t, _reach(session, log, speed))
+    )
     return ImpactReadings(
         ball=log.ball.astype(int),
         nominal_speed=log.nominal_speed,
@@ -152,6 +155,14 @@ def observe_impact(session: Session) -> ImpactReadings:
         recoil=recoil,
         swing=swing,
     )
+
+
+def _reach(session: Session, log: ShotLog, speed: Array) -> Array:
+    """Return the time the ball takes over the way a turn of one count moves the bat, (shot,)."""
+    known = session.calibration
+    axis = _repeated(session, "length").mean() - known["impact.pivot.from_knob"].value
+    turn = 2 * np.pi / known["impact.swing.counts_per_turn"].value
+    return np.asarray(turn * (axis - log.place) / speed)
 
 
 def ball_constants(readings: BallReadings) -> dict[str, Estimate]:

@@ -1,7 +1,9 @@
 """Encoder records of a swung bat: rate and angle at contact, from the turn just before it.
 
 The drive ripples and droops slowly against the record, so a low polynomial in time follows the
-angle up to contact; each shot is fitted about its own time of contact.
+angle up to contact; each shot is fitted about its own time of contact. A bat that is out of
+step stands nearer to the ball or farther from it than its nominal place, so the ball meets it
+a little before the gates would have it, or after.
 """
 
 from __future__ import annotations
@@ -16,10 +18,11 @@ __all__ = ["fit_swing"]
 
 Array = NDArray[np.float64]
 DEGREE = 3
-MARGIN = 2e-4  # s, the gates' time of contact is surely better than this
+FEWEST = 5 * (DEGREE + 1)  # samples
+MARGIN = 1e-3  # s, a bat three degrees out of step meets the ball no sooner than this
 
 
-def fit_swing(record: EncoderRecord, contact: Array) -> RateFit:
+def fit_swing(record: EncoderRecord, contact: Array, reach: Array) -> RateFit:
     """Fit a batch of shots.
 
     Parameters
@@ -27,27 +30,31 @@ def fit_swing(record: EncoderRecord, contact: Array) -> RateFit:
     record
         Counts (shot, sample) at common times; 0 where the bat stands square to the ball.
     contact
-        Shown time of contact, shape (shot,) [s], from the gates.
+        Shown time at which the ball is where a square bat would meet it, from the gates,
+        shape (shot,) [s].
+    reach
+        Time the ball takes over the way that a turn of one count moves the bat where it is
+        struck, shape (shot,) [s].
+
+    A shot whose ball the gates did not see, or saw too soon for a fit, has a rate of NaN.
 
     Raises
     ------
     ValueError
-        The record holds too little before contact to fit anything.
+        The record holds too little before any contact to fit anything.
     """
-    seen = contact[np.isfinite(contact)]
-    if not seen.size:
+    if not np.isfinite(contact).any():
         raise ValueError("the gates saw no ball come in")
-    contact = np.where(np.isfinite(contact), contact, np.median(seen))
-    # shots of as many samples before contact share the matrix of their fit
     samples = np.searchsorted(record.times, contact - MARGIN)
-    if samples.min() < 5 * (DEGREE + 1):
+    enough = np.isfinite(contact) & (samples >= FEWEST)
+    if not enough.any():
         raise ValueError("the encoder record holds too little before contact")
-    fitted = np.empty((4, contact.size))  # rate, its u, angle, residual
-    for number in np.unique(samples):
-        shots = samples == number
-        fitted[:, shots] = _fit(
-            record.times[:number], record.counts[shots, :number], contact[shots]
-        )
+    fitted = np.full((4, contact.size), np.nan)  # rate, its u, angle, residual
+    # shots of as many samples before contact share the matrix of their fit
+    for number in np.unique(samples[enough]):
+        shots = enough & (samples == number)
+        before = record.counts[shots, :number]
+        fitted[:, shots] = _fit(record.times[:number], before, contact[shots], reach[shots])
     rate, rate_u, angle, residual = fitted
     return RateFit(
         rate=rate,
@@ -60,8 +67,10 @@ def fit_swing(record: EncoderRecord, contact: Array) -> RateFit:
     )
 
 
-def _fit(times: Array, counts: Array, contact: Array) -> tuple[Array, Array, Array, Array]:
-    """Return rate, its u, angle and residual at contact of shots with the same samples, (shot,)."""
+def _fit(
+    times: Array, counts: Array, contact: Array, reach: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Return rate, its u, angle and residual where ball and bat met, of alike records, (shot,)."""
     span = times[-1] - times[0]
     orthogonal, triangle = np.linalg.qr(
         np.vander((times - times[-1]) / span, DEGREE + 1, increasing=True)
@@ -70,15 +79,17 @@ def _fit(times: Array, counts: Array, contact: Array) -> tuple[Array, Array, Arr
     coefficients = np.linalg.solve(triangle, seen.T)
     left = counts - seen @ orthogonal.T
     square = (left**2).sum(axis=1)
-    beyond = (contact - times[-1]) / span
     powers = np.arange(DEGREE + 1)[:, None]
-    at = beyond**powers
-    slope = powers * beyond ** np.maximum(powers - 1, 0) / span
-    leverage = (np.linalg.solve(triangle.T, slope) ** 2).sum(axis=0)
+
+    def at(time: Array) -> tuple[Array, Array, Array]:
+        """Return angle, rate and the rate's row of the fit at a time."""
+        beyond = (time - times[-1]) / span
+        row = powers * beyond ** np.maximum(powers - 1, 0) / span
+        return (beyond**powers * coefficients).sum(axis=0), (row * coefficients).sum(axis=0), row
+
+    angle, rate, _ = at(contact)
+    sooner = reach * angle / (1 + rate * reach)  # ball and bat, each at its speed
+    angle, rate, row = at(contact - sooner)
+    leverage = (np.linalg.solve(triangle.T, row) ** 2).sum(axis=0)
     variance = square / (times.size - DEGREE - 1)
-    return (
-        (slope * coefficients).sum(axis=0),
-        np.sqrt(variance * leverage),
-        (at * coefficients).sum(axis=0),
-        np.sqrt(square / times.size),
-    )
+    return rate, np.sqrt(variance * leverage), angle, np.sqrt(square / times.size)
