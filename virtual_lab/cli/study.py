@@ -44,6 +44,50 @@ def coverage(
 
 
 @click.command()
+@click.argument("faults", nargs=-1, metavar="[FAULT]...", shell_complete=names("faults"))
+@click.option("--laboratories", type=click.IntRange(min=2), default=60, show_default=True)
+@click.option("--first-seed", type=click.IntRange(min=0), default=1, show_default=True)
+@click.option(
+    "--procedure",
+    "procedures",
+    multiple=True,
+    help="One with predictions; may be given several times  [default: astm-f1881, bbcor]",
+    shell_complete=names("procedures"),
+)
+@click.option("--out", type=click.Path(path_type=Path), help="New folder for the CSV.")
+@json_option
+def faults(
+    faults: tuple[str, ...],
+    laboratories: int,
+    first_seed: int,
+    procedures: tuple[str, ...],
+    out: Path | None,
+    as_json: bool,
+) -> None:
+    """Play FAULTS of a real day (or all) and hold what comes of them against the predictions."""
+    from virtual_lab.folder import check_new_folder
+    from virtual_lab.report.text import faults_text
+    from virtual_lab.studies.faults import PROCEDURES, save_faults
+    from virtual_lab.studies.faults import faults as run
+
+    if out:
+        check_new_folder(out)
+    rows = run(
+        faults,
+        procedures=procedures or PROCEDURES,
+        laboratories=laboratories,
+        first_seed=first_seed,
+        say=teller(),
+    )
+    if out:
+        save_faults(rows, out)
+    if as_json:
+        print_json(rows)
+    else:
+        click.echo(faults_text(rows))
+
+
+@click.command()
 @json_option
 def bias(as_json: bool) -> None:
     """Measure what the method gets wrong when nothing is random, for every bat."""
