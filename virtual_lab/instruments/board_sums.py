@@ -43,6 +43,17 @@ def gains_of_sums(centre: Array, beams: int, radius: float) -> SumGains:
     radius
         Of the ball, in pitches.
     """
+    inside = (centre > radius) & (centre < beams - 1 - radius)
+    whole = np.where(inside, centre, 0.0)
+    at = np.rint((whole - np.floor(whole)) * PHASES).astype(np.intp)
+    found = np.take(_gains(radius, 0), at, axis=1)
+    if not inside.all():  # few balls pass where beams are missing
+        found[:, ~inside] = _cut_short(centre[~inside], beams, radius)
+    return SumGains(*found)
+
+
+def _cut_short(centre: Array, beams: int, radius: float) -> Array:
+    """Return the gains of balls that break less than they would on a higher board, (3, ball)."""
     lowest, highest = np.ceil(centre - radius), np.floor(centre + radius)
     below, above = np.maximum(-lowest, 0), np.maximum(highest - (beams - 1), 0)
     most = int(2 * radius) + 1
@@ -52,7 +63,7 @@ def gains_of_sums(centre: Array, beams: int, radius: float) -> SumGains:
     at = np.rint(phase * PHASES).astype(int)
     tables = [_gains(radius, missing) for missing in range(int(cut.max(initial=0)) + 1)]
     found = np.stack(tables, axis=1)[:, cut, at]
-    return SumGains(*np.where(np.isfinite(centre), found, np.nan))
+    return np.asarray(np.where(np.isfinite(centre), found, np.nan))
 
 
 @cache
