@@ -12,6 +12,7 @@ from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from virtual_lab.procedure.rules import Procedure, Scan
@@ -91,10 +92,12 @@ def _of_scan(
 ) -> Outcome:
     counted = scan_hits(procedure, place, valid)
     complete = _complete(procedure, place, valid)
-    if complete.size < 3:
-        reason = f"{procedure.valid_hits} valid hits at {complete.size} places, 3 make a scan"
-        return _nothing(len(place), reason)
+    few = f"{procedure.valid_hits} valid hits at {complete.size} places, 3 make a scan"
+    if not complete.size:
+        return _nothing(len(place), few)
     best = best_place(procedure, complete, place, valid, metric)
+    if complete.size < 3 and not _at_an_end(scan, best):
+        return _nothing(len(place), few)
     spaced = scan.fine_step + 2 * SETTING_STEP
     lower = (complete < best - ROUNDING) & (complete > best - spaced)
     upper = (complete > best + ROUNDING) & (complete < best + spaced)
@@ -144,8 +147,14 @@ def selection_bias(procedure: Procedure, place: Array, valid: Bools, metric: Arr
 class _Top(NamedTuple):
     weights: Array  # of the value, (shot,)
     slope_weights: Array  # of the slope a half width, (shot,)
-    curvature: float  # a half width squared
+    curvature: float  # a half width squared; NaN: the top is an end
     place: float  # [m]
+
+
+def _at_an_end(scan: Scan, place: float) -> bool:
+    """Return whether the next fine place on one side lies beyond the scan."""
+    step = scan.fine_step - SETTING_STEP
+    return place - step < scan.low or place + step > scan.high
 
 
 def _near(scan: Scan, place: Array, counted: Bools, best: float) -> Bools:
@@ -160,17 +169,29 @@ def _top_of_curve(place: Array, near: Bools, metric: Array, half_width: float) -
     unit = (place[near] - middle) / half_width
     degree = min(DEGREE, len(np.unique(np.round(unit, 6))) - 1)
     solved = np.linalg.pinv(np.vander(unit, degree + 1, increasing=True))
-    fitted = np.polynomial.Polynomial(solved @ metric[near])
-    turns = fitted.deriv().roots()
-    turns = np.real(turns[np.abs(np.imag(turns)) < ROUNDING])
-    inside = turns[(turns > unit.min()) & (turns < unit.max())]
-    candidates = np.concatenate([inside, [unit.min(), unit.max()]])
+    fitted = Polynomial(solved @ metric[near])
+    turn = _turn(fitted)
+    candidates = np.array([unit.min(), unit.max()])
+    if unit.min() < turn < unit.max():
+        candidates = np.append(candidates, turn)
     top = float(candidates[np.argmax(fitted(candidates))])
     powers = np.arange(degree + 1)
+    curvature = float(fitted.deriv(2)(top)) if top == turn else np.nan
     weights, slope_weights = np.zeros((2, len(place)))
     weights[near] = top**powers @ solved
     slope_weights[near] = powers * top ** np.maximum(powers - 1, 0) @ solved
-    return _Top(weights, slope_weights, float(fitted.deriv(2)(top)), middle + top * half_width)
+    return _Top(weights, slope_weights, curvature, middle + top * half_width)
+
+
+def _turn(cubic: Polynomial) -> float:
+    """Return where a polynomial up to the third degree has its local maximum, NaN if it has none.
+
+    In the form that stays exact as the cubic term vanishes.
+    """
+    a, b, c = np.pad(cubic.deriv().coef, (0, 2))[:3]
+    square = b**2 - 4 * a * c
+    bend = -b + np.sqrt(square) if square >= 0 else 0.0
+    return float(2 * a / bend) if bend > 0 else np.nan
 
 
 def _nothing(shots: int, reason: str) -> Outcome:

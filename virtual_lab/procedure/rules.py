@@ -93,7 +93,7 @@ class Scan(Spec):
     final_hits: Annotated[int, Ge(0), Dimension("number")]  # 0: the top of the fitted curve
 
     def __post_init__(self) -> None:
-        if self.high - self.low < 2 * self.coarse_step:
+        if self.high - self.low < 2 * self.coarse_step - 1e-9:  # m, a rounding
             raise ValueError(
                 f"a scan from {self.low:g} to {self.high:g} m holds no two steps "
                 f"of {self.coarse_step:g} m"
