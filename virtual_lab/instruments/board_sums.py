@@ -83,13 +83,12 @@ def _gains(radius: float, missing: int) -> Array:
     weighed = (weight[..., None] * powers).transpose(0, 2, 1)
     matrix = np.where(known[:, None, None], weighed @ powers, np.eye(3))
     slope = np.linalg.solve(matrix, weighed)[:, 1]  # of the parabola, at the centre
-    count = np.where(known, many, np.nan)
-    middle = (broken * place).sum(axis=1) / count
-    spread = (broken * (place - middle[:, None]) ** 2).sum(axis=1)
-    return np.stack(
-        [
-            np.sqrt((1 / count + middle**2 / np.where(known, spread, np.nan)) / 2),
-            np.sqrt((slope**2 * square).sum(axis=1) / 2),
-            np.where(known, np.sqrt((slope**2).sum(axis=1)), np.nan),
-        ]
-    )
+    many = many.clip(1)
+    middle = (broken * place).sum(axis=1) / many
+    spread = np.where(known, (broken * (place - middle[:, None]) ** 2).sum(axis=1), 1.0)
+    gains = [
+        np.sqrt((1 / many + middle**2 / spread) / 2),
+        np.sqrt((slope**2 * square).sum(axis=1) / 2),
+        np.sqrt((slope**2).sum(axis=1)),
+    ]
+    return np.where(known, gains, np.nan)
