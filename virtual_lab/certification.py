@@ -219,6 +219,11 @@ def evaluate(session: Session, reduced: Reduced) -> Certification:
             value = float(hits[used] @ outcome.weights[used])
             quantities[name] = combine(value, [*shared[name], part])
         metric = quantities.pop("metric")
+        where, valid = reduced.readings.place, reduced.judgement.valid
+        lost = shortfall(procedure, where, valid, reduced.shot_metric).rms
+        if lost > 0:
+            choice = type_a("choice of the place", outcome.place, lost)
+            metric = combine(metric.value, [*metric.components, choice])
     found = findings(procedure, reduced.bat)
     return Certification(
         session=session,

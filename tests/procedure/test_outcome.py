@@ -94,6 +94,6 @@ def test_noise_lifts_a_fitted_top_as_predicted(sigma: float, curvature: float) -
 def test_where_nothing_is_selected_nothing_is_biased() -> None:
     """One place, and fresh hits at the best of several."""
     assert selection_bias(F1881, PLACES, ALL, parabola(PLACES)) == 0
-    assert selection_bias(BBCOR, PLACES, ALL, parabola(PLACES)) == 0
+    assert selection_bias(BBCOR, PLACES, ALL, parabola(PLACES)) == 0  # nothing scatters
     assert np.isnan(selection_bias(RULES, PLACES[:12], ALL[:12], parabola(PLACES[:12])))
     assert np.isnan(selection_bias(RULES, PLACES, ALL, PLACES))  # it only rises: no top

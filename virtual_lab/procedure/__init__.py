@@ -1,5 +1,6 @@
 """A test procedure: what to ask of a rig, where to hit, which hits count, metric and verdict."""
 
+from virtual_lab.procedure.choice import selection_bias, shortfall
 from virtual_lab.procedure.eligibility import Finding, findings
 from virtual_lab.procedure.judge import Judgement, judge
 from virtual_lab.procedure.metric import Curve, metric_of
@@ -8,7 +9,6 @@ from virtual_lab.procedure.outcome import (
     Verdict,
     exact_result,
     outcome_of,
-    selection_bias,
     verdict,
 )
 from virtual_lab.procedure.rules import Procedure, Windows
@@ -30,6 +30,7 @@ __all__ = [
     "next_places",
     "outcome_of",
     "selection_bias",
+    "shortfall",
     "to_set",
     "verdict",
 ]

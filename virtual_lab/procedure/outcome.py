@@ -18,7 +18,17 @@ from numpy.typing import NDArray
 from virtual_lab.procedure.rules import Procedure, Scan
 from virtual_lab.procedure.schedule import SETTING_STEP, best_place, same_place, scan_hits
 
-__all__ = ["Outcome", "Verdict", "exact_result", "outcome_of", "selection_bias", "verdict"]
+__all__ = [
+    "Outcome",
+    "Top",
+    "Verdict",
+    "complete_places",
+    "exact_result",
+    "neighbours",
+    "outcome_of",
+    "top_of_scan",
+    "verdict",
+]
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -75,12 +85,12 @@ def exact_result(procedure: Procedure, place: Array, valid: Bools, metric: Array
     greatest value at the places complete; otherwise what `outcome_of` makes of it.
     """
     if procedure.scan is not None and procedure.scan.final_hits:
-        places = _complete(procedure, place, valid)
+        places = complete_places(procedure, place, valid)
         return float(metric[np.isin(np.round(place, 6), places)].max())
     return float(metric @ outcome_of(procedure, place, valid, metric).weights)
 
 
-def _complete(procedure: Procedure, place: Array, valid: Bools) -> Array:
+def complete_places(procedure: Procedure, place: Array, valid: Bools) -> Array:
     """Return the places with all the hits a scan asks for."""
     counted = scan_hits(procedure, place, valid)
     places, number = np.unique(np.round(place[counted], 6), return_counts=True)
@@ -91,17 +101,15 @@ def _of_scan(
     procedure: Procedure, scan: Scan, place: Array, valid: Bools, metric: Array
 ) -> Outcome:
     counted = scan_hits(procedure, place, valid)
-    complete = _complete(procedure, place, valid)
+    complete = complete_places(procedure, place, valid)
     few = f"{procedure.valid_hits} valid hits at {complete.size} places, 3 make a scan"
     if not complete.size:
         return _nothing(len(place), few)
     best = best_place(procedure, complete, place, valid, metric)
     if complete.size < 3 and not _at_an_end(scan, best):
         return _nothing(len(place), few)
-    spaced = scan.fine_step + 2 * SETTING_STEP
-    lower = (complete < best - ROUNDING) & (complete > best - spaced)
-    upper = (complete > best + ROUNDING) & (complete < best + spaced)
-    bracketed = bool(lower.any() and upper.any())
+    beside = neighbours(scan, complete, best)
+    bracketed = bool((beside < best).any() and (beside > best).any())
     reason = "" if bracketed else f"no maximum between {scan.low:g} and {scan.high:g} m"
     if scan.final_hits:
         fresh = np.flatnonzero(valid & ~counted & same_place(place, best))[-scan.final_hits :]
@@ -112,39 +120,31 @@ def _of_scan(
         weights = np.zeros(len(place))
         weights[fresh] = 1 / fresh.size
         return Outcome(weights=weights, place=float(place[fresh].mean()), reason=reason)
-    near = _near(scan, place, counted & np.isin(np.round(place, 6), complete), best)
-    top = _top_of_curve(place, near, metric, scan.fit_half_width)
+    _, top = top_of_scan(procedure, scan, place, valid, metric)
     return Outcome(weights=top.weights, place=top.place, reason=reason)
 
 
-def selection_bias(procedure: Procedure, place: Array, valid: Bools, metric: Array) -> float:
-    """Return by how much the top of a fitted curve is too high on average, in the metric's unit.
+def neighbours(scan: Scan, complete: Array, best: float) -> Array:
+    """Return the complete places next to the best one [m]."""
+    spaced = scan.fine_step + 2 * SETTING_STEP
+    off = np.abs(complete - best)
+    return np.asarray(complete[(off > ROUNDING) & (off < spaced)])
 
-    Noise shifts the top toward where it happens to be high: ½ Var(slope)/|curvature| of the
-    fitted curve there, to second order in the noise, which is the scatter within the places.
-    0 of a result that is no top of a fit: one place, or fresh hits at the best of them. NaN
-    where there is no top, or nothing tells the scatter. Parameters as `outcome_of`.
-    """
-    scan = procedure.scan
-    if scan is None or scan.final_hits:
-        return 0.0
-    complete = _complete(procedure, place, valid)
-    if complete.size < 3:
-        return np.nan
+
+def top_of_scan(
+    procedure: Procedure, scan: Scan, place: Array, valid: Bools, metric: Array
+) -> tuple[Bools, Top]:
+    """Return the hits that the curve about the best place is fitted to, and its top."""
+    complete = complete_places(procedure, place, valid)
     counted = scan_hits(procedure, place, valid) & np.isin(np.round(place, 6), complete)
     best = best_place(procedure, complete, place, valid, metric)
-    near = _near(scan, place, counted, best)
-    top = _top_of_curve(place, near, metric, scan.fit_half_width)
-    spots, back = np.unique(np.round(place[near], 6), return_inverse=True)
-    freedom = back.size - spots.size
-    if not top.curvature < 0 or freedom == 0:
-        return np.nan
-    means = np.bincount(back, metric[near]) / np.bincount(back)
-    variance = float(np.sum((metric[near] - means[back]) ** 2)) / freedom
-    return variance * float(top.slope_weights @ top.slope_weights) / 2 / -top.curvature
+    near = counted & (np.abs(place - best) < scan.fit_half_width + 2 * SETTING_STEP)
+    return np.asarray(near, dtype=bool), _top_of_curve(place, near, metric, scan.fit_half_width)
 
 
-class _Top(NamedTuple):
+class Top(NamedTuple):
+    """The top of a fitted curve."""
+
     weights: Array  # of the value, (shot,)
     slope_weights: Array  # of the slope a half width, (shot,)
     curvature: float  # a half width squared; NaN: the top is an end
@@ -157,13 +157,7 @@ def _at_an_end(scan: Scan, place: float) -> bool:
     return place - step < scan.low or place + step > scan.high
 
 
-def _near(scan: Scan, place: Array, counted: Bools, best: float) -> Bools:
-    return np.asarray(
-        counted & (np.abs(place - best) < scan.fit_half_width + 2 * SETTING_STEP), dtype=bool
-    )
-
-
-def _top_of_curve(place: Array, near: Bools, metric: Array, half_width: float) -> _Top:
+def _top_of_curve(place: Array, near: Bools, metric: Array, half_width: float) -> Top:
     """Return the top of the polynomial fitted to the hits `near`, and their weights in it."""
     middle = place[near].mean()
     unit = (place[near] - middle) / half_width
@@ -180,7 +174,7 @@ def _top_of_curve(place: Array, near: Bools, metric: Array, half_width: float) -
     weights, slope_weights = np.zeros((2, len(place)))
     weights[near] = top**powers @ solved
     slope_weights[near] = powers * top ** np.maximum(powers - 1, 0) @ solved
-    return _Top(weights, slope_weights, curvature, middle + top * half_width)
+    return Top(weights, slope_weights, curvature, middle + top * half_width)
 
 
 def _turn(cubic: Polynomial) -> float:

@@ -18,7 +18,16 @@ from scipy.special import stdtrit
 
 from virtual_lab.estimate import Estimate
 
-__all__ = ["Budget", "Component", "combine", "effective_dof", "interval_95", "propagate", "scatter"]
+__all__ = [
+    "Budget",
+    "Component",
+    "combine",
+    "effective_dof",
+    "interval_95",
+    "propagate",
+    "scatter",
+    "type_a",
+]
 
 Array = NDArray[np.float64]
 
@@ -122,12 +131,17 @@ def scatter(hits: Array, weights: Array, groups: Array) -> Component:
     dof = float(hits.size - many.size)
     spread = sqrt(float(np.sum(off**2)) / dof) if dof > 0 else 0.0
     u = spread * sqrt(float(np.sum(weights**2)))
+    return type_a("hits", float(hits @ weights), u, dof=dof if dof > 0 else inf)
+
+
+def type_a(name: str, value: float, u: float, *, dof: float = inf) -> Component:
+    """Return a component of type A that is already in units of the result."""
     return Component(
-        name="hits",
-        value=float(hits @ weights),
+        name=name,
+        value=value,
         u=u,
         evaluation="A",
-        dof=dof if dof > 0 else inf,
+        dof=dof,
         sensitivity=1.0,
         contribution=u,
     )
