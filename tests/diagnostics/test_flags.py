@@ -46,7 +46,7 @@ SPOKEN = {  # fault: check that speaks, by the ASTM procedure
     "gate-misses": "ball-seen",
     "aim-across": "aim",
     "encoder-play": "encoder-fit",
-    "scale-not-tared": "recoil-and-rebound",
+    "aim-along": "recoil-and-rebound",
 }
 
 

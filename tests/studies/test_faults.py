@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import csv
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from virtual_lab import catalog
 from virtual_lab.errors import InputError
-from virtual_lab.faults import Prediction
-from virtual_lab.studies.faults import _bias, faults, save_faults
+from virtual_lab.faults import FaultSheet, Prediction
+from virtual_lab.studies.faults import PROCEDURES, _bias, faults, save_faults
 
 FEW = ("gate-moved", "wrong-lot", "encoder-slip", "ball-out-of-round")
 LABORATORIES = 6
+TABLE = Path(__file__).with_name("faults-2026-11-21.csv")
 
 
 def test_a_few_faults_come_out_as_predicted(tmp_path: Path) -> None:
@@ -32,6 +35,38 @@ def test_a_few_faults_come_out_as_predicted(tmp_path: Path) -> None:
     assert rows[1]["e_A_bias"] == pytest.approx(-0.0040, abs=0.0002)
     save_faults(rows, tmp_path / "new")
     assert (tmp_path / "new" / "faults.csv").read_text().count("\n") == len(rows) + 1
+
+
+def _number(text: str) -> float | None:
+    return float(text) if text else None
+
+
+def test_the_table_on_file_is_of_this_catalog() -> None:
+    """Every fault and procedure with a prediction, the numbers predicted being those of the data.
+
+    Each is caught in 95 % of the laboratories, or leaves the bias predicted within three standard
+    uncertainties; a sound day is flagged no oftener than 1 % allows.
+    """
+    with TABLE.open(encoding="utf-8") as file:
+        rows = {(row["procedure"], row["fault"]): row for row in csv.DictReader(file)}
+    predictions = {
+        (each.procedure, name): each
+        for name in catalog.names("faults")
+        for each in catalog.load("faults", name, FaultSheet).spec.predictions
+    }
+    sound = {(procedure, "none") for procedure in PROCEDURES}
+    assert rows.keys() == predictions.keys() | sound
+    for key in sound:
+        assert float(rows[key]["low"]) <= 0.01
+    for key, prediction in predictions.items():
+        row = rows[key]
+        assert row["prediction"] == (prediction.caught_by or "a bias"), key
+        assert _number(row["e_A_predicted"]) == prediction.efficiency_bias, key
+        assert _number(row["metric_predicted"]) == prediction.metric_bias, key
+        known = [_number(row[f"{what}_z"]) for what in ("e_A", "metric")]
+        met = all(z is not None and abs(z) <= 3 for z in known)
+        assert float(row["caught"]) >= 0.95 or met, key
+        assert row["as_predicted"] == "True", key
 
 
 def test_a_wrong_prediction_shows() -> None:
