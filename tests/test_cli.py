@@ -369,3 +369,32 @@ def test_no_progress_in_a_pipe(tmp_path: Path) -> None:
     done = subprocess.run(words, capture_output=True, cwd=tmp_path, env=os.environ, check=True)
     assert done.stderr == b""
     assert json.loads(done.stdout)["verdict"] == "PASS"
+
+
+def test_faults_of_a_day(run: Run, tmp_path: Path) -> None:
+    """Two at once: flagged on the certificate, named in the truth alone."""
+    words = ["--fault", "aim-across", "--fault", "gate-misses", "--out", "out", "--json"]
+    code, out, _ = run("certify", "r161", "--seed", "12", *words)
+    assert code == 0
+    assert {flag["name"] for flag in json.loads(out)["flags"]} == {"aim", "ball-seen"}
+    truth = json.loads((tmp_path / "out" / "truth" / "truth.json").read_text())
+    assert truth["faults"] == ["aim-across", "gate-misses"]
+
+
+def test_an_unknown_fault(run: Run, tmp_path: Path) -> None:
+    code, _, err = run("certify", "r161", "--fault", "gate-move", "--out", "out")
+    assert code == 2
+    assert "did you mean gate-moved" in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_study_of_faults(run: Run, tmp_path: Path) -> None:
+    words = ["--procedure", "astm-f1881", "--laboratories", "2", "--first-seed", "700"]
+    code, out, _ = run("faults", "aim-along", *words, "--out", "table")
+    assert code == 0
+    lines = out.splitlines()
+    assert [line.split()[1] for line in lines[1:3]] == ["none", "aim-along"]
+    assert "100% (16% to 100%)" in lines[2]
+    assert (tmp_path / "table" / "faults.csv").exists()
+    code, out, _ = run("faults", "aim-along", *words, "--json")
+    assert [row["fault"] for row in json.loads(out)] == ["none", "aim-along"]
