@@ -47,6 +47,12 @@ def test_import_contracts() -> None:
         ("virtual_lab/units.py", "import virtual_lab.physics.ball", "never reaches what is"),
         ("virtual_lab/lab/laboratory.py", "import rigs.bench", "no machine in particular"),
         ("rigs/bench.py", "import virtual_lab.reduction.gates", "how its records are reduced"),
+        (
+            "virtual_lab/faults/desk.py",
+            "import virtual_lab.reduction.gates",
+            "how its records are reduced",
+        ),
+        ("virtual_lab/diagnostics/bench.py", "import virtual_lab.truth", "never reaches what is"),
         ("virtual_lab/session.py", "import virtual_lab.report.tables", "laboratory's layers"),
         ("virtual_lab/physics/ball.py", "import virtual_lab.collision.scene", "machines' layers"),
     ],

@@ -171,7 +171,7 @@ def test_swapped_records_are_the_same_records() -> None:
 
 
 def test_faults_that_come_and_go_spare_some_shots() -> None:
-    """Of 6 shots and 11 more seeds, struck ones and spared ones, both."""
+    """Three of five are struck: of 36 and more shots between a third and nine tenths."""
     struck = np.concatenate(
         [
             np.isnan(
@@ -182,7 +182,7 @@ def test_faults_that_come_and_go_spare_some_shots() -> None:
             for seed in range(20, 26)
         ]
     )
-    assert 0.15 < struck.mean() < 0.65
+    assert 0.33 < struck.mean() < 0.9
 
 
 def test_order_does_not_depend_on_the_names_given_twice() -> None:

@@ -63,7 +63,7 @@ class GateMisses(Sound):
     """The gate nearest the bat does not see some of the balls that come in."""
 
     name: ClassVar[str] = "gate-misses"
-    share: float = 0.4
+    share: float = 0.6
 
     def records(
         self, stage: Stage, station: Station, order: Order, play: Play, draws: Draws
