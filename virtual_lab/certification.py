@@ -30,6 +30,7 @@ from virtual_lab.procedure import (
     judge,
     metric_of,
     outcome_of,
+    shortfall,
     verdict,
 )
 from virtual_lab.reduction.measurement import (
@@ -49,7 +50,7 @@ from virtual_lab.reduction.observations import (
     observe_impact,
 )
 from virtual_lab.session import Session
-from virtual_lab.uncertainty.budget import Budget, combine, propagate, scatter
+from virtual_lab.uncertainty.budget import Budget, combine, propagate, scatter, type_a
 
 __all__ = [
     "QUANTITIES",
