@@ -398,3 +398,16 @@ def test_the_study_of_faults(run: Run, tmp_path: Path) -> None:
     assert (tmp_path / "table" / "faults.csv").exists()
     code, out, _ = run("faults", "aim-along", *words, "--json")
     assert [row["fault"] for row in json.loads(out)] == ["none", "aim-along"]
+
+
+def test_critique_prints_its_tables_and_writes_its_folder(run: Run, tmp_path: Path) -> None:
+    asked = ("critique", "barrel-loaded", "knob-loaded", "--procedure", "astm-f1881")
+    code, out, _ = run(*asked, "--swing", "0", "--laboratories", "2", "--out", "two", "--json")
+    document = json.loads(out)
+    assert code == 0
+    assert [row["bat"] for row in document["metrics"]] == ["barrel-loaded", "knob-loaded"]
+    assert document["pairs"][0]["v_f_mph"] == pytest.approx(6.8, abs=0.5)
+    assert (tmp_path / "two" / "critique.png").is_file()
+    code, _, err = run(*asked, "--out", "two")
+    assert code == 2
+    assert "not empty" in err

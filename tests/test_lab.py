@@ -311,3 +311,29 @@ def test_a_scale_factor_of_nothing_is_refused(name: str) -> None:
     broken = {**session.calibration, name: replace(session.calibration[name], value=0.0)}
     with pytest.raises(InputError, match=name):
         certify_session(replace(session, calibration=broken))
+
+
+def test_tests_of_one_laboratory_share_its_rigs_and_nothing_else() -> None:
+    """Calibration errors are the laboratory's; bat, balls and hits are each test's own."""
+    first, second = (
+        certify_bat("r161", procedure=PROCEDURE, seed=4, test=test).sealed for test in (0, 1)
+    )
+    assert first.constants == second.constants
+    assert first.bat.body != second.bat.body
+    assert not np.any(first.balls.mass == second.balls.mass)
+    hits = min(len(first.place), len(second.place))
+    assert not np.any(first.shots["speed"][:hits] == second.shots["speed"][:hits])
+    elsewhere = certify_bat("r161", procedure=PROCEDURE, seed=5, test=0).sealed
+    assert elsewhere.constants != first.constants
+    assert elsewhere.bat.body != first.bat.body
+
+
+@pytest.mark.parametrize("bat", ["ea70", "knob-loaded"])
+def test_a_bat_that_stops_the_ball_near_its_tip_is_scanned_all_the_same(bat: str) -> None:
+    """At 3 in its e_A is below 0.05: the ball does not reach the boards again."""
+    tested = certify_bat(bat, procedure="bbcor", seed=0, reality=Reality.IDEAL)
+    assert tested.certification.outcome.reason == ""
+    assert tested.certification.metric is not None
+    assert tested.certification.metric.value == pytest.approx(
+        tested.sealed.measurand["metric"], rel=1e-9
+    )

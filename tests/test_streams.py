@@ -111,3 +111,14 @@ def test_commitment_binds(a: int, b: int, salt: bytes) -> None:
     assert (commitment(salt, a) == commitment(salt, b)) == (a == b)
     flipped = bytes([salt[0] ^ 1]) + salt[1:]
     assert commitment(flipped, a) != commitment(salt, a)
+
+
+def test_branches_share_nothing_with_each_other_or_the_trunk() -> None:
+    """What numpy gives for the longer spawn key; the trunk's own numbers stay as they were."""
+    trunk, first, second = Streams(7), Streams(7, (0,)), Streams(7, (1,))
+    drawn = [draws.normal("hit", 1000, 2) for draws in (trunk, first, second)]
+    apart = np.corrcoef(drawn)[np.triu_indices(3, 1)]
+    assert np.abs(apart).max() < 4 / sqrt(1000)
+    sequence = np.random.SeedSequence(7, spawn_key=(_crc32(b"hit"), 2, 1))
+    expected = np.random.Generator(np.random.PCG64DXSM(sequence)).standard_normal(1000)
+    assert np.array_equal(drawn[2], expected)

@@ -34,12 +34,18 @@ class Draws(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Streams:
-    """Independent streams of one seed; no stream depends on what the others gave."""
+    """Independent streams of one seed; no stream depends on what the others gave.
+
+    Each `branch` of a seed has streams of its own: what one laboratory draws anew for each of
+    its tests.
+    """
 
     seed: int
+    branch: tuple[int, ...] = ()
 
     def _generator(self, name: str, block: int) -> np.random.Generator:
-        sequence = np.random.SeedSequence(self.seed, spawn_key=(crc32(name.encode()), block))
+        key = (crc32(name.encode()), block, *self.branch)
+        sequence = np.random.SeedSequence(self.seed, spawn_key=key)
         return np.random.Generator(np.random.PCG64DXSM(sequence))
 
     def normal(self, name: str, shape: int | tuple[int, ...] = (), block: int = 0) -> Array:

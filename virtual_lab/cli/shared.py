@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-__all__ = ["json_option", "names", "print_json", "rigs", "teller"]
+__all__ = ["inertia_option", "json_option", "names", "print_json", "rigs", "teller"]
 
 json_option = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout.")
 
@@ -42,3 +42,11 @@ def rigs(_ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[
 
     found = [name for name, rig in installed_rigs().items() if rig.stage is Stage.IMPACT]
     return [name for name in found if name.startswith(incomplete)]
+
+
+inertia_option = click.option(
+    "--reference-inertia",
+    metavar="BAT|'NUMBER UNIT'",
+    shell_complete=names("bats"),
+    help="I0 of the swing law: a bat's own, or e.g. '17000 oz in^2', the paper's (default).",
+)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import click
 
-from virtual_lab.cli.shared import json_option, names, print_json, teller
+from virtual_lab.cli.shared import inertia_option, json_option, names, print_json, teller
 from virtual_lab.errors import InputError
 from virtual_lab.folder import check_new_folder
 from virtual_lab.units import INCH
@@ -55,15 +54,6 @@ def show(name: str, as_json: bool) -> None:
         click.echo(sheet_text(document))
 
 
-def _inertia_option(function: Callable[..., None]) -> Callable[..., None]:
-    return click.option(
-        "--reference-inertia",
-        metavar="BAT|'NUMBER UNIT'",
-        shell_complete=names("bats"),
-        help="I0 of the swing law: a bat's own, or e.g. '17000 oz in^2', the paper's (default).",
-    )(function)
-
-
 out_option = click.option(
     "--out", type=click.Path(path_type=Path), help="New folder for the CSV and PNG."
 )
@@ -78,7 +68,7 @@ out_option = click.option(
     show_default=True,
     help="Exponent n of the swing law, 0 to 0.5.",
 )
-@_inertia_option
+@inertia_option
 @out_option
 @json_option
 def profile(
@@ -111,7 +101,7 @@ def profile(
     show_default=True,
     help="Exponent n of the swing law, 0 to 0.5; may be given several times.",
 )
-@_inertia_option
+@inertia_option
 @out_option
 @json_option
 def compare(

@@ -1,4 +1,4 @@
-"""Commands that study the laboratory: coverage, bias, sensitivity, daily, chart, stability."""
+"""Commands that study the laboratory: coverage, bias, critique, daily, chart, stability."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from virtual_lab.cli.shared import json_option, names, print_json, teller
+from virtual_lab.cli.shared import inertia_option, json_option, names, print_json, teller
 
 Rows = list[dict[str, Any]]
 
@@ -66,7 +66,7 @@ def faults(
 ) -> None:
     """Play FAULTS of a real day (or all) and hold what comes of them against the predictions."""
     from virtual_lab.folder import check_new_folder
-    from virtual_lab.report.text import faults_text
+    from virtual_lab.report.study_text import faults_text
     from virtual_lab.studies.faults import PROCEDURES, save_faults
     from virtual_lab.studies.faults import faults as run
 
@@ -114,6 +114,50 @@ def sensitivity(bat: str, as_json: bool) -> None:
         print_json(rows)
     else:
         click.echo(sensitivity_text(rows))
+
+
+@click.command()
+@click.argument("bats", nargs=-1, required=True, metavar="BAT BAT...", shell_complete=names("bats"))
+@click.option(
+    "--procedure",
+    "procedures",
+    multiple=True,
+    shell_complete=names("procedures"),
+    help="May be given several times  [default: all that fire the field's kind of ball]",
+)
+@click.option(
+    "--swing",
+    "swings",
+    type=float,
+    multiple=True,
+    default=(0.0, 0.3, 0.5),
+    show_default=True,
+    help="Exponent n of the swing law in the field; may be given several times.",
+)
+@inertia_option
+@click.option("--laboratories", type=click.IntRange(min=2), default=20, show_default=True)
+@click.option("--first-seed", type=click.IntRange(min=0), default=1, show_default=True)
+@click.option(
+    "--out", type=click.Path(path_type=Path), help="New folder for the CSV and the picture."
+)
+@json_option
+def critique(bats: tuple[str, ...], out: Path | None, as_json: bool, **asked: Any) -> None:
+    """Show which test procedures rank BATs as the field does, and which do not."""
+    from virtual_lab.folder import check_new_folder
+    from virtual_lab.report.study_text import critique_text
+    from virtual_lab.studies.critique import critique as run
+    from virtual_lab.studies.critique import save_critique
+
+    if out:
+        check_new_folder(out)
+    found = run(bats, say=teller(), **asked)
+    if out:
+        save_critique(found, out)
+    if as_json:
+        print_json(found.document)
+    else:
+        picture = f"\n\n{out / 'critique.png'}" if out else ""
+        click.echo(f"{critique_text(found.metrics, found.pairs)}{picture}")
 
 
 @click.command()

@@ -26,6 +26,7 @@ def certify_bat(
     reality: Reality = Reality.REAL,
     rung: str | None = None,
     faults: Sequence[str] = (),
+    test: int | None = None,
     say: Say = lambda _: None,
 ) -> Tested:
     """Take a bat through a procedure.
@@ -45,6 +46,9 @@ def certify_bat(
         error is at most a tenth of the standard uncertainty of e_A that such a test reaches.
     faults
         Names of what goes wrong on the day, in the catalog; the sealed truth tells them.
+    test
+        Which of the laboratory's tests this is: they share rigs and calibrations, and each has
+        its own bat, balls, readings and hits. None: its only one.
     say
         Told what goes on, a sentence at a time.
 
@@ -66,6 +70,7 @@ def certify_bat(
         reality=reality,
         rung=rung,
         day=Day.of(faults, rig=rig or rules.spec.rig),
+        test=test,
         unverified=catalog.unverified("bats", bat)
         | catalog.unverified("balls", rules.spec.ball)
         | unverified_rigs((BENCH_RIG, BALL_RIG, rig or rules.spec.rig)),

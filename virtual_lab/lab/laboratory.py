@@ -97,12 +97,14 @@ class Laboratory:
         instruments: Rung = Rung.FULL,
         collision: Ladder | None = None,
         made: bool = True,
+        test: int | None = None,
     ) -> Laboratory:
         """Commission the rigs and draw the individuals.
 
         A ladder handed in serves many laboratories; a bat that is not `made` is its drawing.
         """
         draws = reality.draws(seed)
+        own = draws if test is None else reality.draws(seed, test)
         rigs = {Stage.BENCH: BENCH_RIG, Stage.BALLS: BALL_RIG, Stage.IMPACT: rig}
         require_rig(find_rig(rig, Stage.IMPACT), rules.spec)
         require_places(rules.spec, bat)
@@ -128,14 +130,14 @@ class Laboratory:
             seed=seed,
             salt=salt,
             reality=reality,
-            draws=draws,
+            draws=own,
             collision=collision,
             day=day,
             stations=stations,
             instruments=instruments,
             specimen=Specimen(
-                bat=draw_bat(bat, draws if made else Quiet()),
-                balls=draw_balls(ball, rules.spec.balls, draws),
+                bat=draw_bat(bat, own if made else Quiet()),
+                balls=draw_balls(ball, rules.spec.balls, own),
                 collision=collision,
             ),
             session=Session(

@@ -13,7 +13,7 @@ from virtual_lab.units import INCH, OUNCE, OZ_IN2
 __all__ = [
     "certificate_text",
     "comparison_text",
-    "faults_text",
+    "number",
     "profile_text",
     "score_text",
     "sensitivity_text",
@@ -102,11 +102,11 @@ def score_text(document: Mapping[str, Any]) -> str:
     rows = [
         {
             "quantity": name,
-            "measured": _number(row["measured"]),
-            "u": _number(row["u"]),
-            "true": _number(row["true"]),
-            "error": _number(row["error"], "+.6f"),
-            "error/u": _number(row["z"], "+.2f"),
+            "measured": number(row["measured"]),
+            "u": number(row["u"]),
+            "true": number(row["true"]),
+            "error": number(row["error"], "+.6f"),
+            "error/u": number(row["z"], "+.2f"),
         }
         for name, row in document.items()
         if name != "seal"
@@ -151,7 +151,7 @@ def profile_text(document: Mapping[str, Any], published: PublishedBat | None) ->
         {
             "property": name,
             "computed": f"{value:.6g}",
-            "published": _number(said.get(name), "g"),
+            "published": number(said.get(name), "g"),
         }
         for name, value in computed.items()
     ]
@@ -207,33 +207,6 @@ def sensitivity_text(rows: Sequence[Mapping[str, Any]]) -> str:
     return f"{rows[0]['bat']}: peak @ inches from the tip\n{table_text([*cells, spread])}"
 
 
-def faults_text(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return which faults were caught by what, and the biases they left beside those predicted."""
-    cells = [
-        {
-            "procedure": row["procedure"],
-            "fault": row["fault"],
-            "predicted": row["prediction"],
-            "caught": f"{row['caught']:.0%} ({row['low']:.0%} to {row['high']:.0%})",
-            "by": row["by"],
-            "bias of e_A": _bias_text(row, "e_A"),
-            "bias of the metric": _bias_text(row, "metric"),
-            "came out": "as predicted" if row["as_predicted"] else "NOT as predicted",
-        }
-        for row in rows
-    ]
-    return table_text(cells)
-
-
-def _bias_text(row: Mapping[str, Any], what: str) -> str:
-    if row[f"{what}_bias"] is None:
-        return ""
-    measured = f"{row[f'{what}_bias']:+.5f} ± {row[f'{what}_bias_se']:.5f}"
-    if row[f"{what}_z"] is None:
-        return measured
-    return f"{measured}, predicted {row[f'{what}_predicted']:+.5f}, z {row[f'{what}_z']:+.1f}"
-
-
 def _published(bat: PublishedBat | None) -> dict[str, float]:
     if bat is None:
         return {}
@@ -247,7 +220,7 @@ def _published(bat: PublishedBat | None) -> dict[str, float]:
     }
 
 
-def _number(value: float | None, form: str = ".6f") -> str:
+def number(value: float | None, form: str = ".6f") -> str:
     return "" if value is None else f"{value:{form}}"
 
 

@@ -1,0 +1,158 @@
+"""What procedures make of the paper's bats (its Sec. V), and the odds of a ranking by hand."""
+
+from math import erf, nan, sqrt
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from virtual_lab.errors import InputError
+from virtual_lab.report.study_text import critique_text
+from virtual_lab.studies import critique as study
+from virtual_lab.studies.critique import Critique, Ranked, critique, misranking, save_critique
+
+BATS = ("r161", "ea70", "barrel-loaded", "knob-loaded")
+
+
+@pytest.fixture(scope="module")
+def paper() -> Critique:
+    return critique(
+        BATS, procedures=("astm-f1881", "ncaa-modified", "proposed"), laboratories=2, first_seed=11
+    )
+
+
+def row(found: Critique, first: str, second: str, n: float, procedure: str) -> dict:
+    """Return the row of a pair."""
+    asked = (first, second, n, procedure)
+    keys = ("first", "second", "n", "procedure")
+    return next(each for each in found.pairs if tuple(each[key] for key in keys) == asked)
+
+
+def made_up(*measured: tuple[float, float], field: float = 3.0) -> Critique:
+    """Return a critique of two bats by one procedure."""
+    return Critique(
+        bats=("a", "b"),
+        swings=(0.0,),
+        field=np.array([[100.0 + field, 100.0]]),
+        ranked=(
+            Ranked(
+                procedure="p",
+                ball="ball",
+                metric="v_f",
+                unit="mph",
+                own_n=None,
+                exact=np.array([90.0, 91.0]),
+                measured=np.array(measured),
+            ),
+        ),
+    )
+
+
+@pytest.mark.parametrize("n", [0.0, 0.3, 0.5])
+def test_the_pivot_test_prefers_the_bat_that_loses_in_the_field(paper: Critique, n: float) -> None:
+    """Sec. IV: nearly equal BPF, yet the barrel-loaded bat is the better for all n < 0.5."""
+    found = row(paper, "barrel-loaded", "knob-loaded", n, "astm-f1881")
+    assert found["v_f_mph"] > 0.2
+    assert -0.01 < found["difference"] < 0
+
+
+def test_a_test_at_one_bat_speed_prefers_wood(paper: Critique) -> None:
+    """Sec. IV: at n = 0 one "would incorrectly conclude that" wood outperforms aluminium."""
+    for n, least in ((0.3, 3), (0.5, 5)):
+        found = row(paper, "r161", "ea70", n, "ncaa-modified")
+        assert found["v_f_mph"] < -least
+        assert found["difference"] > 0
+
+
+def test_the_proposal_ranks_as_the_field_of_its_own_exponent(paper: Critique) -> None:
+    """Sec. V A: every pair, n = 0.3, free of error and in every laboratory."""
+    own = [each for each in paper.pairs if each["procedure"] == "proposed" and each["n"] == 0.3]
+    assert len(own) == 6
+    for each in own:
+        assert each["own_n"] == 0.3
+        assert each["difference"] * each["v_f_mph"] > 0
+        assert each["wrong"] == 0
+
+
+def test_metrics_stand_beside_the_field(paper: Critique) -> None:
+    """The proposal's v_f is the field's within what ball and place make of it: 1.5 mph."""
+    for each in paper.metrics:
+        if each["procedure"] == "proposed":
+            assert each["value"] == pytest.approx(each["v_f_mph_n0.3"], abs=1.5)
+        assert each["laboratories"] == 2
+
+
+def test_only_balls_of_the_fields_game_are_asked_for() -> None:
+    """A softball is a quarter heavier; the baseballs of two sheets are one game."""
+    assert study._of_this_game() == [
+        "astm-f1881",
+        "bbcor",
+        "ncaa-besr",
+        "ncaa-modified",
+        "proposed",
+    ]
+
+
+def test_probability_is_the_normal_laws() -> None:
+    """Differences 1, 2, 3: mean 2, sd 1; the field says less than 0, so P = Φ(2)."""
+    found = misranking(-4.0, np.array([1.0, 2.0, 3.0]))
+    assert found["probability"] == pytest.approx((1 + erf(2 / sqrt(2))) / 2, rel=1e-12)
+    assert (found["mean"], found["sd"], found["wrong"]) == pytest.approx((2, 1, 3))
+    assert found["verdict"] == "other way round"
+    assert misranking(4.0, np.array([1.0, 2.0, 3.0]))["verdict"] == "as the field"
+
+
+def test_counted_share_is_clopper_and_pearsons() -> None:
+    """None of 20: 1 - 0.025^(1/20). Differences without a result are not counted."""
+    found = misranking(1.0, np.append(np.linspace(1, 2, 20), nan))
+    assert found["laboratories"] == 20
+    assert (found["wrong"], found["low"]) == (0, 0)
+    assert found["high"] == pytest.approx(1 - 0.025 ** (1 / 20), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("field", "differences", "verdict"),
+    [
+        (1.0, [-1.0, 1.0, 0.5], "by chance"),
+        (0.09, [1.0, 1.1, 1.2], "tie"),
+        (-0.09, [1.0, 1.1, 1.2], "tie"),
+        (0.11, [1.0, 1.1, 1.2], "as the field"),
+        (1.0, [1.0, nan, nan], "no result"),
+        (1.0, [2.0, 2.0], "as the field"),
+        (1.0, [-2.0, -2.0], "other way round"),
+    ],
+)
+def test_verdicts(field: float, differences: list[float], verdict: str) -> None:
+    assert misranking(field, np.array(differences))["verdict"] == verdict
+
+
+def test_a_procedure_without_a_result_is_said_to_have_none(tmp_path: Path) -> None:
+    found = made_up((nan, 1.0), (nan, 2.0))
+    said = critique_text(found.metrics, found.pairs)
+    assert "no result" in said
+    save_critique(found, tmp_path / "out")
+    pairs = pd.read_csv(tmp_path / "out" / "pairs.csv")
+    assert pairs["verdict"].tolist() == ["no result"]
+
+
+def test_the_text_ranks_from_the_greatest_down() -> None:
+    found = made_up((90.0, 91.0), (90.1, 91.3))
+    said = critique_text(found.metrics, found.pairs)
+    assert "103.0 (1)" in said
+    assert "v_f 90.00 (2)" in said
+    assert "+3.00 mph" in said
+    assert "other way round 1.000 (2 of 2)" in said
+
+
+def test_the_folder_holds_tables_and_picture(paper: Critique, tmp_path: Path) -> None:
+    save_critique(paper, tmp_path / "out")
+    names = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert names == ["critique.png", "metrics.csv", "pairs.csv"]
+    assert len(pd.read_csv(tmp_path / "out" / "pairs.csv")) == 6 * 3 * 3
+    assert (tmp_path / "out" / "critique.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_one_laboratory_has_no_scatter() -> None:
+    with pytest.raises(InputError, match="2 and more"):
+        critique(BATS, laboratories=1)

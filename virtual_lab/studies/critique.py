@@ -1,0 +1,285 @@
+"""Whether test procedures rank bats as the field does, and how surely (the paper's Sec. V).
+
+The field is the greatest v_f of the bats as drawn under standard game conditions. A procedure is
+asked twice: what an error-free laboratory finds of the bats as drawn, and what laboratories with
+bats, balls and errors of their own find. In each of these all bats meet the same rigs and
+calibrations, so what those err cancels in a difference; made bat, balls, bench readings and hits
+are each test's own. That made bats differ from the drawing is part of what a ranking suffers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from math import nan
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+from scipy.stats import binomtest
+
+from virtual_lab import catalog
+from virtual_lab.errors import InputError
+from virtual_lab.folder import new_folder
+from virtual_lab.lab import certify_bat
+from virtual_lab.procedure import Procedure, Verdict
+from virtual_lab.report.critique_chart import draw_critique
+from virtual_lab.report.metrics import METRICS
+from virtual_lab.rig import Reality
+from virtual_lab.specs import BallSpec
+from virtual_lab.studies.compare import compare
+from virtual_lab.studies.profile import CONDITIONS, GameConditions
+
+__all__ = ["FIELD_TIE_MPH", "SURE", "Critique", "critique", "misranking", "save_critique"]
+
+Array = NDArray[np.float64]
+SWINGS = (0.0, 0.3, 0.5)
+FIELD_TIE_MPH = 0.1  # bats less than this apart in the field have no order there
+SURE = 0.95  # a ranking that comes out one way this often is that procedure's
+SAME_GAME = 0.1  # relative: within it a ball is of the field's game, a softball is not
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ranked:
+    """What one procedure finds of the bats, in the unit its metric is printed in."""
+
+    procedure: str
+    ball: str
+    metric: str  # symbol
+    unit: str
+    own_n: float | None  # of the swing law its own field has; None: it has none
+    exact: Array  # by an error-free laboratory, (bat,); NaN where the test gives no result
+    measured: Array  # (laboratory, bat)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Critique:
+    """Procedures beside the field."""
+
+    bats: tuple[str, ...]
+    swings: tuple[float, ...]  # exponents n of the swing law
+    field: Array  # greatest v_f [mph], (swing, bat)
+    ranked: tuple[Ranked, ...]
+
+    @property
+    def metrics(self) -> list[dict[str, Any]]:
+        """A row a bat and procedure: error-free, mean and scatter over laboratories, v_f."""
+        return [
+            {
+                "bat": bat,
+                "procedure": each.procedure,
+                "ball": each.ball,
+                "metric": each.metric,
+                "unit": each.unit,
+                "value": _or_none(each.exact[i]),
+                "laboratories": int(np.isfinite(each.measured[:, i]).sum()),
+                "mean": _or_none(_mean(each.measured[:, i])),
+                "sd": _or_none(_sd(each.measured[:, i])),
+            }
+            | {f"v_f_mph_n{n:g}": float(self.field[j, i]) for j, n in enumerate(self.swings)}
+            for each in self.ranked
+            for i, bat in enumerate(self.bats)
+        ]
+
+    @property
+    def pairs(self) -> list[dict[str, Any]]:
+        """A row a pair of bats, exponent and procedure; differences are first less second."""
+        rows = []
+        for (i, first), (j, second) in combinations(enumerate(self.bats), 2):
+            for n, field in zip(self.swings, self.field, strict=True):
+                apart = float(field[i] - field[j])
+                for each in self.ranked:
+                    exact = float(each.exact[i] - each.exact[j])
+                    found = misranking(apart, each.measured[:, i] - each.measured[:, j])
+                    rows.append(
+                        {
+                            "first": first,
+                            "second": second,
+                            "n": n,
+                            "v_f_mph": apart,
+                            "procedure": each.procedure,
+                            "own_n": each.own_n,
+                            "metric": each.metric,
+                            "difference": _or_none(exact),
+                        }
+                        | found
+                    )
+        return rows
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """All of it for JSON."""
+        return {"field_tie_mph": FIELD_TIE_MPH, "metrics": self.metrics, "pairs": self.pairs}
+
+
+def critique(
+    bats: Sequence[str],
+    *,
+    procedures: Sequence[str] = (),
+    swings: Sequence[float] = SWINGS,
+    reference_inertia: str | None = None,
+    laboratories: int = 20,
+    first_seed: int = 1,
+    say: Callable[[str], None] = lambda _: None,
+) -> Critique:
+    """Return how procedures rank bats, beside the field.
+
+    Parameters
+    ----------
+    bats
+        At least two: names in the catalog or paths of .toml files.
+    procedures
+        Likewise; by default all of the catalog whose ball is of the field's game. One named
+        here is played with its own ball, whatever that is.
+    swings, reference_inertia
+        Of the field, as `virtual_lab.studies.compare.compare` takes them; a procedure has its
+        own.
+    laboratories, first_seed
+        How many test every bat by every procedure, and the seed of the first.
+    say
+        Told which bats are being tested.
+
+    Raises
+    ------
+    InputError
+        Fewer than 2 laboratories, or what `compare` and `certify_bat` refuse.
+    """
+    if laboratories < 2:
+        raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
+    compared = compare(bats, swings=swings, reference_inertia=reference_inertia)
+    exponents = tuple(dict.fromkeys(swings))
+    top = [row["v_f_mph"] for row in compared.peaks]  # bat by bat, n by n
+    ranked = []
+    for procedure in procedures or _of_this_game():
+        rules = catalog.load("procedures", procedure, Procedure).spec
+        printed = METRICS[rules.metric]
+        exact = [_result(bat, procedure, seed=0, reality=Reality.IDEAL) for bat in bats]
+        measured = np.empty((laboratories, len(bats)))
+        for i in range(laboratories):
+            say(f"{rules.name}: laboratory {i + 1} of {laboratories}")
+            for j, bat in enumerate(bats):
+                measured[i, j] = _result(bat, procedure, seed=first_seed + i, test=j)
+        ranked.append(
+            Ranked(
+                procedure=rules.name,
+                ball=rules.ball,
+                metric=printed.symbol,
+                unit=printed.unit,
+                own_n=_own_exponent(rules),
+                exact=np.array(exact) / printed.unit_si,
+                measured=measured / printed.unit_si,
+            )
+        )
+    return Critique(
+        bats=tuple(catalog.load_bat(bat).spec.name for bat in bats),
+        swings=exponents,
+        field=np.reshape(top, (len(bats), len(exponents))).T,
+        ranked=tuple(ranked),
+    )
+
+
+def misranking(field: float, differences: Array) -> dict[str, Any]:
+    """Return how often a procedure ranks two bats the other way round than the field does.
+
+    Parameters
+    ----------
+    field
+        Difference of the greatest v_f of the two bats [mph].
+    differences
+        Of their metrics, one a laboratory, (laboratory,); NaN where a test gave no result.
+
+    Returns
+    -------
+    dict
+        `laboratories` with a result; `mean` and `sd` of the difference; `probability` of the
+        other order by the normal law of that mean and sd; `wrong`, the laboratories that found
+        it, with the Clopper-Pearson 95 % interval `low` to `high` of their share; and
+        `verdict`: ``as the field``, ``other way round``, ``by chance`` where neither comes out
+        `SURE` often, ``tie`` where the field itself has no order, ``no result``.
+    """
+    found = differences[np.isfinite(differences)]
+    row: dict[str, Any] = {"laboratories": int(found.size)}
+    names = ("mean", "sd", "probability", "wrong", "low", "high")
+    row |= dict.fromkeys(names)
+    if found.size < 2:
+        return row | {"verdict": "no result"}
+    mean, sd = float(found.mean()), float(found.std(ddof=1))
+    row |= {"mean": mean, "sd": sd}
+    if abs(field) < FIELD_TIE_MPH:
+        return row | {"verdict": "tie"}
+    toward = np.sign(field)
+    probability = float(ndtr(-toward * mean / sd)) if sd else float(toward * mean < 0)
+    wrong = int((toward * found < 0).sum())
+    share = binomtest(wrong, found.size).proportion_ci(0.95, "exact")
+    verdict = "by chance"
+    if probability >= SURE:
+        verdict = "other way round"
+    elif probability <= 1 - SURE:
+        verdict = "as the field"
+    return row | {
+        "probability": probability,
+        "wrong": wrong,
+        "low": float(share.low),
+        "high": float(share.high),
+        "verdict": verdict,
+    }
+
+
+def save_critique(found: Critique, folder: Path) -> None:
+    """Write metrics and pairs as CSV and the picture as PNG into a new folder."""
+    import pandas as pd
+
+    with new_folder(folder) as draft:
+        pd.DataFrame(found.metrics).to_csv(draft / "metrics.csv", index=False)
+        pd.DataFrame(found.pairs).to_csv(draft / "pairs.csv", index=False)
+        draw_critique(found.pairs, draft / "critique.png")
+
+
+def _of_this_game() -> list[str]:
+    """Return the catalog's procedures whose ball weighs what the field's does."""
+    game = catalog.load("conditions", CONDITIONS, GameConditions).spec
+    mass = catalog.load("balls", game.ball, BallSpec).spec.mass
+
+    def fires(procedure: str) -> float:
+        ball = catalog.load("procedures", procedure, Procedure).spec.ball
+        return catalog.load("balls", ball, BallSpec).spec.mass
+
+    names = catalog.names("procedures")
+    return [name for name in names if abs(fires(name) / mass - 1) < SAME_GAME]
+
+
+def _own_exponent(rules: Procedure) -> float | None:
+    by_inertia = rules.game is not None and rules.game.scales_with == "inertia"
+    return rules.game.exponent if rules.game and by_inertia else None
+
+
+def _result(
+    bat: str,
+    procedure: str,
+    *,
+    seed: int,
+    reality: Reality = Reality.REAL,
+    test: int | None = None,
+) -> float:
+    tested = certify_bat(bat, procedure=procedure, seed=seed, reality=reality, test=test)
+    found = tested.certification
+    if found.metric is None or found.verdict is Verdict.INVALID:
+        return nan
+    return found.metric.value
+
+
+def _mean(values: Array) -> float:
+    found = values[np.isfinite(values)]
+    return float(found.mean()) if found.size else nan
+
+
+def _sd(values: Array) -> float:
+    found = values[np.isfinite(values)]
+    return float(found.std(ddof=1)) if found.size > 1 else nan
+
+
+def _or_none(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
