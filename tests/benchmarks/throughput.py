@@ -1,0 +1,108 @@
+"""Shots a second of every procedure: ``python -m tests.benchmarks.throughput``.
+
+From true shots to records to the metric of each shot, in blocks on one core: once with
+instruments that write sums, once with every edge and count. Times are those of the processor,
+which neighbours on a shared machine disturb less than the clock on the wall.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from tests.benchmarks.machine import vectors
+from tests.benchmarks.rows import Row, line, write_csv
+from virtual_lab import catalog
+from virtual_lab.certification import reduce_session
+from virtual_lab.instruments import Rung
+from virtual_lab.lab import Campaign
+from virtual_lab.procedure import Curve, metric_of
+from virtual_lab.reduction.measurement import bat_properties, measured_balls, shot_results
+from virtual_lab.reduction.observations import observe_balls, observe_impact
+from virtual_lab.rig import Order, Stage
+
+BATS = {"asa": "softball-34"}  # the others are tests of baseball bats
+BLOCKS = {Rung.SUMMED: (16_384, 2e6), Rung.FULL: (8_192, 2e4)}  # shots a block, to be reached
+ROUNDS = 9
+NORMALS = 1_000_000
+
+
+def main() -> None:
+    """Measure and print; with the name of a file, write the rows there too."""
+    print(f"throughput, {datetime.now(UTC):%Y-%m-%d}, one core, {vectors()}")
+    rows = []
+    for row in _rows():
+        rows.append(row)
+        print(line(row), flush=True)
+    for path in sys.argv[1:]:
+        write_csv(rows, Path(path))
+
+
+def _rows() -> Iterator[Row]:
+    generator = np.random.Generator(np.random.PCG64DXSM(1))
+    normals = _seconds(lambda _: generator.standard_normal(NORMALS)) / NORMALS
+    yield Row(part="machine", what="a normal number", value=normals * 1e9, unit="ns")
+    for procedure in catalog.names("procedures"):
+        for rung, (shots, goal) in BLOCKS.items():
+            rate = shots / _seconds(_play(procedure, rung, shots))
+            yield Row(
+                part=procedure,
+                what=f"{procedure}, {rung.value}",
+                value=rate,
+                unit="shots/s",
+                at_least=goal,
+                note=f"{1 / rate / normals:.0f} normal numbers each",
+            )
+
+
+def _play(procedure: str, rung: Rung, shots: int) -> Callable[[int], object]:
+    """Return what plays and reduces one block."""
+    laboratory = Campaign.of(BATS.get(procedure, "r161"), procedure).laboratory(1)
+    session = laboratory.run(lambda _: None).certification.session
+    reduced = reduce_session(session)
+    known = {name: np.array(constant.value) for name, constant in reduced.constants.items()}
+    bat = bat_properties(known)
+    balls = measured_balls(known, observe_balls(session))
+    rules = reduced.procedure.spec
+    metric = metric_of(rules)
+    order = Order(
+        ball=np.arange(shots) % rules.balls,
+        speed=np.full(shots, rules.ball_speed),
+        place=np.full(shots, reduced.outcome.place),
+        turn_rate=float(rules.turn_rate(bat.length)),
+        rung=rung,
+    )
+    station = laboratory.stations[Stage.IMPACT]
+
+    def work(block: int) -> object:
+        play = station.play(replace(order, block=block), laboratory.specimen, laboratory.draws)
+        records = {**session.records, "impact": play.records}
+        readings = observe_impact(replace(session, records=records))
+        results = shot_results(known, bat, balls, readings, rules.asked)
+        return metric(Curve.measured(results), bat)
+
+    return work
+
+
+def _seconds(work: Callable[[int], object]) -> float:
+    """Return the median processor time [s] of `work`, done once before."""
+    times = []
+    for block in range(ROUNDS + 1):
+        start = time.process_time()
+        work(block)
+        times.append(time.process_time() - start)
+    return float(np.median(times[1:]))
+
+
+if __name__ == "__main__":
+    main()
