@@ -24,10 +24,15 @@ Play = Callable[..., lab.Tested]
 
 @pytest.fixture(scope="session")
 def played() -> Play:
-    """Return a laboratory that plays each (bat, reality, seed) once and remembers it."""
+    """Return a laboratory that plays each test once and remembers it."""
 
     @cache
-    def play(bat: str = "r161", reality: Reality = Reality.REAL, seed: int = 1) -> lab.Tested:
-        return lab.certify_bat(bat, procedure=PROCEDURE, seed=seed, reality=reality)
+    def play(
+        bat: str = "r161",
+        reality: Reality = Reality.REAL,
+        seed: int = 1,
+        procedure: str = PROCEDURE,
+    ) -> lab.Tested:
+        return lab.certify_bat(bat, procedure=procedure, seed=seed, reality=reality)
 
     return play

@@ -13,9 +13,10 @@ from collections.abc import Callable
 from datetime import date, timedelta
 from pathlib import Path
 
+import click
 import pytest
 
-from virtual_lab.cli import main
+from virtual_lab.cli import cli, main
 
 Run = Callable[..., tuple[int, str, str]]
 ROOT = Path(__file__).parents[1]
@@ -289,6 +290,8 @@ def test_a_laboratorys_mornings(run: Run, tmp_path: Path) -> None:
         (["certify", "r161", "--bogus"], "--bogus"),
         (["certify", "r161", "--ideal", "--noise-free"], "exclude each other"),
         (["certify", "nowhere.toml"], "no such file"),
+        (["certify", "r161", "--rig", "astm-pivto"], "astm-pivot, ball-cannon"),
+        (["certify", "r161", "--rig", "ball-cannon"], "astm-f1881 needs its encoder"),
         (["reduce", "nowhere"], "nowhere/session.json"),
         (["score", "nowhere"], "nowhere/certificate.json"),
         (["show", "r162"], "did you mean r161?"),
@@ -350,6 +353,20 @@ def test_version_help_and_completion(run: Run) -> None:
     assert run("--version")[1].strip().endswith(__version__)
     assert "certify" in run()[1]
     assert "_VIRTUAL_LAB_COMPLETE" in run("completion", "bash")[1]
+
+
+def test_the_rig_is_a_choice_and_is_completed(run: Run) -> None:
+    """Rigs that fire at bats, no bench and no wall; the certificate names the one taken."""
+    command = cli.commands["certify"]
+    rig = next(option for option in command.params if option.name == "rig")
+    context = click.Context(command)
+    assert [item.value for item in rig.shell_complete(context, "b")] == ["ball-cannon"]
+    assert {"astm-pivot", "ncaa-swing"} <= {
+        item.value for item in rig.shell_complete(context, "")
+    }
+    code, out, _ = run("certify", "r161", "--rig", "astm-pivot", "--seed", "7", "--json")
+    assert code == 0
+    assert json.loads(out)["rigs"]["impact"] == "astm-pivot"
 
 
 def test_a_reader_that_has_had_enough_is_no_fault(

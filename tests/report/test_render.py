@@ -30,6 +30,12 @@ def certified(reality: Reality = Reality.REAL) -> Certification:
     return lab.certify_bat("r161", procedure="astm-f1881", seed=7, reality=reality).certification
 
 
+@cache
+def tested(procedure: str) -> Certification:
+    """Return one test of the wood bat by a scan along its barrel."""
+    return lab.certify_bat("r161", procedure=procedure, seed=7).certification
+
+
 def again(*changes: tuple[str, str], **fields: object) -> Certification:
     """Return the same records judged by a procedure with some words of its text changed."""
     session = certified().session
@@ -54,6 +60,9 @@ CASES: Mapping[str, Callable[[], Certification]] = {
     "too few valid hits": lambda: again(("valid_hits = { value = 6", "valid_hits = { value = 7")),
     "real laboratory": lambda: again(simulation={}),
     "odd name": lambda: again(bat='<b> & "c"'),
+    "scan with fresh hits": lambda: tested("bbcor"),
+    "scan and a fitted top": lambda: tested("ncaa-besr"),
+    "scan without a limit": lambda: tested("proposed"),
 }
 
 

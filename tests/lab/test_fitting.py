@@ -1,0 +1,90 @@
+"""What does not fit is refused before anything is fired, in one line that names the mend."""
+
+from pathlib import Path
+
+import pytest
+
+from virtual_lab import catalog
+from virtual_lab.errors import InputError
+from virtual_lab.lab import certify_bat
+from virtual_lab.rig import Reality
+
+
+@pytest.mark.parametrize(
+    ("procedure", "rig", "said"),
+    [
+        ("ncaa-besr", "astm-pivot", "ncaa-besr needs its swing; such are ncaa-swing"),
+        ("astm-f1881", "ball-cannon", "astm-f1881 needs its encoder; such are astm-pivot"),
+        ("bbcor", "ncaa-swing", "it swings the bat; bbcor has it at rest"),
+        ("bbcor", "bench", "installed: astm-pivot"),
+        ("bbcor", "astm-pivot", "fires up to 90 mph"),
+    ],
+)
+def test_a_rig_that_does_not_fit_is_refused(procedure: str, rig: str, said: str) -> None:
+    with pytest.raises(InputError, match=said) as refused:
+        certify_bat("r161", procedure=procedure, rig=rig, seed=1)
+    assert "\n" not in str(refused.value)
+
+
+def rules(folder: Path, procedure: str, *changes: tuple[str, str]) -> str:
+    text = catalog.find("procedures", procedure).read_text(encoding="utf-8")
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    (folder / "mine.toml").write_text(text, encoding="utf-8")
+    return str(folder / "mine.toml")
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (
+            ("high = { value = 9,", "high = { value = 28,"),
+            r"scan.high = '28 in'; r161 has its axis 28 in from the tip; allowed: between them",
+        ),
+        (("high = { value = 9,", "high = { value = 40,"), "scan.high = '40 in'"),
+        (("low = { value = 3,", "low = { value = 0,"), "scan.low"),
+        (("low = { value = 3,", "low = { value = -1,"), "scan.low"),
+    ],
+)
+def test_a_scan_off_the_bat_is_refused(change: tuple[str, str], said: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=said):
+        certify_bat("r161", procedure=rules(tmp_path, "bbcor", change), seed=1)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (
+            (
+                "ball_restitution_low = { value = 0.525, unit",
+                "ball_restitution_low = { value = 0.56, unit",
+            ),
+            "windows.ball_restitution = '0.56 to 0.575'; the nominal baseball-2003 has 0.55",
+        ),
+        (
+            (
+                "ball_mass_low = { value = 5.0, unit",
+                "ball_mass_low = { value = 5.2, unit",
+            ),
+            "windows.ball_mass = '5.2 to 5.25 oz'; the nominal baseball-2003 has 5.125 oz",
+        ),
+    ],
+)
+def test_windows_without_the_nominal_ball_are_refused(
+    change: tuple[str, str], said: str, tmp_path: Path
+) -> None:
+    """Twelve balls of which hardly one could count are no test."""
+    with pytest.raises(InputError, match=said):
+        certify_bat("r161", procedure=rules(tmp_path, "astm-f1881", change), seed=1)
+
+
+def test_another_rig_that_fits_is_taken(tmp_path: Path) -> None:
+    """The pivoted rig's gates see the rebound too: a scan of 85 mph can be done there."""
+    slow = rules(tmp_path, "bbcor", ("ball_speed = { value = 136,", "ball_speed = { value = 85,"))
+    tested = certify_bat("r161", procedure=slow, rig="astm-pivot", reality=Reality.IDEAL, seed=1)
+    found, true = tested.certification, tested.sealed.measurand
+    assert found.session.rigs["impact"] == "astm-pivot"
+    assert found.outcome.reason == ""
+    assert found.metric is not None
+    assert found.metric.value == pytest.approx(true["metric"], rel=1e-9)
