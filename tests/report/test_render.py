@@ -31,7 +31,7 @@ def certified(reality: Reality = Reality.REAL) -> Certification:
 
 
 @cache
-def tested(procedure: str) -> Certification:
+def scanned(procedure: str) -> Certification:
     """Return one test of the wood bat by a scan along its barrel."""
     return lab.certify_bat("r161", procedure=procedure, seed=7).certification
 
@@ -60,9 +60,9 @@ CASES: Mapping[str, Callable[[], Certification]] = {
     "too few valid hits": lambda: again(("valid_hits = { value = 6", "valid_hits = { value = 7")),
     "real laboratory": lambda: again(simulation={}),
     "odd name": lambda: again(bat='<b> & "c"'),
-    "scan with fresh hits": lambda: tested("bbcor"),
-    "scan and a fitted top": lambda: tested("ncaa-besr"),
-    "scan without a limit": lambda: tested("proposed"),
+    "scan with fresh hits": lambda: scanned("bbcor"),
+    "scan and a fitted top": lambda: scanned("ncaa-besr"),
+    "scan without a limit": lambda: scanned("proposed"),
 }
 
 
