@@ -361,9 +361,7 @@ def test_the_rig_is_a_choice_and_is_completed(run: Run) -> None:
     rig = next(option for option in command.params if option.name == "rig")
     context = click.Context(command)
     assert [item.value for item in rig.shell_complete(context, "b")] == ["ball-cannon"]
-    assert {"astm-pivot", "ncaa-swing"} <= {
-        item.value for item in rig.shell_complete(context, "")
-    }
+    assert {"astm-pivot", "ncaa-swing"} <= {item.value for item in rig.shell_complete(context, "")}
     code, out, _ = run("certify", "r161", "--rig", "astm-pivot", "--seed", "7", "--json")
     assert code == 0
     assert json.loads(out)["rigs"]["impact"] == "astm-pivot"

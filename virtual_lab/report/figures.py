@@ -71,7 +71,8 @@ def hits_figure(certification: Certification) -> str:
     limit = certification.procedure.most
     most = "no limit" if limit is None else f"limit {limit / printed.unit_si:.{printed.places}f}"
     description = f"{fired} shots, {valid} valid; {most}"
-    return _svg(draw, 1.5, "hits", f"{printed.symbol} of every hit", description)
+    height = 2.3 if certification.procedure.scan else 1.5
+    return _svg(draw, height, "hits", f"{printed.symbol} of every hit", description)
 
 
 def encoder_figure(certification: Certification) -> str:
@@ -141,10 +142,6 @@ def _draw_scan(
     _draw_interval(axes, certification, printed, "result")
     if with_limit:
         _draw_limit(axes, certification, printed)
-    if (valid & used).any():
-        axes.plot(
-            place[valid & used], values[valid & used], "o", color="black", label="in the result"
-        )
     if (valid & ~used).any():
         axes.plot(
             place[valid & ~used],
@@ -153,6 +150,10 @@ def _draw_scan(
             markerfacecolor="white",
             color="black",
             label="other valid hit",
+        )
+    if (valid & used).any():
+        axes.plot(
+            place[valid & used], values[valid & used], "o", color="black", label="in the result"
         )
     axes.set(xlabel="place from the tip, in")
     _finish(axes, printed, "along the barrel")
