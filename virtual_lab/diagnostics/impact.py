@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import sqrt
 
 import numpy as np
@@ -16,7 +16,7 @@ from virtual_lab.reduction.flights import gate_count
 from virtual_lab.reduction.gates import INBOUND
 from virtual_lab.reduction.measurement import drag_of
 from virtual_lab.relations.flight import time_before
-from virtual_lab.uncertainty.budget import propagate
+from virtual_lab.uncertainty.budget import Component, propagate
 
 __all__ = ["aim", "ball_seen", "boards_in_line", "edges", "encoder_fit", "recoil_and_rebound"]
 
@@ -126,16 +126,31 @@ def recoil_and_rebound(seen: Evidence) -> Iterator[Flag]:
         difference = found.recoil_efficiency - found.rebound_efficiency
         return {"apart": difference[..., both].mean(axis=-1)}
 
-    mean, many = float(apart[both].mean()), int(both.sum())
-    scatter = type_a(float(apart[both].std(ddof=1)) / sqrt(many), many - 1)
-    shared = propagate(mean_apart, seen.constants)["apart"]
-    u, likely = chance(mean, [*shared, scatter], least=LEAST_E_A)
+    mean, shared = float(apart[both].mean()), propagate(mean_apart, seen.constants)["apart"]
+    u, likely = chance(mean, [*shared, _scatter(seen, apart[both], shared)], least=LEAST_E_A)
     if likely < FALSE_ALARMS:
         yield Flag(
             name="recoil-and-rebound",
             sentence=f"e_A by recoil less e_A by rebound is {mean:+.4f} in the mean, "
             f"{abs(mean) / u:.1f} standard uncertainties",
         )
+
+
+def _scatter(seen: Evidence, apart: Array, shared: Sequence[Component]) -> Component:
+    """Return the scatter of a mean: that of the shots, and that which the marks' own makes.
+
+    What sets a shot's recoil apart from its rebound is above all where along the bat it struck,
+    and the marks tell how much that scatters better than a few shots do.
+    """
+    degrees, square = apart.size - 1.0, float(apart.var(ddof=1))
+    marks = seen.session.records["impact"].get("aim")
+    lever = [part.sensitivity for part in shared if part.name == "impact.cannon.along"]
+    if isinstance(marks, AimMarks) and marks.along.size >= FEWEST and lever:
+        more = marks.along.size - 1.0
+        marked = lever[0] ** 2 * float(marks.along.var(ddof=1))
+        square = (degrees * square + more * marked) / (degrees + more)
+        degrees += more
+    return type_a(sqrt(square / apart.size), degrees)
 
 
 def _distance(gate: int) -> str:

@@ -60,10 +60,9 @@ class GateClock(Sound):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GateMisses(Sound):
-    """The gate nearest the bat does not see some of the balls that come in."""
+    """The gate nearest the bat does not see every second ball that comes in."""
 
     name: ClassVar[str] = "gate-misses"
-    share: float = 0.6
 
     def records(
         self, stage: Stage, station: Station, order: Order, play: Play, draws: Draws
@@ -71,7 +70,7 @@ class GateMisses(Sound):
         if stage is not Stage.IMPACT:
             return play.records
         times = _times(play).copy()
-        times[some(self.share, len(times), draws, self.name, order.block), INBOUND, NEAR] = np.nan
+        times[1::2, INBOUND, NEAR] = np.nan
         return edited(play, "gates", times=times)
 
 
