@@ -10,18 +10,9 @@ import click
 
 from virtual_lab import __version__
 from virtual_lab.cli.bench import certify, reduce, score, template
+from virtual_lab.cli.fidelity import chart, stability
 from virtual_lab.cli.shelf import compare, fit_bat, list_, profile, show
-from virtual_lab.cli.study import (
-    bias,
-    chart,
-    convergence,
-    coverage,
-    critique,
-    daily,
-    faults,
-    sensitivity,
-    stability,
-)
+from virtual_lab.cli.study import bias, convergence, coverage, critique, daily, faults, sensitivity
 from virtual_lab.errors import InputError
 
 __all__ = ["main"]

@@ -16,7 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.reduction.flights import Flights, flights
-from virtual_lab.reduction.observations import BallReadings, ImpactReadings
+from virtual_lab.reduction.observations import (
+    SLOPE_REPEATABILITY,
+    BallReadings,
+    ImpactReadings,
+)
 from virtual_lab.reduction.rate import RateFit
 from virtual_lab.relations.flight import drag_rate
 from virtual_lab.relations.kinematics import (
@@ -141,8 +145,9 @@ def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
     """Return the balls' masses and their mean e0 over the wall hits, at the hits' mean speed."""
     mass = (readings.mass - x["bench.scale.zero"]) / x["bench.scale.span"]
     seen = flights(x, "balls", readings.passages, drag_of(x, mass[..., readings.ball]))
-    slope, nominal = x["ball.restitution_slope"], float(readings.nominal_speed.mean())
-    hits = seen.speed_out / seen.speed_in - slope * (seen.speed_in - nominal)
+    nominal, given = float(readings.nominal_speed.mean()), seen.speed_out / seen.speed_in
+    slope = _slope(x, readings, given)
+    hits = given - slope * (seen.speed_in - nominal)
     restitution = np.stack(
         [hits[..., readings.ball == ball].mean(axis=-1) for ball in range(len(readings.mass))],
         axis=-1,
@@ -153,6 +158,19 @@ def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
         speed=nominal,
         slope=slope,
     )
+
+
+def _slope(x: Constants, readings: BallReadings, restitution: Array) -> Array:
+    """Return the slope of e0 over the speed [s/m]: measured at two speeds or more, else nominal.
+
+    By least squares over the hits' nominal speeds, within each ball.
+    """
+    if SLOPE_REPEATABILITY not in x:
+        return x["ball.restitution_slope"]
+    speed, ball = readings.nominal_speed, readings.ball
+    off = speed - (np.bincount(ball, speed) / np.bincount(ball))[ball]
+    slope = restitution @ (off / np.sum(off**2))
+    return np.asarray(slope[..., None] + x[SLOPE_REPEATABILITY])
 
 
 def shot_results(
