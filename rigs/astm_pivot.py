@@ -53,6 +53,7 @@ class PivotSpec(Spec):
     air_torque: Annotated[float, Ge(0), Dimension("quadratic torque")]
     friction: Annotated[float, Ge(0), Dimension("number")]  # of the journal, under the blow
     journal_radius: Annotated[float, Ge(0), Dimension("length")]
+    clearance: Annotated[float, Ge(0), Dimension("length")]  # that the journal moves either way
 
     def ideal(self) -> Self:
         """Return the bearing that is where it should be and turns freely in no air."""
@@ -63,6 +64,7 @@ class PivotSpec(Spec):
             viscous_torque=0.0,
             air_torque=0.0,
             friction=0.0,
+            clearance=0.0,
         )
 
 
@@ -224,6 +226,26 @@ class AstmPivotStation:
         lost = self.pivot.friction * self.pivot.journal_radius * reaction / beam.inertia(axis)
         return np.asarray(np.sign(rate) * np.minimum(lost, np.abs(rate)))
 
+    def _loose(
+        self, impulse: Array, rate: Array, body: BatBody, ticks: Array, contact: Array
+    ) -> Array:
+        """Return what the bat turns beside `rate` until its journal bears [rad], (shot, sample).
+
+        Until then the bat moves as a free one. Its angular momentum about the axis is that of
+        the pivoted bat all along, so the play is worth the angle clearance / distance from axis
+        to centre of percussion, whichever side of it was struck, and no rate. The journal is
+        taken not to bounce.
+        """
+        beam = beam_of(body)
+        lever = beam.length - self.pivot_from_knob - beam.z_cm
+        inertia = beam.inertia(beam.length - self.pivot_from_knob)
+        reaction = impulse - beam.mass * lever * rate
+        yields = 1 / beam.mass + lever**2 / beam.inertia_cm  # of the free bat, at the axis
+        length = inertia / (beam.mass * lever)
+        moved = np.abs(reaction)[:, None] * yields * np.maximum(ticks - contact[:, None], 0.0)
+        taken = np.minimum(moved, self.pivot.clearance)
+        return np.asarray(-np.sign(reaction)[:, None] * taken / length)
+
     def _recoil(
         self,
         specimen: Specimen,
@@ -252,6 +274,7 @@ class AstmPivotStation:
             linear=self.pivot.viscous_torque / inertia,
             quadratic=self.pivot.air_torque / inertia,
         )
+        angle += self._loose(collisions.impulse * np.cos(tilt), rate, body, ticks, contact)
         if self.encoder.spec.sees_ring:
             angle += ring(
                 turn[:, bends],

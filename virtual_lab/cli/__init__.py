@@ -11,6 +11,7 @@ import click
 from virtual_lab import __version__
 from virtual_lab.cli.bench import certify, reduce, score, template
 from virtual_lab.cli.fidelity import chart, stability
+from virtual_lab.cli.percussion import percussion
 from virtual_lab.cli.shelf import compare, fit_bat, list_, profile, show
 from virtual_lab.cli.study import bias, convergence, coverage, critique, daily, faults, sensitivity
 from virtual_lab.errors import InputError
@@ -93,6 +94,7 @@ for command in (
     faults,
     sensitivity,
     critique,
+    percussion,
     convergence,
     chart,
     stability,

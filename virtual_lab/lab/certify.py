@@ -1,4 +1,4 @@
-"""Take a bat through a procedure: names in, a tested bat out."""
+"""Take a bat through a procedure: names in, a laboratory or a tested bat out."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from virtual_lab.procedure import Procedure
 from virtual_lab.rig import Reality
 from virtual_lab.specs import BallSpec
 
-__all__ = ["certify_bat"]
+__all__ = ["certify_bat", "open_laboratory"]
 
 
 def certify_bat(
@@ -55,13 +55,43 @@ def certify_bat(
     Raises
     ------
     InputError
+        As `open_laboratory`.
+    """
+    return open_laboratory(
+        bat,
+        procedure=procedure,
+        rig=rig,
+        seed=seed,
+        reality=reality,
+        rung=rung,
+        faults=faults,
+        test=test,
+    ).run(say)
+
+
+def open_laboratory(
+    bat: str,
+    *,
+    procedure: str,
+    rig: str | None = None,
+    seed: int | None = None,
+    reality: Reality = Reality.REAL,
+    rung: str | None = None,
+    faults: Sequence[str] = (),
+    test: int | None = None,
+) -> Laboratory:
+    """Return the laboratory that takes a bat through a procedure; parameters of `certify_bat`.
+
+    Raises
+    ------
+    InputError
         Unknown names, files that cannot be used, a negative seed, an unknown rung, a rig that
         lacks what the procedure needs, a fault that cannot befall the rig.
     """
     if seed is not None and seed < 0:
         raise InputError("", "seed", seed, "allowed: whole numbers from 0")
     rules = catalog.load("procedures", procedure, Procedure)
-    laboratory = Laboratory.open(
+    return Laboratory.open(
         bat=catalog.load_bat(bat).spec,
         ball=catalog.load("balls", rules.spec.ball, BallSpec).spec,
         rules=rules,
@@ -75,4 +105,3 @@ def certify_bat(
         | catalog.unverified("balls", rules.spec.ball)
         | unverified_rigs((BENCH_RIG, BALL_RIG, rig or rules.spec.rig)),
     )
-    return laboratory.run(say)

@@ -32,7 +32,7 @@ from virtual_lab.records import (
 )
 from virtual_lab.reduction.flights import gate_count
 from virtual_lab.reduction.gates import Passages, passages
-from virtual_lab.reduction.rate import RateFit, summed_up
+from virtual_lab.reduction.rate import RateFit, summed_up, unseen
 from virtual_lab.reduction.recoil import fit_recoil
 from virtual_lab.reduction.swing import fit_swing
 from virtual_lab.relations.pendulum import mean_amplitude_factor
@@ -234,6 +234,8 @@ def _rates(
     ticks = np.diff(record.times)
     if not (ticks.size and ticks.min() > 0 and np.ptp(ticks) < TICK_EVENNESS * ticks.min()):
         raise InputError(where, "times", None, "must rise in even steps")
+    if not np.isfinite(contact).any():
+        return unseen(len(contact))
     try:
         return fit(record, contact)
     except ValueError as fault:

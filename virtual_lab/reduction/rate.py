@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.records import RateRecord
 
-__all__ = ["RateFit", "summed_up"]
+__all__ = ["RateFit", "summed_up", "unseen"]
 
 Array = NDArray[np.float64]
 
@@ -25,6 +25,21 @@ class RateFit:
     ring_frequency: Array  # (ring,) [Hz]
     ring_decay: Array  # (ring,) [1/s]
     residual: Array  # rms, (shot,) [counts]
+
+
+def unseen(shots: int) -> RateFit:
+    """Return the rates of shots whose contact nobody knows: none."""
+    none = np.full(shots, np.nan)
+    empty = np.zeros(0)
+    return RateFit(
+        rate=none,
+        rate_u=none,
+        before=none,
+        angle=none,
+        ring_frequency=empty,
+        ring_decay=empty,
+        residual=none,
+    )
 
 
 def summed_up(record: RateRecord) -> RateFit:

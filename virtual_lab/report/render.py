@@ -82,7 +82,9 @@ def _number_of(document: Mapping[str, Any]) -> str:
 
 
 def _counted(certification: Certification) -> bool:
-    return isinstance(certification.session.records["impact"].get("encoder"), EncoderRecord)
+    """Return whether there are counts to show, and a contact to show them from."""
+    counts = certification.session.records["impact"].get("encoder")
+    return isinstance(counts, EncoderRecord) and bool(np.isfinite(certification.shots.speed).any())
 
 
 def _result(document: Mapping[str, Any], needed: int | None) -> dict[str, Any]:
