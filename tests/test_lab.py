@@ -3,6 +3,7 @@
 from dataclasses import replace
 from math import sqrt
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,9 +13,13 @@ from virtual_lab import catalog, lab
 from virtual_lab.certification import QUANTITIES, Certification, certify_session
 from virtual_lab.collision.modal import ModalModel
 from virtual_lab.errors import InputError
+from virtual_lab.instruments.light_gate import LightGates
 from virtual_lab.lab import certify_bat
 from virtual_lab.lab.measurand import CONTINUOUS
 from virtual_lab.procedure import Procedure, Verdict
+from virtual_lab.records import GateRecord, Record
+from virtual_lab.report.certificate import certificate
+from virtual_lab.report.render import certificate_page
 from virtual_lab.rig import Order, Reality, Specimen, Stage, find_rig
 from virtual_lab.session import load_session, save_session
 from virtual_lab.specs import BallSpec
@@ -382,3 +387,18 @@ def test_a_bat_that_stops_the_ball_near_its_tip_is_scanned_all_the_same(bat: str
     assert tested.certification.metric.value == pytest.approx(
         tested.sealed.measurand["metric"], rel=1e-9
     )
+
+
+def test_gates_that_see_no_ball_make_an_invalid_test(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing to fit, nothing to state, and no fault of the program: a certificate says so."""
+    whole = LightGates.watch
+
+    def blind(self: LightGates, *args: Any) -> Record:
+        record = whole(self, *args)
+        return GateRecord(times=np.full_like(record.times, np.nan)) if "astm" in args[4] else record
+
+    monkeypatch.setattr(LightGates, "watch", blind)
+    result = lab.certify_bat("r161", procedure=PROCEDURE, seed=1).certification
+    assert result.verdict is Verdict.INVALID
+    assert set(result.judgement.reasons) == {"the gates did not see the ball come in"}
+    assert "No BPF can be stated" in certificate_page(certificate(result), result)
