@@ -5,7 +5,13 @@ import pytest
 
 from tests.collision.scenes import usual
 from virtual_lab.catalog import load_bat
-from virtual_lab.collision.ladder import MODAL_ERROR, RUNGS, choose, choose_efficiency
+from virtual_lab.collision.ladder import (
+    MODAL_ERROR,
+    RUNGS,
+    Ladder,
+    choose,
+    choose_efficiency,
+)
 from virtual_lab.collision.modal import ModalModel
 from virtual_lab.errors import InputError
 from virtual_lab.physics.supports import Free
@@ -68,3 +74,33 @@ def test_efficiency_alone_may_come_from_a_surrogate(
         modal = ModalModel.of(WOOD, Free()).collide(scenes).collision_efficiency
         assert np.abs(choice.efficiency(scenes) - modal).max() < 0.1 * MODAL_ERROR
     assert ("no surrogate" in choice.reason) == (len(places) > 60 and rung == "modal")
+
+
+def test_a_ladder_keeps_its_surrogate_for_scenes_like_the_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Built once with room; built anew for scenes beyond; few scenes go to the modal rung."""
+    monkeypatch.setenv("VIRTUAL_LAB_CACHE", str(tmp_path))
+    ladder = Ladder(probe=PROBE, standard_uncertainty=0.005)
+    first, near, beyond = (
+        usual(np.linspace(*ends, 6000)) for ends in ((4, 8), (3.5, 8.5), (3, 11))
+    )
+    modal = ModalModel.of(WOOD, Free())
+    for scenes, boxes in ((first, 1), (near, 1), (beyond, 2)):
+        found = ladder.efficiency(WOOD, Free(), scenes)
+        some = slice(None, None, 200)
+        exact = modal.collide(scenes.part(some)).collision_efficiency
+        assert np.abs(found[some] - exact).max() < 0.1 * MODAL_ERROR
+        assert len(list(tmp_path.rglob("*.npz"))) == boxes
+    few = usual(np.linspace(4, 8, 60))
+    assert np.array_equal(
+        ladder.efficiency(WOOD, Free(), few), modal.collide(few).collision_efficiency
+    )
+
+
+def test_a_rung_asked_for_is_no_surrogate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("VIRTUAL_LAB_CACHE", str(tmp_path))
+    ladder = Ladder(probe=PROBE, standard_uncertainty=0.005, rung="rigid")
+    ladder.efficiency(WOOD, Free(), usual(np.linspace(4, 8, 6000)))
+    assert not list(tmp_path.rglob("*"))
+    assert ladder.report()["rung"] == "rigid"
