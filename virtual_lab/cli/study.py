@@ -87,13 +87,16 @@ def faults(
 
 
 @click.command()
+@click.option(
+    "--procedure", default="astm-f1881", show_default=True, shell_complete=names("procedures")
+)
 @json_option
-def bias(as_json: bool) -> None:
+def bias(procedure: str, as_json: bool) -> None:
     """Measure what the method gets wrong when nothing is random, for every bat."""
     from virtual_lab.report.text import table_text
     from virtual_lab.studies.bias import bias as run
 
-    rows = run()
+    rows = run(procedure)
     if as_json:
         print_json(rows)
     else:

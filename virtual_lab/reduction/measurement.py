@@ -21,7 +21,6 @@ from virtual_lab.reduction.observations import (
     BallReadings,
     ImpactReadings,
 )
-from virtual_lab.reduction.rate import RateFit
 from virtual_lab.relations.flight import drag_rate
 from virtual_lab.relations.kinematics import (
     bat_performance_factor,
@@ -183,18 +182,27 @@ def shot_results(
     """Return e_A by Eq. (2) or by angular momentum, e by Eq. (6), BPF by Eq. (5)."""
     mass = balls.mass[..., readings.ball]
     seen = flights(x, "impact", readings.passages, drag_of(x, mass))
-    lever = bat.length - x["impact.pivot.from_knob"] - readings.place - _along(x)
-    swing_rate = _turn(x, "swing", readings.swing) if readings.swing else 0 * lever
+    abreast = bat.length - x["impact.pivot.from_knob"] - readings.place - _along(x)
+    swing_rate, slant = 0 * abreast, 0 * abreast
+    if readings.swing:
+        swing_rate = _turn(x, "swing", readings.swing.rate * x["impact.gates.clock"])
+        slant = _turn(x, "swing", readings.swing.angle)
+    # the ball flies abreast of the axis at a set distance and meets a slanting bat farther out
+    lever = abreast / np.cos(slant)
     bat_speed = lever * swing_rate
-    relative_speed = seen.speed_in + bat_speed
-    rate = _turn(x, "encoder", readings.recoil) if readings.recoil else 0 * lever + np.nan
+    relative_speed = seen.speed_in * np.cos(slant) + bat_speed
+    rate = 0 * lever + np.nan
+    if readings.recoil:
+        rate = _turn(x, "encoder", readings.recoil.rate * x["impact.gates.clock"])
     sine = _sine_square(x, bat, seen)
 
     def squarely(efficiency: Array) -> Array:
         """Free e_A of the offset across the bat, which only ever lowers what is seen."""
         return np.asarray((efficiency + sine) / (1 - sine))
 
-    rebound = squarely((seen.speed_out - bat_speed) / relative_speed)
+    # along the bat a smooth ball keeps its speed, across it comes back
+    across = (seen.speed_out + seen.speed_in * np.sin(slant) ** 2) / np.cos(slant)
+    rebound = squarely((across - bat_speed) / relative_speed)
     turning = parallel_axis(bat.inertia_cm, bat.mass, _axis(x, bat) - bat.z_cm)
     momentum = rebound_speed_from_recoil(turning, rate, mass, lever, seen.speed_in)
     recoiled = squarely(momentum / seen.speed_in)
@@ -267,10 +275,10 @@ def _along(x: Constants) -> Array | float:
     return x.get("impact.cannon.along", 0.0)
 
 
-def _turn(x: Constants, encoder: str, seen: RateFit) -> Array:
-    """Return the bat's angular speed [rad/s] that an encoder counted."""
+def _turn(x: Constants, encoder: str, counts: Array) -> Array:
+    """Return counts of an encoder as an angle [rad], counts a second as a rate [rad/s]."""
     scale = x[f"impact.{encoder}.scale"] * x[f"impact.{encoder}.counts_per_turn"]
-    return np.asarray(2 * np.pi * seen.rate * x["impact.gates.clock"] / scale)
+    return np.asarray(2 * np.pi * counts / scale)
 
 
 def _sine_square(x: Constants, bat: BatProperties, seen: Flights) -> Array:

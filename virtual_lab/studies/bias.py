@@ -18,11 +18,16 @@ __all__ = ["bias"]
 
 
 def bias(procedure: str = "astm-f1881") -> list[dict[str, Any]]:
-    """Return a row a bat of the catalog: measured less true of every quantity."""
+    """Return a row a bat of the catalog: measured less true of every quantity.
+
+    None where a bat gives no result: a scan may find no maximum.
+    """
     rows = []
     for bat in catalog.names("bats"):
         tested = certify_bat(bat, procedure=procedure, seed=0, reality=Reality.NOISE_FREE)
         measured, true = tested.certification.quantities, tested.sealed.measurand
-        errors = {name: measured[name].value - true[name] for name in QUANTITIES}
+        errors = {
+            name: measured[name].value - true[name] if measured else None for name in QUANTITIES
+        }
         rows.append({"bat": bat, **errors})
     return rows
