@@ -14,7 +14,7 @@ class Printed:
     """A metric in print; its SI value over `unit_si` is the number printed."""
 
     words: str
-    symbol: str
+    symbol: str  # letter and, after an underscore, its index
     unit: str
     unit_si: float
     places: int  # decimals of a limit
