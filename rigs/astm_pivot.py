@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from virtual_lab import catalog
 from virtual_lab.collision.scene import CollisionModel, Collisions, Scenes
 from virtual_lab.estimate import Estimate
+from virtual_lab.flights import at_rest
 from virtual_lab.impact import contact_angle, error_free, scenes_of, thrown_back
 from virtual_lab.instruments import Instrument, Rung, calibration_of, errors_of
 from virtual_lab.instruments.air import Air, AirSpec
@@ -29,7 +30,7 @@ from virtual_lab.physics.beam import beam_of
 from virtual_lab.physics.coasting import coast, ring
 from virtual_lab.physics.supports import Pinned
 from virtual_lab.records import AimMarks, EncoderRecord, GateRecord, Record, ShotLog
-from virtual_lab.rig import Order, Play, Specimen, Stage
+from virtual_lab.rig import Motion, Order, Play, Specimen, Stage
 from virtual_lab.specs import BatBody, Dimension, Spec
 from virtual_lab.streams import Draws
 from virtual_lab.truth import TrueOutcome
@@ -87,6 +88,7 @@ class AstmPivot:
     name = "astm-pivot"
     title = "ASTM pivoted bat: 60 mph cannon, light gates, encoder on the pivot"
     stage = Stage.IMPACT
+    motions = frozenset(Motion)
     channels: Mapping[str, type[Record]] = {
         "log": ShotLog,
         "gates": GateRecord,
@@ -148,13 +150,12 @@ class AstmPivotStation:
 
     def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
         """Fire at the bat; every shot finds it at rest and is timed from its trigger."""
-        balls, block = specimen.balls, order.block
+        balls, body, block = specimen.balls, specimen.bat.body, order.block
         launch = self.cannon.fire(order.speed, draws, "astm-pivot.launch", block)
         e0 = balls.draw_hits(order.ball, launch.speed, draws, "astm-pivot.hit", block)
         place = order.place + launch.along
         tilt = contact_angle(specimen, place, launch.across)
         scenes = scenes_of(specimen, order.ball, place, launch.speed * np.cos(tilt), e0)
-        body = specimen.bat.body
         if order.rung is Rung.SUMMED:
             # one support for all laboratories: e_A knows nothing of where exactly the axis is
             support = Pinned(body.length - self.pivot.from_knob)
@@ -173,6 +174,9 @@ class AstmPivotStation:
             gravity=self.gravity,
             height=launch.across,
             slope_out=up,
+        )
+        passage = at_rest(
+            passage, order, specimen, self.pivot_from_knob, place, launch.across, efficiency
         )
         contact = self.gates.arrival(passage)
         leaving = contact + contact_time
@@ -200,7 +204,7 @@ class AstmPivotStation:
                 "across": launch.across,
                 "ball_restitution": e0,
                 "collision_efficiency": efficiency,
-                "rebound_speed": back,
+                "rebound_speed": passage.speed_out,
                 "contact_time": contact_time,
             },
         )

@@ -14,6 +14,7 @@ import numpy as np
 
 from virtual_lab import catalog
 from virtual_lab.estimate import Estimate
+from virtual_lab.flights import at_rest
 from virtual_lab.impact import contact_angle, error_free, scenes_of, thrown_back
 from virtual_lab.instruments import Instrument, Rung, calibration_of, errors_of
 from virtual_lab.instruments.air import Air, AirSpec
@@ -23,7 +24,7 @@ from virtual_lab.instruments.light_board import LightBoards, LightBoardSpec
 from virtual_lab.instruments.passage import Passage
 from virtual_lab.physics.supports import Pinned
 from virtual_lab.records import AimMarks, BoardRecord, Record, ShotLog
-from virtual_lab.rig import Order, Play, Specimen, Stage
+from virtual_lab.rig import Motion, Order, Play, Specimen, Stage
 from virtual_lab.specs import Spec
 from virtual_lab.streams import Draws
 from virtual_lab.truth import TrueOutcome
@@ -52,6 +53,7 @@ class BallCannon:
     name = "ball-cannon"
     title = "Ball cannon: bat at rest on a pivot, three boards of light beams"
     stage = Stage.IMPACT
+    motions = frozenset(Motion)
     channels: Mapping[str, type[Record]] = {"log": ShotLog, "gates": BoardRecord, "aim": AimMarks}
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> BallCannonStation:
@@ -125,6 +127,9 @@ class BallCannonStation:
             slope_in=launch.slope,
             slope_out=up,
         )
+        passage = at_rest(
+            passage, order, specimen, self.holder.from_knob, place, across, efficiency
+        )
         contact = self.gates.arrival(passage)
         leaving = contact + contact_time
         return Play(
@@ -141,7 +146,7 @@ class BallCannonStation:
                 "across": across,
                 "ball_restitution": e0,
                 "collision_efficiency": efficiency,
-                "rebound_speed": back,
+                "rebound_speed": passage.speed_out,
                 "contact_time": contact_time,
             },
         )

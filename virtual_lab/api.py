@@ -17,7 +17,7 @@ from virtual_lab.lab import certify_bat
 from virtual_lab.report.certificate import certificate
 from virtual_lab.report.render import certificate_page, notebook_card
 from virtual_lab.report.tables import budget_table, shot_table
-from virtual_lab.rig import Reality
+from virtual_lab.rig import Motion, Reality
 from virtual_lab.session import load_session, save_session
 from virtual_lab.studies.foreign import certify_laboratory
 from virtual_lab.studies.score import score
@@ -102,6 +102,7 @@ def certify(
     seed: int | None = None,
     reality: Reality | str = Reality.REAL,
     rung: str | None = None,
+    motion: str = Motion.CLOSED_FORM.value,
     faults: Sequence[str] = (),
     say: Callable[[str], None] = lambda _: None,
 ) -> Certificate:
@@ -121,6 +122,8 @@ def certify(
     rung
         Of the collision: ``rigid``, ``modal`` or ``reference``; None takes the cheapest that is
         good enough, and the certificate says which and why.
+    motion
+        Of ball and bat: ``closed-form``, or ``pymunk``, a scene a shot.
     faults
         Names of what goes wrong on the day (``virtual-lab list faults``); only the sealed truth
         tells them.
@@ -139,6 +142,7 @@ def certify(
         seed=seed,
         reality=Reality(reality),
         rung=rung,
+        motion=motion,
         faults=faults,
         say=say,
     )

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 __all__ = [
     "CollisionChoice",
     "ImpactStation",
+    "Motion",
     "Order",
     "Play",
     "Reality",
@@ -60,6 +61,21 @@ class Reality(Enum):
     def draws(self, seed: int, *branch: int) -> Draws:
         """Return the random numbers a laboratory of this kind draws, or those of a branch."""
         return Streams(seed, branch) if self is Reality.REAL else Quiet()
+
+
+class Motion(Enum):
+    """How ball and bat are carried through flight, contact and rebound."""
+
+    CLOSED_FORM = "closed-form"  # all shots at once
+    PYMUNK = "pymunk"  # a scene a shot
+
+    @classmethod
+    def named(cls, name: str) -> Motion:
+        """Return the motion of a name; `InputError` where there is none."""
+        names = [motion.value for motion in cls]
+        if name not in names:
+            raise InputError("", "motion", name, f"allowed: {', '.join(names)}")
+        return cls(name)
 
 
 class Stage(Enum):
@@ -101,6 +117,7 @@ class Order:
     turn_rate: float = 0.0
     block: int = 0
     rung: Rung = Rung.FULL
+    motion: Motion = Motion.CLOSED_FORM
 
     def log(self) -> ShotLog:
         """Return the operator's log of the order."""
@@ -154,7 +171,10 @@ class WallStation(Station, Protocol):
 
 
 class Rig(Protocol):
-    """A machine as it is sold."""
+    """A machine as it is sold.
+
+    One that can carry its balls otherwise than in closed form says so in `motions`.
+    """
 
     @property
     def name(self) -> str: ...

@@ -48,6 +48,13 @@ from virtual_lab.cli.shared import json_option, names, print_json, rigs, teller
     help="Pin the collision model  [default: the cheapest that is good enough]",
 )
 @click.option(
+    "--motion",
+    type=click.Choice(["closed-form", "pymunk"]),
+    default="closed-form",
+    show_default=True,
+    help="How ball and bat are carried: all shots at once, or a pymunk scene a shot.",
+)
+@click.option(
     "--fault",
     "faults",
     multiple=True,
@@ -64,6 +71,7 @@ def certify(
     ideal: bool,
     noise_free: bool,
     rung: str | None,
+    motion: str,
     faults: tuple[str, ...],
     as_json: bool,
 ) -> None:
@@ -85,6 +93,7 @@ def certify(
         seed=seed,
         reality=reality,
         rung=rung,
+        motion=motion,
         faults=faults,
         say=teller(),
     )

@@ -11,7 +11,7 @@ from virtual_lab.faults import Day
 from virtual_lab.lab.fitting import unverified_rigs
 from virtual_lab.lab.laboratory import BALL_RIG, BENCH_RIG, Laboratory, Say, Tested
 from virtual_lab.procedure import Procedure
-from virtual_lab.rig import Reality
+from virtual_lab.rig import Motion, Reality
 from virtual_lab.specs import BallSpec
 
 __all__ = ["certify_bat", "open_laboratory"]
@@ -25,6 +25,7 @@ def certify_bat(
     seed: int | None = None,
     reality: Reality = Reality.REAL,
     rung: str | None = None,
+    motion: str = Motion.CLOSED_FORM.value,
     faults: Sequence[str] = (),
     test: int | None = None,
     say: Say = lambda _: None,
@@ -44,6 +45,8 @@ def certify_bat(
     rung
         Of the collision: ``rigid``, ``modal`` or ``reference``; None takes the cheapest whose
         error is at most a tenth of the standard uncertainty of e_A that such a test reaches.
+    motion
+        Of ball and bat: ``closed-form``, or ``pymunk``, a scene a shot.
     faults
         Names of what goes wrong on the day, in the catalog; the sealed truth tells them.
     test
@@ -64,6 +67,7 @@ def certify_bat(
         seed=seed,
         reality=reality,
         rung=rung,
+        motion=motion,
         faults=faults,
         test=test,
     ).run(say)
@@ -77,6 +81,7 @@ def open_laboratory(
     seed: int | None = None,
     reality: Reality = Reality.REAL,
     rung: str | None = None,
+    motion: str = Motion.CLOSED_FORM.value,
     faults: Sequence[str] = (),
     test: int | None = None,
 ) -> Laboratory:
@@ -85,8 +90,9 @@ def open_laboratory(
     Raises
     ------
     InputError
-        Unknown names, files that cannot be used, a negative seed, an unknown rung, a rig that
-        lacks what the procedure needs, a fault that cannot befall the rig.
+        Unknown names, files that cannot be used, a negative seed, an unknown rung, a motion the
+        rig does not have, a rig that lacks what the procedure needs, a fault that cannot befall
+        the rig.
     """
     if seed is not None and seed < 0:
         raise InputError("", "seed", seed, "allowed: whole numbers from 0")
@@ -99,6 +105,7 @@ def open_laboratory(
         rig=rig or rules.spec.rig,
         reality=reality,
         rung=rung,
+        motion=Motion.named(motion),
         day=Day.of(faults, rig=rig or rules.spec.rig),
         test=test,
         unverified=catalog.unverified("bats", bat)

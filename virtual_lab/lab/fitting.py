@@ -7,11 +7,11 @@ from collections.abc import Iterable
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
 from virtual_lab.procedure import Procedure
-from virtual_lab.rig import Rig, Stage, installed_rigs
+from virtual_lab.rig import Motion, Rig, Stage, installed_rigs
 from virtual_lab.specs import BallSpec, BatSpec
 from virtual_lab.units import INCH, OUNCE
 
-__all__ = ["require_ball", "require_places", "require_rig", "unverified_rigs"]
+__all__ = ["require_ball", "require_motion", "require_places", "require_rig", "unverified_rigs"]
 
 
 def require_rig(rig: Rig, procedure: Procedure) -> None:
@@ -27,6 +27,14 @@ def require_rig(rig: Rig, procedure: Procedure) -> None:
         raise InputError("", "rig", rig.name, allowed)
     if "swing" in rig.channels and procedure.bat_speed is None:
         raise InputError("", "rig", rig.name, f"it swings the bat; {procedure.name} has it at rest")
+
+
+def require_motion(rig: Rig, motion: Motion) -> None:
+    """Refuse a motion that the rig does not have."""
+    able: Iterable[Motion] = getattr(rig, "motions", {Motion.CLOSED_FORM})
+    if motion not in able:
+        names = ", ".join(sorted(each.value for each in able))
+        raise InputError("", "motion", motion.value, f"allowed at {rig.name}: {names}")
 
 
 def require_places(procedure: Procedure, bat: BatSpec) -> None:

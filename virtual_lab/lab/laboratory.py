@@ -29,12 +29,13 @@ from virtual_lab.collision.modal import kernel_is_compiled
 from virtual_lab.estimate import Estimate
 from virtual_lab.faults import Day
 from virtual_lab.instruments import Rung
-from virtual_lab.lab.fitting import require_ball, require_places, require_rig
+from virtual_lab.lab.fitting import require_ball, require_motion, require_places, require_rig
 from virtual_lab.lab.measurand import measurand
 from virtual_lab.procedure import Procedure, aimed_place, next_places, to_set
 from virtual_lab.records import Record, join
 from virtual_lab.rig import (
     ImpactStation,
+    Motion,
     Order,
     Play,
     Reality,
@@ -80,6 +81,7 @@ class Laboratory:
     specimen: Specimen
     session: Session
     instruments: Rung = Rung.FULL
+    motion: Motion = Motion.CLOSED_FORM
 
     @classmethod
     def open(
@@ -95,6 +97,7 @@ class Laboratory:
         day: Day,
         unverified: Mapping[str, str],
         instruments: Rung = Rung.FULL,
+        motion: Motion = Motion.CLOSED_FORM,
         collision: Ladder | None = None,
         made: bool = True,
         test: int | None = None,
@@ -107,6 +110,7 @@ class Laboratory:
         own = draws if test is None else reality.draws(seed, test)
         rigs = {Stage.BENCH: BENCH_RIG, Stage.BALLS: BALL_RIG, Stage.IMPACT: rig}
         require_rig(find_rig(rig, Stage.IMPACT), rules.spec)
+        require_motion(find_rig(rig, Stage.IMPACT), motion)
         require_places(rules.spec, bat)
         require_ball(rules.spec, ball)
         ideal = reality is Reality.IDEAL
@@ -135,6 +139,7 @@ class Laboratory:
             day=day,
             stations=stations,
             instruments=instruments,
+            motion=motion,
             specimen=Specimen(
                 bat=draw_bat(bat, own if made else Quiet()),
                 balls=draw_balls(ball, rules.spec.balls, own),
@@ -182,13 +187,14 @@ class Laboratory:
                 self._order(np.arange(fired.size, fired.size + places.size), places),
                 turn_rate=turn_rate,
                 block=len(rounds),
+                motion=self.motion,
             )
             rounds.append(aged._play(Stage.IMPACT, order))
             session = _with_records(session, Stage.IMPACT, rounds)
             reduced = reduce_session(session)
             fired, valid = reduced.readings.place, reduced.judgement.valid
             metric = reduced.shot_metric
-        rungs = {"collision": self.collision.report()}
+        rungs = {"collision": self.collision.report(), "motion": _motion_report(self.motion)}
         session = replace(session, simulation={**session.simulation, "rungs": rungs})
         return Tested(
             certification=evaluate(session, reduced),
@@ -256,6 +262,11 @@ class Laboratory:
 def _constant(stage: Stage, name: str) -> str:
     """Return a constant's name in a session: all rigs stand in one hall and share its air."""
     return f"hall.{name}" if name.startswith("air.") else f"{stage.value}.{name}"
+
+
+def _motion_report(motion: Motion) -> dict[str, str]:
+    pinned = "" if motion is Motion.CLOSED_FORM else ", as asked for"
+    return {"rung": motion.value, "reason": f"{motion.value}{pinned}"}
 
 
 def _said(places: Array) -> str:

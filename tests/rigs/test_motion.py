@@ -1,0 +1,59 @@
+"""The pymunk rung of the rigs: what it recovers, how it agrees with the closed form, refusals."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from virtual_lab import api, lab
+from virtual_lab.cli import cli
+from virtual_lab.errors import InputError
+from virtual_lab.rig import Reality
+
+DONE = {"astm-pivot": "astm-f1881", "ball-cannon": "bbcor"}
+
+
+def certified(rig: str, motion: str, reality: Reality) -> lab.Tested:
+    return lab.certify_bat(
+        "r161", procedure=DONE[rig], rig=rig, seed=1, reality=reality, motion=motion
+    )
+
+
+@pytest.mark.parametrize("rig", DONE)
+def test_an_ideal_laboratory_by_pymunk_recovers_the_truth(rig: str) -> None:
+    found = certified(rig, "pymunk", Reality.IDEAL)
+    metric, true = found.certification.metric, found.sealed.measurand["metric"]
+    assert metric is not None
+    assert metric.value == pytest.approx(true, rel=1e-9)
+    simulation = found.certification.session.simulation
+    assert simulation["rungs"]["motion"] == {"rung": "pymunk", "reason": "pymunk, as asked for"}
+
+
+@pytest.mark.parametrize("rig", DONE)
+def test_both_rungs_give_one_certificate(rig: str) -> None:
+    """A real day: drag, fall, aim beside the axis of the bat. The scenes know no closed form."""
+    closed, carried = (certified(rig, motion, Reality.REAL) for motion in ("closed-form", "pymunk"))
+    for name, budget in closed.certification.quantities.items():
+        other = carried.certification.quantities[name]
+        assert other.value == pytest.approx(budget.value, rel=1e-6), name
+        assert other.u == pytest.approx(budget.u, rel=1e-6), name
+    for name, shots in closed.sealed.shots.items():
+        np.testing.assert_allclose(carried.sealed.shots[name], shots, rtol=1e-9, err_msg=name)
+    # a scene's last bits are its own: equal to the bit were no scene at all
+    back = (each.sealed.shots["rebound_speed"] for each in (closed, carried))
+    assert next(back).tobytes() != next(back).tobytes()
+
+
+def test_a_rig_without_the_rung_refuses_it(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="motion = 'pymunk'; allowed at ncaa-swing: closed-form"):
+        api.certify("r161", procedure="ncaa-besr", motion="pymunk")
+    words = ["certify", "r161", "--procedure", "ncaa-besr", "--motion", "pymunk"]
+    done = CliRunner().invoke(cli, [*words, "--out", str(tmp_path / "out")])
+    assert done.exit_code != 0
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_unknown_motion_is_refused() -> None:
+    with pytest.raises(InputError, match="motion = 'slow'; allowed: closed-form, pymunk"):
+        api.certify("r161", motion="slow")
