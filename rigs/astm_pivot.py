@@ -19,7 +19,7 @@ from virtual_lab import catalog
 from virtual_lab.collision.scene import CollisionModel, Collisions, Scenes
 from virtual_lab.estimate import Estimate
 from virtual_lab.flights import at_rest
-from virtual_lab.impact import contact_angle, error_free, scenes_of, thrown_back
+from virtual_lab.impact import CONTACT_TIME, contact_angle, error_free, scenes_of, thrown_back
 from virtual_lab.instruments import Instrument, Rung, calibration_of, errors_of
 from virtual_lab.instruments.air import Air, AirSpec
 from virtual_lab.instruments.cannon import Cannon, CannonSpec
@@ -39,7 +39,6 @@ from virtual_lab.units import STANDARD_GRAVITY
 __all__ = ["RIG", "AstmPivot"]
 
 Array = NDArray[np.float64]
-CONTACT_TIME = 0.7e-3  # s, where no record is fine enough to tell
 GAP = 2.3e-3  # s, a recorder that sums up leaves out after contact: the blow's own shudder
 
 

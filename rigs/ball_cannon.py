@@ -15,8 +15,8 @@ import numpy as np
 from virtual_lab import catalog
 from virtual_lab.estimate import Estimate
 from virtual_lab.flights import at_rest
-from virtual_lab.impact import contact_angle, error_free, scenes_of, thrown_back
-from virtual_lab.instruments import Instrument, Rung, calibration_of, errors_of
+from virtual_lab.impact import contact_angle, error_free, scenes_of, struck, thrown_back
+from virtual_lab.instruments import Instrument, calibration_of, errors_of
 from virtual_lab.instruments.air import Air, AirSpec
 from virtual_lab.instruments.cannon import Cannon, CannonSpec
 from virtual_lab.instruments.holder import Holder, HolderSpec
@@ -31,8 +31,6 @@ from virtual_lab.truth import TrueOutcome
 from virtual_lab.units import STANDARD_GRAVITY
 
 __all__ = ["RIG", "BallCannon"]
-
-CONTACT_TIME = 0.7e-3  # s, where no record is fine enough to tell
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,22 +98,16 @@ class BallCannonStation:
 
     def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
         """Fire at the bat at rest and time the ball through every board, both ways."""
-        balls, body, block = specimen.balls, specimen.bat.body, order.block
+        balls, block = specimen.balls, order.block
         launch = self.cannon.fire(order.speed, draws, "ball-cannon.launch", block)
         e0 = balls.draw_hits(order.ball, launch.speed, draws, "ball-cannon.hit", block)
         place = order.place + launch.along
         across = launch.across - self.holder.height
         tilt = contact_angle(specimen, place, across)
         scenes = scenes_of(specimen, order.ball, place, launch.speed * np.cos(tilt), e0)
-        if order.rung is Rung.SUMMED:
-            # one support for all laboratories: e_A knows nothing of where exactly the axis is
-            support = Pinned(body.length - self.holder.spec.from_knob)
-            efficiency = specimen.collision.efficiency(body, support, scenes)
-            contact_time = np.full(efficiency.shape, CONTACT_TIME)
-        else:
-            support = Pinned(body.length - self.holder.from_knob)
-            collisions = specimen.collision(body, support).collide(scenes)
-            efficiency, contact_time = collisions.collision_efficiency, collisions.contact_time
+        efficiency, contact_time = struck(
+            specimen, order.rung, scenes, self.holder.from_knob, self.holder.spec.from_knob
+        )
         back, up = thrown_back(efficiency, tilt, launch.speed, 0.0)
         passage = Passage(
             speed_in=launch.speed,

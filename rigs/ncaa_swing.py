@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from virtual_lab import catalog
 from virtual_lab.estimate import Estimate
-from virtual_lab.impact import contact_angle, error_free, scenes_of, thrown_back
+from virtual_lab.impact import contact_angle, error_free, scenes_of, struck, thrown_back
 from virtual_lab.instruments import Instrument, Rung, calibration_of, errors_of
 from virtual_lab.instruments.air import Air, AirSpec
 from virtual_lab.instruments.cannon import Cannon, CannonSpec
@@ -37,7 +37,6 @@ from virtual_lab.units import STANDARD_GRAVITY
 __all__ = ["RIG", "NcaaSwing"]
 
 Array = NDArray[np.float64]
-CONTACT_TIME = 0.7e-3  # s, where no record is fine enough to tell
 GAP = 1e-3  # s, a recorder that sums up leaves out before contact, which may come early
 
 
@@ -157,14 +156,9 @@ class NcaaSwingStation:
         closing = launch.speed * np.cos(swing.angle) + bat_speed
         e0 = balls.draw_hits(order.ball, closing, draws, "ncaa-swing.hit", block)
         scenes = scenes_of(specimen, order.ball, axis - lever, closing * np.cos(tilt), e0)
-        if order.rung is Rung.SUMMED:
-            # one support for all laboratories: e_A knows nothing of where exactly the axis is
-            support = Pinned(body.length - self.holder.spec.from_knob)
-            efficiency = specimen.collision.efficiency(body, support, scenes)
-            contact_time = np.full(efficiency.shape, CONTACT_TIME)
-        else:
-            collisions = specimen.collision(body, Pinned(axis)).collide(scenes)
-            efficiency, contact_time = collisions.collision_efficiency, collisions.contact_time
+        efficiency, contact_time = struck(
+            specimen, order.rung, scenes, self.holder.from_knob, self.holder.spec.from_knob
+        )
         square, up = thrown_back(efficiency, tilt, closing, bat_speed)
         slide = launch.speed * np.sin(swing.angle)
         back = square * np.cos(swing.angle) - slide * np.sin(swing.angle)

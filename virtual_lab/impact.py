@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.collision.scene import Scenes
+from virtual_lab.instruments import Rung
 from virtual_lab.physics.beam import beam_of
 from virtual_lab.physics.section import outer_diameter
-from virtual_lab.physics.supports import Support
+from virtual_lab.physics.supports import Pinned, Support
 from virtual_lab.relations.kinematics import (
     efficiency_off_axis,
     offset_angle,
@@ -20,9 +21,10 @@ from virtual_lab.relations.kinematics import (
 from virtual_lab.rig import Order, Specimen
 from virtual_lab.truth import TrueOutcome
 
-__all__ = ["contact_angle", "error_free", "scenes_of", "thrown_back"]
+__all__ = ["CONTACT_TIME", "contact_angle", "error_free", "scenes_of", "struck", "thrown_back"]
 
 Array = NDArray[np.float64]
+CONTACT_TIME = 0.7e-3  # s, where no record is fine enough to tell
 
 
 def scenes_of(
@@ -44,6 +46,23 @@ def contact_angle(specimen: Specimen, place: Array, across: Array) -> Array:
     """Return the angle between the line of fire and the line of centres [rad], (shot,)."""
     barrel = outer_diameter(specimen.bat.body.profile, place) / 2
     return np.asarray(offset_angle(across, specimen.balls.spec.radius, barrel))
+
+
+def struck(
+    specimen: Specimen, rung: Rung, scenes: Scenes, at: float, surveyed: float
+) -> tuple[Array, Array]:
+    """Return e_A and the contact times [s] of a bat whose axis is `at` [m] from its knob.
+
+    Instruments that write sums need e_A alone, and e_A knows nothing of where exactly the axis
+    is: all laboratories then share the support where the axis was `surveyed`.
+    """
+    body = specimen.bat.body
+    if rung is Rung.SUMMED:
+        support = Pinned(body.length - surveyed)
+        efficiency = specimen.collision.efficiency(body, support, scenes)
+        return efficiency, np.full(efficiency.shape, CONTACT_TIME)
+    collisions = specimen.collision(body, Pinned(body.length - at)).collide(scenes)
+    return collisions.collision_efficiency, collisions.contact_time
 
 
 def thrown_back(

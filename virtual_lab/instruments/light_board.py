@@ -82,10 +82,6 @@ class LightBoardSpec(Spec):
             sabot_rate=0.0,
         )
 
-    def slowest_rebound(self, gravity: float) -> float:
-        """Return the speed [m/s] below which a level rebound falls below the far board."""
-        return self.distances[0] * sqrt(gravity / (2 * -self.lowest))
-
 
 @dataclass(frozen=True, slots=True)
 class LightBoards:

@@ -58,10 +58,6 @@ class LightGateSpec(Spec):
         """Return gates that stand where surveyed, with a perfect clock."""
         return replace(self, distance_u=0.0, tick=0.0, edge_jitter=0.0, clock_u=0.0)
 
-    def slowest_rebound(self, gravity: float) -> float:
-        """Return the speed [m/s] below which a level rebound falls out of the far curtain."""
-        return self.distances[0] * sqrt(gravity / (2 * self.half_height))
-
 
 @dataclass(frozen=True, slots=True)
 class LightGates:
