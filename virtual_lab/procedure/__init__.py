@@ -1,6 +1,6 @@
 """A test procedure: what to ask of a rig, where to hit, which hits count, metric and verdict."""
 
-from virtual_lab.procedure.choice import selection_bias, shortfall
+from virtual_lab.procedure.choice import shortfall
 from virtual_lab.procedure.eligibility import Finding, findings
 from virtual_lab.procedure.judge import Judgement, judge
 from virtual_lab.procedure.metric import Curve, metric_of
@@ -29,7 +29,6 @@ __all__ = [
     "metric_of",
     "next_places",
     "outcome_of",
-    "selection_bias",
     "shortfall",
     "to_set",
     "verdict",

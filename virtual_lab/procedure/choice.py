@@ -1,9 +1,4 @@
-"""What choosing does to a result: the top of noisy values is too high, or not the true top.
-
-A fitted curve's top is lifted by the noise it is the top of (`selection_bias`). Fresh hits at
-the best place of a scan are not lifted, but a neighbour may really be the better place
-(`shortfall`).
-"""
+"""What choosing a place costs: fresh hits at a scan's best place, when a neighbour is better."""
 
 from __future__ import annotations
 
@@ -14,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from virtual_lab.procedure.outcome import complete_places, neighbours, top_of_scan
+from virtual_lab.procedure.outcome import complete_places, neighbours
 from virtual_lab.procedure.rules import Procedure
 from virtual_lab.procedure.schedule import best_place, same_place, scan_hits
 
-__all__ = ["Shortfall", "selection_bias", "shortfall"]
+__all__ = ["Shortfall", "shortfall"]
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -29,27 +24,6 @@ class Shortfall(NamedTuple):
 
     mean: float
     rms: float
-
-
-def selection_bias(procedure: Procedure, place: Array, valid: Bools, metric: Array) -> float:
-    """Return how much too high a result is on average because its place was chosen.
-
-    Of a fitted top ½ Var(slope)/|curvature| of the curve there, to second order in the noise,
-    which is the scatter within the places; of fresh hits at the best place less than nothing,
-    the mean `shortfall`; 0 at one place. NaN where there is no top, or nothing tells the
-    scatter. Parameters as `outcome_of`.
-    """
-    if procedure.scan is None:
-        return 0.0
-    if procedure.scan.final_hits:
-        return -shortfall(procedure, place, valid, metric).mean
-    if complete_places(procedure, place, valid).size < 3:
-        return np.nan
-    near, top = top_of_scan(procedure, procedure.scan, place, valid, metric)
-    variance = _within(place[near], metric[near])
-    if not top.curvature < 0:
-        return np.nan
-    return variance * float(top.slope_weights @ top.slope_weights) / 2 / -top.curvature
 
 
 def shortfall(procedure: Procedure, place: Array, valid: Bools, metric: Array) -> Shortfall:

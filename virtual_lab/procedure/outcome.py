@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -20,13 +19,11 @@ from virtual_lab.procedure.schedule import SETTING_STEP, best_place, same_place,
 
 __all__ = [
     "Outcome",
-    "Top",
     "Verdict",
     "complete_places",
     "exact_result",
     "neighbours",
     "outcome_of",
-    "top_of_scan",
     "verdict",
 ]
 
@@ -120,8 +117,10 @@ def _of_scan(
         weights = np.zeros(len(place))
         weights[fresh] = 1 / fresh.size
         return Outcome(weights=weights, place=float(place[fresh].mean()), reason=reason)
-    _, top = top_of_scan(procedure, scan, place, valid, metric)
-    return Outcome(weights=top.weights, place=top.place, reason=reason)
+    near = counted & np.isin(np.round(place, 6), complete)
+    near &= np.abs(place - best) < scan.fit_half_width + 2 * SETTING_STEP
+    weights, top = _top_of_curve(place, near, metric, scan.fit_half_width)
+    return Outcome(weights=weights, place=top, reason=reason)
 
 
 def neighbours(scan: Scan, complete: Array, best: float) -> Array:
@@ -131,34 +130,16 @@ def neighbours(scan: Scan, complete: Array, best: float) -> Array:
     return np.asarray(complete[(off > ROUNDING) & (off < spaced)])
 
 
-def top_of_scan(
-    procedure: Procedure, scan: Scan, place: Array, valid: Bools, metric: Array
-) -> tuple[Bools, Top]:
-    """Return the hits that the curve about the best place is fitted to, and its top."""
-    complete = complete_places(procedure, place, valid)
-    counted = scan_hits(procedure, place, valid) & np.isin(np.round(place, 6), complete)
-    best = best_place(procedure, complete, place, valid, metric)
-    near = counted & (np.abs(place - best) < scan.fit_half_width + 2 * SETTING_STEP)
-    return np.asarray(near, dtype=bool), _top_of_curve(place, near, metric, scan.fit_half_width)
-
-
-class Top(NamedTuple):
-    """The top of a fitted curve."""
-
-    weights: Array  # of the value, (shot,)
-    slope_weights: Array  # of the slope a half width, (shot,)
-    curvature: float  # a half width squared; NaN: the top is an end
-    place: float  # [m]
-
-
 def _at_an_end(scan: Scan, place: float) -> bool:
     """Return whether the next fine place on one side lies beyond the scan."""
     step = scan.fine_step - SETTING_STEP
     return place - step < scan.low or place + step > scan.high
 
 
-def _top_of_curve(place: Array, near: Bools, metric: Array, half_width: float) -> Top:
-    """Return the top of the polynomial fitted to the hits `near`, and their weights in it."""
+def _top_of_curve(
+    place: Array, near: Bools, metric: Array, half_width: float
+) -> tuple[Array, float]:
+    """Return what the hits `near` weigh in the top of the polynomial fitted to them, and where."""
     middle = place[near].mean()
     unit = (place[near] - middle) / half_width
     degree = min(DEGREE, len(np.unique(np.round(unit, 6))) - 1)
@@ -169,12 +150,9 @@ def _top_of_curve(place: Array, near: Bools, metric: Array, half_width: float) -
     if unit.min() < turn < unit.max():
         candidates = np.append(candidates, turn)
     top = float(candidates[np.argmax(fitted(candidates))])
-    powers = np.arange(degree + 1)
-    curvature = float(fitted.deriv(2)(top)) if top == turn else np.nan
-    weights, slope_weights = np.zeros((2, len(place)))
-    weights[near] = top**powers @ solved
-    slope_weights[near] = powers * top ** np.maximum(powers - 1, 0) @ solved
-    return Top(weights, slope_weights, curvature, middle + top * half_width)
+    weights = np.zeros(len(place))
+    weights[near] = top ** np.arange(degree + 1) @ solved
+    return weights, middle + top * half_width
 
 
 def _turn(cubic: Polynomial) -> float:

@@ -82,7 +82,7 @@ class ShotResults:
     rebound_speed: Array  # of the ball, along the line of fire [m/s]
     rebound_slope: Array  # height the ball gains a metre as it comes back
     ball_mass: Array  # [kg]
-    place: Array  # aimed, from the barrel tip [m]
+    place: Array  # struck as far as is known, from the barrel tip [m]
     recoil_factor: Array  # of the support the procedure names
     ball_restitution: Array  # of the ball, at the shot's own relative speed
     collision_efficiency: Array  # freed of the offset across the bat
@@ -232,7 +232,7 @@ def shot_results(
         rebound_speed=seen.speed_out,
         rebound_slope=seen.slope_out,
         ball_mass=mass,
-        place=readings.place,
+        place=np.broadcast_to(readings.place + _along(x) + abreast - lever, shape),
         recoil_factor=np.broadcast_to(recoil, shape),
         ball_restitution=e0,
         collision_efficiency=efficiency,

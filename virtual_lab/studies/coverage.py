@@ -1,8 +1,8 @@
 """Attained coverage: how often, over many laboratories, the 95 % interval holds the truth.
 
 And the bias of each result, beside what was to be expected of it: the curvature of the
-computation over its own uncertainties, that of the bat along the barrel over the places the
-balls really strike, and, of a scan, that the greatest of noisy values is taken.
+computation over its own uncertainties; that of the bat along the barrel over the places the
+balls really strike; and, of a metric found by a scan, what a rehearsal of the scan makes of them.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from scipy.stats import binomtest
 
 from virtual_lab.certification import QUANTITIES, Certification
 from virtual_lab.errors import InputError
-from virtual_lab.lab import Campaign, Tested, certify_bat, curvatures
-from virtual_lab.procedure import selection_bias
+from virtual_lab.lab import Campaign, Rehearsal, Tested, certify_bat, curvatures
 from virtual_lab.records import AimMarks
+from virtual_lab.streams import Streams
 
 __all__ = ["coverage"]
 
@@ -51,7 +51,7 @@ def coverage(
         the error in standard uncertainties (the mean with its standard error), the root mean
         squares of the error and of the stated u (their ratio is 1 for an honest uncertainty,
         above 1 for one that is too small), and `bias`, the mean error, with its standard error
-        and the one `expected`.
+        and the one `expected`, with its own where it comes from as many rehearsals.
 
     Raises
     ------
@@ -63,7 +63,9 @@ def coverage(
     names = ("metric", *QUANTITIES)
     shared = Campaign.of(bat, procedure)
     found: dict[str, list[tuple[float, ...]]] = {name: [] for name in names}
+    strayed: list[tuple[float, float]] = []
     bends: dict[str, float] = {}
+    rehearsal = None
     invalid = 0
     seeds = range(first_seed, first_seed + laboratories)
     tests = (
@@ -77,44 +79,49 @@ def coverage(
             invalid += 1
             continue
         if not bends:
-            bends = curvatures(shared.laboratory(first_seed), certification.outcome.place)
-        beside = _beside(certification)
+            first = shared.laboratory(first_seed)
+            bends = curvatures(first, certification.outcome.place)
+            rehearsal = Rehearsal.of(first, tested) if first.rules.spec.scan else None
+        along = _marks(certification).along
+        strayed.append((float(np.var(along, ddof=1)), _scatter(certification)))
         for name in names:
-            expected = bends[name] * beside / 2
-            found[name].append(_result(tested, name, expected))
+            beside = 0.0 if rehearsal and name == "metric" else float(np.mean(along**2))
+            found[name].append(_result(tested, name, bends[name] * beside / 2))
         if number % 100 == 0:
             say(f"{number} of {laboratories} laboratories")
+    rows = {name: _row(np.array(found[name])) for name in names}
+    if rehearsal:
+        straying = rehearsal.straying(*np.sqrt(np.mean(strayed, axis=0)))
+        bias, bias_se = rehearsal.bias(straying, Streams(first_seed), laboratories)
+        rows["metric"]["expected"] += bias
+        rows["metric"]["expected_se"] = bias_se
     return [
-        {"bat": bat, "procedure": procedure, "quantity": name, "invalid": invalid}
-        | _row(np.array(found[name]))
-        for name in names
+        {"bat": bat, "procedure": procedure, "quantity": name, "invalid": invalid} | row
+        for name, row in rows.items()
     ]
 
 
-def _beside(certification: Certification) -> float:
-    """Return the mean square of the hits' distances from the place aimed at [m²], by the marks."""
+def _marks(certification: Certification) -> AimMarks:
+    """Return the marks on the witness paper, which tell how the aim strays."""
     marks = certification.session.records["impact"]["aim"]
     assert isinstance(marks, AimMarks)
-    return float(np.mean(marks.along**2))
+    return marks
+
+
+def _scatter(certification: Certification) -> float:
+    """Return the variance of the metric between hits at one place, by the budget."""
+    assert certification.metric is not None
+    (hits,) = (part for part in certification.metric.components if part.name == "hits")
+    return hits.contribution**2 / float(np.sum(certification.outcome.weights**2))
 
 
 def _result(tested: Tested, name: str, beside: float) -> tuple[float, ...]:
     """Return whether the interval held the truth, error, u and the error to be expected."""
     certification, true = tested.certification, tested.sealed.measurand[name]
-    budget = certification.quantities.get(name)
-    lifted = 0.0
-    if name == "metric":
-        budget = certification.metric
-        lifted = selection_bias(
-            certification.procedure,
-            certification.readings.place,
-            certification.judgement.valid,
-            certification.shot_metric,
-        )
+    budget = certification.metric if name == "metric" else certification.quantities[name]
     assert budget is not None
     low, high = budget.interval_95
-    expected = budget.shift + beside + lifted
-    return float(low <= true <= high), budget.value - true, budget.u, expected
+    return float(low <= true <= high), budget.value - true, budget.u, budget.shift + beside
 
 
 def _row(found: Array) -> dict[str, Any]:
@@ -134,4 +141,5 @@ def _row(found: Array) -> dict[str, Any]:
         "bias": float(error.mean()),
         "bias_se": float(error.std(ddof=1)) / sqrt(error.size),
         "expected": float(expected.mean()),
+        "expected_se": 0.0,
     }

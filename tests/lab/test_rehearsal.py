@@ -1,0 +1,95 @@
+"""Rehearsals of rules on curves of which the answer is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from virtual_lab import catalog
+from virtual_lab.lab import Rehearsal, Straying
+from virtual_lab.procedure import Procedure
+from virtual_lab.reduction.measurement import BatProperties
+from virtual_lab.streams import Streams
+from virtual_lab.units import INCH
+
+BESR = catalog.load("procedures", "ncaa-besr", Procedure).spec
+F1881 = catalog.load("procedures", "astm-f1881", Procedure).spec
+BAT = BatProperties(
+    mass=np.array(0.9),
+    length=np.array(0.86),
+    z_cm=np.array(0.29),
+    inertia_cm=np.array(0.045),
+    barrel_radius=np.array(0.033),
+)
+TOP = 6 * INCH
+BEND = 40.0  # 1/m²
+ALONG = 1.5e-3  # m
+
+
+def parabola(place: np.ndarray) -> np.ndarray:
+    """Return e_A, r and e0: one maximum, the others alike everywhere."""
+    e_a = 0.2 - BEND / 2 * (place - TOP) ** 2
+    return np.array([e_a, np.full_like(place, 0.25), np.full_like(place, 0.5)])
+
+
+def rehearsal(procedure: Procedure, *, turn_rate: float = 0.0) -> Rehearsal:
+    return Rehearsal(
+        procedure=procedure, percussion=TOP, bat=BAT, turn_rate=turn_rate, curve=parabola
+    )
+
+
+@pytest.mark.parametrize("procedure", [BESR, F1881])
+def test_without_straying_nothing_is_missed(procedure: Procedure) -> None:
+    error = rehearsal(procedure).error(Straying(0.0, 0.0), Streams(1), 0)
+    assert error == pytest.approx(0, abs=1e-12)
+
+
+def test_hits_beside_a_place_cost_half_the_curvature() -> None:
+    """At a fixed place the mean of a parabola over a normal place is exact."""
+    one = replace(F1881, metric="restitution", correction=None)
+    bias, se = rehearsal(one).bias(Straying(ALONG, 0.0), Streams(2), 2000)
+    expected = -(1 + 0.25) * BEND / 2 * ALONG**2  # e is (1 + r) e_A + r
+    assert abs(bias - expected) < 4 * se
+    assert se < -expected / 10
+
+
+def test_a_scan_that_goes_where_hits_came_out_high_pays_for_it() -> None:
+    """The lift of a fitted top at fixed places is not what a scan gets: it goes on looking."""
+    scatter = 3e-3
+    bias, se = rehearsal(BESR).bias(Straying(0.0, scatter), Streams(3), 2000)
+    x = np.repeat(np.arange(-2.0, 3.0) / 2, BESR.valid_hits)  # half widths of the fit
+    design = np.vander(x, 4, increasing=True)
+    slope_variance = scatter**2 * np.linalg.inv(design.T @ design)[1, 1]
+    lift = slope_variance / 2 / (BEND * INCH**2)
+    assert bias < lift - 2 * se
+
+
+def test_scatter_and_what_the_place_makes_of_it_add_up_to_the_scatter_seen() -> None:
+    rules = rehearsal(BESR)
+    straying = rules.straying(ALONG, 3e-3)
+    at = TOP + np.linspace(-1, 1, 9) * INCH
+    slope = -BEND * (at - TOP)  # of e_A + 1/2
+    assert straying.along == ALONG
+    assert straying.scatter**2 + np.mean((slope * ALONG) ** 2) == pytest.approx(9e-6, rel=1e-9)
+    assert rules.straying(ALONG, 0.0).scatter == 0
+
+
+def test_a_swung_bat_is_read_by_the_balls_speed_back_alone() -> None:
+    """Where every place throws the ball back alike, it does not matter which one it struck."""
+    speed, turn_rate = BESR.ball_speed, 45.0
+    axis = float(BAT.length) - BESR.pivot_from_knob
+
+    def even(place: np.ndarray) -> np.ndarray:
+        bat_speed = turn_rate * (axis - place)
+        e_a = (40.0 - bat_speed) / (speed + bat_speed)
+        return np.array([e_a, np.full_like(place, 0.25), np.full_like(place, 0.5)])
+
+    swung = replace(rehearsal(BESR, turn_rate=turn_rate), curve=even)
+    at = np.linspace(4, 8, 9) * INCH
+    assert swung.metric(at, 2e-3) == pytest.approx(swung.metric(at), rel=1e-12)
+
+
+def test_a_rehearsal_is_the_same_whenever_it_is_held() -> None:
+    rules, straying = rehearsal(BESR), Straying(ALONG, 2e-3)
+    errors = [rules.error(straying, Streams(5), number) for number in (0, 1, 0)]
+    assert errors[0] == errors[2] != errors[1]

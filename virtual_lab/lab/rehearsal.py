@@ -1,0 +1,132 @@
+"""A test rehearsed on the exact curve: what stray aim and scatter make of its result on average.
+
+The aim strays, so hits fall beside their place, where the bat is not at its best; a scan takes
+the top of noisy values, which lifts it, but also goes on where the first hits came out high and
+turns away where they came out low, which does the opposite. No closed form holds all of that, so
+the rules themselves are played, without instruments, as often as one likes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import sqrt
+from typing import NamedTuple, Self, cast
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from virtual_lab.lab.laboratory import Laboratory, Tested
+from virtual_lab.lab.measurand import results_along
+from virtual_lab.procedure import (
+    Curve,
+    Procedure,
+    exact_result,
+    metric_of,
+    next_places,
+    outcome_of,
+    to_set,
+)
+from virtual_lab.reduction.measurement import BatProperties
+from virtual_lab.relations.kinematics import restitution_from_efficiency
+from virtual_lab.rig import ImpactStation, Stage
+from virtual_lab.streams import Draws
+
+__all__ = ["Rehearsal", "Straying"]
+
+Array = NDArray[np.float64]
+STEP = 4e-3  # m, between the places at which the curve is computed
+BESIDE = 0.025  # m, how far the curve goes on beyond the places that may be aimed at
+
+
+class Straying(NamedTuple):
+    """How hits stray from what was asked: standard deviations shot to shot."""
+
+    along: float  # of the place [m]
+    scatter: float  # of the metric, the place's part left out
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rehearsal:
+    """The rules on an exact curve."""
+
+    procedure: Procedure
+    percussion: float  # [m]
+    bat: BatProperties
+    turn_rate: float  # of the bat [rad/s]
+    curve: Callable[[Array], Array]  # e_A, r and e0 at places, (3, n)
+
+    @classmethod
+    def of(cls, laboratory: Laboratory, tested: Tested) -> Self:
+        """Return the rehearsal of a laboratory's test, on the curve of its true bat."""
+        procedure, certification = laboratory.rules.spec, tested.certification
+        percussion = certification.outcome.place
+        scan = procedure.scan
+        low, high = (scan.low, scan.high) if scan else (percussion, percussion)
+        places = np.arange(low - BESIDE, high + BESIDE + STEP, STEP)
+        station = cast("ImpactStation", laboratory.stations[Stage.IMPACT])
+        curve, bat = results_along(station, laboratory.specimen, procedure, places)
+        known = [curve.collision_efficiency, curve.recoil_factor, curve.ball_restitution]
+        spline = CubicSpline(places, known, axis=1)
+        turn_rate = float(procedure.turn_rate(bat.length))
+        return cls(
+            procedure=procedure,
+            percussion=percussion,
+            bat=bat,
+            turn_rate=turn_rate,
+            curve=lambda at: np.asarray(spline(at)),
+        )
+
+    def straying(self, along: float, scatter: float) -> Straying:
+        """Return what strays where hits within a place scatter by `scatter` in the metric, all in.
+
+        What the place makes of that is taken off, on average over the places of a scan's fit.
+        """
+        scan = self.procedure.scan
+        reach = scan.fit_half_width if scan else 0.0
+        about = self.percussion + np.linspace(-reach, reach, 9)
+        slope = (self.metric(about, along) - self.metric(about, -along)) / 2
+        return Straying(along, sqrt(max(scatter**2 - float(np.mean(slope**2)), 0.0)))
+
+    def metric(self, place: Array, beside: Array | float = 0.0) -> Array:
+        """Return the metric as measured of balls that struck `beside` the place aimed at."""
+        e_a, recoil, e0 = self.curve(place)
+        struck = self.curve(place + beside)[0]
+        speed, here = self.procedure.ball_speed, self._bat_speed(place)
+        there = self._bat_speed(place + beside)
+        e_a = (struck * (speed + there) + there - here) / (speed + here)
+        curve = Curve(
+            place=place,
+            collision_efficiency=e_a,
+            recoil_factor=recoil,
+            restitution=np.asarray(restitution_from_efficiency(e_a, recoil)),
+            ball_restitution=e0,
+        )
+        return metric_of(self.procedure)(curve, self.bat)
+
+    def _bat_speed(self, place: Array) -> Array:
+        axis = self.bat.length - self.procedure.pivot_from_knob
+        return np.asarray(self.turn_rate * (axis - place))
+
+    def error(self, straying: Straying, draws: Draws, number: int) -> float:
+        """Return by how much the result of rehearsal `number` misses that of the exact curve."""
+        rules = self.procedure
+        beside, noise = draws.normal("rehearsal", (2, rules.attempts), number)
+        place, metric = np.zeros(0), np.zeros(0)
+        valid = np.zeros(0, dtype=bool)
+        while (asked := next_places(rules, self.percussion, place, valid, metric)).size:
+            more = slice(place.size, place.size + asked.size)
+            places = to_set(asked, exact=False)
+            seen = self.metric(places, straying.along * beside[more])
+            place = np.append(place, places)
+            metric = np.append(metric, seen + straying.scatter * noise[more])
+            valid = np.ones(place.size, dtype=bool)
+        found = float(metric @ outcome_of(rules, place, valid, metric).weights)
+        return found - exact_result(rules, place, valid, self.metric(place))
+
+    def bias(self, straying: Straying, draws: Draws, times: int) -> tuple[float, float]:
+        """Return the mean error over so many rehearsals, and its standard error."""
+        errors = np.array([self.error(straying, draws, number) for number in range(times)])
+        errors = errors[np.isfinite(errors)]
+        return float(errors.mean()), float(errors.std(ddof=1)) / sqrt(errors.size)
