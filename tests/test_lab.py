@@ -15,7 +15,7 @@ from virtual_lab.collision.modal import ModalModel
 from virtual_lab.errors import InputError
 from virtual_lab.instruments.light_gate import LightGates
 from virtual_lab.lab import certify_bat
-from virtual_lab.lab.measurand import CONTINUOUS
+from virtual_lab.lab.measurand import CONTINUOUS, WIDTH
 from virtual_lab.procedure import Procedure, Verdict
 from virtual_lab.records import GateRecord, Record
 from virtual_lab.report.certificate import certificate
@@ -59,7 +59,8 @@ def test_ideal_laboratory_recovers_the_truth(procedure: str, bat: str, played: P
     assert found.outcome.reason == ""
     assert found.metric is not None
     assert found.metric.value == pytest.approx(true["metric"], rel=1e-9)
-    assert found.quantities.keys() == QUANTITIES.keys() == true.keys() - {"metric", CONTINUOUS}
+    beside = {"metric", CONTINUOUS, WIDTH}
+    assert found.quantities.keys() == QUANTITIES.keys() == true.keys() - beside
     for name, budget in found.quantities.items():
         assert budget.value == pytest.approx(true[name], rel=1e-9), name
     lost = {reason for reason in found.judgement.reasons if reason}

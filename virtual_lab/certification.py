@@ -51,6 +51,7 @@ from virtual_lab.reduction.observations import (
 )
 from virtual_lab.session import Session
 from virtual_lab.uncertainty.budget import Budget, combine, propagate, scatter, type_a
+from virtual_lab.width import Width, width_of
 
 __all__ = [
     "QUANTITIES",
@@ -93,6 +94,7 @@ class Certification:
     outcome: Outcome
     metric: Budget | None  # None where too few hits were valid to give one
     quantities: Mapping[str, Budget]  # by the keys of QUANTITIES; {} without a metric
+    width: Width | None  # None too where the rules ask for none
     other: OtherSupport | None
     findings: tuple[Finding, ...]  # what the rules ask of a bat before it is hit
     flags: tuple[Flag, ...]  # what does not hang together in the records
@@ -208,19 +210,19 @@ def certify_session(session: Session) -> Certification:
 def evaluate(session: Session, reduced: Reduced) -> Certification:
     """Return metric, uncertainty and verdict of a session already reduced."""
     procedure, shots, outcome = reduced.procedure.spec, reduced.shots, reduced.outcome
+    where, valid = reduced.readings.place, reduced.judgement.valid
     quantities: dict[str, Budget] = {}
     metric = None
     if np.isfinite(outcome.weights).all():
         values = {name: getattr(shots, field) for name, field in QUANTITIES.items()}
         values["metric"] = reduced.shot_metric
         shared = propagate(lambda x: _weighted(reduced, x), reduced.constants)
-        used, groups = outcome.used, np.round(reduced.readings.place, 6)
+        used, groups = outcome.used, np.round(where, 6)
         for name, hits in values.items():
             part = scatter(hits[used], outcome.weights[used], groups[used])
             value = float(hits[used] @ outcome.weights[used])
             quantities[name] = combine(value, [*shared[name], part])
         metric = quantities.pop("metric")
-        where, valid = reduced.readings.place, reduced.judgement.valid
         lost = shortfall(procedure, where, valid, reduced.shot_metric).rms
         if lost > 0:
             choice = type_a("choice of the place", outcome.place, lost)
@@ -238,6 +240,7 @@ def evaluate(session: Session, reduced: Reduced) -> Certification:
         outcome=outcome,
         metric=metric,
         quantities=quantities,
+        width=width_of(procedure, where, valid, reduced.shot_metric) if metric else None,
         other=other_support(procedure, shots, reduced.bat, outcome) if metric else None,
         findings=found,
         flags=flags(_evidence(session, reduced)),

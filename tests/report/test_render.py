@@ -17,6 +17,7 @@ from virtual_lab.certification import Certification, certify_session
 from virtual_lab.report.certificate import certificate
 from virtual_lab.report.figures import encoder_figure, hits_figure
 from virtual_lab.report.render import certificate_page, notebook_card
+from virtual_lab.report.text import certificate_text
 from virtual_lab.rig import Reality
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -255,3 +256,26 @@ def test_a_card_is_one_element_of_html() -> None:
     counted = Depth()
     counted.feed(notebook_card(certificate(certified())))
     assert (counted.depth, counted.roots) == (0, 1)
+
+
+def test_the_width_of_a_scan_is_told_where_the_rules_ask_for_it() -> None:
+    """As text and as HTML the number of the document, rounded by its uncertainty."""
+    document = certificate(scanned("bbcor"))
+    width = document["width_m"]
+    value, u = (f"{width[key] / 0.0254:.{places}f}" for key, places in (("value", 3), ("u", 3)))
+    assert f"for {value} in (u = {u} in), from" in words(page("scan with fresh hits"))
+    assert f"{value} (u {u}) in wide within 0.01 of the curve's top" in certificate_text(document)
+    assert width["to_in"] - width["from_in"] == pytest.approx(width["value"] / 0.0254)
+    assert certificate(scanned("ncaa-besr"))["width_m"] is None
+    assert "Width" not in words(page("scan and a fitted top"))
+
+
+def test_a_width_cut_off_at_an_end_is_at_least_so_much() -> None:
+    """Of a steel cylinder, whose e hardly falls along the barrel."""
+    flat = lab.certify_bat("check-cylinder", procedure="bbcor", seed=7).certification
+    document = certificate(flat)
+    width = document["width_m"]
+    assert (width["u"], width["at_least"]) == (None, True)
+    least = f"at least {width['value'] / 0.0254:.2f} in"
+    assert least in words(certificate_page(document, flat))
+    assert f"{least} wide" in certificate_text(document)

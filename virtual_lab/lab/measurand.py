@@ -1,7 +1,8 @@
 """What a test was to find: the procedure's own result on the exact curve of this very bat.
 
 (i) the rule book's functional on the places visited, which an error-free laboratory returns
-exactly; (ii) of a scan, the greatest value of the continuous curve.
+exactly; (ii) of a scan, the greatest value of the continuous curve, and where the rules ask for
+it how far along the barrel the curve stays near that.
 """
 
 from __future__ import annotations
@@ -14,13 +15,14 @@ from virtual_lab.physics.beam import beam_of
 from virtual_lab.procedure import Curve, Procedure, exact_result, metric_of
 from virtual_lab.reduction.measurement import BatProperties
 from virtual_lab.relations.kinematics import restitution_from_efficiency
-from virtual_lab.relations.peaks import peak
+from virtual_lab.relations.peaks import peak, width_below
 from virtual_lab.rig import ImpactStation, Order, Specimen
 
-__all__ = ["CONTINUOUS", "measurand", "results_along"]
+__all__ = ["CONTINUOUS", "WIDTH", "measurand", "results_along"]
 
 Array = NDArray[np.float64]
 CONTINUOUS = "metric_of_continuous_curve"
+WIDTH = "width_m"
 CURVE_POINTS = 41
 
 
@@ -45,7 +47,10 @@ def measurand(station: ImpactStation, specimen: Specimen, reduced: Reduced) -> d
     if procedure.scan is not None:
         along = np.linspace(procedure.scan.low, procedure.scan.high, CURVE_POINTS)
         fine, bat = results_along(station, specimen, procedure, along)
-        found[CONTINUOUS] = peak(along, metric_of(procedure)(fine, bat)).value
+        exact_curve = metric_of(procedure)(fine, bat)
+        found[CONTINUOUS] = peak(along, exact_curve).value
+        if procedure.scan.width_drop is not None:
+            found[WIDTH] = width_below(along, exact_curve, procedure.scan.width_drop).width
     return found
 
 

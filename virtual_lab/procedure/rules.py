@@ -91,8 +91,11 @@ class Scan(Spec):
     coarse_hits: Annotated[int, Gt(0), Dimension("number")]
     fit_half_width: Length  # of the curve's piece that is fitted about the best place
     final_hits: Annotated[int, Ge(0), Dimension("number")]  # 0: the top of the fitted curve
+    # how far below its top the metric's curve still counts as near it; None: no width is told
+    width_drop: Annotated[float | None, Dimension("number")] = None
 
     def __post_init__(self) -> None:
+        _require_positive(self, "width_drop")
         if self.high - self.low < 2 * self.coarse_step - 1e-9:  # m, a rounding
             raise ValueError(
                 f"a scan from {self.low:g} to {self.high:g} m holds no two steps "
@@ -216,6 +219,8 @@ class Procedure(Spec):
             raise ValueError(f"a speed_limit for the metric {self.metric}, which is no speed")
         if self.limit is not None and self.metric == "batted_speed":
             raise ValueError("the limit of a batted_speed is a speed_limit")
+        if self.scan is not None and self.scan.width_drop and self.metric == "batted_speed":
+            raise ValueError("scan.width_drop is a number, and a batted_speed is none")
 
     @property
     def most(self) -> float | None:

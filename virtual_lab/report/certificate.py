@@ -15,6 +15,7 @@ from virtual_lab.report.metrics import METRICS
 from virtual_lab.report.tables import budget_rows, place_rows
 from virtual_lab.uncertainty.budget import Budget
 from virtual_lab.units import INCH, MPH
+from virtual_lab.width import Width
 
 __all__ = ["SCHEMA", "certificate"]
 
@@ -89,6 +90,7 @@ def certificate(certification: Certification, *, truth_digest: str | None = None
         "impact_position_in": float(certification.outcome.place / INCH)
         if isfinite(certification.outcome.place)
         else None,
+        "width_m": _width(certification.width),
         "places": place_rows(certification) if procedure.scan else [],
         "findings": [asdict(finding) for finding in certification.findings],
         "flags": [asdict(flag) for flag in certification.flags],
@@ -126,6 +128,20 @@ def certificate(certification: Certification, *, truth_digest: str | None = None
 
 def _estimate(budget: Budget | None) -> dict[str, float | None]:
     return {"value": budget.value if budget else None, "u": budget.u if budget else None}
+
+
+def _width(width: Width | None) -> dict[str, Any] | None:
+    if width is None:
+        return None
+    whole = width.span.whole
+    return {
+        "value": width.budget.value,
+        "u": width.budget.u if whole else None,
+        "drop": width.drop,
+        "at_least": not whole,
+        "from_in": width.span.low / INCH,
+        "to_in": width.span.high / INCH,
+    }
 
 
 def _finite(value: float) -> float | None:

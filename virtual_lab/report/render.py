@@ -59,6 +59,7 @@ def certificate_page(document: dict[str, Any], certification: Certification) -> 
         quantities=_quantities(document),
         at_percussion=certification.procedure.place == "centre-of-percussion",
         bat=_bat(document["bat"]),
+        width=_width(document["width_m"]),
         shots=_shots(certification),
         budget=_budget(document),
         rebound=_rebound(document, certification),
@@ -162,6 +163,16 @@ def _bat(bat: Mapping[str, Any]) -> list[dict[str, str]]:
         }
         for words, name, unit, factor, si_unit, si_factor in rows
     ]
+
+
+def _width(width: Mapping[str, Any] | None) -> dict[str, str] | None:
+    if width is None:
+        return None
+    stated = _with_u(width, 1 / INCH)
+    if width["at_least"]:
+        stated = {"value": _number(width["value"] / INCH, 2), "u": ""}
+    ends = {"low": _number(width["from_in"], 2), "high": _number(width["to_in"], 2)}
+    return stated | ends | {"drop": f"{width['drop']:g}"}
 
 
 def _shots(certification: Certification) -> list[dict[str, Any]]:

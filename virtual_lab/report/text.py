@@ -61,6 +61,7 @@ def certificate_text(document: Mapping[str, Any]) -> str:
         ]
         place = document["impact_position_in"]
         lines.append(f"  at {document['v_rel_mph']:.2f} mph, {place:.2f} in from the tip")
+        lines += _width_lines(document["width_m"])
     if document["incomplete"]:
         lines.append(f"  incomplete: {document['incomplete']}")
     lines += [
@@ -95,6 +96,17 @@ def _metric_line(metric: Mapping[str, Any]) -> str:
         f"{printed.symbol:4} {with_uncertainty(value, u)}{unit}"
         f"   95 % interval {low:.{places}f} to {high:.{places}f}, {most}"
     )
+
+
+def _width_lines(width: Mapping[str, Any] | None) -> list[str]:
+    if width is None:
+        return []
+    along = width["value"] / INCH
+    stated = (
+        f"at least {along:.2f}" if width["at_least"] else with_uncertainty(along, width["u"] / INCH)
+    )
+    where = f"{width['from_in']:.2f} to {width['to_in']:.2f} in from the tip"
+    return [f"  {stated} in wide within {width['drop']:g} of the curve's top, {where}"]
 
 
 def score_text(document: Mapping[str, Any]) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 from virtual_lab.certification import QUANTITIES
 from virtual_lab.documents import read_bytes, read_json
 from virtual_lab.errors import InputError
-from virtual_lab.lab.measurand import CONTINUOUS
+from virtual_lab.lab.measurand import CONTINUOUS, WIDTH
 
 __all__ = ["score", "score_folder"]
 
@@ -20,7 +20,8 @@ def score(certificate: Mapping[str, Any], measurand: Mapping[str, float]) -> dic
 
     Each entry holds `measured`, `u`, `true`, `error` and `z` (the error in standard
     uncertainties, None where u is 0 or nothing was measured). Of a scan the metric stands twice:
-    against the procedure's own result on the exact curve, and against the curve's greatest value.
+    against the procedure's own result on the exact curve, and against the curve's greatest value;
+    of a certificate that tells one, the curve's width [m] stands last.
     """
     metric = certificate["metric"]
     rows = {"metric": _row(metric, measurand["metric"])}
@@ -29,6 +30,8 @@ def score(certificate: Mapping[str, Any], measurand: Mapping[str, float]) -> dic
     for name in QUANTITIES:
         if name in certificate:
             rows[name] = _row(certificate[name], measurand[name])
+    if certificate.get(WIDTH) and WIDTH in measurand:
+        rows[WIDTH] = _row(certificate[WIDTH], measurand[WIDTH])
     return rows
 
 
