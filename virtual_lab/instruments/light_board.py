@@ -69,6 +69,11 @@ class LightBoardSpec(Spec):
         """Height of the top beam [m]."""
         return self.lowest + (self.beams - 1) * self.pitch
 
+    @property
+    def room(self) -> float:
+        """How far below the line of fire a ball's centre is seen for sure [m]: its upper half."""
+        return -self.lowest
+
     def ideal(self) -> Self:
         """Return boards that stand where surveyed, with alike beams and a perfect clock."""
         return replace(

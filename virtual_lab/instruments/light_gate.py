@@ -54,6 +54,11 @@ class LightGateSpec(Spec):
                 "distances must fall from the cannon's gate to the target's, all above 0"
             )
 
+    @property
+    def room(self) -> float:
+        """How far below the line of fire a ball's centre is still seen [m]."""
+        return self.half_height
+
     def ideal(self) -> Self:
         """Return gates that stand where surveyed, with a perfect clock."""
         return replace(self, distance_u=0.0, tick=0.0, edge_jitter=0.0, clock_u=0.0)

@@ -12,9 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import exprel
 
+from virtual_lab.units import STANDARD_GRAVITY
+
 __all__ = [
     "distance_after",
     "drag_rate",
+    "slowest_within",
     "speed_after",
     "time_after",
     "time_before",
@@ -56,6 +59,14 @@ def distance_after(time: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
 def speed_after(time: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
     """Return the speed [m/s] a `time` [s] after a place left at `speed`."""
     return np.asarray(speed / (1 + np.asarray(drag) * speed * np.asarray(time)))
+
+
+def slowest_within(distance: ArrayLike, drop: float) -> Array:
+    """Return the speed [m/s] at which a ball set off level falls `drop` [m] over `distance` [m].
+
+    x √(g / 2h), without air: a slower one falls farther.
+    """
+    return np.asarray(np.asarray(distance) * np.sqrt(STANDARD_GRAVITY / (2 * drop)))
 
 
 def _exprel(x: Array) -> Array:

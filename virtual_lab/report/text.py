@@ -144,8 +144,20 @@ def sheet_text(document: Mapping[str, Any]) -> str:
     parts += [f"  {key}: {value}" for key, value in document["words"].items()]
     if rows:
         parts += ["", table_text(rows)]
+    if "slowest_rebound" in document:
+        parts += ["", _rebound_line(document["slowest_rebound"])]
     parts += [""] + [f"{key}: {text}" for key, text in document["sources"].items()]
     return "\n".join(parts).rstrip()
+
+
+def _rebound_line(slowest: Mapping[str, Any]) -> str:
+    gates = ", ".join(
+        f"{gate['speed_mph']:.1f} mph at {gate['distance_m']:g} m" for gate in slowest["at_gates"]
+    )
+    return (
+        f"slowest level rebound seen, {slowest['fall_mm']:g} mm of fall: {gates}; "
+        f"two gates tell a speed: from {slowest['told_mph']:.1f} mph"
+    )
 
 
 def profile_text(document: Mapping[str, Any], published: PublishedBat | None) -> str:

@@ -9,9 +9,18 @@ from typing import Any
 
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
+from virtual_lab.instruments.light_board import LightBoardSpec
+from virtual_lab.instruments.light_gate import LightGateSpec
+from virtual_lab.relations.flight import slowest_within
 from virtual_lab.rig import installed_rigs
+from virtual_lab.units import MPH
 
 __all__ = ["sheet", "shelf"]
+
+GATES: dict[str, type[LightGateSpec | LightBoardSpec]] = {
+    "light-gate": LightGateSpec,
+    "light-board": LightBoardSpec,
+}
 
 
 def shelf(kind: str | None = None) -> list[dict[str, str]]:
@@ -32,6 +41,8 @@ def shelf(kind: str | None = None) -> list[dict[str, str]]:
 def sheet(name: str) -> dict[str, Any]:
     """Return a catalog entry, every number with unit, source and whether it is verified.
 
+    Of light gates also ``slowest_rebound``, what each sees of a ball that comes back level.
+
     Raises
     ------
     InputError
@@ -50,7 +61,7 @@ def _sheet(kind: str, name: str) -> dict[str, Any]:
     document, data = catalog.sheet(kind, name)
     known = tomllib.loads(files("virtual_lab.data").joinpath("sources.toml").read_text("utf-8"))
     used = sorted({datum.source for datum in data})
-    return {
+    numbers = {
         "kind": kind,
         "name": document.get("name", name),
         "title": document["title"],
@@ -61,4 +72,23 @@ def _sheet(kind: str, name: str) -> dict[str, Any]:
         },
         "numbers": [asdict(datum) for datum in data],
         "sources": {key: known[key]["text"] if key in known else key for key in used},
+    }
+    return numbers | _rebounds(name, document.get("kind"))
+
+
+def _rebounds(name: str, kind: str | None) -> dict[str, Any]:
+    """Return the slowest speeds back at which a level ball has not fallen below the beams yet."""
+    if kind not in GATES:
+        return {}
+    gates = catalog.load("instruments", name, GATES[kind]).spec
+    slowest = slowest_within(gates.distances, gates.room) / MPH
+    return {
+        "slowest_rebound": {
+            "fall_mm": gates.room * 1e3,
+            "at_gates": [
+                {"distance_m": distance, "speed_mph": float(speed)}
+                for distance, speed in zip(gates.distances, slowest, strict=True)
+            ],
+            "told_mph": float(slowest[-2]),  # two gates tell a speed
+        }
     }
