@@ -33,6 +33,15 @@ def test_a_stream_is_numpys_own_by_seed_name_and_block(seed: int, name: str, blo
     assert np.array_equal(Streams(seed).normal(name, (2, 3), block), expected)
 
 
+def test_many_numbers_are_numpys_own_too() -> None:
+    """Bit for bit, over lengths that end runs of bits anywhere; the longest passes 4 sigma."""
+    for seed, shape in enumerate([(4096,), (3, 5461), (16_320,), (50_001,), (2, 3, 250_000)]):
+        sequence = np.random.SeedSequence(seed, spawn_key=(_crc32(b"hit"), 0))
+        expected = np.random.Generator(np.random.PCG64DXSM(sequence)).standard_normal(shape)
+        assert np.array_equal(Streams(seed).normal("hit", shape), expected)
+    assert np.abs(expected).max() > 4
+
+
 def _crc32(data: bytes) -> int:
     """CRC-32 of IEEE 802.3, polynomial 0xEDB88320 reflected."""
     crc = 0xFFFFFFFF

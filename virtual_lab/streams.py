@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
+from math import prod
 from typing import Protocol
 from zlib import crc32
 
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 __all__ = ["Draws", "Quiet", "Streams", "commitment"]
 
 Array = NDArray[np.float64]
+MANY = 4096  # numbers, which are worth compiled code
 
 
 class Draws(Protocol):
@@ -43,16 +45,21 @@ class Streams:
     seed: int
     branch: tuple[int, ...] = ()
 
-    def _generator(self, name: str, block: int) -> np.random.Generator:
+    def _bits(self, name: str, block: int) -> np.random.PCG64DXSM:
         key = (crc32(name.encode()), block, *self.branch)
-        sequence = np.random.SeedSequence(self.seed, spawn_key=key)
-        return np.random.Generator(np.random.PCG64DXSM(sequence))
+        return np.random.PCG64DXSM(np.random.SeedSequence(self.seed, spawn_key=key))
 
     def normal(self, name: str, shape: int | tuple[int, ...] = (), block: int = 0) -> Array:
-        return np.asarray(self._generator(name, block).standard_normal(shape))
+        bits = self._bits(name, block)
+        count = prod(np.atleast_1d(shape).tolist())
+        if count < MANY:
+            return np.asarray(np.random.Generator(bits).standard_normal(shape))
+        from virtual_lab.ziggurat import normal_numbers
+
+        return normal_numbers(bits, count).reshape(shape)
 
     def uniform(self, name: str, shape: int | tuple[int, ...] = (), block: int = 0) -> Array:
-        return np.asarray(self._generator(name, block).random(shape) - 0.5)
+        return np.asarray(np.random.Generator(self._bits(name, block)).random(shape) - 0.5)
 
 
 @dataclass(frozen=True, slots=True)
