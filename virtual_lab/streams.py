@@ -56,7 +56,7 @@ class Streams:
             return np.asarray(np.random.Generator(bits).standard_normal(shape))
         from virtual_lab.ziggurat import normal_numbers
 
-        return normal_numbers(bits, count).reshape(shape)
+        return normal_numbers(bits.random_raw, count).reshape(shape)
 
     def uniform(self, name: str, shape: int | tuple[int, ...] = (), block: int = 0) -> Array:
         return np.asarray(np.random.Generator(self._bits(name, block)).random(shape) - 0.5)

@@ -7,6 +7,7 @@ is there before it is read.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import exp, log1p
 
 import numpy as np
@@ -24,13 +25,13 @@ WIDTHS, INSIDE, HEIGHTS = tables.wi_double, tables.ki_double.astype(np.int64), t
 TAIL = float(tables.ziggurat_nor_r)  # where the lowest layer's tail begins
 
 
-def normal_numbers(source: np.random.PCG64DXSM, count: int) -> Floats:
-    """Return `count` standard normal numbers of a source of bits, which is used up."""
+def normal_numbers(words: Callable[[int], Bits], count: int) -> Floats:
+    """Return `count` standard normal numbers of the bits that `words` gives, and uses up."""
     out = np.empty(count)
     left = np.empty(0, dtype=np.uint64)
     filled = 0
     while filled < count:
-        bits = np.concatenate((left, source.random_raw(min(RUN, count - filled + MOST))))
+        bits = np.concatenate((left, words(min(RUN, count - filled + MOST))))
         filled, used = _fill(bits, out, filled)
         left = bits[used:]
     return out

@@ -8,13 +8,12 @@ and of how many it would break beyond the board's last one.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SumGains", "gains_of_sums"]
+__all__ = ["PHASES", "gain_table"]
 
 Array = NDArray[np.float64]
 LEAST_BEAMS = 4  # broken, for a sum
@@ -22,51 +21,24 @@ FAINTEST = 1e-2  # of the longest chord's square: shorter ones weigh no more tha
 PHASES = 64  # of a centre between two beams
 
 
-@dataclass(frozen=True, slots=True)
-class SumGains:
-    """Standard uncertainties that come of one of 1 at each edge; NaN: too few beams broken."""
+@cache
+def gain_table(radius: float) -> Array:
+    """Return what an uncertainty of 1 at each edge comes to, (3, row); NaN: too few beams broken.
 
-    edge: Array  # of the passage, from that of an edge's time
-    way: Array  # of the height, from that of the way flown at an edge
-    trip: Array  # of the height, from that of a beam's threshold
-
-
-def gains_of_sums(centre: Array, beams: int, radius: float) -> SumGains:
-    """Return the gains for balls that pass a board at heights `centre`.
+    The first is that of the passage, from that of an edge's time; then that of the height, from
+    that of the way flown at an edge; then that of the height, from that of a beam's threshold.
+    Rows go by how many beams are missing, below, that the ball would break on a longer board,
+    and by where its centre passes between two beams, in `PHASES` steps.
 
     Parameters
     ----------
-    centre
-        Height of the ball's centre above the lowest beam, in beam pitches, any shape.
-    beams
-        On the board.
     radius
         Of the ball, in pitches.
     """
-    inside = (centre > radius) & (centre < beams - 1 - radius)
-    whole = np.where(inside, centre, 0.0)
-    at = np.rint((whole - np.floor(whole)) * PHASES).astype(np.intp)
-    found = np.take(_gains(radius, 0), at, axis=1)
-    if not inside.all():  # few balls pass where beams are missing
-        found[:, ~inside] = _cut_short(centre[~inside], beams, radius)
-    return SumGains(*found)
-
-
-def _cut_short(centre: Array, beams: int, radius: float) -> Array:
-    """Return the gains of balls that break less than they would on a higher board, (3, ball)."""
-    lowest, highest = np.ceil(centre - radius), np.floor(centre + radius)
-    below, above = np.maximum(-lowest, 0), np.maximum(highest - (beams - 1), 0)
     most = int(2 * radius) + 1
-    cut = np.minimum(np.nan_to_num(np.maximum(below, above), nan=most), most).astype(int)
-    # beams missing above are beams missing below, upside down
-    phase = np.nan_to_num(np.where(above > below, -centre, centre) % 1)
-    at = np.rint(phase * PHASES).astype(int)
-    tables = [_gains(radius, missing) for missing in range(int(cut.max(initial=0)) + 1)]
-    found = np.stack(tables, axis=1)[:, cut, at]
-    return np.asarray(np.where(np.isfinite(centre), found, np.nan))
+    return np.concatenate([_gains(radius, missing) for missing in range(most + 1)], axis=1)
 
 
-@cache
 def _gains(radius: float, missing: int) -> Array:
     """Return the three gains at each phase, the lowest `missing` beams not there."""
     reach = int(radius) + 1

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.estimate import Estimate
 from virtual_lab.instruments import Rung
-from virtual_lab.instruments.board_sums import gains_of_sums
+from virtual_lab.instruments.board_sums import gain_table
 from virtual_lab.instruments.indicator import quantise
 from virtual_lab.instruments.passage import Passage
 from virtual_lab.records import BoardRecord, PassageRecord
@@ -195,31 +195,29 @@ class LightBoards:
         ball that rises or falls passes its own height sooner or later: the height's error is
         in the time too.
         """
-        spec, gates = self.spec, range(len(self.distances))
+        from virtual_lab.instruments.board_kernel import Boards, sum_up
+
+        spec = self.spec
         edge = sqrt(spec.edge_jitter**2 + spec.tick**2 / 12)
-        # gate by gate, as whole shots side by side are what numpy is quick with
-        noise = draws.normal(f"{name}.sums", (2, 2, len(gates), len(contact)), block)
-        times, heights = np.empty((2, 2, len(gates), len(contact)))
-        for way in (0, 1):
-            fly, start, speed, slope = (
-                (passage.outbound, leaving, passage.speed_out, passage.slope_out)
-                if way
-                else (passage.inbound, contact, passage.speed_in, passage.slope_in)
-            )
-            along = speed if way else -speed
-            for gate in gates:
-                since, height = fly(self.distances[gate, None])
-                height = height - self.heights[gate]
-                steep = _steepness(passage, speed, since, slope)
-                gains = gains_of_sums(
-                    (height - spec.lowest) / spec.pitch, spec.beams, passage.radius / spec.pitch
-                )
-                spread = np.hypot(gains.way * edge * along, gains.trip * spec.trip_spread)
-                off = noise[1, way, gate] * spread
-                late = noise[0, way, gate] * gains.edge * edge + off * steep / along
-                times[way, gate] = self.clock * (start + since if way else start - since) + late
-                heights[way, gate] = np.where(np.isfinite(late), height + off, np.nan)
-        return PassageRecord(times=times.transpose(2, 0, 1), heights=heights.transpose(2, 0, 1))
+        gains = gain_table(passage.radius / spec.pitch)
+        gains = gains * np.array([[edge], [edge], [spec.trip_spread]])
+        boards = Boards(
+            distances=self.distances,
+            heights=self.heights,
+            clock=self.clock,
+            lowest=spec.lowest,
+            pitch=spec.pitch,
+            beams=spec.beams,
+            radius=passage.radius,
+            gravity=passage.gravity,
+        )
+        # way by way, whole shots side by side; what starts as noise ends as records
+        shape = (2, 2, len(self.distances), len(contact))
+        records = draws.normal(f"{name}.sums", shape, block).transpose(1, 0, 2, 3)
+        for start, way, out in zip((contact, leaving), records, (False, True), strict=True):
+            sum_up(way, passage.way(out=out), start, out, boards, gains)
+        times, heights = records.transpose(1, 3, 0, 2)
+        return PassageRecord(times=times, heights=heights)
 
     def _chords(
         self,

@@ -45,6 +45,23 @@ class Passage:
         time = time_after(back, _column(speed, distance), _column(self.drag, distance))
         return time, self._height(back, time, self.slope_out)
 
+    def way(self, *, out: bool) -> Array:
+        """Return the flights of one way as rows for compiled code, (5, shot).
+
+        1/speed [s/m], NaN where no ball comes; κ ahead, -κ behind [1/m]; height, slope, plane.
+        """
+        speed = self.speed_out if out else self.speed_in
+        with np.errstate(divide="ignore"):
+            return np.stack(
+                np.broadcast_arrays(
+                    np.where(speed > 0, 1 / speed, np.nan),
+                    self.drag if out else -self.drag,
+                    self.height,
+                    self.slope_out if out else self.slope_in,
+                    self.plane,
+                )
+            )
+
     def _height(self, way: Array, time: Array, slope: Array | float) -> Array:
         fall = self.gravity / 2 * time**2
         return np.asarray(_column(self.height, way) + _column(slope, way) * way - fall)
