@@ -6,14 +6,14 @@ there, so time is linear in 1/speed whatever the number of gates.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
+from math import prod
 
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.reduction.gates import INBOUND, OUTBOUND, Passages
-from virtual_lab.relations.flight import time_before
+from virtual_lab.reduction.gates import Passages
 
 __all__ = ["Flights", "flights", "gate_count"]
 
@@ -48,63 +48,28 @@ def flights(x: Mapping[str, Array], stage: str, seen: Passages, drag: Array) -> 
     drag
         κ of each ball, (..., shot) [1/m].
     """
+    from virtual_lab.reduction.flights_kernel import fit_heights, fit_speeds
+
     gates = range(gate_count(x, stage))
-    distances = [x[f"{stage}.gates.distance_{index}"] for index in gates]
-    clock = x[f"{stage}.gates.clock"]
-    times = _by_gate(seen.times)
-    reach_in = [time_before(distance, 1.0, drag) for distance in distances]
-    reach_out = [time_before(distance, 1.0, -drag) for distance in distances]
-    speed_in = -clock * _slope(times[INBOUND], reach_in)
-    speed_out = clock * _slope(times[OUTBOUND], reach_out)
-    if f"{stage}.gates.height_0" not in x:
-        unknown = np.full(np.shape(speed_in), np.nan)
-        return Flights(speed_in=speed_in, speed_out=speed_out, offset=unknown, slope_out=unknown)
-    zeros = [x[f"{stage}.gates.height_{index}"] for index in gates]
-    heights = _by_gate(seen.heights)
-    fall = x["bench.pendulum.gravity"] / 2
-
-    def level(way: int, reach: list[Array], speed: Array) -> list[Array]:
-        """Return the heights without gravity, which are those of a straight line."""
-        dropped = fall / speed**2
-        return [heights[way][k] + zeros[k] + dropped * reach[k] ** 2 for k in gates]
-
-    rising = level(INBOUND, reach_in, speed_in)
-    slope_in = _slope(distances, rising)
-    known = np.isfinite(heights[INBOUND])
-    offset = _mean(rising, known) - slope_in * _mean(distances, known)
-    slope_out = _slope(distances, level(OUTBOUND, reach_out, speed_out))
-    return Flights(speed_in=speed_in, speed_out=speed_out, offset=offset, slope_out=slope_out)
+    tall = f"{stage}.gates.height_0" in x
+    names = [f"{stage}.gates.clock", *(f"{stage}.gates.distance_{index}" for index in gates)]
+    if tall:
+        names += ["bench.pendulum.gravity", *(f"{stage}.gates.height_{index}" for index in gates)]
+    known = np.stack(np.broadcast_arrays(*(x[name] for name in names)), axis=-1)
+    shape = np.broadcast_shapes(known.shape[:-1], np.shape(drag), seen.times.shape[:1])
+    sets = np.broadcast_to(known.reshape(-1, len(names)), (prod(shape[:-1]), len(names)))
+    clock, distances = sets[:, 0].copy(), sets[:, 1 : 1 + len(gates)].copy()
+    drag = np.atleast_2d(drag)
+    speeds, heights = np.full((2, 2, *shape), np.nan)
+    by_set = 2, -1, shape[-1]
+    fit_speeds(_by_gate(seen.times), distances, clock, drag, speeds.reshape(by_set))
+    if tall:
+        gravity, zeros = sets[:, 1 + len(gates)].copy(), sets[:, 2 + len(gates) :].copy()
+        shown, flown = _by_gate(seen.heights), speeds.reshape(by_set)
+        fit_heights(shown, flown, distances, zeros, gravity, drag, heights.reshape(by_set))
+    return Flights(speed_in=speeds[0], speed_out=speeds[1], offset=heights[0], slope_out=heights[1])
 
 
 def _by_gate(values: Array) -> Array:
     """Return (shot, way, gate) as (way, gate, shot): whole shots lie side by side."""
     return np.ascontiguousarray(values.transpose(1, 2, 0))
-
-
-def _slope(across: Sequence[Array], up: Sequence[Array]) -> Array:
-    """Return the least-squares slope of `up` over `across`, gate by gate where both are known.
-
-    NaN where fewer than two gates saw the ball.
-    """
-    known = [np.isfinite(a) & np.isfinite(b) for a, b in zip(across, up, strict=True)]
-    x_mean, y_mean = _mean(across, known), _mean(up, known)
-    both: Array | float = 0.0
-    square: Array | float = 0.0
-    whole = all(each.all() for each in known)
-    for k, (a, b) in enumerate(zip(across, up, strict=True)):
-        off, rise = a - x_mean, b - y_mean
-        if not whole:
-            off, rise = np.where(known[k], off, 0.0), np.where(known[k], rise, 0.0)
-        both = both + off * rise
-        square = square + off**2
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(both / square)
-
-
-def _mean(values: Sequence[Array], known: Sequence[NDArray[np.bool_]]) -> Array:
-    """Return the mean over the gates that know."""
-    if all(each.all() for each in known):
-        return np.asarray(sum(values) / len(values))
-    count = sum(each.astype(float) for each in known)
-    total = sum(np.where(each, value, 0.0) for each, value in zip(known, values, strict=True))
-    return np.asarray(total / np.where(count >= 2, count, np.nan))
