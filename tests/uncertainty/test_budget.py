@@ -130,6 +130,19 @@ def test_certain_constants_are_left_out_and_scatter_comes_in() -> None:
     assert [part.name for part in budget.components] == ["hits", "b"]
 
 
+def test_every_place_has_its_own_scatter() -> None:
+    """Var = Σ (Σ w²) s² over the places; where one hit stands alone, the others' pooled s²."""
+    hits = np.array([1.0, 2.0, 3.0, 10.0, 20.0, 7.0])
+    weights = np.array([0.1, 0.1, 0.1, 0.3, 0.3, 0.1])
+    found = scatter(hits, weights, np.array([1, 1, 1, 2, 2, 3]))
+    parts = np.array([0.03 * 1.0, 0.18 * 50.0])
+    alone = 0.01 * (2.0 + 50.0) / 3
+    assert found.contribution**2 == pytest.approx(parts.sum() + alone, rel=1e-12)
+    welch = parts[0] ** 2 / 2 + parts[1] ** 2 / 1
+    assert found.dof == pytest.approx((parts.sum() + alone) ** 2 / welch, rel=1e-12)
+    assert found.value == pytest.approx(hits @ weights, rel=1e-12)
+
+
 @pytest.mark.parametrize(("dof", "factor"), [(1, 12.71), (5, 2.57), (16, 2.12), (50, 2.01)])
 def test_interval_is_students(dof: float, factor: float) -> None:
     """JCGM 100:2008, table G.2, column 95 %."""

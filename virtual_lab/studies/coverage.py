@@ -109,10 +109,13 @@ def _marks(certification: Certification) -> AimMarks:
 
 
 def _scatter(certification: Certification) -> float:
-    """Return the variance of the metric between hits at one place, by the budget."""
-    assert certification.metric is not None
-    (hits,) = (part for part in certification.metric.components if part.name == "hits")
-    return hits.contribution**2 / float(np.sum(certification.outcome.weights**2))
+    """Return the variance of the metric within a place, over the hits the result rests on."""
+    used = certification.outcome.used
+    metric, place = certification.shot_metric[used], certification.readings.place[used]
+    _, back = np.unique(np.round(place, 6), return_inverse=True)
+    many = np.bincount(back)
+    off = metric - (np.bincount(back, metric) / many)[back]
+    return float(np.sum(off**2)) / (off.size - many.size)
 
 
 def _result(tested: Tested, name: str, beside: float) -> tuple[float, ...]:

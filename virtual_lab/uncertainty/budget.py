@@ -123,15 +123,20 @@ def scatter(hits: Array, weights: Array, groups: Array) -> Component:
     ----------
     hits, weights, groups
         Shape (n,): values, what each weighs in the result, and the place each was taken at.
-        The variance is pooled over the places, with a degree of freedom less for each.
+        Every place has its own variance, as aim matters more where the bat changes quickly; a
+        place of a single hit has that of the others, pooled.
     """
     _, place = np.unique(groups, return_inverse=True)
     many = np.bincount(place)
     off = hits - (np.bincount(place, hits) / many)[place]
-    dof = float(hits.size - many.size)
-    spread = sqrt(float(np.sum(off**2)) / dof) if dof > 0 else 0.0
-    u = spread * sqrt(float(np.sum(weights**2)))
-    return type_a("hits", float(hits @ weights), u, dof=dof if dof > 0 else inf)
+    squares, freedom = np.bincount(place, off**2), many - 1
+    pooled = float(squares.sum()) / max(int(freedom.sum()), 1)
+    variance = np.where(freedom > 0, squares / np.maximum(freedom, 1), pooled)
+    parts = np.bincount(place, weights**2) * variance
+    known = np.sum(parts[freedom > 0] ** 2 / freedom[freedom > 0])
+    total = float(parts.sum())
+    dof = total**2 / float(known) if known > 0 else inf
+    return type_a("hits", float(hits @ weights), sqrt(total), dof=dof)
 
 
 def type_a(name: str, value: float, u: float, *, dof: float = inf) -> Component:
