@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from virtual_lab.certification import Certification, certify_session
 from virtual_lab.folder import new_folder
 from virtual_lab.foreign.laboratory import FORM
-from virtual_lab.lab import certify_bat
+from virtual_lab.lab import Tested, certify_bat
 from virtual_lab.report.certificate import certificate
 from virtual_lab.report.render import certificate_page, notebook_card
 from virtual_lab.report.tables import budget_table, shot_table
@@ -35,6 +35,7 @@ class Certificate:
 
     certification: Certification
     sealed: Sealed | None = field(default=None, repr=False)
+    control: Certificate | None = field(default=None, repr=False)  # of the control bat
 
     @cached_property
     def document(self) -> dict[str, Any]:
@@ -83,6 +84,8 @@ class Certificate:
             if self.sealed:
                 (draft / "truth").mkdir()
                 (draft / "truth" / "truth.json").write_bytes(self._truth)
+            if self.control:
+                self.control.save(draft / "control")
         return target
 
     @cached_property
@@ -104,6 +107,7 @@ def certify(
     rung: str | None = None,
     motion: str = Motion.CLOSED_FORM.value,
     faults: Sequence[str] = (),
+    control_bat: str | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> Certificate:
     """Take a bat through a procedure and return its certificate.
@@ -127,6 +131,9 @@ def certify(
     faults
         Names of what goes wrong on the day (``virtual-lab list faults``); only the sealed truth
         tells them.
+    control_bat
+        Name or path of a bat whose e is known, for rules that correct their balls by one: it is
+        tested first, with the same balls.
     say
         Told what goes on, a sentence at a time.
 
@@ -144,9 +151,18 @@ def certify(
         rung=rung,
         motion=motion,
         faults=faults,
+        control_bat=control_bat,
         say=say,
     )
-    return Certificate(certification=tested.certification, sealed=tested.sealed)
+    return _certificate(tested)
+
+
+def _certificate(tested: Tested) -> Certificate:
+    return Certificate(
+        certification=tested.certification,
+        sealed=tested.sealed,
+        control=_certificate(tested.control) if tested.control else None,
+    )
 
 
 def reduce(records: str | Path) -> Certificate:

@@ -54,6 +54,7 @@ from virtual_lab.uncertainty.budget import Budget, combine, propagate, scatter, 
 from virtual_lab.width import Width, width_of
 
 __all__ = [
+    "CONTROL",
     "QUANTITIES",
     "Certification",
     "Reduced",
@@ -158,7 +159,7 @@ def reduce_session(session: Session) -> Reduced:
         return shot_results(x, bat_properties(x), balls, readings, rules.asked)
 
     def metric(x: Mapping[str, Array], shots: ShotResults) -> Array:
-        of = metric_of(rules, control=x[CONTROL] if _controlled(rules) else 1.0)
+        of = metric_of(rules, control=x[CONTROL] if rules.controlled else 1.0)
         return of(Curve.measured(shots), bat_properties(x))
 
     best = {name: np.array(known.value) for name, known in constants.items()}
@@ -183,10 +184,6 @@ def reduce_session(session: Session) -> Reduced:
         judgement=judgement,
         outcome=outcome_of(rules, readings.place, judgement.valid, shot_metric),
     )
-
-
-def _controlled(procedure: Procedure) -> bool:
-    return procedure.correction is not None and procedure.correction.method == "control-bat"
 
 
 def _require_rig(session: Session, procedure: Procedure) -> None:

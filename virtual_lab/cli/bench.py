@@ -61,6 +61,11 @@ from virtual_lab.cli.shared import json_option, names, print_json, rigs, teller
     help="What goes wrong on the day; may be given several times ('virtual-lab list faults').",
     shell_complete=names("faults"),
 )
+@click.option(
+    "--control-bat",
+    help="A bat of known e, for rules that correct their balls by one: tested first.",
+    shell_complete=names("bats"),
+)
 @json_option
 def certify(
     bat: str,
@@ -73,6 +78,7 @@ def certify(
     rung: str | None,
     motion: str,
     faults: tuple[str, ...],
+    control_bat: str | None,
     as_json: bool,
 ) -> None:
     """Take BAT (a name or a .toml file) through a procedure and write its certificate."""
@@ -95,6 +101,7 @@ def certify(
         rung=rung,
         motion=motion,
         faults=faults,
+        control_bat=control_bat,
         say=teller(),
     )
     certificate.save(target)

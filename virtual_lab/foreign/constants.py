@@ -52,6 +52,9 @@ CONSTANTS = {  # by "instrument.constant"
     "encoder.counts_per_turn": Constant("number", "of the encoder"),
     "swing.scale": Constant("number", "angle shown over true angle"),
     "swing.counts_per_turn": Constant("number", "of the encoder"),
+    "control.restitution_ratio": Constant(
+        "number", "e of the control bat with this lot, over its own"
+    ),
     "ball.radius": Constant("length", "of the ball"),
     "ball.restitution_slope": Constant("slope of speed", "of the ball's e0 over its speed"),
 }

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import secrets
 from collections.abc import Sequence
+from dataclasses import replace
 
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
 from virtual_lab.faults import Day
+from virtual_lab.lab.control import with_control
 from virtual_lab.lab.fitting import unverified_rigs
 from virtual_lab.lab.laboratory import BALL_RIG, BENCH_RIG, Laboratory, Say, Tested
 from virtual_lab.procedure import Procedure
@@ -28,6 +30,7 @@ def certify_bat(
     motion: str = Motion.CLOSED_FORM.value,
     faults: Sequence[str] = (),
     test: int | None = None,
+    control_bat: str | None = None,
     say: Say = lambda _: None,
 ) -> Tested:
     """Take a bat through a procedure.
@@ -52,15 +55,17 @@ def certify_bat(
     test
         Which of the laboratory's tests this is: they share rigs and calibrations, and each has
         its own bat, balls, readings and hits. None: its only one.
+    control_bat
+        Whose e is known, for rules that correct by one: it is tested first, with the same balls.
     say
         Told what goes on, a sentence at a time.
 
     Raises
     ------
     InputError
-        As `open_laboratory`.
+        As `open_laboratory` and `with_control`.
     """
-    return open_laboratory(
+    laboratory = open_laboratory(
         bat,
         procedure=procedure,
         rig=rig,
@@ -70,7 +75,9 @@ def certify_bat(
         motion=motion,
         faults=faults,
         test=test,
-    ).run(say)
+    )
+    laboratory, control = with_control(laboratory, control_bat, say)
+    return replace(laboratory.run(say), control=control)
 
 
 def open_laboratory(

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.catalog import Entry
 from virtual_lab.certification import (
+    CONTROL,
     Certification,
     Reduced,
     evaluate,
@@ -64,6 +65,7 @@ class Tested:
 
     certification: Certification
     sealed: Sealed
+    control: Tested | None = None  # of the control bat, where the rules ask for one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,6 +84,7 @@ class Laboratory:
     session: Session
     instruments: Rung = Rung.FULL
     motion: Motion = Motion.CLOSED_FORM
+    control: float = 1.0  # true e of the control bat with these balls over the e it is known by
 
     @classmethod
     def open(
@@ -247,8 +250,9 @@ class Laboratory:
                 _constant(stage, name): value
                 for stage, station in self.stations.items()
                 for name, value in station.true_constants.items()
-            },
-            measurand=measurand(impact, self.specimen, reduced),
+            }
+            | ({CONTROL: self.control} if self.rules.spec.controlled else {}),
+            measurand=measurand(impact, self.specimen, reduced, self.control),
             place=reduced.readings.place,
             shots={
                 name: np.concatenate([play.truth[name] for play in rounds])

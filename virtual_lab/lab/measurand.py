@@ -26,11 +26,14 @@ WIDTH = "width_m"
 CURVE_POINTS = 41
 
 
-def measurand(station: ImpactStation, specimen: Specimen, reduced: Reduced) -> dict[str, float]:
+def measurand(
+    station: ImpactStation, specimen: Specimen, reduced: Reduced, control: float
+) -> dict[str, float]:
     """Return the true metric as ``metric``, and quantities by their names in a certificate.
 
     The quantities beside the metric are those at the place the certificate names, so they are
-    weighed as its hits were. {} where the test gave no result.
+    weighed as its hits were. `control` is that of `metric_of`, without error. {} where the test
+    gave no result.
     """
     procedure, outcome = reduced.procedure.spec, reduced.outcome
     if not np.isfinite(outcome.weights).all():
@@ -38,7 +41,8 @@ def measurand(station: ImpactStation, specimen: Specimen, reduced: Reduced) -> d
     place = reduced.readings.place
     each, back = np.unique(place, return_inverse=True)
     curve, bat = results_along(station, specimen, procedure, each)
-    metric = metric_of(procedure)(curve, bat)
+    metric_along = metric_of(procedure, control=control)
+    metric = metric_along(curve, bat)
     weighed = {
         name: float(values[back] @ outcome.weights) for name, values in curve.quantities.items()
     }
@@ -47,7 +51,7 @@ def measurand(station: ImpactStation, specimen: Specimen, reduced: Reduced) -> d
     if procedure.scan is not None:
         along = np.linspace(procedure.scan.low, procedure.scan.high, CURVE_POINTS)
         fine, bat = results_along(station, specimen, procedure, along)
-        exact_curve = metric_of(procedure)(fine, bat)
+        exact_curve = metric_along(fine, bat)
         found[CONTINUOUS] = peak(along, exact_curve).value
         if procedure.scan.width_drop is not None:
             found[WIDTH] = width_below(along, exact_curve, procedure.scan.width_drop).width

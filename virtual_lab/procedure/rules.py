@@ -228,6 +228,11 @@ class Procedure(Spec):
         return self.limit if self.speed_limit is None else self.speed_limit
 
     @property
+    def controlled(self) -> bool:
+        """Whether the balls are corrected for by what a control bat gave with them."""
+        return self.correction is not None and self.correction.method == "control-bat"
+
+    @property
     def needs(self) -> frozenset[str]:
         """The channels of records that a rig must write for this procedure."""
         own = {"encoder"} if self.reads == "recoil" else set()

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from virtual_lab.certification import QUANTITIES, Certification
+from virtual_lab.certification import CONTROL, QUANTITIES, Certification
 from virtual_lab.procedure import Procedure
 from virtual_lab.report.metrics import METRICS
 from virtual_lab.report.tables import budget_rows, place_rows
@@ -84,6 +84,7 @@ def certificate(certification: Certification, *, truth_digest: str | None = None
             "which": procedure.recoil,
             "other": asdict(certification.other) if certification.other else None,
         },
+        "ball_correction": _correction(certification),
         "nominal_speed_mph": procedure.ball_speed / MPH,
         "nominal_bat_speed_mph": (procedure.bat_speed or 0.0) / MPH,
         "v_rel_mph": float(shots.relative_speed[used].mean() / MPH) if used.any() else None,
@@ -151,6 +152,19 @@ def _finite(value: float) -> float | None:
 def _of_standard_ball(procedure: Procedure) -> bool:
     """Return whether the metric is carried to another ball than the lot's own."""
     return procedure.correction is not None and procedure.correction.method != "none"
+
+
+def _correction(certification: Certification) -> dict[str, Any] | None:
+    """Return what is done about balls that are not the standard one, None where nothing is."""
+    correction = certification.procedure.correction
+    if correction is None or not _of_standard_ball(certification.procedure):
+        return None
+    ratio = certification.session.calibration.get(CONTROL)
+    return {
+        "method": correction.method,
+        "standard": correction.standard,
+        "control": {"value": ratio.value, "u": ratio.u, "source": ratio.source} if ratio else None,
+    }
 
 
 def _rebound_check(certification: Certification) -> dict[str, Any] | None:

@@ -8,6 +8,7 @@ STAGES = {"bench": "Bench", "balls": "Wall rig", "impact": "Bat rig", "hall": "H
 INPUTS = {  # name of a constant, of any stage: words, unit of print, SI times this gives it
     "hits": ("Scatter from hit to hit", "", 1.0),
     "choice of the place": ("Choice of the place", "", 1.0),
+    "control.restitution_ratio": ("Control bat with this lot of balls", "", 1.0),
     "bat.mass": ("Bat mass, readings", "g", 1e3),
     "bat.length": ("Bat length, readings", "mm", 1e3),
     "bat.balance": ("Balance point, readings", "mm", 1e3),

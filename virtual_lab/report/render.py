@@ -60,6 +60,7 @@ def certificate_page(document: dict[str, Any], certification: Certification) -> 
         at_percussion=certification.procedure.place == "centre-of-percussion",
         bat=_bat(document["bat"]),
         width=_width(document["width_m"]),
+        correction=_correction(document["ball_correction"]),
         shots=_shots(certification),
         budget=_budget(document),
         rebound=_rebound(document, certification),
@@ -163,6 +164,20 @@ def _bat(bat: Mapping[str, Any]) -> list[dict[str, str]]:
         }
         for words, name, unit, factor, si_unit, si_factor in rows
     ]
+
+
+def _correction(correction: Mapping[str, Any] | None) -> str:
+    """Return what was done about balls that are not the standard one, as a sentence."""
+    if correction is None:
+        return ""
+    standard, control = correction["standard"], correction["control"]
+    if control is None:
+        return f"carried to a ball of e0 {standard:g} by the method {correction['method']}"
+    known = _with_u(control)
+    return (
+        f"divided by {known['value']} (u = {known['u']}), what the control bat gave with this "
+        f"lot of balls over the {standard:g} it is known by"
+    )
 
 
 def _width(width: Mapping[str, Any] | None) -> dict[str, str] | None:

@@ -62,6 +62,7 @@ def certificate_text(document: Mapping[str, Any]) -> str:
         place = document["impact_position_in"]
         lines.append(f"  at {document['v_rel_mph']:.2f} mph, {place:.2f} in from the tip")
         lines += _width_lines(document["width_m"])
+        lines += _control_lines(document["ball_correction"])
     if document["incomplete"]:
         lines.append(f"  incomplete: {document['incomplete']}")
     lines += [
@@ -107,6 +108,14 @@ def _width_lines(width: Mapping[str, Any] | None) -> list[str]:
     )
     where = f"{width['from_in']:.2f} to {width['to_in']:.2f} in from the tip"
     return [f"  {stated} in wide within {width['drop']:g} of the curve's top, {where}"]
+
+
+def _control_lines(correction: Mapping[str, Any] | None) -> list[str]:
+    if correction is None or correction["control"] is None:
+        return []
+    control = correction["control"]
+    ratio = with_uncertainty(control["value"], control["u"])
+    return [f"  over {ratio} of the control bat with this lot ({control['source']})"]
 
 
 def score_text(document: Mapping[str, Any]) -> str:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from virtual_lab.catalog import names, nearest
+from virtual_lab.catalog import load, names, nearest
 from virtual_lab.certification import Certification, certify_session
 from virtual_lab.errors import InputError
 from virtual_lab.foreign.laboratory import FORM, load_laboratory, procedure_name
 from virtual_lab.lab import certify_bat
+from virtual_lab.procedure import Procedure
 from virtual_lab.rig import Reality
 from virtual_lab.session import Session
 
@@ -21,8 +22,13 @@ def our_own(procedure: str) -> Session:
 
     It takes the quickest way there: no noise, rigid bats. `InputError` as `certify_bat`.
     """
+    bat, rules = names("bats")[0], load("procedures", procedure, Procedure).spec
     tested = certify_bat(
-        names("bats")[0], procedure=procedure, reality=Reality.NOISE_FREE, rung="rigid"
+        bat,
+        procedure=procedure,
+        reality=Reality.NOISE_FREE,
+        rung="rigid",
+        control_bat=bat if rules.controlled else None,
     )
     return tested.certification.session
 

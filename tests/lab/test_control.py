@@ -1,0 +1,160 @@
+"""The control bat: e of a test over what a bat of known e gave with the same balls."""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from virtual_lab import api, catalog, lab
+from virtual_lab.certification import CONTROL
+from virtual_lab.errors import InputError
+from virtual_lab.lab import certify_bat
+from virtual_lab.procedure import Procedure
+from virtual_lab.report.certificate import certificate
+from virtual_lab.report.render import certificate_page
+from virtual_lab.report.text import certificate_text
+from virtual_lab.rig import Reality
+
+CYLINDER, STANDARD = "check-cylinder", 0.5
+BBCOR = catalog.load("procedures", "bbcor", Procedure).text
+CORRECTION = """
+[correction]
+method = "control-bat"
+standard = { value = 0.5, unit = "1", source = "assumed", verified = false }
+"""
+
+
+@pytest.fixture(scope="module")
+def rules(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """Return the file of bbcor with a control bat."""
+    path = tmp_path_factory.mktemp("rules") / "controlled.toml"
+    path.write_text(BBCOR + CORRECTION)
+    return str(path)
+
+
+@cache
+def controlled(rules: str, reality: Reality = Reality.REAL, seed: int = 7) -> lab.Tested:
+    return certify_bat("r161", procedure=rules, control_bat=CYLINDER, reality=reality, seed=seed)
+
+
+def test_without_errors_it_is_the_ratio_of_two_tests(rules: str) -> None:
+    """Each bat certified alone by bbcor, and one e over the other."""
+    bat, cylinder = (
+        certify_bat(name, procedure="bbcor", reality=Reality.IDEAL, seed=0)
+        for name in ("r161", CYLINDER)
+    )
+    by_hand = [
+        test.certification.metric.value for test in (bat, cylinder) if test.certification.metric
+    ]
+    found = controlled(rules, Reality.IDEAL)
+    assert found.certification.metric is not None
+    expected = STANDARD * by_hand[0] / by_hand[1]
+    assert found.certification.metric.value == pytest.approx(expected, rel=1e-9)
+    assert found.sealed.measurand["metric"] == pytest.approx(expected, rel=1e-9)
+    assert found.certification.quantities["restitution"].value == pytest.approx(by_hand[0])
+
+
+def test_the_two_tests_share_balls_and_calibrations_and_nothing_else(rules: str) -> None:
+    found = controlled(rules)
+    assert found.control is not None
+    assert np.array_equal(found.control.sealed.balls.mass, found.sealed.balls.mass)
+    own, of_control = found.certification.session, found.control.certification.session
+    assert of_control.bat == CYLINDER
+    shared = own.calibration.keys() - {CONTROL}
+    assert {key: own.calibration[key] for key in shared} == {
+        key: of_control.calibration[key] for key in shared
+    }
+    for channel in ("log", "gates"):
+        first, second = (session.records["balls"][channel] for session in (own, of_control))
+        assert first.table().equals(second.table()) == (channel == "log")
+
+
+def test_the_constant_is_the_control_bats_e_with_its_uncertainty(rules: str) -> None:
+    found = controlled(rules)
+    assert found.control is not None
+    e = found.control.certification.quantities["restitution"]
+    ratio = found.certification.session.calibration[CONTROL]
+    assert (ratio.value, ratio.u, ratio.dof) == (e.value / STANDARD, e.u / STANDARD, e.dof)
+    metric, alone = found.certification.metric, found.certification.quantities["restitution"]
+    assert metric is not None
+    part = {each.name: each for each in metric.components}[CONTROL]
+    assert part.contribution == pytest.approx(metric.value * ratio.u / ratio.value, rel=1e-4)
+    assert metric.value == pytest.approx(alone.value / ratio.value, rel=1e-9)
+    true = found.control.sealed.measurand["restitution"] / STANDARD
+    assert found.sealed.constants[CONTROL] == true
+    assert abs(ratio.value - true) < 4 * ratio.u
+
+
+def test_the_intervals_hold_the_truth(rules: str) -> None:
+    """12 laboratories; of intervals of 95 % fewer than 9 hold it once in 5000 times."""
+    held = 0
+    for seed in range(60_000, 60_012):
+        found = controlled(rules, seed=seed)
+        assert found.certification.metric is not None
+        low, high = found.certification.metric.interval_95
+        held += low <= found.sealed.measurand["metric"] <= high
+    assert held >= 9
+
+
+def test_a_livelier_lot_goes_out_of_the_ratio(rules: str, tmp_path: Path) -> None:
+    """e0 up by 0.01: e goes up by about as much, and e over the control bat's by a tenth of it."""
+    ball = catalog.text("balls", "baseball-2003").replace(
+        "value = 0.55, unit", "value = 0.56, unit"
+    )
+    (tmp_path / "lively.toml").write_text(ball)
+    lively = tmp_path / "rules.toml"
+    text = Path(rules).read_text()
+    lively.write_text(
+        text.replace('ball = "baseball-2003"', f'ball = "{tmp_path / "lively.toml"}"')
+    )
+    usual, other = (controlled(str(each), Reality.IDEAL) for each in (rules, lively))
+    gains = [
+        other.sealed.measurand[name] - usual.sealed.measurand[name]
+        for name in ("restitution", "metric")
+    ]
+    assert 0.007 < gains[0] < 0.011
+    assert abs(gains[1]) < 0.1 * gains[0]
+
+
+def test_it_is_kept_with_the_certificate_and_can_be_reduced_again(
+    rules: str, tmp_path: Path
+) -> None:
+    tested = api.certify("r161", procedure=rules, control_bat=CYLINDER, seed=7)
+    folder = tested.save(tmp_path / "out")
+    again = api.reduce(folder / "records")
+    assert again.document["metric"] == tested.document["metric"]
+    control = api.reduce(folder / "control" / "records").document
+    ratio = tested.document["ball_correction"]["control"]
+    assert control["restitution"]["value"] / STANDARD == pytest.approx(ratio["value"], rel=1e-12)
+    assert (folder / "control" / "truth" / "truth.json").exists()
+
+
+def test_the_certificate_says_what_it_was_divided_by(rules: str) -> None:
+    found = controlled(rules).certification
+    document = certificate(found)
+    ratio = document["ball_correction"]["control"]
+    assert f"over {ratio['value']:.4f} (u {ratio['u']:.4f}) of the control bat" in (
+        certificate_text(document)
+    )
+    assert f"divided by {ratio['value']:.4f}" in certificate_page(document, found)
+    plain = certify_bat("r161", procedure="astm-f1881", seed=7).certification
+    assert certificate(plain)["ball_correction"] is None
+
+
+def test_bad_input(rules: str) -> None:
+    with pytest.raises(InputError, match="control bat; is missing: bbcor corrects its balls"):
+        certify_bat("r161", procedure=rules, seed=1)
+    with pytest.raises(InputError, match="bbcor has no \\[correction\\]"):
+        certify_bat("r161", procedure="bbcor", control_bat=CYLINDER, seed=1)
+    with pytest.raises(InputError, match="did you mean"):
+        certify_bat("r161", procedure=rules, control_bat="check-cylindre", seed=1)
+    with pytest.raises(InputError, match="its own test gives no result: "):
+        certify_bat(
+            "r161",
+            procedure=rules,
+            control_bat=CYLINDER,
+            seed=1,
+            faults=("ounces-as-grams",),
+            reality=Reality.REAL,
+        )
