@@ -1,4 +1,4 @@
-"""What light boards' own recorders write of many balls: sums over the beams; compiled."""
+"""What light boards write of many balls, every edge or sums over the beams; compiled."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from virtual_lab.instruments.board_sums import PHASES
 from virtual_lab.relations.flight_kernel import BLOCK, FAST, time_over
 
-__all__ = ["Boards", "rows_of_gains", "sum_up"]
+__all__ = ["Boards", "rows_of_gains", "sum_up", "write_edges"]
 
 Floats = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -25,11 +25,58 @@ class Boards(NamedTuple):
     distances: Floats  # (board,)
     heights: Floats  # (board,)
     clock: float
+    tick: float
     lowest: float
     pitch: float
     beams: int
     radius: float  # of the ball
     gravity: float
+
+
+@njit(cache=True, fastmath=FAST, error_model="numpy")
+def write_edges(
+    records: Floats, flights: Floats, start: Floats, out: bool, boards: Boards, reach: Floats
+) -> None:
+    """Turn what the clock is off by into the times of edges that boards show, one way.
+
+    About a board a flight is a straight line of its own slope; NaN: the ball passes by a beam.
+
+    Parameters
+    ----------
+    records
+        (shot, board, 2 beam + edge) [s], in whole ticks thereafter.
+    flights, start
+        (5, shot) of `Passage.way`; when each ball is at the target [s], (shot,).
+    out
+        Whether the ball comes back.
+    reach
+        How far from the ball's centre each beam trips, (board, beam) [m].
+    """
+    sign, edges = 1.0 if out else -1.0, 2 * boards.beams
+    known = np.empty((3, BLOCK))
+    way, pace, drag, time = np.empty((4, edges))
+    for first in range(0, start.size, BLOCK):
+        n = min(BLOCK, start.size - first)
+        flight, (since, height, steep) = flights[:, first : first + n], known[:, :n]
+        for board in range(boards.distances.size):
+            _pass(flight, boards.distances[board], boards.gravity, since, height, steep)
+            for i in range(n):
+                lean, ahead = 1 + steep[i] ** 2, boards.distances[board] - flight[PLANE, i]
+                bottom = height[i] - boards.heights[board] - boards.lowest
+                pace[:], drag[:] = flight[PACE, i], flight[DRAG, i]
+                for beam in range(boards.beams):
+                    above = bottom - boards.pitch * beam
+                    root = (steep[i] * above) ** 2 - lean * (above**2 - reach[board, beam] ** 2)
+                    half = sign * sqrt(root) / lean if root > 0 else nan
+                    middle = ahead - steep[i] * above / lean
+                    way[2 * beam], way[2 * beam + 1] = middle - half, middle + half
+                time_over(way, pace, drag, time)
+                shown = records[first + i, board]
+                for edge in range(edges):
+                    shown[edge] += boards.clock * (start[first + i] + sign * time[edge])
+                if boards.tick:
+                    for edge in range(edges):
+                        shown[edge] = np.rint(shown[edge] / boards.tick) * boards.tick
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
@@ -55,14 +102,7 @@ def sum_up(
     for first in range(0, start.size, BLOCK):
         n = min(BLOCK, start.size - first)
         flight, began = flights[:, first : first + n], start[first : first + n]
-        since, height, steep, u, u_way, u_trip = (
-            known[0, :n],
-            known[1, :n],
-            known[2, :n],
-            known[3, :n],
-            known[4, :n],
-            known[5, :n],
-        )
+        since, height, steep, u, u_way, u_trip = known[:, :n]
         for board in range(boards.distances.size):
             _pass(flight, boards.distances[board], boards.gravity, since, height, steep)
             for i in range(n):
@@ -71,10 +111,7 @@ def sum_up(
             rows_of_gains(u, boards.beams, boards.radius / boards.pitch, rows[:n])
             for i in range(n):
                 u[i], u_way[i], u_trip[i] = gains[0, rows[i]], gains[1, rows[i]], gains[2, rows[i]]
-            time, tall = (
-                records[0, board, first : first + n],
-                records[1, board, first : first + n],
-            )
+            time, tall = records[:, board, first : first + n]
             for i in range(n):
                 pace = sign * flight[PACE, i]
                 off = tall[i] * sqrt((u_way[i] / pace) ** 2 + u_trip[i] ** 2)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import sqrt
-from typing import Annotated, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import numpy as np
 from annotated_types import Ge, Gt, Lt, MinLen
@@ -23,6 +23,9 @@ from virtual_lab.instruments.passage import Passage
 from virtual_lab.records import BoardRecord, PassageRecord
 from virtual_lab.specs import Dimension, Spec
 from virtual_lab.streams import Draws
+
+if TYPE_CHECKING:
+    from virtual_lab.instruments.board_kernel import Boards
 
 __all__ = ["LightBoardSpec", "LightBoards"]
 
@@ -161,24 +164,21 @@ class LightBoards:
         name: str,
         block: int,
     ) -> BoardRecord:
-        spec = self.spec
-        beams = np.asarray(spec.lowest + spec.pitch * np.arange(spec.beams), dtype=np.float64)
-        time, height = passage.inbound(self.distances[None])
-        inward = self._chords(passage, passage.speed_in, time, height, passage.slope_in, beams)
-        near, far = (self.distances[:, None] + side for side in inward)
-        inbound = np.stack([passage.inbound(far)[0], passage.inbound(near)[0]], axis=-1)
-        inbound = contact[:, None, None, None] - inbound
-        inbound = self._scraps(inbound, passage, contact, draws, name, block)
-        time, height = passage.outbound(self.distances[None])
-        outward = self._chords(passage, passage.speed_out, time, height, passage.slope_out, beams)
-        outbound = np.stack(
-            [passage.outbound(self.distances[:, None] + side)[0] for side in outward], axis=-1
-        )
-        outbound = leaving[:, None, None, None] + outbound
-        times = np.stack([inbound, outbound], axis=1)
-        start = spec.tick * draws.uniform(f"{name}.start", (len(times), 1, 1, 1, 1), block)
-        noise = spec.edge_jitter * draws.normal(f"{name}.jitter", times.shape, block)
-        return BoardRecord(times=quantise(self.clock * times + start + noise, spec.tick))
+        from virtual_lab.instruments.board_kernel import write_edges
+
+        spec, ways = self.spec, (0, 1)
+        shape = (len(contact), len(ways), len(self.distances), spec.beams, 2)
+        records = spec.edge_jitter * draws.normal(f"{name}.jitter", shape, block)
+        records += spec.tick * draws.uniform(f"{name}.start", (len(contact), 1, 1, 1, 1), block)
+        scraps, late = self._scraps(passage, contact, draws, name, block)
+        scrapped = quantise(records[scraps] + self.clock * late, spec.tick)
+        by_way = records.reshape(*shape[:3], -1)
+        for way, start in zip(ways, (contact, leaving), strict=True):
+            flown = passage.way(out=bool(way))
+            reach = passage.radius + self.trips
+            write_edges(by_way[:, way], flown, start, bool(way), self._boards(passage), reach)
+        records[scraps] = scrapped
+        return BoardRecord(times=records)
 
     def _sums(
         self,
@@ -195,78 +195,48 @@ class LightBoards:
         ball that rises or falls passes its own height sooner or later: the height's error is
         in the time too.
         """
-        from virtual_lab.instruments.board_kernel import Boards, sum_up
+        from virtual_lab.instruments.board_kernel import sum_up
 
         spec = self.spec
         edge = sqrt(spec.edge_jitter**2 + spec.tick**2 / 12)
         gains = gain_table(passage.radius / spec.pitch)
         gains = gains * np.array([[edge], [edge], [spec.trip_spread]])
-        boards = Boards(
+        # way by way, whole shots side by side; what starts as noise ends as records
+        shape = (2, 2, len(self.distances), len(contact))
+        records = draws.normal(f"{name}.sums", shape, block).transpose(1, 0, 2, 3)
+        for start, way, out in zip((contact, leaving), records, (False, True), strict=True):
+            sum_up(way, passage.way(out=out), start, out, self._boards(passage), gains)
+        times, heights = records.transpose(1, 3, 0, 2)
+        return PassageRecord(times=times, heights=heights)
+
+    def _boards(self, passage: Passage) -> Boards:
+        from virtual_lab.instruments.board_kernel import Boards
+
+        spec = self.spec
+        return Boards(
             distances=self.distances,
             heights=self.heights,
             clock=self.clock,
+            tick=spec.tick,
             lowest=spec.lowest,
             pitch=spec.pitch,
             beams=spec.beams,
             radius=passage.radius,
             gravity=passage.gravity,
         )
-        # way by way, whole shots side by side; what starts as noise ends as records
-        shape = (2, 2, len(self.distances), len(contact))
-        records = draws.normal(f"{name}.sums", shape, block).transpose(1, 0, 2, 3)
-        for start, way, out in zip((contact, leaving), records, (False, True), strict=True):
-            sum_up(way, passage.way(out=out), start, out, boards, gains)
-        times, heights = records.transpose(1, 3, 0, 2)
-        return PassageRecord(times=times, heights=heights)
-
-    def _chords(
-        self,
-        passage: Passage,
-        speed: Array,
-        time: Array,
-        height: Array,
-        slope: Array | float,
-        beams: Array,
-    ) -> tuple[Array, Array]:
-        """Return where a centre breaks and clears each beam, from its board, (shot, board, beam).
-
-        About a board the flight is a straight line of its own slope; NaN: the ball passes by.
-        """
-        steep = _steepness(passage, speed, time, slope)[..., None]
-        above = height[..., None] - self.heights[:, None] - beams
-        reach = (passage.radius + self.trips) ** 2
-        root = (steep * above) ** 2 - (1 + steep**2) * (above**2 - reach)
-        half = np.sqrt(np.where(root > 0, root, np.nan)) / (1 + steep**2)
-        middle = -steep * above / (1 + steep**2)
-        return middle - half, middle + half
 
     def _scraps(
-        self,
-        inbound: Array,
-        passage: Passage,
-        contact: Array,
-        draws: Draws,
-        name: str,
-        block: int,
-    ) -> Array:
-        """Let a scrap of the sabot break some beams of the first board ahead of the ball."""
+        self, passage: Passage, contact: Array, draws: Draws, name: str, block: int
+    ) -> tuple[tuple[Any, ...], Array]:
+        """Return which edges a scrap of the sabot makes, ahead of the ball, and when [s].
+
+        It breaks some beams of the first board.
+        """
         spec = self.spec
-        share = draws.uniform(f"{name}.sabot", (2, len(inbound)), block) + 0.5
-        tripped = share[0] < spec.sabot_rate
-        if not tripped.any():
-            return inbound
-        beam = np.arange(spec.beams)
-        struck = np.abs(beam - (spec.beams - 1) * share[1, :, None]) < 2
-        early = contact - passage.inbound(self.distances[None, 0] + passage.radius + SCRAP_AHEAD)[0]
-        scrapped = inbound.copy()
-        at = tripped[:, None] & struck
-        scrapped[:, 0, :, 0] = np.where(at, early[:, None], inbound[:, 0, :, 0])
-        return scrapped
-
-
-def _steepness(passage: Passage, speed: Array, time: Array, slope: Array | float) -> Array:
-    """Return the height a ball gains a metre as it passes each board, of the shape of `time`."""
-    speed = np.where(speed > 0, speed, np.nan)
-    shots = (-1,) + (1,) * (time.ndim - 1)
-    fall = passage.gravity * time / speed.reshape(shots)
-    return np.asarray(np.reshape(slope, shots) - fall)
+        share = draws.uniform(f"{name}.sabot", (2, len(contact)), block) + 0.5
+        tripped = np.flatnonzero(share[0] < spec.sabot_rate)
+        ahead = self.distances[None, 0] + passage.radius + SCRAP_AHEAD
+        early = (contact - passage.inbound(ahead)[0])[tripped]
+        middle = (spec.beams - 1) * share[1, tripped, None]
+        struck, beams = np.nonzero(np.abs(np.arange(spec.beams) - middle) < 2)
+        return (tripped[struck], 0, 0, beams, 0), early[struck]

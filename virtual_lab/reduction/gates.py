@@ -19,7 +19,6 @@ __all__ = ["Passages", "passages"]
 
 Array = NDArray[np.float64]
 INBOUND, OUTBOUND = 0, 1
-FEWEST_BEAMS = 4  # broken, for a parabola and a word on how well it fits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,40 +69,9 @@ def passages(
 
 
 def _of_boards(record: BoardRecord, lowest: float, pitch: float) -> Passages:
-    middle, chord = record.times.mean(axis=-1), np.diff(record.times, axis=-1)[..., 0]
-    broken = np.isfinite(chord)
-    many = broken.sum(axis=-1)
-    count = np.where(many >= FEWEST_BEAMS, many, np.nan)
-    beams = np.arange(middle.shape[-1], dtype=float)
-    about = (broken @ beams) / count
-    place = np.where(broken, beams - about[..., None], 0.0)  # of the beams broken, in pitches
-    longest = np.where(broken, chord, 0.0).max(axis=-1)[..., None]
-    scale = np.where(longest > 0, longest, 1.0)
-    square = (np.where(broken, chord, 0.0) / scale) ** 2
-    # an edge's noise moves the square of a chord in proportion to the chord
-    weight = np.where(broken, 1 / np.maximum(square, 1e-2), 0.0)
-    moments = np.stack([(weight * place**power).sum(axis=-1) for power in range(5)], axis=-1)
-    matrix = np.stack([moments[..., i : i + 3] for i in range(3)], axis=-2)
-    right = np.stack([(weight * square * place**power).sum(axis=-1) for power in range(3)], axis=-1)
-    known = np.isfinite(count)
-    matrix = np.where(known[..., None, None], matrix, np.eye(3))
-    parabola = np.linalg.solve(matrix, right[..., None])[..., 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        top = -parabola[..., 1] / (2 * parabola[..., 2])
-        fitted = sum(parabola[..., k, None] * place**k for k in range(3))
-        spread = (place**2).sum(axis=-1)
-        shown = np.where(broken, middle, 0.0)
-        mean = shown.sum(axis=-1) / count
-        lean = (place * np.where(broken, middle - mean[..., None], 0.0)).sum(axis=-1) / spread
-        off_line = np.where(broken, middle - mean[..., None] - lean[..., None] * place, 0.0)
-        off_top = np.where(
-            broken, scale * (square - fitted) / (2 * np.sqrt(np.maximum(square, 1e-2))), 0.0
-        )
-    inside = known & (np.abs(top) < middle.shape[-1])
-    degrees = np.where(inside, 2 * many - 5, 0).sum(axis=-1)
-    rest = np.where(inside[..., None], off_line**2 + off_top**2 / 4, 0.0).sum(axis=(-1, -2))
-    return Passages(
-        times=np.where(inside, mean + lean * np.where(inside, top, 0.0), np.nan),
-        heights=np.where(inside, lowest + pitch * (about + top), np.nan),
-        misfit=np.sqrt(rest / np.where(degrees > 0, degrees, np.nan)),
-    )
+    from virtual_lab.reduction.boards_kernel import fit_boards
+
+    times, heights = np.empty((2, *record.times.shape[:3]))
+    misfit = np.empty(times.shape[:2])
+    fit_boards(record.times, times, heights, misfit)
+    return Passages(times=times, heights=lowest + pitch * heights, misfit=misfit)

@@ -17,7 +17,7 @@ __all__ = ["BLOCK", "FAST", "time_over"]
 
 Floats = NDArray[np.float64]
 BLOCK = 256
-FAST = {"reassoc", "contract", "nsz", "arcp"}  # NaN stays NaN
+FAST = {"reassoc", "contract", "nsz"}  # NaN stays NaN
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")

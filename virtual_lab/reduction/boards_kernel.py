@@ -1,0 +1,113 @@
+"""Boards' edges to passages, board by board: a line and a parabola over its beams; compiled."""
+
+from __future__ import annotations
+
+from math import nan, sqrt
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+__all__ = ["fit_boards"]
+
+Floats = NDArray[np.float64]
+Beams = tuple[Floats, Floats, Floats]  # of the beams broken: places, middles, squared chords
+FEWEST_BEAMS = 4  # broken, for a parabola and a word on how well it fits
+FAINTEST = 1e-2  # of the longest chord's square: shorter ones weigh no more than this one
+FAST = {"reassoc", "contract", "nsz"}
+
+
+@njit(cache=True, error_model="numpy")
+def fit_boards(edges: Floats, times: Floats, heights: Floats, misfit: Floats) -> None:
+    """Fill in passages and their misfit; NaN: not seen.
+
+    Parameters
+    ----------
+    edges
+        (shot, way, board, beam, edge) [s].
+    times, heights
+        (shot, way, board) [s], [beams above the lowest].
+    misfit
+        Rms of the edges about the parabola and the line, (shot, way) [s].
+    """
+    shots, ways, boards, beams, _ = edges.shape
+    places, middles, squares = np.empty((3, beams))
+    for shot in range(shots):
+        for way in range(ways):
+            rest, degrees = 0.0, 0
+            for board in range(boards):
+                many, scale = _broken(edges[shot, way, board], places, middles, squares)
+                broken = places[:many], middles[:many], squares[:many]
+                times[shot, way, board] = heights[shot, way, board] = nan
+                if many < FEWEST_BEAMS:
+                    continue
+                about = broken[0].mean()
+                for i in range(many):
+                    places[i] -= about
+                top, off_top = _top(broken, scale)
+                if not abs(top) < beams:
+                    continue
+                mean, lean, off_line = _line(broken)
+                times[shot, way, board] = mean + lean * top
+                heights[shot, way, board] = about + top
+                rest += off_line + off_top / 4
+                degrees += 2 * many - 5
+            misfit[shot, way] = sqrt(rest / degrees) if degrees > 0 else nan
+
+
+@njit(cache=True, fastmath=FAST, error_model="numpy")
+def _broken(edges: Floats, places: Floats, middles: Floats, squares: Floats) -> tuple[int, float]:
+    """Gather the beams broken, chords over the longest; return how many, and the longest [s]."""
+    many, longest = 0, 0.0
+    for beam in range(len(edges)):
+        chord = edges[beam, 1] - edges[beam, 0]
+        if abs(chord) < np.inf:
+            places[many], middles[many] = beam, (edges[beam, 0] + edges[beam, 1]) / 2
+            squares[many] = chord
+            longest = max(longest, chord)
+            many += 1
+    scale = longest if longest > 0 else 1.0
+    for i in range(many):
+        squares[i] = (squares[i] / scale) ** 2
+    return many, scale
+
+
+@njit(cache=True, fastmath=FAST, error_model="numpy")
+def _top(broken: Beams, scale: float) -> tuple[float, float]:
+    """Return the top of the parabola through the squares, and what the chords are off it, squared.
+
+    An edge's noise moves the square of a chord in proportion to the chord.
+    """
+    places, _, squares = broken
+    s0, s1, s2, s3, s4 = 0.0, 0.0, 0.0, 0.0, 0.0
+    r0, r1, r2 = 0.0, 0.0, 0.0
+    for i in range(places.size):
+        x, y = places[i], squares[i]
+        w = 1 / max(y, FAINTEST)
+        s0, s1, s2, s3, s4 = s0 + w, s1 + w * x, s2 + w * x**2, s3 + w * x**3, s4 + w * x**4
+        r0, r1, r2 = r0 + w * y, r1 + w * y * x, r2 + w * y * x**2
+    # the normal equations, by elimination
+    d11, d12, d22 = s2 - s1 * s1 / s0, s3 - s1 * s2 / s0, s4 - s2 * s2 / s0
+    q1, q2 = r1 - s1 * r0 / s0, r2 - s2 * r0 / s0
+    b2 = (q2 - d12 / d11 * q1) / (d22 - d12 / d11 * d12)
+    b1 = (q1 - d12 * b2) / d11
+    b0 = (r0 - s1 * b1 - s2 * b2) / s0
+    off = 0.0
+    for i in range(places.size):
+        x, y = places[i], squares[i]
+        off += (scale * (y - b0 - b1 * x - b2 * x**2)) ** 2 / (4 * max(y, FAINTEST))
+    return -b1 / (2 * b2), off
+
+
+@njit(cache=True, fastmath=FAST, error_model="numpy")
+def _line(broken: Beams) -> tuple[float, float, float]:
+    """Return mean and slope of the line through the middles, and what they are off it, squared."""
+    places, middles, _ = broken
+    mean, both, spread, off = middles.mean(), 0.0, 0.0, 0.0
+    for i in range(places.size):
+        both += places[i] * (middles[i] - mean)
+        spread += places[i] ** 2
+    lean = both / spread
+    for i in range(places.size):
+        off += (middles[i] - mean - lean * places[i]) ** 2
+    return mean, lean, off
