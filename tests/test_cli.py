@@ -274,7 +274,9 @@ def test_a_laboratorys_mornings(run: Run, tmp_path: Path) -> None:
     code, out, err = run("daily", "--days", "40", "--drift", "0.001", "--rule", "1")
     assert (code, err) == (0, "")
     assert "cumulative sum (CUSUM)" in out
-    assert out.splitlines()[-1] == "out/daily/daily.png"
+    pictures = [line for line in out.splitlines() if line.startswith("out/")]
+    assert pictures == ["out/daily/daily.png", "out/daily/cylinder.png"]
+    assert not out.endswith("\n\n")
     document = json.loads(run("daily", "--days", "30", "--json")[1])
     assert document["folder"] == "out/daily-2"
     assert len(document["days"]) == 30

@@ -92,8 +92,13 @@ def test_what_is_written(tmp_path: Path) -> None:
     """The days as CSV, the charts as PNG, and one document that JSON can hold."""
     played = daily(drift=0.001, rules=(1, 4))
     save_daily(played, tmp_path / "out")
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"daily.csv", "daily.png"}
-    assert (tmp_path / "out" / "daily.png").read_bytes().startswith(b"\x89PNG")
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+        "daily.csv",
+        "daily.png",
+        "cylinder.png",
+    }
+    for name in ("daily.png", "cylinder.png"):
+        assert (tmp_path / "out" / name).read_bytes().startswith(b"\x89PNG")
     with (tmp_path / "out" / "daily.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [int(row["day"]) for row in rows] == list(range(1, 61))

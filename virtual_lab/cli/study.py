@@ -184,7 +184,14 @@ def convergence(bats: tuple[str, ...], as_json: bool) -> None:
 @click.option("--hits", type=int, default=10, show_default=True, help="Each morning.")
 @click.option("--drift", type=float, default=0.0, help="What the wall gives back less each day.")
 @click.option("--step", type=float, default=0.0, help="What it gives back less at once.")
-@click.option("--since", type=int, help="First day of that  [default: after the baseline]")
+@click.option(
+    "--fault",
+    "faults",
+    multiple=True,
+    help="What goes wrong at the impact rig; may be given several times.",
+    shell_complete=names("faults"),
+)
+@click.option("--since", type=int, help="First day of all that  [default: after the baseline]")
 @click.option(
     "--rule",
     "rules",
@@ -202,7 +209,7 @@ def convergence(bats: tuple[str, ...], as_json: bool) -> None:
 )
 @json_option
 def daily(out: Path | None, as_json: bool, **asked: Any) -> None:
-    """Fire a check ball at the wall each morning and keep control charts of it."""
+    """Fire a check ball at wall and check cylinder each morning and keep control charts."""
     from virtual_lab.folder import check_new_folder, first_free
     from virtual_lab.report.text import table_text
     from virtual_lab.studies.daily import daily as run
@@ -215,4 +222,11 @@ def daily(out: Path | None, as_json: bool, **asked: Any) -> None:
     if as_json:
         print_json(played.document | {"folder": str(target)})
     else:
-        click.echo(f"{table_text(played.alarms)}\n\n{target / 'daily.png'}")
+        checks = (
+            ("check ball at the wall, e0", played.alarms, "daily.png"),
+            ("check cylinder at the impact rig, e_A", played.cylinder_alarms, "cylinder.png"),
+        )
+        parts = [
+            f"{words}\n{table_text(rows)}\n{target / picture}" for words, rows, picture in checks
+        ]
+        click.echo("\n\n".join(parts))

@@ -1,12 +1,13 @@
-"""A laboratory's mornings: the check ball against the wall, and the charts that watch it.
+"""A laboratory's mornings: check ball and check cylinder, and the charts that watch them.
 
-What is charted is the check ball's measured e0, the mean of the morning's hits, by the gates and
-the reduction of the ball-wall rig. The wall may be told to work loose; nobody tells the charts.
+Charted are the check ball's measured e0, the mean of the morning's hits, by the gates and the
+reduction of the ball-wall rig, and the steel cylinder's e_A at the impact rig. The wall may be
+told to work loose, the impact rig to go wrong; nobody tells the charts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -27,6 +28,7 @@ from virtual_lab.reduction.observations import BallReadings
 from virtual_lab.report.control_chart import draw_control_chart
 from virtual_lab.rig import Order, Reality, Specimen, Stage, WallStation, find_rig
 from virtual_lab.specs import BallSpec
+from virtual_lab.studies.check_cylinder import check_cylinder
 from virtual_lab.truth import TrueBalls, draw_balls, draw_bat
 from virtual_lab.uncertainty.control import RULES, Charted, chart
 from virtual_lab.units import MPH
@@ -50,17 +52,20 @@ class Daily:
 
     ball: str
     hits: int
-    since: int | None  # the day from which the wall gives; None: it stands fast
+    faults: tuple[str, ...]  # of the impact rig
+    since: int | None  # the day of the change, of wall or rig; None: nothing changes
     values: Array  # mean measured e0 of the check ball
     wall: Array  # what the wall gave back, of what a rigid one would
     charted: Charted
+    cylinder: Array  # mean measured e_A of the check cylinder
+    cylinder_charted: Charted
 
     @property
     def table(self) -> pd.DataFrame:
         """A row a day; the charts' columns are empty in the baseline."""
         import pandas as pd
 
-        charted, first = self.charted, self.charted.baseline_days
+        charted, days = self.charted, self.values.size
         columns: dict[str, Array] = {
             "standardised": charted.standardised,
             "moving_range": charted.ranges,
@@ -68,55 +73,44 @@ class Daily:
             "cusum_up": charted.sum_up,
             "cusum_down": charted.sum_down,
         }
-        blank = np.full(first, np.nan)
-        broken = [
-            "; ".join(name for name, days in charted.alarms.items() if days[day])
-            for day in range(self.values.size - first)
-        ]
+        blank = np.full(charted.baseline_days, np.nan)
         return pd.DataFrame(
-            {"day": np.arange(1, self.values.size + 1), "e0": self.values, "true_wall": self.wall}
+            {"day": np.arange(1, days + 1), "e0": self.values, "true_wall": self.wall}
             | {name: np.concatenate([blank, values]) for name, values in columns.items()}
-            | {"alarms": [""] * first + broken}
+            | {
+                "alarms": _broken(charted),
+                "e_A_cylinder": self.cylinder,
+                "alarms_cylinder": _broken(self.cylinder_charted),
+            }
         )
 
     @property
     def alarms(self) -> list[dict[str, Any]]:
-        """A row a rule or chart: its first alarm, alarms before the wall gave, the delay after.
+        """A row a rule or chart of the ball: first alarm, alarms before the change, delay after.
 
-        Earlier alarms are false ones, or those of a ball that ages; on the very day that the
-        wall begins to give the delay is 0.
+        Earlier alarms are false ones, or those of a ball that ages; on the very day of the
+        change the delay is 0.
         """
-        began = self.values.size + 1 if self.since is None else self.since
-        first_day = self.charted.baseline_days + 1
-        rows = []
-        for name, flags in self.charted.alarms.items():
-            days = np.flatnonzero(flags) + first_day
-            seen = days[days >= began]
-            rows.append(
-                {
-                    "rule": name,
-                    "first_alarm_day": int(days[0]) if days.size else None,
-                    "earlier_alarms": int((days < began).sum()),
-                    "delay_days": int(seen[0]) - began if seen.size else None,
-                }
-            )
-        return rows
+        return _alarms(self.charted, self.since)
+
+    @property
+    def cylinder_alarms(self) -> list[dict[str, Any]]:
+        """The same of the cylinder."""
+        return _alarms(self.cylinder_charted, self.since)
 
     @property
     def document(self) -> dict[str, Any]:
         """All of it for JSON."""
-        baseline = self.charted.baseline
         rows = self.table.astype(object)
         return {
             "ball": self.ball,
             "hits_a_day": self.hits,
-            "baseline": {
-                "days": self.charted.baseline_days,
-                "centre": baseline.centre,
-                "sigma": baseline.sigma,
-            },
-            "wall_gives_since_day": self.since,
+            "baseline": _baseline(self.charted),
+            "cylinder_baseline": _baseline(self.cylinder_charted),
+            "faults": list(self.faults),
+            "changed_since_day": self.since,
             "alarms": self.alarms,
+            "cylinder_alarms": self.cylinder_alarms,
             "days": rows.where(rows.notna(), None).to_dict("records"),
         }
 
@@ -129,6 +123,7 @@ def daily(
     hits: int = 10,
     drift: float = 0.0,
     step: float = 0.0,
+    faults: Sequence[str] = (),
     since: int | None = None,
     rules: Collection[int] = tuple(RULES),
     seed: int = 1,
@@ -139,11 +134,14 @@ def daily(
     ----------
     ball
         The check ball: a name in the catalog or path of a .toml file. One that ages is hit
-        more dead from day to day, which the charts see too.
+        more dead from day to day, which the charts see too. The cylinder is always hit with the
+        catalog's own.
     days, baseline, hits
-        Mornings, how many of them set the limits, and hits a morning.
+        Mornings, how many of them set the limits, and hits a morning of wall and cylinder.
     drift, step
         What the wall gives back less, of what a rigid one would: more each day, and at once.
+    faults
+        Names of what goes wrong at the impact rig.
     since
         First day of that, counted from 1; the first after the baseline by default.
     rules
@@ -154,7 +152,8 @@ def daily(
     Raises
     ------
     InputError
-        Numbers out of range, an unknown ball or rule, a ball that falls out of the gates.
+        Numbers out of range, an unknown ball, rule or fault, a ball that falls out of the gates,
+        a morning without a valid hit.
     """
     _check_counts(days, baseline, hits, rules)
     begin = baseline + 1 if since is None else since
@@ -170,23 +169,59 @@ def daily(
         raise InputError("", "drift", drift, f"allowed: {allowed}")
     spec = catalog.load("balls", ball, BallSpec).spec
     values = _mornings(spec, wall, hits, seed)
+    cylinder = check_cylinder(days, hits, seed=seed, faults=faults, since=begin)
     return Daily(
         ball=spec.name,
         hits=hits,
-        since=begin if drift or step else None,
+        faults=tuple(faults),
+        since=begin if drift or step or faults else None,
         values=values,
         wall=wall,
         charted=chart(values, baseline, rules),
+        cylinder=cylinder,
+        cylinder_charted=chart(cylinder, baseline, rules),
     )
 
 
 def save_daily(played: Daily, folder: Path) -> None:
-    """Write the days as CSV and the control charts as PNG into a new folder."""
+    """Write the days as CSV and the control charts as PNG, one a standard, into a new folder."""
     with new_folder(folder) as draft:
         played.table.to_csv(draft / "daily.csv", index=False)
         draw_control_chart(
             played.values, played.charted, "$e_0$ of the check ball", draft / "daily.png"
         )
+        label = "$e_A$ of the check cylinder"
+        draw_control_chart(played.cylinder, played.cylinder_charted, label, draft / "cylinder.png")
+
+
+def _baseline(charted: Charted) -> dict[str, float]:
+    base = charted.baseline
+    return {"days": charted.baseline_days, "centre": base.centre, "sigma": base.sigma}
+
+
+def _broken(charted: Charted) -> list[str]:
+    """Return, day by day, what alarmed; nothing in the baseline."""
+    return [""] * charted.baseline_days + [
+        "; ".join(name for name, days in charted.alarms.items() if days[day])
+        for day in range(charted.standardised.size)
+    ]
+
+
+def _alarms(charted: Charted, since: int | None) -> list[dict[str, Any]]:
+    rows = []
+    for name, flags in charted.alarms.items():
+        days = np.flatnonzero(flags) + charted.baseline_days + 1
+        began = np.inf if since is None else since
+        seen = days[days >= began]
+        rows.append(
+            {
+                "rule": name,
+                "first_alarm_day": int(days[0]) if days.size else None,
+                "earlier_alarms": int((days < began).sum()),
+                "delay_days": int(seen[0] - began) if seen.size else None,
+            }
+        )
+    return rows
 
 
 def _check_counts(days: int, baseline: int, hits: int, rules: Collection[int]) -> None:

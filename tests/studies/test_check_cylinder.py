@@ -1,0 +1,69 @@
+"""Sessions with the steel cylinder: a rigid mass by hand, what scatters, and a rig gone wrong."""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+
+import numpy as np
+import pytest
+
+from virtual_lab.errors import InputError
+from virtual_lab.studies.check_cylinder import check_cylinder
+from virtual_lab.studies.daily import daily
+from virtual_lab.units import INCH, OUNCE
+
+HITS = 10
+
+
+def test_it_reads_what_a_rigid_mass_gives_back() -> None:
+    """Of e = e0 = 0.55 and r = m b²/I of a round steel bar struck at its centre of percussion.
+
+    Balls of the lot differ by 0.004 in e0, the calibrations of a laboratory by about as much.
+    """
+    length, radius, ball = 30 * INCH, 1.125 * INCH, 5.125 * OUNCE
+    mass = 7850 * pi * radius**2 * length
+    centre = mass * (length**2 / 12 + radius**2 / 4)
+    arm = length / 2 - 6 * INCH
+    inertia = centre + mass * arm**2
+    r = ball * (inertia / (mass * arm)) ** 2 / inertia
+    found = [check_cylinder(6, HITS, seed=seed).mean() for seed in range(8)]
+    assert np.mean(found) == pytest.approx((0.55 - r) / (1 + r), abs=0.006)
+
+
+def test_sessions_scatter_as_the_hits_do() -> None:
+    """0.003 in e0 from hit to hit, 0.0052 in e_A with what gates and recoil add; ten hits."""
+    values = check_cylinder(200, HITS, seed=4)
+    assert 0.003 / sqrt(HITS) < values.std(ddof=1) < 1.25 * 0.0055 / sqrt(HITS)
+    neighbours = np.corrcoef(values[1:], values[:-1])[0, 1]
+    assert abs(neighbours) < 4 / sqrt(200)
+    assert np.array_equal(check_cylinder(20, HITS, seed=4), values[:20])
+
+
+def test_a_rig_gone_wrong_is_seen_from_the_day_on() -> None:
+    """Half an inch along the barrel: e_A by recoil is off in proportion to the lever, 3 to 10 %."""
+    sound = check_cylinder(5, 4, seed=2, faults=("aim-along",), since=6)
+    wrong = check_cylinder(5, 4, seed=2, faults=("aim-along",), since=4)
+    assert np.array_equal(wrong[:3], sound[:3])
+    assert np.all(np.abs(wrong[3:] / sound[3:] - 1) > 0.03)
+    assert np.all(np.abs(wrong[3:] / sound[3:] - 1) < 0.15)
+
+
+def test_the_chart_tells_the_first_day() -> None:
+    """A shift of ten standard deviations and more; the ball at the wall knows nothing of it."""
+    played = daily(days=14, baseline=8, hits=4, faults=("aim-along",), since=12)
+    assert played.since == 12
+    rows = {row["rule"]: row for row in played.cylinder_alarms}
+    assert rows["1 day beyond 3 sigma"]["delay_days"] == 0
+    assert rows["moving range"]["delay_days"] == 0
+    assert np.array_equal(played.values, daily(days=14, baseline=8, hits=4).values)
+    assert played.document["faults"] == ["aim-along"]
+    last = played.document["days"][-1]
+    assert "3 sigma" in last["alarms_cylinder"]
+    assert last["e_A_cylinder"] == played.cylinder[-1]
+
+
+def test_what_cannot_be_played() -> None:
+    with pytest.raises(InputError, match="day = 2; no hit at the check cylinder is valid: ball at"):
+        check_cylinder(3, 2, seed=1, faults=("cannon-slow",), since=2)
+    with pytest.raises(InputError, match="did you mean gate-moved"):
+        check_cylinder(3, 2, seed=1, faults=("gate-move",))

@@ -1,0 +1,90 @@
+"""A laboratory's sessions with its check standard: a steel cylinder in place of the bat.
+
+The bench measures the cylinder and the wall rig the check balls once; then, session by session,
+one ball is fired at its centre of percussion and e_A is what the pivot rig and the reduction
+make of it. The impact rig may go wrong on a day; nobody tells the charts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab import catalog
+from virtual_lab.certification import reduce_session
+from virtual_lab.errors import InputError
+from virtual_lab.faults import Day
+from virtual_lab.instruments import Rung
+from virtual_lab.lab.laboratory import Laboratory
+from virtual_lab.procedure import Procedure
+from virtual_lab.rig import Order, Reality, Stage
+from virtual_lab.specs import BallSpec
+
+__all__ = ["check_cylinder"]
+
+Array = NDArray[np.float64]
+CYLINDER, BALL, PROCEDURE = "check-cylinder", "check-ball", "astm-f1881"
+FIRST_BLOCK = 10_000  # beyond any round of the test that sets the laboratory up
+
+
+def check_cylinder(
+    days: int, hits: int, *, seed: int, faults: Sequence[str] = (), since: int = 1
+) -> Array:
+    """Return the cylinder's measured e_A session by session, the mean of its valid hits, (day,).
+
+    Parameters
+    ----------
+    days, hits
+        Sessions, and hits in each.
+    seed
+        Of the laboratory; session by session its draws are a block each.
+    faults, since
+        What goes wrong at the impact rig, and the first day of that, counted from 1. Faults may
+        edit every edge and count, so with any of them instruments write in full, which takes
+        thirty times as long.
+
+    Raises
+    ------
+    InputError
+        An unknown fault, or one that cannot befall the rig; a day no hit of which is valid.
+    """
+    rules, stage = catalog.load("procedures", PROCEDURE, Procedure), Stage.IMPACT
+    wrong = Day.of(faults, rig=rules.spec.rig)
+    laboratory = Laboratory.open(
+        bat=catalog.load_bat(CYLINDER).spec,
+        ball=catalog.load("balls", BALL, BallSpec).spec,
+        rules=rules,
+        seed=seed,
+        rig=rules.spec.rig,
+        reality=Reality.REAL,
+        rung=None,
+        day=Day(),
+        unverified={},
+        instruments=Rung.FULL if faults else Rung.SUMMED,
+    )
+    session = laboratory.run(lambda _: None).certification.session
+    order = Order(
+        ball=np.zeros(hits, dtype=int),
+        speed=np.full(hits, rules.spec.ball_speed),
+        place=np.full(hits, reduce_session(session).readings.place[0]),
+        rung=laboratory.instruments,
+    )
+    values = []
+    for number in range(1, days + 1):
+        day = wrong if number >= since else Day()
+        station = day.station(stage, laboratory.stations[stage])
+        block = FIRST_BLOCK + number
+        play = day.play(
+            stage, station, replace(order, block=block), laboratory.specimen, laboratory.draws
+        )
+        records = {**session.records, stage.value: play.records}
+        found = reduce_session(replace(session, records=records))
+        valid = found.judgement.valid
+        if not valid.any():
+            reason = found.judgement.reasons[0]
+            raise InputError("", "day", number, f"no hit at the check cylinder is valid: {reason}")
+        values.append(float(found.shots.lot_collision_efficiency[valid].mean()))
+    return np.array(values)
