@@ -7,7 +7,7 @@ section of the bat at the axis, so it also shows the bending ring.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Self
 
@@ -19,7 +19,7 @@ from virtual_lab import catalog
 from virtual_lab.collision.scene import CollisionModel, Collisions, Scenes
 from virtual_lab.estimate import Estimate
 from virtual_lab.flights import at_rest
-from virtual_lab.impact import CONTACT_TIME, contact_angle, error_free, scenes_of, thrown_back
+from virtual_lab.impact import contact_angle, error_free, scenes_of, struck, thrown_back
 from virtual_lab.instruments import Instrument, Rung, calibration_of, errors_of
 from virtual_lab.instruments.air import Air, AirSpec
 from virtual_lab.instruments.cannon import Cannon, CannonSpec
@@ -27,7 +27,7 @@ from virtual_lab.instruments.encoder import Encoder, EncoderSpec
 from virtual_lab.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.instruments.passage import Passage
 from virtual_lab.physics.beam import beam_of
-from virtual_lab.physics.coasting import coast, ring
+from virtual_lab.physics.coasting import coasting, ringing
 from virtual_lab.physics.supports import Pinned
 from virtual_lab.records import AimMarks, EncoderRecord, GateRecord, Record, ShotLog
 from virtual_lab.rig import Motion, Order, Play, Specimen, Stage
@@ -156,10 +156,9 @@ class AstmPivotStation:
         tilt = contact_angle(specimen, place, launch.across)
         scenes = scenes_of(specimen, order.ball, place, launch.speed * np.cos(tilt), e0)
         if order.rung is Rung.SUMMED:
-            # one support for all laboratories: e_A knows nothing of where exactly the axis is
-            support = Pinned(body.length - self.pivot.from_knob)
-            efficiency = specimen.collision.efficiency(body, support, scenes)
-            contact_time = np.full(efficiency.shape, CONTACT_TIME)
+            efficiency, contact_time = struck(
+                specimen, order.rung, scenes, self.pivot_from_knob, self.pivot.from_knob
+            )
         else:
             model = specimen.collision(body, Pinned(body.length - self.pivot_from_knob))
             collisions = model.collide(scenes)
@@ -186,8 +185,8 @@ class AstmPivotStation:
                 rate / self.gates.clock, draws, "astm-pivot.encoder", block, span=span, gap=GAP
             )
         else:
-            angle = self._recoil(specimen, model, collisions, tilt, contact, leaving)
-            encoder = self.encoder.read(angle, draws, "astm-pivot.encoder", block)
+            turn = self._recoil(specimen, model, collisions, tilt, contact, leaving)
+            encoder = self.encoder.read(turn, len(contact), draws, "astm-pivot.encoder", block)
         return Play(
             records={
                 "log": order.log(),
@@ -229,25 +228,20 @@ class AstmPivotStation:
         lost = self.pivot.friction * self.pivot.journal_radius * reaction / beam.inertia(axis)
         return np.asarray(np.sign(rate) * np.minimum(lost, np.abs(rate)))
 
-    def _loose(
-        self, impulse: Array, rate: Array, body: BatBody, ticks: Array, contact: Array
-    ) -> Array:
-        """Return what the bat turns beside `rate` until its journal bears [rad], (shot, sample).
+    def _loose(self, impulse: Array, rate: Array, body: BatBody) -> tuple[Array, float]:
+        """Return how fast a bat turns beside `rate` until its journal bears, and how far.
 
         Until then the bat moves as a free one. Its angular momentum about the axis is that of
         the pivoted bat all along, so the play is worth the angle clearance / distance from axis
         to centre of percussion, whichever side of it was struck, and no rate. The journal is
-        taken not to bounce.
+        taken not to bounce. (shot,) [rad/s], [rad].
         """
         beam = beam_of(body)
         lever = beam.length - self.pivot_from_knob - beam.z_cm
-        inertia = beam.inertia(beam.length - self.pivot_from_knob)
         reaction = impulse - beam.mass * lever * rate
         yields = 1 / beam.mass + lever**2 / beam.inertia_cm  # of the free bat, at the axis
-        length = inertia / (beam.mass * lever)
-        moved = np.abs(reaction)[:, None] * yields * np.maximum(ticks - contact[:, None], 0.0)
-        taken = np.minimum(moved, self.pivot.clearance)
-        return np.asarray(-np.sign(reaction)[:, None] * taken / length)
+        length = beam.inertia(beam.length - self.pivot_from_knob) / (beam.mass * lever)
+        return -reaction * yields / length, self.pivot.clearance / length
 
     def _recoil(
         self,
@@ -257,19 +251,20 @@ class AstmPivotStation:
         tilt: Array,
         contact: Array,
         leaving: Array,
-    ) -> Array:
-        """Return the true angle at the encoder [rad], shape (shot, sample)."""
+    ) -> Callable[[slice], Array]:
+        """Return what tells the true angles at the encoder [rad] of some shots, (shot, sample)."""
         body, modes = specimen.bat.body, model.modes
         axis = body.length - self.pivot_from_knob
         turn = modes.rotation(axis) * np.cos(tilt)[:, None]
         inertia = beam_of(body).inertia(axis)
         # the recorder's ticks are the gates' clock, which runs a little fast or slow
         ticks = self.encoder.spec.sample_times() / self.gates.clock
-        bends = slice(modes.rigid, None)
-        start = (collisions.modal_displacements * turn)[:, : modes.rigid].sum(axis=1)
-        rate = (collisions.modal_velocities * turn)[:, : modes.rigid].sum(axis=1)
-        rate = rate - self._rubbed(rate, collisions.impulse * np.cos(tilt), body)
-        angle = start[:, None] + coast(
+        moved, moving = collisions.modal_displacements, collisions.modal_velocities
+        impulse = collisions.impulse * np.cos(tilt)
+        start, rate = ((own * turn)[:, : modes.rigid].sum(axis=1) for own in (moved, moving))
+        rate = rate - self._rubbed(rate, impulse, body)
+        slip, play = self._loose(impulse, rate, body)
+        shots, at_ticks = coasting(
             rate,
             ticks,
             leaving,
@@ -277,23 +272,30 @@ class AstmPivotStation:
             linear=self.pivot.viscous_torque / inertia,
             quadratic=self.pivot.air_torque / inertia,
         )
-        angle += self._loose(collisions.impulse * np.cos(tilt), rate, body, ticks, contact)
+        shots[:, 0] += start
         if self.encoder.spec.sees_ring:
-            angle += ring(
-                turn[:, bends],
-                collisions.modal_displacements[:, bends],
-                collisions.modal_velocities[:, bends],
-                modes.angular_frequencies[bends],
-                body.damping_ratio,
-                ticks,
-                leaving,
-            )
-        # during contact, a millisecond that no reduction uses, the angle just grows smoothly
-        early = slice(0, int(np.searchsorted(ticks, leaving.max())))
-        since = (ticks[early] - contact[:, None]) / (leaving - contact)[:, None]
-        touching = np.clip(since, 0.0, 1.0)
-        angle[:, early] *= touching**2 * (3 - 2 * touching)
-        return np.asarray(angle)
+            bends = slice(modes.rigid, None)
+            state = (own[:, bends] for own in (turn, moved, moving))
+            frequencies = modes.angular_frequencies[bends]
+            rings, ring_at_ticks = ringing(*state, frequencies, body.damping_ratio, ticks, leaving)
+            shots = np.hstack([shots, rings])
+            at_ticks = np.vstack([at_ticks, ring_at_ticks])
+            start = (moved * turn).sum(axis=1)
+
+        def angle(part: slice) -> Array:
+            found = shots[part] @ at_ticks
+            touch, release = contact[part, None], leaving[part, None]
+            early = slice(0, int(np.searchsorted(ticks, release.max())))
+            found[:, early] = np.where(ticks[early] > release, found[:, early], start[part, None])
+            slipped = np.maximum(ticks - touch, 0.0)
+            slipped *= slip[part, None]
+            found += np.clip(slipped, -play, play, out=slipped)
+            # during contact, a millisecond that no reduction uses, the angle grows smoothly
+            touching = np.clip((ticks[early] - touch) / (release - touch), 0.0, 1.0)
+            found[:, early] *= touching**2 * (3 - 2 * touching)
+            return np.asarray(found)
+
+        return angle
 
 
 RIG = AstmPivot()

@@ -223,15 +223,17 @@ class NcaaSwingStation:
             return self.encoder.sum_up(
                 rate, draws, name, block, span=contact - GAP, gap=GAP, angle=swing.angle
             )
-        since = self.encoder.spec.sample_times() / self.gates.clock - contact[:, None]
+        ticks = self.encoder.spec.sample_times() / self.gates.clock
         turned = tau * self.drive.ripple_frequency
-        wave = np.sin(turned * since + swing.phase[:, None]) - np.sin(swing.phase)[:, None]
-        angle = swing.angle[:, None] + swing.even[:, None] * (
-            since + self.drive.droop * since**2 / 2 + self.drive.ripple * wave / turned
-        )
-        return self.encoder.read(
-            np.where(since < 0, angle, swing.angle[:, None]), draws, name, block
-        )
+
+        def turn(part: slice) -> Array:
+            angle, even, phase = (own[part, None] for own in (swing.angle, swing.even, swing.phase))
+            since = np.minimum(ticks - contact[part, None], 0.0)
+            wave = np.sin(turned * since + phase) - np.sin(phase)
+            droop, ripple = self.drive.droop / 2, self.drive.ripple / turned
+            return np.asarray(angle + even * (since * (1 + droop * since) + ripple * wave))
+
+        return self.encoder.read(turn, len(contact), draws, name, block)
 
 
 RIG = NcaaSwing()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from virtual_lab.physics.coasting import coast, slowed, time_to_rest, time_to_turn, turned
+from virtual_lab.physics.coasting import coasting, slowed, time_to_rest, time_to_turn, turned
 from virtual_lab.relations.flight import distance_after, speed_after, time_after
 
 FRICTIONS = [  # the sign of linear² - 4 constant quadratic: plus, minus, none, and each alone
@@ -67,7 +67,8 @@ def test_an_angle_beyond_rest_is_never_turned() -> None:
 def test_both_ways_to_coast_agree() -> None:
     friction = {"constant": 0.1, "linear": 0.01, "quadratic": 0.0105}
     times = np.linspace(0, 0.3, 7)
-    series = coast(np.array([20.0]), times, np.zeros(1), **friction)[0]
+    shots, ticks = coasting(np.array([20.0]), times, np.zeros(1), **friction)
+    series = (shots @ ticks)[0]
     assert turned(np.full(7, 20.0), times, **friction) == pytest.approx(series, rel=1e-12)
 
 

@@ -6,6 +6,7 @@ ring alike, and its mounting makes it show a little more or less than the true a
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import sqrt, tau
 from typing import Annotated, Self
@@ -22,6 +23,7 @@ from virtual_lab.streams import Draws
 __all__ = ["Encoder", "EncoderSpec"]
 
 Array = NDArray[np.float64]
+FEW = 32  # shots
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,11 +101,24 @@ class Encoder:
             angle=np.full(rate.shape, np.nan) if angle is None else per_angle * angle,
         )
 
-    def read(self, angle: Array, draws: Draws, name: str, block: int) -> EncoderRecord:
-        """Count true angles [rad], shape (shot, sample), from a rest angle of any phase."""
-        rest = draws.uniform(f"{name}.rest", (len(angle), 1), block)
-        counts = self.scale * self.spec.counts_per_turn / tau * angle + rest
-        return EncoderRecord(
-            counts=np.floor(counts + 0.5) if self.spec.whole_counts else counts,
-            times=self.spec.sample_times(),
-        )
+    def read(
+        self, turn: Callable[[slice], Array], shots: int, draws: Draws, name: str, block: int
+    ) -> EncoderRecord:
+        """Count a turn from a rest angle of any phase.
+
+        `turn` gives the true angles [rad] of some of the shots, (shot, sample), which are then
+        overwritten: a few shots at a time stay in the cache.
+        """
+        spec, per_angle = self.spec, self.scale * self.spec.counts_per_turn / tau
+        times = spec.sample_times()
+        rest = draws.uniform(f"{name}.rest", (shots, 1), block)
+        counts = np.empty((shots, times.size))
+        for first in range(0, shots, FEW):
+            part = slice(first, first + FEW)
+            angle = turn(part)
+            angle *= per_angle
+            np.add(angle, rest[part] + 0.5 if spec.whole_counts else rest[part], out=counts[part])
+            if spec.whole_counts:
+                np.floor(counts[part], out=counts[part])
+        counts.setflags(write=False)
+        return EncoderRecord(counts=counts, times=times)

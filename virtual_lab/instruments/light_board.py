@@ -178,6 +178,7 @@ class LightBoards:
             reach = passage.radius + self.trips
             write_edges(by_way[:, way], flown, start, bool(way), self._boards(passage), reach)
         records[scraps] = scrapped
+        records.setflags(write=False)
         return BoardRecord(times=records)
 
     def _sums(
@@ -206,6 +207,7 @@ class LightBoards:
         records = draws.normal(f"{name}.sums", shape, block).transpose(1, 0, 2, 3)
         for start, way, out in zip((contact, leaving), records, (False, True), strict=True):
             sum_up(way, passage.way(out=out), start, out, self._boards(passage), gains)
+        records.setflags(write=False)
         times, heights = records.transpose(1, 3, 0, 2)
         return PassageRecord(times=times, heights=heights)
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from math import ceil, comb, log
+from math import ceil, log
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["coast", "ring", "slowed", "time_to_rest", "time_to_turn", "turned"]
+__all__ = ["coasting", "ringing", "slowed", "time_to_rest", "time_to_turn", "turned"]
 
 Array = NDArray[np.float64]
 
@@ -18,7 +18,7 @@ ROOTS, DOUBLE_WEIGHTS = np.polynomial.legendre.leggauss(10)
 NODES, WEIGHTS = (1 + ROOTS) / 2, DOUBLE_WEIGHTS / 2  # on 0 to 1
 
 
-def coast(
+def coasting(
     rate: Array,
     ticks: Array,
     release: Array,
@@ -26,10 +26,11 @@ def coast(
     constant: float,
     linear: float,
     quadratic: float,
-) -> Array:
-    """Return the angle turned since release [rad], shape (shot, sample); 0 before it.
+) -> tuple[Array, Array]:
+    """Return two factors of the angle turned since release [rad], (shot, term), (term, sample).
 
-    Solves dω/dt = -(constant + linear ω + quadratic ω²) by its power series, whose
+    Their product is that angle from release on; the first term is the same at all ticks. It
+    solves dω/dt = -(constant + linear ω + quadratic ω²) by its power series, whose
     coefficients follow from each other; the series is exact to rounding while
     (linear + 2 quadratic ω) t is below about 1/4, and this is asserted.
 
@@ -54,20 +55,20 @@ def coast(
         product = np.sum([powers[i] * powers[k - i] for i in range(k + 1)], axis=0)
         slope = -(constant * (k == 0) + linear * powers[k] + quadratic * product)
         powers.append(slope / (k + 1))
-    own = [np.zeros_like(powers[0]), *(power / (k + 1) for k, power in enumerate(powers))]
+    series = np.stack([np.zeros_like(powers[0]), *powers])
+    series[1:] /= np.arange(1, len(series))[:, None]
     # about one moment for all shots the series is a product of two matrices
     middle = release.mean() if release.size else 0.0
-    shared = np.stack(_shifted(own, middle - release), axis=1)
-    angle = shared @ np.vander(ticks - middle, len(own), increasing=True).T
-    return np.where(ticks > release[:, None], angle, 0.0)
+    _shift(series, middle - release)
+    return series.T, np.vander(ticks - middle, len(series), increasing=True).T
 
 
-def _shifted(series: list[Array], by: Array) -> list[Array]:
-    """Return the coefficients of a power series about a point `by` further on."""
-    return [
-        np.asarray(sum(comb(k, j) * series[k] * by ** (k - j) for k in range(j, len(series))))
-        for j in range(len(series))
-    ]
+def _shift(series: Array, by: Array) -> None:
+    """Move the origin of power series, (power, shot), by so much further on: Horner's scheme."""
+    last = len(series) - 1
+    for first in range(last):
+        for power in range(last - 1, first - 1, -1):
+            series[power] += by * series[power + 1]
 
 
 def time_to_rest(rate: Array, *, constant: float, linear: float, quadratic: float) -> Array:
@@ -139,7 +140,7 @@ def _left(speed: Array, time: Array, *, constant: float, linear: float, quadrati
     return np.asarray(left / (1 + (linear / 2 + quadratic * speed) * way))
 
 
-def ring(
+def ringing(
     turn: Array,
     displacement: Array,
     velocity: Array,
@@ -147,10 +148,10 @@ def ring(
     damping_ratio: float,
     ticks: Array,
     release: Array,
-) -> Array:
-    """Return the decaying bending part of the angle at a section [rad], shape (shot, sample).
+) -> tuple[Array, Array]:
+    """Return two factors of the bending part of the angle at a section, which rings out [rad].
 
-    Before release it is that at release.
+    Shapes (shot, term) and (term, sample); their product is that angle from release on.
 
     Parameters
     ----------
@@ -176,6 +177,4 @@ def ring(
     middle = release.mean() if release.size else 0.0
     arrow = turn * (displacement - 1j * sine) * np.exp(-np.outer(release - middle, pace))
     turning = np.exp(np.outer(pace, ticks - middle))
-    swing = np.hstack([arrow.real, -arrow.imag]) @ np.vstack([turning.real, turning.imag])
-    begin = (turn * displacement).sum(axis=1)[:, None]
-    return np.asarray(np.where(ticks > release[:, None], swing, begin))
+    return np.hstack([arrow.real, -arrow.imag]), np.vstack([turning.real, turning.imag])

@@ -58,13 +58,17 @@ class Order:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Record:
-    """Base of all records: immutable arrays, checked against the declared axes."""
+    """Base of all records: immutable arrays, checked against the declared axes.
+
+    An array that could still be written to is copied, one that is read-only already is kept.
+    """
 
     columns: ClassVar[Mapping[str, Column]]
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            values = np.array(getattr(self, field.name), dtype=np.float64)
+            given = np.asarray(getattr(self, field.name))
+            values = np.array(given, dtype=np.float64, copy=given.flags.writeable or None)
             column = self.columns[field.name]
             if values.ndim != len(column.axes):
                 raise ValueError(f"{field.name} needs axes {column.axes}, got shape {values.shape}")

@@ -30,6 +30,7 @@ WIDEST_DECAY = 300.0  # 1/s
 STANDS_OUT = 20.0  # a ring's peak over the median of the periodogram
 MAX_STEPS = 10
 SEARCHED = 48  # shots, which tell the rings to far below what one shot's noise hides
+FEW = 32  # shots that go together: their residuals stay in the cache
 CONVERGED = 1e-5  # of a frequency or decay in units of 1/record, far below what noise hides
 COUNTING_NOISE = 1e-3  # counts; below it there are no counts and nothing to tell apart
 
@@ -54,28 +55,32 @@ def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
     if after.sum() < 20 * (DEGREE + 1 + 2 * MAX_RINGS):
         raise ValueError("the encoder record ends too soon after contact")
     tail = slice(int(after.argmax()), None)
-    times, counts = record.times[tail], record.counts[:, tail].T
+    times, counts = record.times[tail], record.counts[:, tail]
     origin, span = times[0], times[-1] - times[0]
     clock = (times - origin) / span
     # all shots ring alike, so a few of a large batch tell the frequencies
-    rings, basis = _find_rings(clock, counts[:, :SEARCHED], span)
-    coefficients, residual = _project(basis, counts)
+    rings, basis = _find_rings(clock, counts[:SEARCHED].T, span)
+    orthogonal, triangle = np.linalg.qr(basis)
+    seen, square = np.empty((contact.size, basis.shape[1])), np.empty(contact.size)
+    for first in range(0, contact.size, FEW):
+        part = slice(first, first + FEW)
+        seen[part] = counts[part] @ orthogonal
+        left = counts[part] - seen[part] @ orthogonal.T
+        square[part] = np.einsum("st,st->s", left, left)
     row = np.zeros((contact.size, basis.shape[1]))
     release = (contact + CONTACT_DURATION - origin) / span
     for power in range(1, DEGREE + 1):
         row[:, power] = power * release ** (power - 1) / span
     freedom = len(times) - basis.shape[1] - len(rings)
-    variance = (residual**2).sum(axis=0) / freedom
-    _, triangle = np.linalg.qr(basis)
-    leverage = (np.linalg.solve(triangle.T, row.T) ** 2).sum(axis=0)
+    weight = np.linalg.solve(triangle.T, row.T)
     return RateFit(
-        rate=np.einsum("sp,ps->s", row, coefficients),
-        rate_u=np.sqrt(variance * leverage),
+        rate=np.einsum("ps,sp->s", weight, seen),
+        rate_u=np.sqrt(square / freedom * (weight**2).sum(axis=0)),
         before=_rate_before(record, contact),
         angle=np.full(contact.shape, np.nan),
         ring_frequency=rings[:, 0] / span,
         ring_decay=rings[:, 1] / span,
-        residual=np.sqrt((residual**2).mean(axis=0)),
+        residual=np.sqrt(square / len(times)),
     )
 
 
@@ -119,10 +124,13 @@ def _refine(clock: Array, counts: Array, rings: Array, span: float) -> Array:
         orthogonal, triangle = np.linalg.qr(basis)
         seen = orthogonal.T @ counts
         coefficients, residual = np.linalg.solve(triangle, seen), counts - orthogonal @ seen
-        change = _changes(clock, rings, basis, coefficients)
-        change -= orthogonal @ (orthogonal.T @ change)
-        flat = change.reshape(len(change), -1)
-        step = np.linalg.lstsq(flat @ flat.T, flat @ residual.ravel(), rcond=None)[0]
+        moves = clock[:, None] * basis[:, DEGREE + 1 :]
+        moves -= orthogonal @ (orthogonal.T @ moves)
+        shares = _shares(coefficients[DEGREE + 1 :])
+        # normal equations of changes that are sums of products, a move times its shares
+        flat, between = shares.reshape(len(shares), -1), moves.T @ moves
+        matrix = flat @ np.einsum("mn,pns->pms", between, shares).reshape(flat.shape).T
+        step = np.linalg.lstsq(matrix, flat @ (moves.T @ residual).ravel(), rcond=None)[0]
         step = np.clip(step.reshape(-1, 2), [-0.5, -20.0], [0.5, 20.0])
         rings = np.clip(rings + step, 0.0, [np.inf, WIDEST_DECAY * span])
         if np.abs(step).max() < CONVERGED:
@@ -130,15 +138,18 @@ def _refine(clock: Array, counts: Array, rings: Array, span: float) -> Array:
     return rings
 
 
-def _changes(clock: Array, rings: Array, basis: Array, coefficients: Array) -> Array:
-    """Return how the fit moves with each frequency and decay, (parameter, sample, shot)."""
-    changes = []
-    for first in range(DEGREE + 1, DEGREE + 1 + 2 * len(rings), 2):
-        cosine, sine = basis[:, first : first + 2].T * clock
-        a, b = coefficients[first : first + 2]
-        changes.append(2 * np.pi * (np.outer(cosine, b) - np.outer(sine, a)))
-        changes.append(-np.outer(cosine, a) - np.outer(sine, b))
-    return np.stack(changes)
+def _shares(coefficients: Array) -> Array:
+    """Return how much of each move a frequency or a decay makes, (parameter, move, shot).
+
+    Moves are the columns of the rings times the time, (move, shot) their coefficients.
+    """
+    moves, shots = coefficients.shape
+    shares = np.zeros((moves // 2, 2, moves // 2, 2, shots))
+    ring = np.arange(moves // 2)
+    a, b = coefficients[::2], coefficients[1::2]
+    shares[ring, 0, ring] = 2 * np.pi * np.stack([b, -a], axis=1)
+    shares[ring, 1, ring] = -np.stack([a, b], axis=1)
+    return shares.reshape(moves, moves, shots)
 
 
 def _basis(clock: Array, rings: Array) -> Array:
@@ -163,7 +174,5 @@ def _rate_before(record: EncoderRecord, contact: Array) -> Array:
     before = record.times < np.nanmin(contact) - SETTLE / 3
     if before.sum() < 3:
         return np.full(contact.shape, np.nan)
-    slope, _ = np.polynomial.polynomial.polyfit(
-        record.times[before], record.counts[:, before].T, 1
-    )[::-1]
-    return np.asarray(slope)
+    since = record.times[before] - record.times[before].mean()
+    return np.asarray(record.counts[:, before] @ (since / np.sum(since**2)))
