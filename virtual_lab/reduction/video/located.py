@@ -1,0 +1,43 @@
+"""Where the ball is in each region or frame of a clip: what every way of locating it returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntFlag
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Flag", "Located"]
+
+Array = NDArray[np.float64]
+
+
+class Flag(IntFlag):
+    """What is wrong with the ball in a frame."""
+
+    NOT_FOUND = 1
+    SATURATED = 2  # pixels at full scale within the ball or at its edge
+    CLIPPED = 4  # part of the ball is out of the frame
+    OVERLAP = 8  # something else touches the ball or covers it
+    POOR_FIT = 16  # the model of the image does not hold
+    JUMP = 32  # not where its neighbours in time say
+    CONTACT = 64  # the ball is being struck: it flies neither in nor out
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Located:
+    """The ball in each region or frame, arrays of shape (region,); NaN where it was not found.
+
+    Pixels of the full frame, OpenCV's convention; `u`s are one standard uncertainty each.
+    """
+
+    x: Array
+    y: Array
+    radius: Array
+    x_u: Array
+    y_u: Array
+    blur_x: Array  # the ball's shift during the exposure, pixels
+    blur_y: Array
+    chi_square: Array  # per degree of freedom; NaN where the method has none
+    flags: NDArray[np.uint16]  # bits of `Flag`

@@ -1,0 +1,211 @@
+"""Frames out of files: video, folders of images, TIFF stacks, arrays; one at a time, grey.
+
+Frames are read in order and never kept, so a clip may be longer than the memory.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.errors import InputError
+
+if TYPE_CHECKING:
+    import cv2
+
+__all__ = ["Frame", "Source", "open_source"]
+
+Frame = NDArray[Any]  # of 8 or 16 bits without sign
+
+IMAGES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
+GREY_FORMATS = ("Y800", "Y1\0\x10")  # FFmpeg's own grey of 8 and 16 bits
+KINDS = "a video (MP4, MOV, AVI, MKV), a folder of images, a TIFF stack or a .npy array"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """Where a clip's frames come from."""
+
+    path: Path
+    declared: int  # frames the file says it holds
+    estimated: bool = False  # reckoned from the duration, not counted
+    rate: float | None = None  # frames a second the file says
+    read: Callable[[], Iterator[tuple[Frame, float]]]  # each with its own time [s], NaN: none
+
+    def frames(self) -> Iterator[tuple[Frame, float]]:
+        """Yield each frame, grey, with the file's own time stamp [s] (NaN where it has none).
+
+        Raises `InputError` where a frame has another size or depth than the first, where
+        fewer can be read than the file says it holds, or where there is none.
+        """
+        first: Frame | None = None
+        count = 0
+        for frame, stamp in self.read():
+            grey = _grey(frame, f"{self.path}: frame {count}")
+            first = grey if first is None else first
+            if (grey.shape, grey.dtype) != (first.shape, first.dtype):
+                allowed = f"the first is {_size(first)}: a clip has frames of one size and depth"
+                raise InputError(str(self.path), f"frame {count}", _size(grey), allowed)
+            count += 1
+            yield grey, stamp
+        if count == 0:
+            raise InputError(str(self.path), "frames", 0, "no frame in it can be read")
+        # an estimate may be one frame too many
+        if count < self.declared - int(self.estimated):
+            allowed = f"the file says it holds {self.declared} (is it cut short?)"
+            raise InputError(str(self.path), "frames that can be read", count, allowed)
+
+
+def open_source(path: Path) -> Source:
+    """Return the frames of a clip; `InputError` where there is none that can be read."""
+    if path.is_dir():
+        return _folder(path)
+    if not path.is_file():
+        raise InputError(str(path), "clip", None, f"no such file or folder, expected {KINDS}")
+    if path.suffix.lower() == ".npy":
+        return _array(path)
+    return _stack(path) if path.suffix.lower() in (".tif", ".tiff") else _video(path)
+
+
+def _folder(path: Path) -> Source:
+    files = [each for each in path.iterdir() if each.suffix.lower() in IMAGES]
+    files = sorted((each for each in files if not each.name.startswith(".")), key=_natural)
+    if not files:
+        raise InputError(str(path), "images", 0, f"a folder holds {', '.join(IMAGES)}")
+    if len(kinds := sorted({each.suffix.lower() for each in files})) > 1:
+        raise InputError(str(path), "images", ", ".join(kinds), "one kind of image in a folder")
+
+    def read() -> Iterator[tuple[Frame, float]]:
+        import cv2
+
+        for file in files:
+            image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+            if image is None:
+                raise InputError(str(file), "image", None, "cannot be read (is it cut short?)")
+            yield image, np.nan
+
+    return Source(path=path, declared=len(files), read=read)
+
+
+def _stack(path: Path) -> Source:
+    import cv2
+
+    pages = cv2.imcount(str(path), cv2.IMREAD_UNCHANGED)
+    if pages == 0:
+        raise InputError(str(path), "TIFF", None, "cannot be read as a stack of images")
+
+    def read(at_once: int = 8) -> Iterator[tuple[Frame, float]]:
+        for start in range(0, pages, at_once):
+            count = min(at_once, pages - start)
+            _, images = cv2.imreadmulti(
+                str(path), start=start, count=count, flags=cv2.IMREAD_UNCHANGED
+            )
+            for image in images:
+                yield image, np.nan
+
+    return Source(path=path, declared=pages, read=read)
+
+
+def _array(path: Path) -> Source:
+    try:
+        whole = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (ValueError, OSError, EOFError) as fault:
+        why = f"cannot be read as an array (is it cut short?): {fault}"
+        raise InputError(str(path), "array", None, why) from fault
+    shape, dtype, offset = whole.shape, whole.dtype, getattr(whole, "offset", 0)
+    if whole.ndim not in {3, 4} or not whole.flags.c_contiguous:
+        allowed = "expected (frame, row, column) or (frame, row, column, colour) in C order"
+        raise InputError(str(path), "array", f"shape {shape}", allowed)
+    del whole
+    size = int(np.prod(shape[1:]))
+
+    def read() -> Iterator[tuple[Frame, float]]:
+        # pages of a mapped file would count as memory of this process
+        for index in range(shape[0]):
+            start = offset + index * size * dtype.itemsize
+            yield np.fromfile(path, dtype, size, offset=start).reshape(shape[1:]), np.nan
+
+    return Source(path=path, declared=shape[0], read=read)
+
+
+def _video(path: Path) -> Source:
+    import cv2
+
+    capture = _open(path)
+    declared = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
+    rate = float(capture.get(cv2.CAP_PROP_FPS))
+    capture.release()
+    if declared == 0:
+        raise InputError(str(path), "frames", 0, "no frame in it can be read")
+
+    def read() -> Iterator[tuple[Frame, float]]:
+        capture = _open(path)
+        if _pixel_format(capture) in GREY_FORMATS:
+            capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)  # else 16 bits are cut to 8
+        try:
+            while True:
+                good, frame = capture.read()
+                if not good:
+                    return
+                yield frame, capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
+        finally:
+            capture.release()
+
+    return Source(
+        path=path,
+        declared=max(declared, 0),
+        estimated=path.suffix.lower() in {".mkv", ".webm"},
+        rate=rate if np.isfinite(rate) and rate > 0 else None,
+        read=read,
+    )
+
+
+def _open(path: Path) -> cv2.VideoCapture:
+    import cv2
+
+    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    if not capture.isOpened():
+        allowed = f"cannot be opened (cut short, or no clip?), expected {KINDS}"
+        raise InputError(str(path), "video", None, allowed)
+    return capture
+
+
+def _pixel_format(capture: cv2.VideoCapture) -> str:
+    import cv2
+
+    code = int(capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT))
+    return code.to_bytes(4, "little").decode("latin-1")
+
+
+def _grey(frame: Frame, where: str) -> Frame:
+    """Return a frame as grey of its own depth."""
+    import cv2
+
+    if frame.dtype not in (np.uint8, np.uint16):
+        raise InputError(where, "depth", str(frame.dtype), "expected 8 or 16 bits without sign")
+    if frame.size == 0:
+        raise InputError(where, "shape", str(frame.shape), "a frame has at least one pixel")
+    if frame.ndim == 2:
+        return frame
+    if frame.ndim == 3 and frame.shape[2] == 1:
+        return frame[..., 0]
+    if frame.ndim == 3 and frame.shape[2] in {3, 4}:
+        code = cv2.COLOR_BGR2GRAY if frame.shape[2] == 3 else cv2.COLOR_BGRA2GRAY
+        return cv2.cvtColor(frame, code)
+    raise InputError(where, "shape", str(frame.shape), "expected grey, 3 colours or 4 channels")
+
+
+def _natural(path: Path) -> list[tuple[int, str]]:
+    """Return a key that sorts image9 before image10."""
+    parts = re.split(r"(\d+)", path.name.lower())
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
+
+
+def _size(frame: Frame) -> str:
+    return f"{frame.shape[1]} x {frame.shape[0]} of {8 * frame.dtype.itemsize} bits"
