@@ -41,3 +41,5 @@ class Located:
     blur_y: Array
     chi_square: Array  # per degree of freedom; NaN where the method has none
     flags: NDArray[np.uint16]  # bits of `Flag`
+    # what the ball's own pattern may shift it by, alike in neighbouring frames [pixels]
+    pattern_u: Array | None = None

@@ -1,0 +1,90 @@
+"""From pixels to metres in the plane the ball moves in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.errors import InputError
+from virtual_lab.reduction.video.calibration_file import CameraModel, ClipCalibration
+from virtual_lab.reduction.video.located import Located
+
+__all__ = ["Plane", "plane_of"]
+
+Array = NDArray[np.float64]
+
+RADIUS_U = 0.05  # pixels, of a plain ball's radius: the model of its edge
+RIM = 3.0  # a pattern's effect on the radius over that on the place: rims are darker all round
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plane:
+    """What a picture measures."""
+
+    places: Array  # (frame, 2) [m]
+    metres_per_pixel: float  # at the ball's middle place
+    relative_u: float  # standard uncertainty of every length
+    source: str  # what sets the scale
+
+
+def plane_of(found: Located, calibration: ClipCalibration, where: str) -> Plane:
+    """Return a ball's places in metres.
+
+    A calibrated camera goes before metres_per_pixel, that before the ball's diameter.
+    """
+    pixels = np.stack([found.x, found.y], axis=1)
+    if calibration.camera:
+        places = _on_plane(pixels, calibration.camera, calibration.ball_diameter_m)
+        middle = np.nanmedian(pixels, axis=0)
+        around = middle + np.array([[-0.5, 0.0], [0.5, 0.0], [0.0, -0.5], [0.0, 0.5]])
+        left, right, up, down = _on_plane(around, calibration.camera, None)
+        scale = float(np.sqrt(abs(np.linalg.det([right - left, down - up]))))
+        return Plane(
+            places=places,
+            metres_per_pixel=scale,
+            relative_u=calibration.camera.relative_scale_u,
+            source="camera",
+        )
+    if calibration.metres_per_pixel:
+        scale = calibration.metres_per_pixel
+        relative = calibration.metres_per_pixel_u / scale
+        return Plane(
+            places=pixels * scale, metres_per_pixel=scale, relative_u=relative, source="file"
+        )
+    diameter = calibration.ball_diameter_m
+    whole = found.flags == 0
+    if diameter is None or not whole.any():
+        allowed = "no frame shows the whole ball well, and nothing else sets the scale"
+        raise InputError(where, "scale", None, allowed)
+    radius = float(np.median(found.radius[whole]))
+    pattern = 0.0 if found.pattern_u is None else float(np.median(found.pattern_u[whole]))
+    scale = diameter / (2 * radius)
+    radius_u = np.hypot(RADIUS_U, RIM * pattern)
+    relative = float(np.hypot(calibration.ball_diameter_m_u / diameter, radius_u / radius))
+    return Plane(places=pixels * scale, metres_per_pixel=scale, relative_u=relative, source="ball")
+
+
+def _on_plane(pixels: Array, camera: CameraModel, diameter: float | None) -> Array:
+    """Return where the rays of pixels meet the ball's plane, (n, 2) [m].
+
+    A sphere's picture is an ellipse whose centre lies farther out than the centre's own picture,
+    by 1 / (1 - r²/Z²): with the diameter known this is undone.
+    """
+    import cv2
+
+    matrix, distortion = np.array(camera.matrix), np.array(camera.distortion)
+    good = np.isfinite(pixels).all(axis=1)
+    rays = np.full((len(pixels), 3), np.nan)
+    undistorted = cv2.undistortPoints(pixels[good].reshape(-1, 1, 2), matrix, distortion)
+    rays[good] = np.concatenate([undistorted[:, 0], np.ones((int(good.sum()), 1))], axis=1)
+    rotation = cv2.Rodrigues(np.array(camera.rotation))[0]
+    shift = np.array(camera.translation_m)
+    eye = -rotation.T @ shift
+    if diameter:
+        depth = float((rotation @ [0, 0, camera.plane_height_m] + shift)[2])
+        rays[:, :2] *= 1 - (diameter / 2 / depth) ** 2
+    world = rays @ rotation
+    reach = (camera.plane_height_m - eye[2]) / world[:, 2]
+    return np.asarray((eye + reach[:, None] * world)[:, :2])

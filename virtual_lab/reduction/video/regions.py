@@ -1,0 +1,55 @@
+"""Small pictures about the ball, and what takes them to its place: a `Locator`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.reduction.video.clip import Clip
+from virtual_lab.reduction.video.located import Located
+from virtual_lab.reduction.video.reading import Frame
+
+__all__ = ["Locator", "Regions", "cut_regions"]
+
+Array = NDArray[np.float64]
+
+MARGIN = 16.0  # pixels of background about the ball
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Regions:
+    """Pictures of the ball and of what is behind it, both (region, row, col) [DN]."""
+
+    pixels: Frame
+    background: NDArray[np.float32]
+    corners: Array  # (region, 2): x, y of each first pixel in the frame
+
+
+class Locator(Protocol):
+    """Where the ball is in each region, from where it is to a tenth of its radius or so."""
+
+    def __call__(self, clip: Clip, seen: Regions, start: Located) -> Located:
+        """Return the ball's places in the full frame."""
+        ...
+
+
+def cut_regions(frames: list[Frame], background: NDArray[np.float32], start: Located) -> Regions:
+    """Return one square region about the ball of each frame.
+
+    A region that would leave the frame is moved back into it: the frame's edge cuts the ball.
+    """
+    rows, columns = background.shape
+    blur = np.hypot(start.blur_x, start.blur_y)
+    half = float(np.nanmax(1.1 * start.radius + blur / 2)) + MARGIN
+    side = min(2 * int(np.ceil(half)) + 1, rows, columns)
+    left = np.clip(np.round(start.x - side / 2 + 0.5), 0, columns - side).astype(int)
+    top = np.clip(np.round(start.y - side / 2 + 0.5), 0, rows - side).astype(int)
+    places = [np.s_[y : y + side, x : x + side] for x, y in zip(left, top, strict=True)]
+    return Regions(
+        pixels=np.stack([frame[place] for frame, place in zip(frames, places, strict=True)]),
+        background=np.stack([background[place] for place in places]),
+        corners=np.stack([left, top], axis=1).astype(float),
+    )

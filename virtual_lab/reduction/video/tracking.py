@@ -1,0 +1,211 @@
+"""A clip to speeds: found, located, linked, fitted; what `virtual-lab track` runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.errors import InputError
+from virtual_lab.reduction.video.background import (
+    Image,
+    first_background,
+    light_ball,
+    uncovered_mean,
+)
+from virtual_lab.reduction.video.calibration_file import ClipCalibration
+from virtual_lab.reduction.video.clip import Clip, open_clip
+from virtual_lab.reduction.video.finding import HALVINGS, LEAST_RADIUS, Finder, finder
+from virtual_lab.reduction.video.legs import Legs, Places, split
+from virtual_lab.reduction.video.lines import Air
+from virtual_lab.reduction.video.linking import Found, ball_track
+from virtual_lab.reduction.video.located import Flag, Located
+from virtual_lab.reduction.video.plane import Plane, plane_of
+from virtual_lab.reduction.video.reading import Frame
+from virtual_lab.reduction.video.regions import Locator, cut_regions
+from virtual_lab.reduction.video.starting import starts
+
+__all__ = ["Tracked", "track"]
+
+Array = NDArray[np.float64]
+
+NAMES = tuple(field.name for field in fields(Located))
+AT_ONCE = 32  # frames kept in memory
+LEAST = 3  # frames that locate the ball
+USELESS = Flag.NOT_FOUND | Flag.CLIPPED | Flag.OVERLAP | Flag.POOR_FIT
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tracked:
+    """A ball followed through a clip; arrays over the frames that show it, (frame,)."""
+
+    clip: Clip
+    frames: NDArray[np.intp]  # their numbers
+    located: Located
+    plane: Plane
+    legs: Legs
+    exposure: float  # [s]
+    background: Image
+
+    @property
+    def times(self) -> Array:
+        """Time of each frame [s]."""
+        return self.clip.times[self.frames]
+
+
+def track(
+    path: Path,
+    calibration: ClipCalibration,
+    locator: Locator,
+    *,
+    say: Callable[[str], None] = lambda _: None,
+) -> Tracked:
+    """Return the way of the ball in a clip.
+
+    Parameters
+    ----------
+    path
+        The clip.
+    calibration
+        What is known of it.
+    locator
+        What takes a region to the ball's place in it.
+    say
+        Told what is under way.
+
+    Raises
+    ------
+    InputError
+        A clip that cannot be read, no ball, two balls, too few frames of it.
+    """
+    say(f"reading {path}")
+    clip = open_clip(path, calibration)
+    background = first_background(clip.samples, light=light_ball(clip.samples))
+    expected = _expected_radius(calibration)
+    say("looking for the ball")
+    found, halvings = _find(clip, background, expected)
+    seeker = finder(background, clip.samples, clip.full_scale, halvings)
+    background = _bare(clip, background, seeker)
+    frames = np.array(list(found), dtype=np.intp)
+    start, exposure = starts(clip, background, found, calibration.exposure_s)
+    say(f"locating the ball in {len(frames)} frames")
+    located = _locate(clip, frames, background, start, locator)
+    good = (located.flags & USELESS) == 0
+    if good.sum() < LEAST:
+        allowed = f"at least {LEAST} frames must show it whole and round"
+        raise InputError(str(path), "frames that locate the ball", int(good.sum()), allowed)
+    plane = plane_of(located, calibration, str(path))
+    scale = plane.metres_per_pixel
+    places = np.where(good[:, None], plane.places, np.nan)
+    pattern = 0.0 if located.pattern_u is None else float(np.nanmedian(located.pattern_u[good]))
+    legs = split(
+        Places(
+            t=clip.times[frames],
+            places=places,
+            u=scale * np.hypot(located.x_u, located.y_u) / np.sqrt(2),
+            pattern_u=scale * pattern,
+            exposure=exposure,
+        ),
+        Air(
+            drag=calibration.drag_per_m,
+            drag_u=calibration.drag_per_m_u,
+            gravity=calibration.gravity_mps2,
+        ),
+        stamped=calibration.timestamps is not None,
+    )
+    flags = located.flags.copy()
+    flags[legs.wild] |= np.uint16(Flag.JUMP)
+    flags[legs.struck] |= np.uint16(Flag.CONTACT)
+    for frame in legs.stepped:
+        flags[frame] |= np.uint16(Flag.JUMP)
+    return Tracked(
+        clip=clip,
+        frames=frames,
+        located=replace(located, flags=flags),
+        plane=plane,
+        legs=legs,
+        exposure=exposure,
+        background=background,
+    )
+
+
+def _expected_radius(calibration: ClipCalibration) -> float | None:
+    """Return the ball's radius in the picture where the scale is known [pixels]."""
+    diameter, scale = calibration.ball_diameter_m, calibration.metres_per_pixel
+    if not diameter:
+        return None
+    if scale:
+        return diameter / 2 / scale
+    if camera := calibration.camera:
+        far = abs(camera.translation_m[2] - camera.plane_height_m)
+        return diameter / 2 * camera.matrix[0][0] / far if far else None
+    return None
+
+
+def _find(clip: Clip, background: Image, expected: float | None) -> tuple[Found, int]:
+    """Return the ball's spots and how often frames were halved: finer until it is found."""
+    coarsest = HALVINGS
+    while coarsest and expected and expected / 2**coarsest < LEAST_RADIUS:
+        coarsest -= 1
+    for halvings in range(coarsest, -1, -1):
+        seeker = finder(background, clip.samples, clip.full_scale, halvings)
+        spots = [seeker.spots(frame) for frame in clip.frames()]
+        try:
+            return ball_track(spots, str(clip.source.path), expected), halvings
+        except InputError as fault:
+            if halvings == 0 or fault.key != "ball":
+                raise
+    raise AssertionError("the last round returns or raises")
+
+
+def _bare(clip: Clip, first: Image, seeker: Finder) -> Image:
+    """Return the background without anything that moved."""
+    reach = 2.0 * 2**seeker.halvings
+    covered = [
+        [
+            (spot.x, spot.y, 1.15 * spot.radius + np.hypot(spot.blur_x, spot.blur_y) / 2 + reach)
+            for spot in seeker.spots(sample)
+        ]
+        for sample in clip.samples
+    ]
+    return uncovered_mean(clip.samples, first, covered)
+
+
+def _locate(
+    clip: Clip, frames: NDArray[np.intp], background: Image, start: Located, locator: Locator
+) -> Located:
+    """Return the ball's places, region by region, so many at a time."""
+    parts: list[Located] = []
+    waiting: list[Frame] = []
+
+    def done() -> None:
+        first = sum(len(part.x) for part in parts)
+        some = _part(start, slice(first, first + len(waiting)))
+        parts.append(locator(clip, cut_regions(waiting, background, some), some))
+        waiting.clear()
+
+    for _, frame in clip.chosen(frames):
+        waiting.append(frame)
+        if len(waiting) == AT_ONCE:
+            done()
+    if waiting:
+        done()
+    whole: dict[str, Any] = {name: _together(parts, name) for name in NAMES}
+    return Located(**whole)
+
+
+def _part(start: Located, some: slice) -> Located:
+    given: dict[str, Any] = {name: getattr(start, name) for name in NAMES}
+    cut: dict[str, Any] = {
+        name: each if each is None else each[some] for name, each in given.items()
+    }
+    return Located(**cut)
+
+
+def _together(parts: list[Located], name: str) -> Any:
+    values = [getattr(part, name) for part in parts]
+    return None if values[0] is None else np.concatenate(values)
