@@ -14,6 +14,7 @@ from virtual_lab.cli.fidelity import chart, stability
 from virtual_lab.cli.percussion import percussion
 from virtual_lab.cli.shelf import compare, fit_bat, list_, profile, show
 from virtual_lab.cli.study import bias, convergence, coverage, critique, daily, faults, sensitivity
+from virtual_lab.cli.track import track
 from virtual_lab.errors import InputError
 
 __all__ = ["main"]
@@ -99,5 +100,6 @@ for command in (
     chart,
     stability,
     daily,
+    track,
 ):
     cli.add_command(command)

@@ -1,0 +1,91 @@
+"""The command that measures a user's own clip."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from pathlib import Path
+
+import click
+
+from virtual_lab.cli.shared import json_option, print_json, teller
+from virtual_lab.errors import InputError
+
+__all__ = ["track"]
+
+
+@click.command()
+@click.argument("clip", type=click.Path(path_type=Path))
+@click.option(
+    "--calibration",
+    type=click.Path(path_type=Path),
+    help="TOML file: metres_per_pixel, frames_per_second, exposure_s, timestamps, …",
+)
+@click.option("--ball", metavar="73mm", help="The ball's diameter, in mm, cm, m or in.")
+@click.option("--quick", is_flag=True, help="OpenCV alone, not refined.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="New folder for track, result, plot, contact sheet and film  [default: CLIP-track]",
+)
+@json_option
+def track(
+    clip: Path,
+    calibration: Path | None,
+    ball: str | None,
+    quick: bool,
+    out: Path | None,
+    as_json: bool,
+) -> None:
+    """Follow the ball through CLIP: speeds before and after a contact, restitution, track.
+
+    CLIP is a video (MP4, MOV, AVI, MKV), a folder of images, a TIFF stack or a .npy array.
+    """
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # its faults are told as ours
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+    from virtual_lab.folder import check_new_folder, first_free, new_folder
+    from virtual_lab.reduction.video.calibration_file import read_calibration
+    from virtual_lab.reduction.video.locators import locator
+    from virtual_lab.reduction.video.speeds import document, speeds
+    from virtual_lab.reduction.video.tracking import track as run
+    from virtual_lab.report.track_film import write_film, write_sheet
+    from virtual_lab.report.track_plot import draw_track
+    from virtual_lab.report.track_text import track_text, write_table
+
+    out = out or first_free(clip.with_name(f"{clip.stem}-track"))
+    check_new_folder(out)
+    known = read_calibration(calibration, ball_diameter=_diameter(ball) if ball else None)
+    say = teller()
+    tracked = run(clip, known, locator(quick=quick), say=say)
+    found = speeds(tracked, known)
+    result = document(tracked, found)
+    say("drawing")
+    with new_folder(out) as folder:
+        write_table(tracked, folder / "track.csv")
+        (folder / "result.json").write_text(json.dumps(result, indent=2, allow_nan=False) + "\n")
+        draw_track(tracked, found, folder / "track.png")
+        write_sheet(tracked, folder / "sheet.png")
+        write_film(tracked, folder / "track.webp")
+    if as_json:
+        print_json(result)
+    else:
+        click.echo(f"{track_text(tracked, found)}\n\n{out}")
+
+
+def _diameter(text: str) -> float:
+    """Return a length in metres from "73mm", "7.3 cm", "2.875in"."""
+    from virtual_lab.units import to_si
+
+    units = ("mm", "cm", "m", "in")
+    match = re.fullmatch(r"\s*([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*([a-z]+)\s*", text)
+    allowed = f"expected a diameter with its unit ({', '.join(units)}), e.g. 73mm"
+    if not match or match[2] not in units:
+        raise InputError("", "--ball", text, allowed)
+    try:
+        diameter = to_si(float(match[1]), match[2], "length")
+    except ValueError as fault:
+        raise InputError("", "--ball", text, allowed) from fault
+    if not 0 < diameter < 10:
+        raise InputError("", "--ball", text, "expected a ball's diameter")
+    return diameter
