@@ -73,7 +73,7 @@ class Film:
         """Frames since the contact."""
         return np.arange(self.count) - self.before
 
-    def places(self) -> tuple[Array, Array]:
+    def places(self) -> tuple[Array, ...]:
         """Return the true centres."""
         t = self.t
         before = t < 0

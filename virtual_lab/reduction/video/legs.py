@@ -111,13 +111,14 @@ def _legs(seen: Places, air: Air) -> Legs:
         first = _clear(seen, air, first & ~during, moment)
         second = _clear(seen, air, second & ~during, moment)
     flight_in, flight_out = (_fit(seen, air, each, moment) for each in (first, second))
+    between = (seen.t > seen.t[first].max()) & (seen.t < seen.t[second].min())
     return Legs(
         flight_in=flight_in,
         flight_out=flight_out,
         used_in=first,
         used_out=second,
-        wild=wild,
-        struck=usable & ~wild & ~first & ~second,
+        wild=wild & ~between,
+        struck=usable & between,
         lost={},
         stepped={},
     )
