@@ -17,9 +17,7 @@ from virtual_lab.streams import Draws
 __all__ = ["CATALOGUE", "Day"]
 
 CATALOGUE: Mapping[str, Fault] = {
-    kind.name: kind()
-    for module in (gates, machines, desk)
-    for kind in (getattr(module, each) for each in module.__all__)
+    fault.name: fault for module in (gates, machines, desk) for fault in module.FAULTS
 }
 
 

@@ -10,26 +10,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from virtual_lab.estimate import Estimate
-from virtual_lab.faults.fault import Sound, altered, edited
+from virtual_lab.faults.fault import Fault, Sound, altered, edited
 from virtual_lab.records import Record
 from virtual_lab.rig import Order, Play, Specimen, Stage, Station
 from virtual_lab.streams import Draws
 from virtual_lab.units import DEGREE, OUNCE
 
-__all__ = [
-    "BalanceFromKnob",
-    "BallMassTyped",
-    "BallOutOfRound",
-    "BallWornOut",
-    "BatCracked",
-    "BatOuncesAsGrams",
-    "ClampForgotten",
-    "OuncesAsGrams",
-    "PendulumWide",
-    "RecordsSwapped",
-    "ScaleNotTared",
-    "WrongLot",
-]
+__all__ = ["FAULTS"]
 
 Records = Mapping[str, Record]
 GRAM = 1e-3  # kg
@@ -50,40 +37,20 @@ class ScaleNotTared(Sound):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BallMassTyped(Sound):
-    """The balls' masses were entered with two digits transposed, 5.152 oz for 5.125 oz."""
+class Misread(Sound):
+    """Every reading of a channel of the bench was entered as so many times itself."""
 
-    name: ClassVar[str] = "ball-mass-typed"
-    typed: float = 5.152 / 5.125
-
-    def records(
-        self, stage: Stage, station: Station, order: Order, play: Play, draws: Draws
-    ) -> Records:
-        return _read(play, "ball-mass", self.typed) if stage is Stage.BENCH else play.records
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OuncesAsGrams(Sound):
-    """The scale showed ounces when the balls were weighed; they were entered as grams."""
-
-    name: ClassVar[str] = "ounces-as-grams"
+    name: str
+    channel: str
+    factor: float
 
     def records(
         self, stage: Stage, station: Station, order: Order, play: Play, draws: Draws
     ) -> Records:
-        return _read(play, "ball-mass", GRAM / OUNCE) if stage is Stage.BENCH else play.records
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BatOuncesAsGrams(Sound):
-    """The scale showed ounces when the bat was weighed; they were entered as grams."""
-
-    name: ClassVar[str] = "bat-ounces-as-grams"
-
-    def records(
-        self, stage: Stage, station: Station, order: Order, play: Play, draws: Draws
-    ) -> Records:
-        return _read(play, "bat-mass", GRAM / OUNCE) if stage is Stage.BENCH else play.records
+        if stage is not Stage.BENCH:
+            return play.records
+        readings = _readings(play, self.channel) * self.factor
+        return edited(play, self.channel, readings=readings)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -240,6 +207,19 @@ def _readings(play: Play, channel: str) -> Any:
     return record.readings
 
 
-def _read(play: Play, channel: str, factor: float) -> Records:
-    """Return the records with every reading of a channel entered as so many times itself."""
-    return edited(play, channel, readings=_readings(play, channel) * factor)
+FAULTS: tuple[Fault, ...] = (
+    BalanceFromKnob(),
+    # two digits transposed: 5.152 oz for 5.125 oz
+    Misread(name="ball-mass-typed", channel="ball-mass", factor=5.152 / 5.125),
+    BallOutOfRound(),
+    BallWornOut(),
+    BatCracked(),
+    ClampForgotten(),
+    # the scale showed ounces, and they were entered as grams
+    Misread(name="ounces-as-grams", channel="ball-mass", factor=GRAM / OUNCE),
+    Misread(name="bat-ounces-as-grams", channel="bat-mass", factor=GRAM / OUNCE),
+    PendulumWide(),
+    RecordsSwapped(),
+    ScaleNotTared(),
+    WrongLot(),
+)

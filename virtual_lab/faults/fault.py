@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,9 +51,7 @@ class Fault(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sound:
-    """A sound day, and the base of the faults: each overrides the hooks it needs."""
-
-    name: ClassVar[str]
+    """A sound day, and the base of the faults: each has a name and the hooks it needs."""
 
     def station(self, stage: Stage, station: Station) -> Station:
         return station

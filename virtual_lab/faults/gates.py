@@ -9,19 +9,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.faults.fault import Sound, altered, edited, some
+from virtual_lab.faults.fault import Fault, Sound, altered, edited, some
 from virtual_lab.records import BoardRecord, Record
 from virtual_lab.rig import Order, Play, Stage, Station
 from virtual_lab.streams import Draws
 
-__all__ = [
-    "GateClock",
-    "GateDoubles",
-    "GateMisses",
-    "GateMoved",
-    "SabotTrip",
-    "WallDrift",
-]
+__all__ = ["FAULTS"]
 
 Records = Mapping[str, Record]
 Array = NDArray[np.float64]
@@ -146,3 +139,13 @@ def _gates(station: Station) -> Any:
 def _times(play: Play) -> Array:
     record: Any = play.records["gates"]
     return np.asarray(record.times)
+
+
+FAULTS: tuple[Fault, ...] = (
+    GateClock(),
+    GateDoubles(),
+    GateMisses(),
+    GateMoved(),
+    SabotTrip(),
+    WallDrift(),
+)

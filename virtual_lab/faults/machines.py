@@ -9,23 +9,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from virtual_lab.faults.fault import Sound, altered, edited, some
+from virtual_lab.faults.fault import Fault, Sound, altered, edited, some
 from virtual_lab.records import Record
 from virtual_lab.rig import Order, Play, Stage, Station
 from virtual_lab.streams import Draws
 from virtual_lab.units import INCH, MPH
 
-__all__ = [
-    "AimAcross",
-    "AimAlong",
-    "BatNotAtRest",
-    "BearingFriction",
-    "CannonSlow",
-    "EncoderHalfCounts",
-    "EncoderPlay",
-    "EncoderSlip",
-    "PivotOff",
-]
+__all__ = ["FAULTS"]
 
 Records = Mapping[str, Record]
 
@@ -178,3 +168,16 @@ def _of(station: Station, part: str) -> Any:
 
 def _encoded(play: Play) -> Any:
     return play.records["encoder"]
+
+
+FAULTS: tuple[Fault, ...] = (
+    AimAcross(),
+    AimAlong(),
+    BatNotAtRest(),
+    BearingFriction(),
+    CannonSlow(),
+    EncoderHalfCounts(),
+    EncoderPlay(),
+    EncoderSlip(),
+    PivotOff(),
+)
