@@ -65,7 +65,7 @@ def test_states_are_told_apart() -> None:
 
 
 def test_text_and_files(rows: list[dict[str, Any]], tmp_path: Path) -> None:
-    text = maps.maps_text(rows)
+    text = maps.text(rows)
     assert text.count(maps.SHIPPED) == len(maps.AXES)
     assert "(X)" in text
     maps.save(rows, tmp_path / "maps")

@@ -82,7 +82,7 @@ def test_the_share_missed_is_what_is_jumped(speed: float, step: float) -> None:
 
 
 def test_text_and_files(rows: list[Row], tmp_path: Path) -> None:
-    text = chart.chart_text(rows)
+    text = chart.text(rows)
     assert len(text.splitlines()) == len(rows) + 1
     assert "None" not in text
     json.dumps(rows, allow_nan=False)

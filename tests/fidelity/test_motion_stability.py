@@ -54,7 +54,7 @@ def test_pymunk_alone_is_refused_nothing_and_wrong_in_places(rows: list[Row]) ->
 
 
 def test_text_and_files(rows: list[Row], tmp_path: Path) -> None:
-    text = maps.maps_text(rows)
+    text = maps.text(rows)
     assert text.count(maps.RUNG) == text.count(maps.ALONE) == len(maps.AXES)
     assert "(.)" in text
     json.dumps(rows, allow_nan=False)

@@ -40,10 +40,11 @@ from virtual_lab.folder import new_folder
 from virtual_lab.physics.modes import modes_of
 from virtual_lab.physics.supports import Free
 from virtual_lab.report.chart_page import chart_page
+from virtual_lab.report.text import table_text
 from virtual_lab.specs import BallSpec, BatBody
 from virtual_lab.units import INCH, MPH
 
-__all__ = ["measure", "save"]
+__all__ = ["measure", "save", "text"]
 
 Array = NDArray[np.float64]
 Efficiency = Callable[[Scenes], Array]
@@ -111,6 +112,11 @@ def save(rows: list[dict[str, Any]], folder: Path) -> None:
         figure.savefig(draft / "collision.png")
         page = chart_page(TITLE, WORDS, figure, rows)
         (draft / "collision.html").write_text(page, encoding="utf-8")
+
+
+def text(rows: list[dict[str, Any]]) -> str:
+    """Return the rows as a table."""
+    return table_text(rows)
 
 
 def _models(body: BatBody) -> Iterator[tuple[str, str, Efficiency]]:

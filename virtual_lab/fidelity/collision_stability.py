@@ -31,7 +31,7 @@ from virtual_lab.report.text import table_text
 from virtual_lab.specs import BallSpec
 from virtual_lab.units import INCH, MPH
 
-__all__ = ["maps_text", "measure", "save"]
+__all__ = ["measure", "save", "text"]
 
 Array = NDArray[np.float64]
 Marked = NDArray[np.bool_]
@@ -122,7 +122,7 @@ def save(rows: list[dict[str, Any]], folder: Path) -> None:
         _draw(rows, draft / "stability.png")
 
 
-def maps_text(rows: list[dict[str, Any]]) -> str:
+def text(rows: list[dict[str, Any]]) -> str:
     """Return a table a map for a terminal, the states by their marks."""
     key = ", ".join(f"{mark} {state}" for state, mark in MARKS.items())
     parts = [f"down, steps over the default's; {key}; in brackets refused, and what it would be"]

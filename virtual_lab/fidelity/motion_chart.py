@@ -40,7 +40,7 @@ from virtual_lab.report.text import table_text
 from virtual_lab.specs import BallSpec, Profile
 from virtual_lab.units import INCH
 
-__all__ = ["chart_text", "measure", "rod", "save", "scene_of"]
+__all__ = ["measure", "rod", "save", "scene_of", "text"]
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -100,7 +100,7 @@ def save(rows: list[Row], folder: Path) -> None:
         (draft / "motion.html").write_text(page, encoding="utf-8")
 
 
-def chart_text(rows: list[Row]) -> str:
+def text(rows: list[Row]) -> str:
     """Return the rows as a table for a terminal."""
     return table_text([{k: "" if v is None else v for k, v in row.items()} for row in rows])
 

@@ -27,7 +27,7 @@ from virtual_lab.motion.settings import Settings
 from virtual_lab.report.text import table_text
 from virtual_lab.units import INCH, MPH
 
-__all__ = ["maps_text", "measure", "save"]
+__all__ = ["measure", "save", "text"]
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -76,7 +76,7 @@ def save(rows: list[Row], folder: Path) -> None:
         _draw(rows, draft / "stability.png")
 
 
-def maps_text(rows: list[Row]) -> str:
+def text(rows: list[Row]) -> str:
     """Return a table a map for a terminal, the states by their marks."""
     key = ", ".join(f"{mark} {state}" for state, mark in MARKS.items())
     parts = [f"down, steps [s]; {key}; in brackets refused, and what it would be"]
