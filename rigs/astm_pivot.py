@@ -20,7 +20,7 @@ from virtual_lab.collision.scene import CollisionModel, Collisions, Scenes
 from virtual_lab.estimate import Estimate
 from virtual_lab.flights import at_rest
 from virtual_lab.impact import contact_angle, error_free, scenes_of, struck, thrown_back
-from virtual_lab.instruments import Instrument, Rung, calibration_of, errors_of
+from virtual_lab.instruments import Instrument, Outfitter, Rung, calibration_of, errors_of
 from virtual_lab.instruments.air import Air, AirSpec
 from virtual_lab.instruments.cannon import Cannon, CannonSpec
 from virtual_lab.instruments.encoder import Encoder, EncoderSpec
@@ -97,22 +97,17 @@ class AstmPivot:
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> AstmPivotStation:
         spec = catalog.load("rigs", self.name, AstmPivotSpec).spec
-        cannon = catalog.load("instruments", spec.cannon, CannonSpec).spec
-        gates = catalog.load("instruments", spec.gates, LightGateSpec).spec
-        encoder = catalog.load("instruments", spec.encoder, EncoderSpec).spec
-        air = catalog.load("instruments", spec.air, AirSpec).spec
-        pivot = spec.pivot
-        if ideal:
-            cannon, gates, encoder = cannon.ideal(), gates.ideal(), encoder.ideal()
-            air, pivot = air.ideal(), pivot.ideal()
+        outfitter = Outfitter(draws=draws, ideal=ideal)
+        fit = outfitter.commission
+        pivot = outfitter.as_asked(spec.pivot)
         misplaced = pivot.place_u * float(draws.normal("astm-pivot.pivot.errors"))
         return AstmPivotStation(
             pivot=pivot,
             pivot_from_knob=pivot.from_knob + misplaced,
-            cannon=Cannon.commission(cannon, draws, "astm-pivot.cannon"),
-            gates=LightGates.commission(gates, draws, "astm-pivot.gates"),
-            encoder=Encoder.commission(encoder, draws, "astm-pivot.encoder"),
-            air=Air.commission(air, draws, "hall.air"),
+            cannon=fit(Cannon.commission, CannonSpec, spec.cannon, "astm-pivot.cannon"),
+            gates=fit(LightGates.commission, LightGateSpec, spec.gates, "astm-pivot.gates"),
+            encoder=fit(Encoder.commission, EncoderSpec, spec.encoder, "astm-pivot.encoder"),
+            air=fit(Air.commission, AirSpec, spec.air, "hall.air"),
             gravity=0.0 if ideal else STANDARD_GRAVITY,
         )
 

@@ -16,7 +16,7 @@ from virtual_lab import catalog
 from virtual_lab.estimate import Estimate
 from virtual_lab.flights import at_rest
 from virtual_lab.impact import contact_angle, error_free, scenes_of, struck, thrown_back
-from virtual_lab.instruments import Instrument, calibration_of, errors_of
+from virtual_lab.instruments import Instrument, Outfitter, calibration_of, errors_of
 from virtual_lab.instruments.air import Air, AirSpec
 from virtual_lab.instruments.cannon import Cannon, CannonSpec
 from virtual_lab.instruments.holder import Holder, HolderSpec
@@ -56,17 +56,14 @@ class BallCannon:
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> BallCannonStation:
         spec = catalog.load("rigs", self.name, BallCannonSpec).spec
-        cannon = catalog.load("instruments", spec.cannon, CannonSpec).spec
-        gates = catalog.load("instruments", spec.gates, LightBoardSpec).spec
-        air = catalog.load("instruments", spec.air, AirSpec).spec
-        holder = spec.holder
-        if ideal:
-            cannon, gates, air, holder = cannon.ideal(), gates.ideal(), air.ideal(), holder.ideal()
+        outfitter = Outfitter(draws=draws, ideal=ideal)
+        fit = outfitter.commission
+        holder = outfitter.as_asked(spec.holder)
         return BallCannonStation(
             holder=Holder.commission(holder, draws, "ball-cannon.holder"),
-            cannon=Cannon.commission(cannon, draws, "ball-cannon.cannon"),
-            gates=LightBoards.commission(gates, draws, "ball-cannon.gates"),
-            air=Air.commission(air, draws, "hall.air"),
+            cannon=fit(Cannon.commission, CannonSpec, spec.cannon, "ball-cannon.cannon"),
+            gates=fit(LightBoards.commission, LightBoardSpec, spec.gates, "ball-cannon.gates"),
+            air=fit(Air.commission, AirSpec, spec.air, "hall.air"),
         )
 
 

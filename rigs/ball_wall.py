@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from virtual_lab import catalog
 from virtual_lab.estimate import Estimate
-from virtual_lab.instruments import Instrument, calibration_of, errors_of
+from virtual_lab.instruments import Instrument, Outfitter, calibration_of, errors_of
 from virtual_lab.instruments.air import Air, AirSpec
 from virtual_lab.instruments.cannon import Cannon, CannonSpec
 from virtual_lab.instruments.light_gate import LightGates, LightGateSpec
@@ -54,15 +54,12 @@ class BallWall:
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> BallWallStation:
         spec = catalog.load("rigs", self.name, BallWallSpec).spec
-        cannon = catalog.load("instruments", spec.cannon, CannonSpec).spec
-        gates = catalog.load("instruments", spec.gates, LightGateSpec).spec
-        air = catalog.load("instruments", spec.air, AirSpec).spec
-        if ideal:
-            cannon, gates, air = cannon.ideal(), gates.ideal(), air.ideal()
+        outfitter = Outfitter(draws=draws, ideal=ideal)
+        fit = outfitter.commission
         return BallWallStation(
-            cannon=Cannon.commission(cannon, draws, "ball-wall.cannon"),
-            gates=LightGates.commission(gates, draws, "ball-wall.gates"),
-            air=Air.commission(air, draws, "hall.air"),
+            cannon=fit(Cannon.commission, CannonSpec, spec.cannon, "ball-wall.cannon"),
+            gates=fit(LightGates.commission, LightGateSpec, spec.gates, "ball-wall.gates"),
+            air=fit(Air.commission, AirSpec, spec.air, "hall.air"),
             rest=spec.rest,
             wall_restitution=spec.wall_restitution,
             ideal=ideal,

@@ -11,7 +11,7 @@ from annotated_types import Gt
 
 from virtual_lab import catalog
 from virtual_lab.estimate import Estimate
-from virtual_lab.instruments import Instrument, calibration_of, errors_of
+from virtual_lab.instruments import Instrument, Outfitter, calibration_of, errors_of
 from virtual_lab.instruments.pendulum import Pendulum, PendulumSpec
 from virtual_lab.instruments.rule import Rule, RuleSpec
 from virtual_lab.instruments.scale import Scale, ScaleSpec
@@ -60,23 +60,14 @@ class Bench:
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> BenchStation:
         spec = catalog.load("rigs", self.name, BenchSpec).spec
-        scale = catalog.load("instruments", spec.scale, ScaleSpec).spec
-        rule = catalog.load("instruments", spec.rule, RuleSpec).spec
-        stand = catalog.load("instruments", spec.stand, RuleSpec).spec
-        pendulum = catalog.load("instruments", spec.pendulum, PendulumSpec).spec
-        if ideal:
-            scale, rule, stand, pendulum = (
-                scale.ideal(),
-                rule.ideal(),
-                stand.ideal(),
-                pendulum.ideal(),
-            )
+        outfitter = Outfitter(draws=draws, ideal=ideal)
+        fit = outfitter.commission
         return BenchStation(
             spec=spec,
-            scale=Scale.commission(scale, draws, "bench.scale"),
-            rule=Rule.commission(rule, draws, "bench.rule"),
-            stand=Rule.commission(stand, draws, "bench.stand"),
-            pendulum=Pendulum.commission(pendulum, draws, "bench.pendulum"),
+            scale=fit(Scale.commission, ScaleSpec, spec.scale, "bench.scale"),
+            rule=fit(Rule.commission, RuleSpec, spec.rule, "bench.rule"),
+            stand=fit(Rule.commission, RuleSpec, spec.stand, "bench.stand"),
+            pendulum=fit(Pendulum.commission, PendulumSpec, spec.pendulum, "bench.pendulum"),
         )
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from virtual_lab import catalog
 from virtual_lab.estimate import Estimate
 from virtual_lab.impact import contact_angle, error_free, scenes_of, struck, thrown_back
-from virtual_lab.instruments import Instrument, Rung, calibration_of, errors_of
+from virtual_lab.instruments import Instrument, Outfitter, Rung, calibration_of, errors_of
 from virtual_lab.instruments.air import Air, AirSpec
 from virtual_lab.instruments.cannon import Cannon, CannonSpec
 from virtual_lab.instruments.encoder import Encoder, EncoderSpec
@@ -94,21 +94,16 @@ class NcaaSwing:
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> NcaaSwingStation:
         spec = catalog.load("rigs", self.name, NcaaSwingSpec).spec
-        cannon = catalog.load("instruments", spec.cannon, CannonSpec).spec
-        gates = catalog.load("instruments", spec.gates, LightBoardSpec).spec
-        encoder = catalog.load("instruments", spec.encoder, EncoderSpec).spec
-        air = catalog.load("instruments", spec.air, AirSpec).spec
-        holder, drive = spec.holder, spec.drive
-        if ideal:
-            cannon, gates, encoder = cannon.ideal(), gates.ideal(), encoder.ideal()
-            air, holder, drive = air.ideal(), holder.ideal(), drive.ideal()
+        outfitter = Outfitter(draws=draws, ideal=ideal)
+        fit = outfitter.commission
+        holder, drive = outfitter.as_asked(spec.holder), outfitter.as_asked(spec.drive)
         return NcaaSwingStation(
             drive=drive,
             holder=Holder.commission(holder, draws, "ncaa-swing.holder"),
-            cannon=Cannon.commission(cannon, draws, "ncaa-swing.cannon"),
-            gates=LightBoards.commission(gates, draws, "ncaa-swing.gates"),
-            encoder=Encoder.commission(encoder, draws, "ncaa-swing.encoder"),
-            air=Air.commission(air, draws, "hall.air"),
+            cannon=fit(Cannon.commission, CannonSpec, spec.cannon, "ncaa-swing.cannon"),
+            gates=fit(LightBoards.commission, LightBoardSpec, spec.gates, "ncaa-swing.gates"),
+            encoder=fit(Encoder.commission, EncoderSpec, spec.encoder, "ncaa-swing.encoder"),
+            air=fit(Air.commission, AirSpec, spec.air, "hall.air"),
         )
 
 

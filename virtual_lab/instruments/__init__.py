@@ -7,13 +7,16 @@ laboratory knows, ``errors()`` what really is, and a verb of its own writes raw 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol
+from typing import Protocol, Self, TypeVar
 
+from virtual_lab import catalog
 from virtual_lab.estimate import Estimate
+from virtual_lab.streams import Draws
 
-__all__ = ["Instrument", "Rung", "calibration_of", "errors_of"]
+__all__ = ["Instrument", "Outfitter", "Rung", "calibration_of", "errors_of"]
 
 
 class Rung(Enum):
@@ -28,6 +31,35 @@ class Instrument(Protocol):
 
     def calibration(self) -> Mapping[str, Estimate]: ...
     def errors(self) -> Mapping[str, float]: ...
+
+
+class Sheet(Protocol):
+    """A spec that knows what it would be without errors."""
+
+    def ideal(self) -> Self: ...
+
+
+S = TypeVar("S", bound=Sheet)
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outfitter:
+    """What fits out a laboratory's rig: its random numbers, and whether all is `ideal`."""
+
+    draws: Draws
+    ideal: bool
+
+    def as_asked(self, spec: S) -> S:
+        """Return a spec, or what it would be without errors."""
+        return spec.ideal() if self.ideal else spec
+
+    def commission(
+        self, make: Callable[[S, Draws, str], T], kind: type[S], sheet: str, name: str
+    ) -> T:
+        """Return an instrument of the catalog's `sheet`, its errors drawn under `name`."""
+        spec = catalog.load("instruments", sheet, kind).spec
+        return make(self.as_asked(spec), self.draws, name)
 
 
 def calibration_of(instruments: Mapping[str, Instrument]) -> dict[str, Estimate]:
