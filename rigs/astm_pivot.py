@@ -270,11 +270,10 @@ class AstmPivotStation:
         shots[:, 0] += start
         if self.encoder.spec.sees_ring:
             bends = slice(modes.rigid, None)
-            state = (own[:, bends] for own in (turn, moved, moving))
+            state = turn[:, bends], moved[:, bends], moving[:, bends]
             frequencies = modes.angular_frequencies[bends]
             rings, ring_at_ticks = ringing(*state, frequencies, body.damping_ratio, ticks, leaving)
-            shots = np.hstack([shots, rings])
-            at_ticks = np.vstack([at_ticks, ring_at_ticks])
+            shots, at_ticks = np.hstack([shots, rings]), np.vstack([at_ticks, ring_at_ticks])
             start = (moved * turn).sum(axis=1)
 
         def angle(part: slice) -> Array:

@@ -144,19 +144,19 @@ class NcaaSwingStation:
         axis = body.length - self.holder.from_knob
         # the ball flies at a set distance from the axis and meets a slanting bat farther out
         abreast = axis - order.place - launch.along
-        lever = abreast / np.cos(swing.angle)
+        cosine, sine = np.cos(swing.angle), np.sin(swing.angle)
+        lever = abreast / cosine
         bat_speed = swing.rate * lever
         across = launch.across - self.holder.height
         tilt = contact_angle(specimen, axis - lever, across)
-        closing = launch.speed * np.cos(swing.angle) + bat_speed
+        closing = launch.speed * cosine + bat_speed
         e0 = balls.draw_hits(order.ball, closing, draws, "ncaa-swing.hit", block)
         scenes = scenes_of(specimen, order.ball, axis - lever, closing * np.cos(tilt), e0)
         efficiency, contact_time = struck(
             specimen, order.rung, scenes, self.holder.from_knob, self.holder.spec.from_knob
         )
         square, up = thrown_back(efficiency, tilt, closing, bat_speed)
-        slide = launch.speed * np.sin(swing.angle)
-        back = square * np.cos(swing.angle) - slide * np.sin(swing.angle)
+        back = square * cosine - launch.speed * sine**2
         passage = Passage(
             speed_in=launch.speed,
             speed_out=back,
@@ -166,7 +166,7 @@ class NcaaSwingStation:
             height=launch.across,
             slope_in=launch.slope,
             slope_out=up,
-            plane=abreast * np.tan(swing.angle),
+            plane=lever * sine,
         )
         contact = self.gates.arrival(passage)
         leaving = contact + contact_time

@@ -74,7 +74,7 @@ def thrown_back(
     with e_A of the speed across it.
     """
     back = relative_speed * np.asarray(efficiency_off_axis(efficiency, tilt)) + bat_speed
-    up = relative_speed * (1 + efficiency) * np.cos(tilt) * np.sin(tilt)
+    up = relative_speed * (1 + efficiency) * np.sin(2 * tilt) / 2
     return back, np.asarray(up / np.where(back == 0, np.nan, back))
 
 

@@ -74,7 +74,7 @@ class Box:
             stiffness=float(scenes.stiffness[0]),
             exponent=float(scenes.exponent[0]),
         )
-        box.unit(scenes)
+        box.require_law(scenes)
         return box
 
     def holds(self, other: Box) -> bool:
@@ -117,11 +117,7 @@ class Box:
 
         Raises `InputError` where a scene lies outside or is of another ball.
         """
-        for law in ("stiffness", "exponent"):
-            values = getattr(scenes, law)
-            if not np.all(values == getattr(self, law)):
-                other = values[values != getattr(self, law)][0]
-                raise InputError("surrogate", law, other, f"built for {getattr(self, law):g}")
+        self.require_law(scenes)
         rows = []
         for axis in AXES:
             low, high = getattr(self, axis)
@@ -133,6 +129,14 @@ class Box:
                 raise InputError("surrogate", axis, bad, f"allowed: {low:g} to {high:g}, its box")
             rows.append(_to_unit(axis, np.clip(values, low, high), low, high))
         return np.stack(rows)
+
+    def require_law(self, scenes: Scenes) -> None:
+        """Raise `InputError` where a scene is of another ball."""
+        for law in ("stiffness", "exponent"):
+            values = getattr(scenes, law)
+            if not np.all(values == getattr(self, law)):
+                other = values[values != getattr(self, law)][0]
+                raise InputError("surrogate", law, other, f"built for {getattr(self, law):g}")
 
     def scenes(self, unit: Floats) -> Scenes:
         """Return the scenes at places of the box, shape (4, n), the inverse of `unit`."""

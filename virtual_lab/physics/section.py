@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,4 +61,9 @@ def section(body: BatBody, z: Floats) -> Section:
 
 
 def _between_stations(profile: Profile, values: tuple[float, ...], z: Floats) -> Floats:
-    return np.asarray(PchipInterpolator(np.array(profile.z), np.array(values))(z))
+    return np.asarray(_interpolant(profile.z, values)(z))
+
+
+@lru_cache(maxsize=16)
+def _interpolant(z: tuple[float, ...], values: tuple[float, ...]) -> PchipInterpolator:
+    return PchipInterpolator(np.array(z), np.array(values))

@@ -183,15 +183,16 @@ def shot_results(
     mass = balls.mass[..., readings.ball]
     seen = flights(x, "impact", readings.passages, drag_of(x, mass))
     abreast = bat.length - x["impact.pivot.from_knob"] - readings.place - _along(x)
-    swing_rate, slant = 0 * abreast, 0 * abreast
+    swing_rate, slant = np.zeros(()), np.zeros(())
     if readings.swing:
         swing_rate = _turn(x, "swing", readings.swing.rate * x["impact.gates.clock"])
         slant = _turn(x, "swing", readings.swing.angle)
     # the ball flies abreast of the axis at a set distance and meets a slanting bat farther out
-    lever = abreast / np.cos(slant)
+    cosine = np.cos(slant)
+    lever = abreast / cosine
     bat_speed = lever * swing_rate
-    relative_speed = seen.speed_in * np.cos(slant) + bat_speed
-    rate = 0 * lever + np.nan
+    relative_speed = seen.speed_in * cosine + bat_speed
+    rate = np.array(np.nan)
     if readings.recoil:
         rate = _turn(x, "encoder", readings.recoil.rate * x["impact.gates.clock"])
     sine = _sine_square(x, bat, seen)
@@ -201,7 +202,7 @@ def shot_results(
         return np.asarray((efficiency + sine) / (1 - sine))
 
     # along the bat a smooth ball keeps its speed, across it comes back
-    across = (seen.speed_out + seen.speed_in * np.sin(slant) ** 2) / np.cos(slant)
+    across = (seen.speed_out + seen.speed_in * (1 - cosine**2)) / cosine
     rebound = squarely((across - bat_speed) / relative_speed)
     turning = parallel_axis(bat.inertia_cm, bat.mass, _axis(x, bat) - bat.z_cm)
     momentum = rebound_speed_from_recoil(turning, rate, mass, lever, seen.speed_in)

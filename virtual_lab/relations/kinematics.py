@@ -155,5 +155,5 @@ def efficiency_off_axis(e_A: Floats, angle: Floats) -> Floats:
     surface stays, so the component back along the line of flight is
     ``e_A cos^2 - sin^2``.
     """
-    seen: Floats = e_A * np.cos(angle) ** 2 - np.sin(angle) ** 2
+    seen: Floats = e_A - (1 + e_A) * np.sin(angle) ** 2
     return seen
