@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from virtual_lab.instruments.camera.spec import BallLook
+from virtual_lab.relations.pinhole import rotation
 
 __all__ = ["Light", "Seen", "axes_of", "render_balls"]
 
@@ -158,16 +159,9 @@ def render_balls(
     return Seen(cover=out[:, 0], radiance=out[:, 1])
 
 
-def axes_of(rotation: ArrayLike) -> Array:
+def axes_of(turn: ArrayLike) -> Array:
     """Return a ball's axes, (…, 3, 3), after rotation vectors (…, 3) [rad] from the camera's."""
-    vector = np.asarray(rotation, dtype=np.float64)
-    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
-    x, y, z = np.moveaxis(vector, -1, 0)
-    zero = np.zeros_like(x)
-    skew = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*x.shape, 3, 3)
-    # sin(a)/a and (1 - cos(a))/a^2, whole at 0
-    first, second = np.sinc(angle / np.pi), np.sinc(angle / (2 * np.pi)) ** 2 / 2
-    return np.asarray(np.eye(3) - first * skew + second * (skew @ skew))
+    return np.swapaxes(rotation(turn), -1, -2)
 
 
 def _circles(radius: Array) -> Array:
