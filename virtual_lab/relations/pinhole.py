@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["distorted", "projected", "rotation"]
+__all__ = ["distorted", "projected", "rotation", "rotation_vector"]
 
 Array = NDArray[np.float64]
 
@@ -61,3 +61,10 @@ def rotation(vector: ArrayLike) -> Array:
     # sin(a)/a and (1 - cos(a))/a^2, whole at 0
     first, second = np.sinc(angle / np.pi), np.sinc(angle / (2 * np.pi)) ** 2 / 2
     return np.asarray(np.eye(3) + first * skew + second * (skew @ skew))
+
+
+def rotation_vector(matrix: ArrayLike) -> Array:
+    """Return the rotation vector (3,) [rad] of one rotation matrix, of an angle up to π."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_matrix(np.asarray(matrix)).as_rotvec())

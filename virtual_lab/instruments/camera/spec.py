@@ -171,6 +171,13 @@ class CameraSpec(Spec):
     light: LightSpec
     ball: BallLook
     empty_frames: Count  # taken before the shots, for their background
+    frames_in: Count  # kept of those before contact
+    frames_out: Count  # and of those after it
+    window: Count  # side of what is kept of each frame [px]
+
+    def __post_init__(self) -> None:
+        if self.window > min(self.sensor.rows, self.sensor.columns):
+            raise ValueError(f"a window of {self.window} px does not fit the sensor")
 
     @property
     def blur(self) -> float:
