@@ -21,7 +21,7 @@ NOISES = 6.0  # of the picture searched: what differs by less is nothing
 LEAST_STEP = 0.012  # of full scale, likewise: faint shadows
 HALF = 0.45  # of a spot's own contrast: what is brighter is its inside
 MOST = 8  # spots looked at in a frame, the largest
-FILLED = (0.72, 1.25)  # of the area that a blurred disc of its moments would have
+FILLED = (0.82, 1.12)  # of the area that an ellipse of its moments would have
 GRID = 8  # every eighth pixel tells how bright the light is
 
 
@@ -35,7 +35,7 @@ class Spot:
     blur_x: float  # by how much longer that is than its width
     blur_y: float
     contrast: float  # lighter than the background: above 0 [DN]
-    round: bool  # the area fits a disc that moved straight
+    round: bool  # the area fits its moments: no frame, no crescent
     cut: bool  # touches the frame's edge
 
 
@@ -89,7 +89,6 @@ class Finder:
         turned = atan2(2 * xy, xx - yy) / 2
         radius = 2 * sqrt(max(short, 1e-3))
         blur = sqrt(12 * max(0.0, long - short))
-        full = pi * radius**2 + 2 * radius * blur
         scale = 2**self.halvings
         x = left + moments["m10"] / area
         y = top + moments["m01"] / area
@@ -102,7 +101,7 @@ class Finder:
             blur_x=blur * cos(turned) * scale,
             blur_y=blur * sin(turned) * scale,
             contrast=peak if lighter else -peak,
-            round=FILLED[0] < area / full < FILLED[1],
+            round=FILLED[0] < area / (4 * pi * sqrt(short * long)) < FILLED[1],
             cut=left == 0 or top == 0 or left + wide == columns or top + high == rows,
         )
 

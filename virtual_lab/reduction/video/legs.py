@@ -92,7 +92,7 @@ def _legs(seen: Places, air: Air) -> Legs:
         wild |= far
     if not second.any():
         moment = float(seen.t[first].max())
-        flight = _fit(seen, air, first, moment)
+        flight = _fit(seen, air, first, moment, rough=False)
         none = np.zeros_like(wild)
         return Legs(
             flight_in=flight,
@@ -110,7 +110,8 @@ def _legs(seen: Places, air: Air) -> Legs:
         during = np.abs(seen.t - moment) <= seen.exposure / 2
         first = _clear(seen, air, first & ~during, moment)
         second = _clear(seen, air, second & ~during, moment)
-    flight_in, flight_out = (_fit(seen, air, each, moment) for each in (first, second))
+    flights = (_fit(seen, air, each, moment, rough=False) for each in (first, second))
+    flight_in, flight_out = flights
     between = (seen.t > seen.t[first].max()) & (seen.t < seen.t[second].min())
     return Legs(
         flight_in=flight_in,
@@ -233,6 +234,6 @@ def _step(
     return k, float(size), u, float(speed)
 
 
-def _fit(seen: Places, air: Air, used: Mask, moment: float) -> Flight:
+def _fit(seen: Places, air: Air, used: Mask, moment: float, *, rough: bool = True) -> Flight:
     part = seen.of(used)
-    return fit_flight(part.t, part.places, part.u, part.pattern_u, air, moment)
+    return fit_flight(part.t, part.places, part.u, part.pattern_u, air, moment, rough=rough)

@@ -20,7 +20,7 @@ __all__ = ["Air", "Flight", "fit_flight", "straight"]
 Array = NDArray[np.float64]
 
 LAGS = np.geomspace(0.02, 30, 24)  # of the time a flight is seen: how slow a pattern may be
-NEIGHBOURS = 3  # lags on either side of the likeliest that are taken as possible
+ODDS = 10.0  # residuals that show this much less than a pattern should are still its own
 NORMAL_95 = 1.959964
 
 
@@ -62,7 +62,14 @@ def straight(t: Array, places: Array, air: Air) -> Array:
 
 
 def fit_flight(
-    t: Array, places: Array, u: Array, pattern_u: float, air: Air, moment: float
+    t: Array,
+    places: Array,
+    u: Array,
+    pattern_u: float,
+    air: Air,
+    moment: float,
+    *,
+    rough: bool = False,
 ) -> Flight:
     """Return the straight flight through places, told for a moment.
 
@@ -78,6 +85,8 @@ def fit_flight(
         The same from the ball's pattern [m].
     moment
         Time that place and velocity are told for, of the contact [s].
+    rough
+        The uncertainty is that of the residuals' scatter alone: quick, for a search.
     """
     tau = t - moment
     level = straight(tau, places, air)
@@ -90,7 +99,12 @@ def fit_flight(
         solver = np.linalg.pinv(design * weight[:, None]) * weight
         place, velocity = solver @ level
     residuals = level - design @ np.stack([place, velocity])
-    covariance, chi_square = _covariance(t, residuals, u, pattern_u, design, solver)
+    noise = (solver * u**2) @ solver.T
+    spare = max(len(t) - 2, 1)
+    chi_square = float(np.sum((residuals / u[:, None]) ** 2)) / (2 * spare)
+    covariance = noise * max(1.0, chi_square)
+    if not rough:
+        covariance = noise + _pattern(t, residuals, u, pattern_u, design, solver, noise)
     distance = abs(float(np.mean(way))) * float(np.hypot(*velocity))
     return Flight(
         time=moment,
@@ -104,32 +118,37 @@ def fit_flight(
     )
 
 
-def _covariance(
-    t: Array, residuals: Array, u: Array, pattern_u: float, design: Array, solver: Array
-) -> tuple[Array, float]:
-    """Return the covariance of place and velocity, and χ² of noise alone per degree of freedom."""
-    count = len(t)
-    noise = (solver * u**2) @ solver.T
-    spare = count - 2
+def _pattern(
+    t: Array,
+    residuals: Array,
+    u: Array,
+    pattern_u: float,
+    design: Array,
+    solver: Array,
+    noise: Array,
+) -> Array:
+    """Return the covariance of place and velocity that the ball's pattern adds to noise's."""
+    count, spare = len(t), len(t) - 2
     if spare < 1:
-        return noise + pattern_u**2 * solver @ solver.T, float("nan")
-    chi_square = float(np.sum((residuals / u[:, None]) ** 2)) / (2 * spare)
+        return pattern_u**2 * solver @ solver.T
     excess = float(np.sum(residuals**2 - u[:, None] ** 2 * spare / count)) / (2 * spare)
+    if excess <= 0 and pattern_u == 0:
+        return np.zeros((2, 2))
     left = np.eye(count) - design @ solver
-    span = float(np.ptp(t))
+    shown = left.T @ left
     seen, slow = [], []
-    for lag in LAGS * span:
+    for lag in LAGS * float(np.ptp(t)):
         like = np.exp(-0.5 * ((t[:, None] - t) / lag) ** 2)
-        seen.append(float(np.trace(left @ like @ left.T)) / spare)
+        seen.append(float((shown * like).sum()) / spare)
         slow.append(solver @ like @ solver.T)
     # what the residuals show beyond noise the pattern may have made, or something unknown
     power = max(pattern_u**2, excess / seen[0])
-    if excess <= 0 and pattern_u == 0:
-        return noise, chi_square
-    likely = int(np.argmin(np.abs(power * np.array(seen) - max(excess, 0.0))))
-    near = slow[max(0, likely - NEIGHBOURS) : likely + NEIGHBOURS + 1]
-    worst = max(near, key=lambda each: float(each[1, 1]))
-    covariance = noise + power * worst
-    if excess > pattern_u**2:  # told by few residuals, and by nothing else
-        covariance = covariance * (float(stdtrit(2 * spare, 0.975)) / NORMAL_95) ** 2
-    return covariance, chi_square
+    # a slow pattern shows little in the residuals of one flight, by chance still less
+    most = ODDS * max(excess, float(np.mean(u**2)) / np.sqrt(spare))
+    possible = [each for each, part in zip(slow, seen, strict=True) if power * part <= most]
+    worst = max(possible or slow[:1], key=lambda each: float(each[1, 1]))
+    if excess <= pattern_u**2:
+        return np.asarray(power * worst)
+    # told by few residuals, and by nothing else
+    wide = (float(stdtrit(2 * spare, 0.975)) / NORMAL_95) ** 2
+    return np.asarray(wide * (noise + power * worst) - noise)

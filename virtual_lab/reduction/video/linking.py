@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field
 from math import hypot, log
 
@@ -137,7 +138,23 @@ def _is_ball(track: Track, radius: float | None) -> bool:
     travel = max(
         hypot(last.x - first.x, last.y - first.y), hypot(middle.x - first.x, middle.y - first.y)
     )
-    return sum(spot.round for spot in whole) >= ROUND * len(whole) and travel > TRAVEL * own
+    long = sorted(hypot(spot.blur_x, spot.blur_y) for spot in whole)[len(whole) // 2]
+    step = sorted(_steps(track))[len(track.found) // 2]
+    return (
+        sum(spot.round for spot in whole) >= ROUND * len(whole)
+        and travel > TRAVEL * own
+        and long < own + STEADY * step
+    )
+
+
+def _steps(track: Track) -> list[float]:
+    """Return how far a thing moved a frame, the first twice."""
+    seen = list(track.found.items())
+    steps = [
+        hypot(two.x - one.x, two.y - one.y) / (after - before)
+        for (before, one), (after, two) in itertools.pairwise(seen)
+    ]
+    return [steps[0], *steps]
 
 
 def _alike(one: Track, other: Track) -> bool:

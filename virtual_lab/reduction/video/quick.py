@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 
 TRIED = 5  # regions on which the width of the edge is found
 PLAIN = 0.03  # of the contrast: a ball whose brightness scatters less has no pattern
+GENEROUS = 1.2  # a shift's own harmonic is a little stronger than the next ones
 LEAST_NOISE = 12**-0.5  # DN, of whole grey values
 FLICKER = 1.4  # the most that the light is believed to change from frame to frame
 OFF = 0.03  # of the radius: rays farther off than this show no round edge
@@ -165,4 +166,4 @@ def _shared(pattern: Array, flags: NDArray[np.uint16]) -> Array:
     """Return one standard uncertainty for all: few harmonics say little of one frame."""
     good = np.isfinite(pattern) & (flags == 0)
     power = float(np.mean(pattern[good])) if good.any() else np.nan
-    return np.where(np.isfinite(pattern), np.sqrt(max(power, 0.0)), np.nan)
+    return np.where(np.isfinite(pattern), GENEROUS * np.sqrt(max(power, 0.0)), np.nan)
