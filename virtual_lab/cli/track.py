@@ -23,7 +23,6 @@ __all__ = ["track"]
     help="TOML file: metres_per_pixel, frames_per_second, exposure_s, timestamps, …",
 )
 @click.option("--ball", metavar="73mm", help="The ball's diameter, in mm, cm, m or in.")
-@click.option("--quick", is_flag=True, help="OpenCV alone, not refined.")
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
@@ -34,7 +33,6 @@ def track(
     clip: Path,
     calibration: Path | None,
     ball: str | None,
-    quick: bool,
     out: Path | None,
     as_json: bool,
 ) -> None:
@@ -46,7 +44,7 @@ def track(
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     from virtual_lab.folder import check_new_folder, first_free, new_folder
     from virtual_lab.reduction.video.calibration_file import read_calibration
-    from virtual_lab.reduction.video.locators import locator
+    from virtual_lab.reduction.video.quick import quick
     from virtual_lab.reduction.video.speeds import document, speeds
     from virtual_lab.reduction.video.tracking import track as run
     from virtual_lab.report.track_film import write_film, write_sheet
@@ -57,7 +55,7 @@ def track(
     check_new_folder(out)
     known = read_calibration(calibration, ball_diameter=_diameter(ball) if ball else None)
     say = teller()
-    tracked = run(clip, known, locator(quick=quick), say=say)
+    tracked = run(clip, known, quick, say=say)
     found = speeds(tracked, known)
     result = document(tracked, found)
     say("drawing")
