@@ -9,7 +9,6 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.records.clip import ClipRecord, TrackRecord
 from virtual_lab.records.record import Column, Order, Record
 
 __all__ = [
@@ -217,8 +216,6 @@ RECORD_TYPES: Mapping[str, type[Record]] = {
     "passages": PassageRecord,
     "rates": RateRecord,
     "encoder": EncoderRecord,
-    "clip": ClipRecord,
-    "track": TrackRecord,
     "aim-marks": AimMarks,
     "shot-log": ShotLog,
 }
