@@ -1,0 +1,118 @@
+"""The noise of a camera's pixels, as EMVA 1288 has it: variance as a function of the mean.
+
+V(mu) = K (mu - black) + (prnu (mu - black))^2 + read, in grey values squared: photons, unlike
+pixels, and what is there in the dark, the rounding to whole grey values included.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from virtual_lab.errors import InputError
+
+__all__ = ["ROUNDING", "Noise"]
+
+Array = NDArray[np.float64]
+ROUNDING = 1 / 12  # DN^2, of whole grey values
+STEPS = 24  # bins of brightness in which a camera's noise is found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Noise:
+    """What a camera adds to a picture; every grey value in DN.
+
+    Raises
+    ------
+    InputError
+        A figure is negative, or the dark is as bright as full scale.
+    """
+
+    gain: float  # K [DN/e]
+    read: float  # variance in the dark: dark current, reading, rounding [DN^2]
+    black: float = 0.0  # grey value of no light [DN]
+    prnu: float = 0.0  # relative spread of the pixels' gains
+    full_scale: float = np.inf  # highest grey value [DN]
+
+    def __post_init__(self) -> None:
+        for name in ("gain", "prnu"):
+            if not getattr(self, name) >= 0:
+                raise InputError("noise", name, getattr(self, name), "allowed: 0 or more")
+        if not self.read > 0:
+            raise InputError("noise", "read", self.read, "allowed: above 0 DN^2")
+        if not self.black < self.full_scale:
+            raise InputError("noise", "black", self.black, "allowed: below full_scale")
+
+    @property
+    def figures(self) -> Array:
+        """The figures in the kernels' order, (5,)."""
+        return np.array([self.gain, self.read, self.black, self.prnu, self.full_scale])
+
+    def variance(self, mean: ArrayLike) -> Array:
+        """Return the variance of pixels of some mean grey values, same shape [DN^2]."""
+        light = np.maximum(np.asarray(mean, float) - self.black, 0.0)
+        return self.gain * light + (self.prnu * light) ** 2 + self.read
+
+    @classmethod
+    def measured(
+        cls, frames: NDArray[np.generic], *, black: float = 0.0, full_scale: float | None = None
+    ) -> Self:
+        """Return the noise of frames of a still scene, by the photon-transfer method.
+
+        Parameters
+        ----------
+        frames
+            (frame, row, col), two or more, of one scene without the ball.
+        black
+            Grey value of no light [DN].
+        full_scale
+            Highest grey value [DN]; taken from the type of integer frames.
+
+        Differences of successive frames show the noise in time alone: `prnu` is 0. What moves in
+        a few pixels, and flicker, which moves all alike, are left out.
+
+        Raises
+        ------
+        InputError
+            Fewer than two frames.
+        """
+        if frames.ndim != 3 or frames.shape[0] < 2:
+            raise InputError("noise", "frames", frames.shape, "allowed: (frame, row, col), >= 2")
+        if full_scale is None:
+            bits = 8 * frames.dtype.itemsize
+            full_scale = 2.0**bits - 1 if frames.dtype.kind == "u" else np.inf
+        first, second = frames[:-1].astype(float), frames[1:].astype(float)
+        mean = ((first + second) / 2).ravel()
+        change = second - first
+        change = (change - np.median(change, axis=(1, 2), keepdims=True)).ravel()
+        kept = mean < 0.97 * full_scale
+        mean, change = mean[kept] - black, change[kept]
+        order = np.argsort(mean, kind="stable")
+        levels, variances = [], []
+        for bin_ in np.array_split(order, min(STEPS, max(1, order.size // 400))):
+            spread = _spread(change[bin_])
+            levels.append(mean[bin_].mean())
+            variances.append(max(spread**2 / 2, ROUNDING))
+        gain, read = _line(np.array(levels), np.array(variances))
+        return cls(gain=gain, read=read, black=black, full_scale=full_scale)
+
+
+def _spread(change: Array) -> float:
+    """Return the standard deviation of the middle of a sample: mends what rounding makes coarse."""
+    middle = np.abs(change) <= max(4 * np.median(np.abs(change)) / 0.6745, 3.0)
+    return float(change[middle].std())
+
+
+def _line(levels: Array, variances: Array) -> tuple[float, float]:
+    """Return slope and intercept of variance over level, neither less than there can be."""
+    from scipy.optimize import nnls
+
+    weights = 1 / variances  # a variance's own spread goes with it
+    if np.ptp(levels) < 0.1 * max(levels.max(), 1.0):  # one level tells one of the two
+        return max(float(np.mean(variances) - ROUNDING) / max(levels.mean(), 1.0), 0.0), ROUNDING
+    design = np.stack([np.maximum(levels, 0.0), np.ones_like(levels)], axis=1) * weights[:, None]
+    gain, rest = nnls(design, (variances - ROUNDING) * weights)[0]
+    return float(gain), float(rest) + ROUNDING
