@@ -17,8 +17,8 @@ Image = NDArray[np.uint8]
 
 TILES = (4, 3)  # columns and rows of the sheet
 TILE = 400  # pixels, the width of one
-FILM = 720  # the greatest width of the film
-FRAMES = 120  # of the film, at most
+FILM = 640  # the greatest width of the film
+FRAMES = 80  # of the film, at most
 SHIFT = 4  # binary places below a pixel
 PLAYED = 60  # ms a frame
 INTO, OUT, LEFT = (178, 114, 0), (0, 94, 213), (150, 150, 150)  # blue, green, red

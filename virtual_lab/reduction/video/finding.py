@@ -20,6 +20,7 @@ LEAST_RADIUS = 3.0  # of a ball in the picture that is searched [pixels]
 NOISES = 6.0  # of the picture searched: what differs by less is nothing
 LEAST_STEP = 0.012  # of full scale, likewise: faint shadows
 HALF = 0.45  # of a spot's own contrast: what is brighter is its inside
+SHADED = 0.3  # of a spot's core darker than that: more shows light from one side
 MOST = 8  # spots looked at in a frame, the largest
 FILLED = (0.82, 1.12)  # of the area that an ellipse of its moments would have
 GRID = 8  # every eighth pixel tells how bright the light is
@@ -80,8 +81,11 @@ class Finder:
         values = off[place][mine]
         bright = int(0.9 * len(values))
         peak = float(np.partition(values, bright)[bright])
-        inside = (mine & (off[place] > HALF * peak)).view(np.uint8)
-        moments = cv2.moments(inside, binaryImage=True)
+        inside = mine & (off[place] > HALF * peak)
+        core = cv2.erode(mine.view(np.uint8), np.ones((3, 3), np.uint8)).view(bool)
+        if (core & ~inside).sum() > SHADED * core.sum():
+            inside = mine  # a shaded side is the ball's too
+        moments = cv2.moments(inside.view(np.uint8), binaryImage=True)
         area = moments["m00"]
         xx, yy, xy = (moments[key] / area for key in ("mu20", "mu02", "mu11"))
         apart = hypot((xx - yy) / 2, xy)

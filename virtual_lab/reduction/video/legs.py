@@ -21,6 +21,7 @@ Mask = NDArray[np.bool_]
 LEAST = 3  # frames of a flight
 WILD = 8.0  # robust standard deviations of the residuals: a frame this far off is left out
 STRUCK = 4.0  # standard uncertainties: a frame next to the contact this far off is in it
+TOUCHED = 0.34  # of a flight's frames: no contact is seen in more
 TURNED = 6.0  # standard uncertainties that the velocity must change by for a contact
 CHANGED = 0.03  # of the speed, likewise
 JUMPED = 6.0  # standard uncertainties of a step in the line
@@ -180,15 +181,17 @@ def _meeting(before: Flight, after: Flight) -> float:
 def _clear(seen: Places, air: Air, used: Mask, moment: float) -> Mask:
     """Return the frames of a flight without those next to the contact that its line denies."""
     used = used.copy()
-    while used.sum() > LEAST:
+    kept = max(LEAST, (1 - TOUCHED) * used.sum())
+    while used.sum() > kept:
         frames = np.flatnonzero(used)
         next_to = frames[np.argmin(np.abs(seen.t[frames] - moment))]
         others = used.copy()
         others[next_to] = False
         flight = _fit(seen, air, others, float(seen.t[next_to]))
         off = float(np.hypot(*(seen.places[next_to] - flight.place)))
-        u = np.sqrt(flight.covariance[0, 0] + seen.u[next_to] ** 2)
-        if off <= STRUCK * max(float(u), seen.pattern_u):
+        scatter = float(np.sqrt(np.mean(flight.residuals**2)))
+        own = max(float(seen.u[next_to]), seen.pattern_u, scatter)
+        if off <= STRUCK * np.hypot(own, np.sqrt(flight.covariance[0, 0])):
             break
         used = others
     return used

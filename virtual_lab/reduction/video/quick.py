@@ -22,6 +22,7 @@ LEAST_NOISE = 12**-0.5  # DN, of whole grey values
 FLICKER = 1.4  # the most that the light is believed to change from frame to frame
 OFF = 0.03  # of the radius: rays farther off than this show no round edge
 LEVER = 10.0  # u of one ray over that of the circle, about
+DARK = 0.6  # share of rays that show no edge: too little of the rim is lit
 STRAY = 0.15  # share of rays that show another edge: something touches the ball
 CUT = 0.02  # share of rays beyond the frame
 FULL = 0.02  # share of the ball's pixels at full scale
@@ -101,7 +102,8 @@ def _flags(circle: Circle, view: View, full_scale: float) -> int:
         Flag.SATURATED: float(np.mean(ball >= full_scale)) > FULL,
         Flag.CLIPPED: circle.cut > CUT,
         Flag.OVERLAP: circle.stray > STRAY,
-        Flag.POOR_FIT: circle.off > max(OFF * circle.radius, 3 * circle.u * LEVER),
+        Flag.POOR_FIT: circle.off > max(OFF * circle.radius, 3 * circle.u * LEVER)
+        or circle.dark > DARK,
     }
     return int(sum(flag for flag, raised in tests.items() if raised))
 

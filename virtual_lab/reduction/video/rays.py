@@ -54,7 +54,8 @@ class Circle:
     misfit: float  # of the steps along the rays, in noise variances
     off: float  # median distance of a ray's edge from the circle [pixels]
     cut: float  # share of rays that leave the region
-    stray: float  # share of the others that show no edge, or one far off
+    stray: float  # share of the others that show an edge far off
+    dark: float  # share of the others that show none
     contrast: float  # of the ball to what is behind it [DN]
 
 
@@ -106,7 +107,8 @@ def fit_circle(
         misfit=float(np.median(np.mean(strange[good] ** 2, axis=1)) / view.noise**2),
         off=float(np.median(np.abs(left[good]))),
         cut=float(1 - inside.mean()),
-        stray=float((inside.sum() - good.sum() + far.sum()) / inside.sum()),
+        stray=float(far.mean()),
+        dark=float(1 - good.sum() / inside.sum()),
         contrast=usual,
     )
 
