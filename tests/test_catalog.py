@@ -16,6 +16,7 @@ from virtual_lab import catalog
 from virtual_lab.errors import InputError
 from virtual_lab.faults import FaultSheet
 from virtual_lab.instruments.air import AirSpec
+from virtual_lab.instruments.camera.spec import CameraSpec
 from virtual_lab.instruments.cannon import CannonSpec
 from virtual_lab.instruments.encoder import EncoderSpec
 from virtual_lab.instruments.light_board import LightBoardSpec
@@ -32,6 +33,7 @@ from virtual_lab.studies.profile import GameConditions
 DATA = Path(str(files("virtual_lab.data")))
 INSTRUMENTS = {
     "air": AirSpec,
+    "camera": CameraSpec,
     "cannon": CannonSpec,
     "encoder": EncoderSpec,
     "light-board": LightBoardSpec,

@@ -11,10 +11,12 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from virtual_lab.documents import parse_table, read_bytes, read_json, read_text
 from virtual_lab.errors import InputError
@@ -57,6 +59,7 @@ def save_session(session: Session, folder: Path) -> None:
                 "record": names[type(record)],
                 "rows": len(table),
                 "sha256": hashlib.sha256(data).hexdigest(),
+                **_attached(record, folder / stage / channel),
             }
     document = {
         "schema": SCHEMA,
@@ -72,6 +75,20 @@ def save_session(session: Session, folder: Path) -> None:
     (folder / "procedure.toml").write_text(session.procedure_text, encoding="utf-8")
     text = json.dumps(document, indent=1, allow_nan=False)
     (folder / "session.json").write_text(text + "\n", encoding="utf-8")
+
+
+def _attached(record: Record, path: Path) -> dict[str, Any]:
+    """Write the arrays beside a record's table; return their entry in session.json."""
+    digests = {}
+    for name in record.attached:
+        values = getattr(record, name)
+        if values is None:
+            continue
+        beside = path.with_name(f"{path.name}-{name}.npy")
+        np.save(beside, values, allow_pickle=False)
+        with beside.open("rb") as file:
+            digests[name] = hashlib.file_digest(file, "sha256").hexdigest()
+    return {"attached": digests} if digests else {}
 
 
 def load_session(folder: Path) -> Session:
@@ -163,4 +180,27 @@ def _record(path: Path, entry: Mapping[str, Any], where: Path) -> Record:
             None,
             "not the record session.json was written with (if the change is meant, drop the key)",
         )
-    return RECORD_TYPES[kind].from_table(table, str(path))
+    record = RECORD_TYPES[kind].from_table(table, str(path))
+    return replace(record, **_beside(record, entry, path))
+
+
+def _beside(record: Record, entry: Mapping[str, Any], path: Path) -> dict[str, Any]:
+    """Return the arrays that lie beside a record's table, read as they are needed."""
+    found = {}
+    for name, digest in entry.get("attached", {}).items():
+        beside = path.with_name(f"{path.stem}-{name}.npy")
+        if name not in record.attached:
+            allowed = f"allowed: {', '.join(record.attached) or 'nothing'}"
+            raise InputError(str(path), "attached", name, allowed)
+        try:
+            with beside.open("rb") as file:
+                same = hashlib.file_digest(file, "sha256").hexdigest() == digest
+            values = np.load(beside, mmap_mode="r", allow_pickle=False)
+        except (OSError, ValueError) as fault:
+            raise InputError(str(beside), "file", None, f"cannot be read ({fault})") from fault
+        if not same:
+            raise InputError(
+                str(beside), "sha256", None, "not the array session.json was written with"
+            )
+        found[name] = values
+    return found

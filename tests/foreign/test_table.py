@@ -32,6 +32,7 @@ COLUMNS = {  # every column of every record, and what its unit may be, written b
     "time_s": TIMES,
     "nominal_speed_m_per_s": {"nominal_speed_m_per_s": 1, "nominal_speed_mph": MPH},
     "counts": {"counts": 1},
+    **{name: {name: 1} for name in ("left_px", "top_px", "x_px", "y_px", "u_px")},
     "ball": {"ball": 1},
     "counts_per_s": {"counts_per_s": 1},
     "u_counts_per_s": {"u_counts_per_s": 1},

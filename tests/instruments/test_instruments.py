@@ -19,6 +19,8 @@ from tests.test_catalog import INSTRUMENTS
 from virtual_lab import catalog
 from virtual_lab.instruments import calibration_of, errors_of
 from virtual_lab.instruments.air import Air, AirSpec
+from virtual_lab.instruments.camera.camera import Camera
+from virtual_lab.instruments.camera.spec import CameraSpec
 from virtual_lab.instruments.cannon import Cannon, CannonSpec
 from virtual_lab.instruments.encoder import Encoder, EncoderSpec
 from virtual_lab.instruments.indicator import indicate, quantise
@@ -32,6 +34,7 @@ from virtual_lab.streams import Quiet, Streams
 
 MAKERS = {
     "air": Air,
+    "camera": Camera,
     "cannon": Cannon,
     "encoder": Encoder,
     "light-board": LightBoards,
@@ -48,8 +51,11 @@ KIND = {
     ]
 }
 # Constants a calibration gives but that have no true value of their own: a step is no error, the
-# number of lines of an encoder is exact, and nobody can know how a cannon points across.
-NEVER_WRONG = {"resolution", "counts_per_turn", "lowest", "pitch"}
+# number of lines of an encoder is exact, how much something scatters is no error of its own, and
+# nobody can know how a cannon points across.
+OF_A_CAMERA = {"exposure", "jitter", "blur", "read_noise", "photo_response", "dark_signal"}
+OF_A_CAMERA |= {"black_level", "full_scale"}
+NEVER_WRONG = {"resolution", "counts_per_turn", "lowest", "pitch"} | OF_A_CAMERA
 NEVER_KNOWN = {"across"}
 
 
@@ -428,6 +434,7 @@ def test_specs_are_those_of_the_catalog() -> None:
     assert set(KIND.values()) == set(MAKERS) == set(INSTRUMENTS)
     assert {type(spec_of(name)) for name in KIND} <= {
         AirSpec,
+        CameraSpec,
         CannonSpec,
         EncoderSpec,
         LightBoardSpec,

@@ -6,6 +6,7 @@ Another laboratory can write the same files by hand or from its own recorder; ``
 documents every column.
 """
 
+from virtual_lab.records.clip import ClipRecord, TrackRecord
 from virtual_lab.records.kinds import (
     RECORD_TYPES,
     AimMarks,
@@ -25,6 +26,7 @@ __all__ = [
     "RECORD_TYPES",
     "AimMarks",
     "BoardRecord",
+    "ClipRecord",
     "Column",
     "EncoderRecord",
     "GateRecord",
@@ -35,5 +37,6 @@ __all__ = [
     "RateRecord",
     "Record",
     "ShotLog",
+    "TrackRecord",
     "join",
 ]

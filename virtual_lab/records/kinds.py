@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.records.clip import ClipRecord, TrackRecord
 from virtual_lab.records.record import Column, Order, Record
 
 __all__ = [
@@ -216,6 +217,8 @@ RECORD_TYPES: Mapping[str, type[Record]] = {
     "passages": PassageRecord,
     "rates": RateRecord,
     "encoder": EncoderRecord,
+    "clip": ClipRecord,
+    "track": TrackRecord,
     "aim-marks": AimMarks,
     "shot-log": ShotLog,
 }

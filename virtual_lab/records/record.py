@@ -64,9 +64,12 @@ class Record:
     """
 
     columns: ClassVar[Mapping[str, Column]]
+    attached: ClassVar[tuple[str, ...]] = ()  # fields too large for a table: arrays beside it
 
     def __post_init__(self) -> None:
         for field in fields(self):
+            if field.name in self.attached:
+                continue
             given = np.asarray(getattr(self, field.name))
             values = np.array(given, dtype=np.float64, copy=given.flags.writeable or None)
             column = self.columns[field.name]
@@ -79,13 +82,10 @@ class Record:
     def sizes(self) -> dict[str, int]:
         """Return the length of every axis; `ValueError` where two fields disagree."""
         sizes: dict[str, int] = {}
-        for field in fields(self):
-            values = getattr(self, field.name)
-            for axis, size in zip(self.columns[field.name].axes, values.shape, strict=True):
+        for name, column in self.columns.items():
+            for axis, size in zip(column.axes, getattr(self, name).shape, strict=True):
                 if sizes.setdefault(axis, size) != size:
-                    raise ValueError(
-                        f"{field.name} has {size} along {axis!r}, others {sizes[axis]}"
-                    )
+                    raise ValueError(f"{name} has {size} along {axis!r}, others {sizes[axis]}")
         return sizes
 
     def table(self) -> pd.DataFrame:
@@ -95,10 +95,13 @@ class Record:
         sizes = self.sizes()
         index = np.indices(tuple(sizes.values())).reshape(len(sizes), -1)
         data: dict[str, Any] = dict(zip(sizes, index, strict=True))
-        for field in fields(self):
-            column = self.columns[field.name]
-            data[column.name] = getattr(self, field.name)[tuple(data[axis] for axis in column.axes)]
+        for name, column in self.columns.items():
+            data[column.name] = getattr(self, name)[tuple(data[axis] for axis in column.axes)]
         return pd.DataFrame(data)
+
+    def join_attached(self, parts: list[Any]) -> dict[str, Any]:
+        """Return the arrays beside the tables of several rounds as one."""
+        return {}
 
     def orders(self) -> tuple[Order, ...]:
         """Return what must stand in order for the record to be possible: time, above all."""
@@ -209,4 +212,4 @@ def join(parts: list[Record]) -> Record:
     for name, column in first.columns.items():
         values = [getattr(part, name) for part in parts]
         arrays[name] = np.concatenate(values) if column.axes[0] == "shot" else values[0]
-    return type(first)(**arrays)
+    return type(first)(**arrays, **first.join_attached(parts))

@@ -1,0 +1,75 @@
+"""Put the silhouette of a bat over regions; compiled."""
+
+from __future__ import annotations
+
+from math import erf, sqrt
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+__all__ = ["hide_behind"]
+
+Floats = NDArray[np.float64]
+Pixels = NDArray[np.float32]
+FAST: dict[str, Any] = {"cache": True, "fastmath": True, "error_model": "numpy"}
+FAR = 6.0  # standard deviations from an edge
+
+
+@njit(**FAST)
+def _step(z: float) -> float:
+    """Return the normal distribution's share below z."""
+    if z > FAR:
+        return 1.0
+    return 0.0 if z < -FAR else 0.5 * (1 + erf(z / sqrt(2.0)))
+
+
+@njit(**FAST)
+def _crossing(edge: Floats, y: float) -> tuple[float, float]:
+    """Return x and the cosine of an edge (station, 2) at the height y; stations rise in -y."""
+    k = 0
+    while k < len(edge) - 2 and edge[k + 1, 1] > y:
+        k += 1
+    dx, dy = edge[k + 1, 0] - edge[k, 0], edge[k + 1, 1] - edge[k, 1]
+    slope = dx / dy
+    return edge[k, 0] + slope * (y - edge[k, 1]), 1 / sqrt(1 + slope * slope)
+
+
+@njit(**FAST)
+def hide_behind(
+    near: Floats,
+    far: Floats,
+    corners: NDArray[np.int64],
+    light: Floats,
+    white: float,
+    blur: float,
+    electrons: Pixels,
+) -> None:
+    """Blend a bat into `electrons` (region, row, column).
+
+    `near` and `far` (region, station, 2) are its edges in pixels, left and right, from the pivot
+    to the tip; `light` (x, y, z toward the lamp, ambient, softness) in axes of the camera;
+    `white` is what a surface of the bat's albedo that faces the lamp sends [e].
+    """
+    for r in range(len(electrons)):
+        last = near.shape[1] - 1
+        tip = 0.5 * (near[r, last, 1] + far[r, last, 1])
+        for i in range(electrons.shape[1]):
+            y = corners[r, 1] + i
+            end = _step((y - tip) / blur)
+            if end == 0.0:
+                continue
+            left, left_cos = _crossing(near[r], y)
+            right, right_cos = _crossing(far[r], y)
+            for j in range(electrons.shape[2]):
+                x = corners[r, 0] + j
+                cover = end * _step((x - left) * left_cos / blur)
+                cover *= _step((right - x) * right_cos / blur)
+                if cover == 0.0:
+                    continue
+                u = min(max((2 * x - left - right) / (right - left), -1.0), 1.0)
+                facing = light[0] * u - light[2] * sqrt(1 - u * u)
+                lit = max(facing + light[4], 0.0) / (1 + light[4])
+                shine = light[3] + (1 - light[3]) * lit
+                electrons[r, i, j] += cover * (white * shine - electrons[r, i, j])

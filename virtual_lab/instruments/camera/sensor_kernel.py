@@ -1,0 +1,99 @@
+"""From expected electrons to noisy grey values, pixel by pixel; compiled."""
+
+from __future__ import annotations
+
+from math import exp, sqrt
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+__all__ = ["DIM", "expect", "read_out"]
+
+Floats = NDArray[np.float64]
+Pixels = NDArray[np.float32]
+FAST: dict[str, Any] = {"cache": True, "fastmath": {"contract", "nsz"}, "error_model": "numpy"}
+DIM = np.float32(25)  # electrons below which noise is Poisson's own, not the Gaussian near it
+
+MOST = 128  # electrons that a dim pixel gathers
+INVERSE = 1 / np.maximum(np.arange(MOST), 1)  # a product is quicker than a quotient
+
+
+@njit(**FAST)
+def expect(
+    electrons: Pixels, corners: NDArray[np.int64], response: Pixels, dark: float, out: Pixels
+) -> int:
+    """Fill `out` (region, row, column) with what each pixel gathers; return how many are dim.
+
+    `response` is the sensor's map, to which `corners` (region, 2), columns and rows, point;
+    beyond the sensor all pixels are alike.
+    """
+    dim = 0
+    rows, columns = response.shape
+    for r in range(len(electrons)):
+        left, top = corners[r, 0], corners[r, 1]
+        for i in range(electrons.shape[1]):
+            for j in range(electrons.shape[2]):
+                row, column = top + i, left + j
+                mean = electrons[r, i, j]
+                if 0 <= row < rows and 0 <= column < columns:
+                    mean *= response[row, column]
+                mean = np.float32(max(mean, np.float32(0)) + dark)
+                out[r, i, j] = mean
+                dim += 1 if mean < DIM else 0
+    return dim
+
+
+@njit(**FAST)
+def _poisson(mean: float, share: float) -> float:
+    """Return the quantile of a Poisson distribution."""
+    term = exp(-mean)
+    below, count = term, 0
+    while below < share and count < MOST - 1:
+        count += 1
+        term *= mean * INVERSE[count]
+        below += term
+    return float(count)
+
+
+@njit(**FAST)
+def read_out(
+    means: Pixels,
+    corners: NDArray[np.int64],
+    offset: Pixels,
+    normal: Floats,
+    uniform: Floats,
+    read: float,
+    full_well: float,
+    gain: float,
+    black: float,
+    whole: bool,
+    top: float,
+    out: Any,
+) -> None:
+    """Fill `out` (region, row, column) with grey values; `uniform` has one number a dim pixel.
+
+    Numbers of exactly 0 are the middle of their distributions: they leave the mean as it is.
+    """
+    dim = 0
+    rows, columns = offset.shape
+    for r in range(len(means)):
+        left, above = corners[r, 0], corners[r, 1]
+        for i in range(means.shape[1]):
+            for j in range(means.shape[2]):
+                mean = means[r, i, j]
+                if mean >= DIM:
+                    value = min(mean + sqrt(mean + read * read) * normal[r, i, j], full_well)
+                else:
+                    share = uniform[dim]
+                    dim += 1
+                    value = mean if share == 0 else _poisson(mean, share + 0.5)
+                    value += read * normal[r, i, j]
+                row, column = above + i, left + j
+                if 0 <= row < rows and 0 <= column < columns:
+                    value += offset[row, column]
+                grey = gain * value + black
+                if whole:
+                    grey = np.floor(grey + 0.5)
+                out[r, i, j] = min(max(grey, 0.0), top)

@@ -1,0 +1,80 @@
+"""What a camera writes: windows on its frames with their time stamps, or where the ball was."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.records.record import Column, Order, Record
+
+__all__ = ["ClipRecord", "TrackRecord"]
+
+Array = NDArray[np.float64]
+FRAMES = ("shot", "frame")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClipRecord(Record):
+    """Square windows on the frames in which the ball was seen, (shot, frame); NaN: no more frames.
+
+    A frame's time is the middle of its exposure. `left` and `top` tell which pixel of the frame a
+    window's first is. Frames the camera lost are not there: their neighbours' times are apart.
+    """
+
+    times: Array
+    left: Array
+    top: Array
+    pixels: NDArray[np.generic] | None = None  # grey values, (shot, frame, row, column)
+    background: NDArray[np.generic] | None = None  # mean of whole empty frames, (row, column)
+    columns: ClassVar[Mapping[str, Column]] = {
+        "times": Column("time_s", FRAMES, may_be_missing=True),
+        "left": Column("left_px", FRAMES, may_be_missing=True),
+        "top": Column("top_px", FRAMES, may_be_missing=True),
+    }
+    attached: ClassVar[tuple[str, ...]] = ("pixels", "background")
+
+    def join_attached(self, parts: list[ClipRecord]) -> dict[str, NDArray[np.generic] | None]:
+        pixels = [part.pixels for part in parts if part.pixels is not None]
+        whole = np.concatenate(pixels) if len(pixels) == len(parts) else None
+        return {"pixels": whole, "background": self.background}
+
+    def orders(self) -> tuple[Order, ...]:
+        return (_rising(self.times),)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackRecord(Record):
+    """What a camera that tracks writes: the ball's centre in each frame, (shot, frame) [px].
+
+    Pixels of the frame as OpenCV counts them, distortion not taken off; `u` is the standard
+    uncertainty of x and y each.
+    """
+
+    times: Array
+    x: Array
+    y: Array
+    u: Array
+    columns: ClassVar[Mapping[str, Column]] = {
+        "times": Column("time_s", FRAMES, may_be_missing=True),
+        "x": Column("x_px", FRAMES, may_be_missing=True),
+        "y": Column("y_px", FRAMES, may_be_missing=True),
+        "u": Column("u_px", FRAMES, may_be_missing=True),
+    }
+
+    def orders(self) -> tuple[Order, ...]:
+        return (_rising(self.times),)
+
+
+def _rising(times: Array) -> Order:
+    return Order(
+        column="time_s",
+        values=times,
+        axes=FRAMES,
+        along="frame",
+        fault="must rise from frame to frame",
+        strictly=True,
+    )

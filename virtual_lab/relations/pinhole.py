@@ -1,0 +1,73 @@
+"""How a lens draws: a pinhole with the distortion of Brown (1971), in OpenCV's terms.
+
+Axes of the camera: x right, y down, z away from it. Pixel (0, 0) is the centre of the first.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["distorted", "looking_down", "projected", "rotation"]
+
+Array = NDArray[np.float64]
+DOWN = np.diag([1.0, -1.0, -1.0])  # axes of a camera that looks straight down, X to the right
+
+
+def distorted(points: ArrayLike, coefficients: ArrayLike) -> Array:
+    """Return where a lens moves points of the plane z = 1, (…, 2).
+
+    Parameters
+    ----------
+    points
+        x/z and y/z, (…, 2).
+    coefficients
+        k1, k2, p1, p2, k3.
+    """
+    x, y = np.moveaxis(np.asarray(points, dtype=np.float64), -1, 0)
+    k1, k2, p1, p2, k3 = np.asarray(coefficients, dtype=np.float64)
+    r2 = x * x + y * y
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    return np.stack(
+        [
+            x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+            y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
+        ],
+        axis=-1,
+    )
+
+
+def projected(points: ArrayLike, focal: float, centre: ArrayLike, coefficients: ArrayLike) -> Array:
+    """Return the pixels of points in axes of the camera, (…, 3) to (…, 2).
+
+    Parameters
+    ----------
+    focal
+        Focal length [px].
+    centre
+        Pixel that the optical axis meets, (2,).
+    """
+    place = np.asarray(points, dtype=np.float64)
+    flat = distorted(place[..., :2] / place[..., 2:], coefficients)
+    return np.asarray(focal * flat + np.asarray(centre))
+
+
+def rotation(vector: ArrayLike) -> Array:
+    """Return the rotation matrices, (…, 3, 3), of rotation vectors (…, 3) [rad] (Rodrigues)."""
+    turn = np.asarray(vector, dtype=np.float64)
+    angle = np.linalg.norm(turn, axis=-1)[..., None, None]
+    x, y, z = np.moveaxis(turn, -1, 0)
+    zero = np.zeros_like(x)
+    skew = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*x.shape, 3, 3)
+    # sin(a)/a and (1 - cos(a))/a^2, whole at 0
+    first, second = np.sinc(angle / np.pi), np.sinc(angle / (2 * np.pi)) ** 2 / 2
+    return np.asarray(np.eye(3) + first * skew + second * (skew @ skew))
+
+
+def looking_down(tilt: ArrayLike) -> Array:
+    """Return the rotation (3, 3) from axes of a rig to those of a camera over it.
+
+    The rig's Z is up and its X is to the right in the picture of a camera that is not tilted,
+    (3,) [rad].
+    """
+    return np.asarray(DOWN @ rotation(tilt))
