@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from virtual_lab import catalog
 from virtual_lab.estimate import Estimate
@@ -30,7 +32,9 @@ from virtual_lab.streams import Draws
 from virtual_lab.truth import TrueOutcome
 from virtual_lab.units import STANDARD_GRAVITY
 
-__all__ = ["RIG", "BallCannon"]
+__all__ = ["RIG", "BallCannon", "BallCannonSpec", "BallCannonStation", "Flown", "fitted"]
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,15 +60,37 @@ class BallCannon:
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> BallCannonStation:
         spec = catalog.load("rigs", self.name, BallCannonSpec).spec
-        outfitter = Outfitter(draws=draws, ideal=ideal)
-        fit = outfitter.commission
-        holder = outfitter.as_asked(spec.holder)
-        return BallCannonStation(
-            holder=Holder.commission(holder, draws, "ball-cannon.holder"),
-            cannon=fit(Cannon.commission, CannonSpec, spec.cannon, "ball-cannon.cannon"),
-            gates=fit(LightBoards.commission, LightBoardSpec, spec.gates, "ball-cannon.gates"),
-            air=fit(Air.commission, AirSpec, spec.air, "hall.air"),
-        )
+        return BallCannonStation(**fitted(spec, Outfitter(draws=draws, ideal=ideal)))
+
+
+def fitted(spec: BallCannonSpec, outfitter: Outfitter) -> dict[str, Any]:
+    """Return the instruments of a ball cannon, by the names of its station's fields."""
+    fit = outfitter.commission
+    holder = outfitter.as_asked(spec.holder)
+    return {
+        "holder": Holder.commission(holder, outfitter.draws, "ball-cannon.holder"),
+        "cannon": fit(Cannon.commission, CannonSpec, spec.cannon, "ball-cannon.cannon"),
+        "gates": fit(LightBoards.commission, LightBoardSpec, spec.gates, "ball-cannon.gates"),
+        "air": fit(Air.commission, AirSpec, spec.air, "hall.air"),
+    }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flown:
+    """What the balls of an order do, shape (shot,)."""
+
+    passage: Passage
+    contact: Array  # when the ball meets the bat [s]
+    contact_time: Array  # [s]
+    place: Array  # struck, from the barrel tip [m]
+    across: Array  # height of the ball above the bat's axis [m]
+    ball_restitution: Array
+    collision_efficiency: Array
+
+    @property
+    def leaving(self) -> Array:
+        """When the ball leaves the bat [s]."""
+        return self.contact + self.contact_time
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,14 +104,14 @@ class BallCannonStation:
 
     @property
     def calibration(self) -> dict[str, Estimate]:
-        return calibration_of(self._instruments)
+        return calibration_of(self.instruments())
 
     @property
     def true_constants(self) -> dict[str, float]:
-        return errors_of(self._instruments)
+        return errors_of(self.instruments())
 
-    @property
-    def _instruments(self) -> dict[str, Instrument]:
+    def instruments(self) -> dict[str, Instrument]:
+        """Return what measures, by name."""
         return {
             "pivot": self.holder,
             "cannon": self.cannon,
@@ -95,6 +121,10 @@ class BallCannonStation:
 
     def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
         """Fire at the bat at rest and time the ball through every board, both ways."""
+        return self.timed(self.fly(order, specimen, draws), order, draws)
+
+    def fly(self, order: Order, specimen: Specimen, draws: Draws) -> Flown:
+        """Fire at the bat at rest: return what the balls do."""
         balls, block = specimen.balls, order.block
         launch = self.cannon.fire(order.speed, draws, "ball-cannon.launch", block)
         e0 = balls.draw_hits(order.ball, launch.speed, draws, "ball-cannon.hit", block)
@@ -119,24 +149,41 @@ class BallCannonStation:
         passage = at_rest(
             passage, order, specimen, self.holder.from_knob, place, across, efficiency
         )
-        contact = self.gates.arrival(passage)
-        leaving = contact + contact_time
+        return Flown(
+            passage=passage,
+            contact=self.gates.arrival(passage),
+            contact_time=contact_time,
+            place=place,
+            across=across,
+            ball_restitution=e0,
+            collision_efficiency=efficiency,
+        )
+
+    def timed(self, flown: Flown, order: Order, draws: Draws) -> Play:
+        """Write down what the boards see of balls that fly, and the truth of them."""
+        watched = self.gates.watch(
+            flown.passage,
+            flown.contact,
+            flown.leaving,
+            draws,
+            "ball-cannon.gates",
+            order.block,
+            order.rung,
+        )
         return Play(
             records={
                 "log": order.log(),
-                "gates": self.gates.watch(
-                    passage, contact, leaving, draws, "ball-cannon.gates", block, order.rung
-                ),
+                "gates": watched,
                 "aim": self.cannon.mark(draws, "ball-cannon.aim"),
             },
             truth={
-                "speed": launch.speed,
-                "place": place,
-                "across": across,
-                "ball_restitution": e0,
-                "collision_efficiency": efficiency,
-                "rebound_speed": passage.speed_out,
-                "contact_time": contact_time,
+                "speed": flown.passage.speed_in,
+                "place": flown.place,
+                "across": flown.across,
+                "ball_restitution": flown.ball_restitution,
+                "collision_efficiency": flown.collision_efficiency,
+                "rebound_speed": flown.passage.speed_out,
+                "contact_time": flown.contact_time,
             },
         )
 

@@ -23,10 +23,11 @@ import numpy as np
 from tests.benchmarks.machine import vectors
 from tests.benchmarks.rows import Row, line, write_csv
 from virtual_lab import catalog
-from virtual_lab.certification import reduce_session
 from virtual_lab.instruments import Rung
 from virtual_lab.lab import Campaign
 from virtual_lab.procedure import Curve, metric_of
+from virtual_lab.reduced import reduce_session
+from virtual_lab.reduction.flights import timed
 from virtual_lab.reduction.measurement import bat_properties, measured_balls, shot_results
 from virtual_lab.reduction.observations import observe_balls, observe_impact
 from virtual_lab.rig import Order, Stage
@@ -88,7 +89,8 @@ def _play(procedure: str, rung: Rung, shots: int) -> Callable[[int], object]:
         play = station.play(replace(order, block=block), laboratory.specimen, laboratory.draws)
         records = {**session.records, "impact": play.records}
         readings = observe_impact(replace(session, records=records))
-        results = shot_results(known, bat, balls, readings, rules.asked)
+        by_gates = timed("impact", readings.passages)
+        results = shot_results(known, bat, balls, readings, rules.asked, by_gates)
         return metric(Curve.measured(results), bat)
 
     return work

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from virtual_lab import api, catalog, lab
-from virtual_lab.certification import CONTROL
 from virtual_lab.errors import InputError
 from virtual_lab.lab import certify_bat
 from virtual_lab.procedure import Procedure
+from virtual_lab.reduced import CONTROL
 from virtual_lab.report.certificate import certificate
 from virtual_lab.report.render import certificate_page
 from virtual_lab.report.text import certificate_text

@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 
 from virtual_lab.estimate import Estimate
 from virtual_lab.records import AimMarks, LengthReadings, MassReadings, PendulumRecord, ShotLog
+from virtual_lab.reduction.flights import timed
 from virtual_lab.reduction.gates import Passages
 from virtual_lab.reduction.measurement import (
     Asked,
@@ -190,7 +191,7 @@ def worked(x: dict[str, np.ndarray]):
         turn_rate=np.zeros_like,
         window_speed=26.8224,
     )
-    return shot_results(x, bat, balls, readings, asked)
+    return shot_results(x, bat, balls, readings, asked, timed("impact", readings.passages))
 
 
 def test_a_collision_by_hand() -> None:

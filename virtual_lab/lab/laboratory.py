@@ -17,14 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.catalog import Entry
-from virtual_lab.certification import (
-    CONTROL,
-    Certification,
-    Reduced,
-    evaluate,
-    measure_bat,
-    reduce_session,
-)
+from virtual_lab.certification import Certification, evaluate
 from virtual_lab.collision.ladder import Ladder, probing_scenes
 from virtual_lab.collision.modal import kernel_is_compiled
 from virtual_lab.estimate import Estimate
@@ -34,6 +27,7 @@ from virtual_lab.lab.fitting import require_ball, require_motion, require_places
 from virtual_lab.lab.measurand import measurand
 from virtual_lab.procedure import Procedure, aimed_place, next_places, to_set
 from virtual_lab.records import Record, join
+from virtual_lab.reduced import CONTROL, Reduced, measure_bat, reduce_session
 from virtual_lab.rig import (
     ImpactStation,
     Motion,

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.certification import Reduced
 from virtual_lab.physics.beam import beam_of
 from virtual_lab.procedure import Curve, Procedure, exact_result, metric_of
+from virtual_lab.reduced import Reduced
 from virtual_lab.reduction.measurement import BatProperties
 from virtual_lab.relations.kinematics import restitution_from_efficiency
 from virtual_lab.relations.peaks import peak, width_below

@@ -6,7 +6,7 @@ there, so time is linear in 1/speed whatever the number of gates.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import prod
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.reduction.gates import Passages
 
-__all__ = ["Flights", "flights", "gate_count"]
+__all__ = ["Flights", "Flown", "flights", "gate_count", "timed"]
 
 Array = NDArray[np.float64]
 
@@ -27,7 +27,11 @@ class Flights:
     speed_in: Array  # at the target [m/s]
     speed_out: Array
     offset: Array  # height of the ball's centre at the target, above the gates' zero [m]
-    slope_out: Array  # height gained a metre on the way back
+    slope_in: Array  # height gained a metre of distance, on the way in
+    slope_out: Array  # and on the way back
+
+
+Flown = Callable[[Mapping[str, Array], Array], Flights]  # of constants and each ball's drag [1/m]
 
 
 def gate_count(x: Mapping[str, object], stage: str) -> int:
@@ -60,14 +64,25 @@ def flights(x: Mapping[str, Array], stage: str, seen: Passages, drag: Array) -> 
     sets = np.broadcast_to(known.reshape(-1, len(names)), (prod(shape[:-1]), len(names)))
     clock, distances = sets[:, 0].copy(), sets[:, 1 : 1 + len(gates)].copy()
     drag = np.atleast_2d(drag)
-    speeds, heights = np.full((2, 2, *shape), np.nan)
-    by_set = 2, -1, shape[-1]
-    fit_speeds(_by_gate(seen.times), distances, clock, drag, speeds.reshape(by_set))
+    speeds, heights = np.full((2, *shape), np.nan), np.full((3, *shape), np.nan)
+    by_set = -1, shape[-1]
+    fit_speeds(_by_gate(seen.times), distances, clock, drag, speeds.reshape(2, *by_set))
     if tall:
         gravity, zeros = sets[:, 1 + len(gates)].copy(), sets[:, 2 + len(gates) :].copy()
-        shown, flown = _by_gate(seen.heights), speeds.reshape(by_set)
-        fit_heights(shown, flown, distances, zeros, gravity, drag, heights.reshape(by_set))
-    return Flights(speed_in=speeds[0], speed_out=speeds[1], offset=heights[0], slope_out=heights[1])
+        shown, flown = _by_gate(seen.heights), speeds.reshape(2, *by_set)
+        fit_heights(shown, flown, distances, zeros, gravity, drag, heights.reshape(3, *by_set))
+    return Flights(
+        speed_in=speeds[0],
+        speed_out=speeds[1],
+        offset=heights[0],
+        slope_in=heights[1],
+        slope_out=heights[2],
+    )
+
+
+def timed(stage: str, seen: Passages) -> Flown:
+    """Return what tells the flights of a stage's passages, as `flights` does."""
+    return lambda x, drag: flights(x, stage, seen, drag)
 
 
 def _by_gate(values: Array) -> Array:

@@ -53,7 +53,7 @@ def fit_heights(
     drag: Floats,
     out: Floats,
 ) -> None:
-    """Fill in heights at the target on the way in [m] and slopes on the way out, (2, row, shot).
+    """Fill in heights at the target on the way in [m] and slopes in and out, (3, row, shot).
 
     Without gravity the heights are those of a straight line. `speeds` as from `fit_speeds`,
     `zeros` (row, gate) of the gates [m], `gravity` (row,) [m/s²], the others as there.
@@ -78,10 +78,10 @@ def fit_heights(
                         fallen = gravity[row] / 2 * since**2
                         level[gate, i] = shown[i] + zeros[row, gate] + fallen
                 _line(places[:, :n], level, moments, slope[:n])
-                fitted = out[way, row, part]
-                for i in range(n):
-                    at_target = moments[2, i] - slope[i] * moments[1, i]
-                    fitted[i] = slope[i] if way else at_target
+                out[1 + way, row, part] = slope[:n]
+                if way == 0:
+                    for i in range(n):
+                        out[0, row, first + i] = moments[2, i] - slope[i] * moments[1, i]
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.reduction.flights import Flights, flights
+from virtual_lab.reduction.flights import Flights, Flown, flights
 from virtual_lab.reduction.observations import (
     SLOPE_REPEATABILITY,
     BallReadings,
@@ -178,10 +178,14 @@ def shot_results(
     balls: MeasuredBalls,
     readings: ImpactReadings,
     asked: Asked,
+    flown: Flown,
 ) -> ShotResults:
-    """Return e_A by Eq. (2) or by angular momentum, e by Eq. (6), BPF by Eq. (5)."""
+    """Return e_A by Eq. (2) or by angular momentum, e by Eq. (6), BPF by Eq. (5).
+
+    `flown` tells the balls' flights: what the gates saw of them, or somebody else.
+    """
     mass = balls.mass[..., readings.ball]
-    seen = flights(x, "impact", readings.passages, drag_of(x, mass))
+    seen = flown(x, drag_of(x, mass))
     abreast = bat.length - x["impact.pivot.from_knob"] - readings.place - _along(x)
     swing_rate, slant = np.zeros(()), np.zeros(())
     if readings.swing:

@@ -9,10 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from virtual_lab.certification import CONTROL, QUANTITIES, Certification
+from virtual_lab.certification import QUANTITIES, Certification
 from virtual_lab.procedure import Procedure
+from virtual_lab.reduced import CONTROL
 from virtual_lab.report.metrics import METRICS
 from virtual_lab.report.tables import budget_rows, place_rows
+from virtual_lab.report.witness import witness_document
 from virtual_lab.uncertainty.budget import Budget
 from virtual_lab.units import INCH, MPH
 from virtual_lab.width import Width
@@ -103,6 +105,7 @@ def certificate(certification: Certification, *, truth_digest: str | None = None
             if reason
         ],
         "rebound_check": _rebound_check(certification),
+        "second_witness": witness_document(certification.second_witness),
         "ring": {
             "frequencies_hz": recoil.ring_frequency.tolist(),
             "decays_per_s": recoil.ring_decay.tolist(),

@@ -35,5 +35,11 @@ INPUTS = {  # name of a constant, of any stage: words, unit of print, SI times t
     "swing.scale": ("encoder of the swing, scale", "ppm", 1e6),
     "cannon.along": ("cannon, aim along the bat", "mm", 1e3),
     "aim.across_square": ("cannon, mean square aim across the bat", "mm²", 1e6),
+    "camera.clock": ("camera, clock rate", "ppm", 1e6),
+    "camera.focal": ("camera, focal length", "px", 1.0),
+    "camera.plane": ("camera, height of the line of fire", "mm", 1e3),
+    "camera.place_x": ("camera, place along the flight", "mm", 1e3),
+    "camera.place_y": ("camera, place along the bat", "mm", 1e3),
+    "camera.place_z": ("camera, height", "mm", 1e3),
     "encoder.scale": ("encoder, scale", "ppm", 1e6),
 }

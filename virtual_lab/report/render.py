@@ -21,6 +21,7 @@ from virtual_lab.report.inputs import INPUTS, STAGES
 from virtual_lab.report.metrics import METRICS
 from virtual_lab.report.rounding import decimals
 from virtual_lab.report.template import template
+from virtual_lab.report.witness import witness_rows
 from virtual_lab.units import INCH, MPH, OUNCE, OZ_IN2
 
 __all__ = ["certificate_page", "notebook_card"]
@@ -64,6 +65,7 @@ def certificate_page(document: dict[str, Any], certification: Certification) -> 
         shots=_shots(certification),
         budget=_budget(document),
         rebound=_rebound(document, certification),
+        witness=witness_rows(document["second_witness"]),
         # drawn by this package, text inside already escaped
         hits_figure=Markup(hits_figure(certification)),
         encoder_figure=Markup(encoder_figure(certification)) if _counted(certification) else None,

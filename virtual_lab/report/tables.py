@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from virtual_lab.certification import Certification
+from virtual_lab.report.witness import witness_columns
 from virtual_lab.uncertainty.budget import Budget
 from virtual_lab.units import INCH, MPH, OUNCE
 
@@ -46,6 +47,7 @@ def shot_table(certification: Certification) -> pd.DataFrame:
         columns |= {"bat_speed_mph": shots.bat_speed / MPH}
     return pd.DataFrame(
         columns
+        | witness_columns(certification.second_witness)
         | {
             "collision_efficiency": shots.collision_efficiency,
             "rebound_efficiency": shots.rebound_efficiency,

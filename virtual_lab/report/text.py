@@ -7,6 +7,7 @@ from typing import Any
 
 from virtual_lab.report.metrics import METRICS
 from virtual_lab.report.rounding import with_uncertainty
+from virtual_lab.report.witness import witness_text
 from virtual_lab.specs import PublishedBat
 from virtual_lab.units import INCH, OUNCE, OZ_IN2
 
@@ -63,6 +64,7 @@ def certificate_text(document: Mapping[str, Any]) -> str:
         lines.append(f"  at {document['v_rel_mph']:.2f} mph, {place:.2f} in from the tip")
         lines += _width_lines(document["width_m"])
         lines += _control_lines(document["ball_correction"])
+        lines += witness_text(document["second_witness"])
     if document["incomplete"]:
         lines.append(f"  incomplete: {document['incomplete']}")
     lines += [

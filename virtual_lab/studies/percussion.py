@@ -15,7 +15,6 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.certification import Reduced, reduce_session
 from virtual_lab.errors import InputError
 from virtual_lab.faults.fault import altered
 from virtual_lab.folder import new_folder
@@ -24,6 +23,7 @@ from virtual_lab.lab.laboratory import Laboratory
 from virtual_lab.physics.beam import beam_of
 from virtual_lab.physics.supports import Pinned
 from virtual_lab.procedure import aimed_place
+from virtual_lab.reduced import Reduced, reduce_session
 from virtual_lab.reduction.measurement import ShotResults
 from virtual_lab.report.percussion_chart import draw_percussion
 from virtual_lab.rig import Order, Reality, Stage

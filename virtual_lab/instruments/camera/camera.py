@@ -195,17 +195,14 @@ class Camera:
     def empty(self, draws: Draws, name: str, block: int, bat: Bat | None = None) -> Pixels:
         """Return the mean of the frames taken before the shots, (row, column), noise and all."""
         spec = self.spec
-        behind, corner = background(spec)[None], np.zeros((1, 2), np.int64)
+        behind = background(spec)[None]
         if bat is not None:
-            self.put(bat, np.zeros(1), corner, behind)
-        mean = np.zeros(behind.shape[1:], np.float64)
+            self.put(bat, np.zeros(1), np.zeros((1, 2), np.int64), behind)
         phases = draws.uniform(f"{name}.flicker", spec.empty_frames, block)
-        burn = flicker(spec, np.zeros(spec.empty_frames), phases)
-        for number, bright in enumerate(burn.astype(np.float32)):
-            mean += self.sensor.expose(
-                behind * bright, corner, draws, f"{name}.{number}", block, spec.clock.exposure
-            )[0]
-        return np.asarray(mean / spec.empty_frames, np.float32)
+        burn = float(flicker(spec, np.zeros(spec.empty_frames), phases).mean())
+        return self.sensor.mean_of(
+            behind[0] * np.float32(burn), spec.empty_frames, draws, name, block, spec.clock.exposure
+        )
 
     def _track(self, frames: Frames, draws: Draws, name: str, block: int) -> TrackRecord:
         """Write places as a tracker would: the least uncertainty there can be, times a little.

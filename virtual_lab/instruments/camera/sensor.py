@@ -101,3 +101,27 @@ class Sensor:
             out,
         )
         return out
+
+    def mean_of(
+        self,
+        electrons: Pixels,
+        count: int,
+        draws: Draws,
+        name: str,
+        block: int = 0,
+        exposure: float = 0.0,
+    ) -> Pixels:
+        """Return the mean of grey values of `count` whole frames of one scene, (row, column).
+
+        `electrons` are what light frees on average, as `exposure` in `expose`. The noise of a
+        mean is drawn once, and is far finer than a grey value: rounding adds its variance.
+        """
+        spec = self.spec
+        gathered = electrons * self.response + np.float32(spec.dark_current * exposure)
+        held = np.minimum(gathered, np.float32(spec.full_well)) + self.offset
+        variance = self.gain**2 * (gathered + np.float32(spec.read_noise**2))
+        if spec.whole_counts:
+            variance += np.float32(1 / 12)
+        noise = draws.normal(name, electrons.shape, block).astype(np.float32)
+        grey = self.gain * held + spec.black_level + np.sqrt(variance / count) * noise
+        return np.asarray(np.clip(grey, 0.0, spec.full_scale), np.float32)

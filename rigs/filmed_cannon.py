@@ -1,0 +1,135 @@
+"""The ball cannon with a high-speed camera over it: a second witness of every shot.
+
+The camera hangs still over the bat and looks down on the plane of flight. It sees the ball come,
+the bat and the ball go; the boards see the same shots, and how high each ball flew, which is how
+far from the camera it was. A set place along the bat is a setting of the cannon: the bat stays
+where the camera was calibrated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt
+
+from rigs.ball_cannon import BallCannon, BallCannonSpec, BallCannonStation, Flown, fitted
+from virtual_lab import catalog
+from virtual_lab.estimate import Estimate
+from virtual_lab.instruments import Instrument, Outfitter, calibration_of
+from virtual_lab.instruments.camera.camera import Camera
+from virtual_lab.instruments.camera.course import Course
+from virtual_lab.instruments.camera.scene import Bat
+from virtual_lab.instruments.camera.spec import CameraSpec
+from virtual_lab.physics.beam import beam_of
+from virtual_lab.physics.section import outer_diameter
+from virtual_lab.records import ClipRecord, Record
+from virtual_lab.rig import Order, Play, Specimen
+from virtual_lab.specs import Dimension
+from virtual_lab.streams import Draws
+
+__all__ = ["RIG", "FilmedCannon", "FilmedCannonStation"]
+
+STATIONS = 80  # of the bat's outline
+Spin = Annotated[float, Ge(0), Dimension("angular speed")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FilmedCannonSpec(BallCannonSpec):
+    """The ball cannon's instruments, the camera, and how balls spin before it."""
+
+    camera: str
+    over: Annotated[float, Gt(0), Dimension("length")]  # place from the tip the camera calls Y = 0
+    spin_in: Spin  # scatter about each axis
+    spin_out: Spin
+
+
+class FilmedCannon(BallCannon):
+    """The rig."""
+
+    name = "filmed-cannon"
+    title = "Ball cannon with a high-speed camera over it"
+    channels: Mapping[str, type[Record]] = {**BallCannon.channels, "camera": ClipRecord}
+
+    def commission(self, draws: Draws, *, ideal: bool = False) -> FilmedCannonStation:
+        spec = catalog.load("rigs", self.name, FilmedCannonSpec).spec
+        outfitter = Outfitter(draws=draws, ideal=ideal)
+        return FilmedCannonStation(
+            **fitted(spec, outfitter),
+            camera=outfitter.commission(
+                Camera.commission, CameraSpec, spec.camera, "filmed-cannon.camera"
+            ),
+            spec=spec,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FilmedCannonStation(BallCannonStation):
+    """The rig in one laboratory."""
+
+    camera: Camera
+    spec: FilmedCannonSpec
+
+    def instruments(self) -> dict[str, Instrument]:
+        return {**BallCannonStation.instruments(self), "camera": self.camera}
+
+    @property
+    def calibration(self) -> dict[str, Estimate]:
+        over = Estimate(value=self.spec.over)
+        return calibration_of(self.instruments()) | {"camera.over": over}
+
+    def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
+        """Fire at the bat at rest, time and film the ball both ways."""
+        flown = self.fly(order, specimen, draws)
+        timed = self.timed(flown, order, draws)
+        course, bat = self.scene(flown, order, specimen, draws)
+        seen, truth = self.camera.watch(
+            course, draws, "filmed-cannon.clip", order.block, order.rung, bat
+        )
+        return Play(records={**timed.records, "camera": seen}, truth={**timed.truth, **truth})
+
+    def scene(
+        self, flown: Flown, order: Order, specimen: Specimen, draws: Draws
+    ) -> tuple[Course, Bat]:
+        """Return what is before the camera, in its axes: balls and bat."""
+        body, radius = specimen.bat.body, flown.passage.radius
+        shots = len(order.ball)
+
+        def touching(place: float | np.ndarray, across: float | np.ndarray) -> np.ndarray:
+            reach = outer_diameter(body.profile, np.asarray(place)) / 2 + radius
+            return np.asarray(np.sqrt(reach**2 - np.square(across)))
+
+        axis = body.length - self.holder.from_knob
+        before = float(touching(self.spec.over, 0.0))  # of the ball's centre, to the bat's axis
+        gap = touching(flown.place, flown.across) - before
+        course = Course(
+            passage=replace(flown.passage, plane=flown.passage.plane + gap),
+            contact=flown.contact,
+            leaving=flown.leaving,
+            along=self.spec.over - flown.place,
+            spin_in=self._spin("in", self.spec.spin_in, shots, order, draws),
+            spin_out=self._spin("out", self.spec.spin_out, shots, order, draws),
+            stand=self._spin("stand", np.pi, shots, order, draws),
+        )
+        beam = beam_of(body)
+        mass, lever = specimen.balls.mass[order.ball], axis - flown.place
+        blow = mass * flown.passage.speed_in * (1 + flown.collision_efficiency)
+        stations = np.linspace(0.0, body.length, STATIONS)
+        bat = Bat(
+            pivot=(before, self.spec.over - axis),
+            stations=axis - stations[::-1],
+            half_widths=outer_diameter(body.profile, stations[::-1]) / 2,
+            contact=flown.contact,
+            rate=blow * lever / beam.inertia(axis),
+        )
+        return course, bat
+
+    @staticmethod
+    def _spin(name: str, scatter: float, shots: int, order: Order, draws: Draws) -> np.ndarray:
+        drawn = draws.normal(f"filmed-cannon.spin.{name}", (shots, 3), order.block)
+        return np.asarray(scatter * drawn)
+
+
+RIG = FilmedCannon()

@@ -1,0 +1,162 @@
+"""Flights from a camera over the rig: straight lines in and out, drag and heights known.
+
+With quadratic drag the way s = d exprel(±κd) is linear in time, v s' = 1 at the target, so each
+way is a weighted straight line through the frames' places whatever the speed. How high the ball
+flew, which is how far from the camera it was, the gates tell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.reduction.flights import Flights
+from virtual_lab.reduction.video.windows import Sightings
+from virtual_lab.relations.flight import time_after, time_before
+from virtual_lab.relations.pinhole import looking_down, undistorted
+from virtual_lab.units import STANDARD_GRAVITY
+
+__all__ = ["Filmed", "filmed", "own_u"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Constants = Mapping[str, Array]
+LAGS = np.geomspace(0.02, 3.0, 16)  # of the time a flight is seen: how slow a pattern may be
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Filmed:
+    """What the camera says of each shot, (..., shot); NaN: it does not."""
+
+    flights: Flights  # heights are those of the gates
+    place: Array  # of contact, from the barrel tip [m]
+    angle_in: Array  # of the flight in from the line of fire, toward the tip [rad]
+
+
+def filmed(x: Constants, stage: str, seen: Sightings, drag: Array, timed: Flights) -> Filmed:
+    """Return the flights of a stage's balls as its camera saw them.
+
+    Parameters
+    ----------
+    x
+        Constants, numbers or columns (k, 1).
+    seen
+        The ball's places, (shot, frame).
+    drag
+        κ of each ball, (..., shot) [1/m].
+    timed
+        What the gates say, of which heights and slopes are used.
+    """
+    ahead = -_places(x, stage, seen, np.asarray(timed.offset)[..., None])[..., 0]
+    slope = np.where(seen.out, timed.slope_out[..., None], timed.slope_in[..., None])
+    speed = np.where(seen.out, timed.speed_out[..., None], timed.speed_in[..., None])
+    fallen = STANDARD_GRAVITY / 2 * (ahead / speed) ** 2
+    height = np.asarray(timed.offset)[..., None] + slope * ahead - fallen
+    places = _places(x, stage, seen, height)
+    ahead, along = -places[..., 0], places[..., 1]
+    kappa = np.asarray(drag)[..., None]
+    way = np.where(seen.out, time_after(ahead, 1.0, kappa), time_before(ahead, 1.0, kappa))
+    clock = x[f"{stage}.camera.clock"]
+    speed_in, met = _line(seen, ~seen.out, way)
+    speed_out, _ = _line(seen, seen.out, way)
+    drift, aside = _line(seen, ~seen.out, along, at=met)
+    return Filmed(
+        flights=Flights(
+            speed_in=-speed_in * clock,
+            speed_out=speed_out * clock,
+            offset=timed.offset,
+            slope_in=timed.slope_in,
+            slope_out=timed.slope_out,
+        ),
+        place=x[f"{stage}.camera.over"] - aside,
+        angle_in=np.arctan2(drift, -speed_in),
+    )
+
+
+def own_u(x: Constants, stage: str, seen: Sightings) -> tuple[Array, Array]:
+    """Return the standard uncertainties of the speeds in and out from frames alone, (shot,).
+
+    Noise is new in every frame. The ball's pattern errs alike in neighbouring ones: how slowly
+    it turns is not known, so it counts as slow as would harm most.
+    """
+    scale = (x[f"{stage}.camera.place_z"] - x[f"{stage}.camera.plane"]) / x[f"{stage}.camera.focal"]
+    found = []
+    for way in (~seen.out, seen.out):
+        weights, times = _weights(seen, way), _from_first(seen)
+        slope = _slopes(weights, times)
+        noise = np.sum((slope * np.where(weights > 0, seen.u, 0.0)) ** 2, axis=1)
+        apart = times[:, :, None] - times[:, None, :]
+        span = np.ptp(np.where(weights > 0, times, times.mean(axis=1)[:, None]), axis=1)
+        worst = np.zeros(len(times))
+        if seen.pattern_u.any():
+            for lag in LAGS:
+                like = np.exp(-0.5 * (apart / (lag * span[:, None, None])) ** 2)
+                worst = np.maximum(worst, np.einsum("si,sij,sj->s", slope, like, slope))
+        found.append(float(scale) * np.sqrt(noise + seen.pattern_u**2 * worst))
+    return found[0], found[1]
+
+
+def _places(x: Constants, stage: str, seen: Sightings, height: Array) -> Array:
+    """Return the ball's centre in the rig's axes from its picture, (..., shot, frame, 2) [m]."""
+
+    def of(name: str) -> Array:
+        return np.asarray(x[f"{stage}.camera.{name}"])[..., None]
+
+    flat = np.stack(
+        [(seen.x - of("centre_x")) / of("focal"), (seen.y - of("centre_y")) / of("focal")], axis=-1
+    )
+    rays = undistorted(flat, [of(name) for name in ("k1", "k2", "p1", "p2", "k3")])
+    tilt = np.stack(
+        [np.asarray(x[f"{stage}.camera.tilt_{axis}"]).reshape(-1) for axis in "xyz"], axis=-1
+    )
+    several = np.ndim(x[f"{stage}.camera.tilt_x"]) > 0
+    turn = looking_down(tilt)[:, None, None] if several else looking_down(tilt[0])
+    level = of("plane") + height
+    # a sphere is seen somewhat farther out than its centre: by 1 / (1 - R²/Z²)
+    far = of("place_z") - level
+    rays = rays * (1 - (np.asarray(x["ball.radius"])[..., None] / far) ** 2)[..., None]
+    u, v = rays[..., 0], rays[..., 1]
+    way = [
+        turn[..., 0, axis] * u + turn[..., 1, axis] * v + turn[..., 2, axis] for axis in range(3)
+    ]
+    reach = (level - of("place_z")) / way[2]
+    return np.stack([of("place_x") + reach * way[0], of("place_y") + reach * way[1]], axis=-1)
+
+
+def _weights(seen: Sightings, way: Mask) -> Array:
+    """Return what each frame weighs on one way, (shot, frame)."""
+    return np.where(way & np.isfinite(seen.x), 1 / seen.u**2, 0.0)
+
+
+def _from_first(seen: Sightings) -> Array:
+    """Return times from the first frame that counts, 0 of those that do not, (shot, frame)."""
+    times = np.where(np.isfinite(seen.x), seen.times, np.nan)
+    first = np.nanmin(times, axis=1, initial=np.inf)[:, None]
+    return np.asarray(np.nan_to_num(times - np.where(np.isfinite(first), first, 0.0)))
+
+
+def _slopes(weights: Array, times: Array) -> Array:
+    """Return what each frame adds to the slope of a weighted line, NaN without frames."""
+    total = weights.sum(axis=1)[:, None]
+    total = np.where(total > 0, total, np.nan)
+    off = times - (weights * times).sum(axis=1)[:, None] / total
+    return np.asarray(weights * off / np.sum(weights * off**2, axis=1)[:, None])
+
+
+def _line(
+    seen: Sightings, way: Mask, values: Array, at: Array | None = None
+) -> tuple[Array, Array]:
+    """Return a weighted line's slope, and when it is 0, or what it is `at` a time."""
+    weights, times = _weights(seen, way), _from_first(seen)
+    used = np.where(weights > 0, values, 0.0)
+    slope = np.sum(_slopes(weights, times) * used, axis=-1)
+    total = weights.sum(axis=1)
+    total = np.where(total > 0, total, np.nan)
+    middle = np.sum(weights * used, axis=-1) / total
+    moment = np.sum(weights * times, axis=1) / total
+    if at is None:
+        return slope, moment - middle / slope
+    return slope, middle + slope * (at - moment)

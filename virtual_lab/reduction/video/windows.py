@@ -1,0 +1,230 @@
+"""The ball in the windows a camera kept of each shot: found, refined, told in or out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.errors import InputError
+from virtual_lab.estimate import Estimate
+from virtual_lab.records import ClipRecord, TrackRecord
+from virtual_lab.reduction.video.located import Flag, Located
+from virtual_lab.reduction.video.noise import ROUNDING, Noise
+
+__all__ = ["Sightings", "sight"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Known = Mapping[str, Estimate]
+
+AT_ONCE = 512  # windows that are looked at together
+BRIGHT = 0.9  # of a ball's pixels: those above this quantile tell how much it stands out
+HALF = 0.45  # of that: what stands out more is the ball
+TOUCHING = 8e-3  # m, from the farthest the ball comes: nearer it may be on the bat
+LEAST = 4  # frames of a way
+WILD = 6.0  # robust standard deviations
+USELESS = Flag.NOT_FOUND | Flag.SATURATED | Flag.CLIPPED | Flag.OVERLAP
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sightings:
+    """Where the ball was seen to fly freely, arrays (shot, frame); NaN: not, or not well.
+
+    Pixels of the whole frame, distortion and all; times by the camera's clock [s].
+    """
+
+    times: Array
+    x: Array
+    y: Array
+    u: Array  # of x and y each, from noise, new in every frame
+    pattern_u: Array  # from the ball's own pattern, alike in neighbouring frames, (shot,)
+    out: Mask  # whether the ball flies out
+
+
+def sight(record: ClipRecord | TrackRecord, known: Known, radius: float) -> Sightings:
+    """Return where a camera saw the ball of each shot.
+
+    Parameters
+    ----------
+    record
+        Windows with their background, or places that the camera tracked itself.
+    known
+        The camera's calibration.
+    radius
+        Of the ball [m].
+
+    Raises
+    ------
+    InputError
+        Windows without their pixels or their background.
+    """
+    size = known["focal"].value / (known["place_z"].value - known["plane"].value)  # [px/m]
+    if isinstance(record, TrackRecord):
+        return _ways(record.times, record.x, record.y, record.u, size)
+    pixels, background = record.pixels, record.background
+    for name, values in (("pixels", pixels), ("background", background)):
+        if values is None:
+            raise InputError("impact/camera", name, None, "this array is missing")
+    assert pixels is not None
+    assert background is not None
+    shot, frame = np.nonzero(np.isfinite(record.times))
+    corners = np.stack([record.left[shot, frame], record.top[shot, frame]], axis=1)
+    _require_within(pixels, background, record.times.shape, corners)
+    noise = noise_of(known)
+    start = [
+        _start(pixels[shot[part], frame[part]], corners[part], background, size * radius)
+        for part in _parts(len(shot))
+    ]
+    began = np.concatenate(start) if start else np.empty((0, 2))
+    blurs = _blurs(record.times, shot, frame, began, known["exposure"].value)
+    table = np.full((3, *record.times.shape), np.nan)
+    for part in _parts(len(shot)):
+        found = _refined(
+            pixels[shot[part], frame[part]],
+            corners[part],
+            background,
+            began[part],
+            blurs[part],
+            size * radius,
+            noise,
+            known["blur"].value,
+        )
+        useful = (found.flags & USELESS) == 0
+        table[:, shot[part], frame[part]] = np.where(
+            useful, [found.x, found.y, np.hypot(found.x_u, found.y_u) / np.sqrt(2)], np.nan
+        )
+    x, y, u = table
+    return _ways(record.times, x, y, u, size)
+
+
+def noise_of(known: Known) -> Noise:
+    """Return the noise of a camera as its photon transfer measurement has it."""
+    gain = known["gain"].value
+    dark = known["read_noise"].value ** 2 + known["dark_signal"].value ** 2
+    return Noise(
+        gain=gain,
+        read=gain**2 * dark + ROUNDING,
+        black=known["black_level"].value,
+        prnu=known["photo_response"].value,
+        full_scale=known["full_scale"].value,
+    )
+
+
+def _parts(count: int) -> list[slice]:
+    return [slice(start, start + AT_ONCE) for start in range(0, count, AT_ONCE)]
+
+
+def _require_within(
+    pixels: NDArray[np.generic],
+    background: NDArray[np.generic],
+    shape: tuple[int, ...],
+    corners: Array,
+) -> None:
+    if pixels.ndim != 4 or pixels.shape[:2] != shape:
+        allowed = f"the table has (shot, frame) {shape}, and windows have rows and columns"
+        raise InputError("impact/camera", "pixels", pixels.shape, allowed)
+    if background.ndim != 2:
+        raise InputError("impact/camera", "background", background.shape, "allowed: one picture")
+    last = np.array(background.shape)[::-1] - pixels.shape[:1:-1]
+    wrong = (corners < 0) | (corners > last)
+    if wrong.any():
+        allowed = f"windows must lie within the frame: 0 to {last[0]}, 0 to {last[1]}"
+        raise InputError("impact/camera", "left_px, top_px", corners[wrong.any(axis=1)][0], allowed)
+
+
+def _behind(background: NDArray[np.generic], corners: Array, side: tuple[int, int]) -> Array:
+    views = np.lib.stride_tricks.sliding_window_view(background, side)
+    left, top = corners.astype(int).T
+    return np.asarray(views[top, left], dtype=np.float64)
+
+
+def _start(
+    windows: NDArray[np.generic],
+    corners: Array,
+    background: NDArray[np.generic],
+    radius: float,
+) -> Array:
+    """Return where the ball about is in each window, pixels of the frame (region, 2)."""
+    rows, columns = windows.shape[1:]
+    off = windows.astype(np.float64) - _behind(background, corners, (rows, columns))
+    middle = np.hypot(*np.ogrid[-rows / 2 : rows / 2, -columns / 2 : columns / 2]) < radius / 2
+    bright = np.where(np.median(off[:, middle], axis=1) < 0, -1.0, 1.0)
+    off *= bright[:, None, None]
+    high = np.quantile(off.reshape(len(off), -1), BRIGHT, axis=1)
+    ball = (off > HALF * high[:, None, None]).astype(np.float64)
+    count = np.maximum(ball.sum(axis=(1, 2)), 1.0)
+    x = (ball.sum(axis=1) @ np.arange(columns)) / count
+    y = (ball.sum(axis=2) @ np.arange(rows)) / count
+    return np.asarray(corners + np.stack([x, y], axis=1))
+
+
+def _blurs(
+    times: Array, shot: NDArray[np.intp], frame: NDArray[np.intp], places: Array, exposure: float
+) -> Array:
+    """Return how far the ball moves during each exposure, by its way's median speed [px]."""
+    table = np.full((*times.shape, 2), np.nan)
+    table[shot, frame] = places
+    speed = np.diff(table, axis=1) / np.diff(times, axis=1)[..., None]
+    turn = np.nan_to_num(table[..., 0], nan=-np.inf).argmax(axis=1)[:, None]
+    after = np.arange(times.shape[1] - 1) >= turn
+    ways = np.stack([np.where(way[..., None], speed, np.nan) for way in (~after, after)])
+    usual = np.zeros((2, len(times), 2))
+    some = np.isfinite(ways).all(axis=3).any(axis=2)
+    usual[some] = np.nanmedian(ways[some], axis=1)
+    return np.asarray(usual[np.greater(frame, turn[shot, 0]).astype(int), shot] * exposure)
+
+
+def _refined(
+    windows: NDArray[np.generic],
+    corners: Array,
+    background: NDArray[np.generic],
+    places: Array,
+    blur: Array,
+    radius: float,
+    noise: Noise,
+    lens: float,
+) -> Located:
+    from virtual_lab.reduction.video.refining import Optics, refine
+
+    blank = np.full(len(windows), np.nan)
+    start = Located(
+        x=places[:, 0],
+        y=places[:, 1],
+        radius=np.full(len(windows), radius),
+        x_u=blank,
+        y_u=blank,
+        blur_x=blur[:, 0],
+        blur_y=blur[:, 1],
+        chi_square=blank,
+        flags=np.zeros(len(windows), np.uint16),
+    )
+    side = windows.shape[1], windows.shape[2]
+    return refine(
+        windows,
+        corners,
+        start,
+        noise=noise,
+        optics=Optics(lens=lens),
+        background=_behind(background, corners, side),
+    ).located
+
+
+def _ways(times: Array, x: Array, y: Array, u: Array, size: float) -> Sightings:
+    """Return the frames of both ways, without those in which the ball may touch the bat."""
+    seen = np.isfinite(times + x + y + u)
+    forth = np.where(seen, x, -np.inf)
+    turn = forth.argmax(axis=1)[:, None]
+    free = seen & (x < forth.max(axis=1)[:, None] - TOUCHING * size)
+    out = np.arange(times.shape[1]) > turn
+    for way in (~out, out):
+        mine = free & way
+        free &= ~(way & (mine.sum(axis=1) < LEAST)[:, None])
+    keep = {"times": times, "x": x, "y": y, "u": u}
+    return Sightings(
+        **{name: np.where(free, values, np.nan) for name, values in keep.items()},
+        pattern_u=np.zeros(len(times)),
+        out=out,
+    )
