@@ -88,8 +88,11 @@ def test_ideal_is_ideal(name: str) -> None:
 def test_true_constants_scatter_as_the_calibration_says(name: str) -> None:
     """400 laboratories: z-scores of every constant are standard normal (KS, p > 1e-4)."""
     scores: dict[str, list[float]] = {}
+    spec = spec_of(name)
+    if isinstance(spec, CameraSpec):  # maps of a million pixels hold no constant
+        spec = replace(spec, window=8, sensor=replace(spec.sensor, columns=8, rows=8))
     for seed in range(400):
-        instrument = MAKERS[KIND[name]].commission(spec_of(name), Streams(seed), name)
+        instrument = MAKERS[KIND[name]].commission(spec, Streams(seed), name)
         true = instrument.errors()
         for key, known in instrument.calibration().items():
             if known.u > 0:

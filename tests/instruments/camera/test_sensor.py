@@ -79,6 +79,22 @@ def test_without_randomness_the_mean_is_left() -> None:
     assert np.abs(grey - (0.15 * light + 64)).max() <= 0.5 + 1e-4
 
 
+def test_a_mean_of_frames_is_one_of_many() -> None:
+    """32 frames taken one by one and their mean drawn at once: same mean, same scatter.
+
+    The mean of each pixel is its own, maps and all; four standard errors of 4000 pixels.
+    """
+    small = replace(SPEC, columns=80, rows=50)
+    sensor = Sensor.commission(small, Streams(4), "s")
+    light = np.full((50, 80), 3000.0, np.float32)
+    corners = np.zeros((32, 2), int)
+    frames = sensor.expose(np.tile(light, (32, 1, 1)), corners, Streams(5), "f", exposure=1e-3)
+    one, other = frames.mean(axis=0), sensor.mean_of(light, 32, Streams(6), "m", exposure=1e-3)
+    sigma = np.sqrt((sensor.gain**2 * (3001.0 + 15.0**2) + 1 / 12) / 32)
+    assert abs(float((one - other).mean())) < 4 * sigma * np.sqrt(2 / 4000)
+    assert float((one - other).std()) == pytest.approx(sigma * np.sqrt(2), rel=4 / np.sqrt(8000))
+
+
 def test_a_pixel_keeps_its_own_faults() -> None:
     """Maps belong to the sensor: two regions over the same pixels show the same pattern."""
     sensor = Sensor.commission(SPEC, Streams(4), "s")

@@ -24,6 +24,7 @@ __all__ = ["Filmed", "filmed", "own_u"]
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Constants = Mapping[str, Array]
+LENS = ("focal", "centre_x", "centre_y", "k1", "k2", "p1", "p2", "k3")
 LAGS = np.geomspace(0.02, 3.0, 16)  # of the time a flight is seen: how slow a pattern may be
 
 
@@ -50,7 +51,10 @@ def filmed(x: Constants, stage: str, seen: Sightings, drag: Array, timed: Flight
     timed
         What the gates say, of which heights and slopes are used.
     """
-    ahead = -_places(x, stage, seen, np.asarray(timed.offset)[..., None])[..., 0]
+    # heights change slowly along the way: how far a ball is, the first set of constants tells
+    first = {name: np.ravel(value)[:1, None] for name, value in x.items() if _of(stage, name)}
+    level = np.asarray(timed.offset).reshape(-1, len(seen.times))[:1, :, None]
+    ahead = -_places(first, stage, seen, level)[0, ..., 0]
     slope = np.where(seen.out, timed.slope_out[..., None], timed.slope_in[..., None])
     speed = np.where(seen.out, timed.speed_out[..., None], timed.speed_in[..., None])
     fallen = STANDARD_GRAVITY / 2 * (ahead / speed) ** 2
@@ -105,25 +109,42 @@ def _places(x: Constants, stage: str, seen: Sightings, height: Array) -> Array:
     def of(name: str) -> Array:
         return np.asarray(x[f"{stage}.camera.{name}"])[..., None]
 
-    flat = np.stack(
-        [(seen.x - of("centre_x")) / of("focal"), (seen.y - of("centre_y")) / of("focal")], axis=-1
-    )
-    rays = undistorted(flat, [of(name) for name in ("k1", "k2", "p1", "p2", "k3")])
+    rays = _rays(x, stage, seen)
     tilt = np.stack(
         [np.asarray(x[f"{stage}.camera.tilt_{axis}"]).reshape(-1) for axis in "xyz"], axis=-1
     )
     several = np.ndim(x[f"{stage}.camera.tilt_x"]) > 0
     turn = looking_down(tilt)[:, None, None] if several else looking_down(tilt[0])
     level = of("plane") + height
-    # a sphere is seen somewhat farther out than its centre: by 1 / (1 - R²/Z²)
-    far = of("place_z") - level
-    rays = rays * (1 - (np.asarray(x["ball.radius"])[..., None] / far) ** 2)[..., None]
+    # a sphere is seen somewhat farther out than its centre, by 1 / (1 - R²/Z²), and a lens that
+    # bends moves the middle of a disc by 3 k1 + 9 k2 r² of that beyond where it moves its centre
+    opening = (np.asarray(x["ball.radius"])[..., None] / (of("place_z") - level)) ** 2
+    bent = 3 * of("k1") + 9 * of("k2") * np.sum(rays**2, axis=-1)
+    rays = rays * (1 - opening * (1 + bent))[..., None]
     u, v = rays[..., 0], rays[..., 1]
     way = [
         turn[..., 0, axis] * u + turn[..., 1, axis] * v + turn[..., 2, axis] for axis in range(3)
     ]
     reach = (level - of("place_z")) / way[2]
     return np.stack([of("place_x") + reach * way[0], of("place_y") + reach * way[1]], axis=-1)
+
+
+def _rays(x: Constants, stage: str, seen: Sightings) -> Array:
+    """Return the directions of pixels in axes of the camera, (..., shot, frame, 2).
+
+    Of many sets of constants few differ in the lens, and each lens is reckoned with once.
+    """
+    columns = np.broadcast_arrays(*(x[f"{stage}.camera.{name}"] for name in LENS))
+    sets = np.stack([np.ravel(column) for column in columns], axis=1)
+    lenses, which = np.unique(sets, axis=0, return_inverse=True)
+    focal, centre_x, centre_y, *bend = (column[:, None, None] for column in lenses.T)
+    flat = np.stack([(seen.x - centre_x) / focal, (seen.y - centre_y) / focal], axis=-1)
+    rays = undistorted(flat, bend)[np.ravel(which)]
+    return rays if columns[0].ndim else np.asarray(rays[0])
+
+
+def _of(stage: str, name: str) -> bool:
+    return name.startswith(f"{stage}.camera.") or name == "ball.radius"
 
 
 def _weights(seen: Sightings, way: Mask) -> Array:
