@@ -10,6 +10,7 @@ import click
 
 from virtual_lab import __version__
 from virtual_lab.cli.bench import certify, reduce, score, template
+from virtual_lab.cli.calibrate import board, calibrate
 from virtual_lab.cli.fidelity import chart, stability
 from virtual_lab.cli.percussion import percussion
 from virtual_lab.cli.shelf import compare, fit_bat, list_, profile, show
@@ -101,5 +102,7 @@ for command in (
     stability,
     daily,
     track,
+    calibrate,
+    board,
 ):
     cli.add_command(command)

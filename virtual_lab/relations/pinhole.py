@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["distorted", "looking_down", "projected", "rotation", "undistorted"]
+__all__ = ["DOWN", "distorted", "looking_down", "projected", "rotation", "undistorted"]
 
 Array = NDArray[np.float64]
 SUBSTITUTIONS = 8

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from tests.instruments.camera.scenes import camera_of, spec_of
-from virtual_lab.instruments.camera.views import Board, board_views
+from virtual_lab.instruments.camera.views import board_views
+from virtual_lab.relations.board import Board
 from virtual_lab.streams import Streams
 
 BOARD = Board()
@@ -16,7 +17,7 @@ def found(picture: np.ndarray, full_scale: float) -> np.ndarray | None:
     """Return the corners OpenCV finds, (corner, 2), in its own order."""
     grey = np.clip(picture * (340 / full_scale), 0, 255).astype(np.uint8)
     flags = cv2.CALIB_CB_ACCURACY
-    good, corners = cv2.findChessboardCornersSB(grey, (BOARD.columns, BOARD.rows), flags=flags)
+    good, corners = cv2.findChessboardCornersSB(grey, BOARD.shape, flags=flags)
     return corners.reshape(-1, 2) if good else None
 
 
@@ -53,7 +54,7 @@ def test_opencv_finds_the_corners_and_the_lens() -> None:
     ends = np.array([[-0.17, 0.0, 0.0], [0.17, 0.05, 0.0]])
     middle = flat[0].mean(axis=0)
     solved = cv2.projectPoints(ends, turns[0], ways[0], matrix, bent)[0].reshape(-1, 2)
-    true = lens.drawn(lens.seen(ends + middle))
+    true = lens.drawn(lens.seen(ends * [1, -1, 1] + middle))  # the board's y is down
     assert np.linalg.norm(np.diff(solved, axis=0)) == pytest.approx(
         np.linalg.norm(np.diff(true, axis=0)), rel=1e-4
     )

@@ -1,14 +1,13 @@
-"""Views of a chessboard through the true lens: what a laboratory calibrates its camera with.
+"""Views of a board through the true lens: what a laboratory calibrates its camera with.
 
 A chessboard is the product of two square waves, each blurred across its own edges in closed form:
-lens and pixel as one Gaussian. At a crossing both stay odd, so no corner moves. The first view
-lies in the plane that the calibration takes for the ball's.
+lens and pixel as one Gaussian. At a crossing both stay odd, so no corner moves. Markers are blurred
+likewise, cell by cell. The first view lies in the plane that the calibration takes for the ball's.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,31 +15,17 @@ from numpy.typing import NDArray
 
 from virtual_lab.instruments.camera.camera import Camera
 from virtual_lab.instruments.camera.lens import TrueLens
-from virtual_lab.relations.pinhole import distorted, rotation
+from virtual_lab.relations.board import Board
+from virtual_lab.relations.pinhole import DOWN, distorted, rotation
 from virtual_lab.streams import Draws
 
-__all__ = ["Board", "board_views"]
+__all__ = ["board_views"]
 
 Array = NDArray[np.float64]
 ROUNDS = 12  # of undoing a distortion, each some ten times closer
 LIT = 0.6  # of the full well, on white
 PAPER, INK, BEYOND = 0.9, 0.06, 0.02  # albedos; the last of what is behind the board
 LEAN, NEAR, ASIDE = 0.6, 0.35, 0.25  # spread of the poses: rad, m toward the camera, m
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Board:
-    """A chessboard by its inner corners, with a white border of one square."""
-
-    columns: int = 13
-    rows: int = 8
-    square: float = 0.04  # [m]
-
-    def corners(self) -> Array:
-        """Return the inner corners about the board's middle, row by row, (corner, 3) [m]."""
-        x, y = np.meshgrid(np.arange(self.columns), np.arange(self.rows))
-        flat = np.stack([x - (self.columns - 1) / 2, y - (self.rows - 1) / 2], axis=-1)
-        return np.pad(self.square * flat.reshape(-1, 2), ((0, 0), (0, 1)))
 
 
 def board_views(
@@ -58,7 +43,7 @@ def board_views(
     middle = np.array([camera.lens.place[0], camera.lens.place[1], 0.0])
     for view in range(views):
         held = view > 0
-        turned = rotation(held * LEAN * 2 * lean[view])
+        turned = rotation(held * LEAN * 2 * lean[view]) @ DOWN
         up = np.array([ASIDE, ASIDE, NEAR]) * (off[view] + [0.0, 0.0, 0.5])
         place = middle + held * up
         albedo = _drawn(camera.lens, board, turned, place, rays, float(blur))
@@ -77,24 +62,64 @@ def _drawn(
     origin = lens.seen(place)
     reach = (axes[:, 2] @ origin) / (rays @ axes[:, 2])
     on_board = (reach[..., None] * rays - origin) @ axes / board.square
-    u = on_board[..., 0] + (board.columns - 1) / 2
-    v = on_board[..., 1] + (board.rows - 1) / 2
-    waves, squares, paper = np.ones((3, *rays.shape[:2]))
-    for way, number in ((u, board.columns), (v, board.rows)):
-        down, right = np.gradient(way)
-        width = blur * np.hypot(down, right)
-        waves = waves * _wave(way, width, number)
-        squares = squares * _share(way + 1, width) * _share(number - way, width)
-        paper = paper * _share(way + 2, width) * _share(number + 1 - way, width)
-    dark = squares * (1 - waves) / 2
+    u = on_board[..., 0] + board.columns / 2  # in squares, from the first one's outer corner
+    v = on_board[..., 1] + board.rows / 2
+    wide, high = (blur * np.hypot(*np.gradient(way)) for way in (u, v))
+    waves = _wave(u, wide, board.columns) * _wave(v, high, board.rows)
+    dark = _inside(u, wide, board.columns, 0) * _inside(v, high, board.rows, 0) * (1 + waves) / 2
+    paper = _inside(u, wide, board.columns, 1) * _inside(v, high, board.rows, 1)
+    if board.marker:
+        dark = dark + _markers(board, u, v, wide, high)
     return np.asarray(BEYOND + (PAPER + (INK - PAPER) * dark - BEYOND) * paper)
 
 
+def _markers(board: Board, u: Array, v: Array, wide: Array, high: Array) -> Array:
+    """Return the share of each pixel that is a marker's ink, at places in squares."""
+    ids = board.marker_at()
+    column = np.clip(np.floor(u).astype(int), 0, board.columns - 1)
+    row = np.clip(np.floor(v).astype(int), 0, board.rows - 1)
+    inks = _inks(board.dictionary, int(ids.max()) + 1)
+    cells = inks.shape[1] - 4  # a border of paper, two cells wide, stands about the ink
+    size = board.marker / board.square / cells
+    across, down = ((place - 0.5) / size + cells / 2 for place in (u - column, v - row))
+    first, second = _shares(across, wide / size, cells), _shares(down, high / size, cells)
+    ink = np.zeros_like(u)
+    marker = ids[row, column]
+    for i, share_down in second:
+        for j, share_across in first:
+            ink += share_down * share_across * inks[marker, i, j]
+    return np.where(marker < 0, 0.0, ink)
+
+
+def _shares(place: Array, width: Array, cells: int) -> list[tuple[NDArray[np.intp], Array]]:
+    """Return a pixel's nearest three cells and its share of each, in a row of cells."""
+    nearest = np.clip(np.floor(place), -1, cells)
+    before = 1 - _share(place - nearest, width)
+    after = _share(place - nearest - 1, width)
+    own = nearest.astype(np.intp) + 2
+    return [(own - 1, before), (own, 1 - before - after), (own + 1, after)]
+
+
+def _inks(dictionary: str, count: int) -> Array:
+    """Return where the first markers have ink, paper about them, (marker, cell, cell)."""
+    from cv2 import aruco
+
+    words = aruco.getPredefinedDictionary(getattr(aruco, f"DICT_{dictionary}"))
+    cells = words.markerSize + 2
+    drawn = [aruco.generateImageMarker(words, marker, cells) < 128 for marker in range(count)]
+    return np.pad(np.array(drawn, dtype=np.float64), ((0, 0), (2, 2), (2, 2)))
+
+
 def _wave(place: Array, width: Array, number: int) -> Array:
-    """Return a wave of ±1 that changes its sign at 0, 1 … number - 1, blurred by `width`."""
-    nearest = np.clip(np.rint(place), 0, number - 1)
+    """Return a wave of ±1 that changes its sign at 1, 2 … number - 1, blurred by `width`."""
+    nearest = np.clip(np.rint(place), 1, number - 1)
     sign = np.where(nearest % 2 == 0, 1.0, -1.0)
     return np.asarray(sign * (2 * _share(place - nearest, width) - 1))
+
+
+def _inside(place: Array, width: Array, number: int, border: int) -> Array:
+    """Return the share of a pixel between -border and number + border, blurred by `width`."""
+    return _share(place + border, width) * _share(number + border - place, width)
 
 
 def _share(ahead: Array, width: Array) -> Array:

@@ -13,12 +13,27 @@ from virtual_lab.errors import InputError
 from virtual_lab.specs import Spec
 from virtual_lab.validation import validate
 
-__all__ = ["CameraModel", "ClipCalibration", "read_calibration"]
+__all__ = ["CameraFit", "CameraModel", "ClipCalibration", "read_calibration"]
 
 Positive = Annotated[float, Gt(0)]
 Uncertainty = Annotated[float, Ge(0)]
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraFit(Spec):
+    """How a camera was calibrated; standard uncertainties of each number on its own."""
+
+    board: str
+    views: Annotated[int, Gt(0)]
+    corners: Annotated[int, Gt(0)]
+    rms_px: Uncertainty  # of the residuals, each way
+    focal_u_px: tuple[Uncertainty, Uncertainty]
+    centre_u_px: tuple[Uncertainty, Uncertainty]
+    distortion_u: Annotated[tuple[Uncertainty, ...], Len(4, 14)]
+    rotation_u: tuple[Uncertainty, Uncertainty, Uncertainty]  # about the camera's axes [rad]
+    translation_u_m: tuple[Uncertainty, Uncertainty, Uncertainty]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,7 +46,9 @@ class CameraModel(Spec):
     rotation: Triple  # Rodrigues vector, world to camera [rad]
     translation_m: Triple
     plane_height_m: float = 0.0
-    relative_scale_u: Uncertainty = 0.0  # of every length in the plane
+    plane_height_u_m: Uncertainty = 0.0
+    relative_scale_u: Uncertainty = 0.0  # of every length in the plane, were its height exact
+    fit: CameraFit | None = None
 
     def __post_init__(self) -> None:
         if len(self.distortion) not in {4, 5, 8, 12, 14}:

@@ -11,7 +11,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.reduction.video.calibration_file import CameraModel, ClipCalibration
 from virtual_lab.reduction.video.located import Located
 
-__all__ = ["Plane", "plane_of"]
+__all__ = ["Plane", "distance_of", "on_plane", "plane_of", "relative_u_of"]
 
 Array = NDArray[np.float64]
 
@@ -36,15 +36,15 @@ def plane_of(found: Located, calibration: ClipCalibration, where: str) -> Plane:
     """
     pixels = np.stack([found.x, found.y], axis=1)
     if calibration.camera:
-        places = _on_plane(pixels, calibration.camera, calibration.ball_diameter_m)
+        places = on_plane(pixels, calibration.camera, calibration.ball_diameter_m)
         middle = np.nanmedian(pixels, axis=0)
         around = middle + np.array([[-0.5, 0.0], [0.5, 0.0], [0.0, -0.5], [0.0, 0.5]])
-        left, right, up, down = _on_plane(around, calibration.camera, None)
+        left, right, up, down = on_plane(around, calibration.camera, None)
         scale = float(np.sqrt(abs(np.linalg.det([right - left, down - up]))))
         return Plane(
             places=places,
             metres_per_pixel=scale,
-            relative_u=calibration.camera.relative_scale_u,
+            relative_u=relative_u_of(calibration.camera),
             source="camera",
         )
     if calibration.metres_per_pixel:
@@ -66,7 +66,21 @@ def plane_of(found: Located, calibration: ClipCalibration, where: str) -> Plane:
     return Plane(places=pixels * scale, metres_per_pixel=scale, relative_u=relative, source="ball")
 
 
-def _on_plane(pixels: Array, camera: CameraModel, diameter: float | None) -> Array:
+def distance_of(camera: CameraModel) -> float:
+    """Return how far the camera is from the ball's plane [m]."""
+    import cv2
+
+    rotation = cv2.Rodrigues(np.array(camera.rotation))[0]
+    eye = -rotation.T @ np.array(camera.translation_m)
+    return abs(float(eye[2]) - camera.plane_height_m)
+
+
+def relative_u_of(camera: CameraModel) -> float:
+    """Return the relative u of lengths in the ball's plane: its height's share of the distance."""
+    return float(np.hypot(camera.relative_scale_u, camera.plane_height_u_m / distance_of(camera)))
+
+
+def on_plane(pixels: Array, camera: CameraModel, diameter: float | None) -> Array:
     """Return where the rays of pixels meet the ball's plane, (n, 2) [m].
 
     A sphere's picture is an ellipse whose centre lies farther out than the centre's own picture,

@@ -19,7 +19,7 @@ from virtual_lab.errors import InputError
 if TYPE_CHECKING:
     import cv2
 
-__all__ = ["Frame", "Source", "open_source"]
+__all__ = ["IMAGES", "Frame", "Source", "grey_of", "image_files", "open_source"]
 
 Frame = NDArray[Any]  # of 8 or 16 bits without sign
 
@@ -47,7 +47,7 @@ class Source:
         first: Frame | None = None
         count = 0
         for frame, stamp in self.read():
-            grey = _grey(frame, f"{self.path}: frame {count}")
+            grey = grey_of(frame, f"{self.path}: frame {count}")
             first = grey if first is None else first
             if (grey.shape, grey.dtype) != (first.shape, first.dtype):
                 allowed = f"the first is {_size(first)}: a clip has frames of one size and depth"
@@ -73,11 +73,17 @@ def open_source(path: Path) -> Source:
     return _stack(path) if path.suffix.lower() in (".tif", ".tiff") else _video(path)
 
 
-def _folder(path: Path) -> Source:
+def image_files(path: Path) -> list[Path]:
+    """Return the images in a folder, image9 before image10; `InputError` where there are none."""
     files = [each for each in path.iterdir() if each.suffix.lower() in IMAGES]
     files = sorted((each for each in files if not each.name.startswith(".")), key=_natural)
     if not files:
         raise InputError(str(path), "images", 0, f"a folder holds {', '.join(IMAGES)}")
+    return files
+
+
+def _folder(path: Path) -> Source:
+    files = image_files(path)
     if len(kinds := sorted({each.suffix.lower() for each in files})) > 1:
         raise InputError(str(path), "images", ", ".join(kinds), "one kind of image in a folder")
 
@@ -183,7 +189,7 @@ def _pixel_format(capture: cv2.VideoCapture) -> str:
     return code.to_bytes(4, "little").decode("latin-1")
 
 
-def _grey(frame: Frame, where: str) -> Frame:
+def grey_of(frame: Frame, where: str) -> Frame:
     """Return a frame as grey of its own depth."""
     import cv2
 

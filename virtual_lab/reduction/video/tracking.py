@@ -24,7 +24,7 @@ from virtual_lab.reduction.video.legs import Legs, Places, split
 from virtual_lab.reduction.video.lines import Air
 from virtual_lab.reduction.video.linking import Found, ball_track
 from virtual_lab.reduction.video.located import Flag, Located
-from virtual_lab.reduction.video.plane import Plane, plane_of
+from virtual_lab.reduction.video.plane import Plane, distance_of, plane_of
 from virtual_lab.reduction.video.reading import Frame
 from virtual_lab.reduction.video.regions import Locator, cut_regions
 from virtual_lab.reduction.video.starting import starts
@@ -141,7 +141,7 @@ def _expected_radius(calibration: ClipCalibration) -> float | None:
     if scale:
         return diameter / 2 / scale
     if camera := calibration.camera:
-        far = abs(camera.translation_m[2] - camera.plane_height_m)
+        far = distance_of(camera)
         return diameter / 2 * camera.matrix[0][0] / far if far else None
     return None
 

@@ -1,0 +1,56 @@
+"""Calibration boards against OpenCV's own layout, and texts that name none."""
+
+import cv2
+import numpy as np
+import pytest
+
+from virtual_lab.errors import InputError
+from virtual_lab.relations.board import Board, board_of, length_of
+
+
+@pytest.mark.parametrize("rows", [6, 7])
+def test_a_board_is_laid_out_as_opencv_does(rows: int) -> None:
+    """Corners row by row from the first, markers in the white squares in the order of their ids."""
+    board = board_of(f"charuco:9x{rows}:25mm:18mm")
+    words = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_1000)
+    theirs = cv2.aruco.CharucoBoard((9, rows), 0.025, 0.018, words)
+    middle = np.array([4.5 * 0.025, rows / 2 * 0.025, 0.0])
+    corners = theirs.getChessboardCorners() - middle
+    np.testing.assert_allclose(board.corners(), corners, atol=1e-7)
+    own = board.marker_at()
+    for number, points in zip(theirs.getIds().ravel(), theirs.getObjPoints(), strict=True):
+        column, row = (np.asarray(points).mean(axis=0)[:2] / 0.025).astype(int)
+        assert own[row, column] == number
+    assert own[0, 0] == -1
+
+
+def test_boards_by_name() -> None:
+    assert board_of("chessboard:14x9:1.5in") == Board(
+        columns=14, rows=9, square=pytest.approx(0.0381), source="chessboard:14x9:1.5in"
+    )
+    marked = board_of("charuco:5x4:3cm:20mm:DICT_5X5_100")
+    assert (marked.marker, marked.dictionary) == (0.02, "5X5_100")
+    assert length_of("-3mm", "--height", signed=True) == -0.003
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("checker:9x6:25mm", "expected charuco:"),
+        ("charuco:9x6:25mm", "expected charuco:"),
+        ("chessboard:9x6:25mm:18mm", "expected charuco:"),
+        ("chessboard:9,6:25mm", "squares in a row x rows"),
+        ("chessboard:3x3:25mm", "at least 4x3"),
+        ("chessboard:9x6:25", "a length with its unit"),
+        ("chessboard:9x6:0mm", "a length with its unit"),
+        ("chessboard:9x6:-5mm", "a length with its unit"),
+        ("chessboard:9x6:2.5.1mm", "a length with its unit"),
+        ("charuco:9x6:25mm:25mm", "smaller than its square"),
+        ("charuco:9x6:25mm:18mm:9X9_50", "allowed: 4X4_50"),
+        ("charuco:14x9:25mm:18mm:5X5_50", "the board has 63 markers"),
+    ],
+)
+def test_a_board_that_is_none(text: str, words: str) -> None:
+    with pytest.raises(InputError) as caught:
+        board_of(text)
+    assert words in str(caught.value)

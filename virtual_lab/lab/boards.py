@@ -1,0 +1,62 @@
+"""Pictures of a calibration board by a camera of the catalog, its truth sealed beside them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from secrets import randbits
+
+from virtual_lab import catalog
+from virtual_lab.errors import InputError
+from virtual_lab.folder import new_folder
+from virtual_lab.instruments.camera.camera import Camera
+from virtual_lab.instruments.camera.spec import CameraSpec
+from virtual_lab.instruments.camera.views import board_views
+from virtual_lab.relations.board import Board
+from virtual_lab.streams import Streams
+
+__all__ = ["film_board"]
+
+LEAST, MOST = 3, 60  # pictures
+
+
+def film_board(
+    camera: str, board: Board, folder: Path, *, views: int = 10, seed: int | None = None
+) -> Path:
+    """Write pictures of a board as PNG into a new folder; return where the pictures are.
+
+    ``pictures/`` is what a laboratory would have; ``truth/camera.json`` holds the true lens and
+    where it hangs, in axes of the rig. In the first picture the board lies in the ball's plane.
+
+    Parameters
+    ----------
+    camera
+        Name in the catalog, or a .toml file.
+    folder
+        The new folder.
+    views
+        How many pictures, 3 to 60.
+    seed
+        Of everything random; one is drawn without it.
+
+    Raises
+    ------
+    InputError
+        No such camera, a folder that is not empty, too few pictures or too many.
+    """
+    import cv2
+
+    if not LEAST <= views <= MOST:
+        raise InputError("", "views", views, f"allowed: {LEAST} to {MOST}")
+    spec = catalog.load("instruments", camera, CameraSpec).spec
+    seed = randbits(32) if seed is None else seed
+    draws = Streams(seed)
+    true = Camera.commission(spec, draws, "camera")
+    with new_folder(folder) as draft:
+        (draft / "pictures").mkdir()
+        (draft / "truth").mkdir()
+        for number, (grey, _) in enumerate(board_views(true, board, views, draws, "board")):
+            cv2.imwrite(str(draft / "pictures" / f"view-{number:02d}.png"), grey)
+        sealed = {"schema": 1, "seed": seed, "camera": camera, "constants": true.errors()}
+        (draft / "truth" / "camera.json").write_text(json.dumps(sealed, indent=2) + "\n")
+    return folder / "pictures"

@@ -1,0 +1,110 @@
+"""Boards that cameras are calibrated with: chessboards, bare or with ArUco markers (ChArUco).
+
+A board's axes are OpenCV's, from its middle: x along its rows, y down its columns, z into it. The
+first square is black, as OpenCV prints boards since 4.6.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.errors import InputError
+from virtual_lab.units import to_si
+
+__all__ = ["Board", "board_of", "length_of"]
+
+Array = NDArray[np.float64]
+LENGTHS = ("mm", "cm", "m", "in", "um")
+DICTIONARIES = tuple(
+    f"{bits}X{bits}_{count}" for bits in (4, 5, 6, 7) for count in (50, 100, 250, 1000)
+)
+FORM = "charuco:COLUMNSxROWS:SQUARE:MARKER[:DICTIONARY] or chessboard:COLUMNSxROWS:SQUARE"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Board:
+    """A board by its squares, lengths in metres; a marker of 0: a bare chessboard."""
+
+    columns: int = 14
+    rows: int = 9
+    square: float = 0.04
+    marker: float = 0.0  # side, its black border too
+    dictionary: str = "4X4_1000"  # which holds those of 50, 100 and 250
+    source: str = ""  # how it was named
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Inner corners in a row, and rows of them."""
+        return self.columns - 1, self.rows - 1
+
+    def corners(self) -> Array:
+        """Return the inner corners row by row, (corner, 3) [m]."""
+        across, down = self.shape
+        x, y = np.meshgrid(np.arange(across), np.arange(down))
+        flat = np.stack([x - (across - 1) / 2, y - (down - 1) / 2], axis=-1)
+        return np.pad(self.square * flat.reshape(-1, 2), ((0, 0), (0, 1)))
+
+    def marker_at(self) -> NDArray[np.int_]:
+        """Return which marker stands in each square, -1 on black, (row, column)."""
+        white = np.indices((self.rows, self.columns)).sum(axis=0) % 2 == 1
+        ids = np.full(white.shape, -1)
+        ids[white] = np.arange(white.sum())
+        return ids
+
+
+def board_of(text: str, key: str = "--board") -> Board:
+    """Return the board that a text like ``charuco:14x9:40mm:30mm`` names, counted in squares.
+
+    Raises
+    ------
+    InputError
+        Another form, fewer squares than 4 x 3, a marker that does not fit, more markers than the
+        dictionary has.
+    """
+    kind, *parts = text.strip().split(":")
+    charuco = kind == "charuco"
+    if kind not in {"charuco", "chessboard"} or not 2 + charuco <= len(parts) <= 2 + 2 * charuco:
+        raise InputError("", key, text, f"expected {FORM}, e.g. charuco:14x9:40mm:30mm")
+    counts = re.fullmatch(r"(\d{1,3})x(\d{1,3})", parts[0])
+    if not counts:
+        raise InputError("", key, parts[0], "expected squares in a row x rows, e.g. 14x9")
+    columns, rows = int(counts[1]), int(counts[2])
+    if columns < 4 or rows < 3:
+        raise InputError("", key, parts[0], "at least 4x3 squares")
+    square = length_of(parts[1], key)
+    marker = length_of(parts[2], key) if charuco else 0.0
+    if charuco and marker >= square:
+        raise InputError("", key, parts[2], f"a marker is smaller than its square, {parts[1]}")
+    dictionary = parts[3].removeprefix("DICT_") if len(parts) == 4 else "4X4_1000"
+    if dictionary not in DICTIONARIES:
+        raise InputError("", key, dictionary, f"allowed: {', '.join(DICTIONARIES)}")
+    if charuco and columns * rows // 2 > int(dictionary.split("_")[1]):
+        markers = columns * rows // 2
+        raise InputError("", key, dictionary, f"the board has {markers} markers")
+    return Board(
+        columns=columns,
+        rows=rows,
+        square=square,
+        marker=marker,
+        dictionary=dictionary,
+        source=text.strip(),
+    )
+
+
+def length_of(text: str, key: str, *, signed: bool = False) -> float:
+    """Return a length in metres from ``25mm``; `InputError` where it is none above 0."""
+    match = re.fullmatch(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*([a-z]+)\s*", text)
+    allowed = f"expected a length with its unit ({', '.join(LENGTHS)}), e.g. 25mm"
+    if not match or match[2] not in LENGTHS:
+        raise InputError("", key, text, allowed)
+    try:
+        length = to_si(float(match[1]), match[2], "length")
+    except ValueError as fault:
+        raise InputError("", key, text, allowed) from fault
+    if not (-100 if signed else 0) < length < 100:
+        raise InputError("", key, text, allowed)
+    return length
