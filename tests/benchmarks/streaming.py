@@ -1,0 +1,80 @@
+"""How much memory it takes to follow a ball through a long clip of full frames.
+
+Run in a process of its own; prints the peak [B], the frames, and the processor's time [s]. The
+clip is written by another process, whose memory is not counted.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("NUMBA_NUM_THREADS", "1")
+
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+COUNT, RATE = 2000, 5000.0
+BANKS = 8  # of noise
+
+
+def main(folder: Path) -> None:
+    """Track a clip and print what it took."""
+    import cv2
+
+    from tests.benchmarks.memory import _status
+    from virtual_lab.reduction.video.calibration_file import ClipCalibration
+    from virtual_lab.reduction.video.quick import quick
+    from virtual_lab.reduction.video.tracking import track
+
+    cv2.setNumThreads(1)
+    path = folder / "clip.mp4"
+    command = [sys.executable, "-m", "tests.benchmarks.streaming", "--write", str(path)]
+    subprocess.run(command, check=True)
+    known = ClipCalibration(frames_per_second=RATE, metres_per_pixel=1e-3, exposure_s=1e-5)
+    begun = time.process_time()
+    tracked = track(path, known, quick)
+    assert len(tracked.frames) > COUNT // 2
+    print(_status("VmHWM"), COUNT, time.process_time() - begun)
+
+
+def write(path: Path) -> None:
+    """Write a ball that crosses full frames and comes back, without loss."""
+    from dataclasses import replace
+
+    import numpy as np
+
+    from tests.reduction.video.scenes import Film, matte
+    from virtual_lab.instruments.camera.film import write_film
+
+    film = Film(
+        shape=(800, 1280),
+        radius=30.0,
+        contact=(1180.0, 400.0),
+        velocity_in=(1.1, 0.05),
+        velocity_out=(-1.0, 0.1),
+        before=COUNT / 2,
+        count=COUNT,
+    )
+    behind = np.stack(list(replace(film, count=BANKS, before=-9 * COUNT).frames()))
+
+    def frames() -> Iterator[tuple[float, Any]]:
+        for k, (x, y) in enumerate(zip(*film.places(), strict=True)):
+            seen, share = behind[k % BANKS], matte(film.shape, x, y, film.radius)
+            grey = np.round(seen * (1 - share) + film.light * share).astype(np.uint8)
+            yield k / RATE, grey
+
+    write_film(path, frames(), RATE)
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["--write"]:
+        write(Path(sys.argv[2]))
+    else:
+        with tempfile.TemporaryDirectory() as made:
+            main(Path(made))

@@ -1,0 +1,51 @@
+"""trackpy on the same pictures: as its guide has it, without its extras, and from a start."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from virtual_lab.fidelity.camera_estimators import Estimator, Picture, Place, by_picture
+
+__all__ = ["DEFAULTS", "TRACKPY"]
+
+PAD = 20  # pixels of nothing around: it looks for no ball near an edge
+BEYOND = 11  # pixels its window is wider than the ball
+WHITE = 200.0  # grey value of the ball
+SMOOTHED = 1 / 3  # of the radius: less leaves a plateau without a peak
+DEFAULTS = "trackpy locate"
+
+
+def _located(picture: Picture, *, characterize: bool) -> Place | None:
+    import trackpy
+
+    diameter = 2 * round(picture.radius) + BEYOND
+    grey = np.pad(np.round(np.clip(picture.matte, 0, 1) * WHITE).astype(np.uint8), PAD)
+    found = trackpy.locate(
+        grey,
+        diameter,
+        topn=1,
+        noise_size=round(SMOOTHED * picture.radius),
+        characterize=characterize,
+    )
+    if not len(found):
+        return None
+    return float(found["x"].iloc[0]) - PAD, float(found["y"].iloc[0]) - PAD
+
+
+def _refined(picture: Picture) -> Place | None:
+    from trackpy.refine import refine_com
+
+    grey = np.pad(np.clip(picture.matte, 0, 1) * WHITE, PAD).astype(np.float32)
+    start = np.array([[picture.y + PAD, picture.x + PAD]])
+    reach = round(picture.radius) + BEYOND // 2
+    found = refine_com(grey, grey, reach, start, engine="numba", characterize=False)
+    return float(found["x"].iloc[0]) - PAD, float(found["y"].iloc[0]) - PAD
+
+
+TRACKPY: dict[str, Estimator] = {
+    DEFAULTS: by_picture(lambda picture: _located(picture, characterize=True)),
+    "trackpy locate, places alone": by_picture(
+        lambda picture: _located(picture, characterize=False)
+    ),
+    "trackpy refine_com": by_picture(_refined),
+}

@@ -1,0 +1,53 @@
+"""What is said of places: each count against places made wrong by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from virtual_lab.fidelity.camera_errors import score, seconds_a_picture, wrong_unsaid
+from virtual_lab.fidelity.camera_pictures import pictures
+from virtual_lab.fidelity.camera_scenes import Case
+from virtual_lab.reduction.video.located import Flag
+
+BATCH = pictures(Case(radius=15, phases=4, repeats=5))
+
+
+def test_score_counts_what_was_put_in() -> None:
+    """One place lost, one flagged, one wrong and flagged, one wrong unsaid, a phase off."""
+    least = BATCH.x_bound
+    x, flags = BATCH.x.copy(), np.zeros(20, np.uint16)
+    x[0], flags[0] = np.nan, Flag.NOT_FOUND
+    flags[1] = Flag.CLIPPED
+    x[2], flags[2] = x[2] + 6 * least[2], Flag.POOR_FIT
+    x[3] += 6 * least[3]
+    x[15:] += 2 * least[15:]
+    found = score(
+        BATCH, replace(BATCH.given.start, x=x, y=BATCH.y, x_u=least, y_u=least, flags=flags)
+    )
+    assert (found.lost, found.flagged, found.unsaid) == pytest.approx((0.05, 0.1, 0.05))
+    assert found.bias == pytest.approx(12 / 4)
+    assert found.over_bound == pytest.approx(np.sqrt((2 * 36 + 5 * 4) / 38))
+    assert found.rms == pytest.approx(found.over_bound * least[0], rel=0.05)
+
+
+def test_a_pattern_widens_what_is_believed() -> None:
+    off = replace(BATCH.given.start, x=BATCH.x + 0.1, y=BATCH.y, x_u=BATCH.x_bound)
+    assert wrong_unsaid(BATCH, off).all()
+    assert not wrong_unsaid(BATCH, replace(off, pattern_u=np.full(20, 0.021))).any()
+
+
+def test_nothing_found() -> None:
+    none = np.full(20, np.nan)
+    found = score(BATCH, replace(BATCH.given.start, x=none, y=none))
+    assert found.lost == 1
+    assert np.isinf(found.rms)
+
+
+def test_time_is_shared_by_the_pictures() -> None:
+    """What works for long on the whole batch takes a twentieth of that for each."""
+    calls = []
+    seconds_a_picture(lambda given: calls.append(1) or given.start, BATCH.given, rounds=2)
+    assert len(calls) == 3

@@ -1,0 +1,128 @@
+"""The pictures that estimators are compared on, and the figures of the benchmark in small."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.reduction.video.spectrum import disc
+from virtual_lab.fidelity.camera_errors import score
+from virtual_lab.fidelity.camera_estimators import CV2, OURS, PLAIN
+from virtual_lab.fidelity.camera_pictures import BAT, FRAME, LENS, pictures
+from virtual_lab.fidelity.camera_scenes import BACK, EVEN, FULL_SCALE, HARD, SOFT, Case
+
+FEW = Case(phases=4, repeats=10)
+
+
+@pytest.mark.parametrize("light", [EVEN, BACK])
+def test_a_quiet_picture_is_the_exact_one(light: str) -> None:
+    """Against the disc's spectrum: to 1e-3 of the contrast, place, slope and levels."""
+    case = Case(radius=15, blur=6, slope=0.2, light=light, quiet=True, phases=2, repeats=1)
+    batch, size = pictures(case), 128
+    ball, level = case.levels
+    behind = level + 0.2 * (np.arange(case.side) - (case.side - 1) / 2)
+    for k in range(2):
+        x, y = batch.x[k], batch.y[k]
+        x, y = np.array([x, y]) - batch.given.seen.corners[k]
+        off = (size - case.side) // 2
+        inside = slice(off, off + case.side)
+        m = disc(size, x + off, y + off, 15, LENS, case.way)[inside, inside]
+        exact = behind * (1 - m) + ball * m
+        assert np.abs(batch.given.seen.pixels[k] - exact).max() < 1e-3 * 150
+
+
+def test_noise_is_what_was_asked_for() -> None:
+    """Contrast over the standard deviation halfway up the edge; 4 standard errors."""
+    for snr in (96.0, 27.0, 5.0):
+        case = Case(snr=snr, phases=1, repeats=20)
+        ball, level = case.levels
+        pixels = pictures(case).given.seen.pixels.astype(float)
+        middle = int((case.side - 1) / 2)
+        core = pixels[:, middle - 10 : middle + 10, middle - 10 : middle + 10]
+        noise, size = case.noise, core.size
+        expected = noise.gain * ball + noise.read
+        assert core.var() == pytest.approx(expected, rel=4 * np.sqrt(2 / size))
+        half = np.sqrt(noise.gain * (ball + level) / 2 + noise.read)
+        assert (ball - level) / half == pytest.approx(snr, rel=0.02)
+
+
+def test_blocks_differ_and_repeat() -> None:
+    first, again, other = pictures(FEW), pictures(FEW), pictures(FEW, block=1)
+    assert np.array_equal(first.given.seen.pixels, again.given.seen.pixels)
+    assert not np.array_equal(first.given.seen.pixels, other.given.seen.pixels)
+    assert not np.array_equal(first.x, other.x)
+
+
+def test_what_hides_the_ball() -> None:
+    """The frame's edge and the bat each hide a quarter of the diameter."""
+    gone = pictures(replace(FEW, cut=0.25)).given
+    side = gone.seen.pixels.shape[2]
+    right = gone.seen.corners[:, 0] + side - 1
+    assert (right == FRAME[1] - 1).all()
+    away = right + 0.5 - pictures(replace(FEW, cut=0.25)).x
+    assert away == pytest.approx(np.full(away.size, 15.0), abs=1.0)
+    behind = pictures(replace(FEW, covered=0.25)).given
+    assert behind.mask is not None
+    assert abs(behind.seen.pixels[..., -5:].mean() - BAT) < 0.5
+    assert pictures(replace(FEW, covered=0.25, pose_known=False)).given.mask is None
+    hot = pictures(replace(FEW, hot=50)).given.seen.pixels
+    assert 30 < (hot == FULL_SCALE).sum(axis=(1, 2)).mean() <= 50
+
+
+@pytest.mark.parametrize(
+    ("case", "most"),
+    [
+        (Case(phases=4), 1.1),
+        (Case(phases=4, slope=0.5), 1.1),
+        (Case(radius=15, blur=6, snr=27, slope=0.5, phases=4), 1.1),
+        (Case(radius=15, blur=80, snr=27, phases=4, repeats=10), 1.3),
+    ],
+)
+def test_the_occlusion_fit_reaches_the_bound(case: Case, most: float) -> None:
+    """The issue's figures; the spread of 200 errors is known to 5 %, three of which are allowed."""
+    batch = pictures(case)
+    found = score(batch, OURS[PLAIN](batch.given))
+    allowed = 1 + 3 / np.sqrt(4 * case.phases * case.repeats)
+    assert 0.8 < found.over_bound < most * allowed
+    assert found.bias < 0.2 + 3 / np.sqrt(case.repeats)
+    assert (found.lost, found.flagged, found.unsaid) == (0, 0, 0)
+    still = pictures(replace(case, quiet=True, repeats=1))
+    assert score(still, OURS[PLAIN](still.given)).bias < 0.2
+
+
+def test_hidden_balls_and_their_flags() -> None:
+    for case, most in ((replace(FEW, cut=0.25), 0.005), (replace(FEW, covered=0.25), 0.010)):
+        batch = pictures(case)
+        found = score(batch, OURS[PLAIN](batch.given))
+        assert found.rms < most
+        assert found.flagged == 1
+
+
+def test_peers_do_what_is_known_of_them() -> None:
+    """Errors of OpenCV's estimators within a factor of two of those measured for planning [px]."""
+    batch = pictures(Case(phases=4, repeats=5))
+    planned = {
+        "contour moments": 0.026,
+        "fitEllipse": 0.026,
+        "minEnclosingCircle": 0.026,
+        "matte moments": 0.0037,
+        "phaseCorrelate": 0.10,
+        "matchTemplate, parabola": 0.0060,
+        "ECC on the matte": 0.0020,
+        "HoughCircles": 0.30,
+    }
+    assert planned.keys() == CV2.keys()
+    for name, usual in planned.items():
+        found = score(batch, CV2[name](batch.given))
+        assert usual / 2 < found.rms < 2 * usual, name
+        assert found.lost == 0
+
+
+def test_a_plain_fit_of_a_stitched_ball_is_not_believed() -> None:
+    for light in (SOFT, HARD):
+        batch = pictures(replace(FEW, stitched=True, light=light))
+        found = score(batch, OURS[PLAIN](batch.given))
+        assert found.unsaid == 0
+        assert found.flagged + found.lost == pytest.approx(1.0)

@@ -1,0 +1,76 @@
+"""How far off places are: spread, bias by phase, what is lost, flagged, or wrong unsaid."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.fidelity.camera_estimators import Estimator
+from virtual_lab.fidelity.camera_scenes import Batch, Given
+from virtual_lab.reduction.video.located import Located
+
+__all__ = ["BEYOND", "Score", "score", "seconds_a_picture", "wrong_unsaid"]
+
+Array = NDArray[np.float64]
+BEYOND = 5.0  # standard uncertainties: no error of a sound picture is as large
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Score:
+    """Of many pictures; those without a place count in `lost` alone."""
+
+    rms: float  # of an error along an axis [pixel]
+    over_bound: float  # the same over the bound of each
+    bias: float  # worst mean of a phase, over the bound
+    lost: float  # share without a place
+    flagged: float  # share with a place and a flag
+    unsaid: float  # share off by more than five of its own standard uncertainties, unflagged
+
+
+def score(batch: Batch, found: Located) -> Score:
+    """Return what places are worth."""
+    off = np.stack([found.x - batch.x, found.y - batch.y])
+    over = off / np.stack([batch.x_bound, batch.y_bound])
+    here = np.isfinite(off).all(axis=0)
+    if not here.any():
+        return Score(rms=np.inf, over_bound=np.inf, bias=np.inf, lost=1.0, flagged=0.0, unsaid=0.0)
+    _, phase = np.unique(np.round(batch.x % 1.0, 6), return_inverse=True)
+    means = [over[:, here & (phase == k)].mean(axis=1) for k in np.unique(phase[here])]
+    return Score(
+        rms=float(np.sqrt(np.mean(off[:, here] ** 2))),
+        over_bound=float(np.sqrt(np.mean(over[:, here] ** 2))),
+        bias=float(np.abs(means).max()),
+        lost=float(1 - here.mean()),
+        flagged=float((here & (found.flags != 0)).mean()),
+        unsaid=float(wrong_unsaid(batch, found).mean()),
+    )
+
+
+def wrong_unsaid(batch: Batch, found: Located) -> NDArray[np.bool_]:
+    """Return which places are off by more than five of their uncertainties with no flag for it.
+
+    A method that states no uncertainty is taken at the bound's.
+    """
+    pattern = 0.0 if found.pattern_u is None else found.pattern_u
+    wrong = np.zeros(batch.x.shape, bool)
+    for place, u, true, least in (
+        (found.x, found.x_u, batch.x, batch.x_bound),
+        (found.y, found.y_u, batch.y, batch.y_bound),
+    ):
+        said = np.hypot(np.where(np.isnan(u), least, u), pattern)
+        wrong |= np.abs(place - true) > BEYOND * said
+    return np.asarray(wrong & (found.flags == 0))
+
+
+def seconds_a_picture(estimator: Estimator, given: Given, rounds: int = 3) -> float:
+    """Return the least processor time a picture takes [s]; done once before."""
+    estimator(given)
+    times = []
+    for _ in range(rounds):
+        begun = time.process_time()
+        estimator(given)
+        times.append(time.process_time() - begun)
+    return min(times) / len(given.seen.pixels)

@@ -1,0 +1,252 @@
+"""Ways of locating a ball in a picture, each as well as it can be used: OpenCV's, and ours.
+
+OpenCV's take the share of the ball in each pixel, the matte: what differs from the background,
+over the ball's brightness there. With a plain difference they would do worse before a slope.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.fidelity.camera_scenes import Given
+from virtual_lab.reduction.video.disc import disc_image
+from virtual_lab.reduction.video.located import Flag, Located
+from virtual_lab.reduction.video.quick import quick
+from virtual_lab.reduction.video.refining import Optics, refine
+
+__all__ = [
+    "CV2",
+    "ESTIMATORS",
+    "OURS",
+    "PLAIN",
+    "STITCHED",
+    "Estimator",
+    "Picture",
+    "Place",
+    "by_picture",
+]
+
+Array = NDArray[np.float64]
+Image = NDArray[np.float32]
+Place = tuple[float, float]
+
+CORE = 0.7  # of the radius: inside it is the ball's brightness
+NEAR = 3.0  # pixels around the ball that may be its own
+FAINT = 0.05  # of the ball in a pixel: less is noise
+FREE_LENS, FREE_BLUR = 0.2, 3.0  # pixels, standard uncertainties of blurs that are not known
+
+Estimator = Callable[[Given], Located]
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """One region and where to start in it, pixels from its own first."""
+
+    image: Image
+    behind: Image
+    x: float
+    y: float
+    radius: float
+    blur: tuple[float, float]
+    lens: float
+
+    @property
+    def matte(self) -> Image:
+        """Each pixel's share of the ball."""
+        rows, columns = np.ogrid[: self.image.shape[0], : self.image.shape[1]]
+        away = np.hypot(columns - self.x, rows - self.y)
+        reach = self.radius + np.hypot(*self.blur) / 2 + NEAR
+        light = np.median(self.image[away < CORE * self.radius])
+        share = (self.image - self.behind) / (light - self.behind)
+        return np.where(away < reach, np.clip(share, -1, 2), 0).astype(np.float32)
+
+    @property
+    def model(self) -> Image:
+        """What the matte would be, were the start right."""
+        shape = self.image.shape[0], self.image.shape[1]
+        whole = disc_image(
+            shape, x=self.x, y=self.y, radius=self.radius, lens=self.lens, blur=self.blur
+        )
+        return whole.astype(np.float32)
+
+
+def by_picture(place: Callable[[Picture], Place | None]) -> Estimator:
+    """Return the estimator that takes picture after picture; a place beyond the ball is none."""
+
+    def estimator(given: Given) -> Located:
+        found = np.full((len(given.seen.pixels), 2), np.nan)
+        for k in range(len(found)):
+            picture = _picture(given, k)
+            at = place(picture)
+            if at and np.hypot(at[0] - picture.x, at[1] - picture.y) < picture.radius:
+                found[k] = at
+        x, y = (found + given.seen.corners).T
+        lost = np.where(np.isnan(x), Flag.NOT_FOUND, 0).astype(np.uint16)
+        return replace(given.start, x=x, y=y, flags=lost)
+
+    return estimator
+
+
+def _picture(given: Given, k: int) -> Picture:
+    seen, start = given.seen, given.start
+    return Picture(
+        image=seen.pixels[k].astype(np.float32),
+        behind=seen.background[k],
+        x=float(start.x[k] - seen.corners[k, 0]),
+        y=float(start.y[k] - seen.corners[k, 1]),
+        radius=float(start.radius[k]),
+        blur=(float(start.blur_x[k]), float(start.blur_y[k])),
+        lens=given.lens,
+    )
+
+
+def _outline(picture: Picture) -> NDArray[Any] | None:
+    """Return the largest outline of what is more than half ball."""
+    import cv2
+
+    mask = (picture.matte > 0.5).astype(np.uint8)
+    outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    largest = max(outlines, key=len, default=None)
+    return None if largest is None or len(largest) < 5 else largest
+
+
+def _contour_moments(picture: Picture) -> Place | None:
+    import cv2
+
+    outline = _outline(picture)
+    return None if outline is None else _centre(cv2.moments(outline))
+
+
+def _ellipse(picture: Picture) -> Place | None:
+    import cv2
+
+    outline = _outline(picture)
+    return None if outline is None else _pair(cv2.fitEllipse(outline)[0])
+
+
+def _enclosing(picture: Picture) -> Place | None:
+    import cv2
+
+    outline = _outline(picture)
+    return None if outline is None else _pair(cv2.minEnclosingCircle(outline)[0])
+
+
+def _matte_moments(picture: Picture) -> Place | None:
+    import cv2
+
+    matte = picture.matte
+    return _centre(cv2.moments(np.where(matte > FAINT, matte, 0.0).astype(np.float32)))
+
+
+def _phase(picture: Picture) -> Place | None:
+    import cv2
+
+    (x, y), _ = cv2.phaseCorrelate(picture.model, picture.matte)
+    return picture.x + x, picture.y + y
+
+
+def _template(picture: Picture) -> Place | None:
+    """Return the maximum of the correlation with a smaller model, between pixels by parabolas."""
+    import cv2
+
+    edge = 4
+    model = picture.model[edge:-edge, edge:-edge]
+    score = cv2.matchTemplate(picture.matte, model, cv2.TM_CCOEFF_NORMED)
+    _, _, _, (column, row) = cv2.minMaxLoc(score)
+    if not (0 < row < 2 * edge and 0 < column < 2 * edge):
+        return None
+    x = column + _vertex(score[row, column - 1 : column + 2]) - edge
+    y = row + _vertex(score[row - 1 : row + 2, column]) - edge
+    return picture.x + x, picture.y + y
+
+
+def _ecc(picture: Picture) -> Place | None:
+    """Return the shift of greatest correlation; rendered anew there once, as shifts blur."""
+    import cv2
+
+    matte, at = picture.matte, picture
+    stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 50, 1e-6)
+    for _ in range(2):
+        moved = np.eye(2, 3, dtype=np.float32)
+        try:
+            cv2.findTransformECC(at.model, matte, moved, cv2.MOTION_TRANSLATION, stop)
+        except cv2.error:
+            return None
+        at = replace(at, x=at.x + float(moved[0, 2]), y=at.y + float(moved[1, 2]))
+    return at.x, at.y
+
+
+def _hough(picture: Picture) -> Place | None:
+    import cv2
+
+    grey = np.clip(200 * picture.matte + 20, 0, 255).astype(np.uint8)
+    low, high = int(0.85 * picture.radius), int(1.15 * picture.radius) + 1
+    circles = cv2.HoughCircles(
+        grey, cv2.HOUGH_GRADIENT, 1, 20, param1=120, param2=12, minRadius=low, maxRadius=high
+    )
+    return None if circles is None else _pair(circles[0, 0])
+
+
+def _centre(moments: dict[str, float]) -> Place | None:
+    area = moments["m00"]
+    return (moments["m10"] / area, moments["m01"] / area) if area > 0 else None
+
+
+def _pair(point: Any) -> Place:
+    return float(point[0]), float(point[1])
+
+
+def _vertex(three: Any) -> float:
+    before, here, after = (float(value) for value in three)
+    bend = before - 2 * here + after
+    return (before - after) / (2 * bend) if bend else 0.0
+
+
+def _quick(given: Given) -> Located:
+    return quick(given.clip, given.seen, given.start)
+
+
+def _refine(given: Given, optics: Optics) -> Located:
+    refined = refine(
+        given.seen.pixels,
+        given.seen.corners,
+        given.start,
+        noise=given.noise,
+        optics=optics,
+        background=given.seen.background.astype(float),
+        mask=given.mask,
+    )
+    return refined.located
+
+
+def _known(given: Given) -> Located:
+    return _refine(given, Optics(lens=given.lens))
+
+
+def _free(given: Given) -> Located:
+    return _refine(given, Optics(lens=given.lens, lens_u=FREE_LENS, blur_u=FREE_BLUR))
+
+
+CV2: dict[str, Estimator] = {
+    "contour moments": by_picture(_contour_moments),
+    "fitEllipse": by_picture(_ellipse),
+    "minEnclosingCircle": by_picture(_enclosing),
+    "matte moments": by_picture(_matte_moments),
+    "phaseCorrelate": by_picture(_phase),
+    "matchTemplate, parabola": by_picture(_template),
+    "ECC on the matte": by_picture(_ecc),
+    "HoughCircles": by_picture(_hough),
+}
+PLAIN = "occlusion fit"
+STITCHED = "quick"
+OURS: dict[str, Estimator] = {
+    "quick": _quick,
+    PLAIN: _known,
+    "occlusion fit, blurs free": _free,
+}
+ESTIMATORS = CV2 | OURS

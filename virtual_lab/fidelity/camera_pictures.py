@@ -1,0 +1,213 @@
+"""The pictures of a case: rendered, exposed and cut, with what is true of them."""
+
+from __future__ import annotations
+
+from math import sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from virtual_lab import catalog
+from virtual_lab.fidelity.camera_scenes import (
+    BACK,
+    EVEN,
+    FULL_SCALE,
+    HARD,
+    SOFT,
+    Batch,
+    Case,
+    Given,
+)
+from virtual_lab.instruments.camera.ball import Light, axes_of, render_balls
+from virtual_lab.instruments.camera.sensor import Sensor
+from virtual_lab.instruments.camera.spec import BallLook, CameraSpec, SensorSpec
+from virtual_lab.reduction.video.bound import bound
+from virtual_lab.reduction.video.clip import Clip
+from virtual_lab.reduction.video.located import Located
+from virtual_lab.reduction.video.noise import ROUNDING
+from virtual_lab.reduction.video.reading import Source
+from virtual_lab.reduction.video.regions import Regions
+from virtual_lab.streams import Streams
+
+__all__ = ["pictures"]
+
+Array = NDArray[np.float64]
+CAMERAS = {SOFT: "camera-overhead", HARD: "camera-side-lit"}
+FRAME = (800, 1280)  # rows, columns
+LENS = 0.65  # pixels
+ALBEDO, BAT = 0.85, 110.0  # DN
+SEAM = 0.6  # how much darker
+BITS = 8
+EMPTY = 32  # frames the background is known from
+SURFACE_TURN = (0.001, -0.002, 0.003)  # rad during the exposure: 1500 rpm and 25 us
+BESIDE = 3.0  # pixels from the bat's edge that are masked with it
+
+
+def pictures(case: Case, seed: int = 1, block: int = 0) -> Batch:
+    """Return the pictures of a case; each block has noise, places and patterns of its own."""
+    draws, side = Streams(seed), case.side
+    count, middle = case.phases * case.repeats, (side - 1) / 2
+    steps = np.repeat(np.arange(case.phases), case.repeats)
+    own = middle - 0.5 + np.stack([steps / case.phases, (0.37 * steps) % 1], axis=1)
+    mean, behind, mask = _means(case, own, draws, block)
+    burn = case.exposure * (1 + 2 * case.flicker * draws.uniform("flicker", count, block))
+    mean, behind = mean * burn[:, None, None], behind * case.exposure
+    pixels, samples, empty = _exposed(case, mean, behind, draws, block)
+    for picture, places in zip(
+        pixels, draws.uniform("hot", (count, case.hot), block) + 0.5, strict=True
+    ):
+        picture.flat[(places * picture.size).astype(int)] = FULL_SCALE
+    columns = int(middle + case.radius * (1 - 2 * case.cut)) + 1 if case.cut else side
+    corners = _corners(case, draws, count, (side, columns), block)
+    seen = Regions(
+        pixels=np.ascontiguousarray(pixels[..., :columns]),
+        background=np.ascontiguousarray(empty[..., :columns], np.float32),
+        corners=corners,
+    )
+    x, y = (own + corners).T
+    first = own[:: case.repeats]
+    least = bound(
+        (side, columns),
+        x=first[:, 0],
+        y=first[:, 1],
+        radius=case.radius,
+        lens=LENS,
+        ball=case.levels[0],
+        background=case.levels[1],
+        noise=case.noise,
+        blur_x=case.way[0],
+        blur_y=case.way[1],
+    )
+    given = Given(
+        clip=_clip(samples),
+        seen=seen,
+        start=_start(case, x, y, draws, block),
+        noise=case.noise,
+        lens=LENS,
+        mask=mask if case.pose_known else None,
+    )
+    return Batch(
+        given=given,
+        x=x,
+        y=y,
+        x_bound=np.repeat(least.x, case.repeats),
+        y_bound=np.repeat(least.y, case.repeats),
+    )
+
+
+def _means(
+    case: Case, own: Array, draws: Streams, block: int
+) -> tuple[Array, Array, NDArray[np.bool_] | None]:
+    """Return mean grey values with the ball at `own` places, those without it, and the mask."""
+    side, count = case.side, len(own)
+    middle = (side - 1) / 2
+    seen = render_balls(
+        own[:, None] + np.array(case.way) / 2 * np.array([[-1.0], [1.0]]),
+        case.radius,
+        np.zeros((count, 2)),
+        (side, side),
+        sigma=LENS,
+        look=BallLook(albedo=ALBEDO, seam_contrast=SEAM if case.stitched else 0.0),
+        light=_light(case.light),
+        orientation=axes_of(2 * draws.normal("axes", (count, 3), block)),
+        turn=SURFACE_TURN,
+    )
+    ball, level = case.levels
+    behind = np.broadcast_to(level + case.slope * (np.arange(side) - middle), (side, side))
+    mean = np.asarray(seen.over(behind, ball / ALBEDO), np.float64)
+    if not case.covered:
+        return mean, behind, None
+    edge = middle + case.radius * (1 - 2 * case.covered)
+    share = ndtr((np.arange(side) - edge) / sqrt(LENS**2 + 1 / 12))
+    free = np.broadcast_to(np.arange(side) < edge - BESIDE, (1, side, side))
+    return mean + share * (BAT - mean), behind + share * (BAT - behind), free
+
+
+def _light(name: str) -> Light:
+    """Return the light of a camera of the catalog that looks straight down, or even light."""
+    if name in (EVEN, BACK):
+        return Light()
+    light = catalog.load("instruments", CAMERAS[name], CameraSpec).spec.light
+    x, y, z = np.array(light.toward) / np.linalg.norm(light.toward)
+    toward = float(x), -float(y), -float(z)
+    return Light(ambient=light.ambient, toward=toward, softness=light.softness)
+
+
+def _exposed(
+    case: Case, mean: Array, behind: Array, draws: Streams, block: int
+) -> tuple[NDArray[Any], NDArray[np.uint8], Array]:
+    """Return grey values of means [DN], those of empty pictures, and the mean of many of these."""
+    noise, side = case.noise, mean.shape[1]
+    spec = SensorSpec(
+        columns=side,
+        rows=side,
+        pixel=20e-6,
+        quantum_efficiency=1.0,
+        full_well=1e9,
+        gain=noise.gain,
+        gain_u=0.0,
+        read_noise=sqrt(noise.read - ROUNDING) / noise.gain,
+        dark_current=0.0,
+        photo_response=0.0,
+        dark_signal=0.0,
+        black_level=0.0,
+        bits=BITS,
+    )
+    sensor = Sensor.commission(spec, draws, "sensor")
+
+    def grey(mean: Array, name: str) -> NDArray[np.uint8]:
+        corners = np.zeros((len(mean), 2), np.int64)
+        seen = sensor.expose(mean / noise.gain, corners, draws, name, block)
+        return np.asarray(seen, np.uint8)
+
+    samples = grey(np.broadcast_to(behind, (EMPTY, side, side)), "samples")
+    if case.quiet:
+        return mean, samples, np.broadcast_to(behind, mean.shape)
+    spread = np.sqrt(noise.variance(behind) / EMPTY)
+    return (
+        grey(mean, "pictures"),
+        samples,
+        behind + spread * draws.normal("empty", mean.shape, block),
+    )
+
+
+def _corners(case: Case, draws: Streams, count: int, shape: tuple[int, int], block: int) -> Array:
+    """Return where regions begin in the frame; those of a ball that is cut end with it."""
+    room = np.array([FRAME[1] - shape[1], FRAME[0] - shape[0]])
+    share = draws.uniform("corners", (count, 2), block) + 0.5
+    corners: Array = np.floor(share * (room + 1))
+    if case.cut:
+        corners[:, 0] = room[0]
+    return corners
+
+
+def _start(case: Case, x: Array, y: Array, draws: Streams, block: int) -> Located:
+    off = 2 * case.start_off * draws.uniform("start", (2, x.size), block)
+    unknown = np.full(x.size, np.nan)
+    return Located(
+        x=x + off[0],
+        y=y + off[1],
+        radius=np.full(x.size, case.radius * (1 + case.radius_off)),
+        x_u=unknown,
+        y_u=unknown,
+        blur_x=np.full(x.size, case.way[0]),
+        blur_y=np.full(x.size, case.way[1]),
+        chi_square=unknown,
+        flags=np.zeros(x.size, np.uint16),
+    )
+
+
+def _clip(samples: NDArray[np.uint8]) -> Clip:
+    """Return a clip that has been opened: only what one look at all its frames told is left."""
+    return Clip(
+        source=Source(path=Path("made"), declared=0, read=lambda: iter(())),
+        times=np.zeros(0),
+        shape=FRAME,
+        full_scale=FULL_SCALE,
+        samples=samples,
+        sampled=np.arange(len(samples)),
+        warnings=(),
+    )

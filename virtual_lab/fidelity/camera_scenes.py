@@ -1,0 +1,104 @@
+"""Pictures of a ball for every way of locating it: the same frames for all, their truth apart.
+
+A case is a ball of one size, blur and light; its centres fall evenly into a pixel, places in the
+frame and noise are fresh in each picture. The ratio of signal to noise is that of the contrast to
+a pixel halfway up the edge; a fifth of that noise's variance is the dark's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, cos, sin
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.reduction.video.clip import Clip
+from virtual_lab.reduction.video.located import Located
+from virtual_lab.reduction.video.noise import ROUNDING, Noise
+from virtual_lab.reduction.video.regions import MARGIN, Regions
+
+__all__ = ["BACK", "EVEN", "FULL_SCALE", "HARD", "SOFT", "Batch", "Case", "Given"]
+
+Array = NDArray[np.float64]
+
+EVEN, SOFT, BACK, HARD = "even", "soft", "back", "hard side"
+HEADING = 0.3  # rad, of the flight
+CONTRASTS = ((5.0, 27.0, 96.0), (40.0, 100.0, 150.0))  # DN, by the ratio of signal to noise
+DARK, SHADOW = 40.0, 4.0  # DN, behind a ball; of one before a light
+FULL_SCALE = 255.0  # DN
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """What is seen, in pixels and grey values; shares of its diameter hide the ball."""
+
+    radius: float = 30.0
+    blur: float = 2.0  # shift during the exposure
+    snr: float = 96.0
+    slope: float = 0.0  # of the background along x [DN/pixel]
+    stitched: bool = False
+    light: str = EVEN
+    cut: float = 0.0  # out of the frame
+    covered: float = 0.0  # behind the bat
+    pose_known: bool = True  # of the bat
+    exposure: float = 1.0  # over the right one: from 1.34 on the ball saturates
+    hot: int = 0  # pixels at full scale in each picture
+    flicker: float = 0.0  # of the light from picture to picture, amplitude
+    radius_off: float = 0.01  # of the start, relative
+    start_off: float = 0.5  # likewise, up to so many pixels each way
+    quiet: bool = False  # no noise, no whole grey values: what is left is bias
+    phases: int = 8
+    repeats: int = 25
+
+    @property
+    def side(self) -> int:
+        """Side of a region, as the tracker cuts it."""
+        return 2 * ceil(1.1 * self.radius + self.blur / 2 + MARGIN) + 1
+
+    @property
+    def way(self) -> tuple[float, float]:
+        """The ball's shift during the exposure, x and y."""
+        return self.blur * cos(HEADING), self.blur * sin(HEADING)
+
+    @property
+    def levels(self) -> tuple[float, float]:
+        """Grey values of a plain ball and of what is behind it."""
+        contrast = float(np.interp(self.snr, *CONTRASTS))
+        if self.light == BACK:
+            return SHADOW, SHADOW + contrast
+        return DARK + contrast, DARK
+
+    @property
+    def noise(self) -> Noise:
+        """The camera's noise, rounding included."""
+        ball, behind = self.levels
+        middle = (abs(ball - behind) / self.snr) ** 2
+        return Noise(
+            gain=0.8 * middle / ((ball + behind) / 2),
+            read=0.2 * middle + ROUNDING,
+            full_scale=FULL_SCALE,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Given:
+    """What a way of locating the ball may know."""
+
+    clip: Clip
+    seen: Regions
+    start: Located
+    noise: Noise
+    lens: float
+    mask: NDArray[np.bool_] | None  # (1, row, column), False where the bat is
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Batch:
+    """Pictures phase by phase, (phase x repeat), what is true of them, and the bound."""
+
+    given: Given
+    x: Array
+    y: Array
+    x_bound: Array
+    y_bound: Array
