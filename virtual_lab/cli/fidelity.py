@@ -59,6 +59,12 @@ _study(
     "Error of the motion rungs, and of pymunk alone, against their time a shot.",
 )
 _study(
+    chart,
+    "camera",
+    "camera.png",
+    "Error of every way of locating the ball in a picture against its time a frame.",
+)
+_study(
     stability,
     "collision",
     "stability.png",

@@ -1,0 +1,56 @@
+"""The chart of the ways of locating a ball: its figures, text and files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from virtual_lab.fidelity import camera_chart as chart
+from virtual_lab.fidelity.camera_estimators import ESTIMATORS, PLAIN
+
+Row = dict[str, Any]
+LEFT_OUT = ("back light", "hard side light")
+
+
+@pytest.fixture(scope="module")
+def rows() -> list[Row]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(chart, "PHASES", 2)
+        patch.setattr(chart, "REPEATS", 3)
+        few = {name: case for name, case in chart.SCENES.items() if name[1] not in LEFT_OUT}
+        patch.setattr(chart, "SCENES", few)
+        return chart.measure()
+
+
+def test_every_estimator_in_every_scene(rows: list[Row]) -> None:
+    assert len(rows) == 3 * len(ESTIMATORS)
+    assert all(row["ms_a_frame"] > 0 for row in rows)
+
+
+def test_what_the_chart_is_to_show(rows: list[Row]) -> None:
+    """Of a plain ball the fit is at the bound (12 errors: a factor of 1.7), outlines are not."""
+    for row in rows:
+        if row["ball"] != chart.PLAIN:
+            assert row["bias_over_bound"] is None
+        elif row["estimator"] == PLAIN:
+            assert 1 / 1.7 < row["rms_px"] / row["bound_px"] < 1.7
+            assert row["bias_over_bound"] < 0.2
+        elif row["estimator"] == "contour moments":
+            assert row["rms_px"] > 5 * row["bound_px"]
+            assert row["bias_over_bound"] > 5
+
+
+def test_text_and_files(rows: list[Row], tmp_path: Path) -> None:
+    text = chart.text(rows)
+    assert len(text.splitlines()) == len(rows) + 1
+    assert "None" not in text
+    json.dumps(rows, allow_nan=False)
+    chart.save(rows, tmp_path / "chart")
+    assert (tmp_path / "chart" / "camera.png").read_bytes().startswith(b"\x89PNG")
+    assert len((tmp_path / "chart" / "camera.csv").read_text().splitlines()) == len(rows) + 1
+    page = (tmp_path / "chart" / "camera.html").read_text(encoding="utf-8")
+    assert page.count("<tr>") == len(rows) + 1
+    assert ">None<" not in page
