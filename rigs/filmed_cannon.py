@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -21,6 +22,7 @@ from virtual_lab.estimate import Estimate
 from virtual_lab.instruments import Instrument, Outfitter, calibration_of
 from virtual_lab.instruments.camera.camera import Camera
 from virtual_lab.instruments.camera.course import Course
+from virtual_lab.instruments.camera.film import whole_frames, write_films
 from virtual_lab.instruments.camera.scene import Bat
 from virtual_lab.instruments.camera.spec import CameraSpec
 from virtual_lab.physics.beam import beam_of
@@ -32,6 +34,7 @@ from virtual_lab.streams import Draws
 
 __all__ = ["RIG", "FilmedCannon", "FilmedCannonStation"]
 
+CLIP = "filmed-cannon.clip"
 STATIONS = 80  # of the bat's outline
 Spin = Annotated[float, Ge(0), Dimension("angular speed")]
 
@@ -85,10 +88,15 @@ class FilmedCannonStation(BallCannonStation):
         flown = self.fly(order, specimen, draws)
         timed = self.timed(flown, order, draws)
         course, bat = self.scene(flown, order, specimen, draws)
-        seen, truth = self.camera.watch(
-            course, draws, "filmed-cannon.clip", order.block, order.rung, bat
-        )
+        seen, truth = self.camera.watch(course, draws, CLIP, order.block, order.rung, bat)
         return Play(records={**timed.records, "camera": seen}, truth={**timed.truth, **truth})
+
+    def film(self, order: Order, specimen: Specimen, draws: Draws, folder: Path) -> None:
+        """Film the first shot of an order, as `play` plays it, in whole frames."""
+        flown = self.fly(order, specimen, draws)
+        course, bat = self.scene(flown, order, specimen, draws)
+        frames = whole_frames(self.camera, course, draws, CLIP, order.block, bat)
+        write_films(folder / "shot-0", frames, self.camera.spec)
 
     def scene(
         self, flown: Flown, order: Order, specimen: Specimen, draws: Draws

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from virtual_lab.certification import Certification, certify_session
+from virtual_lab.errors import InputError
 from virtual_lab.folder import new_folder
 from virtual_lab.foreign.laboratory import FORM
 from virtual_lab.lab import Tested, certify_bat
@@ -36,6 +37,7 @@ class Certificate:
     certification: Certification
     sealed: Sealed | None = field(default=None, repr=False)
     control: Certificate | None = field(default=None, repr=False)  # of the control bat
+    film: Callable[[Path], None] | None = field(default=None, repr=False)  # of the first shot
 
     @cached_property
     def document(self) -> dict[str, Any]:
@@ -66,13 +68,19 @@ class Certificate:
             raise ValueError("these records came without a sealed truth")
         return score(self.document, self.sealed.document()["measurand"])
 
-    def save(self, folder: str | Path) -> Path:
+    def save(self, folder: str | Path, *, film: bool = False) -> Path:
         """Write certificate, readings, raw records and sealed truth into a new folder.
 
-        Raises `InputError` where the folder is not empty or cannot be written; nothing is left
-        half-written.
+        `film` adds the first shot in whole frames: lossless with its time stamps, as a preview,
+        and the calibration that ``virtual-lab track`` reads.
+
+        Raises `InputError` where the folder is not empty or cannot be written, or nothing films;
+        nothing is left half-written.
         """
         target = Path(folder)
+        if film and self.film is None:
+            allowed = "the rig has no camera; one that has is filmed-cannon"
+            raise InputError("", "film", "the first shot", allowed)
         with new_folder(target) as draft:
             text = json.dumps(self.document, indent=2, allow_nan=False)
             (draft / "certificate.json").write_text(text + "\n", encoding="utf-8")
@@ -86,6 +94,9 @@ class Certificate:
                 (draft / "truth" / "truth.json").write_bytes(self._truth)
             if self.control:
                 self.control.save(draft / "control")
+            if film and self.film:
+                (draft / "film").mkdir()
+                self.film(draft / "film")
         return target
 
     @cached_property
@@ -161,6 +172,7 @@ def _certificate(tested: Tested) -> Certificate:
     return Certificate(
         certification=tested.certification,
         sealed=tested.sealed,
+        film=tested.film,
         control=_certificate(tested.control) if tested.control else None,
     )
 

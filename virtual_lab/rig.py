@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from functools import cache
 from importlib.metadata import entry_points
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CollisionChoice",
+    "FilmingStation",
     "ImpactStation",
     "Motion",
     "Order",
@@ -158,6 +160,15 @@ class ImpactStation(Station, Protocol):
 
     def outcome(self, order: Order, specimen: Specimen) -> TrueOutcome:
         """Return the measurand at the order's speeds and places: this bat, the lot's mean ball."""
+        ...
+
+
+@runtime_checkable
+class FilmingStation(Station, Protocol):
+    """A station with a camera that can also keep whole frames."""
+
+    def film(self, order: Order, specimen: Specimen, draws: Draws, folder: Path) -> None:
+        """Film the first shot of an order: ``shot-0.mp4``, its ``.csv`` of times, a preview."""
         ...
 
 

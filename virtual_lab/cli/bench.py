@@ -66,6 +66,11 @@ from virtual_lab.cli.shared import json_option, names, print_json, rigs, teller
     help="A bat of known e, for rules that correct their balls by one: tested first.",
     shell_complete=names("bats"),
 )
+@click.option(
+    "--film",
+    is_flag=True,
+    help="Keep the first shot in whole frames too, for 'track'; needs --rig filmed-cannon.",
+)
 @json_option
 def certify(
     bat: str,
@@ -79,6 +84,7 @@ def certify(
     motion: str,
     faults: tuple[str, ...],
     control_bat: str | None,
+    film: bool,
     as_json: bool,
 ) -> None:
     """Take BAT (a name or a .toml file) through a procedure and write its certificate."""
@@ -104,7 +110,7 @@ def certify(
         control_bat=control_bat,
         say=teller(),
     )
-    certificate.save(target)
+    certificate.save(target, film=film)
     if as_json:
         print_json(certificate.document | {"folder": str(target)})
     else:

@@ -64,13 +64,17 @@ class Day:
             known = fault.calibration(known)
         return known
 
+    def done(self, stage: Stage, order: Order, specimen: Specimen) -> tuple[Order, Specimen]:
+        """Return what is done on this day instead of an order, and what it is done to."""
+        for fault in self.faults:
+            order, specimen = fault.order(stage, order), fault.specimen(stage, specimen)
+        return order, specimen
+
     def play(
         self, stage: Stage, station: Station, order: Order, specimen: Specimen, draws: Draws
     ) -> Play:
         """Carry out an order on this day; the log holds what was asked, whatever was done."""
-        done = order
-        for fault in self.faults:
-            done, specimen = fault.order(stage, done), fault.specimen(stage, specimen)
+        done, specimen = self.done(stage, order, specimen)
         play = station.play(done, specimen, draws)
         if done is not order and "log" in play.records:
             play = replace(play, records={**play.records, "log": order.log()})

@@ -11,6 +11,7 @@ import datetime
 import secrets
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import cast
 
 import numpy as np
@@ -23,6 +24,7 @@ from virtual_lab.collision.modal import kernel_is_compiled
 from virtual_lab.estimate import Estimate
 from virtual_lab.faults import Day
 from virtual_lab.instruments import Rung
+from virtual_lab.lab.filming import film_of
 from virtual_lab.lab.fitting import require_ball, require_motion, require_places, require_rig
 from virtual_lab.lab.measurand import measurand
 from virtual_lab.procedure import Procedure, aimed_place, next_places, to_set
@@ -60,6 +62,7 @@ class Tested:
     certification: Certification
     sealed: Sealed
     control: Tested | None = None  # of the control bat, where the rules ask for one
+    film: Callable[[Path], None] | None = None  # films the first shot into a folder, if one can
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -176,6 +179,7 @@ class Laboratory:
         if not kernel_is_compiled():
             say("compiling the collision kernel, which happens once and takes about five seconds")
         rounds: list[Play] = []
+        orders: list[Order] = []
         fired, valid, metric = np.zeros(0), np.zeros(0, dtype=bool), np.zeros(0)
         while (asked := next_places(procedure, percussion, fired, valid, metric)).size:
             places = to_set(asked, exact=ideal)
@@ -186,6 +190,7 @@ class Laboratory:
                 block=len(rounds),
                 motion=self.motion,
             )
+            orders.append(order)
             rounds.append(aged._play(Stage.IMPACT, order))
             session = _with_records(session, Stage.IMPACT, rounds)
             reduced = reduce_session(session)
@@ -196,6 +201,7 @@ class Laboratory:
         return Tested(
             certification=evaluate(session, reduced),
             sealed=aged._seal(reduced, bench, wall, rounds),
+            film=film_of(aged, orders[0]),
         )
 
     def _order(self, shot: NDArray[np.int_], place: Array | float) -> Order:

@@ -15,12 +15,14 @@ from virtual_lab.instruments.camera.camera import Camera
 from virtual_lab.instruments.camera.course import Course
 from virtual_lab.instruments.camera.scene import Bat, background
 from virtual_lab.instruments.camera.shots import take
+from virtual_lab.instruments.camera.spec import CameraSpec
 from virtual_lab.streams import Draws
 
-__all__ = ["whole_frames", "write_film", "write_preview"]
+__all__ = ["whole_frames", "write_film", "write_films", "write_preview"]
 
 Frame = NDArray[Any]
 PREVIEW_RATE = 25.0  # frames a second
+PREVIEW_WIDTH = 480  # pixels
 
 
 def whole_frames(
@@ -54,6 +56,19 @@ def whole_frames(
             electrons[None], corner, draws, f"{name}.{number}", block, spec.clock.exposure
         )
         yield float(one.stamp[0]), grey[0]
+
+
+def write_films(stem: Path, frames: Iterable[tuple[float, Frame]], spec: CameraSpec) -> None:
+    """Write ``STEM.mp4``, its time stamps in ``STEM.csv``, and a preview in ``STEM.webp``."""
+    small: list[tuple[float, Frame]] = []
+
+    def passing() -> Iterator[tuple[float, Frame]]:
+        for stamp, grey in frames:
+            small.append((stamp, _reduced(grey, PREVIEW_WIDTH)))
+            yield stamp, grey
+
+    write_film(stem.with_suffix(".mp4"), passing(), spec.clock.frame_rate)
+    write_preview(stem.with_suffix(".webp"), small, spec.sensor.full_scale)
 
 
 def write_film(path: Path, frames: Iterable[tuple[float, Frame]], rate: float) -> int:
@@ -127,18 +142,16 @@ def _writer(path: Path, grey: Frame, rate: float) -> Any:
 
 
 def write_preview(
-    path: Path, frames: Iterable[tuple[float, Frame]], full_scale: float, width: int = 480
+    path: Path, frames: Iterable[tuple[float, Frame]], full_scale: float, width: int = PREVIEW_WIDTH
 ) -> int:
     """Write an animated WebP in slow motion that a browser plays; return how many frames."""
     import cv2
 
     animation = cv2.Animation()
-    pictures = []
-    for _, grey in frames:
-        rows = round(width * grey.shape[0] / grey.shape[1])
-        small = cv2.resize(grey.astype(np.float32), (width, rows), interpolation=cv2.INTER_AREA)
-        tone = 255 * np.sqrt(np.clip(small / full_scale, 0, 1))
-        pictures.append(cv2.cvtColor(tone.astype(np.uint8), cv2.COLOR_GRAY2BGRA))
+    small = [_reduced(grey, width) for _, grey in frames]
+    white = min(max((float(each.max()) for each in small), default=1.0), full_scale)
+    tones = [255 * np.sqrt(np.clip(each / white, 0, 1)) for each in small]
+    pictures = [cv2.cvtColor(tone.astype(np.uint8), cv2.COLOR_GRAY2BGRA) for tone in tones]
     if not pictures:
         raise InputError(str(path), "frames", 0, "a preview needs frames")
     animation.frames = pictures
@@ -146,3 +159,10 @@ def write_preview(
     if not cv2.imwriteanimation(str(path), animation, [cv2.IMWRITE_WEBP_QUALITY, 80]):
         raise InputError(str(path), "preview", None, "an animated WebP cannot be written here")
     return len(pictures)
+
+
+def _reduced(grey: Frame, width: int) -> Frame:
+    import cv2
+
+    rows = round(width * grey.shape[0] / grey.shape[1])
+    return cv2.resize(grey.astype(np.float32), (width, rows), interpolation=cv2.INTER_AREA)

@@ -1,0 +1,97 @@
+"""A shot of a test filmed in whole frames, with the calibration file that `track` reads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from math import hypot
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from virtual_lab.estimate import Estimate
+from virtual_lab.relations.flight import drag_rate
+from virtual_lab.relations.pinhole import looking_down
+from virtual_lab.rig import FilmingStation, Order, Stage
+
+if TYPE_CHECKING:
+    from virtual_lab.lab.laboratory import Laboratory
+
+__all__ = ["film_of"]
+
+CALIBRATION = """\
+# What the laboratory knows of its camera and of this shot. Axes of the rig: X along the flight,
+# Y along the bat to its tip, Z up.
+timestamps = "shot-0.csv"
+exposure_s = {exposure!r}
+ball_diameter_m = {diameter!r}
+drag_per_m = {drag!r}
+drag_per_m_u = {drag_u!r}
+
+[camera]
+image_size = {size}
+matrix = [[{focal!r}, 0.0, {centre_x!r}], [0.0, {focal!r}, {centre_y!r}], [0.0, 0.0, 1.0]]
+distortion = {distortion}
+rotation = {rotation}
+translation_m = {translation}
+plane_height_m = {plane!r}
+plane_height_u_m = {plane_u!r}
+relative_scale_u = {scale_u!r}
+"""
+
+
+def film_of(laboratory: Laboratory, first: Order) -> Callable[[Path], None] | None:
+    """Return what films the first shot of a test into a folder, None where nothing films.
+
+    Parameters
+    ----------
+    laboratory
+        On the day, balls as they were found.
+    first
+        The first order at the bat.
+    """
+    station = laboratory.stations[Stage.IMPACT]
+    if not isinstance(station, FilmingStation):
+        return None
+    order, specimen = laboratory.day.done(Stage.IMPACT, first, laboratory.specimen)
+
+    def film(folder: Path) -> None:
+        station.film(order, specimen, laboratory.draws, folder)
+        text = _calibration(laboratory.session.calibration, specimen.balls.spec.mass)
+        (folder / "calibration.toml").write_text(text, encoding="utf-8")
+
+    return film
+
+
+def _calibration(known: Mapping[str, Estimate], ball_mass: float) -> str:
+    """Return the calibration file of a session's camera, for a ball of `ball_mass` [kg]."""
+    import cv2
+    import numpy as np
+
+    def of(name: str) -> Estimate:
+        return known[f"impact.camera.{name}"]
+
+    def value(name: str) -> float:
+        return of(name).value
+
+    turn = looking_down([value(f"tilt_{axis}") for axis in "xyz"])
+    place = np.array([value(f"place_{axis}") for axis in "xyz"])
+    air, coefficient = known["hall.air.density"], known["hall.air.drag_coefficient"]
+    radius = known["ball.radius"].value
+    drag = float(drag_rate(air.value, coefficient.value, radius, ball_mass))
+    share = hypot(air.u / (air.value or 1.0), coefficient.u / (coefficient.value or 1.0))
+    scale_u = hypot(of("focal").u / value("focal"), of("place_z").u / value("place_z"))
+    return CALIBRATION.format(
+        exposure=value("exposure"),
+        diameter=2 * radius,
+        drag=drag,
+        drag_u=drag * share,
+        size=[round(2 * value(f"centre_{axis}")) + 1 for axis in "xy"],
+        focal=value("focal"),
+        centre_x=value("centre_x"),
+        centre_y=value("centre_y"),
+        distortion=[value(name) for name in ("k1", "k2", "p1", "p2", "k3")],
+        rotation=cv2.Rodrigues(turn)[0].ravel().tolist(),
+        translation=(-turn @ place).tolist(),
+        plane=value("plane"),
+        plane_u=of("plane").u,
+        scale_u=scale_u,
+    )
