@@ -20,9 +20,12 @@ MISFIT = 1.5  # chi^2 on the outline
 
 
 def judged(
-    p: Array, u: Array, state: Array, shape: tuple[int, int]
+    p: Array, u: Array, state: Array, shape: tuple[int, int], misfit: float = MISFIT
 ) -> tuple[NDArray[np.uint16], Mask]:
-    """Return flags and which fits are lost, (region,), from what the kernel says of each."""
+    """Return flags and which fits are lost, (region,), from what the kernel says of each.
+
+    `misfit` is the chi^2 on the outline from which a fit is called poor.
+    """
     rows, cols = shape
     x, y, radius = p[:, at.X], p[:, at.Y], p[:, at.RADIUS]
     with np.errstate(invalid="ignore"):
@@ -37,7 +40,7 @@ def judged(
             Flag.SATURATED: state[:, at.FULL] > SHARE,
             Flag.CLIPPED: missing > SHARE,
             Flag.OVERLAP: state[:, at.HIDDEN] > SHARE,
-            Flag.POOR_FIT: (state[:, at.NEAR] > MISFIT) | (state[:, at.STRAY] > STRAY),
+            Flag.POOR_FIT: (state[:, at.NEAR] > misfit) | (state[:, at.STRAY] > STRAY),
         }
     flags = np.zeros(x.shape, np.uint16)
     for flag, raised in tests.items():

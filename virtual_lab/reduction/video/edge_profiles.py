@@ -1,0 +1,80 @@
+"""How a ball's brightness near its rim looks through lens and pixel: tables over the depth.
+
+The surface of a sphere is seen at a slant: what lies an angle a from the rim lies R (1 - cos a)
+inside the outline. So brightness near the rim is told over sin a, the surface's facing: shading
+is linear in it, and a pattern has the same scale there all round.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+__all__ = ["FIRST", "PER", "SHADES", "Profiles", "profiles"]
+
+Array = NDArray[np.float64]
+
+FIRST, PER = -5.0, 32  # where tables begin, widths inside the edge; entries a width
+SHADES = 3  # columns before the pattern's: a level, the way to the side, the facing
+FINE = 900  # depths of a quadrature
+KNOTS = 0.13  # of the facing, between a pattern's knots
+DEEPEST = 0.9  # facing beyond which a pattern goes on as it is
+LIKE = 0.15  # rad over which a pattern's brightness is alike, about
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Profiles:
+    """Blurred brightness over the depth, and how a pattern is likely to vary along it."""
+
+    table: Array  # (entry, 2 column): columns, then their derivatives by the depth in widths
+    stiffness: Array  # (knot, knot): inverse covariance of a pattern's knots, variance 1
+
+    @property
+    def knots(self) -> int:
+        """How many knots a pattern has along the depth."""
+        return int(self.stiffness.shape[0])
+
+
+def profiles(radius: float, width: float, depth: float) -> Profiles:
+    """Return tables for balls of about a radius [pixel].
+
+    Parameters
+    ----------
+    radius
+        Of the outline [pixel].
+    width
+        Standard deviation of lens and pixel [pixel].
+    depth
+        How far inside the outline pixels are looked at [pixel].
+    """
+    deepest = min(float(_facing(np.array(depth), radius)), DEEPEST)
+    facings = np.linspace(0.0, deepest, max(3, 1 + round(deepest / KNOTS)))
+    reach = 6.0 * width + depth
+    ends = min(reach, radius) * np.linspace(0.0, 1.0, FINE + 1) ** 2
+    middles, steps = (ends[1:] + ends[:-1]) / 2, np.diff(ends)
+    facing = _facing(middles, radius)
+    hats = [np.interp(facing, facings, one) for one in np.eye(facings.size)]
+    columns = np.stack([np.ones(FINE), 1 - middles / radius, facing, *hats], axis=1)
+    t = FIRST + np.arange(int(np.ceil((reach / width - FIRST) * PER)) + 1) / PER
+    away = t[:, None] - middles / width
+    weight = np.exp(-(away**2) / 2) / np.sqrt(2 * np.pi) * steps / width
+    # beyond the last depth brightness goes on as it is there
+    beyond = ndtr(t - ends[-1] / width)[:, None]
+    at_last = np.exp(-((t - ends[-1] / width) ** 2) / 2)[:, None] / np.sqrt(2 * np.pi)
+    values = weight @ columns + beyond * columns[-1]
+    slopes = (-weight * away) @ columns + at_last * columns[-1]
+    angles = np.arcsin(facings)
+    like = np.exp(-np.abs(angles[:, None] - angles) / LIKE)
+    return Profiles(
+        table=np.ascontiguousarray(np.concatenate([values, slopes], axis=1)),
+        stiffness=np.linalg.inv(like),
+    )
+
+
+def _facing(depth: Array, radius: float) -> Array:
+    """Return sin a at a depth inside the outline."""
+    inside = 1 - np.minimum(depth / radius, 1.0)
+    return np.asarray(np.sqrt(1 - inside**2))
