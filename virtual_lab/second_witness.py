@@ -17,10 +17,10 @@ from virtual_lab.records import ClipRecord, TrackRecord
 from virtual_lab.reduced import Reduced, constants_known
 from virtual_lab.reduction.flights import Flights, timed
 from virtual_lab.reduction.measurement import ShotResults, drag_of, measured_balls
-from virtual_lab.reduction.video.filmed import Filmed, filmed, own_u
+from virtual_lab.reduction.video.filmed import Filmed, filmed, frames_u
 from virtual_lab.reduction.video.windows import Sightings, sight
 from virtual_lab.session import Session
-from virtual_lab.uncertainty.budget import Budget, Component, combine, propagate, scatter
+from virtual_lab.uncertainty.budget import Budget, Component, combine, propagate, scatter, spread
 
 __all__ = ["COMPARED", "SecondWitness", "Told", "second_witness"]
 
@@ -59,8 +59,7 @@ class SecondWitness:
     missed: int  # that count, and the camera did not see well
     filmed: Filmed
     shots: ShotResults
-    speed_in_u: Array  # of each shot, by its frames alone [m/s]
-    speed_out_u: Array
+    u: Mapping[str, Array]  # of each shot's speed_in, speed_out, efficiency, place and angle
 
 
 @constants_known()
@@ -107,15 +106,14 @@ def second_witness(session: Session, reduced: Reduced) -> SecondWitness | None:
                 share[used],
                 place[used],
             )
-    u_in, u_out = own_u(best, "impact", seen)
+    found = _flights(reduced, best, seen)
     return SecondWitness(
         told=told,
         hits=int(used.sum()),
         missed=int((reduced.outcome.used & ~both).sum()),
-        filmed=_flights(reduced, best, seen),
+        filmed=found,
         shots=shots,
-        speed_in_u=u_in,
-        speed_out_u=u_out,
+        u=_shots_u(reduced, seen, found),
     )
 
 
@@ -134,6 +132,41 @@ def _flights(reduced: Reduced, best: Mapping[str, Array], seen: Sightings) -> Fi
     drag = drag_of(best, balls.mass[..., reduced.readings.ball])
     by_gates = timed("impact", reduced.readings.passages)(best, drag)
     return filmed(best, "impact", seen, drag, by_gates)
+
+
+def _shots_u(reduced: Reduced, seen: Sightings, found: Filmed) -> dict[str, Array]:
+    """Return each shot's standard uncertainties, calibrations and frames together."""
+    by_gates = timed("impact", reduced.readings.passages)
+
+    def model(x: Mapping[str, Array]) -> dict[str, Array]:
+        made: list[Filmed] = []
+
+        def by_camera(x: Mapping[str, Array], drag: Array) -> Flights:
+            made.append(filmed(x, "impact", seen, drag, by_gates(x, drag)))
+            return made[0].flights
+
+        efficiency = reduced.results(x, by_camera).rebound_efficiency
+        flights = made[0].flights
+        return {
+            "speed_in": flights.speed_in,
+            "speed_out": flights.speed_out,
+            "efficiency": efficiency,
+            "place": made[0].place,
+            "angle": made[0].angle_in,
+        }
+
+    best = {name: np.array(known.value) for name, known in reduced.constants.items()}
+    own = frames_u(best, "impact", seen, found)
+    ratio = np.hypot(own.speed_in / found.flights.speed_in, own.speed_out / found.flights.speed_out)
+    frames = {
+        "speed_in": own.speed_in,
+        "speed_out": own.speed_out,
+        "efficiency": ratio * found.flights.speed_out / found.flights.speed_in,
+        "place": own.place,
+        "angle": own.angle_in,
+    }
+    known = spread(model, reduced.constants)
+    return {name: np.hypot(known[name], frames[name]) for name in frames}
 
 
 def _told(

@@ -79,13 +79,16 @@ def witness_columns(witness: SecondWitness | None) -> dict[str, Any]:
     """Return what the camera says of every shot, as columns of the readings."""
     if witness is None:
         return {}
-    filmed = witness.filmed
+    filmed, u = witness.filmed, witness.u
     return {
         "video_speed_mph": filmed.flights.speed_in / MPH,
-        "video_speed_u_mph": witness.speed_in_u / MPH,
+        "video_speed_u_mph": u["speed_in"] / MPH,
         "video_rebound_mph": filmed.flights.speed_out / MPH,
-        "video_rebound_u_mph": witness.speed_out_u / MPH,
+        "video_rebound_u_mph": u["speed_out"] / MPH,
         "video_place_in": filmed.place / INCH,
+        "video_place_u_in": u["place"] / INCH,
         "video_angle_deg": np.asarray(filmed.angle_in) / DEGREE,
+        "video_angle_u_deg": u["angle"] / DEGREE,
         "video_efficiency": witness.shots.rebound_efficiency,
+        "video_efficiency_u": u["efficiency"],
     }

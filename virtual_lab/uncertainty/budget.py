@@ -26,6 +26,7 @@ __all__ = [
     "interval_95",
     "propagate",
     "scatter",
+    "spread",
     "type_a",
 ]
 
@@ -73,12 +74,8 @@ def propagate(
     constants
         Estimates; those without uncertainty contribute nothing and are left out.
     """
-    uncertain = [name for name, known in constants.items() if known.u > 0]
+    uncertain, columns = _variants(constants)
     n = len(uncertain)
-    columns = {name: np.full((2 * n + 1, 1), known.value) for name, known in constants.items()}
-    for index, name in enumerate(uncertain):
-        columns[name][1 + index] += constants[name].u
-        columns[name][1 + n + index] -= constants[name].u
     components = {}
     for output, values in model(columns).items():
         up, down = values[1 : n + 1], values[n + 1 :]
@@ -97,6 +94,33 @@ def propagate(
             for name, effect, shift in zip(uncertain, effects, shifts, strict=True)
         ]
     return components
+
+
+def spread(
+    model: Callable[[Mapping[str, Array]], Mapping[str, Array]],
+    constants: Mapping[str, Estimate],
+) -> dict[str, Array]:
+    """Return the standard uncertainties that constants give each of a row of results, (n,).
+
+    As `propagate`, of outputs of shape (k, n), without their components.
+    """
+    uncertain, columns = _variants(constants)
+    n = len(uncertain)
+    return {
+        output: np.sqrt(np.sum((values[1 : n + 1] - values[n + 1 :]) ** 2, axis=0)) / 2
+        for output, values in model(columns).items()
+    }
+
+
+def _variants(constants: Mapping[str, Estimate]) -> tuple[list[str], dict[str, Array]]:
+    """Return which constants are uncertain, and all as columns: best, each up, each down."""
+    uncertain = [name for name, known in constants.items() if known.u > 0]
+    n = len(uncertain)
+    columns = {name: np.full((2 * n + 1, 1), known.value) for name, known in constants.items()}
+    for index, name in enumerate(uncertain):
+        columns[name][1 + index] += constants[name].u
+        columns[name][1 + n + index] -= constants[name].u
+    return uncertain, columns
 
 
 def combine(value: float, components: Sequence[Component]) -> Budget:

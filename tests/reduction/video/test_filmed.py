@@ -12,7 +12,7 @@ from virtual_lab.instruments import Rung
 from virtual_lab.instruments.camera.course import Course
 from virtual_lab.records import ClipRecord
 from virtual_lab.reduction.flights import Flights
-from virtual_lab.reduction.video.filmed import Filmed, filmed, own_u
+from virtual_lab.reduction.video.filmed import Filmed, filmed, frames_u
 from virtual_lab.reduction.video.windows import Sightings, sight
 from virtual_lab.streams import Quiet, Streams
 
@@ -81,7 +81,7 @@ def test_windows_of_a_plain_ball_give_back_the_flights() -> None:
 
 
 def test_speeds_scatter_as_they_say() -> None:
-    """150 noisy batches of three: χ² of (v - true)/u, p > 1e-3 each way, true constants known."""
+    """150 noisy batches of three: χ² of (found - true)/u of speeds, place, angle, p > 1e-3."""
     spec = spec_of("camera-overhead", frames_in=30, frames_out=30)
     spec = replace(spec, clock=replace(spec.clock, jitter=0.0))
     camera, course = camera_of(spec, Quiet()), course_of()
@@ -89,11 +89,13 @@ def test_speeds_scatter_as_they_say() -> None:
     for seed in range(150):
         seen = seen_by(camera, course, Rung.SUMMED, Streams(seed))
         got = measured(camera, course, seen)
-        u_in, u_out = own_u(constants(camera), STAGE, seen)
+        u = frames_u(constants(camera), STAGE, seen, got)
         scores.append(
             [
-                (got.flights.speed_in - course.passage.speed_in) / u_in,
-                (got.flights.speed_out - course.passage.speed_out) / u_out,
+                (got.flights.speed_in - course.passage.speed_in) / u.speed_in,
+                (got.flights.speed_out - course.passage.speed_out) / u.speed_out,
+                (got.place - OVER + course.along) / u.place,
+                got.angle_in / u.angle_in,
             ]
         )
     for way in np.moveaxis(np.array(scores), 1, 0):
@@ -112,17 +114,26 @@ def test_uncertainty_of_a_line_in_closed_form() -> None:
         x=np.zeros_like(times),
         y=np.zeros_like(times),
         u=np.full_like(times, sigma),
-        pattern_u=np.zeros(1),
+        pattern_u=np.zeros_like(times),
         out=times > times[0, frames - 1] + dt / 2,
     )
     x = constants(camera)
     scale = float(x["impact.camera.place_z"] / x["impact.camera.focal"])
     by_hand = scale * sigma * np.sqrt(12 / (frames * (frames**2 - 1))) / dt
-    for u in own_u(x, STAGE, seen):
-        assert u[0] == pytest.approx(by_hand, rel=1e-9)
+    one = np.ones(1)
+    found = Filmed(
+        flights=Flights(speed_in=one, speed_out=one, offset=one, slope_in=one, slope_out=one),
+        place=one,
+        angle_in=one,
+        met=np.array([(frames - 1) / 2 * dt]),
+    )
+    u = frames_u(x, STAGE, seen, found)
+    assert u.speed_in[0] == pytest.approx(by_hand, rel=1e-9)
+    assert u.speed_out[0] == pytest.approx(by_hand, rel=1e-9)
+    assert u.place[0] == pytest.approx(scale * sigma / np.sqrt(frames), rel=1e-9)
     # an error alike in all frames leaves the slope, one that drifts with them does not
-    slow = own_u(x, STAGE, replace(seen, pattern_u=np.full(1, sigma)))[0][0]
-    assert slow > 2 * by_hand
+    slow = frames_u(x, STAGE, replace(seen, pattern_u=np.full_like(times, sigma)), found)
+    assert slow.speed_in[0] > 2 * by_hand
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from virtual_lab.relations.flight import time_after, time_before
 from virtual_lab.relations.pinhole import looking_down, undistorted
 from virtual_lab.units import STANDARD_GRAVITY
 
-__all__ = ["Filmed", "filmed", "own_u"]
+__all__ = ["Filmed", "FramesU", "filmed", "frames_u"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -35,6 +35,7 @@ class Filmed:
     flights: Flights  # heights are those of the gates
     place: Array  # of contact, from the barrel tip [m]
     angle_in: Array  # of the flight in from the line of fire, toward the tip [rad]
+    met: Array  # when, from the first frame that counts, by the camera's clock [s]
 
 
 def filmed(x: Constants, stage: str, seen: Sightings, drag: Array, timed: Flights) -> Filmed:
@@ -77,30 +78,55 @@ def filmed(x: Constants, stage: str, seen: Sightings, drag: Array, timed: Flight
         ),
         place=x[f"{stage}.camera.over"] - aside,
         angle_in=np.arctan2(drift, -speed_in),
+        met=met,
     )
 
 
-def own_u(x: Constants, stage: str, seen: Sightings) -> tuple[Array, Array]:
-    """Return the standard uncertainties of the speeds in and out from frames alone, (shot,).
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FramesU:
+    """Standard uncertainties from the frames alone, (shot,); calibrations apart."""
+
+    speed_in: Array  # [m/s]
+    speed_out: Array
+    place: Array  # [m]
+    angle_in: Array  # [rad]
+
+
+def frames_u(x: Constants, stage: str, seen: Sightings, found: Filmed) -> FramesU:
+    """Return how surely the frames tell what was `found`.
 
     Noise is new in every frame. The ball's pattern errs alike in neighbouring ones: how slowly
     it turns is not known, so it counts as slow as would harm most.
     """
     scale = (x[f"{stage}.camera.place_z"] - x[f"{stage}.camera.plane"]) / x[f"{stage}.camera.focal"]
-    found = []
-    for way in (~seen.out, seen.out):
-        weights, times = _weights(seen, way), _from_first(seen)
-        slope = _slopes(weights, times)
-        noise = np.sum((slope * np.where(weights > 0, seen.u, 0.0)) ** 2, axis=1)
-        apart = times[:, :, None] - times[:, None, :]
-        span = np.ptp(np.where(weights > 0, times, times.mean(axis=1)[:, None]), axis=1)
-        worst = np.zeros(len(times))
-        if seen.pattern_u.any():
-            for lag in LAGS:
-                like = np.exp(-0.5 * (apart / (lag * span[:, None, None])) ** 2)
-                worst = np.maximum(worst, np.einsum("si,sij,sj->s", slope, like, slope))
-        found.append(float(scale) * np.sqrt(noise + seen.pattern_u**2 * worst))
-    return found[0], found[1]
+    slope_in, _, _ = _line_weights(seen, ~seen.out)
+    slope_out, _, _ = _line_weights(seen, seen.out)
+    u_in, u_out = (float(scale) * _u(seen, part) for part in (slope_in, slope_out))
+    at = float(scale) * _u(seen, _at_contact(seen, found))
+    return FramesU(speed_in=u_in, speed_out=u_out, place=at, angle_in=u_in / found.flights.speed_in)
+
+
+def _at_contact(seen: Sightings, found: Filmed) -> Array:
+    """Return what each frame adds to the place of contact, (shot, frame)."""
+    slope, middle, moment = _line_weights(seen, ~seen.out)
+    return np.asarray(middle + slope * (found.met - moment)[:, None])
+
+
+def _u(seen: Sightings, parts: Array) -> Array:
+    """Return the standard uncertainty of a sum of frames' places by parts, (shot,) [px]."""
+    used = parts != 0
+    noise = np.sum(np.where(used, parts * seen.u, 0.0) ** 2, axis=1)
+    shifted = np.where(used, parts * seen.pattern_u, 0.0)
+    if not np.any(shifted):
+        return np.asarray(np.sqrt(noise))
+    times = _from_first(seen)
+    apart = times[:, :, None] - times[:, None, :]
+    span = np.ptp(np.where(used, times, times.mean(axis=1)[:, None]), axis=1)
+    worst = np.zeros(len(times))
+    for lag in LAGS:
+        like = np.exp(-0.5 * (apart / (lag * span[:, None, None])) ** 2)
+        worst = np.fmax(worst, np.einsum("si,sij,sj->s", shifted, like, shifted))
+    return np.asarray(np.sqrt(noise + worst))
 
 
 def _places(x: Constants, stage: str, seen: Sightings, height: Array) -> Array:
@@ -147,11 +173,6 @@ def _of(stage: str, name: str) -> bool:
     return name.startswith(f"{stage}.camera.") or name == "ball.radius"
 
 
-def _weights(seen: Sightings, way: Mask) -> Array:
-    """Return what each frame weighs on one way, (shot, frame)."""
-    return np.where(way & np.isfinite(seen.x), 1 / seen.u**2, 0.0)
-
-
 def _from_first(seen: Sightings) -> Array:
     """Return times from the first frame that counts, 0 of those that do not, (shot, frame)."""
     times = np.where(np.isfinite(seen.x), seen.times, np.nan)
@@ -159,25 +180,26 @@ def _from_first(seen: Sightings) -> Array:
     return np.asarray(np.nan_to_num(times - np.where(np.isfinite(first), first, 0.0)))
 
 
-def _slopes(weights: Array, times: Array) -> Array:
-    """Return what each frame adds to the slope of a weighted line, NaN without frames."""
+def _line_weights(seen: Sightings, way: Mask) -> tuple[Array, Array, Array]:
+    """Return what each frame adds to a line's slope and to its middle, and when that is.
+
+    (shot, frame) twice and (shot,); NaN where no frame is.
+    """
+    weights, times = np.where(way & np.isfinite(seen.x), 1 / seen.u**2, 0.0), _from_first(seen)
     total = weights.sum(axis=1)[:, None]
-    total = np.where(total > 0, total, np.nan)
-    off = times - (weights * times).sum(axis=1)[:, None] / total
-    return np.asarray(weights * off / np.sum(weights * off**2, axis=1)[:, None])
+    middle = weights / np.where(total > 0, total, np.nan)
+    moment = np.sum(middle * times, axis=1)
+    off = times - moment[:, None]
+    return weights * off / np.sum(weights * off**2, axis=1)[:, None], middle, moment
 
 
 def _line(
     seen: Sightings, way: Mask, values: Array, at: Array | None = None
 ) -> tuple[Array, Array]:
     """Return a weighted line's slope, and when it is 0, or what it is `at` a time."""
-    weights, times = _weights(seen, way), _from_first(seen)
-    used = np.where(weights > 0, values, 0.0)
-    slope = np.sum(_slopes(weights, times) * used, axis=-1)
-    total = weights.sum(axis=1)
-    total = np.where(total > 0, total, np.nan)
-    middle = np.sum(weights * used, axis=-1) / total
-    moment = np.sum(weights * times, axis=1) / total
+    slopes, middles, moment = _line_weights(seen, way)
+    used = np.where(middles > 0, values, 0.0)
+    slope, middle = np.sum(slopes * used, axis=-1), np.sum(middles * used, axis=-1)
     if at is None:
         return slope, moment - middle / slope
     return slope, middle + slope * (at - moment)

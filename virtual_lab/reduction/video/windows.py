@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +25,11 @@ BRIGHT = 0.9  # of a ball's pixels: those above this quantile tell how much it s
 HALF = 0.45  # of that: what stands out more is the ball
 TOUCHING = 8e-3  # m, from the farthest the ball comes: nearer it may be on the bat
 LEAST = 4  # frames of a way
-WILD = 6.0  # robust standard deviations
-USELESS = Flag.NOT_FOUND | Flag.SATURATED | Flag.CLIPPED | Flag.OVERLAP
+MOST = 24  # and as many are refined: more tell little that is new, as the ball's pattern is slow
+PLAIN = 0.9  # of the windows: with more that fit an evenly bright ball, all are taken for one
+OVAL_U = 1e-3  # of outlines off the axis, as far as lens and pose are known
+POOR = Flag.NOT_FOUND | Flag.POOR_FIT
+USELESS = POOR | Flag.SATURATED | Flag.CLIPPED | Flag.OVERLAP
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,7 +43,7 @@ class Sightings:
     x: Array
     y: Array
     u: Array  # of x and y each, from noise, new in every frame
-    pattern_u: Array  # from the ball's own pattern, alike in neighbouring frames, (shot,)
+    pattern_u: Array  # the same from the ball's own pattern, alike in neighbouring frames
     out: Mask  # whether the ball flies out
 
 
@@ -63,7 +66,8 @@ def sight(record: ClipRecord | TrackRecord, known: Known, radius: float) -> Sigh
     """
     size = known["focal"].value / (known["place_z"].value - known["plane"].value)  # [px/m]
     if isinstance(record, TrackRecord):
-        return _ways(record.times, record.x, record.y, record.u, size)
+        still = np.zeros_like(record.u)
+        return _ways(record.times, record.x, record.y, record.u, still, size)
     pixels, background = record.pixels, record.background
     for name, values in (("pixels", pixels), ("background", background)):
         if values is None:
@@ -73,31 +77,27 @@ def sight(record: ClipRecord | TrackRecord, known: Known, radius: float) -> Sigh
     shot, frame = np.nonzero(np.isfinite(record.times))
     corners = np.stack([record.left[shot, frame], record.top[shot, frame]], axis=1)
     _require_within(pixels, background, record.times.shape, corners)
-    noise = noise_of(known)
-    start = [
-        _start(pixels[shot[part], frame[part]], corners[part], background, size * radius)
-        for part in _parts(len(shot))
-    ]
-    began = np.concatenate(start) if start else np.empty((0, 2))
-    blurs = _blurs(record.times, shot, frame, began, known["exposure"].value)
-    table = np.full((3, *record.times.shape), np.nan)
+    began = np.full((*record.times.shape, 2), np.nan)
     for part in _parts(len(shot)):
+        some = shot[part], frame[part]
+        began[some] = _start(pixels[some], corners[part], background, size * radius)
+    blurs = _blurs(record.times, began, known["exposure"].value)
+    free, out = _free(record.times, began[..., 0], size)
+    kept = _spread(free & ~out) | _spread(free & out)
+    chosen = np.flatnonzero(kept[shot, frame])
+    table = np.full((4, *record.times.shape), np.nan)
+    for part in _parts(len(chosen)):
+        mine = chosen[part]
+        some = shot[mine], frame[mine]
         found = _refined(
-            pixels[shot[part], frame[part]],
-            corners[part],
-            background,
-            began[part],
-            blurs[part],
-            size * radius,
-            noise,
-            known["blur"].value,
+            pixels[some], corners[mine], background, began[some], blurs[some], size * radius, known
         )
         useful = (found.flags & USELESS) == 0
-        table[:, shot[part], frame[part]] = np.where(
-            useful, [found.x, found.y, np.hypot(found.x_u, found.y_u) / np.sqrt(2)], np.nan
-        )
-    x, y, u = table
-    return _ways(record.times, x, y, u, size)
+        u = np.hypot(found.x_u, found.y_u) / np.sqrt(2)
+        pattern_u = np.zeros(len(u)) if found.pattern_u is None else found.pattern_u
+        table[:, *some] = np.where(useful, [found.x, found.y, u, pattern_u], np.nan)
+    x, y, u, pattern_u = table
+    return _ways(record.times, x, y, u, pattern_u, size)
 
 
 def noise_of(known: Known) -> Noise:
@@ -161,20 +161,38 @@ def _start(
     return np.asarray(corners + np.stack([x, y], axis=1))
 
 
-def _blurs(
-    times: Array, shot: NDArray[np.intp], frame: NDArray[np.intp], places: Array, exposure: float
-) -> Array:
-    """Return how far the ball moves during each exposure, by its way's median speed [px]."""
-    table = np.full((*times.shape, 2), np.nan)
-    table[shot, frame] = places
-    speed = np.diff(table, axis=1) / np.diff(times, axis=1)[..., None]
-    turn = np.nan_to_num(table[..., 0], nan=-np.inf).argmax(axis=1)[:, None]
+def _blurs(times: Array, places: Array, exposure: float) -> Array:
+    """Return how far the ball moves in each exposure, by its way's median speed [px], as `places`.
+
+    `places` are (shot, frame, 2), NaN where there is no frame.
+    """
+    speed = np.diff(places, axis=1) / np.diff(times, axis=1)[..., None]
+    turn = np.nan_to_num(places[..., 0], nan=-np.inf).argmax(axis=1)[:, None]
     after = np.arange(times.shape[1] - 1) >= turn
     ways = np.stack([np.where(way[..., None], speed, np.nan) for way in (~after, after)])
     usual = np.zeros((2, len(times), 2))
     some = np.isfinite(ways).all(axis=3).any(axis=2)
     usual[some] = np.nanmedian(ways[some], axis=1)
-    return np.asarray(usual[np.greater(frame, turn[shot, 0]).astype(int), shot] * exposure)
+    out = np.arange(times.shape[1]) > turn
+    usual *= exposure
+    return np.asarray(np.where(out[..., None], usual[1][:, None], usual[0][:, None]))
+
+
+def _free(times: Array, x: Array, size: float) -> tuple[Mask, Mask]:
+    """Return the frames in which the ball cannot touch the bat, and those after the contact."""
+    seen = np.isfinite(times + x)
+    forth = np.where(seen, x, -np.inf)
+    out = np.arange(times.shape[1]) > forth.argmax(axis=1)[:, None]
+    return seen & (x < forth.max(axis=1)[:, None] - TOUCHING * size), out
+
+
+def _spread(free: Mask) -> Mask:
+    """Return `MOST` frames of each shot, evenly among those that are free, or all of fewer."""
+    count = free.sum(axis=1)[:, None]
+    rank = np.cumsum(free, axis=1)
+    share = np.minimum(MOST / np.maximum(count, 1), 1.0)
+    steps = np.floor(rank * share + 1e-9) > np.floor((rank - 1) * share + 1e-9)
+    return np.asarray(free & steps)
 
 
 def _refined(
@@ -184,9 +202,10 @@ def _refined(
     places: Array,
     blur: Array,
     radius: float,
-    noise: Noise,
-    lens: float,
+    known: Known,
 ) -> Located:
+    """Return the ball as a plain one where the picture is one's, else by its outline alone."""
+    from virtual_lab.reduction.video.edge import fit_edge
     from virtual_lab.reduction.video.refining import Optics, refine
 
     blank = np.full(len(windows), np.nan)
@@ -201,30 +220,50 @@ def _refined(
         chi_square=blank,
         flags=np.zeros(len(windows), np.uint16),
     )
-    side = windows.shape[1], windows.shape[2]
-    return refine(
+    behind = _behind(background, corners, (windows.shape[1], windows.shape[2]))
+    noise, lens = noise_of(known), known["blur"].value
+    plain = refine(
+        windows, corners, start, noise=noise, optics=Optics(lens=lens), background=behind
+    ).located
+    if ((plain.flags & POOR) == 0).mean() > PLAIN:
+        return plain
+    lost = ~np.isfinite(plain.x)
+    begun = replace(
+        start,
+        x=np.where(lost, start.x, plain.x),
+        y=np.where(lost, start.y, plain.y),
+        radius=np.where(lost, start.radius, plain.radius),
+    )
+    return fit_edge(
         windows,
         corners,
-        start,
+        begun,
         noise=noise,
-        optics=Optics(lens=lens),
-        background=_behind(background, corners, side),
+        lens=lens,
+        background=behind,
+        oval=_oval(begun, known),
+        oval_u=OVAL_U,
     ).located
 
 
-def _ways(times: Array, x: Array, y: Array, u: Array, size: float) -> Sightings:
+def _oval(begun: Located, known: Known) -> Array:
+    """Return what an outline off the axis has of cos 2a and sin 2a, (region, 2).
+
+    A sphere seen under the angle b from the axis is longer by 1 / cos b along the way from it.
+    """
+    x, y = (
+        (at - known[f"centre_{axis}"].value) / known["focal"].value
+        for axis, at in (("x", begun.x), ("y", begun.y))
+    )
+    return np.stack([x**2 - y**2, 2 * x * y], axis=1) / 4
+
+
+def _ways(times: Array, x: Array, y: Array, u: Array, pattern_u: Array, size: float) -> Sightings:
     """Return the frames of both ways, without those in which the ball may touch the bat."""
-    seen = np.isfinite(times + x + y + u)
-    forth = np.where(seen, x, -np.inf)
-    turn = forth.argmax(axis=1)[:, None]
-    free = seen & (x < forth.max(axis=1)[:, None] - TOUCHING * size)
-    out = np.arange(times.shape[1]) > turn
+    free, out = _free(times, x + u, size)
     for way in (~out, out):
-        mine = free & way
-        free &= ~(way & (mine.sum(axis=1) < LEAST)[:, None])
-    keep = {"times": times, "x": x, "y": y, "u": u}
+        free &= ~(way & ((free & way).sum(axis=1) < LEAST)[:, None])
+    keep = {"times": times, "x": x, "y": y, "u": u, "pattern_u": pattern_u}
     return Sightings(
-        **{name: np.where(free, values, np.nan) for name, values in keep.items()},
-        pattern_u=np.zeros(len(times)),
-        out=out,
+        **{name: np.where(free, values, np.nan) for name, values in keep.items()}, out=out
     )
