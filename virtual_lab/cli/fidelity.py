@@ -76,3 +76,9 @@ _study(
     "stability.png",
     "Map the steps of pymunk, alone and as a rung, against speed, place and its settings.",
 )
+_study(
+    stability,
+    "camera",
+    "stability.png",
+    "Map the ways of locating the ball against all that may go wrong in a picture.",
+)

@@ -24,6 +24,7 @@ __all__ = [
     "ESTIMATORS",
     "OURS",
     "PLAIN",
+    "SHIPPED",
     "STITCHED",
     "Estimator",
     "Picture",
@@ -250,3 +251,4 @@ OURS: dict[str, Estimator] = {
     "occlusion fit, blurs free": _free,
 }
 ESTIMATORS = CV2 | OURS
+SHIPPED = ("quick", PLAIN)  # what the tracker may take

@@ -54,6 +54,7 @@ LEVELS = np.array([BALL, LEVEL, SLOPE_X, SLOPE_Y])
 SHARP = np.array([X, Y, RADIUS, BALL, LEVEL, SLOPE_X, SLOPE_Y])
 MOST_STEPS = 25
 NARROWEST, WIDEST = 0.3, 6.0  # pixels, of an edge
+ALIKE = 3.0  # times the variance noise explains: what sectors say of the centre is rarely more
 COARSE = 3  # pixels, from one to the next of a first look
 
 
@@ -171,7 +172,8 @@ def judge(
     """Say what a fit is worth: covariances (the fit's own, and the least there can be), misfit.
 
     The fit's own allows for residuals that go together along the outline: it sums the scores of
-    each of sixteen sectors before it squares them, wherever chi^2 says the model is not all.
+    each of sixteen sectors before it squares them, wherever chi^2, or what the sectors say of the
+    centre, tells that the model is not all.
     """
     n = free.size
     fisher, g, scores = np.zeros((COUNT, PADDED)), np.zeros(COUNT), np.zeros((SECTORS, COUNT))
@@ -190,9 +192,11 @@ def judge(
     bound[:] = inverse
     covariance[:] = inverse * max(1.0, state[CHI])
     worst = max(state[CHI], state[NEAR])
-    if worst > 1.0 + 5.0 * sqrt(2.0 / max(near_count, 2.0)):
-        moved = np.ascontiguousarray(scores[:, free]) @ inverse  # by each sector alone
-        covariance[:] = inverse * worst + moved.T @ moved * (SECTORS / (SECTORS - 3.0))
+    moved = np.ascontiguousarray(scores[:, free]) @ inverse  # by each sector alone
+    apart = moved.T @ moved * (SECTORS / (SECTORS - 3.0))
+    far = apart[0, 0] + apart[1, 1] > ALIKE * (inverse[0, 0] + inverse[1, 1])
+    if far or worst > 1.0 + 5.0 * sqrt(2.0 / max(near_count, 2.0)):
+        covariance[:] = inverse * max(1.0, worst) + apart
 
 
 @njit(**FINE)

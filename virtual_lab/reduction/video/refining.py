@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
-from virtual_lab.reduction.video.located import Located
+from virtual_lab.reduction.video.located import Flag, Located
 from virtual_lab.reduction.video.noise import Noise
 
 __all__ = ["PIXEL", "Optics", "Refined", "cut", "refine"]
@@ -22,6 +22,7 @@ __all__ = ["PIXEL", "Optics", "Refined", "cut", "refine"]
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 PIXEL = 1 / 12  # variance of a square pixel along any direction
+TOGETHER = 5.0  # times the least variance: residuals that go together make a fit poor
 START = 1.0  # pixels, how far a start may be off before the fit takes more steps
 
 
@@ -143,6 +144,8 @@ def refine(
     u = np.sqrt(np.diagonal(full, axis1=1, axis2=2))
     least = np.sqrt(np.diagonal(bound, axis1=1, axis2=2))
     flags, lost = judged(p, u, state, (pixels.shape[1], pixels.shape[2]))
+    wide = (u[:, :2] ** 2).sum(axis=1) > TOGETHER * (least[:, :2] ** 2).sum(axis=1)
+    flags[wide & ~lost] |= np.uint16(Flag.POOR_FIT)
     p[lost], u[lost] = np.nan, np.nan
     located = Located(
         x=p[:, at.X] + corner_x,

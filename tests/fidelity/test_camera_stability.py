@@ -1,0 +1,83 @@
+"""The maps of what may go wrong in a picture: what they say, and their files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from virtual_lab.cli import cli
+from virtual_lab.fidelity import camera_drops
+from virtual_lab.fidelity import camera_map as states
+from virtual_lab.fidelity import camera_stability as maps
+from virtual_lab.fidelity.camera_estimators import PLAIN
+
+Row = dict[str, Any]
+ENDS = {
+    "contrast over noise": (5, 96),
+    "share out of the frame": (0.25,),
+    "share behind the bat, pose not known": (0.25,),
+    "exposure over the right one": (2,),
+    "hot pixels": (100,),
+}
+
+
+@pytest.fixture(scope="module")
+def rows() -> list[Row]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(maps, "AXES", {name: (maps.AXES[name][0], ENDS[name]) for name in ENDS})
+        patch.setattr(maps, "BALLS", {"plain": maps.BALLS["plain"]})
+        patch.setattr(camera_drops, "COUNTS", (0, 3))
+        patch.setattr(camera_drops, "FLIGHTS", 4)
+        return maps.measure()
+
+
+def state(rows: list[Row], axis: str, value: float, method: str = PLAIN) -> str:
+    own = {"map": axis, "value": value, "method": method}
+    (found,) = [row for row in rows if all(row[name] == v for name, v in own.items())]
+    return str(found["state"])
+
+
+def test_the_fit_is_good_or_says_why_not(rows: list[Row]) -> None:
+    assert state(rows, "contrast over noise", 5) == states.GOOD
+    assert state(rows, "contrast over noise", 96) == states.GOOD
+    assert state(rows, "hot pixels", 100) == states.GOOD
+    for axis, value in (
+        ("share out of the frame", 0.25),
+        ("share behind the bat, pose not known", 0.25),
+        ("exposure over the right one", 2),
+    ):
+        assert state(rows, axis, value) == states.FLAGGED
+    assert maps.unsaid_share(rows, PLAIN) == 0
+
+
+def test_dropped_frames_are_found_by_the_step_they_leave(rows: list[Row]) -> None:
+    own = {(row["ball"], row["value"]): row for row in rows if row["method"] == camera_drops.METHOD}
+    assert len(own) == 2 * len(camera_drops.ERRORS)
+    for (ball, count), row in own.items():
+        assert row["unsaid"] == 0
+        if ball == "places to 0.02 px":
+            assert row["state"] == states.GOOD
+            assert row["flagged"] == (4 if count else 0)
+
+
+def test_text_and_files(rows: list[Row], tmp_path: Path) -> None:
+    text = maps.text(rows)
+    assert all(axis in text for axis in ENDS)
+    assert "over the whole map" in text
+    json.dumps(rows, allow_nan=False)
+    maps.save(rows, tmp_path / "maps")
+    assert (tmp_path / "maps" / "stability.png").read_bytes().startswith(b"\x89PNG")
+    assert len((tmp_path / "maps" / "stability.csv").read_text().splitlines()) == len(rows) + 1
+
+
+@pytest.mark.parametrize("words", [["stability", "camera"], ["chart", "camera"]])
+def test_the_commands_stop_at_a_folder_that_is_not_new(words: list[str], tmp_path: Path) -> None:
+    from click.testing import CliRunner
+
+    (tmp_path / "kept").write_text("")
+    done = CliRunner().invoke(cli, [*words, "--out", str(tmp_path)])
+    assert done.exit_code == 1
+    assert "not empty" in str(done.exception)

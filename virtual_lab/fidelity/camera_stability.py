@@ -1,0 +1,145 @@
+"""Where the ways of locating a ball hold: maps against what may go wrong in a picture.
+
+A cell is a handful of pictures of a plain ball, or of a stitched one in some light, at places all
+over a pixel. An error counts as unsaid where it is beyond five of the standard uncertainties that
+came with the place and no flag did. Frames that a camera drops are another matter: a cell is then
+a handful of flights, without time stamps, and the error is that of the speed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from virtual_lab.fidelity.camera_drops import DROPPED, dropped_frames
+from virtual_lab.fidelity.camera_errors import score, wrong_unsaid
+from virtual_lab.fidelity.camera_estimators import OURS, SHIPPED
+from virtual_lab.fidelity.camera_map import (
+    FLAGGED,
+    GOOD,
+    INACCURATE,
+    LOST,
+    MARKS,
+    UNSAID,
+    draw_maps,
+)
+from virtual_lab.fidelity.camera_pictures import pictures
+from virtual_lab.fidelity.camera_scenes import BACK, HARD, SOFT, Batch, Case
+from virtual_lab.folder import new_folder
+from virtual_lab.reduction.video.located import Located
+from virtual_lab.report.text import table_text
+
+__all__ = ["AXES", "measure", "save", "text", "unsaid_share"]
+
+Row = dict[str, Any]
+PHASES, REPEATS = 4, 6
+TOLERANCE, NEAR_BOUND = 0.02, 1.5  # pixels, and over the bound: a good cell is within either
+MOST = 0.5  # share of the pictures that makes a cell flagged, or lost
+BALLS: dict[str, Case] = {
+    "plain": Case(),
+    "stitched, soft light": Case(stitched=True, light=SOFT),
+    "stitched, back light": Case(stitched=True, light=BACK),
+    "stitched, hard side light": Case(stitched=True, light=HARD),
+}
+AXES: dict[str, tuple[str, tuple[float, ...]]] = {
+    "contrast over noise": ("snr", (3, 5, 10, 27, 96)),
+    "radius [px]": ("radius", (5, 8, 15, 30, 60)),
+    "blur [px]": ("blur", (0, 2, 6, 15, 30, 60, 120)),
+    "share out of the frame": ("cut", (0, 0.05, 0.1, 0.25, 0.4, 0.5, 0.6, 0.75)),
+    "share behind the bat, pose known": ("covered", (0, 0.05, 0.1, 0.25, 0.45, 0.6)),
+    "share behind the bat, pose not known": ("covered", (0.02, 0.05, 0.1, 0.25, 0.45, 0.6)),
+    "exposure over the right one": ("exposure", (0.2, 0.5, 1, 1.3, 1.5, 2, 3, 5)),
+    "hot pixels": ("hot", (0, 10, 30, 100, 300, 1000)),
+    "flicker": ("flicker", (0, 0.02, 0.05, 0.1, 0.2, 0.4)),
+    "radius of the start, off by": ("radius_off", (-0.2, -0.1, -0.02, 0.02, 0.1, 0.2, 0.4)),
+    "place of the start, off by [px]": ("start_off", (0.5, 2, 5, 10, 15)),
+}
+UNKNOWN = "share behind the bat, pose not known"
+WHOLE = ("hot",)
+
+
+def measure(say: Callable[[str], None] = lambda _: None) -> list[Row]:
+    """Return a row a cell: its state, the error of what is not flagged, and counts of pictures.
+
+    Errors are in pixels, of dropped frames relative, None where there is nothing to err.
+    """
+    rows = []
+    for axis, (name, values) in AXES.items():
+        say(axis)
+        for value in values:
+            change = {name: int(value) if name in WHOLE else value, "pose_known": axis != UNKNOWN}
+            for ball, case in BALLS.items():
+                seen = replace(case, phases=PHASES, repeats=REPEATS, **change)  # type: ignore[arg-type]
+                batch = pictures(seen)
+                for method in SHIPPED:
+                    found = OURS[method](batch.given)
+                    own = {"map": axis, "value": value, "method": method, "ball": ball}
+                    rows.append(own | _cell(batch, found))
+    say(DROPPED)
+    return rows + dropped_frames()
+
+
+def save(rows: list[Row], folder: Path) -> None:
+    """Write the rows as CSV and draw them as PNG into a new folder."""
+    import pandas as pd
+
+    with new_folder(folder) as draft:
+        pd.DataFrame(rows).to_csv(draft / "stability.csv", index=False)
+        draw_maps(rows, _summary(rows)).savefig(draft / "stability.png")
+
+
+def text(rows: list[Row]) -> str:
+    """Return a table a map for a terminal, the states by their marks."""
+    parts = [", ".join(f"{mark} {state}" for state, mark in MARKS.items())]
+    for axis in dict.fromkeys(row["map"] for row in rows):
+        table = []
+        own = [row for row in rows if row["map"] == axis]
+        for method, ball in dict.fromkeys((row["method"], row["ball"]) for row in own):
+            line = [row for row in own if (row["method"], row["ball"]) == (method, ball)]
+            marks = {f"{row['value']:g}": MARKS[row["state"]] for row in line}
+            table.append({"method": method, "ball": ball} | marks)
+        parts.append(f"{axis}\n{table_text(table)}")
+    return "\n\n".join([*parts, _summary(rows)])
+
+
+def unsaid_share(rows: list[Row], method: str) -> float:
+    """Return the share of a method's pictures that are wrong and do not say so."""
+    own = [row for row in rows if row["method"] == method]
+    return float(sum(row["unsaid"] for row in own) / sum(row["pictures"] for row in own))
+
+
+def _summary(rows: list[Row]) -> str:
+    methods = dict.fromkeys(row["method"] for row in rows)
+    told = ", ".join(f"{method} {unsaid_share(rows, method):.2%}" for method in methods)
+    return f"beyond five standard uncertainties and unsaid, over the whole map: {told}"
+
+
+def _cell(batch: Batch, found: Located) -> Row:
+    """Return the state of a cell and the counts it rests on."""
+    whole = score(batch, found)
+    unsaid = int(wrong_unsaid(batch, found).sum())
+    clean = np.isfinite(found.x) & (found.flags == 0)
+    off = np.stack([found.x - batch.x, found.y - batch.y])[:, clean]
+    rms = float(np.sqrt(np.mean(off**2))) if clean.any() else None
+    allowed = max(TOLERANCE, NEAR_BOUND * float(np.max([batch.x_bound, batch.y_bound])))
+    if unsaid:
+        state = UNSAID
+    elif whole.lost >= MOST:
+        state = LOST
+    elif rms is None or whole.lost + whole.flagged >= MOST:
+        state = FLAGGED
+    else:
+        state = GOOD if rms <= allowed else INACCURATE
+    count = len(batch.x)
+    return {
+        "state": state,
+        "rms_unflagged": rms,
+        "pictures": count,
+        "unsaid": unsaid,
+        "flagged": round(whole.flagged * count),
+        "lost": round(whole.lost * count),
+    }
