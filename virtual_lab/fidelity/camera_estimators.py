@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.fidelity.camera_scenes import Given
 from virtual_lab.reduction.video.disc import disc_image
+from virtual_lab.reduction.video.edge import fit_edge
 from virtual_lab.reduction.video.located import Flag, Located
 from virtual_lab.reduction.video.quick import quick
 from virtual_lab.reduction.video.refining import Optics, refine
@@ -39,6 +40,7 @@ Place = tuple[float, float]
 CORE = 0.7  # of the radius: inside it is the ball's brightness
 NEAR = 3.0  # pixels around the ball that may be its own
 FAINT = 0.05  # of the ball in a pixel: less is noise
+FAR = 0.15  # of the radius
 FREE_LENS, FREE_BLUR = 0.2, 3.0  # pixels, standard uncertainties of blurs that are not known
 
 Estimator = Callable[[Given], Located]
@@ -243,12 +245,32 @@ CV2: dict[str, Estimator] = {
     "ECC on the matte": by_picture(_ecc),
     "HoughCircles": by_picture(_hough),
 }
-PLAIN = "occlusion fit"
-STITCHED = "quick"
+
+
+def _edge(given: Given) -> Located:
+    """Start where the occlusion fit ends, or where it began if it is far from that."""
+    rough, start = _known(given), given.start
+    near = np.hypot(rough.x - start.x, rough.y - start.y) < FAR * start.radius
+    near &= np.abs(rough.radius - start.radius) < FAR * start.radius
+    pairs = ((rough.x, start.x), (rough.y, start.y), (rough.radius, start.radius))
+    x, y, radius = (np.where(near, *pair) for pair in pairs)
+    return fit_edge(
+        given.seen.pixels,
+        given.seen.corners,
+        replace(start, x=x, y=y, radius=radius),
+        noise=given.noise,
+        lens=given.lens,
+        background=given.seen.background.astype(float),
+        mask=given.mask,
+    ).located
+
+
+PLAIN, STITCHED = "occlusion fit", "edge fit"
 OURS: dict[str, Estimator] = {
     "quick": _quick,
     PLAIN: _known,
     "occlusion fit, blurs free": _free,
+    STITCHED: _edge,
 }
 ESTIMATORS = CV2 | OURS
-SHIPPED = ("quick", PLAIN)  # what the tracker may take
+SHIPPED = ("quick", PLAIN, STITCHED)  # what the tracker may take

@@ -226,13 +226,3 @@ def test_cut_and_bad_input() -> None:
         } | bad
         with pytest.raises(InputError, match="allowed"):
             refine(**arguments)
-
-
-def test_a_pattern_too_weak_for_chi_square_is_a_poor_fit() -> None:
-    """Darker by less than the noise on one side: no pixel shows it, sixteen sectors do."""
-    scene = balls(30, 2, 5)
-    cols = np.arange(scene.regions.shape[2])
-    regions = scene.regions - 8.0 * (scene.regions > 60) * (cols < scene.regions.shape[2] / 2)
-    found = refine(regions, corners(regions), scene.start(), noise=scene.noise, optics=KNOWN)
-    assert np.median(found.located.chi_square) < 1.3
-    assert (found.located.flags & Flag.POOR_FIT).astype(bool).mean() > 0.9
