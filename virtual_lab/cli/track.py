@@ -28,12 +28,18 @@ __all__ = ["track"]
     type=click.Path(path_type=Path),
     help="New folder for track, result, plot, contact sheet and film  [default: CLIP-track]",
 )
+@click.option(
+    "--phases",
+    is_flag=True,
+    help="Test whether places lean with where between pixels the ball is: roll one slowly through.",
+)
 @json_option
 def track(
     clip: Path,
     calibration: Path | None,
     ball: str | None,
     out: Path | None,
+    phases: bool,
     as_json: bool,
 ) -> None:
     """Follow the ball through CLIP: speeds before and after a contact, restitution, track.
@@ -48,6 +54,7 @@ def track(
     from virtual_lab.reduction.video.speeds import document, speeds
     from virtual_lab.reduction.video.tracking import track as run
     from virtual_lab.report.track_film import write_film, write_sheet
+    from virtual_lab.report.track_phases import phases_of, phases_text, write_phases
     from virtual_lab.report.track_plot import draw_track
     from virtual_lab.report.track_text import track_text, write_table
 
@@ -58,6 +65,7 @@ def track(
     tracked = run(clip, known, quick, say=say)
     found = speeds(tracked, known)
     result = document(tracked, found)
+    leaning = phases_of(tracked) if phases else {}
     say("drawing")
     with new_folder(out) as folder:
         write_table(tracked, folder / "track.csv")
@@ -65,10 +73,13 @@ def track(
         draw_track(tracked, found, folder / "track.png")
         write_sheet(tracked, folder / "sheet.png")
         write_film(tracked, folder / "track.webp")
+        if leaning:
+            write_phases(leaning, folder / "phases.csv")
     if as_json:
         print_json(result)
     else:
-        click.echo(f"{track_text(tracked, found)}\n\n{out}")
+        told = [track_text(tracked, found), *([phases_text(leaning)] if leaning else []), str(out)]
+        click.echo("\n\n".join(told))
 
 
 def _diameter(text: str) -> float:
