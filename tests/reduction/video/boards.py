@@ -30,7 +30,8 @@ def small_camera(seed: int) -> Camera:
     """Return one of a quarter of the pixels, twice as large: its pictures are quickly made."""
     spec = spec_of("camera-overhead", window=64)
     sensor = replace(spec.sensor, columns=640, rows=400, pixel=2 * spec.sensor.pixel)
-    return camera_of(replace(spec, sensor=sensor), Streams(seed))
+    lens = replace(spec.lens, blur=2 * spec.lens.blur)
+    return camera_of(replace(spec, sensor=sensor, lens=lens), Streams(seed))
 
 
 def corners_seen(
