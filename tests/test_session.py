@@ -1,5 +1,6 @@
 """Sessions on disk: the same bits back, and every broken folder said in one line."""
 
+import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,7 +17,7 @@ from tests.test_records import ANY, bits
 from virtual_lab.certification import certify_session
 from virtual_lab.errors import InputError
 from virtual_lab.estimate import Estimate
-from virtual_lab.records import GateRecord, MassReadings, Record, ShotLog
+from virtual_lab.records import ClipRecord, GateRecord, MassReadings, Record, ShotLog, join
 from virtual_lab.session import Session, load_session, save_session
 
 ESTIMATES = st.builds(
@@ -254,3 +255,102 @@ def test_a_session_that_lacks_what_the_reduction_needs(change, named: str, playe
         certify_session(change(session))
     assert "\n" not in str(caught.value)
     assert named in str(caught.value)
+
+
+CLIP = ClipRecord(
+    times=np.array([[0.1, 0.2, np.nan], [0.3, 0.4, 0.5]]),
+    left=np.array([[4.0, 5.0, np.nan], [6.0, 7.0, 8.0]]),
+    top=np.zeros((2, 3)),
+    pixels=np.arange(2 * 3 * 4 * 4, dtype=np.uint16).reshape(2, 3, 4, 4),
+    background=np.linspace(0, 1, 60, dtype=np.float32).reshape(6, 10),
+)
+FILMED = replace(EXAMPLE, records={"impact": {"clip": CLIP}})
+PIXELS, BACKGROUND = "impact/clip-pixels.npy", "impact/clip-background.npy"
+
+
+def test_arrays_beside_a_table_come_back_bit_for_bit(tmp_path: Path) -> None:
+    """Grey values of 16 bits and real ones, mapped and not read; a record without any, too."""
+    save_session(FILMED, tmp_path)
+    clip = load_session(tmp_path).records["impact"]["clip"]
+    assert isinstance(clip, ClipRecord)
+    assert bits(clip) == bits(CLIP)
+    for name in ("pixels", "background"):
+        loaded, own = getattr(clip, name), getattr(CLIP, name)
+        assert isinstance(loaded, np.memmap)
+        assert loaded.dtype == own.dtype
+        assert np.array_equal(loaded, own)
+    (tmp_path / "again").mkdir()
+    bare = replace(CLIP, pixels=None)
+    save_session(replace(FILMED, records={"impact": {"clip": bare}}), tmp_path / "again")
+    assert not (tmp_path / "again" / PIXELS).exists()
+    clip = load_session(tmp_path / "again").records["impact"]["clip"]
+    assert isinstance(clip, ClipRecord)
+    assert clip.pixels is None
+    assert np.array_equal(clip.background, CLIP.background)
+
+
+def test_rounds_with_pixels_are_joined_shot_after_shot() -> None:
+    both = join([CLIP, replace(CLIP, pixels=CLIP.pixels + 1)])
+    assert isinstance(both, ClipRecord)
+    assert np.array_equal(both.pixels[:2], CLIP.pixels)
+    assert np.array_equal(both.pixels[2:], CLIP.pixels + 1)
+    assert np.array_equal(both.background, CLIP.background)
+
+
+def _array(name: str, values: np.ndarray) -> Callable[[Path], object]:
+    """Return a change of an array beside a table whose digest in session.json is right."""
+
+    def change(folder: Path) -> None:
+        np.save(folder / name, values)
+        digest = hashlib.sha256((folder / name).read_bytes()).hexdigest()
+        key = Path(name).stem.removeprefix("clip-")
+        _edit(lambda d: d["channels"]["impact"]["clip"]["attached"].update({key: digest}))(folder)
+
+    return change
+
+
+def _shorter(folder: Path) -> None:
+    data = (folder / PIXELS).read_bytes()
+    (folder / PIXELS).write_bytes(data[:-16])
+
+
+@pytest.mark.parametrize(
+    ("break_it", "file", "key", "allowed"),
+    [
+        (lambda f: (f / PIXELS).unlink(), "clip-pixels.npy", "file", "cannot be read"),
+        (lambda f: (f / BACKGROUND).unlink(), "clip-background.npy", "file", "cannot be read"),
+        (_shorter, "clip-pixels.npy", "file", "cannot be read"),
+        (lambda f: (f / PIXELS).write_bytes(b"pixels"), "clip-pixels.npy", "file", "cannot be"),
+        (lambda f: np.save(f / PIXELS, CLIP.pixels + 1), "clip-pixels.npy", "sha256", "not the"),
+        (_array(PIXELS, CLIP.pixels[:, :2]), "clip-pixels.npy", "shape", "2 along 'frame'"),
+        (_array(PIXELS, CLIP.pixels[:1]), "clip-pixels.npy", "shape", "1 along 'shot'"),
+        (_array(PIXELS, CLIP.pixels[0]), "clip-pixels.npy", "shape", "needs axes"),
+        (_array(BACKGROUND, CLIP.pixels), "clip-background.npy", "shape", "needs axes"),
+        (_array(BACKGROUND, np.full((6, 10), "x")), "clip-background.npy", "shape", "real numbers"),
+        (
+            _edit(lambda d: d["channels"]["impact"]["clip"]["attached"].update(film="ab")),
+            "clip.csv",
+            "attached",
+            "allowed: pixels, background",
+        ),
+        (
+            _edit(lambda d: d["channels"]["impact"]["clip"].update(attached=["pixels"])),
+            "clip.csv",
+            "clip.attached",
+            "expected an object",
+        ),
+    ],
+)
+def test_broken_arrays_beside_a_table(
+    break_it: Callable[[Path], object], file: str, key: str, allowed: str, tmp_path: Path
+) -> None:
+    """Each fault alone: the array's own file is named, or the table it should lie beside."""
+    save_session(FILMED, tmp_path)
+    load_session(tmp_path)
+    break_it(tmp_path)
+    with pytest.raises(InputError) as caught:
+        load_session(tmp_path)
+    assert "\n" not in str(caught.value)
+    assert caught.value.where.endswith(file)
+    assert key in caught.value.key
+    assert allowed in caught.value.allowed

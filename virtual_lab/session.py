@@ -181,13 +181,14 @@ def _record(path: Path, entry: Mapping[str, Any], where: Path) -> Record:
             "not the record session.json was written with (if the change is meant, drop the key)",
         )
     record = RECORD_TYPES[kind].from_table(table, str(path))
-    return replace(record, **_beside(record, entry, path))
+    return _with_arrays(record, entry, path)
 
 
-def _beside(record: Record, entry: Mapping[str, Any], path: Path) -> dict[str, Any]:
-    """Return the arrays that lie beside a record's table, read as they are needed."""
-    found = {}
-    for name, digest in entry.get("attached", {}).items():
+def _with_arrays(record: Record, entry: Mapping[str, Any], path: Path) -> Record:
+    """Return a record with the arrays that lie beside its table, read as they are needed."""
+    listed = entry.get("attached", {})
+    _require_table(listed, f"{path.stem}.attached", path)
+    for name, digest in listed.items():
         beside = path.with_name(f"{path.stem}-{name}.npy")
         if name not in record.attached:
             allowed = f"allowed: {', '.join(record.attached) or 'nothing'}"
@@ -202,5 +203,8 @@ def _beside(record: Record, entry: Mapping[str, Any], path: Path) -> dict[str, A
             raise InputError(
                 str(beside), "sha256", None, "not the array session.json was written with"
             )
-        found[name] = values
-    return found
+        try:
+            record = replace(record, **{name: values})
+        except ValueError as fault:
+            raise InputError(str(beside), "shape", str(values.shape), str(fault)) from fault
+    return record

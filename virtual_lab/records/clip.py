@@ -35,7 +35,10 @@ class ClipRecord(Record):
         "left": Column("left_px", FRAMES, may_be_missing=True),
         "top": Column("top_px", FRAMES, may_be_missing=True),
     }
-    attached: ClassVar[tuple[str, ...]] = ("pixels", "background")
+    attached: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        "pixels": (*FRAMES, "row", "column"),
+        "background": ("row of the frame", "column of the frame"),
+    }
 
     def join_attached(self, parts: list[ClipRecord]) -> dict[str, NDArray[np.generic] | None]:
         pixels = [part.pixels for part in parts if part.pixels is not None]

@@ -64,7 +64,8 @@ class Record:
     """
 
     columns: ClassVar[Mapping[str, Column]]
-    attached: ClassVar[tuple[str, ...]] = ()  # fields too large for a table: arrays beside it
+    # fields too large for a table, arrays beside it, and their axes
+    attached: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -72,20 +73,23 @@ class Record:
                 continue
             given = np.asarray(getattr(self, field.name))
             values = np.array(given, dtype=np.float64, copy=given.flags.writeable or None)
-            column = self.columns[field.name]
-            if values.ndim != len(column.axes):
-                raise ValueError(f"{field.name} needs axes {column.axes}, got shape {values.shape}")
             values.setflags(write=False)
             object.__setattr__(self, field.name, values)
         self.sizes()
 
     def sizes(self) -> dict[str, int]:
-        """Return the length of every axis; `ValueError` where two fields disagree."""
+        """Return the length of every axis of the table; `ValueError` where two fields disagree."""
         sizes: dict[str, int] = {}
         for name, column in self.columns.items():
-            for axis, size in zip(column.axes, getattr(self, name).shape, strict=True):
-                if sizes.setdefault(axis, size) != size:
-                    raise ValueError(f"{name} has {size} along {axis!r}, others {sizes[axis]}")
+            _count(name, getattr(self, name), column.axes, sizes)
+        beside = dict(sizes)
+        for name, axes in self.attached.items():
+            values = getattr(self, name)
+            if values is None:
+                continue
+            if values.dtype.kind not in "iuf":
+                raise ValueError(f"{name} needs real numbers, got {values.dtype}")
+            _count(name, values, axes, beside)
         return sizes
 
     def table(self) -> pd.DataFrame:
@@ -203,6 +207,15 @@ def require_numbers(table: pd.DataFrame, where: str) -> None:
         text = cells[pd.to_numeric(cells, errors="coerce").isna()].dropna()
         shown = str(text.iloc[0]) if len(text) else None
         raise InputError(where, str(name), shown, "must be numbers, without unit or decimal comma")
+
+
+def _count(name: str, values: NDArray[Any], axes: tuple[str, ...], sizes: dict[str, int]) -> None:
+    """Put the lengths of a field's axes into `sizes`; `ValueError` where they are others."""
+    if values.ndim != len(axes):
+        raise ValueError(f"{name} needs axes {axes}, got shape {values.shape}")
+    for axis, size in zip(axes, values.shape, strict=True):
+        if sizes.setdefault(axis, size) != size:
+            raise ValueError(f"{name} has {size} along {axis!r}, others {sizes[axis]}")
 
 
 def join(parts: list[Record]) -> Record:

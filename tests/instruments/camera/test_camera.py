@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from virtual_lab import catalog
+from virtual_lab.errors import InputError
 from virtual_lab.instruments import Rung
 from virtual_lab.instruments.camera.camera import Camera
 from virtual_lab.instruments.camera.course import Course
-from virtual_lab.instruments.camera.film import whole_frames, write_film
+from virtual_lab.instruments.camera.film import whole_frames, write_film, write_preview
 from virtual_lab.instruments.camera.spec import CameraSpec
 from virtual_lab.instruments.passage import Passage
 from virtual_lab.records import ClipRecord, TrackRecord
@@ -111,3 +112,25 @@ def test_a_film_keeps_every_frame_and_its_time(tmp_path: Path) -> None:
         assert good
         assert np.array_equal(np.squeeze(shown), frame)
     assert not reader.read()[0]
+
+
+def test_a_preview_plays_every_frame_slowly(tmp_path: Path) -> None:
+    """Frames at 25 a second, small, the square root of their grey values: bright parts near 255."""
+    ramp = np.linspace(0, 1000, 64)[None] * np.ones((40, 1))
+    seen = [(k / 5000, (ramp * (k + 1) / 5).astype(np.uint16)) for k in range(5)]
+    assert write_preview(tmp_path / "film.webp", seen, 4095, width=32) == 5
+    good, shown = cv2.imreadanimation(str(tmp_path / "film.webp"))
+    assert good
+    assert len(shown.frames) == 5
+    assert set(np.ravel(shown.durations).tolist()) == {40}
+    for k, frame in enumerate(shown.frames):
+        assert frame.shape[:2] == (20, 32)
+        # each pixel the mean of two columns, whose brightest is white
+        columns = ramp[0].reshape(32, 2).mean(axis=1)
+        expected = 255 * np.sqrt(columns / columns[-1] * (k + 1) / 5)
+        assert np.abs(frame[..., 0].mean(axis=0) - expected).max() < 8
+    with pytest.raises(InputError, match="a preview needs frames"):
+        write_preview(tmp_path / "none.webp", [], 4095)
+    with pytest.raises(InputError, match="a film needs frames"):
+        write_film(tmp_path / "none.mp4", [], 5000)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["film.webp"]
