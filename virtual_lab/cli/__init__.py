@@ -14,7 +14,16 @@ from virtual_lab.cli.calibrate import board, calibrate
 from virtual_lab.cli.fidelity import chart, stability
 from virtual_lab.cli.percussion import percussion
 from virtual_lab.cli.shelf import compare, fit_bat, list_, profile, show
-from virtual_lab.cli.study import bias, convergence, coverage, critique, daily, faults, sensitivity
+from virtual_lab.cli.study import (
+    bias,
+    clips,
+    convergence,
+    coverage,
+    critique,
+    daily,
+    faults,
+    sensitivity,
+)
 from virtual_lab.cli.track import track
 from virtual_lab.errors import InputError
 
@@ -92,6 +101,7 @@ for command in (
     compare,
     fit_bat,
     coverage,
+    clips,
     bias,
     faults,
     sensitivity,

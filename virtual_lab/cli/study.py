@@ -43,6 +43,24 @@ def coverage(
 
 
 @click.command()
+@click.argument("bat", default="r161", shell_complete=names("bats"))
+@click.option("--clips", type=click.IntRange(min=2), default=100, show_default=True)
+@click.option("--first-seed", type=click.IntRange(min=0), default=1, show_default=True)
+@click.option("--summed", is_flag=True, help="A camera that writes places, not pictures.")
+@json_option
+def clips(bat: str, clips: int, first_seed: int, summed: bool, as_json: bool) -> None:
+    """Film one shot at BAT in each of many laboratories; count intervals that hold the truth."""
+    from virtual_lab.report.text import table_text
+    from virtual_lab.studies.clips import clip_coverage
+
+    rows = clip_coverage(bat, clips=clips, first_seed=first_seed, summed=summed, say=teller())
+    if as_json:
+        print_json(rows)
+    else:
+        click.echo(table_text(rows))
+
+
+@click.command()
 @click.argument("faults", nargs=-1, metavar="[FAULT]...", shell_complete=names("faults"))
 @click.option("--laboratories", type=click.IntRange(min=2), default=60, show_default=True)
 @click.option("--first-seed", type=click.IntRange(min=0), default=1, show_default=True)

@@ -21,14 +21,13 @@ from virtual_lab.catalog import Entry
 from virtual_lab.certification import Certification, evaluate
 from virtual_lab.collision.ladder import Ladder, probing_scenes
 from virtual_lab.collision.modal import kernel_is_compiled
-from virtual_lab.estimate import Estimate
 from virtual_lab.faults import Day
 from virtual_lab.instruments import Rung
 from virtual_lab.lab.filming import film_of
 from virtual_lab.lab.fitting import require_ball, require_motion, require_places, require_rig
 from virtual_lab.lab.measurand import measurand
+from virtual_lab.lab.naming import ball_constants, constant_name, with_records
 from virtual_lab.procedure import Procedure, aimed_place, next_places, to_set
-from virtual_lab.records import Record, join
 from virtual_lab.reduced import CONTROL, Reduced, measure_bat, reduce_session
 from virtual_lab.rig import (
     ImpactStation,
@@ -125,7 +124,7 @@ class Laboratory:
             rung=rung,
         )
         known = {
-            _constant(stage, name): estimate
+            constant_name(stage, name): estimate
             for stage, station in stations.items()
             for name, estimate in station.calibration.items()
         }
@@ -151,7 +150,7 @@ class Laboratory:
                 date=datetime.date.today().isoformat(),
                 rigs={stage.value: name for stage, name in rigs.items()},
                 procedure_text=rules.text,
-                calibration=day.calibration(known | _ball_constants(ball)),
+                calibration=day.calibration(known | ball_constants(ball)),
                 records={},
                 simulation={
                     "reality": reality.value,
@@ -164,16 +163,9 @@ class Laboratory:
     def run(self, say: Say) -> Tested:
         """Measure bat and balls, fire, judge, and fire again until the rules are content."""
         procedure, ideal = self.rules.spec, self.reality is Reality.IDEAL
-        balls = np.arange(procedure.balls)
-        say("bench: weighing, balancing and swinging the bat, weighing the balls")
-        bench = self._play(Stage.BENCH, self._order(balls, np.nan))
-        session = _with_records(self.session, Stage.BENCH, [bench])
+        aged, bench, wall = self.measured(say)
+        session = aged.session
         bat = {name: budget.value for name, budget in measure_bat(session).items()}
-        say(f"ball-wall rig: {procedure.wall_hits} hits of each of {balls.size} balls")
-        wall_order = self._wall_order(balls)
-        wall = self._play(Stage.BALLS, wall_order)
-        aged = self._with_balls_as_found(wall_order, wall)
-        session = _with_records(session, Stage.BALLS, [wall])
         percussion = aimed_place(bat, procedure.pivot_from_knob)
         turn_rate = float(procedure.turn_rate(bat["length"]))
         if not kernel_is_compiled():
@@ -192,7 +184,7 @@ class Laboratory:
             )
             orders.append(order)
             rounds.append(aged._play(Stage.IMPACT, order))
-            session = _with_records(session, Stage.IMPACT, rounds)
+            session = with_records(session, Stage.IMPACT, rounds)
             reduced = reduce_session(session)
             fired, valid = reduced.readings.place, reduced.judgement.valid
             metric = reduced.shot_metric
@@ -203,6 +195,18 @@ class Laboratory:
             sealed=aged._seal(reduced, bench, wall, rounds),
             film=film_of(aged, orders[0]),
         )
+
+    def measured(self, say: Say) -> tuple[Laboratory, Play, Play]:
+        """Measure bat and balls: return the laboratory ready to fire, and what was done."""
+        balls = np.arange(self.rules.spec.balls)
+        say("bench: weighing, balancing and swinging the bat, weighing the balls")
+        bench = self._play(Stage.BENCH, self._order(balls, np.nan))
+        say(f"ball-wall rig: {self.rules.spec.wall_hits} hits of each of {balls.size} balls")
+        order = self._wall_order(balls)
+        wall = self._play(Stage.BALLS, order)
+        session = with_records(self.session, Stage.BENCH, [bench])
+        session = with_records(session, Stage.BALLS, [wall])
+        return replace(self._with_balls_as_found(order, wall), session=session), bench, wall
 
     def _order(self, shot: NDArray[np.int_], place: Array | float) -> Order:
         """Return an order of shots that take the balls in turn."""
@@ -247,7 +251,7 @@ class Laboratory:
             bat_properties=bench.truth,
             balls=self.specimen.balls,
             constants={
-                _constant(stage, name): value
+                constant_name(stage, name): value
                 for stage, station in self.stations.items()
                 for name, value in station.true_constants.items()
             }
@@ -263,11 +267,6 @@ class Laboratory:
         )
 
 
-def _constant(stage: Stage, name: str) -> str:
-    """Return a constant's name in a session: all rigs stand in one hall and share its air."""
-    return f"hall.{name}" if name.startswith("air.") else f"{stage.value}.{name}"
-
-
 def _motion_report(motion: Motion) -> dict[str, str]:
     pinned = "" if motion is Motion.CLOSED_FORM else ", as asked for"
     return {"rung": motion.value, "reason": f"{motion.value}{pinned}"}
@@ -278,17 +277,3 @@ def _said(places: Array) -> str:
     where = sorted({round(float(place) / INCH, 2) for place in places})
     along = f" at {', '.join(f'{place:g}' for place in where)} in" if len(where) > 1 else ""
     return f"{places.size} shots{along}"
-
-
-def _ball_constants(ball: BallSpec) -> dict[str, Estimate]:
-    return {
-        "ball.radius": Estimate(value=ball.radius),
-        "ball.restitution_slope": Estimate(value=ball.restitution.slope),
-    }
-
-
-def _with_records(session: Session, stage: Stage, plays: list[Play]) -> Session:
-    records: dict[str, Record] = {
-        channel: join([play.records[channel] for play in plays]) for channel in plays[0].records
-    }
-    return replace(session, records={**session.records, stage.value: records})

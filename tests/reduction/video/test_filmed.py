@@ -80,6 +80,29 @@ def test_windows_of_a_plain_ball_give_back_the_flights() -> None:
     assert got.place == pytest.approx(OVER - course.along, abs=2e-5)
 
 
+def test_speeds_of_a_stitched_ball_at_1500_rpm() -> None:
+    """62.6 m/s at 5 kHz, full noise, scale, depth and drag given: speeds in and out to 1e-4.
+
+    And as surely as it says: no score above 4.
+    """
+    spec = spec_of("camera-overhead", frames_in=60, frames_out=60, empty_frames=32)
+    known = replace(
+        spec.ideal(), sensor=spec.sensor, light=spec.light, clock=replace(spec.clock, clock_u=0.0)
+    )
+    camera, course = camera_of(known, Streams(11)), course_of()
+    spin = np.full((SHOTS, 3), 157.0 / np.sqrt(3))
+    course = replace(course, spin_in=spin, spin_out=spin)
+    seen = seen_by(camera, course, Rung.FULL, Streams(12), bat_of(course))
+    got = measured(camera, course, seen)
+    u = frames_u(constants(camera), STAGE, seen, got)
+    for found, true, sure in (
+        (got.flights.speed_in, course.passage.speed_in, u.speed_in),
+        (got.flights.speed_out, course.passage.speed_out, u.speed_out),
+    ):
+        assert found == pytest.approx(true, rel=1e-4)
+        assert np.abs((found - true) / sure).max() < 4
+
+
 def test_speeds_scatter_as_they_say() -> None:
     """150 noisy batches of three: χ² of (found - true)/u of speeds, place, angle, p > 1e-3."""
     spec = spec_of("camera-overhead", frames_in=30, frames_out=30)
@@ -174,7 +197,7 @@ def test_a_rebound_the_gates_missed_gives_none() -> None:
 
 
 def test_bad_windows_are_named() -> None:
-    """Pixels that are missing, of another shape, or outside the frame."""
+    """Pixels or background that are missing, windows outside the frame."""
     camera, course = camera_of(spec_of("camera-overhead"), Quiet()), course_of()
     record, _ = camera.watch(course, Quiet(), "clip", 0)
     assert isinstance(record, ClipRecord)
@@ -183,7 +206,5 @@ def test_bad_windows_are_named() -> None:
         sight(replace(record, pixels=None), known, 0.0365)
     with pytest.raises(InputError, match="background"):
         sight(replace(record, background=None), known, 0.0365)
-    with pytest.raises(InputError, match="pixels"):
-        sight(replace(record, pixels=record.pixels[:, :3]), known, 0.0365)
     with pytest.raises(InputError, match="left_px"):
         sight(replace(record, left=record.left + 4000), known, 0.0365)

@@ -76,7 +76,7 @@ def sight(record: ClipRecord | TrackRecord, known: Known, radius: float) -> Sigh
     assert background is not None
     shot, frame = np.nonzero(np.isfinite(record.times))
     corners = np.stack([record.left[shot, frame], record.top[shot, frame]], axis=1)
-    _require_within(pixels, background, record.times.shape, corners)
+    _require_within(pixels, background, corners)
     began = np.full((*record.times.shape, 2), np.nan)
     for part in _parts(len(shot)):
         some = shot[part], frame[part]
@@ -118,16 +118,8 @@ def _parts(count: int) -> list[slice]:
 
 
 def _require_within(
-    pixels: NDArray[np.generic],
-    background: NDArray[np.generic],
-    shape: tuple[int, ...],
-    corners: Array,
+    pixels: NDArray[np.generic], background: NDArray[np.generic], corners: Array
 ) -> None:
-    if pixels.ndim != 4 or pixels.shape[:2] != shape:
-        allowed = f"the table has (shot, frame) {shape}, and windows have rows and columns"
-        raise InputError("impact/camera", "pixels", pixels.shape, allowed)
-    if background.ndim != 2:
-        raise InputError("impact/camera", "background", background.shape, "allowed: one picture")
     last = np.array(background.shape)[::-1] - pixels.shape[:1:-1]
     wrong = (corners < 0) | (corners > last)
     if wrong.any():

@@ -1,0 +1,28 @@
+"""The study of clips, reduced; the full one is in the README, its table beside this file."""
+
+import pytest
+
+from virtual_lab.errors import InputError
+from virtual_lab.studies.clips import clip_coverage
+
+
+def test_intervals_hold_where_a_camera_writes_places() -> None:
+    """40 clips: 95 % intervals hold 33 or more (binomial of 0.94: P(32 or fewer) = 0.006)."""
+    for row in clip_coverage(clips=40, first_seed=500, summed=True):
+        assert row["clips"] + row["missed"] == 40
+        assert row["missed"] <= 2
+        assert row["coverage"] * row["clips"] >= 33 - row["missed"]
+        assert 0.7 < row["rms_error_percent"] / row["rms_u_percent"] < 1.4
+
+
+def test_clips_of_pixels_lead_to_the_same_speeds() -> None:
+    """Three clips, stitched and spinning: every speed within four of its uncertainties."""
+    for row in clip_coverage(clips=3, first_seed=900):
+        assert row["clips"] == 3
+        assert row["rms_error_percent"] < 4 * row["rms_u_percent"]
+
+
+def test_one_clip_is_no_study() -> None:
+    """An interval of one count says nothing."""
+    with pytest.raises(InputError, match="clips"):
+        clip_coverage(clips=1)

@@ -1,0 +1,32 @@
+"""What a laboratory knows and writes, under the names that its session has for it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from virtual_lab.estimate import Estimate
+from virtual_lab.records import Record, join
+from virtual_lab.rig import Play, Stage
+from virtual_lab.session import Session
+from virtual_lab.specs import BallSpec
+
+__all__ = ["ball_constants", "constant_name", "with_records"]
+
+
+def constant_name(stage: Stage, name: str) -> str:
+    """Return a constant's name in a session: all rigs stand in one hall and share its air."""
+    return f"hall.{name}" if name.startswith("air.") else f"{stage.value}.{name}"
+
+
+def ball_constants(ball: BallSpec) -> dict[str, Estimate]:
+    return {
+        "ball.radius": Estimate(value=ball.radius),
+        "ball.restitution_slope": Estimate(value=ball.restitution.slope),
+    }
+
+
+def with_records(session: Session, stage: Stage, plays: list[Play]) -> Session:
+    records: dict[str, Record] = {
+        channel: join([play.records[channel] for play in plays]) for channel in plays[0].records
+    }
+    return replace(session, records={**session.records, stage.value: records})

@@ -1,0 +1,127 @@
+"""One shot in each of many laboratories: do the intervals of the camera hold what it filmed.
+
+Each laboratory draws bat, balls, calibration errors, spin and seams; its camera writes windows,
+the tracker finds the ball in them, and v_in, v_out and e_A of the one shot are held against what
+was filmed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from math import sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import binomtest
+
+from virtual_lab.errors import InputError
+from virtual_lab.instruments import Rung
+from virtual_lab.lab import open_laboratory
+from virtual_lab.lab.laboratory import Laboratory
+from virtual_lab.lab.naming import with_records
+from virtual_lab.reduced import reduce_session
+from virtual_lab.rig import Order, Stage
+from virtual_lab.second_witness import second_witness
+from virtual_lab.units import INCH
+
+__all__ = ["clip_coverage"]
+
+Array = NDArray[np.float64]
+NORMAL_95 = 1.959964
+PLACE = 6 * INCH  # from the tip
+RIG = "filmed-cannon"
+QUANTITIES = {"v_in": "speed_in", "v_out": "speed_out", "e_A": "efficiency"}
+
+
+def clip_coverage(
+    bat: str = "r161",
+    *,
+    procedure: str = "bbcor",
+    clips: int = 2000,
+    first_seed: int = 1,
+    summed: bool = False,
+    say: Callable[[str], None] = lambda _: None,
+) -> list[dict[str, Any]]:
+    """Film one shot in each of many laboratories and count intervals that hold what was filmed.
+
+    Parameters
+    ----------
+    bat, procedure
+        Names in the catalog, or paths; the procedure's rules allow a ball cannon.
+    summed
+        Whether the camera writes places with the least scatter instead of windows.
+
+    Returns
+    -------
+    list of dict
+        A row a quantity: `clips` that gave it, `coverage` of the 95 % interval with its
+        Clopper-Pearson interval, relative root mean squares of error and u, mean relative error
+        with its standard error, and `missed`, the clips in which no speed was found.
+
+    Raises
+    ------
+    InputError
+        Unknown names, fewer than 2 clips.
+    """
+    if clips < 2:
+        raise InputError("", "clips", clips, "allowed: 2 and more")
+    found: list[Array] = []
+    for number, seed in enumerate(range(first_seed, first_seed + clips), start=1):
+        laboratory = open_laboratory(bat, procedure=procedure, rig=RIG, seed=seed)
+        rung = Rung.SUMMED if summed else Rung.FULL
+        found.append(_clip(replace(laboratory, instruments=Rung.SUMMED), rung))
+        if number % 50 == 0:
+            say(f"{number} of {clips} clips")
+    values = np.array(found)
+    return [{"quantity": name} | _row(*values[:, place].T) for place, name in enumerate(QUANTITIES)]
+
+
+def _clip(laboratory: Laboratory, rung: Rung) -> Array:
+    """Return value, u and truth of each quantity of one shot, (quantity, 3)."""
+    ready, _, _ = laboratory.measured(lambda _: None)
+    rules, stage = ready.rules.spec, Stage.IMPACT
+    order = Order(
+        ball=np.zeros(1, dtype=int),
+        speed=np.full(1, rules.ball_speed),
+        place=np.full(1, PLACE),
+        rung=rung,
+    )
+    play = ready.stations[stage].play(order, ready.specimen, ready.draws)
+    session = with_records(ready.session, stage, [play])
+    witness = second_witness(session, reduce_session(session))
+    assert witness is not None
+    flights = witness.filmed.flights
+    measured = {
+        "speed_in": flights.speed_in,
+        "speed_out": flights.speed_out,
+        "efficiency": witness.shots.rebound_efficiency,
+    }
+    true = {
+        "speed_in": play.truth["speed"],
+        "speed_out": play.truth["rebound_speed"],
+        "efficiency": play.truth["collision_efficiency"],
+    }
+    return np.array(
+        [[measured[name][0], witness.u[name][0], true[name][0]] for name in QUANTITIES.values()]
+    )
+
+
+def _row(value: Array, u: Array, true: Array) -> dict[str, Any]:
+    seen = np.isfinite(value)
+    error, u = (value - true)[seen], u[seen]
+    held = int((np.abs(error) <= NORMAL_95 * u).sum())
+    count = binomtest(held, error.size).proportion_ci(0.95, "exact")
+    relative = error / true[seen]
+    return {
+        "clips": int(error.size),
+        "missed": int((~seen).sum()),
+        "coverage": held / error.size,
+        "low": float(count.low),
+        "high": float(count.high),
+        "rms_error_percent": 100 * sqrt(float(np.mean(relative**2))),
+        "rms_u_percent": 100 * sqrt(float(np.mean((u / true[seen]) ** 2))),
+        "mean_error_percent": 100 * float(relative.mean()),
+        "mean_error_se_percent": 100 * float(relative.std(ddof=1)) / sqrt(error.size),
+    }
