@@ -67,7 +67,7 @@ def test_a_shadow_is_the_occlusion_models_own() -> None:
     other = refine(
         seen.regions, seen.corners, seen.start(), noise=seen.noise, optics=Optics(lens=LENS)
     ).located
-    assert not other.flags.any()
+    assert (other.flags > 0).mean() < 0.05
     assert max(rms(other.x - seen.x), rms(other.y - seen.y)) < 0.005
     found = fitted(seen).located
     assert rms(found.x - other.x) < 0.003
