@@ -62,7 +62,7 @@ def test_everything_a_user_gets(folder: Path) -> None:
 def test_a_clip_without_a_calibration_file_warns(folder: Path) -> None:
     out = folder / "bare"
     arguments = ["track", str(folder / "clip.mp4"), "--ball", "2.8 cm"]
-    done = CliRunner().invoke(cli, [*arguments, "--out", str(out)])
+    done = CliRunner().invoke(cli, [*arguments, "--quick", "--out", str(out)])
     assert done.exit_code == 0, done.output
     assert "the frame rate is the file's own" in done.stdout
     assert "exposure_s is not given" in done.stdout

@@ -24,6 +24,12 @@ __all__ = ["track"]
 )
 @click.option("--ball", metavar="73mm", help="The ball's diameter, in mm, cm, m or in.")
 @click.option(
+    "--quick",
+    "in_a_hurry",
+    is_flag=True,
+    help="Locate with OpenCV alone, to some hundredths of a pixel.",
+)
+@click.option(
     "--out",
     type=click.Path(path_type=Path),
     help="New folder for track, result, plot, contact sheet and film  [default: CLIP-track]",
@@ -38,6 +44,7 @@ def track(
     clip: Path,
     calibration: Path | None,
     ball: str | None,
+    in_a_hurry: bool,
     out: Path | None,
     phases: bool,
     as_json: bool,
@@ -51,6 +58,7 @@ def track(
     from virtual_lab.folder import check_new_folder, first_free, new_folder
     from virtual_lab.reduction.video.calibration_file import read_calibration
     from virtual_lab.reduction.video.quick import quick
+    from virtual_lab.reduction.video.refined import Refined
     from virtual_lab.reduction.video.speeds import document, speeds
     from virtual_lab.reduction.video.tracking import track as run
     from virtual_lab.report.track_film import write_film, write_sheet
@@ -62,7 +70,7 @@ def track(
     check_new_folder(out)
     known = read_calibration(calibration, ball_diameter=_diameter(ball) if ball else None)
     say = teller()
-    tracked = run(clip, known, quick, say=say)
+    tracked = run(clip, known, quick if in_a_hurry else Refined(), say=say)
     found = speeds(tracked, known)
     result = document(tracked, found)
     leaning = phases_of(tracked) if phases else {}

@@ -28,6 +28,7 @@ SECTORS = (24, 96)
 MISFIT = 3.0  # chi^2 on the outline, of a pattern finer than a sector too
 OVAL = 0.003  # of an outline, as far as nobody knows: a camera that looks at the ball squarely
 FAINT = 150.0  # standard uncertainties in the radius: with fewer there is no outline
+GENEROUS = 1.5  # seams are no random field: what hides at the rim shifts more than one would
 RISE = 1e3  # DN over a region: a background's slope is less
 
 
@@ -174,8 +175,8 @@ def _edged(
     grown = np.maximum(said[:, told.NEAR], 1.0)[:, None]  # misfit counts as noise
     total = np.diagonal(covariance, axis1=1, axis2=2)
     own = np.sqrt(np.maximum(total - shifts, 0.0) * grown)
-    pattern = np.sqrt(np.maximum(shifts, 0.0) * grown)
-    whole = np.sqrt(total * grown)
+    pattern = GENEROUS * np.sqrt(np.maximum(shifts, 0.0) * grown)
+    whole = np.hypot(own, pattern)
     whole[whole.max(axis=1) * FAINT > p[:, at.RADIUS]] = np.nan
     flags, lost = judged(p, whole, said, shape, misfit=MISFIT)
     p[lost], own[lost], pattern[lost], whole[lost] = np.nan, np.nan, np.nan, np.nan

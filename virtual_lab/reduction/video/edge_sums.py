@@ -53,7 +53,7 @@ def _profile(
     change = abs(way[0] * x + way[1] * y) / r
     along = sqrt(way[0] * way[0] + way[1] * way[1])
     change = max(change, along * along / (4.0 * p[RADIUS]))
-    count = min(MOST, int(0.9 * change / s) + 3) if along > 0.0 else 1
+    count = min(MOST, int(0.9 * change / s) + 2) if along > 0.0 else 1
     outline, bend = 0.0, 0.5 * s / p[RADIUS]
     for k in range(count):
         place, weight = 0.5 * NODES[count, k, 0], 0.5 * NODES[count, k, 1]
@@ -106,9 +106,10 @@ def _add(
 ) -> None:
     """Add a pixel's part to the normal equations, a `share` of its pattern to the next sector."""
     knots, total = hats.size, shared.shape[0]
-    for a in range(COUNT):
+    first, last = (0, COUNT) if k >= 0 else (LEVEL, PLAIN)
+    for a in range(first, last):
         part = weight * j[a]
-        for b in range(a + 1):
+        for b in range(first, a + 1):
             shared[knots + a, knots + b] += part * j[b]
         shared[knots + a, total] += part * left
     if k < 0:
@@ -122,10 +123,11 @@ def _add(
             border[other, i, knots + a] += there * j[a]
         border[k, i, total] += here * left
         border[other, i, total] += there * left
+        own, next_own, link = here * (1.0 - share), there * share, here * share
         for b in range(knots):
-            blocks[k, i, b] += here * (1.0 - share) * hats[b]
-            blocks[other, i, b] += there * share * hats[b]
-            links[k, i, b] += here * share * hats[b]
+            blocks[k, i, b] += own * hats[b]
+            blocks[other, i, b] += next_own * hats[b]
+            links[k, i, b] += link * hats[b]
 
 
 @njit(inline="always", **FINE)
