@@ -56,11 +56,13 @@ def track(
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # its faults are told as ours
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     from virtual_lab.folder import check_new_folder, first_free, new_folder
+    from virtual_lab.reduction.video.bat_clip import bat_document, bat_in
     from virtual_lab.reduction.video.calibration_file import read_calibration
     from virtual_lab.reduction.video.quick import quick
     from virtual_lab.reduction.video.refined import Refined
     from virtual_lab.reduction.video.speeds import document, speeds
     from virtual_lab.reduction.video.tracking import track as run
+    from virtual_lab.report.bat_plot import bat_text, draw_bat, write_bat_table
     from virtual_lab.report.track_film import write_film, write_sheet
     from virtual_lab.report.track_phases import phases_of, phases_text, write_phases
     from virtual_lab.report.track_plot import draw_track
@@ -72,7 +74,8 @@ def track(
     say = teller()
     tracked = run(clip, known, quick if in_a_hurry else Refined(), say=say)
     found = speeds(tracked, known)
-    result = document(tracked, found)
+    bat = bat_in(tracked, known)
+    result = document(tracked, found) | ({"bat": bat_document(bat)} if bat else {})
     leaning = phases_of(tracked) if phases else {}
     say("drawing")
     with new_folder(out) as folder:
@@ -81,12 +84,16 @@ def track(
         draw_track(tracked, found, folder / "track.png")
         write_sheet(tracked, folder / "sheet.png")
         write_film(tracked, folder / "track.webp")
+        if bat:
+            write_bat_table(bat, folder / "bat.csv")
+            draw_bat(bat, folder / "bat.png")
         if leaning:
             write_phases(leaning, folder / "phases.csv")
     if as_json:
         print_json(result)
     else:
-        told = [track_text(tracked, found), *([phases_text(leaning)] if leaning else []), str(out)]
+        speeds_told = "\n".join([track_text(tracked, found), *([bat_text(bat)] if bat else [])])
+        told = [speeds_told, *([phases_text(leaning)] if leaning else []), str(out)]
         click.echo("\n\n".join(told))
 
 

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from math import hypot
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from virtual_lab.estimate import Estimate
+from virtual_lab.records import LengthReadings
 from virtual_lab.relations.flight import drag_rate
 from virtual_lab.relations.pinhole import looking_down
 from virtual_lab.rig import FilmingStation, Order, Stage
+from virtual_lab.session import Session
 
 if TYPE_CHECKING:
     from virtual_lab.lab.laboratory import Laboratory
 
 __all__ = ["film_of"]
 
+WIDEST = 1.8  # barrel radii: nothing else is that near the bat
 CALIBRATION = """\
 # What the laboratory knows of its camera and of this shot. Axes of the rig: X along the flight,
 # Y along the bat to its tip, Z up.
@@ -35,10 +38,17 @@ translation_m = {translation}
 plane_height_m = {plane!r}
 plane_height_u_m = {plane_u!r}
 relative_scale_u = {scale_u!r}
+
+[bat]  # where it stood; track fits how it turns, wherever exactly its pivot is
+pivot_m = {pivot}
+toward_m = {toward}
+widest_m = {widest!r}
 """
 
 
-def film_of(laboratory: Laboratory, first: Order) -> Callable[[Path], None] | None:
+def film_of(
+    laboratory: Laboratory, first: Order, session: Session
+) -> Callable[[Path], None] | None:
     """Return what films the first shot of a test into a folder, None where nothing films.
 
     Parameters
@@ -47,6 +57,8 @@ def film_of(laboratory: Laboratory, first: Order) -> Callable[[Path], None] | No
         On the day, balls as they were found.
     first
         The first order at the bat.
+    session
+        What was recorded, the bench's readings of the bat among it.
     """
     station = laboratory.stations[Stage.IMPACT]
     if not isinstance(station, FilmingStation):
@@ -55,16 +67,18 @@ def film_of(laboratory: Laboratory, first: Order) -> Callable[[Path], None] | No
 
     def film(folder: Path) -> None:
         station.film(order, specimen, laboratory.draws, folder)
-        text = _calibration(laboratory.session.calibration, specimen.balls.spec.mass)
+        text = _calibration(session, specimen.balls.spec.mass)
         (folder / "calibration.toml").write_text(text, encoding="utf-8")
 
     return film
 
 
-def _calibration(known: Mapping[str, Estimate], ball_mass: float) -> str:
+def _calibration(session: Session, ball_mass: float) -> str:
     """Return the calibration file of a session's camera, for a ball of `ball_mass` [kg]."""
     import cv2
     import numpy as np
+
+    known = session.calibration
 
     def of(name: str) -> Estimate:
         return known[f"impact.camera.{name}"]
@@ -78,6 +92,9 @@ def _calibration(known: Mapping[str, Estimate], ball_mass: float) -> str:
     radius = known["ball.radius"].value
     drag = float(drag_rate(air.value, coefficient.value, radius, ball_mass))
     share = hypot(air.u / (air.value or 1.0), coefficient.u / (coefficient.value or 1.0))
+    length, barrel = (_read(session, name) for name in ("length", "barrel-radius"))
+    axis = float(radius + barrel)
+    pivot = value("over") - (length - known["impact.pivot.from_knob"].value)
     scale_u = hypot(of("focal").u / value("focal"), of("place_z").u / value("place_z"))
     return CALIBRATION.format(
         exposure=value("exposure"),
@@ -94,4 +111,14 @@ def _calibration(known: Mapping[str, Estimate], ball_mass: float) -> str:
         plane=value("plane"),
         plane_u=of("plane").u,
         scale_u=scale_u,
+        pivot=[axis, pivot],
+        toward=[axis, 0.0],
+        widest=WIDEST * barrel,
     )
+
+
+def _read(session: Session, channel: str) -> float:
+    """Return the mean of a rule's readings of the bat [m]."""
+    record = session.records["bench"][channel]
+    assert isinstance(record, LengthReadings)
+    return float(record.readings.mean())

@@ -193,7 +193,7 @@ class Laboratory:
         return Tested(
             certification=evaluate(session, reduced),
             sealed=aged._seal(reduced, bench, wall, rounds),
-            film=film_of(aged, orders[0]),
+            film=film_of(aged, orders[0], session),
         )
 
     def measured(self, say: Say) -> tuple[Laboratory, Play, Play]:

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from virtual_lab.errors import InputError
 from virtual_lab.estimate import Estimate
 from virtual_lab.reduction.video.bat_outline import (
+    Between,
     Outline,
     normal_pixels,
     pixels_of,
-    sampled,
     shifts_of,
 )
 from virtual_lab.reduction.video.calibration_file import CameraModel
@@ -116,7 +116,7 @@ def _pose(
 ) -> tuple[Array, float, int]:
     """Return a frame's angle and shift, the angle's u, and how many points tell them."""
     lost = (np.full(2, np.nan), np.nan, 0)
-    pose = start.copy()
+    pose, between = start.copy(), None
     size = np.array([grey.shape[1], grey.shape[0]])
     for _ in range(TURNS):
         places, normals = outline.turned(*pose)
@@ -128,7 +128,8 @@ def _pose(
             used &= away > ball[2] + CLEAR
         if used.sum() < LEAST:
             return lost
-        shift, weight = shifts_of(sampled(grey, along[used]), outline, used)
+        between = between or Between.of(grey, along[used])
+        shift, weight = shifts_of(between.at(along[used]), outline, used)
         levers = _levers(outline, pose, used, along[used, 1] - along[used, 0], camera)
         moves = levers[:, :1] if pivoted else levers
         if np.bincount(outline.side[used], minlength=2).min() >= LEAST:

@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 from virtual_lab.errors import InputError
 from virtual_lab.reduction.video.calibration_file import CameraModel
 
-__all__ = ["Outline", "find_outline", "normal_pixels", "pixels_of", "sampled", "shifts_of"]
+__all__ = ["Between", "Outline", "find_outline", "normal_pixels", "pixels_of", "shifts_of"]
 
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 
 ACROSS = np.arange(-6.0, 7.0)  # pixels along an edge's normal, outward
 SOFTER = 0.7  # pixels: pictures are blurred by that before values between pixels are read off
+ROOM = 24  # pixels about the places that are asked for
 STEP = 3.0  # pixels along the bat: neighbours nearer share their noise
 FAR = 5000  # steps along the bat that are looked at, at most
 SMOOTH = 3.0  # half pixels, of slopes across the bat
@@ -73,20 +74,37 @@ def pixels_of(places: Array, camera: CameraModel | None) -> Array:
     return np.asarray(drawn, np.float64).reshape(-1, 2)
 
 
-def sampled(picture: NDArray[Any], pixels: Array) -> Array:
-    """Return a picture's grey values between its pixels (…, 2), by cubic splines.
+@dataclass(frozen=True, slots=True)
+class Between:
+    """A picture between its pixels, about some places: cubic splines through its blurred values.
 
     An edge sharper than pixels can tell is bent by any spline, by its place among them; so the
     picture is blurred first.
     """
-    from scipy.ndimage import gaussian_filter, map_coordinates
 
-    x, y = np.moveaxis(pixels, -1, 0)
-    low = np.maximum(np.floor([y.min() - 12, x.min() - 12]), 0).astype(int)
-    high = np.ceil([y.max() + 13, x.max() + 13]).astype(int)
-    part = np.asarray(picture[low[0] : high[0], low[1] : high[1]], np.float64)
-    soft = gaussian_filter(part, SOFTER, mode="nearest")
-    return np.asarray(map_coordinates(soft, [y - low[0], x - low[1]], mode="nearest"))
+    splines: Array
+    first: Array  # x and y of their first pixel
+
+    @classmethod
+    def of(cls, picture: NDArray[Any], pixels: Array) -> Between:
+        """Return a picture about pixels (…, 2)."""
+        from scipy.ndimage import gaussian_filter, spline_filter
+
+        ends = pixels.reshape(-1, 2)
+        left, top = np.maximum(np.floor(ends.min(axis=0)) - ROOM, 0).astype(int)
+        right, low = np.ceil(ends.max(axis=0)).astype(int) + ROOM
+        part = np.asarray(picture[top:low, left:right], np.float64)
+        soft = gaussian_filter(part, SOFTER, mode="nearest")
+        splines = np.asarray(spline_filter(soft, mode="nearest"))
+        return cls(splines, np.array([left, top], np.float64))
+
+    def at(self, pixels: Array) -> Array:
+        """Return grey values at pixels (…, 2)."""
+        from scipy.ndimage import map_coordinates
+
+        x, y = np.moveaxis(pixels - self.first, -1, 0)
+        found = map_coordinates(self.splines, [y, x], mode="nearest", prefilter=False)
+        return np.asarray(found)
 
 
 def find_outline(
@@ -136,7 +154,8 @@ def find_outline(
     if len(kept) < LEAST:
         raise InputError("", "bat", None, "its axis does not cross the picture")
     across = axis[kept, None] + reach[:, None] * left
-    grey = sampled(rest, pixels_of(across.reshape(-1, 2), camera)).reshape(across.shape[:2])
+    pixels = pixels_of(across.reshape(-1, 2), camera).reshape(across.shape)
+    grey = Between.of(rest, pixels).at(pixels)
     points, normals, numbers = [], [], []
     for number, sign in enumerate((1.0, -1.0)):
         off, lean, good = _edge(grey, stations[kept], reach, sign)
@@ -213,7 +232,8 @@ def _with_profiles(found: Outline, rest: Image, camera: CameraModel | None) -> O
 
     along = normal_pixels(found.places, found.normals, camera)
     half = 0.5 * (along[:, 1] - along[:, 0])[:, None]
-    here, ahead, behind = (sampled(rest, along + step) for step in (0.0, half, -half))
+    between = Between.of(rest, along)
+    here, ahead, behind = (between.at(along + step) for step in (0.0, half, -half))
     profiles, slopes = np.empty_like(here), np.empty_like(here)
     for number in np.unique(found.side):
         own = found.side == number

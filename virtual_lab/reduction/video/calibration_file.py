@@ -13,7 +13,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.specs import Spec
 from virtual_lab.validation import validate
 
-__all__ = ["CameraFit", "CameraModel", "ClipCalibration", "read_calibration"]
+__all__ = ["BatPlace", "CameraFit", "CameraModel", "ClipCalibration", "read_calibration"]
 
 Positive = Annotated[float, Gt(0)]
 Uncertainty = Annotated[float, Ge(0)]
@@ -58,6 +58,16 @@ class CameraModel(Spec):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class BatPlace(Spec):
+    """Where a bat stands at rest, in axes of the camera's plane [m]."""
+
+    pivot_m: Pair  # what it turns about, roughly; it may lie out of the picture
+    toward_m: Pair  # another point of its axis, to a third of its width
+    widest_m: Positive  # more than half its greatest width, less than to the next thing
+    pivoted: bool = False  # whether it turns about pivot_m exactly
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ClipCalibration(Spec):
     """Keys of the file, SI; a key with _u is the standard uncertainty of the one without."""
 
@@ -73,10 +83,13 @@ class ClipCalibration(Spec):
     drag_per_m_u: Uncertainty = 0.0
     gravity_mps2: Pair = (0.0, 0.0)  # along the image's x and y [m/s²]
     camera: CameraModel | None = None  # instead of metres_per_pixel
+    bat: BatPlace | None = None  # whose recoil is wanted, too
 
     def __post_init__(self) -> None:
         if self.camera and self.metres_per_pixel:
             raise ValueError("metres_per_pixel and [camera] both set the scale: give one")
+        if self.bat and not self.camera:
+            raise ValueError("[bat] is in metres of the plane of [camera]: give that, too")
         if self.timestamps is not None and self.frames_per_second_u:
             raise ValueError("frames_per_second_u says nothing where timestamps are given")
         step = 1 / self.frames_per_second if self.frames_per_second else None

@@ -1,0 +1,42 @@
+"""What a test at the filmed cannon leaves for `track`: a calibration of camera, ball and bat."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rigs.filmed_cannon
+from virtual_lab.instruments import Rung
+from virtual_lab.lab import open_laboratory
+from virtual_lab.reduction.video.calibration_file import read_calibration
+
+
+def test_the_calibration_beside_a_film_is_what_the_laboratory_knows(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """It reads; the camera is the session's; the bat's pivot and width are within millimetres."""
+    monkeypatch.setattr(rigs.filmed_cannon, "write_films", lambda *_: None)
+    laboratory = open_laboratory("r161", procedure="bbcor", rig="filmed-cannon", seed=3)
+    done = replace(laboratory, instruments=Rung.SUMMED).run(lambda _: None)
+    assert done.film is not None
+    done.film(tmp_path)
+    (tmp_path / "shot-0.csv").write_text("time_s\n")
+    known = read_calibration(tmp_path / "calibration.toml")
+    session, true = done.certification.session.calibration, done.sealed
+    assert known.camera is not None
+    assert known.camera.matrix[0][0] == session["impact.camera.focal"].value
+    assert known.camera.image_size == (1280, 800)
+    assert known.camera.plane_height_u_m == session["impact.camera.plane"].u
+    assert known.ball_diameter_m == pytest.approx(0.0738, abs=5e-4)
+    assert known.bat is not None
+    before, pivot = known.bat.pivot_m
+    barrel = before - known.ball_diameter_m / 2
+    from_knob = true.constants["impact.pivot.from_knob"]
+    length = float(np.ravel(true.bat_properties["length"])[0])
+    over = session["impact.camera.over"].value
+    assert pivot == pytest.approx(over - (length - from_knob), abs=3e-3)
+    assert 0.029 < barrel < 0.035
+    assert barrel < known.bat.widest_m < before
+    assert known.bat.toward_m == (before, 0.0)
+    assert not known.bat.pivoted
