@@ -55,7 +55,7 @@ def _chessboard(plain: NDArray[np.uint8], board: Board) -> tuple[NDArray[np.intp
     import cv2
 
     # where the light is even, a picture made flat is found less often than the picture itself
-    for flags in (cv2.CALIB_CB_EXHAUSTIVE, cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE):
+    for flags in (0, cv2.CALIB_CB_NORMALIZE_IMAGE):
         found, corners = cv2.findChessboardCornersSB(plain, board.shape, flags=flags)
         if found:
             places = np.asarray(corners, np.float64).reshape(-1, 2)
