@@ -17,8 +17,8 @@ WORDS = (
     "ring is of an estimator that flags these pictures as not to be trusted; one that lost more "
     "than half of them is not drawn."
 )
-COLOURS = ("#7f7f7f", "#8c564b", "#bcbd22", "#e69f00", "#17becf", "#cc79a7", "#d55e00", "#aec7e8")
-OURS = ("#009e73", "#0072b2", "#5e3c99", "#000000")
+PEERS = ("#7f7f7f", "#8c564b", "#bcbd22", "#e69f00", "#17becf", "#cc79a7", "#d55e00", "#aec7e8")
+LINES = ("#009e73", "#0072b2", "#9ecae1", "#5e3c99", "#000000")
 MARKERS = "osDX"
 FLAGGED = 0.5  # share of pictures
 TICKS = (0.2, 0.5, 1, 2, 5, 10)  # ms
@@ -29,11 +29,11 @@ def draw(rows: list[dict[str, Any]]) -> Figure:
     """Return the figure of rows as `camera_chart.measure` gives them."""
     from matplotlib.figure import Figure
 
-    from virtual_lab.fidelity.camera_estimators import CV2
+    from virtual_lab.fidelity.camera_estimators import CV2, OURS
 
     names = list(dict.fromkeys(row["estimator"] for row in rows))
-    colours = dict(zip(names, COLOURS + OURS, strict=False))
-    assert len(CV2) == len(COLOURS)
+    colours = dict(zip([*CV2, *OURS], PEERS + LINES, strict=True))
+    colours = {name: colours[name] for name in names}
     balls = list(dict.fromkeys(row["ball"] for row in rows))
     figure = Figure(figsize=(11.5, 5.4), dpi=150, layout="constrained")
     panels = figure.subplots(1, len(balls), sharex=True, sharey=True, squeeze=False)[0]

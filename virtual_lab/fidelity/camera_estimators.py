@@ -18,6 +18,7 @@ from virtual_lab.reduction.video.disc import disc_image
 from virtual_lab.reduction.video.edge import fit_edge
 from virtual_lab.reduction.video.located import Flag, Located
 from virtual_lab.reduction.video.quick import quick
+from virtual_lab.reduction.video.refined import Refined, locate
 from virtual_lab.reduction.video.refining import Optics, refine
 
 __all__ = [
@@ -25,8 +26,8 @@ __all__ = [
     "ESTIMATORS",
     "OURS",
     "PLAIN",
+    "SHARED",
     "SHIPPED",
-    "STITCHED",
     "Estimator",
     "Picture",
     "Place",
@@ -40,7 +41,6 @@ Place = tuple[float, float]
 CORE = 0.7  # of the radius: inside it is the ball's brightness
 NEAR = 3.0  # pixels around the ball that may be its own
 FAINT = 0.05  # of the ball in a pixel: less is noise
-FAR = 0.15  # of the radius
 FREE_LENS, FREE_BLUR = 0.2, 3.0  # pixels, standard uncertainties of blurs that are not known
 
 Estimator = Callable[[Given], Located]
@@ -248,16 +248,10 @@ CV2: dict[str, Estimator] = {
 
 
 def _edge(given: Given) -> Located:
-    """Start where the occlusion fit ends, or where it began if it is far from that."""
-    rough, start = _known(given), given.start
-    near = np.hypot(rough.x - start.x, rough.y - start.y) < FAR * start.radius
-    near &= np.abs(rough.radius - start.radius) < FAR * start.radius
-    pairs = ((rough.x, start.x), (rough.y, start.y), (rough.radius, start.radius))
-    x, y, radius = (np.where(near, *pair) for pair in pairs)
     return fit_edge(
         given.seen.pixels,
         given.seen.corners,
-        replace(start, x=x, y=y, radius=radius),
+        given.start,
         noise=given.noise,
         lens=given.lens,
         background=given.seen.background.astype(float),
@@ -265,12 +259,28 @@ def _edge(given: Given) -> Located:
     ).located
 
 
-PLAIN, STITCHED = "occlusion fit", "edge fit"
+def _refined(given: Given) -> Located:
+    """Do as the tracker does, which learns noise and lens from the pictures themselves."""
+    if given.mask is None:
+        return Refined()(given.clip, given.seen, given.start)
+    rows, columns = given.clip.shape
+    return locate(
+        given.seen,
+        given.start,
+        noise=given.noise,
+        lens=given.lens,
+        middle=((columns - 1) / 2, (rows - 1) / 2),
+        mask=given.mask,
+    )
+
+
+PLAIN, SHARED = "occlusion fit", "refined"
 OURS: dict[str, Estimator] = {
     "quick": _quick,
     PLAIN: _known,
     "occlusion fit, blurs free": _free,
-    STITCHED: _edge,
+    "edge fit": _edge,
+    SHARED: _refined,
 }
 ESTIMATORS = CV2 | OURS
-SHIPPED = ("quick", PLAIN, STITCHED)  # what the tracker may take
+SHIPPED = ("quick", PLAIN, SHARED)  # what the tracker may take
