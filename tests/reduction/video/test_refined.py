@@ -153,3 +153,14 @@ def test_noise_has_what_the_clip_gives() -> None:
         full_scale = 255.0
 
     assert noise_of_clip(Short()) == Noise(gain=0.0, read=1.0, full_scale=255.0)  # type: ignore[arg-type]
+
+
+def test_noise_of_a_shadow_is_the_darks() -> None:
+    """A bright background alone takes all noise for photons'; a shadow shows what else there is."""
+    seen = scene("back")
+    bright = float(seen.noise.variance(155.0))
+    alone = Noise(gain=bright / 155.0, read=1 / 12)
+    known = noise_of_ball(alone, seen_of(seen.regions, 155.0), seen.start())
+    assert known.prnu == 0
+    assert known.variance(4.0) == pytest.approx(seen.noise.variance(4.0), rel=0.1)
+    assert known.variance(155.0) == pytest.approx(bright, rel=0.2)

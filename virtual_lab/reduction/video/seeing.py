@@ -39,7 +39,11 @@ def noise_of_clip(clip: Clip) -> Noise:
 
 
 def noise_of_ball(noise: Noise, seen: Regions, start: Located) -> Noise:
-    """Return a noise with how unlike the pixels are, as the evenest parts of balls show it."""
+    """Return a noise that explains the evenest parts of balls too.
+
+    A ball that is lighter than its background shows how unlike the pixels are; a darker one, the
+    noise in the dark, of which a bright background tells nothing.
+    """
     count, rows, columns = seen.pixels.shape
     x, y = start.x - seen.corners[:, 0], start.y - seen.corners[:, 1]
     row, column = np.mgrid[:rows, :columns]
@@ -53,9 +57,14 @@ def noise_of_ball(noise: Noise, seen: Regions, start: Located) -> Noise:
         if bent.size < 50 or not 0 < mean < 0.9 * noise.full_scale:
             continue
         spread = float(np.median(np.abs(bent)) / 0.6745) ** 2 / 6
-        rest = spread - float(noise.variance(mean + noise.black))
-        found.append(np.sqrt(max(rest, 0.0)) / mean)
-    return replace(noise, prnu=float(np.median(found))) if found else noise
+        rest = max(spread - float(noise.variance(mean + noise.black)), 0.0)
+        found.append((rest, mean, float(np.median(seen.background[k])) - noise.black))
+    if not found:
+        return noise
+    rest, mean, behind = np.median(found, axis=0)
+    if mean < behind:
+        return replace(noise, read=noise.read + rest)
+    return replace(noise, prnu=float(np.sqrt(rest)) / mean)
 
 
 def lens_of(seen: Regions, start: Located, noise: Noise) -> float:
