@@ -74,6 +74,7 @@ def _picture(axes: Axes, tracked: Tracked) -> None:
         # the plane's metres back to pixels, near enough for a mark
         near = int(np.argmin(np.abs(np.where(known, tracked.times - legs.flight_in.time, np.inf))))
         off = (legs.flight_in.place - tracked.plane.places[near]) / tracked.plane.metres_per_pixel
+        off = off * [1.0, tracked.plane.sense]
         axes.plot(
             located.x[near] + off[0],
             located.y[near] + off[1],

@@ -10,7 +10,11 @@ from numpy.typing import NDArray
 
 from tests.reduction.video.scenes import Film, matte
 from virtual_lab.errors import InputError
-from virtual_lab.reduction.video.calibration_file import ClipCalibration, read_calibration
+from virtual_lab.reduction.video.calibration_file import (
+    CameraModel,
+    ClipCalibration,
+    read_calibration,
+)
 from virtual_lab.reduction.video.located import Flag
 from virtual_lab.reduction.video.quick import quick
 from virtual_lab.reduction.video.speeds import Speeds, document, speeds
@@ -234,3 +238,32 @@ def test_two_balls(tmp_path: Path) -> None:
     both = [np.maximum(a, b) for a, b in zip(one.frames(), other.frames(), strict=True)]
     with pytest.raises(InputError, match="balls = 2"):
         run(both, tmp_path)
+
+
+@pytest.mark.parametrize(("sense", "turn"), [(1.0, (0.0, 0.0, 0.0)), (-1.0, (np.pi, 0.0, 0.0))])
+def test_angles_are_as_seen_whichever_way_the_cameras_axes_run(
+    sense: float, turn: tuple[float, float, float], tmp_path: Path
+) -> None:
+    """A camera 1 m off, of a pixel a millimetre: Y down the picture, or up as on a rig."""
+    film = SCENES["steep"]
+    rows, columns = next(iter(film.frames())).shape
+    camera = CameraModel(
+        image_size=(columns, rows),
+        matrix=((1000.0, 0.0, 120.0), (0.0, 1000.0, 80.0), (0.0, 0.0, 1.0)),
+        distortion=(0.0, 0.0, 0.0, 0.0, 0.0),
+        rotation=turn,
+        translation_m=(0.0, 0.0, 1.0),
+    )
+    plain, flat = run(film.frames(), tmp_path)
+    tracked, seen = run(
+        film.frames(), tmp_path, replace(KNOWN, metres_per_pixel=None, camera=camera)
+    )
+    assert tracked.plane.sense == sense
+    assert plain.plane.sense == 1.0
+    assert flat.angle_out is not None
+    assert seen.angle_out is not None
+    assert seen.angle_in.value == pytest.approx(flat.angle_in.value, abs=1e-6)
+    assert seen.angle_out.value == pytest.approx(flat.angle_out.value, abs=1e-6)
+    true = np.arctan2(-film.velocity_in[1], film.velocity_in[0])
+    assert seen.angle_in.value == pytest.approx(true, abs=5 * seen.angle_in.u)
+    assert np.sign(tracked.legs.flight_in.velocity[1]) == sense

@@ -81,7 +81,7 @@ class ClipCalibration(Spec):
     timestamps: str | None = None  # CSV beside this file: seconds, one a frame
     drag_per_m: Annotated[float, Ge(0)] = 0.0  # κ of dv/dx = -κ v
     drag_per_m_u: Uncertainty = 0.0
-    gravity_mps2: Pair = (0.0, 0.0)  # along the image's x and y [m/s²]
+    gravity_mps2: Pair = (0.0, 0.0)  # along the image's x and y, or the camera's plane's [m/s²]
     camera: CameraModel | None = None  # instead of metres_per_pixel
     bat: BatPlace | None = None  # whose recoil is wanted, too
 

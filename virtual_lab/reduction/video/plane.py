@@ -27,6 +27,7 @@ class Plane:
     metres_per_pixel: float  # at the ball's middle place
     relative_u: float  # standard uncertainty of every length
     source: str  # what sets the scale
+    sense: float = 1.0  # -1 where Y runs up the picture and X to its right
 
 
 def plane_of(found: Located, calibration: ClipCalibration, where: str) -> Plane:
@@ -40,12 +41,14 @@ def plane_of(found: Located, calibration: ClipCalibration, where: str) -> Plane:
         middle = np.nanmedian(pixels, axis=0)
         around = middle + np.array([[-0.5, 0.0], [0.5, 0.0], [0.0, -0.5], [0.0, 0.5]])
         left, right, up, down = on_plane(around, calibration.camera, None)
-        scale = float(np.sqrt(abs(np.linalg.det([right - left, down - up]))))
+        stretch = float(np.linalg.det([right - left, down - up]))
+        scale = float(np.sqrt(abs(stretch)))
         return Plane(
             places=places,
             metres_per_pixel=scale,
             relative_u=relative_u_of(calibration.camera),
             source="camera",
+            sense=float(np.sign(stretch)),
         )
     if calibration.metres_per_pixel:
         scale = calibration.metres_per_pixel

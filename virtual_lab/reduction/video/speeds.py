@@ -40,7 +40,7 @@ class Speeds:
 
     speed_in: Said  # at the contact; without one, in the last frame
     speed_out: Said | None
-    angle_in: Said  # of the velocity, from the image's right, anticlockwise as seen
+    angle_in: Said  # of the velocity, from X (the image's right), anticlockwise as seen
     angle_out: Said | None
     restitution: Said | None
     restitution_of: str  # which speeds' ratio it is
@@ -73,8 +73,8 @@ def speeds(tracked: Tracked, calibration: ClipCalibration) -> Speeds:
     return Speeds(
         speed_in=_speed(before, shared),
         speed_out=_speed(after, shared) if after else None,
-        angle_in=_angle(before),
-        angle_out=_angle(after) if after else None,
+        angle_in=_angle(before, tracked.plane.sense),
+        angle_out=_angle(after, tracked.plane.sense) if after else None,
         restitution=restitution,
         restitution_of=of,
         contact_time=contact_time,
@@ -133,10 +133,11 @@ def _speed(flight: Flight, shared: float) -> Said:
     return Said(value=flight.speed, u=float(np.hypot(flight.speed_u, flight.speed * shared)))
 
 
-def _angle(flight: Flight) -> Said:
+def _angle(flight: Flight, sense: float) -> Said:
     across = float(np.sqrt(flight.covariance[1, 1]))
     return Said(
-        value=float(np.arctan2(-flight.velocity[1], flight.velocity[0])), u=across / flight.speed
+        value=float(np.arctan2(-sense * flight.velocity[1], flight.velocity[0])),
+        u=across / flight.speed,
     )
 
 
