@@ -267,3 +267,28 @@ def test_angles_are_as_seen_whichever_way_the_cameras_axes_run(
     true = np.arctan2(-film.velocity_in[1], film.velocity_in[0])
     assert seen.angle_in.value == pytest.approx(true, abs=5 * seen.angle_in.u)
     assert np.sign(tracked.legs.flight_in.velocity[1]) == sense
+
+
+def test_a_ball_that_leaves_the_plane_is_told_by_its_size(tmp_path: Path) -> None:
+    """Radius f r / Z, place f X / Z: nearer at w m/s, the picture gains X w / Z m/s."""
+    film = Film()
+    tracked, flat = run(film.frames(), tmp_path)
+    assert "OFF_PLANE" not in flat.flags
+    out, rate = tracked.legs.used_out, 3.0  # w / Z [1/s]
+    since = tracked.times - tracked.times[out].mean()
+    size = np.where(out, 1 / (1 - rate * since), 1.0) * np.median(tracked.located.radius)
+    nearer = replace(tracked, located=replace(tracked.located, radius=size))
+    found = speeds(nearer, KNOWN)
+    assert found.flags == (*flat.flags, "OFF_PLANE")
+    assert flat.speed_out is not None
+    assert found.speed_out is not None
+    assert found.speed_in == flat.speed_in
+    assert found.speed_out.value == flat.speed_out.value
+    rows, columns = tracked.clip.shape
+    along = np.array(film.velocity_out) / np.hypot(*film.velocity_out)
+    away = SCALE * (np.mean(tracked.located.x[out]) - (columns - 1) / 2)
+    below = SCALE * (np.mean(tracked.located.y[out]) - (rows - 1) / 2)
+    gained = np.sqrt(found.speed_out.u**2 - flat.speed_out.u**2)
+    rows = tracked.clip.shape[0]
+    below = SCALE * (np.mean(tracked.located.y[out]) - (rows - 1) / 2)
+    assert gained == pytest.approx(abs(rate * (away * along[0] + below * along[1])), rel=0.02)

@@ -11,7 +11,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.reduction.video.calibration_file import CameraModel, ClipCalibration
 from virtual_lab.reduction.video.located import Located
 
-__all__ = ["Plane", "distance_of", "on_plane", "plane_of", "relative_u_of"]
+__all__ = ["RIM", "Plane", "distance_of", "on_plane", "plane_of", "relative_u_of"]
 
 Array = NDArray[np.float64]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from virtual_lab.reduction.video.calibration_file import ClipCalibration
 from virtual_lab.reduction.video.lines import Flight
 from virtual_lab.reduction.video.located import Flag
+from virtual_lab.reduction.video.nearing import Nearing, nearing
 from virtual_lab.reduction.video.tracking import Tracked
 from virtual_lab.units import DEGREE
 
@@ -61,7 +63,12 @@ def speeds(tracked: Tracked, calibration: ClipCalibration) -> Speeds:
     before, after = legs.flight_in, legs.flight_out
     clock_u = calibration.frames_per_second_u / (calibration.frames_per_second or 1.0)
     shared = float(np.hypot(tracked.plane.relative_u, clock_u))
-    flags, warnings = _said_against(tracked, calibration)
+    nears = {
+        "in": nearing(tracked, legs.used_in, before),
+        "out": nearing(tracked, legs.used_out, after) if after else None,
+    }
+    flags, warnings = _said_against(tracked, calibration, nears)
+    off_in, off_out = (abs(each.speed) if each else 0.0 for each in nears.values())
     contact_time = place = place_u = None
     if after:
         change = float(np.hypot(*(after.velocity - before.velocity)))
@@ -69,10 +76,11 @@ def speeds(tracked: Tracked, calibration: ClipCalibration) -> Speeds:
         contact_time = Said(value=before.time, u=both / change)
         place = (before.place + after.place) / 2
         place_u = float(np.hypot(both / 2, tracked.plane.relative_u * np.hypot(*place)))
-    restitution, of = _restitution(before, after, calibration)
+    off = np.hypot(off_in / before.speed, off_out / after.speed if after else 0.0)
+    restitution, of = _restitution(before, after, calibration, float(off))
     return Speeds(
-        speed_in=_speed(before, shared),
-        speed_out=_speed(after, shared) if after else None,
+        speed_in=_speed(before, shared, off_in),
+        speed_out=_speed(after, shared, off_out) if after else None,
         angle_in=_angle(before, tracked.plane.sense),
         angle_out=_angle(after, tracked.plane.sense) if after else None,
         restitution=restitution,
@@ -129,8 +137,9 @@ def document(tracked: Tracked, found: Speeds) -> dict[str, object]:
     }
 
 
-def _speed(flight: Flight, shared: float) -> Said:
-    return Said(value=flight.speed, u=float(np.hypot(flight.speed_u, flight.speed * shared)))
+def _speed(flight: Flight, shared: float, off: float) -> Said:
+    u = np.hypot(np.hypot(flight.speed_u, flight.speed * shared), off)
+    return Said(value=flight.speed, u=float(u))
 
 
 def _angle(flight: Flight, sense: float) -> Said:
@@ -142,7 +151,7 @@ def _angle(flight: Flight, sense: float) -> Said:
 
 
 def _restitution(
-    before: Flight, after: Flight | None, calibration: ClipCalibration
+    before: Flight, after: Flight | None, calibration: ClipCalibration, off: float
 ) -> tuple[Said | None, str]:
     if after is None:
         return None, ""
@@ -157,11 +166,11 @@ def _restitution(
         np.hypot(np.sqrt(before.covariance[1, 1]) / into, np.sqrt(after.covariance[1, 1]) / out),
         before.drag_u + after.drag_u,  # one drag takes from both
     )
-    return Said(value=out / into, u=float(out / into * relative)), of
+    return Said(value=out / into, u=float(out / into * np.hypot(relative, off))), of
 
 
 def _said_against(
-    tracked: Tracked, calibration: ClipCalibration
+    tracked: Tracked, calibration: ClipCalibration, nears: Mapping[str, Nearing | None]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return flags of the clip and sentences."""
     legs, warnings = tracked.legs, list(tracked.clip.warnings)
@@ -199,6 +208,13 @@ def _said_against(
         if flight.count < FEW:
             flags.append("FEW_FRAMES")
             warnings.append(f"only {flight.count} frames show the flight {name}")
+    for name, each in nears.items():
+        if each:
+            flags.append("OFF_PLANE")
+            warnings.append(
+                f"the ball grows by {100 * each.grown:.2g} % in the flight {name}: it leaves the "
+                f"plane, which makes its speed read {each.speed:+.2g} m/s off"
+            )
     if calibration.exposure_s is None:
         warnings.append(f"exposure_s is not given: {tracked.exposure:.3g} s was read off the blur")
     return tuple(dict.fromkeys(flags)), tuple(warnings)
