@@ -44,6 +44,7 @@ class Edged:
     x_pattern_u: Array
     y_pattern_u: Array
     radius_u: Array  # noise and pattern
+    covariance: Array  # (region, 3, 3) of x, y and radius: noise and what a random pattern does
     oval: Array  # (region, 2) of the outline: parts of cos 2a and sin 2a
     steps: NDArray[np.int64]
 
@@ -197,6 +198,7 @@ def _edged(
         x_pattern_u=pattern[:, 0],
         y_pattern_u=pattern[:, 1],
         radius_u=whole[:, 2],
+        covariance=covariance * grown[:, :, None],
         oval=p[:, [at.OVAL_C, at.OVAL_S]],
         steps=state[:, kernel.STEPS].astype(np.int64),
     )

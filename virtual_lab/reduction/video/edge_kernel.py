@@ -29,6 +29,7 @@ SETTLED, STEPS = 8, 9
 FAINTEST, STRONGEST = 0.01, 0.5  # of the ball's brightness, a pattern's standard deviation
 ROUGH = 0.02  # the same until the outline stands still
 STILL, SETTLING = 0.02, 7  # pixels; repetitions at most
+COARSE = 2  # rows from one to the next, at first
 LEAST, TURNS = 3, 8  # repetitions after that
 SMALL = 0.1  # of u: such a step ends them
 SHADE = 2.0  # of the ball's brightness: what shading may be
@@ -150,7 +151,7 @@ def fit(
     for turn in range(SETTLING + TURNS + 1):
         first = turn == 0
         gather(
-            region, use, back, p, pattern, way, s, inside, table, noise, first,
+            region, use, back, p, pattern, way, s, inside, table, noise, first, 2 if rough else 1,
             blocks, links, border, shared, tally,
         )  # fmt: skip
         state[: at.TALLY] = tally

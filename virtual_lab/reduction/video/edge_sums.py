@@ -200,6 +200,7 @@ def gather(
     table: Floats,
     noise: Floats,
     first: bool,
+    stride: int,
     blocks: Floats,
     links: Floats,
     border: Floats,
@@ -209,7 +210,7 @@ def gather(
     """Add up the normal equations; see `edge_solve.eliminate` for their parts.
 
     `inside`: pixels of the ball that are looked at; `first`: there is no model yet whose means
-    could tell the pixels' noise.
+    could tell the pixels' noise; `stride`: from one row that is taken to the next.
     """
     blocks[:], links[:], border[:], shared[:], tally[:] = 0.0, 0.0, 0.0, 0.0, 0.0
     rows, cols = region.shape
@@ -220,7 +221,7 @@ def gather(
     oval = p[RADIUS] * (abs(p[OVAL_C]) + abs(p[OVAL_S]))
     least = max(p[RADIUS] - 0.5 * along - inside - oval, 1.0)
     most = p[RADIUS] + 0.5 * along + REACH * s + OUTSIDE + oval
-    for row in range(max(0, int(p[Y] - most)), min(rows, int(p[Y] + most) + 2)):
+    for row in range(max(0, int(p[Y] - most)), min(rows, int(p[Y] + most) + 2), stride):
         y, slope_y = row - p[Y], (row - 0.5 * rows) * 2.0 / cols
         rest = sqrt(max(most * most - y * y, 0.0))
         for col in range(max(0, int(p[X] - rest) + 1), min(cols, int(p[X] + rest) + 1)):

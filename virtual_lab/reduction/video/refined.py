@@ -31,7 +31,8 @@ BLUR = 0.05  # of a blur, how far it may be off, and as many pixels
 TRIED = 16  # regions in which it is looked for what all share
 POOLED = 6  # regions at least that tell what all share
 OVAL = 0.01  # of an outline at first
-SHARED = 0.02, 5e-4  # least uncertainties of what is shared: radius [pixel], oval
+STRANGE = 3.0  # standard uncertainties that a radius may be off by
+SHARED = 0.02, 2e-4  # least uncertainties of what is shared: radius [pixel], oval
 NAMES = tuple(each.name for each in fields(Located))
 CUT = Flag.CLIPPED | Flag.SATURATED
 
@@ -47,10 +48,10 @@ class Refined:
         rough = quick(clip, seen, start)
         found = (rough.flags | np.uint16(CUT)) == CUT
         begin = _chosen(found, replace(rough, pattern_u=None), replace(start, pattern_u=None))
+        middle = ((clip.shape[1] - 1) / 2, (clip.shape[0] - 1) / 2)
         if not self.known:
             noise = noise_of_ball(noise_of_clip(clip), seen, begin)
-            self.known = {"noise": noise, "lens": lens_of(seen, begin, noise)}
-        middle = ((clip.shape[1] - 1) / 2, (clip.shape[0] - 1) / 2)
+            self.known = {"noise": noise, "lens": lens_of(seen, begin, noise, middle)}
         fine = locate(seen, begin, middle=middle, **self.known)
         # what touches the ball the rays see; where a fit fails they may still do
         fine.flags[(rough.flags & Flag.OVERLAP) > 0] |= np.uint16(Flag.OVERLAP)
@@ -100,25 +101,12 @@ def locate(
     good = (some.located.flags == 0) & np.isfinite(some.radius_u)
     if good.sum() < POOLED:
         return _fitted(seen, all_, start, noise, lens, behind, mask).located
-    k, k_u = _oval(some, good, np.array(middle))
-    places = np.stack([start.x, start.y], axis=1)
-    oval = k * _stretched(places, np.array(middle))
-    oval_u = max(SHARED[1], k_u * float(np.nanmax(np.hypot(*oval.T)) / max(k, 1e-12)))
-    own = k * np.hypot(*_stretched(_places(some.located), np.array(middle)).T)
-    radius, radius_u = _radius(some, good, own, places, np.hypot(*oval.T))
-    again = replace(start, radius=radius)
-    return _fitted(
-        seen,
-        all_,
-        again,
-        noise,
-        lens,
-        behind,
-        mask,
-        radius_u=radius_u,
-        oval=oval,
-        oval_u=oval_u,
-    ).located
+    axis = np.array(middle)
+    k, k_u = _oval(some, good, axis)
+    off = _stretched(np.stack([start.x, start.y], axis=1), axis)
+    oval_u = max(SHARED[1], k_u * float(np.hypot(*off.T).max()))
+    found = _fitted(seen, all_, start, noise, lens, behind, mask, oval=k * off, oval_u=oval_u)
+    return _with_one_radius(found, k * np.hypot(*off.T))
 
 
 def _fitted(
@@ -175,32 +163,54 @@ def _oval(first: Edged, good: Mask, middle: Array) -> tuple[float, float]:
     return max(k, 0.0), spread / max(size, 1.0)
 
 
-def _radius(
-    first: Edged, good: Mask, own: Array, places: Array, oval: Array
-) -> tuple[Array, float]:
-    """Return each region's radius as some tell it, and its uncertainty [pixel].
+def _with_one_radius(found: Edged, oval: Array) -> Located:
+    """Return places told anew by what all regions together say of the ball's radius.
+
+    Where a fit's own radius is far from that, a pattern at the rim was taken for the outline:
+    the place may be off by as much.
+    """
+    located = found.located
+    good = (located.flags == 0) & np.isfinite(found.radius_u)
+    if good.sum() < POOLED or located.pattern_u is None:
+        return located
+    radius, radius_u = _radius(found, good, oval)
+    off = radius - located.radius
+    own = found.covariance[:, 2, 2]
+    gain = found.covariance[:, :2, 2] / (own + radius_u**2)[:, None]
+    total = np.diagonal(found.covariance, axis1=1, axis2=2)[:, :2]
+    left = np.sqrt(np.clip(1 - gain * found.covariance[:, :2, 2] / total, 0.0, 1.0))
+    strange = np.where(np.abs(off) > STRANGE * np.hypot(found.radius_u, radius_u), off, 0.0)
+    pattern = [found.x_pattern_u * left[:, 0], found.y_pattern_u * left[:, 1], strange, strange]
+    return replace(
+        located,
+        x=located.x + gain[:, 0] * off,
+        y=located.y + gain[:, 1] * off,
+        radius=located.radius + own / (own + radius_u**2) * off,
+        x_u=located.x_u * left[:, 0],
+        y_u=located.y_u * left[:, 1],
+        pattern_u=np.sqrt(np.sum(np.square(pattern), axis=0) / 2),
+    )
+
+
+def _radius(found: Edged, good: Mask, oval: Array) -> tuple[Array, float]:
+    """Return each region's radius as all tell it, and its uncertainty [pixel].
 
     The scale may slope over the picture, and a sphere's radius grows as its oval does.
     """
-    middle = np.nanmean(_places(first.located)[good], axis=0)
-
-    def design(at: Array, grown: Array) -> Array:
-        off = np.where(np.isfinite(at), at - middle, 0.0) / 1000.0
-        return np.column_stack([np.ones(len(off)), off]) * (1 + grown)[:, None]
-
-    shown = design(_places(first.located), own)[good]
-    told, u = first.located.radius[good], first.radius_u[good]
+    places = _places(found.located)
+    off = np.where(np.isfinite(places), places - np.nanmean(places[good], axis=0), 0.0) / 1000.0
+    design = np.column_stack([np.ones(len(off)), off]) * (1 + oval)[:, None]
+    shown, told, u = design[good], found.located.radius[good], found.radius_u[good]
     trust, usual = 1 / u**2, 1.0
     slope = np.diag([0.0, 1.0, 1.0])  # 1 px over 1000: as much as a camera is likely to be tilted
     for _ in range(6):
         inverse = np.linalg.inv((shown.T * trust) @ shown + slope)
-        found = inverse @ (shown.T @ (trust * told))
-        left = (told - shown @ found) / u
+        solved = inverse @ (shown.T @ (trust * told))
+        left = (told - shown @ solved) / u
         usual = max(1.4826 * float(np.median(np.abs(left))), 1.0)
         trust = 1 / (u**2 * np.maximum(1.0, np.abs(left) / (2 * usual)))
-    all_ = design(places, oval)
-    spread = usual * np.sqrt(np.einsum("ij,jk,ik->i", all_, inverse, all_).max())
-    return all_ @ found, max(SHARED[0], float(spread))
+    spread = usual * np.sqrt(np.einsum("ij,jk,ik->i", design, inverse, design).max())
+    return design @ solved, max(SHARED[0], float(spread))
 
 
 def _chosen(which: Mask, one: Located, other: Located) -> Located:

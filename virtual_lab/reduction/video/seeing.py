@@ -21,7 +21,8 @@ Array = NDArray[np.float64]
 
 PIXELS = 2e6  # of the frames sampled: enough for their noise
 CORE = 0.6  # of the radius: well inside the ball
-TRIED = 6  # regions on which the lens is found
+ROUND = 1e-3  # of an outline near the middle: its oval
+TRIED = 8  # regions on which the lens is found
 LENSES = (0.45, 0.6, 0.8, 1.1, 1.5, 2.2, 3.2)  # pixels
 CLOSE = (0.84, 0.92, 1.0, 1.08, 1.16)  # times the best of them, then
 WORST = 50.0  # of a score
@@ -67,9 +68,13 @@ def noise_of_ball(noise: Noise, seen: Regions, start: Located) -> Noise:
     return replace(noise, prnu=float(np.sqrt(rest)) / mean)
 
 
-def lens_of(seen: Regions, start: Located, noise: Noise) -> float:
-    """Return the standard deviation of the lens's blur [pixel], as the ball's outline shows it."""
-    tried = np.unique(np.linspace(0, len(start.x) - 1, min(len(start.x), TRIED)).astype(int))
+def lens_of(seen: Regions, start: Located, noise: Noise, middle: tuple[float, float]) -> float:
+    """Return the standard deviation of the lens's blur [pixel], as the ball's outline shows it.
+
+    Balls near the frame's `middle` tell it: there outlines are circles.
+    """
+    near = np.argsort(np.hypot(start.x - middle[0], start.y - middle[1]), kind="stable")
+    tried = np.sort(near[:TRIED])
     some = part_of(start, tried)
     pixels, corners, behind = seen.pixels[tried], seen.corners[tried], seen.background[tried]
     plain = refine(
@@ -81,7 +86,15 @@ def lens_of(seen: Regions, start: Located, noise: Noise) -> float:
 
     def least(lenses: Array) -> float:
         found = [
-            fit_edge(pixels, corners, some, noise=noise, lens=lens, background=behind.astype(float))
+            fit_edge(
+                pixels,
+                corners,
+                some,
+                noise=noise,
+                lens=lens,
+                background=behind.astype(float),
+                oval_u=ROUND,
+            )
             for lens in lenses.tolist()
         ]
         return _least(np.log(lenses), np.array([_score(each) for each in found]))
