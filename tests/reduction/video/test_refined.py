@@ -140,7 +140,7 @@ def test_a_shadow_needs_no_pattern() -> None:
         seen_of(seen.regions, 155.0), seen.start(), noise=seen.noise, lens=LENS, middle=(0, 0)
     )
     assert found.pattern_u is not None
-    assert not found.pattern_u.any()
+    assert found.pattern_u.max() < 0.002
     assert np.sqrt(np.mean((found.x - seen.x) ** 2)) < 0.005
 
 

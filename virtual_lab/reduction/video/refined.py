@@ -30,6 +30,7 @@ MOST = 0.7  # of the regions: where the occlusion model holds in so many, it is 
 BLUR = 0.05  # of a blur, how far it may be off, and as many pixels
 TRIED = 16  # regions in which it is looked for what all share
 POOLED = 6  # regions at least that tell what all share
+MODEL = 1e-3  # pixels that an outline which is no perfect circle moves a plain ball by
 OVAL = 0.01  # of an outline at first
 STRANGE = 3.0  # standard uncertainties that a radius may be off by
 SHARED = 0.02, 2e-4  # least uncertainties of what is shared: radius [pixel], oval
@@ -90,7 +91,7 @@ def locate(
     plain = refine(
         seen.pixels, seen.corners, start, noise=noise, optics=optics, background=behind, mask=mask
     ).located
-    plain = replace(plain, pattern_u=np.where(np.isfinite(plain.x), 0.0, np.nan))
+    plain = replace(plain, pattern_u=np.where(np.isfinite(plain.x), MODEL, np.nan))
     holds = (plain.flags & (Flag.NOT_FOUND | Flag.POOR_FIT)) == 0
     holds &= plain.chi_square < HOLDS
     if holds.mean() >= MOST:
