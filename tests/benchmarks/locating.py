@@ -30,7 +30,7 @@ from tests.benchmarks.rows import Row, line, write_csv
 from tests.benchmarks.trackpy_peer import DEFAULTS, TRACKPY
 from tests.reduction.video.scenes import Film
 from virtual_lab.fidelity.camera_errors import score, seconds_a_picture
-from virtual_lab.fidelity.camera_estimators import ESTIMATORS, OURS, PLAIN, SHARED
+from virtual_lab.fidelity.camera_estimators import ESTIMATORS, OURS, PLAIN, SHARED, SHIPPED
 from virtual_lab.fidelity.camera_pictures import pictures
 from virtual_lab.fidelity.camera_scenes import BACK, HARD, SOFT, Batch, Case
 from virtual_lab.reduction.video.finding import finder
@@ -49,6 +49,7 @@ SCENES = {
     "25 % behind the bat": replace(FIRST, covered=0.25),
 }
 AIMS = {SOFT: 0.010, BACK: 0.005, HARD: 0.10}  # pixels
+FEW = 13  # pictures a phase of stitched balls
 SLOW = 5  # pictures a phase that trackpy sees: it takes 0.2 s each
 MEMORY = 300.0  # MB
 
@@ -159,8 +160,8 @@ def _stitched() -> Iterator[Row]:
 
 
 def _held(case: Case, aim: float) -> Iterator[Row]:
-    batch = pictures(case)
-    found = score(batch, OURS[SHARED](batch.given))
+    batch = pictures(replace(case, repeats=FEW))
+    found = score(batch, SHIPPED[SHARED](batch.given))
     name = f"{case.light}, R {case.radius:g}, L {case.blur:g}, SNR {case.snr:g}"
     yield Row(
         part="stitched",

@@ -259,10 +259,18 @@ def _edge(given: Given) -> Located:
     ).located
 
 
-def _refined(given: Given) -> Located:
+def _learnt(given: Given) -> Located:
     """Do as the tracker does, which learns noise and lens from the pictures themselves."""
+    return _tracked(given, {})
+
+
+def _told(given: Given) -> Located:
+    return _tracked(given, {"noise": given.noise, "lens": given.lens})
+
+
+def _tracked(given: Given, known: dict[str, Any]) -> Located:
     if given.mask is None:
-        return Refined()(given.clip, given.seen, given.start)
+        return Refined(known=known)(given.clip, given.seen, given.start)
     rows, columns = given.clip.shape
     return locate(
         given.seen,
@@ -280,7 +288,8 @@ OURS: dict[str, Estimator] = {
     PLAIN: _known,
     "occlusion fit, blurs free": _free,
     "edge fit": _edge,
-    SHARED: _refined,
+    SHARED: _learnt,
 }
 ESTIMATORS = CV2 | OURS
-SHIPPED = ("quick", PLAIN, SHARED)  # what the tracker may take
+# what the tracker may take; of the last one its camera known, as a few pictures tell little of it
+SHIPPED: dict[str, Estimator] = {"quick": _quick, PLAIN: _known, SHARED: _told}
