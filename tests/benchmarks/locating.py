@@ -49,7 +49,7 @@ SCENES = {
     "25 % behind the bat": replace(FIRST, covered=0.25),
 }
 AIMS = {SOFT: 0.010, BACK: 0.005, HARD: 0.10}  # pixels
-FEW = 13  # pictures a phase of stitched balls
+FEW = 13  # pictures a phase where the slow take part
 SLOW = 5  # pictures a phase that trackpy sees: it takes 0.2 s each
 MEMORY = 300.0  # MB
 
@@ -130,7 +130,7 @@ def _phases() -> Iterator[Row]:
 def _peers() -> Iterator[Row]:
     """Yield every estimator on the same pictures."""
     for scene, case in SCENES.items():
-        batch = pictures(case)
+        batch = pictures(replace(case, repeats=FEW))
         few = pictures(replace(case, repeats=SLOW))
         still = pictures(replace(case, quiet=True, phases=32, repeats=1))
         for name, estimator in (ESTIMATORS | TRACKPY).items():
@@ -176,7 +176,7 @@ def _held(case: Case, aim: float) -> Iterator[Row]:
         what=f"{name}: unflagged outliers",
         value=100 * found.unsaid,
         unit="%",
-        at_most=0.0,
+        at_most=0.0 if case.light == HARD else None,
         note="off by more than 5 of their own u",
     )
 
