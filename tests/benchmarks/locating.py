@@ -176,7 +176,7 @@ def _held(case: Case, aim: float) -> Iterator[Row]:
         what=f"{name}: unflagged outliers",
         value=100 * found.unsaid,
         unit="%",
-        at_most=0.0 if case.light == HARD else None,
+        at_most=0.0,
         note="off by more than 5 of their own u",
     )
 
