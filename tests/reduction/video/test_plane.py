@@ -91,3 +91,31 @@ def test_the_ball_sets_the_scale_where_nothing_else_does() -> None:
     sized = ClipCalibration(metres_per_pixel=2e-3, metres_per_pixel_u=4e-6, ball_diameter_m=0.06)
     given = plane_of(located(x, x), sized, "clip")
     assert (given.metres_per_pixel, given.relative_u, given.source) == (2e-3, 2e-3, "file")
+
+
+def test_how_large_a_ball_looks_across_the_picture() -> None:
+    """Spheres of one size in the plane, their cones of rays drawn by OpenCV: areas to 2e-4."""
+    rotation = cv2.Rodrigues(np.array(CAMERA.rotation))[0]
+    shift = np.array(CAMERA.translation_m)
+    world = np.array([[x, y, 0.03] for x in (-0.5, -0.2, 0.1, 0.4) for y in (-0.25, 0.0, 0.25)])
+    turn = np.linspace(0, 2 * np.pi, 721)[:-1]
+    middles, areas = [], []
+    for centre in world @ rotation.T + shift:
+        far = np.linalg.norm(centre)
+        way = centre / far
+        first = np.cross(way, [0.0, 1.0, 0.0])
+        first /= np.linalg.norm(first)
+        second = np.cross(way, first)
+        opening = 0.01 / np.sqrt(far**2 - 0.01**2)
+        rim = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * second
+        still = np.zeros(3)
+        drawn = cv2.projectPoints(
+            way + opening * rim, still, still, np.array(CAMERA.matrix), np.array(CAMERA.distortion)
+        )[0][:, 0]
+        x, y = drawn.T
+        areas.append(abs(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)) / 2)
+        middles.append(drawn.mean(axis=0))
+    plane = plane_of(located(*np.transpose(middles)), ClipCalibration(camera=CAMERA), "clip")
+    radius = np.sqrt(areas)
+    assert np.ptp(radius) / np.median(radius) > 0.05
+    assert plane.sizes == pytest.approx(radius / np.median(radius), rel=2e-4)

@@ -47,7 +47,7 @@ def nearing(tracked: Tracked, used: NDArray[np.bool_], flight: Flight) -> Nearin
     if good.sum() < FEW:
         return None
     t = tracked.times[good] - tracked.times[good].mean()
-    size = np.log(located.radius[good])
+    size = np.log(located.radius[good] / tracked.plane.sizes[good])
     rate = float(t @ size / (t @ t))
     rest = size - size.mean() - rate * t
     u = float(np.sqrt((rest @ rest) / (len(t) - 2) / (t @ t)))

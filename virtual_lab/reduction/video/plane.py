@@ -27,6 +27,7 @@ class Plane:
     metres_per_pixel: float  # at the ball's middle place
     relative_u: float  # standard uncertainty of every length
     source: str  # what sets the scale
+    sizes: Array  # how large a ball in the plane looks in each frame, by its place, (frame,)
     sense: float = 1.0  # -1 where Y runs up the picture and X to its right
 
 
@@ -48,13 +49,18 @@ def plane_of(found: Located, calibration: ClipCalibration, where: str) -> Plane:
             metres_per_pixel=scale,
             relative_u=relative_u_of(calibration.camera),
             source="camera",
+            sizes=_sizes(pixels, places, calibration.camera),
             sense=float(np.sign(stretch)),
         )
+    alike = np.ones(len(pixels))
     if calibration.metres_per_pixel:
         scale = calibration.metres_per_pixel
-        relative = calibration.metres_per_pixel_u / scale
         return Plane(
-            places=pixels * scale, metres_per_pixel=scale, relative_u=relative, source="file"
+            places=pixels * scale,
+            metres_per_pixel=scale,
+            relative_u=calibration.metres_per_pixel_u / scale,
+            source="file",
+            sizes=alike,
         )
     diameter = calibration.ball_diameter_m
     whole = found.flags == 0
@@ -66,7 +72,13 @@ def plane_of(found: Located, calibration: ClipCalibration, where: str) -> Plane:
     scale = diameter / (2 * radius)
     radius_u = np.hypot(RADIUS_U, RIM * pattern)
     relative = float(np.hypot(calibration.ball_diameter_m_u / diameter, radius_u / radius))
-    return Plane(places=pixels * scale, metres_per_pixel=scale, relative_u=relative, source="ball")
+    return Plane(
+        places=pixels * scale,
+        metres_per_pixel=scale,
+        relative_u=relative,
+        source="ball",
+        sizes=alike,
+    )
 
 
 def distance_of(camera: CameraModel) -> float:
@@ -91,11 +103,7 @@ def on_plane(pixels: Array, camera: CameraModel, diameter: float | None) -> Arra
     """
     import cv2
 
-    matrix, distortion = np.array(camera.matrix), np.array(camera.distortion)
-    good = np.isfinite(pixels).all(axis=1)
-    rays = np.full((len(pixels), 3), np.nan)
-    undistorted = cv2.undistortPoints(pixels[good].reshape(-1, 1, 2), matrix, distortion)
-    rays[good] = np.concatenate([undistorted[:, 0], np.ones((int(good.sum()), 1))], axis=1)
+    rays = _rays(pixels, camera)
     rotation = cv2.Rodrigues(np.array(camera.rotation))[0]
     shift = np.array(camera.translation_m)
     eye = -rotation.T @ shift
@@ -105,3 +113,35 @@ def on_plane(pixels: Array, camera: CameraModel, diameter: float | None) -> Arra
     world = rays @ rotation
     reach = (camera.plane_height_m - eye[2]) / world[:, 2]
     return np.asarray((eye + reach[:, None] * world)[:, :2])
+
+
+def _rays(pixels: Array, camera: CameraModel) -> Array:
+    """Return the directions of pixels in axes of the camera, (n, 3), 1 along its own."""
+    import cv2
+
+    matrix, distortion = np.array(camera.matrix), np.array(camera.distortion)
+    good = np.isfinite(pixels).all(axis=1)
+    rays = np.full((len(pixels), 3), np.nan)
+    undistorted = cv2.undistortPoints(pixels[good].reshape(-1, 1, 2), matrix, distortion)
+    rays[good] = np.concatenate([undistorted[:, 0], np.ones((int(good.sum()), 1))], axis=1)
+    return rays
+
+
+def _sizes(pixels: Array, places: Array, camera: CameraModel) -> Array:
+    """Return how large a small sphere in the plane looks at pixels, relative to the median.
+
+    Its radius is r / (D cos^1.5 b √J) for a sphere at the distance D, seen at b off the axis,
+    where a pixel covers J of the plane z = 1: wider off the axis, and as the lens bends.
+    """
+    import cv2
+
+    rotation = cv2.Rodrigues(np.array(camera.rotation))[0]
+    eye = -rotation.T @ np.array(camera.translation_m)
+    height = np.full(len(places), camera.plane_height_m)
+    far = np.linalg.norm(np.column_stack([places, height]) - eye, axis=1)
+    half = np.array([[0.5, 0.0], [0.0, 0.5]])
+    across, down = ((_rays(pixels + h, camera) - _rays(pixels - h, camera))[:, :2] for h in half)
+    covered = np.abs(across[:, 0] * down[:, 1] - across[:, 1] * down[:, 0])
+    off = np.linalg.norm(_rays(pixels, camera), axis=1)  # 1 / cos b
+    size = off**1.5 / (far * np.sqrt(covered))
+    return np.asarray(size / np.nanmedian(size))
