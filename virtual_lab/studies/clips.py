@@ -58,7 +58,8 @@ def clip_coverage(
     list of dict
         A row a quantity: `clips` that gave it, `coverage` of the 95 % interval with its
         Clopper-Pearson interval, relative root mean squares of error and u, mean relative error
-        with its standard error, and `missed`, the clips in which no speed was found.
+        with its standard error, and `missed`: clips whose shot the rules reject, as where the
+        boards misread it, or in which no speed was found.
 
     Raises
     ------
@@ -90,8 +91,11 @@ def _clip(laboratory: Laboratory, rung: Rung) -> Array:
     )
     play = ready.stations[stage].play(order, ready.specimen, ready.draws)
     session = with_records(ready.session, stage, [play])
-    witness = second_witness(session, reduce_session(session))
+    reduced = reduce_session(session)
+    witness = second_witness(session, reduced)
     assert witness is not None
+    if not reduced.judgement.valid[0]:
+        return np.full((len(QUANTITIES), 3), np.nan)
     flights = witness.filmed.flights
     measured = {
         "speed_in": flights.speed_in,
