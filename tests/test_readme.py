@@ -70,6 +70,20 @@ def test_the_table_of_faults_is_the_one_on_file() -> None:
     assert all(float(row["caught"]) == 0 for row in rows if row["fault"] == "none")
 
 
+def test_the_table_of_clips_is_the_one_on_file() -> None:
+    """Every interval of the table holds in some 94 % of the clips, as far as so many tell."""
+    (path,) = (ROOT / "tests" / "studies").glob("clips-*.csv")
+    assert f"`tests/studies/{path.name}`" in README
+    with path.open() as lines:
+        rows = list(csv.DictReader(lines))
+    assert [row["quantity"] for row in rows] == ["v_in", "v_out", "e_A"]
+    for row in rows:
+        held, low, high = (f"{100 * float(row[key]):.1f}" for key in ("coverage", "low", "high"))
+        assert float(row["high"]) >= 0.94, row
+        start = f"| {row['quantity']} | {row['clips']} | {held} % ({low} to {high}) |"
+        assert start in README, start
+
+
 def test_the_chart_table_is_the_one_on_file() -> None:
     """Eight of the picture's points, rounded to one digit of error and two of time."""
     with (ROOT / "data" / "figures" / "collision.csv").open() as lines:
