@@ -7,7 +7,8 @@ import pytest
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
 from virtual_lab.lab import certify_bat
-from virtual_lab.rig import Reality
+from virtual_lab.lab.fitting import require_camera
+from virtual_lab.rig import Reality, Stage, find_rig
 
 
 @pytest.mark.parametrize(
@@ -88,3 +89,11 @@ def test_another_rig_that_fits_is_taken(tmp_path: Path) -> None:
     assert found.outcome.reason == ""
     assert found.metric is not None
     assert found.metric.value == pytest.approx(true["metric"], rel=1e-9)
+
+
+def test_a_rig_without_a_camera_films_nothing() -> None:
+    """Said before the test, with the rig that can."""
+    require_camera(find_rig("filmed-cannon", Stage.IMPACT))
+    with pytest.raises(InputError, match="filmed-cannon") as caught:
+        require_camera(find_rig("ball-cannon", Stage.IMPACT))
+    assert (caught.value.key, caught.value.value) == ("film", "ball-cannon")

@@ -98,6 +98,8 @@ def certify(
     from virtual_lab.api import certify as run
     from virtual_lab.report.text import certificate_text
 
+    if film:
+        _require_camera(procedure, rig)
     certificate = run(
         bat,
         procedure=procedure,
@@ -116,6 +118,17 @@ def certify(
     else:
         click.echo(certificate_text(certificate.document))
         click.echo(f"\n{target / 'certificate.html'}")
+
+
+def _require_camera(procedure: str, rig: str | None) -> None:
+    """Refuse to film where nothing can, before the test and not after it."""
+    from virtual_lab import catalog
+    from virtual_lab.lab.fitting import require_camera
+    from virtual_lab.procedure import Procedure
+    from virtual_lab.rig import Stage, find_rig
+
+    asked = rig or catalog.load("procedures", procedure, Procedure).spec.rig
+    require_camera(find_rig(asked, Stage.IMPACT))
 
 
 @click.command()

@@ -11,7 +11,14 @@ from virtual_lab.rig import Motion, Rig, Stage, installed_rigs
 from virtual_lab.specs import BallSpec, BatSpec
 from virtual_lab.units import INCH, OUNCE
 
-__all__ = ["require_ball", "require_motion", "require_places", "require_rig", "unverified_rigs"]
+__all__ = [
+    "require_ball",
+    "require_camera",
+    "require_motion",
+    "require_places",
+    "require_rig",
+    "unverified_rigs",
+]
 
 
 def require_rig(rig: Rig, procedure: Procedure) -> None:
@@ -35,6 +42,13 @@ def require_motion(rig: Rig, motion: Motion) -> None:
     if motion not in able:
         names = ", ".join(sorted(each.value for each in able))
         raise InputError("", "motion", motion.value, f"allowed at {rig.name}: {names}")
+
+
+def require_camera(rig: Rig) -> None:
+    """Refuse to film at a rig that has no camera."""
+    if "camera" not in rig.channels:
+        able = [name for name, other in installed_rigs().items() if "camera" in other.channels]
+        raise InputError("", "film", rig.name, f"this rig has no camera; {', '.join(able)} has one")
 
 
 def require_places(procedure: Procedure, bat: BatSpec) -> None:
