@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from virtual_lab.estimate import Estimate
 from virtual_lab.records import ClipRecord, TrackRecord
 from virtual_lab.reduced import Reduced, constants_known
-from virtual_lab.reduction.flights import Flights, timed
-from virtual_lab.reduction.measurement import ShotResults, drag_of, measured_balls
-from virtual_lab.reduction.video.filmed import Filmed, filmed, frames_u
+from virtual_lab.reduction.flights import timed
+from virtual_lab.reduction.measurement import ShotResults, drag_of
+from virtual_lab.reduction.video.filmed import Filmed, FramesU, filmed, frames_u
 from virtual_lab.reduction.video.windows import Sightings, sight
 from virtual_lab.session import Session
-from virtual_lab.uncertainty.budget import Budget, Component, combine, propagate, scatter, spread
+from virtual_lab.uncertainty.budget import Budget, Component, Variants, combine, scatter
 
 __all__ = ["COMPARED", "SecondWitness", "Told", "second_witness"]
 
@@ -76,44 +76,28 @@ def second_witness(session: Session, reduced: Reduced) -> SecondWitness | None:
         return None
     best = {name: np.array(known.value) for name, known in reduced.constants.items()}
     seen = sight(record, camera_constants(session), float(best["ball.radius"]))
-    by_gates = timed("impact", reduced.readings.passages)
-
-    def by_camera(x: Mapping[str, Array], drag: Array) -> Flights:
-        return filmed(x, "impact", seen, drag, by_gates(x, drag)).flights
-
-    shots = reduced.results(best, by_camera)
-    both = np.isfinite(shots.rebound_efficiency) & np.isfinite(reduced.shots.rebound_efficiency)
+    variants = Variants.of(reduced.constants)
+    found, moved = (_by_both(reduced, seen, x) for x in (best, variants.columns))
+    both = np.isfinite(found.video.rebound_efficiency) & np.isfinite(found.gates.rebound_efficiency)
     used, weights = reduced.outcome.used & both, reduced.outcome.weights
     told: dict[str, Told] = {}
     if used.any() and np.isfinite(weights[used]).all():
-        share = np.where(used, weights, 0.0) / weights[used].sum()
-        place = np.round(reduced.readings.place, 6)
-
-        def model(x: Mapping[str, Array]) -> dict[str, Array]:
-            witnesses = {GATES: reduced.results(x), VIDEO: reduced.results(x, by_camera)}
-            return {
-                f"{name}.{who}": getattr(results, field)[..., used] @ share[used]
-                for who, results in witnesses.items()
-                for name, field in COMPARED.items()
-            }
-
-        parts = propagate(model, reduced.constants)
+        share = weights[used] / weights[used].sum()
+        place = np.round(reduced.readings.place, 6)[used]
         for name, field in COMPARED.items():
-            hits = {GATES: getattr(reduced.shots, field), VIDEO: getattr(shots, field)}
-            told[name] = _told(
-                {who: values[used] for who, values in hits.items()},
-                {who: parts[f"{name}.{who}"] for who in hits},
-                share[used],
-                place[used],
-            )
-    found = _flights(reduced, best, seen)
+            hits = {who: getattr(found.results[who], field)[used] for who in (GATES, VIDEO)}
+            parts = {
+                who: variants.components(getattr(moved.results[who], field)[:, used] @ share)
+                for who in hits
+            }
+            told[name] = _told(hits, parts, share, place)
     return SecondWitness(
         told=told,
         hits=int(used.sum()),
         missed=int((reduced.outcome.used & ~both).sum()),
-        filmed=found,
-        shots=shots,
-        u=_shots_u(reduced, seen, found),
+        filmed=found.filmed,
+        shots=found.video,
+        u=_shots_u(frames_u(best, "impact", seen, found.filmed), found, moved, variants),
     )
 
 
@@ -127,45 +111,51 @@ def camera_constants(session: Session) -> dict[str, Estimate]:
     }
 
 
-def _flights(reduced: Reduced, best: Mapping[str, Array], seen: Sightings) -> Filmed:
-    balls = measured_balls(best, reduced.balls)
-    drag = drag_of(best, balls.mass[..., reduced.readings.ball])
-    by_gates = timed("impact", reduced.readings.passages)(best, drag)
-    return filmed(best, "impact", seen, drag, by_gates)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Both:
+    """The shots of any values of the constants by both witnesses, (..., shot)."""
 
+    gates: ShotResults
+    video: ShotResults
+    filmed: Filmed
 
-def _shots_u(reduced: Reduced, seen: Sightings, found: Filmed) -> dict[str, Array]:
-    """Return each shot's standard uncertainties, calibrations and frames together."""
-    by_gates = timed("impact", reduced.readings.passages)
+    @property
+    def results(self) -> dict[str, ShotResults]:
+        return {GATES: self.gates, VIDEO: self.video}
 
-    def model(x: Mapping[str, Array]) -> dict[str, Array]:
-        made: list[Filmed] = []
-
-        def by_camera(x: Mapping[str, Array], drag: Array) -> Flights:
-            made.append(filmed(x, "impact", seen, drag, by_gates(x, drag)))
-            return made[0].flights
-
-        efficiency = reduced.results(x, by_camera).rebound_efficiency
-        flights = made[0].flights
+    @property
+    def quantities(self) -> dict[str, Array]:
+        """What the camera tells of each shot."""
         return {
-            "speed_in": flights.speed_in,
-            "speed_out": flights.speed_out,
-            "efficiency": efficiency,
-            "place": made[0].place,
-            "angle": made[0].angle_in,
+            "speed_in": self.filmed.flights.speed_in,
+            "speed_out": self.filmed.flights.speed_out,
+            "efficiency": self.video.rebound_efficiency,
+            "place": self.filmed.place,
+            "angle": self.filmed.angle_in,
         }
 
-    best = {name: np.array(known.value) for name, known in reduced.constants.items()}
-    own = frames_u(best, "impact", seen, found)
-    ratio = np.hypot(own.speed_in / found.flights.speed_in, own.speed_out / found.flights.speed_out)
+
+def _by_both(reduced: Reduced, seen: Sightings, x: Mapping[str, Array]) -> _Both:
+    gates = reduced.results(x)
+    drag = drag_of(x, gates.ball_mass)
+    by_gates = timed("impact", reduced.readings.passages)(x, drag)
+    found = filmed(x, "impact", seen, drag, by_gates)
+    video = reduced.results(x, lambda *_: found.flights)
+    return _Both(gates=gates, video=video, filmed=found)
+
+
+def _shots_u(own: FramesU, found: _Both, moved: _Both, variants: Variants) -> dict[str, Array]:
+    """Return each shot's standard uncertainties, calibrations and frames together."""
+    flights = found.filmed.flights
+    ratio = np.hypot(own.speed_in / flights.speed_in, own.speed_out / flights.speed_out)
     frames = {
         "speed_in": own.speed_in,
         "speed_out": own.speed_out,
-        "efficiency": ratio * found.flights.speed_out / found.flights.speed_in,
+        "efficiency": ratio * flights.speed_out / flights.speed_in,
         "place": own.place,
         "angle": own.angle_in,
     }
-    known = spread(model, reduced.constants)
+    known = {name: variants.u(values) for name, values in moved.quantities.items()}
     return {name: np.hypot(known[name], frames[name]) for name in frames}
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, sqrt
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +22,12 @@ from virtual_lab.estimate import Estimate
 __all__ = [
     "Budget",
     "Component",
+    "Variants",
     "combine",
     "effective_dof",
     "interval_95",
     "propagate",
     "scatter",
-    "spread",
     "type_a",
 ]
 
@@ -61,6 +62,57 @@ class Budget:
     components: tuple[Component, ...]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variants:
+    """Constants as columns (k, 1): the estimates, then each uncertain one up, then each down.
+
+    What a model makes of the columns tells what each constant does to each of its outputs.
+    """
+
+    uncertain: Mapping[str, Estimate]
+    columns: Mapping[str, Array]
+
+    @classmethod
+    def of(cls, constants: Mapping[str, Estimate]) -> Self:
+        """Return them; constants without uncertainty are moved by nothing."""
+        uncertain = {name: known for name, known in constants.items() if known.u > 0}
+        n = len(uncertain)
+        columns = {name: np.full((2 * n + 1, 1), known.value) for name, known in constants.items()}
+        for index, (name, known) in enumerate(uncertain.items()):
+            columns[name][1 + index] += known.u
+            columns[name][1 + n + index] -= known.u
+        return cls(uncertain=uncertain, columns=columns)
+
+    def components(self, values: Array) -> list[Component]:
+        """Return what each constant contributes to an output of shape (k,)."""
+        up, down = self._moved(values)
+        effects, shifts = (up - down) / 2, (up + down) / 2 - values[0]
+        return [
+            Component(
+                name=name,
+                value=known.value,
+                u=known.u,
+                evaluation=known.evaluation,
+                dof=known.dof,
+                sensitivity=float(effect / known.u),
+                contribution=abs(float(effect)),
+                shift=float(shift),
+            )
+            for (name, known), effect, shift in zip(
+                self.uncertain.items(), effects, shifts, strict=True
+            )
+        ]
+
+    def u(self, values: Array) -> Array:
+        """Return the standard uncertainties of a row of results, (n,), from outputs (k, n)."""
+        up, down = self._moved(values)
+        return np.asarray(np.sqrt(np.sum((up - down) ** 2, axis=0)) / 2)
+
+    def _moved(self, values: Array) -> tuple[Array, Array]:
+        n = len(self.uncertain)
+        return values[1 : n + 1], values[n + 1 :]
+
+
 def propagate(
     model: Callable[[Mapping[str, Array]], Mapping[str, Array]],
     constants: Mapping[str, Estimate],
@@ -74,53 +126,10 @@ def propagate(
     constants
         Estimates; those without uncertainty contribute nothing and are left out.
     """
-    uncertain, columns = _variants(constants)
-    n = len(uncertain)
-    components = {}
-    for output, values in model(columns).items():
-        up, down = values[1 : n + 1], values[n + 1 :]
-        effects, shifts = (up - down) / 2, (up + down) / 2 - values[0]
-        components[output] = [
-            Component(
-                name=name,
-                value=constants[name].value,
-                u=constants[name].u,
-                evaluation=constants[name].evaluation,
-                dof=constants[name].dof,
-                sensitivity=float(effect / constants[name].u),
-                contribution=abs(float(effect)),
-                shift=float(shift),
-            )
-            for name, effect, shift in zip(uncertain, effects, shifts, strict=True)
-        ]
-    return components
-
-
-def spread(
-    model: Callable[[Mapping[str, Array]], Mapping[str, Array]],
-    constants: Mapping[str, Estimate],
-) -> dict[str, Array]:
-    """Return the standard uncertainties that constants give each of a row of results, (n,).
-
-    As `propagate`, of outputs of shape (k, n), without their components.
-    """
-    uncertain, columns = _variants(constants)
-    n = len(uncertain)
+    variants = Variants.of(constants)
     return {
-        output: np.sqrt(np.sum((values[1 : n + 1] - values[n + 1 :]) ** 2, axis=0)) / 2
-        for output, values in model(columns).items()
+        output: variants.components(values) for output, values in model(variants.columns).items()
     }
-
-
-def _variants(constants: Mapping[str, Estimate]) -> tuple[list[str], dict[str, Array]]:
-    """Return which constants are uncertain, and all as columns: best, each up, each down."""
-    uncertain = [name for name, known in constants.items() if known.u > 0]
-    n = len(uncertain)
-    columns = {name: np.full((2 * n + 1, 1), known.value) for name, known in constants.items()}
-    for index, name in enumerate(uncertain):
-        columns[name][1 + index] += constants[name].u
-        columns[name][1 + n + index] -= constants[name].u
-    return uncertain, columns
 
 
 def combine(value: float, components: Sequence[Component]) -> Budget:
