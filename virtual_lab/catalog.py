@@ -123,9 +123,10 @@ def unverified(kind: str, name: str) -> dict[str, str]:
     document, numbers = sheet(kind, name)
     doubtful = sum(not datum.verified for datum in numbers)
     found = {f"{kind}/{name}": f"{doubtful} of {len(numbers)}"} if doubtful else {}
-    parts = [word for word in document.values() if word in names("instruments")]
-    for part in parts if kind == "rigs" else []:
-        found |= unverified("instruments", part)
+    instruments = names("instruments") if kind == "rigs" else ()
+    for part in document.values():
+        if part in instruments:
+            found |= unverified("instruments", part)
     return found
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.reduction.flights import Flights
 from virtual_lab.reduction.video.windows import Sightings
-from virtual_lab.relations.flight import time_after, time_before
+from virtual_lab.relations.flight import time_before
 from virtual_lab.relations.pinhole import looking_down, undistorted
 from virtual_lab.units import STANDARD_GRAVITY
 
@@ -63,7 +63,7 @@ def filmed(x: Constants, stage: str, seen: Sightings, drag: Array, timed: Flight
     places = _places(x, stage, seen, height)
     ahead, along = -places[..., 0], places[..., 1]
     kappa = np.asarray(drag)[..., None]
-    way = np.where(seen.out, time_after(ahead, 1.0, kappa), time_before(ahead, 1.0, kappa))
+    way = time_before(ahead, 1.0, np.where(seen.out, -kappa, kappa))
     clock = x[f"{stage}.camera.clock"]
     speed_in, met = _line(seen, ~seen.out, way)
     speed_out, _ = _line(seen, seen.out, way)
