@@ -60,6 +60,7 @@ def shots(*changes: dict[str, float]) -> tuple[ShotResults, ImpactReadings]:
         passages=Passages(
             times=np.ones((n, 2, 2)),
             heights=np.full((n, 2, 2), nan),
+            heights_u=np.zeros((n, 2, 2)),
             misfit=np.full((n, 2), nan),
         ),
         recoil=recoil,

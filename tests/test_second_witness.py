@@ -9,11 +9,13 @@ from virtual_lab.certification import Certification, certify_session
 from virtual_lab.estimate import Estimate
 from virtual_lab.instruments import Rung
 from virtual_lab.lab import open_laboratory
+from virtual_lab.reduced import reduce_session
 from virtual_lab.report.certificate import certificate
 from virtual_lab.report.tables import shot_table
 from virtual_lab.report.text import certificate_text
 from virtual_lab.rig import Reality
-from virtual_lab.second_witness import COMPARED, SecondWitness
+from virtual_lab.second_witness import COMPARED, SecondWitness, second_witness
+from virtual_lab.streams import Streams
 
 LABORATORIES = 24
 
@@ -89,6 +91,49 @@ def test_speeds_of_every_shot(certifications: list[Certification]) -> None:
     off = np.array(ratios) - 1
     assert abs(off.mean()) < 4 * 6e-4 / np.sqrt(len(off))
     assert 3e-4 < off.std() < 9e-4
+
+
+def test_each_shot_scatters_with_its_heights_as_it_says(
+    certifications: list[Certification],
+) -> None:
+    """Heights with noise of 20 µm, ten times: χ² of what moves, within 5 of its deviations.
+
+    Three errors stand behind each shot's quantities, so a shot's ten count as ten.
+    """
+    certification, sigma, times = certifications[0], 2e-5, 10
+    session, reduced = certification.session, reduce_session(certification.session)
+    passages = reduced.readings.passages
+
+    def told(noise: np.ndarray, u: float) -> SecondWitness:
+        seen = replace(
+            passages, heights=passages.heights + noise, heights_u=np.full(noise.shape, u)
+        )
+        readings = replace(reduced.readings, passages=seen)
+        witness = second_witness(session, replace(reduced, readings=readings))
+        assert witness is not None
+        return witness
+
+    def quantities(witness: SecondWitness) -> dict[str, np.ndarray]:
+        flights = witness.filmed.flights
+        return {
+            "speed_in": flights.speed_in,
+            "speed_out": flights.speed_out,
+            "efficiency": witness.shots.rebound_efficiency,
+            "place": witness.filmed.place,
+            "angle": witness.filmed.angle_in,
+        }
+
+    level = np.zeros(passages.heights.shape)
+    still, unsure = told(level, 0.0), told(level, sigma)
+    noisy = [
+        quantities(told(sigma * Streams(7).normal("heights", level.shape, block), 0.0))
+        for block in range(times)
+    ]
+    valid = certification.judgement.valid
+    for name, best in quantities(still).items():
+        added = np.sqrt(unsure.u[name] ** 2 - still.u[name] ** 2)
+        scores = np.array([(each[name] - best) / added for each in noisy])[:, valid]
+        assert abs(np.sum(scores**2) - scores.size) < 5 * np.sqrt(2 * scores.size), name
 
 
 def test_a_camera_at_another_scale_shows_in_the_restitution(

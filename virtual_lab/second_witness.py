@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from virtual_lab.estimate import Estimate
 from virtual_lab.records import ClipRecord, TrackRecord
 from virtual_lab.reduced import Reduced, constants_known
-from virtual_lab.reduction.flights import timed
+from virtual_lab.reduction.flights import Flown, heights_moved, timed
 from virtual_lab.reduction.measurement import ShotResults, drag_of
 from virtual_lab.reduction.video.filmed import Filmed, FramesU, filmed, frames_u
 from virtual_lab.reduction.video.windows import Sightings, sight
@@ -76,8 +76,10 @@ def second_witness(session: Session, reduced: Reduced) -> SecondWitness | None:
         return None
     best = {name: np.array(known.value) for name, known in reduced.constants.items()}
     seen = sight(record, camera_constants(session), float(best["ball.radius"]))
-    variants = Variants.of(reduced.constants)
-    found, moved = (_by_both(reduced, seen, x) for x in (best, variants.columns))
+    variants, passages = Variants.of(reduced.constants), reduced.readings.passages
+    by_gates, risen = timed("impact", passages), heights_moved("impact", passages)
+    found = _by_both(reduced, seen, best, by_gates)
+    moved = _by_both(reduced, seen, variants.columns, by_gates)
     both = np.isfinite(found.video.rebound_efficiency) & np.isfinite(found.gates.rebound_efficiency)
     used, weights = reduced.outcome.used & both, reduced.outcome.weights
     told: dict[str, Told] = {}
@@ -97,7 +99,12 @@ def second_witness(session: Session, reduced: Reduced) -> SecondWitness | None:
         missed=int((reduced.outcome.used & ~both).sum()),
         filmed=found.filmed,
         shots=found.video,
-        u=_shots_u(frames_u(best, "impact", seen, found.filmed), found, moved, variants),
+        u=_shots_u(
+            found,
+            frames_u(best, "impact", seen, found.filmed),
+            {name: variants.u(values) for name, values in moved.quantities.items()},
+            _by_both(reduced, seen, best, risen).quantities,
+        ),
     )
 
 
@@ -135,17 +142,28 @@ class _Both:
         }
 
 
-def _by_both(reduced: Reduced, seen: Sightings, x: Mapping[str, Array]) -> _Both:
-    gates = reduced.results(x)
+def _by_both(reduced: Reduced, seen: Sightings, x: Mapping[str, Array], by_gates: Flown) -> _Both:
+    gates = reduced.results(x, by_gates)
     drag = drag_of(x, gates.ball_mass)
-    by_gates = timed("impact", reduced.readings.passages)(x, drag)
-    found = filmed(x, "impact", seen, drag, by_gates)
+    found = filmed(x, "impact", seen, drag, by_gates(x, drag))
     video = reduced.results(x, lambda *_: found.flights)
     return _Both(gates=gates, video=video, filmed=found)
 
 
-def _shots_u(own: FramesU, found: _Both, moved: _Both, variants: Variants) -> dict[str, Array]:
-    """Return each shot's standard uncertainties, calibrations and frames together."""
+def _shots_u(
+    found: _Both, own: FramesU, known: Mapping[str, Array], risen: Mapping[str, Array]
+) -> dict[str, Array]:
+    """Return each shot's standard uncertainties: calibrations, frames and heights together.
+
+    Parameters
+    ----------
+    own
+        Of the frames alone.
+    known
+        Of the calibrations, (shot,).
+    risen
+        The quantities as the heights moved them, (independent way, shot).
+    """
     flights = found.filmed.flights
     ratio = np.hypot(own.speed_in / flights.speed_in, own.speed_out / flights.speed_out)
     frames = {
@@ -155,8 +173,10 @@ def _shots_u(own: FramesU, found: _Both, moved: _Both, variants: Variants) -> di
         "place": own.place,
         "angle": own.angle_in,
     }
-    known = {name: variants.u(values) for name, values in moved.quantities.items()}
-    return {name: np.hypot(known[name], frames[name]) for name in frames}
+    return {
+        name: np.sqrt(known[name] ** 2 + u**2 + np.sum((risen[name] - best) ** 2, axis=0))
+        for (name, u), best in zip(frames.items(), found.quantities.values(), strict=True)
+    }
 
 
 def _told(
@@ -173,6 +193,7 @@ def _told(
             _blend(one, other, gates, video)
             for one, other in zip(parts[GATES], parts[VIDEO], strict=True)
         ]
+        # what is new in every shot, as noise of frames and of heights, is in the hits' own scatter
         return combine(float(values @ weights), [*shared, scatter(values, weights, places)])
 
     share = _share(parts, scatter(hits[VIDEO] - hits[GATES], weights, places))

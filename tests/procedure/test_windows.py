@@ -63,7 +63,10 @@ def why(
         nominal_speed=np.full(1, procedure.ball_speed),
         place=np.array([place]),
         passages=Passages(
-            times=np.ones((1, 2, 3)), heights=np.zeros((1, 2, 3)), misfit=np.array([misfit])
+            times=np.ones((1, 2, 3)),
+            heights=np.zeros((1, 2, 3)),
+            heights_u=np.zeros((1, 2, 3)),
+            misfit=np.array([misfit]),
         ),
         recoil=struck if recoil else None,
         swing=swing if procedure is BESR else None,

@@ -12,9 +12,9 @@ from virtual_lab import catalog
 from virtual_lab.instruments.light_board import LightBoards, LightBoardSpec
 from virtual_lab.instruments.passage import Passage
 from virtual_lab.records import BoardRecord
-from virtual_lab.reduction.flights import Flights, flights
+from virtual_lab.reduction.flights import Flights, flights, heights_moved
 from virtual_lab.reduction.gates import Passages, passages
-from virtual_lab.streams import Quiet
+from virtual_lab.streams import Quiet, Streams
 
 DISTANCES = (0.50, 0.35, 0.20)  # m
 LOWEST, PITCH, BEAMS, RADIUS, GRAVITY = -0.150, 0.008, 34, 0.0366, 9.80665
@@ -272,6 +272,75 @@ def test_ideal_boards_have_no_misfit() -> None:
     assert found.speed_out == pytest.approx(12.0, rel=1e-12)
     assert found.offset == pytest.approx(2.7e-3, rel=1e-9)
     assert found.slope_out == pytest.approx(0.2, rel=1e-9)
+
+
+@pytest.mark.parametrize("slope", [0.0, -0.25])
+def test_heights_scatter_as_they_say(slope: float) -> None:
+    """150 boards with noise against the same without: rms of the errors over that of their u.
+
+    Edges and thresholds, level and half off the curtain by the far board, where a height is half
+    as well known. 150 draws of the thresholds: a standard error of 6 %; edges are told a little
+    too widely.
+    """
+    exact = catalog.load("instruments", "light-boards", LightBoardSpec).spec.ideal()
+    real = catalog.load("instruments", "light-boards", LightBoardSpec).spec
+    noisy = replace(
+        exact, trip_spread=real.trip_spread, tick=real.tick, edge_jitter=real.edge_jitter
+    )
+    n = 9
+    passage = Passage(
+        speed_in=np.full(n, 60.8),
+        speed_out=np.full(n, 12.0),
+        drag=np.full(n, DRAG),
+        radius=RADIUS,
+        gravity=GRAVITY,
+        height=np.linspace(-0.5, 0.5, n) * PITCH,
+        slope_out=np.full(n, slope),
+    )
+
+    def seen(spec: LightBoardSpec, seed: int) -> Passages:
+        boards = LightBoards.commission(spec, Streams(seed), "b")
+        meeting = np.full(n, CONTACT), np.full(n, LEAVING)
+        record = boards.watch(passage, *meeting, Streams(seed), "b", 0)
+        return passages(record, lowest=LOWEST, pitch=PITCH)
+
+    every = [seen(noisy, seed) for seed in range(150)]
+    errors = np.array([each.heights for each in every]) - seen(exact, 0).heights
+    rms, rms_u = (
+        np.sqrt(np.mean(np.square(values), axis=(0, 1)))
+        for values in (errors, [each.heights_u for each in every])
+    )
+    assert ((rms > 0.75 * rms_u) & (rms < 1.15 * rms_u)).all()
+    far, rest = rms[1, 0], np.delete(rms, 3)
+    assert rest.max() < 1.3 * rest.min()
+    assert (far > 2 * rest.max()) == (slope < 0)
+
+
+@pytest.mark.parametrize("blind", [None, 0, 2])
+def test_moved_heights_have_the_covariance_of_a_line(blind: int | None) -> None:
+    """Offset and slopes: u² (XᵀX)⁻¹ of the gates that saw the ball, the ways independent."""
+    sigma = {0: 2e-5, 1: 5e-5}
+    seen, _ = reduced(record_of(**GOOD))
+    heights_u = np.broadcast_to(np.reshape([sigma[0], sigma[1]], (1, 2, 1)), (1, 2, 3)).copy()
+    heights = np.array(seen.heights)
+    if blind is not None:
+        heights[:, :, blind] = heights_u[:, :, blind] = np.nan
+    seen = replace(seen, heights=heights, heights_u=heights_u)
+    still = flights(KNOWN, "impact", seen, np.array([DRAG]))
+    moved = heights_moved("impact", seen)(KNOWN, np.array([DRAG]))
+    parts = np.stack(
+        [
+            (getattr(moved, name) - getattr(still, name))[:, 0]
+            for name in ("offset", "slope_in", "slope_out")
+        ]
+    )
+    used = [d for place, d in enumerate(DISTANCES) if place != blind]
+    design = np.vander(used, 2, increasing=True)
+    line = np.linalg.inv(design.T @ design)
+    expected = np.zeros((3, 3))
+    expected[:2, :2] = sigma[0] ** 2 * line
+    expected[2, 2] = sigma[1] ** 2 * line[1, 1]
+    assert parts @ parts.T == pytest.approx(expected, rel=1e-9, abs=1e-20)
 
 
 @pytest.mark.parametrize(

@@ -178,6 +178,7 @@ def worked(x: dict[str, np.ndarray]):
         passages=Passages(
             times=np.array([[[0.0, 0.3 / V], [0.2 + 0.3 / 6.0, 0.2]]]),
             heights=np.full((1, 2, 2), np.nan),
+            heights_u=np.zeros((1, 2, 2)),
             misfit=np.full((1, 2), np.nan),
         ),
         recoil=recoil,

@@ -18,15 +18,17 @@ FAST = {"reassoc", "contract", "nsz"}
 
 
 @njit(cache=True, error_model="numpy")
-def fit_boards(edges: Floats, times: Floats, heights: Floats, misfit: Floats) -> None:
-    """Fill in passages and their misfit; NaN: not seen.
+def fit_boards(
+    edges: Floats, times: Floats, heights: Floats, heights_u: Floats, misfit: Floats
+) -> None:
+    """Fill in passages, how surely their heights are known, and their misfit; NaN: not seen.
 
     Parameters
     ----------
     edges
         (shot, way, board, beam, edge) [s].
-    times, heights
-        (shot, way, board) [s], [beams above the lowest].
+    times, heights, heights_u
+        (shot, way, board) [s], [beams above the lowest], [beams].
     misfit
         Rms of the edges about the parabola and the line, (shot, way) [s].
     """
@@ -39,17 +41,19 @@ def fit_boards(edges: Floats, times: Floats, heights: Floats, misfit: Floats) ->
                 many, scale = _broken(edges[shot, way, board], places, middles, squares)
                 broken = places[:many], middles[:many], squares[:many]
                 times[shot, way, board] = heights[shot, way, board] = nan
+                heights_u[shot, way, board] = nan
                 if many < FEWEST_BEAMS:
                     continue
                 about = broken[0].mean()
                 for i in range(many):
                     places[i] -= about
-                top, off_top = _top(broken, scale)
+                top, top_u, off_top = _top(broken, scale)
                 if not abs(top) < beams:
                     continue
                 mean, lean, off_line = _line(broken)
                 times[shot, way, board] = mean + lean * top
                 heights[shot, way, board] = about + top
+                heights_u[shot, way, board] = top_u
                 rest += off_line + off_top / 4
                 degrees += 2 * many - 5
             misfit[shot, way] = sqrt(rest / degrees) if degrees > 0 else nan
@@ -73,10 +77,12 @@ def _broken(edges: Floats, places: Floats, middles: Floats, squares: Floats) -> 
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
-def _top(broken: Beams, scale: float) -> tuple[float, float]:
-    """Return the top of the parabola through the squares, and what the chords are off it, squared.
+def _top(broken: Beams, scale: float) -> tuple[float, float, float]:
+    """Return the top of the parabola through the squares, its u, and what the chords are off it.
 
-    An edge's noise moves the square of a chord in proportion to the chord.
+    The last one squared. An edge's noise moves the square of a chord in proportion to the chord,
+    a beam's threshold by the same of any chord. Thresholds tell more of the top's uncertainty:
+    it is reckoned from squares that all scatter alike, which is a little much for edges.
     """
     places, _, squares = broken
     s0, s1, s2, s3, s4 = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -92,11 +98,19 @@ def _top(broken: Beams, scale: float) -> tuple[float, float]:
     b2 = (q2 - d12 / d11 * q1) / (d22 - d12 / d11 * d12)
     b1 = (q1 - d12 * b2) / d11
     b0 = (r0 - s1 * b1 - s2 * b2) / s0
-    off = 0.0
+    top = -b1 / (2 * b2)
+    off, scatter, gain = 0.0, 0.0, 0.0
     for i in range(places.size):
         x, y = places[i], squares[i]
-        off += (scale * (y - b0 - b1 * x - b2 * x**2)) ** 2 / (4 * max(y, FAINTEST))
-    return -b1 / (2 * b2), off
+        rest = y - b0 - b1 * x - b2 * x**2
+        off += (scale * rest) ** 2 / (4 * max(y, FAINTEST))
+        scatter += rest**2 / (places.size - 3)
+        # what the top makes of this square
+        tilt, bend = x - s1 / s0, x**2 - s2 / s0
+        bend = (bend - d12 / d11 * tilt) / (d22 - d12 / d11 * d12)
+        tilt = (tilt - d12 * bend) / d11
+        gain += ((tilt + 2 * top * bend) / (2 * b2 * max(y, FAINTEST))) ** 2
+    return top, sqrt(scatter * gain), off
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")

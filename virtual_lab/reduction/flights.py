@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.reduction.gates import Passages
 
-__all__ = ["Flights", "Flown", "flights", "gate_count", "timed"]
+__all__ = ["Flights", "Flown", "flights", "gate_count", "heights_moved", "timed"]
 
 Array = NDArray[np.float64]
 
@@ -83,6 +83,38 @@ def flights(x: Mapping[str, Array], stage: str, seen: Passages, drag: Array) -> 
 def timed(stage: str, seen: Passages) -> Flown:
     """Return what tells the flights of a stage's passages, as `flights` does."""
     return lambda x, drag: flights(x, stage, seen, drag)
+
+
+def heights_moved(stage: str, seen: Passages) -> Flown:
+    """Return what tells the flights, (3, shot), of one set of constants, heights moved by their u.
+
+    What a way's heights tell best, one thing a row, as their errors there are independent: the
+    level in midway between the gates, the slope in, the slope out.
+    """
+
+    def moved(x: Mapping[str, Array], drag: Array) -> Flights:
+        found = flights(x, stage, seen, drag)
+        distances = np.array(
+            [x[f"{stage}.gates.distance_{i}"] for i in range(gate_count(x, stage))]
+        )
+        known = np.isfinite(seen.heights)
+        many = np.maximum(known.sum(axis=-1), 1)
+        middle = known @ distances / many
+        off = np.where(known, distances - middle[..., None], 0.0)
+        squares = np.sum(np.where(known, seen.heights_u, 0.0) ** 2, axis=-1) / many
+        base = np.sum(off**2, axis=-1)
+        level = np.sqrt(squares / many)[:, 0]
+        slope_in, slope_out = np.sqrt(squares / np.where(base > 0, base, np.inf)).T
+        still = np.zeros_like(level)
+        return Flights(
+            speed_in=found.speed_in,
+            speed_out=found.speed_out,
+            offset=found.offset + np.stack([level, -middle[:, 0] * slope_in, still]),
+            slope_in=found.slope_in + np.stack([still, slope_in, still]),
+            slope_out=found.slope_out + np.stack([still, still, slope_out]),
+        )
+
+    return moved
 
 
 def _by_gate(values: Array) -> Array:

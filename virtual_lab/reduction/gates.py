@@ -27,12 +27,16 @@ class Passages:
 
     times: Array  # [s]
     heights: Array  # above the gates' own zeros [m]
+    heights_u: Array  # of each height, by the scatter of its edges; 0 where there are none [m]
     misfit: Array  # rms of the edges about the parabola and the line, (shot, way) [s]
 
     def part(self, chosen: NDArray[np.bool_]) -> Passages:
         """Return some of the shots."""
         return Passages(
-            times=self.times[chosen], heights=self.heights[chosen], misfit=self.misfit[chosen]
+            times=self.times[chosen],
+            heights=self.heights[chosen],
+            heights_u=self.heights_u[chosen],
+            misfit=self.misfit[chosen],
         )
 
     @property
@@ -65,13 +69,20 @@ def passages(
     else:
         times = record.times.mean(axis=-1)
         heights = np.full(times.shape, np.nan)
-    return Passages(times=times, heights=heights, misfit=np.full(times.shape[:2], np.nan))
+    return Passages(
+        times=times,
+        heights=heights,
+        heights_u=np.zeros(times.shape),
+        misfit=np.full(times.shape[:2], np.nan),
+    )
 
 
 def _of_boards(record: BoardRecord, lowest: float, pitch: float) -> Passages:
     from virtual_lab.reduction.boards_kernel import fit_boards
 
-    times, heights = np.empty((2, *record.times.shape[:3]))
+    times, heights, heights_u = np.empty((3, *record.times.shape[:3]))
     misfit = np.empty(times.shape[:2])
-    fit_boards(record.times, times, heights, misfit)
-    return Passages(times=times, heights=lowest + pitch * heights, misfit=misfit)
+    fit_boards(record.times, times, heights, heights_u, misfit)
+    return Passages(
+        times=times, heights=lowest + pitch * heights, heights_u=pitch * heights_u, misfit=misfit
+    )
