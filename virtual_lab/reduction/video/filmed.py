@@ -55,13 +55,13 @@ def filmed(x: Constants, stage: str, seen: Sightings, drag: Array, timed: Flight
     # heights change slowly along the way: how far a ball is, the first set of constants tells
     first = {name: np.ravel(value)[:1, None] for name, value in x.items() if _of(stage, name)}
     level = np.asarray(timed.offset).reshape(-1, len(seen.times))[:1, :, None]
-    ahead = -_places(first, stage, seen, level)[0, ..., 0]
+    ahead = -_places(first, stage, seen, level)[0][0]
     slope = np.where(seen.out, timed.slope_out[..., None], timed.slope_in[..., None])
     speed = np.where(seen.out, timed.speed_out[..., None], timed.speed_in[..., None])
     fallen = STANDARD_GRAVITY / 2 * (ahead / speed) ** 2
     height = np.asarray(timed.offset)[..., None] + slope * ahead - fallen
-    places = _places(x, stage, seen, height)
-    ahead, along = -places[..., 0], places[..., 1]
+    beyond, along = _places(x, stage, seen, height)
+    ahead = -beyond
     kappa = np.asarray(drag)[..., None]
     way = time_before(ahead, 1.0, np.where(seen.out, -kappa, kappa))
     clock = x[f"{stage}.camera.clock"]
@@ -129,35 +129,33 @@ def _u(seen: Sightings, parts: Array) -> Array:
     return np.asarray(np.sqrt(noise + worst))
 
 
-def _places(x: Constants, stage: str, seen: Sightings, height: Array) -> Array:
-    """Return the ball's centre in the rig's axes from its picture, (..., shot, frame, 2) [m]."""
+def _places(x: Constants, stage: str, seen: Sightings, height: Array) -> tuple[Array, Array]:
+    """Return the ball's centre in the rig's axes from its picture: X, Y (..., shot, frame) [m]."""
 
     def of(name: str) -> Array:
         return np.asarray(x[f"{stage}.camera.{name}"])[..., None]
 
-    rays = _rays(x, stage, seen)
+    u, v, bent = _rays(x, stage, seen)
     tilt = np.stack(
         [np.asarray(x[f"{stage}.camera.tilt_{axis}"]).reshape(-1) for axis in "xyz"], axis=-1
     )
     several = np.ndim(x[f"{stage}.camera.tilt_x"]) > 0
     turn = looking_down(tilt)[:, None, None] if several else looking_down(tilt[0])
-    level = of("plane") + height
-    # a sphere is seen somewhat farther out than its centre, by 1 / (1 - R²/Z²), and a lens that
-    # bends moves the middle of a disc by 3 k1 + 9 k2 r² of that beyond where it moves its centre
-    opening = (np.asarray(x["ball.radius"])[..., None] / (of("place_z") - level)) ** 2
-    bent = 3 * of("k1") + 9 * of("k2") * np.sum(rays**2, axis=-1)
-    rays = rays * (1 - opening * (1 + bent))[..., None]
-    u, v = rays[..., 0], rays[..., 1]
+    below = of("place_z") - of("plane") - height
+    # a sphere is seen somewhat farther out than its centre, by 1 / (1 - R²/Z²)
+    shrink = 1 - (np.asarray(x["ball.radius"])[..., None] / below) ** 2 * bent
+    u, v = u * shrink, v * shrink
     way = [
         turn[..., 0, axis] * u + turn[..., 1, axis] * v + turn[..., 2, axis] for axis in range(3)
     ]
-    reach = (level - of("place_z")) / way[2]
-    return np.stack([of("place_x") + reach * way[0], of("place_y") + reach * way[1]], axis=-1)
+    reach = -below / way[2]
+    return of("place_x") + reach * way[0], of("place_y") + reach * way[1]
 
 
-def _rays(x: Constants, stage: str, seen: Sightings) -> Array:
-    """Return the directions of pixels in axes of the camera, (..., shot, frame, 2).
+def _rays(x: Constants, stage: str, seen: Sightings) -> list[Array]:
+    """Return the directions of pixels in axes of the camera, x/z, y/z, (..., shot, frame).
 
+    And how much farther than its centre a lens that bends moves the middle of a disc there.
     Of many sets of constants few differ in the lens, and each lens is reckoned with once.
     """
     columns = np.broadcast_arrays(*(x[f"{stage}.camera.{name}"] for name in LENS))
@@ -165,8 +163,10 @@ def _rays(x: Constants, stage: str, seen: Sightings) -> Array:
     lenses, which = np.unique(sets, axis=0, return_inverse=True)
     focal, centre_x, centre_y, *bend = (column[:, None, None] for column in lenses.T)
     flat = np.stack([(seen.x - centre_x) / focal, (seen.y - centre_y) / focal], axis=-1)
-    rays = undistorted(flat, bend)[np.ravel(which)]
-    return rays if columns[0].ndim else np.asarray(rays[0])
+    u, v = np.moveaxis(undistorted(flat, bend), -1, 0)
+    bent = 1 + 3 * bend[0] + 9 * bend[1] * (u**2 + v**2)
+    rows = np.ravel(which) if columns[0].ndim else 0
+    return [each[rows] for each in (u, v, bent)]
 
 
 def _of(stage: str, name: str) -> bool:
