@@ -8,6 +8,7 @@ from scipy.special import ndtr
 from tests.reduction.video.stitched import LENS, Array, Scene, scene
 from virtual_lab.errors import InputError
 from virtual_lab.reduction.video.edge import Edged, fit_edge
+from virtual_lab.reduction.video.edge_cover import covered
 from virtual_lab.reduction.video.edge_profiles import FIRST, PER, profiles
 from virtual_lab.reduction.video.located import Flag
 from virtual_lab.reduction.video.refining import Optics, refine
@@ -36,7 +37,7 @@ def errors(seen: Scene, found: Edged) -> tuple[Array, Array]:
     [
         ("soft", 0, 0.010),
         ("soft", 2, 0.010),
-        ("soft", 6, 0.025),
+        ("soft", 6, 0.020),
         ("back", 2, 0.005),
         ("side", 0, 0.10),
         ("side", 6, 0.10),
@@ -49,8 +50,25 @@ def test_a_stitched_ball_is_placed(light: str, blur: float, worst: float) -> Non
     assert not found.located.flags.any()
     off, pulls = errors(seen, found)
     assert max(map(rms, off)) < worst
-    assert 0.6 < rms(pulls) < 1.5
+    assert 0.5 < rms(pulls) < 1.5  # seams that hide at the rim are rare, and reckoned with
     assert np.median(np.abs(pulls)) < 1.2
+
+
+@pytest.mark.parametrize("hidden", [0.0, 0.3, 0.5])
+def test_a_rim_that_is_not_seen_is_told(hidden: float) -> None:
+    """What stands before a ball stood before its background too: the share of a thin ring."""
+    side, radius, middle = 101, 36.0, 50.0
+    rows, columns = np.mgrid[:side, :side]
+    back = np.where(columns > middle + radius * np.cos(np.pi * hidden), 110.0, 40.0)
+    away = np.hypot(columns - middle, rows - middle)
+    region = np.where((away < radius) & (back < 100), 190.0, back)
+    use, noise = np.ones((side, side), np.uint8), np.array([0.0, 4.0, 0.0, 0.0, 255.0])
+    told = covered(region, use, back, middle, middle, radius, 1.0, np.zeros(2), noise)
+    # the chord cuts the ring's middle, 3 pixels inside the rim, a little later
+    ring = np.arccos(np.cos(np.pi * hidden) * radius / (radius - 3)) / np.pi if hidden else 0.0
+    assert told == pytest.approx(ring, abs=0.01)
+    dim = np.where(region > 180, 40.0 + 10 * 2, region)  # 10 sigma over what is behind
+    assert covered(dim, use, back, middle, middle, radius, 1.0, np.zeros(2), noise) == 0.0
 
 
 def test_a_plain_ball_costs_no_more_than_twice_its_bound() -> None:
@@ -134,7 +152,7 @@ def test_no_ball_is_not_found() -> None:
 def test_tables_have_closed_forms() -> None:
     """A level's edge is the normal distribution, a level that falls with depth its integral."""
     radius, width = 20.0, 0.8
-    table = profiles(radius, width, 6.0).table
+    table = profiles(radius, width, 6.0, 0.0).table
     t = FIRST + np.arange(len(table)) / PER
     density = np.exp(-(t**2) / 2) / np.sqrt(2 * np.pi)
     columns = table.shape[1] // 2

@@ -8,13 +8,16 @@ import numpy as np
 import pytest
 
 from tests.instruments.camera.scenes import camera_of, course_of, spec_of
+from tests.reduction.video.plain import located
 from tests.reduction.video.stitched import LENS, scene
 from tests.reduction.video.test_tracking import KNOWN, RATE, SCENES, require
 from virtual_lab.instruments.camera.film import whole_frames
 from virtual_lab.instruments.camera.shots import take
 from virtual_lab.reduction.video.calibration_file import CameraModel, ClipCalibration
+from virtual_lab.reduction.video.clip import Clip
 from virtual_lab.reduction.video.noise import Noise
 from virtual_lab.reduction.video.quick import quick
+from virtual_lab.reduction.video.reading import Source
 from virtual_lab.reduction.video.refined import Refined, locate
 from virtual_lab.reduction.video.regions import Regions
 from virtual_lab.reduction.video.seeing import lens_of, noise_of_ball
@@ -132,6 +135,57 @@ def test_one_radius_serves_all_regions() -> None:
     assert not found.flags.any()
     assert np.sqrt(np.mean((found.x - seen.x) ** 2)) < 0.05
     assert np.sqrt(np.mean((found.y - seen.y) ** 2)) < 0.05
+
+
+@pytest.mark.parametrize("seed", [12, 13, 18])
+def test_what_hides_at_the_rim_is_reckoned_with(seed: int) -> None:
+    """A seam that runs along the rim looks like the outline; no place is off by 5 of its u."""
+    seen = scene("soft", 2, seed=seed)
+    middle = (seen.regions.shape[2] / 2, seen.regions.shape[1] / 2)
+    found = locate(
+        seen_of(seen.regions, 40.0), seen.start(), noise=seen.noise, lens=LENS, middle=middle
+    )
+    assert found.pattern_u is not None
+    off = np.stack([found.x - seen.x, found.y - seen.y])
+    pulls = off / np.hypot(np.stack([found.x_u, found.y_u]), found.pattern_u)
+    assert np.abs(pulls).max() < 5
+    assert np.sqrt(np.mean(off**2)) < 0.010
+
+
+def test_a_poor_start_makes_no_poorer_place() -> None:
+    """Off by 4 pixels, the radius by a tenth: the occlusion model comes near enough."""
+    seen = scene("soft", count=40)
+    middle = (seen.regions.shape[2] / 2, seen.regions.shape[1] / 2)
+    start = seen.start(off=4.0)
+    start.radius[:] *= 1.1
+    found = locate(seen_of(seen.regions, 40.0), start, noise=seen.noise, lens=LENS, middle=middle)
+    assert not found.flags.any()
+    assert np.sqrt(np.mean((found.x - seen.x) ** 2)) < 0.012
+    assert np.sqrt(np.mean((found.y - seen.y) ** 2)) < 0.012
+
+
+def test_a_place_that_two_ways_tell_is_as_uncertain_as_they_differ() -> None:
+    """A ball squeezed by a tenth is no model's: rays find it, and what the fits say is reckoned."""
+    rows, columns = np.mgrid[:101, :101]
+    inside = np.hypot((columns - 50.3) / 1.1, rows - 49.8) < 30
+    picture = cv2.GaussianBlur(np.where(inside, 190.0, 40.0), (0, 0), 0.8)
+    noise = np.random.default_rng(4).normal(0, 1.5, (24, 101, 101))
+    regions = np.clip(np.round(picture + noise), 0, 255).astype(np.uint8)
+    clip = Clip(
+        source=Source(path=Path("made"), declared=0, read=lambda: iter(())),
+        times=np.zeros(0),
+        shape=(101, 101),
+        full_scale=255.0,
+        samples=np.clip(np.round(40 + noise), 0, 255).astype(np.uint8),
+        sampled=np.arange(24),
+        warnings=(),
+    )
+    start = located(np.full(24, 50.0), np.full(24, 50.0), 31.0)
+    found = Refined()(clip, seen_of(regions, 40.0), start)
+    told = (found.flags == 0) & np.isfinite(found.x)
+    assert not (np.abs(found.x - 50.3)[told] > 5 * found.x_u[told]).any()
+    assert not (np.abs(found.y - 49.8)[told] > 5 * found.y_u[told]).any()
+    assert ((found.flags > 0) | (found.x_u > 0.005)).all()
 
 
 def test_a_shadow_needs_no_pattern() -> None:

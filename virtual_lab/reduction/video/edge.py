@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from virtual_lab.errors import InputError
-from virtual_lab.reduction.video.located import Located
+from virtual_lab.reduction.video.located import Flag, Located
 from virtual_lab.reduction.video.noise import Noise
 from virtual_lab.reduction.video.refining import PIXEL, Mask, checked
 
@@ -27,8 +27,10 @@ ARC = 3.0  # pixels along the rim that one sector has
 SECTORS = (24, 96)
 MISFIT = 3.0  # chi^2 on the outline, of a pattern finer than a sector too
 OVAL = 0.003  # of an outline, as far as nobody knows: a camera that looks at the ball squarely
-FAINT = 150.0  # standard uncertainties in the radius: with fewer there is no outline
+FAINT = 100.0  # standard uncertainties in the radius: with fewer there is no outline
 GENEROUS = 1.5  # seams are no random field: what hides at the rim shifts more than one would
+HIDDEN = 0.3  # of what a pattern at the rim would shift the place by, were it the outline
+COVERED = 0.25  # of the rim; the side that a light does not reach may be as dark as what is behind
 RISE = 1e3  # DN over a region: a background's slope is less
 
 
@@ -118,7 +120,7 @@ def fit_edge(
         width = sqrt(lens**2 + PIXEL)
         radius = float(np.median(p[usable, at.RADIUS]))
         longest = float(np.hypot(*ways[usable].T).max())
-        known = profiles(radius, width, min(INSIDE + longest, radius))
+        known = profiles(radius, width, INSIDE, longest)
         kernel.refine(
             pixels,
             use,
@@ -130,6 +132,7 @@ def fit_edge(
             INSIDE,
             known.table,
             known.stiffness,
+            known.hides,
             noise.figures,
             int(np.clip(round(2 * pi * radius / ARC), *SECTORS)),
             state,
@@ -179,7 +182,9 @@ def _edged(
     pattern = GENEROUS * np.sqrt(np.maximum(shifts, 0.0) * grown)
     whole = np.hypot(own, pattern)
     whole[whole.max(axis=1) * FAINT > p[:, at.RADIUS]] = np.nan
+    pattern[:, :2] = np.hypot(pattern[:, :2], HIDDEN * state[:, kernel.SWAY, None])
     flags, lost = judged(p, whole, said, shape, misfit=MISFIT)
+    flags[~lost & (state[:, kernel.COVERED] > COVERED)] |= np.uint16(Flag.OVERLAP)
     p[lost], own[lost], pattern[lost], whole[lost] = np.nan, np.nan, np.nan, np.nan
     located = Located(
         x=p[:, at.X] + corners[:, 0],

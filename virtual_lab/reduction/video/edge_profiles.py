@@ -20,9 +20,10 @@ Array = NDArray[np.float64]
 FIRST, PER = -5.0, 32  # where tables begin, widths inside the edge; entries a width
 SHADES = 3  # columns before the pattern's: a level, the way to the side, the facing
 FINE = 900  # depths of a quadrature
-KNOTS = 0.13  # of the facing, between a pattern's knots
+KNOTS = 0.11  # of the facing, between a pattern's knots
 DEEPEST = 0.9  # facing beyond which a pattern goes on as it is
-LIKE = 0.15  # rad over which a pattern's brightness is alike, about
+NEAR = 0.15  # of the blur: what is so near the outline is easily taken for it
+LIKE = 0.3  # rad over which a pattern's brightness is alike, about
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,6 +32,7 @@ class Profiles:
 
     table: Array  # (entry, 2 column): columns, then their derivatives by the depth in widths
     stiffness: Array  # (knot, knot): inverse covariance of a pattern's knots, variance 1
+    hides: Array  # (knot,) [pixel]: an outline that far inward would look much like the knot
 
     @property
     def knots(self) -> int:
@@ -38,7 +40,7 @@ class Profiles:
         return int(self.stiffness.shape[0])
 
 
-def profiles(radius: float, width: float, depth: float) -> Profiles:
+def profiles(radius: float, width: float, inside: float, blur: float) -> Profiles:
     """Return tables for balls of about a radius [pixel].
 
     Parameters
@@ -47,9 +49,12 @@ def profiles(radius: float, width: float, depth: float) -> Profiles:
         Of the outline [pixel].
     width
         Standard deviation of lens and pixel [pixel].
-    depth
-        How far inside the outline pixels are looked at [pixel].
+    inside
+        How far inside the outline pixels are looked at, blur apart [pixel].
+    blur
+        How far the ball moves in an exposure [pixel].
     """
+    depth = min(inside + blur, radius)
     deepest = min(float(_facing(np.array(depth), radius)), DEEPEST)
     facings = np.linspace(0.0, deepest, max(3, 1 + round(deepest / KNOTS)))
     reach = 6.0 * width + depth
@@ -71,6 +76,7 @@ def profiles(radius: float, width: float, depth: float) -> Profiles:
     return Profiles(
         table=np.ascontiguousarray(np.concatenate([values, slopes], axis=1)),
         stiffness=np.linalg.inv(like),
+        hides=columns[:, SHADES:].T @ (steps * np.exp(-middles / (width + NEAR * blur))),
     )
 
 

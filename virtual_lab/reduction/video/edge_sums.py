@@ -105,29 +105,31 @@ def _add(
     shared: Floats,
 ) -> None:
     """Add a pixel's part to the normal equations, a `share` of its pattern to the next sector."""
-    knots, total = hats.size, shared.shape[0]
+    knots = hats.size
+    j[COUNT] = left
     first, last = (0, COUNT) if k >= 0 else (LEVEL, PLAIN)
     for a in range(first, last):
         part = weight * j[a]
-        for b in range(first, a + 1):
-            shared[knots + a, knots + b] += part * j[b]
-        shared[knots + a, total] += part * left
+        row = shared[knots + a]
+        for b in range(COUNT + 1):
+            row[knots + b] += part * j[b]
     if k < 0:
         return
     other = (k + 1) % blocks.shape[0]
     for i in range(knots):
         one = weight * hats[i]
         here, there = one * (1.0 - share), one * share
-        for a in range(COUNT):
-            border[k, i, knots + a] += here * j[a]
-            border[other, i, knots + a] += there * j[a]
-        border[k, i, total] += here * left
-        border[other, i, total] += there * left
+        row, next_row = border[k, i], border[other, i]
+        for a in range(COUNT + 1):
+            row[knots + a] += here * j[a]
+        for a in range(COUNT + 1):
+            next_row[knots + a] += there * j[a]
         own, next_own, link = here * (1.0 - share), there * share, here * share
+        block, next_block, bond = blocks[k, i], blocks[other, i], links[k, i]
         for b in range(knots):
-            blocks[k, i, b] += own * hats[b]
-            blocks[other, i, b] += next_own * hats[b]
-            links[k, i, b] += link * hats[b]
+            block[b] += own * hats[b]
+            next_block[b] += next_own * hats[b]
+            bond[b] += link * hats[b]
 
 
 @njit(inline="always", **FINE)
@@ -215,7 +217,7 @@ def gather(
     blocks[:], links[:], border[:], shared[:], tally[:] = 0.0, 0.0, 0.0, 0.0, 0.0
     rows, cols = region.shape
     knots, columns = pattern.shape[1], table.shape[1] // 2
-    values, local, j = np.zeros(columns + 2), np.empty(knots), np.zeros(COUNT)
+    values, local, j = np.zeros(columns + 2), np.empty(knots), np.zeros(COUNT + 1)
     hats = values[SHADES:columns]
     along = sqrt(way[0] * way[0] + way[1] * way[1])
     oval = p[RADIUS] * (abs(p[OVAL_C]) + abs(p[OVAL_S]))

@@ -33,9 +33,12 @@ POOLED = 6  # regions at least that tell what all share
 MODEL = 1e-3  # pixels that an outline which is no perfect circle moves a plain ball by
 OVAL = 0.01  # of an outline at first
 STRANGE = 3.0  # standard uncertainties that a radius may be off by
-SHARED = 0.02, 2e-4  # least uncertainties of what is shared: radius [pixel], oval
+SHARED = 0.004, 2e-4  # least uncertainties of what is shared: radius [pixel], oval
 NAMES = tuple(each.name for each in fields(Located))
 CUT = Flag.CLIPPED | Flag.SATURATED
+SPOILT = Flag.NOT_FOUND | Flag.POOR_FIT
+FAR = 0.05  # of the radius: a fit that goes so far from its start may be led astray
+NEAR = 0.15  # of the radius, from where the ball was found to the occlusion model
 
 
 @dataclass(slots=True)
@@ -46,18 +49,26 @@ class Refined:
 
     def __call__(self, clip: Clip, seen: Regions, start: Located) -> Located:
         """Return the ball's places in the full frame."""
-        rough = quick(clip, seen, start)
-        found = (rough.flags | np.uint16(CUT)) == CUT
-        begin = _chosen(found, replace(rough, pattern_u=None), replace(start, pattern_u=None))
+        start = replace(start, pattern_u=None)
         middle = ((clip.shape[1] - 1) / 2, (clip.shape[0] - 1) / 2)
         if not self.known:
-            noise = noise_of_ball(noise_of_clip(clip), seen, begin)
-            self.known = {"noise": noise, "lens": lens_of(seen, begin, noise, middle)}
-        fine = locate(seen, begin, middle=middle, **self.known)
-        # what touches the ball the rays see; where a fit fails they may still do
-        fine.flags[(rough.flags & Flag.OVERLAP) > 0] |= np.uint16(Flag.OVERLAP)
-        spoilt = (fine.flags & (Flag.NOT_FOUND | Flag.POOR_FIT)) > 0
-        return _chosen(spoilt & (rough.flags == 0), rough, fine)
+            tried = _spread(len(start.x))
+            first, begin = seen.part(tried), part_of(start, tried)
+            begin = _nearer(begin, quick(clip, first, begin))
+            noise = noise_of_ball(noise_of_clip(clip), first, begin)
+            self.known = {"noise": noise, "lens": lens_of(first, begin, noise, middle)}
+        fine = locate(seen, start, middle=middle, **self.known)
+        far = np.hypot(fine.x - start.x, fine.y - start.y) > FAR * start.radius
+        spoilt = np.flatnonzero((fine.flags & SPOILT > 0) | far)
+        if not spoilt.size:
+            return fine
+        # a better start may be all that is missing
+        some, begin = seen.part(spoilt), part_of(start, spoilt)
+        rough = quick(clip, some, begin)
+        again = locate(some, _nearer(begin, rough), middle=middle, **self.known)
+        poor = (again.flags & Flag.POOR_FIT > 0) & (rough.flags == 0)
+        again = _chosen(poor, _as_far_apart(rough, again), again)
+        return _put(again, spoilt, fine)
 
 
 def locate(
@@ -96,7 +107,15 @@ def locate(
     holds &= plain.chi_square < HOLDS
     if holds.mean() >= MOST:
         return plain
-    tried = np.unique(np.linspace(0, len(start.x) - 1, min(len(start.x), TRIED)).astype(int))
+    # where half the rim is dark the occlusion model takes the lit part for a smaller ball
+    near = np.abs(plain.radius / start.radius - 1) < NEAR
+    start = replace(
+        start,
+        x=np.where(near, plain.x, start.x),
+        y=np.where(near, plain.y, start.y),
+        radius=np.where(near, plain.radius, start.radius),
+    )
+    tried = _spread(len(start.x))
     some = _fitted(seen, tried, start, noise, lens, behind, mask, oval_u=OVAL)
     all_ = np.arange(len(start.x))
     good = (some.located.flags == 0) & np.isfinite(some.radius_u)
@@ -214,10 +233,42 @@ def _radius(found: Edged, good: Mask, oval: Array) -> tuple[Array, float]:
     return design @ solved, max(SHARED[0], float(spread))
 
 
+def _spread(count: int) -> NDArray[np.intp]:
+    """Return some of so many regions."""
+    return np.unique(np.linspace(0, count - 1, min(count, TRIED)).astype(int))
+
+
+def _nearer(start: Located, rough: Located) -> Located:
+    """Return where quick saw the ball, or may have, and the start elsewhere."""
+    found = (rough.flags | np.uint16(CUT)) == CUT
+    return _chosen(found, replace(rough, pattern_u=None), start)
+
+
+def _as_far_apart(rough: Located, fine: Located) -> Located:
+    """Return quick's places, each as uncertain as a poor fit's is off it."""
+    return replace(
+        rough,
+        x_u=np.hypot(rough.x_u, rough.x - fine.x),
+        y_u=np.hypot(rough.y_u, rough.y - fine.y),
+    )
+
+
 def _chosen(which: Mask, one: Located, other: Located) -> Located:
     """Return the regions of one where `which` says so, of the other elsewhere."""
     taken: dict[str, Any] = {}
     for name in NAMES:
         first, second = getattr(one, name), getattr(other, name)
         taken[name] = None if first is None or second is None else np.where(which, first, second)
+    return Located(**taken)
+
+
+def _put(some: Located, where: NDArray[np.intp], all_: Located) -> Located:
+    """Return all regions with some of them replaced."""
+    taken: dict[str, Any] = {}
+    for name in NAMES:
+        whole, part = getattr(all_, name), getattr(some, name)
+        taken[name] = whole
+        if whole is not None and part is not None:
+            taken[name] = whole.copy()
+            taken[name][where] = part
     return Located(**taken)

@@ -27,6 +27,14 @@ class Regions:
     background: NDArray[np.float32]
     corners: Array  # (region, 2): x, y of each first pixel in the frame
 
+    def part(self, which: NDArray[np.intp]) -> Regions:
+        """Return some of the regions."""
+        return Regions(
+            pixels=self.pixels[which],
+            background=self.background[which],
+            corners=self.corners[which],
+        )
+
 
 class Locator(Protocol):
     """Where the ball is in each region, from where it is to a tenth of its radius or so."""
