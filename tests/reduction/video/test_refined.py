@@ -137,19 +137,20 @@ def test_one_radius_serves_all_regions() -> None:
     assert np.sqrt(np.mean((found.y - seen.y) ** 2)) < 0.05
 
 
-@pytest.mark.parametrize("seed", [12, 13, 18])
-def test_what_hides_at_the_rim_is_reckoned_with(seed: int) -> None:
+def test_what_hides_at_the_rim_is_reckoned_with() -> None:
     """A seam that runs along the rim looks like the outline; no place is off by 5 of its u."""
-    seen = scene("soft", 2, seed=seed)
-    middle = (seen.regions.shape[2] / 2, seen.regions.shape[1] / 2)
-    found = locate(
-        seen_of(seen.regions, 40.0), seen.start(), noise=seen.noise, lens=LENS, middle=middle
-    )
-    assert found.pattern_u is not None
-    off = np.stack([found.x - seen.x, found.y - seen.y])
-    pulls = off / np.hypot(np.stack([found.x_u, found.y_u]), found.pattern_u)
+    off, pulls = [], []
+    for seed in (12, 13, 14, 18):  # each alone, with no radius in common, 4 in 400 are
+        seen = scene("soft", 2, seed=seed)
+        middle = (seen.regions.shape[2] / 2, seen.regions.shape[1] / 2)
+        found = locate(
+            seen_of(seen.regions, 40.0), seen.start(), noise=seen.noise, lens=LENS, middle=middle
+        )
+        assert found.pattern_u is not None
+        off.append(np.stack([found.x - seen.x, found.y - seen.y]))
+        pulls.append(off[-1] / np.hypot(np.stack([found.x_u, found.y_u]), found.pattern_u))
+    assert np.sqrt(np.mean(np.square(off))) < 0.010
     assert np.abs(pulls).max() < 5
-    assert np.sqrt(np.mean(off**2)) < 0.010
 
 
 def test_a_poor_start_makes_no_poorer_place() -> None:
