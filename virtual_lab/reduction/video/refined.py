@@ -59,6 +59,7 @@ class Refined:
             self.known = {"noise": noise, "lens": lens_of(first, begin, noise, middle)}
         fine = locate(seen, start, middle=middle, **self.known)
         far = np.hypot(fine.x - start.x, fine.y - start.y) > FAR * start.radius
+        far |= np.abs(fine.radius - start.radius) > 2 * FAR * start.radius
         spoilt = np.flatnonzero((fine.flags & SPOILT > 0) | far)
         if not spoilt.size:
             return fine
