@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import IntFlag
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Flag", "Located"]
+__all__ = ["Flag", "Located", "chosen", "part_of", "put"]
 
 Array = NDArray[np.float64]
 
@@ -43,3 +44,29 @@ class Located:
     flags: NDArray[np.uint16]  # bits of `Flag`
     # what the ball's own pattern may shift it by, alike in neighbouring frames [pixels]
     pattern_u: Array | None = None
+
+
+def part_of(all_: Located, which: NDArray[np.intp]) -> Located:
+    """Return some of the regions."""
+    return Located(**{name: given[which] for name, given in _given(all_).items()})
+
+
+def chosen(which: NDArray[np.bool_], one: Located, other: Located) -> Located:
+    """Return the regions of one where `which` says so, of the other elsewhere."""
+    first, second = _given(one), _given(other)
+    both = first.keys() & second.keys()
+    return Located(**{name: np.where(which, first[name], second[name]) for name in both})
+
+
+def put(some: Located, where: NDArray[np.intp], all_: Located) -> Located:
+    """Return all regions with some of them replaced."""
+    taken = _given(all_)
+    for name in taken.keys() & _given(some).keys():
+        taken[name] = taken[name].copy()
+        taken[name][where] = getattr(some, name)
+    return Located(**taken)
+
+
+def _given(located: Located) -> dict[str, Any]:
+    values = {each.name: getattr(located, each.name) for each in fields(Located)}
+    return {name: value for name, value in values.items() if value is not None}

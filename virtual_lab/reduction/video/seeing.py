@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.reduction.video.clip import Clip
 from virtual_lab.reduction.video.edge import Edged, fit_edge
-from virtual_lab.reduction.video.located import Located
+from virtual_lab.reduction.video.located import Located, part_of
 from virtual_lab.reduction.video.noise import Noise
 from virtual_lab.reduction.video.refining import Optics, refine
 from virtual_lab.reduction.video.regions import Regions
 
-__all__ = ["lens_of", "noise_of_ball", "noise_of_clip", "part_of"]
+__all__ = ["lens_of", "noise_of_ball", "noise_of_clip"]
 
 Array = NDArray[np.float64]
 
@@ -108,15 +107,6 @@ def _score(found: Edged) -> float:
     u = located.x_u**2 + located.y_u**2 + found.x_pattern_u**2 + found.y_pattern_u**2
     each = np.log(located.chi_square * u)
     return float(np.median(np.where(np.isfinite(each), each, WORST)))
-
-
-def part_of(start: Located, tried: NDArray[np.intp]) -> Located:
-    """Return some of the regions."""
-    given = {name: getattr(start, name) for name in Located.__dataclass_fields__}
-    taken: dict[str, Any] = {
-        name: None if each is None else each[tried] for name, each in given.items()
-    }
-    return Located(**taken)
 
 
 def _least(logs: Array, scores: Array) -> float:

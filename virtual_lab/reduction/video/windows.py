@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ from virtual_lab.estimate import Estimate
 from virtual_lab.records import ClipRecord, TrackRecord
 from virtual_lab.reduction.video.located import Flag, Located
 from virtual_lab.reduction.video.noise import ROUNDING, Noise
+from virtual_lab.reduction.video.placing import place
+from virtual_lab.reduction.video.refining import Optics
+from virtual_lab.reduction.video.regions import Regions
 
 __all__ = ["Sightings", "sight"]
 
@@ -26,10 +29,8 @@ HALF = 0.45  # of that: what stands out more is the ball
 TOUCHING = 8e-3  # m, from the farthest the ball comes: nearer it may be on the bat
 LEAST = 4  # frames of a way
 MOST = 24  # and as many are refined: more tell little that is new, as the ball's pattern is slow
-PLAIN = 0.9  # of the windows: with more that fit an evenly bright ball, all are taken for one
 OVAL_U = 1e-3  # of outlines off the axis, as far as lens and pose are known
-POOR = Flag.NOT_FOUND | Flag.POOR_FIT
-USELESS = POOR | Flag.SATURATED | Flag.CLIPPED | Flag.OVERLAP
+USELESS = Flag.NOT_FOUND | Flag.POOR_FIT | Flag.SATURATED | Flag.CLIPPED | Flag.OVERLAP
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,16 +87,18 @@ def sight(record: ClipRecord | TrackRecord, known: Known, radius: float) -> Sigh
     kept = _spread(free & ~out) | _spread(free & out)
     chosen = np.flatnonzero(kept[shot, frame])
     table = np.full((4, *record.times.shape), np.nan)
-    for part in _parts(len(chosen)):
-        mine = chosen[part]
+    for mine in _whole_shots(chosen, shot[chosen]):
         some = shot[mine], frame[mine]
-        found = _refined(
-            pixels[some], corners[mine], background, began[some], blurs[some], size * radius, known
+        seen = Regions(
+            pixels=pixels[some],
+            background=_behind(background, corners[mine], pixels.shape[2:]),
+            corners=corners[mine],
         )
+        flight = 2 * shot[mine] + out[some]
+        found = _placed(seen, began[some], blurs[some], size * radius, known, flight)
         useful = (found.flags & USELESS) == 0
         u = np.hypot(found.x_u, found.y_u) / np.sqrt(2)
-        pattern_u = np.zeros(len(u)) if found.pattern_u is None else found.pattern_u
-        table[:, *some] = np.where(useful, [found.x, found.y, u, pattern_u], np.nan)
+        table[:, *some] = np.where(useful, [found.x, found.y, u, found.pattern_u], np.nan)
     x, y, u, pattern_u = table
     return _ways(record.times, x, y, u, pattern_u, size)
 
@@ -117,6 +120,12 @@ def _parts(count: int) -> list[slice]:
     return [slice(start, start + AT_ONCE) for start in range(0, count, AT_ONCE)]
 
 
+def _whole_shots(chosen: NDArray[np.intp], shot: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+    """Return the windows chosen in parts, those of a shot together."""
+    part = shot // (AT_ONCE // (2 * MOST))
+    return np.split(chosen, np.flatnonzero(np.diff(part)) + 1) if len(chosen) else []
+
+
 def _require_within(
     pixels: NDArray[np.generic], background: NDArray[np.generic], corners: Array
 ) -> None:
@@ -127,10 +136,12 @@ def _require_within(
         raise InputError("impact/camera", "left_px, top_px", corners[wrong.any(axis=1)][0], allowed)
 
 
-def _behind(background: NDArray[np.generic], corners: Array, side: tuple[int, int]) -> Array:
+def _behind(
+    background: NDArray[np.generic], corners: Array, side: tuple[int, ...]
+) -> NDArray[np.float32]:
     views = np.lib.stride_tricks.sliding_window_view(background, side)
     left, top = corners.astype(int).T
-    return np.asarray(views[top, left], dtype=np.float64)
+    return np.asarray(views[top, left], dtype=np.float32)
 
 
 def _start(
@@ -187,68 +198,32 @@ def _spread(free: Mask) -> Mask:
     return np.asarray(free & steps)
 
 
-def _refined(
-    windows: NDArray[np.generic],
-    corners: Array,
-    background: NDArray[np.generic],
-    places: Array,
-    blur: Array,
-    radius: float,
-    known: Known,
+def _placed(
+    seen: Regions, places: Array, blur: Array, radius: float, known: Known, flight: NDArray[np.intp]
 ) -> Located:
-    """Return the ball as a plain one where the picture is one's, else by its outline alone."""
-    from virtual_lab.reduction.video.edge import fit_edge
-    from virtual_lab.reduction.video.refining import Optics, refine
-
-    blank = np.full(len(windows), np.nan)
+    """Return the ball as the camera's calibration and all windows of its flight tell it."""
+    blank = np.full(len(places), np.nan)
     start = Located(
         x=places[:, 0],
         y=places[:, 1],
-        radius=np.full(len(windows), radius),
+        radius=np.full(len(places), radius),
         x_u=blank,
         y_u=blank,
         blur_x=blur[:, 0],
         blur_y=blur[:, 1],
         chi_square=blank,
-        flags=np.zeros(len(windows), np.uint16),
+        flags=np.zeros(len(places), np.uint16),
     )
-    behind = _behind(background, corners, (windows.shape[1], windows.shape[2]))
-    noise, lens = noise_of(known), known["blur"].value
-    plain = refine(
-        windows, corners, start, noise=noise, optics=Optics(lens=lens), background=behind
-    ).located
-    if ((plain.flags & POOR) == 0).mean() > PLAIN:
-        return plain
-    lost = ~np.isfinite(plain.x)
-    begun = replace(
+    return place(
+        seen,
         start,
-        x=np.where(lost, start.x, plain.x),
-        y=np.where(lost, start.y, plain.y),
-        radius=np.where(lost, start.radius, plain.radius),
+        noise=noise_of(known),
+        optics=Optics(lens=known["blur"].value),
+        middle=(known["centre_x"].value, known["centre_y"].value),
+        flight=flight,
+        # a sphere seen under the angle b from the axis is longer by 1 / cos b
+        oval=(1 / (2 * known["focal"].value) ** 2, OVAL_U),
     )
-    # the radius is found anew: calibrations know it to some 0.02 px, a picture by itself to 0.004
-    return fit_edge(
-        windows,
-        corners,
-        begun,
-        noise=noise,
-        lens=lens,
-        background=behind,
-        oval=_oval(begun, known),
-        oval_u=OVAL_U,
-    ).located
-
-
-def _oval(begun: Located, known: Known) -> Array:
-    """Return what an outline off the axis has of cos 2a and sin 2a, (region, 2).
-
-    A sphere seen under the angle b from the axis is longer by 1 / cos b along the way from it.
-    """
-    x, y = (
-        (at - known[f"centre_{axis}"].value) / known["focal"].value
-        for axis, at in (("x", begun.x), ("y", begun.y))
-    )
-    return np.stack([x**2 - y**2, 2 * x * y], axis=1) / 4
 
 
 def _ways(times: Array, x: Array, y: Array, u: Array, pattern_u: Array, size: float) -> Sightings:
