@@ -18,15 +18,13 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from datetime import UTC, datetime
 from itertools import product
-from pathlib import Path
 
 import cv2
 import numpy as np
 
-from tests.benchmarks.machine import vectors
-from tests.benchmarks.rows import Row, line, write_csv
+from tests.benchmarks.machine import processor_seconds
+from tests.benchmarks.rows import Row, tell
 from tests.benchmarks.trackpy_peer import DEFAULTS, TRACKPY
 from tests.reduction.video.scenes import Film
 from virtual_lab.fidelity.camera_errors import score, seconds_a_picture
@@ -60,15 +58,14 @@ def main() -> None:
     warnings.simplefilter("ignore", UserWarning)  # trackpy's, of pictures without a maximum
     words = sys.argv[1:]
     only = words[words.index("--only") + 1 :] if "--only" in words else list(PARTS)
-    print(f"locating, {datetime.now(UTC):%Y-%m-%d}, one core, {vectors()}")
-    rows = []
+    paths = words[: words.index("--only") if "--only" in words else None]
+    tell("locating", _parts(only), paths)
+
+
+def _parts(only: list[str]) -> Iterator[Row]:
     for part in only:
         print(part)
-        for row in PARTS[part]():
-            rows.append(row)
-            print(line(row), flush=True)
-    for path in words[: words.index("--only") if "--only" in words else None]:
-        write_csv(rows, Path(path))
+        yield from PARTS[part]()
 
 
 def _plain() -> Iterator[Row]:
@@ -226,7 +223,7 @@ def _finding() -> Iterator[Row]:
     for frame, x, y in zip(frames, *film.places(), strict=True):
         spots = seeker.spots(frame)
         off.append(min(np.hypot(spot.x - x, spot.y - y) for spot in spots))
-    spent = _seconds(lambda: seeker.spots(frames[3]))
+    spent = processor_seconds(lambda: seeker.spots(frames[3]), rounds=50)
     note = f"off by {np.median(off):.2f} px, at worst {max(off):.2f}"
     yield Row(
         part="finding",
@@ -247,20 +244,8 @@ def _finding() -> Iterator[Row]:
             away, cv2.HOUGH_GRADIENT, 1, 50, param1=120, param2=20, minRadius=25, maxRadius=35
         ),
     }.items():
-        spent = _seconds(work, rounds=1)
+        spent = processor_seconds(work, rounds=1)
         yield Row(part="finding", what=f"{name} in it", value=spent * 1e3, unit="ms")
-
-
-def _seconds(work: Callable[[], object], rounds: int = 50) -> float:
-    import time
-
-    work()
-    times = []
-    for _ in range(rounds):
-        begun = time.process_time()
-        work()
-        times.append(time.process_time() - begun)
-    return float(np.median(times))
 
 
 def _memory() -> Iterator[Row]:

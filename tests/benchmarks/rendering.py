@@ -12,16 +12,13 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("NUMBA_NUM_THREADS", "1")
 
 import sys
-import time
 from collections.abc import Callable, Iterator
-from datetime import UTC, datetime
 from itertools import islice
-from pathlib import Path
 
 import numpy as np
 
-from tests.benchmarks.machine import vectors
-from tests.benchmarks.rows import Row, line, write_csv
+from tests.benchmarks.machine import processor_seconds
+from tests.benchmarks.rows import Row, tell
 from tests.instruments.camera.scenes import bat_of, camera_of, course_of, spec_of
 from virtual_lab import catalog
 from virtual_lab.instruments.camera.ball import Light, axes_of, render_balls
@@ -41,20 +38,14 @@ SOFT = Light(ambient=0.6, softness=0.6)
 
 def main() -> None:
     """Measure and print; with the name of a file, write the rows there too."""
-    print(f"rendering, {datetime.now(UTC):%Y-%m-%d}, one core, {vectors()}")
-    rows = []
-    for row in _rows():
-        rows.append(row)
-        print(line(row), flush=True)
-    for path in sys.argv[1:]:
-        write_csv(rows, Path(path))
+    tell("rendering", _rows(), sys.argv[1:])
 
 
 def _rows() -> Iterator[Row]:
     for name, look in LOOKS.items():
         for blur in (0.0, 2.0, 6.0, 40.0):
             goal = REGION_GOAL if blur <= 6 else None
-            rate = REGIONS / _seconds(_balls(look, blur))
+            rate = REGIONS / processor_seconds(_balls(look, blur), ROUNDS)
             yield Row(
                 part="regions",
                 what=f"{name}, R 30, blur {blur:g} px, {SIDE} x {SIDE}",
@@ -62,10 +53,10 @@ def _rows() -> Iterator[Row]:
                 unit="1/s",
                 at_least=goal,
             )
-    noisy = REGIONS / _seconds(_exposed())
+    noisy = REGIONS / processor_seconds(_exposed(), ROUNDS)
     yield Row(part="regions", what="stitched, blur 2 px, with noise", value=noisy, unit="1/s")
     for name in (name for name in catalog.names("instruments") if name.startswith("camera-")):
-        rate = FRAMES / _seconds(_frames(name))
+        rate = FRAMES / processor_seconds(_frames(name), ROUNDS)
         yield Row(
             part="frames",
             what=f"{name}, ball, bat and noise",
@@ -118,16 +109,6 @@ def _frames(name: str) -> Callable[[], object]:
         ]
 
     return work
-
-
-def _seconds(work: Callable[[], object]) -> float:
-    """Return the median processor time [s] of `work`, done once before."""
-    times = []
-    for _ in range(ROUNDS + 1):
-        start = time.process_time()
-        work()
-        times.append(time.process_time() - start)
-    return float(np.median(times[1:]))
 
 
 if __name__ == "__main__":

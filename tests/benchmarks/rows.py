@@ -5,10 +5,13 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterable
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from math import isnan, nan
 from pathlib import Path
 
-__all__ = ["Row", "line", "write_csv"]
+from tests.benchmarks.machine import vectors
+
+__all__ = ["Row", "line", "tell", "write_csv"]
 
 COLUMNS = ("part", "what", "value", "unit", "error", "target", "verdict", "note")
 
@@ -51,6 +54,17 @@ def line(row: Row) -> str:
     goal = f"{row.target} {row.verdict}".strip()
     rest = f"{row.unit:<8}{error:>8}  {goal:<16}  {row.note}"
     return f"  {row.what:<50}{value:>9} {rest}".rstrip()
+
+
+def tell(name: str, rows: Iterable[Row], paths: Iterable[str]) -> None:
+    """Print rows as they come, under a heading, and write them as CSV to each path."""
+    print(f"{name}, {datetime.now(UTC):%Y-%m-%d}, one core, {vectors()}")
+    done = []
+    for row in rows:
+        done.append(row)
+        print(line(row), flush=True)
+    for path in paths:
+        write_csv(done, Path(path))
 
 
 def write_csv(rows: Iterable[Row], path: Path) -> None:

@@ -12,16 +12,14 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
-from datetime import UTC, datetime
-from pathlib import Path
+from itertools import count
 
 import numpy as np
 
-from tests.benchmarks.machine import vectors
-from tests.benchmarks.rows import Row, line, write_csv
+from tests.benchmarks.machine import Work, processor_seconds
+from tests.benchmarks.rows import Row, tell
 from virtual_lab import catalog
 from virtual_lab.instruments import Rung
 from virtual_lab.lab import Campaign
@@ -40,22 +38,16 @@ NORMALS = 1_000_000
 
 def main() -> None:
     """Measure and print; with the name of a file, write the rows there too."""
-    print(f"throughput, {datetime.now(UTC):%Y-%m-%d}, one core, {vectors()}")
-    rows = []
-    for row in _rows():
-        rows.append(row)
-        print(line(row), flush=True)
-    for path in sys.argv[1:]:
-        write_csv(rows, Path(path))
+    tell("throughput", _rows(), sys.argv[1:])
 
 
 def _rows() -> Iterator[Row]:
     generator = np.random.Generator(np.random.PCG64DXSM(1))
-    normals = _seconds(lambda _: generator.standard_normal(NORMALS)) / NORMALS
+    normals = processor_seconds(lambda: generator.standard_normal(NORMALS), ROUNDS) / NORMALS
     yield Row(part="machine", what="a normal number", value=normals * 1e9, unit="ns")
     for procedure in catalog.names("procedures"):
         for rung, (shots, goal) in BLOCKS.items():
-            rate = shots / _seconds(_play(procedure, rung, shots))
+            rate = shots / processor_seconds(_play(procedure, rung, shots), ROUNDS)
             yield Row(
                 part=procedure,
                 what=f"{procedure}, {rung.value}",
@@ -66,8 +58,8 @@ def _rows() -> Iterator[Row]:
             )
 
 
-def _play(procedure: str, rung: Rung, shots: int) -> Callable[[int], object]:
-    """Return what plays and reduces one block."""
+def _play(procedure: str, rung: Rung, shots: int) -> Work:
+    """Return what plays and reduces the next block."""
     laboratory = Campaign.of(BATS.get(procedure, "r161"), procedure).laboratory(1)
     session = laboratory.run(lambda _: None).certification.session
     reduced = reduce_session(session)
@@ -85,8 +77,12 @@ def _play(procedure: str, rung: Rung, shots: int) -> Callable[[int], object]:
     )
     station = laboratory.stations[Stage.IMPACT]
 
-    def work(block: int) -> object:
-        play = station.play(replace(order, block=block), laboratory.specimen, laboratory.draws)
+    blocks = count()
+
+    def work() -> object:
+        play = station.play(
+            replace(order, block=next(blocks)), laboratory.specimen, laboratory.draws
+        )
         records = {**session.records, "impact": play.records}
         readings = observe_impact(replace(session, records=records))
         by_gates = timed("impact", readings.passages)
@@ -94,16 +90,6 @@ def _play(procedure: str, rung: Rung, shots: int) -> Callable[[int], object]:
         return metric(Curve.measured(results), bat)
 
     return work
-
-
-def _seconds(work: Callable[[int], object]) -> float:
-    """Return the median processor time [s] of `work`, done once before."""
-    times = []
-    for block in range(ROUNDS + 1):
-        start = time.process_time()
-        work(block)
-        times.append(time.process_time() - start)
-    return float(np.median(times[1:]))
 
 
 if __name__ == "__main__":

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.fidelity.charts import require_files
 from virtual_lab.fidelity import camera_chart as chart
 from virtual_lab.fidelity.camera_estimators import ESTIMATORS, PLAIN
 
@@ -46,13 +46,4 @@ def test_what_the_chart_is_to_show(rows: list[Row]) -> None:
 
 
 def test_text_and_files(rows: list[Row], tmp_path: Path) -> None:
-    text = chart.text(rows)
-    assert len(text.splitlines()) == len(rows) + 1
-    assert "None" not in text
-    json.dumps(rows, allow_nan=False)
-    chart.save(rows, tmp_path / "chart")
-    assert (tmp_path / "chart" / "camera.png").read_bytes().startswith(b"\x89PNG")
-    assert len((tmp_path / "chart" / "camera.csv").read_text().splitlines()) == len(rows) + 1
-    page = (tmp_path / "chart" / "camera.html").read_text(encoding="utf-8")
-    assert page.count("<tr>") == len(rows) + 1
-    assert ">None<" not in page
+    require_files(chart, "camera", rows, tmp_path / "chart")

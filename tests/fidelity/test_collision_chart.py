@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.fidelity.charts import require_files
 from virtual_lab.fidelity import collision_chart
 
 
@@ -43,10 +44,6 @@ def test_scipy_is_held_against_the_same_modes(rows: list[dict[str, object]]) -> 
 
 
 def test_files(rows: list[dict[str, object]], tmp_path: Path) -> None:
-    collision_chart.save(rows, tmp_path / "chart")
-    assert (tmp_path / "chart" / "collision.png").read_bytes().startswith(b"\x89PNG")
-    assert len((tmp_path / "chart" / "collision.csv").read_text().splitlines()) == len(rows) + 1
-    page = (tmp_path / "chart" / "collision.html").read_text(encoding="utf-8")
-    assert page.count("<tr>") == len(rows) + 1
+    page = require_files(collision_chart, "collision", rows, tmp_path / "chart")
     assert page.count("<svg") == 1
     assert "http" not in page.replace("http://www.w3.org", "").split("</metadata>")[-1]

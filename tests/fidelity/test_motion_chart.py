@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.fidelity.charts import require_files
 from virtual_lab.fidelity import motion_chart as chart
 from virtual_lab.fidelity.naive_pymunk import missed
 
@@ -82,13 +82,4 @@ def test_the_share_missed_is_what_is_jumped(speed: float, step: float) -> None:
 
 
 def test_text_and_files(rows: list[Row], tmp_path: Path) -> None:
-    text = chart.text(rows)
-    assert len(text.splitlines()) == len(rows) + 1
-    assert "None" not in text
-    json.dumps(rows, allow_nan=False)
-    chart.save(rows, tmp_path / "chart")
-    assert (tmp_path / "chart" / "motion.png").read_bytes().startswith(b"\x89PNG")
-    assert len((tmp_path / "chart" / "motion.csv").read_text().splitlines()) == len(rows) + 1
-    page = (tmp_path / "chart" / "motion.html").read_text(encoding="utf-8")
-    assert page.count("<tr>") == len(rows) + 1
-    assert ">None<" not in page
+    require_files(chart, "motion", rows, tmp_path / "chart")

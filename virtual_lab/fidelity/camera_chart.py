@@ -19,8 +19,7 @@ from virtual_lab.fidelity.camera_errors import score, seconds_a_picture
 from virtual_lab.fidelity.camera_estimators import ESTIMATORS
 from virtual_lab.fidelity.camera_pictures import pictures
 from virtual_lab.fidelity.camera_scenes import BACK, HARD, SOFT, Case
-from virtual_lab.folder import new_folder
-from virtual_lab.report.text import table_text
+from virtual_lab.fidelity.chart_files import chart_text, save_chart
 
 __all__ = ["measure", "save", "text"]
 
@@ -85,18 +84,9 @@ def _scene(ball: str, scene: str, case: Case) -> list[Row]:
 
 def save(rows: list[Row], folder: Path) -> None:
     """Write the rows as CSV, PNG and an HTML page into a new folder."""
-    import pandas as pd
-
-    from virtual_lab.report.chart_page import chart_page
-
-    with new_folder(folder) as draft:
-        pd.DataFrame(rows).to_csv(draft / "camera.csv", index=False)
-        figure = draw(rows)
-        figure.savefig(draft / "camera.png")
-        page = chart_page(TITLE, WORDS, figure, rows)
-        (draft / "camera.html").write_text(page, encoding="utf-8")
+    save_chart("camera", rows, folder, title=TITLE, words=WORDS, figure=draw(rows))
 
 
 def text(rows: list[Row]) -> str:
     """Return the rows as a table for a terminal."""
-    return table_text([{k: "" if v is None else v for k, v in row.items()} for row in rows])
+    return chart_text(rows)

@@ -25,6 +25,7 @@ from virtual_lab.collision.rigid import RigidModel
 from virtual_lab.collision.scene import CollisionModel, Scenes
 from virtual_lab.collision.stepping import COARSE, FINE, OneByOne, Stepper
 from virtual_lab.collision.surrogate import Box, Surrogate
+from virtual_lab.fidelity.chart_files import chart_text, save_chart
 from virtual_lab.fidelity.collision_drawing import (
     ELEMENTS,
     MODES,
@@ -36,11 +37,8 @@ from virtual_lab.fidelity.collision_drawing import (
     WORDS,
     draw,
 )
-from virtual_lab.folder import new_folder
 from virtual_lab.physics.modes import modes_of
 from virtual_lab.physics.supports import Free
-from virtual_lab.report.chart_page import chart_page
-from virtual_lab.report.text import table_text
 from virtual_lab.specs import BallSpec, BatBody
 from virtual_lab.units import INCH, MPH
 
@@ -104,19 +102,12 @@ def measure(say: Callable[[str], None] = lambda _: None) -> list[dict[str, Any]]
 
 def save(rows: list[dict[str, Any]], folder: Path) -> None:
     """Write the rows as CSV, PNG and an HTML page into a new folder."""
-    import pandas as pd
-
-    with new_folder(folder) as draft:
-        pd.DataFrame(rows).to_csv(draft / "collision.csv", index=False)
-        figure = draw(rows)
-        figure.savefig(draft / "collision.png")
-        page = chart_page(TITLE, WORDS, figure, rows)
-        (draft / "collision.html").write_text(page, encoding="utf-8")
+    save_chart("collision", rows, folder, title=TITLE, words=WORDS, figure=draw(rows))
 
 
 def text(rows: list[dict[str, Any]]) -> str:
     """Return the rows as a table."""
-    return table_text(rows)
+    return chart_text(rows)
 
 
 def _models(body: BatBody) -> Iterator[tuple[str, str, Efficiency]]:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
+from virtual_lab.fidelity.chart_files import chart_text, save_chart
 from virtual_lab.fidelity.motion_drawing import CLOSED, NAIVE, OURS, SCIPY, TITLE, WORDS, draw
 from virtual_lab.fidelity.motion_reference import reference
 from virtual_lab.fidelity.naive_pymunk import (
@@ -30,13 +31,11 @@ from virtual_lab.fidelity.naive_pymunk import (
     off_round_end,
     round_hit,
 )
-from virtual_lab.folder import new_folder
 from virtual_lab.motion import play
 from virtual_lab.motion.outcome import Outcome
 from virtual_lab.motion.scene import Balls, Barrel, Bat, Scene, State
 from virtual_lab.motion.settings import Settings
 from virtual_lab.physics.beam import beam_of
-from virtual_lab.report.text import table_text
 from virtual_lab.specs import BallSpec, Profile
 from virtual_lab.units import INCH
 
@@ -88,21 +87,12 @@ def measure(say: Callable[[str], None] = lambda _: None) -> list[Row]:
 
 def save(rows: list[Row], folder: Path) -> None:
     """Write the rows as CSV, PNG and an HTML page into a new folder."""
-    import pandas as pd
-
-    from virtual_lab.report.chart_page import chart_page
-
-    with new_folder(folder) as draft:
-        pd.DataFrame(rows).to_csv(draft / "motion.csv", index=False)
-        figure = draw(rows)
-        figure.savefig(draft / "motion.png")
-        page = chart_page(TITLE, WORDS, figure, rows)
-        (draft / "motion.html").write_text(page, encoding="utf-8")
+    save_chart("motion", rows, folder, title=TITLE, words=WORDS, figure=draw(rows))
 
 
 def text(rows: list[Row]) -> str:
     """Return the rows as a table for a terminal."""
-    return table_text([{k: "" if v is None else v for k, v in row.items()} for row in rows])
+    return chart_text(rows)
 
 
 def rod() -> Rod:
