@@ -56,8 +56,10 @@ def track(
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # its faults are told as ours
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     from virtual_lab.folder import check_new_folder, first_free, new_folder
-    from virtual_lab.reduction.video.bat_clip import bat_document, bat_in
+    from virtual_lab.reduction.video.bat_clip import bat_document, find_bat, recoil_in
+    from virtual_lab.reduction.video.bat_cover import bat_cover
     from virtual_lab.reduction.video.calibration_file import read_calibration
+    from virtual_lab.reduction.video.covering import track_covered
     from virtual_lab.reduction.video.quick import quick
     from virtual_lab.reduction.video.refined import Refined
     from virtual_lab.reduction.video.speeds import document, speeds
@@ -72,9 +74,14 @@ def track(
     check_new_folder(out)
     known = read_calibration(calibration, ball_diameter=_diameter(ball) if ball else None)
     say = teller()
-    tracked = run(clip, known, quick if in_a_hurry else Refined(), say=say)
+    locator = quick if in_a_hurry else Refined()
+    tracked = run(clip, known, locator, say=say)
+    there = find_bat(tracked, known)
+    if there and not in_a_hurry:  # quick heeds no mask
+        cover = bat_cover(there, tracked.clip, known)
+        tracked = track_covered(tracked, known, locator, cover, say=say)
     found = speeds(tracked, known)
-    bat = bat_in(tracked, known)
+    bat = recoil_in(tracked, there) if there else None
     result = document(tracked, found) | ({"bat": bat_document(bat)} if bat else {})
     leaning = phases_of(tracked) if phases else {}
     say("drawing")

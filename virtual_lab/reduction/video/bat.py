@@ -49,6 +49,7 @@ class BatAngles:
     angle: Array  # from X toward Y [rad]
     u: Array  # of a frame's own noise; the outline's, about half of it, is common to all
     points: NDArray[np.intp]  # of its outline that a frame shows
+    shift: Array  # how far it moved across, to its left [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,20 +90,25 @@ def bat_angles(
         per cent nearer makes angles one per cent larger. Otherwise it may move across, too, and
         its edges must be long in the picture.
     """
-    found: list[tuple[float, float, int]] = []
+    found: list[tuple[float, float, int, float]] = []
     last: tuple[float, Array] | None = None
     rate = np.zeros(2)
     for number, (time, grey, corner) in enumerate(frames):
         ball = None if balls is None or not np.isfinite(balls[number]).all() else balls[number]
         start = last[1] + rate * (time - last[0]) if last else np.zeros(2)
         pose, u, points = _pose(grey, np.array(corner), outline, camera, ball, start, pivoted)
-        found.append((float(pose[0]), u, points))
+        found.append((float(pose[0]), u, points, float(pose[1])))
         if points:
             if last and time > last[0]:
                 rate = (pose - last[1]) / (time - last[0])
             last = (time, pose)
-    table = np.array(found, dtype=np.float64).reshape(-1, 3)
-    return BatAngles(angle=table[:, 0], u=table[:, 1], points=table[:, 2].astype(np.intp))
+    table = np.array(found, dtype=np.float64).reshape(-1, 4)
+    return BatAngles(
+        angle=table[:, 0],
+        u=table[:, 1],
+        points=table[:, 2].astype(np.intp),
+        shift=table[:, 3],
+    )
 
 
 def _pose(

@@ -11,16 +11,25 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.reduction.video.bat import BatAngles, Recoil, bat_angles, recoil_of
-from virtual_lab.reduction.video.bat_outline import find_outline
+from virtual_lab.reduction.video.bat_outline import Outline, find_outline
 from virtual_lab.reduction.video.calibration_file import ClipCalibration
 from virtual_lab.reduction.video.tracking import Tracked
 
-__all__ = ["BatSeen", "bat_document", "bat_in"]
+__all__ = ["BatFound", "BatSeen", "bat_document", "find_bat", "recoil_in"]
 
 Array = NDArray[np.float64]
 
 LASTS = 1e-3  # s about the contact: the bat is being pushed
 MARGIN = 8.0  # pixels about the ball that tell nothing of what is behind it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BatFound:
+    """A bat in a clip; arrays over all its frames."""
+
+    times: Array  # (frame,) [s]
+    outline: Outline  # at rest
+    angles: BatAngles
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,20 +41,17 @@ class BatSeen:
     recoil: Recoil
 
 
-def bat_in(tracked: Tracked, calibration: ClipCalibration) -> BatSeen | None:
-    """Return what a clip shows of the bat that [bat] in its calibration speaks of, None without.
+def find_bat(tracked: Tracked, calibration: ClipCalibration) -> BatFound | None:
+    """Return the bat that [bat] in a clip's calibration speaks of, None without.
 
     Raises
     ------
     InputError
-        No contact in the clip, no bat where it should be, too few frames that show it.
+        No bat where it should be.
     """
     place, camera = calibration.bat, calibration.camera
     if place is None or camera is None:
         return None
-    where = str(tracked.clip.source.path)
-    if tracked.legs.flight_out is None:
-        raise InputError(where, "bat", None, "the ball is not seen to leave it: no recoil to read")
     contact = tracked.legs.flight_in.time
     times, balls = tracked.clip.times, _balls(tracked)
     rest = _at_rest(tracked, times < contact - max(LASTS, tracked.exposure), balls)
@@ -56,10 +62,25 @@ def bat_in(tracked: Tracked, calibration: ClipCalibration) -> BatSeen | None:
             yield float(time), frame, (0.0, 0.0)
 
     angles = bat_angles(frames(), outline, camera, balls, pivoted=place.pivoted)
+    return BatFound(times=times, outline=outline, angles=angles)
+
+
+def recoil_in(tracked: Tracked, bat: BatFound) -> BatSeen:
+    """Return how a bat in a clip recoils from the ball.
+
+    Raises
+    ------
+    InputError
+        No contact in the clip, too few frames that show the bat.
+    """
+    if tracked.legs.flight_out is None:
+        where = str(tracked.clip.source.path)
+        raise InputError(where, "bat", None, "the ball is not seen to leave it: no recoil to read")
+    contact = tracked.legs.flight_in.time
     return BatSeen(
-        times=times,
-        angles=angles,
-        recoil=recoil_of(times, angles, contact, lasts=LASTS),
+        times=bat.times,
+        angles=bat.angles,
+        recoil=recoil_of(bat.times, bat.angles, contact, lasts=LASTS),
     )
 
 

@@ -43,10 +43,13 @@ class Refined:
             begin = _nearer(begin, quick(clip, first, begin))
             noise = noise_of_ball(noise_of_clip(clip), first, begin)
             self.known = {"noise": noise, "lens": lens_of(first, begin, noise, middle)}
-        fine = locate(seen, start, middle=middle, **self.known)
+        fine = locate(seen, start, middle=middle, mask=seen.mask, **self.known)
         far = np.hypot(fine.x - start.x, fine.y - start.y) > FAR * start.radius
         far |= np.abs(fine.radius - start.radius) > 2 * FAR * start.radius
-        spoilt = np.flatnonzero((fine.flags & SPOILT > 0) | far)
+        astray = (fine.flags & SPOILT > 0) | far
+        if seen.mask is not None:  # quick would take what hides the ball for its edge
+            astray &= seen.mask.all(axis=(1, 2))
+        spoilt = np.flatnonzero(astray)
         if not spoilt.size:
             return fine
         # a better start may be all that is missing

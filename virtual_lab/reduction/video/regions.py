@@ -12,9 +12,10 @@ from virtual_lab.reduction.video.clip import Clip
 from virtual_lab.reduction.video.located import Located
 from virtual_lab.reduction.video.reading import Frame
 
-__all__ = ["Locator", "Regions", "cut_regions"]
+__all__ = ["Cover", "Locator", "Regions", "cut_regions"]
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 MARGIN = 16.0  # pixels of background about the ball
 
@@ -26,6 +27,7 @@ class Regions:
     pixels: Frame
     background: NDArray[np.float32]
     corners: Array  # (region, 2): x, y of each first pixel in the frame
+    mask: Mask | None = None  # True where a pixel may be used, (region, row, col)
 
     def part(self, which: NDArray[np.intp]) -> Regions:
         """Return some of the regions."""
@@ -33,6 +35,7 @@ class Regions:
             pixels=self.pixels[which],
             background=self.background[which],
             corners=self.corners[which],
+            mask=None if self.mask is None else self.mask[which],
         )
 
 
@@ -44,10 +47,24 @@ class Locator(Protocol):
         ...
 
 
-def cut_regions(frames: list[Frame], background: NDArray[np.float32], start: Located) -> Regions:
+class Cover(Protocol):
+    """What may stand before the ball, frame by frame."""
+
+    def hidden(self, frame: int) -> Mask:
+        """Return which pixels of a frame may not be used, (row, column)."""
+        ...
+
+
+def cut_regions(
+    frames: list[Frame],
+    background: NDArray[np.float32],
+    start: Located,
+    hidden: list[Mask] | None = None,
+) -> Regions:
     """Return one square region about the ball of each frame.
 
     A region that would leave the frame is moved back into it: the frame's edge cuts the ball.
+    `hidden` is True where something stands before the ball, (row, column) of each frame.
     """
     rows, columns = background.shape
     blur = np.hypot(start.blur_x, start.blur_y)
@@ -57,7 +74,12 @@ def cut_regions(frames: list[Frame], background: NDArray[np.float32], start: Loc
     top = np.clip(np.round(start.y - side / 2 + 0.5), 0, rows - side).astype(int)
     places = [np.s_[y : y + side, x : x + side] for x, y in zip(left, top, strict=True)]
     return Regions(
-        pixels=np.stack([frame[place] for frame, place in zip(frames, places, strict=True)]),
+        pixels=_cut(frames, places),
         background=np.stack([background[place] for place in places]),
         corners=np.stack([left, top], axis=1).astype(float),
+        mask=None if hidden is None else ~_cut(hidden, places),
     )
+
+
+def _cut(pictures: list[Frame], places: list[tuple[slice, slice]]) -> Frame:
+    return np.stack([each[place] for each, place in zip(pictures, places, strict=True)])

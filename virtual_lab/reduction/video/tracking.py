@@ -26,12 +26,14 @@ from virtual_lab.reduction.video.linking import Found, ball_track
 from virtual_lab.reduction.video.located import Flag, Located
 from virtual_lab.reduction.video.plane import Plane, distance_of, plane_of
 from virtual_lab.reduction.video.reading import Frame
-from virtual_lab.reduction.video.regions import Locator, cut_regions
+from virtual_lab.reduction.video.regions import Cover, Locator, cut_regions
+from virtual_lab.reduction.video.seeing import part_of
 from virtual_lab.reduction.video.starting import starts
 
-__all__ = ["Tracked", "track"]
+__all__ = ["AT_ONCE", "Spotted", "Tracked", "followed", "locate_in", "track"]
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 NAMES = tuple(field.name for field in fields(Located))
 AT_ONCE = 32  # frames kept in memory
@@ -40,14 +42,12 @@ USELESS = Flag.NOT_FOUND | Flag.CLIPPED | Flag.OVERLAP | Flag.POOR_FIT
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tracked:
-    """A ball followed through a clip; arrays over the frames that show it, (frame,)."""
+class Spotted:
+    """A ball found roughly in a clip; arrays over the frames that show it, (frame,)."""
 
     clip: Clip
     frames: NDArray[np.intp]  # their numbers
-    located: Located
-    plane: Plane
-    legs: Legs
+    start: Located
     exposure: float  # [s]
     background: Image
 
@@ -55,6 +55,15 @@ class Tracked:
     def times(self) -> Array:
         """Time of each frame [s]."""
         return self.clip.times[self.frames]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tracked(Spotted):
+    """A ball followed through a clip."""
+
+    located: Located
+    plane: Plane
+    legs: Legs
 
 
 def track(
@@ -93,20 +102,62 @@ def track(
     frames = np.array(list(found), dtype=np.intp)
     start, exposure = starts(clip, background, found, calibration.exposure_s)
     say(f"locating the ball in {len(frames)} frames")
-    located = _locate(clip, frames, background, start, locator)
-    good = (located.flags & USELESS) == 0
+    located = locate_in(clip, frames, background, start, locator)
+    spotted = Spotted(
+        clip=clip, frames=frames, start=start, exposure=exposure, background=background
+    )
+    return followed(spotted, located, calibration)
+
+
+def followed(
+    spotted: Spotted,
+    located: Located,
+    calibration: ClipCalibration,
+    covered: Mask | None = None,
+) -> Tracked:
+    """Return a located ball's way in the plane, and its flights.
+
+    Parameters
+    ----------
+    spotted
+        The ball.
+    located
+        Its places, frame by frame.
+    calibration
+        What is known of the clip.
+    covered
+        Frames whose fit knew what hides the ball, (frame,): there it rests on what is seen, and
+        says how surely, so that OVERLAP is nothing against it.
+
+    Raises
+    ------
+    InputError
+        Too few frames that locate the ball, or nothing that sets the scale.
+    """
+    clip, frames, exposure = spotted.clip, spotted.frames, spotted.exposure
+    against = located.flags & np.uint16(USELESS)
+    if covered is not None:
+        against[covered] &= ~np.uint16(Flag.OVERLAP)
+    good = against == 0
+    where = str(clip.source.path)
     if good.sum() < LEAST:
         allowed = f"at least {LEAST} frames must show it whole and round"
-        raise InputError(str(path), "frames that locate the ball", int(good.sum()), allowed)
-    plane = plane_of(located, calibration, str(path))
+        raise InputError(where, "frames that locate the ball", int(good.sum()), allowed)
+    plane = plane_of(located, calibration, where)
     scale = plane.metres_per_pixel
     places = np.where(good[:, None], plane.places, np.nan)
-    pattern = 0.0 if located.pattern_u is None else float(np.nanmedian(located.pattern_u[good]))
+    own = np.hypot(located.x_u, located.y_u) / np.sqrt(2)
+    pattern = 0.0
+    if located.pattern_u is not None:
+        pattern = float(np.nanmedian(located.pattern_u[good]))
+        if covered is not None:  # a hidden rim leaves more to the pattern than all frames share
+            more = np.sqrt(np.maximum(located.pattern_u**2 - pattern**2, 0.0))
+            own = np.where(covered, np.hypot(own, more), own)
     legs = split(
         Places(
             t=clip.times[frames],
             places=places,
-            u=scale * np.hypot(located.x_u, located.y_u) / np.sqrt(2),
+            u=scale * own,
             pattern_u=scale * pattern,
             exposure=exposure,
         ),
@@ -122,15 +173,49 @@ def track(
     flags[legs.struck] |= np.uint16(Flag.CONTACT)
     for frame in legs.stepped:
         flags[frame] |= np.uint16(Flag.JUMP)
-    return Tracked(
-        clip=clip,
-        frames=frames,
-        located=replace(located, flags=flags),
-        plane=plane,
-        legs=legs,
-        exposure=exposure,
-        background=background,
-    )
+    found: dict[str, Any] = {each.name: getattr(spotted, each.name) for each in fields(Spotted)}
+    return Tracked(**found, located=replace(located, flags=flags), plane=plane, legs=legs)
+
+
+def locate_in(
+    clip: Clip,
+    frames: NDArray[np.intp],
+    background: Image,
+    start: Located,
+    locator: Locator,
+    cover: Cover | None = None,
+) -> Located:
+    """Return the ball's places in some frames of a clip, region by region, so many at a time.
+
+    What the cover says stands before the ball is not used.
+    """
+    parts: list[Located] = []
+    waiting: list[Frame] = []
+    hidden: list[Mask] = []
+
+    def done() -> None:
+        first = sum(len(part.x) for part in parts)
+        some = part_of(start, np.arange(first, first + len(waiting)))
+        regions = cut_regions(waiting, background, some, hidden if cover else None)
+        parts.append(locator(clip, regions, some))
+        waiting.clear()
+        hidden.clear()
+
+    for number, frame in clip.chosen(frames):
+        waiting.append(frame)
+        if cover:
+            hidden.append(cover.hidden(number))
+        if len(waiting) == AT_ONCE:
+            done()
+    if waiting:
+        done()
+    whole: dict[str, Any] = {name: _together(parts, name) for name in NAMES}
+    return Located(**whole)
+
+
+def _together(parts: list[Located], name: str) -> Any:
+    values = [getattr(part, name) for part in parts]
+    return None if values[0] is None else np.concatenate(values)
 
 
 def _expected_radius(calibration: ClipCalibration) -> float | None:
@@ -173,39 +258,3 @@ def _bare(clip: Clip, first: Image, seeker: Finder) -> Image:
         for sample in clip.samples
     ]
     return uncovered_mean(clip.samples, first, covered)
-
-
-def _locate(
-    clip: Clip, frames: NDArray[np.intp], background: Image, start: Located, locator: Locator
-) -> Located:
-    """Return the ball's places, region by region, so many at a time."""
-    parts: list[Located] = []
-    waiting: list[Frame] = []
-
-    def done() -> None:
-        first = sum(len(part.x) for part in parts)
-        some = _part(start, slice(first, first + len(waiting)))
-        parts.append(locator(clip, cut_regions(waiting, background, some), some))
-        waiting.clear()
-
-    for _, frame in clip.chosen(frames):
-        waiting.append(frame)
-        if len(waiting) == AT_ONCE:
-            done()
-    if waiting:
-        done()
-    whole: dict[str, Any] = {name: _together(parts, name) for name in NAMES}
-    return Located(**whole)
-
-
-def _part(start: Located, some: slice) -> Located:
-    given: dict[str, Any] = {name: getattr(start, name) for name in NAMES}
-    cut: dict[str, Any] = {
-        name: each if each is None else each[some] for name, each in given.items()
-    }
-    return Located(**cut)
-
-
-def _together(parts: list[Located], name: str) -> Any:
-    values = [getattr(part, name) for part in parts]
-    return None if values[0] is None else np.concatenate(values)
