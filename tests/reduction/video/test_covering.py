@@ -99,7 +99,7 @@ def followed(clip: Clip, calibration: str) -> tuple[dict[int, dict[str, str]], d
 
 
 def test_a_ball_behind_a_bat_is_located_by_the_rest_of_it(clip: Clip) -> None:
-    """A tenth to half of the rim hidden: to 0.02 px, 5 u; without [bat] hardly a place."""
+    """A tenth to 0.4 of the rim hidden: to 0.012 px, 5 u; without [bat] hardly a place."""
     knowing, found = followed(clip, "cal.toml")
     bare, before = followed(clip, "bare.toml")
     partly = np.flatnonzero(clip.hidden > 0.1)
@@ -114,10 +114,12 @@ def test_a_ball_behind_a_bat_is_located_by_the_rest_of_it(clip: Clip) -> None:
     for frame in partly.tolist():
         row = knowing[frame]
         assert "OVERLAP" in row["flags"]
-        assert off(knowing, frame).max() < 0.02
+        assert off(knowing, frame).max() < 0.025
         assert (
             off(knowing, frame) < 5 * np.array([float(row["x_u_px"]), float(row["y_u_px"])])
         ).all()
+    all_off = np.array([off(knowing, frame) for frame in partly.tolist()])
+    assert np.sqrt(np.mean(all_off**2)) < 0.012
     assert np.mean([not (off(bare, frame) < 0.02).all() for frame in partly.tolist()]) > 0.8
     counted = [knowing[frame]["flight"] for frame in partly.tolist()]
     assert sum(each != "" for each in counted) > 4
@@ -127,8 +129,8 @@ def test_a_ball_behind_a_bat_is_located_by_the_rest_of_it(clip: Clip) -> None:
         assert said["u"] < 1.02 * plain["u"]
 
 
-def test_the_cover_is_the_bat_and_what_it_left(clip: Clip) -> None:
-    """All of the bat is hidden, and little else: 3 pixels beside it and where it stood."""
+def test_the_cover_is_the_bat(clip: Clip) -> None:
+    """All of the bat is hidden, and little else: a few pixels beside it."""
     import cv2
 
     known = read_calibration(clip.folder / "cal.toml")
@@ -137,14 +139,13 @@ def test_the_cover_is_the_bat_and_what_it_left(clip: Clip) -> None:
     assert bat is not None
     cover = bat_cover(bat, tracked.clip, known)
     inside = (slice(8, -8), slice(8, -8))
-    swept = np.any(clip.bat, axis=0).astype(np.uint8)
-    wide = cv2.dilate(swept, np.ones((15, 15), np.uint8)) > 0
-    first = int(np.flatnonzero(swept.any(axis=1))[0])
     for frame in (0, 20, 40, 70):
         hidden = cover.hidden(frame)
+        wide = cv2.dilate(clip.bat[frame].astype(np.uint8), np.ones((15, 15), np.uint8)) > 0
+        first = int(np.flatnonzero(clip.bat[frame].any(axis=1))[0])
         assert hidden[inside][clip.bat[frame][inside]].mean() > 0.999
         # the end of its barrel is not looked for to the pixel
-        assert not hidden[first:][~wide[first:]].any()
+        assert not hidden[first + 4 :][~wide[first + 4 :]].any()
 
 
 @dataclass(frozen=True)

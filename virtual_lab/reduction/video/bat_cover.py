@@ -24,16 +24,16 @@ ENDS = 14.0  # pixels: so near to the frame's edge no outline is looked for, and
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatCover:
-    """A `Cover`: the bat, and what the background does not show because a bat stood there."""
+    """A `Cover`: the bat as it stands in each frame."""
 
     rim: Outline  # the bat at rest, its places once round
     camera: CameraModel
     poses: Array  # (frame, 2): angle [rad], shift [m]
-    stood: Mask  # where it was in the frames that the background was learnt from, (row, column)
+    shape: tuple[int, int]  # rows, columns of a frame
 
     def hidden(self, frame: int) -> Mask:
-        """Return which pixels the bat stands on in a frame, or the background knows nothing of."""
-        return self.stood | _drawn(self.rim, self.poses[frame], self.camera, self.stood.shape)
+        """Return which pixels the bat stands on in a frame, or nearly."""
+        return _drawn(self.rim, self.poses[frame], self.camera, self.shape)
 
 
 def bat_cover(bat: BatFound, clip: Clip, calibration: ClipCalibration) -> BatCover:
@@ -56,10 +56,7 @@ def bat_cover(bat: BatFound, clip: Clip, calibration: ClipCalibration) -> BatCov
     if seen.any():
         for column, told in enumerate((angles.angle, angles.shift)):
             poses[:, column] = np.interp(bat.times, bat.times[seen], told[seen])
-    stood = np.zeros(clip.shape, bool)
-    for frame in clip.sampled:
-        stood |= _drawn(rim, poses[frame], camera, clip.shape)
-    return BatCover(rim=rim, camera=camera, poses=poses, stood=stood)
+    return BatCover(rim=rim, camera=camera, poses=poses, shape=clip.shape)
 
 
 def _round(found: Outline, widest: float, camera: CameraModel) -> Outline:

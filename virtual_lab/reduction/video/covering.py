@@ -9,12 +9,13 @@ one that is taken for another.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.reduction.video.background import ENOUGH, Image
 from virtual_lab.reduction.video.calibration_file import ClipCalibration
 from virtual_lab.reduction.video.located import Flag, Located
 from virtual_lab.reduction.video.regions import Cover, Locator
@@ -28,6 +29,7 @@ Mask = NDArray[np.bool_]
 
 NEAR = 12.0  # pixels about the ball in which a fit looks at what is behind it
 NEIGHBOURS = 6  # frames that tell where a hidden ball is to begin with
+ABOUT = 8.0  # pixels about the ball that tell nothing of what is behind it
 SPOILT = Flag.NOT_FOUND | Flag.POOR_FIT
 
 
@@ -63,16 +65,18 @@ def track_covered(
     whole, located, unseen = _every(tracked)
     good = located.flags == 0
     first = _flown(tracked, whole, located, good, ~good)
-    near = _near(whole, first, cover)
+    bare, stood, unknown = _uncovered(whole, located, good, unseen, cover)
+    near = _near(whole, first, _And(cover, stood))
     if not near.any():
         return tracked
     say(f"locating what is seen of the ball in {int(near.sum())} frames")
-    clip, left = whole.clip, near
+    whole, clip, left = replace(whole, background=bare), whole.clip, near
+    known = _And(cover, unknown)
     # it flies on as before; or it is being struck, and is where it was spotted
     for start in (_flown(tracked, whole, located, good & ~near, near), whole.start):
         for some in _rounds(left, ~near & ~unseen):
             begin = part_of(start, some)
-            again = locate_in(clip, whole.frames[some], whole.background, begin, locator, cover)
+            again = locate_in(clip, whole.frames[some], whole.background, begin, locator, known)
             located = _with(located, again, some, left)
         left = near & _spoilt(located) & ~unseen
     judged = np.uint16(Flag.JUMP | Flag.CONTACT)
@@ -113,6 +117,46 @@ def _every(tracked: Tracked) -> tuple[Spotted, Located, Mask]:
         background=tracked.background,
     )
     return whole, located, unseen
+
+
+@dataclass(frozen=True, slots=True)
+class _And:
+    """A cover, and pixels that no frame may use."""
+
+    cover: Cover
+    always: Mask
+
+    def hidden(self, frame: int) -> Mask:
+        return self.cover.hidden(frame) | self.always
+
+
+def _uncovered(
+    whole: Spotted, located: Located, good: Mask, unseen: Mask, cover: Cover
+) -> tuple[Image, Mask, Mask]:
+    """Return the background without a cover, where that stood, and what of it was never bare.
+
+    Where a cover moved the background was a mean of both; and a ball not found beside it left its
+    picture there. A frame that should show the ball, and does not well, tells nothing.
+    """
+    clip, place = whole.clip, {int(number): k for k, number in enumerate(whole.frames)}
+    rows, columns = np.ogrid[: clip.shape[0], : clip.shape[1]]
+    total, count = np.zeros(clip.shape), np.zeros(clip.shape, np.intp)
+    stood = np.zeros(clip.shape, bool)
+    for number, sample in zip(clip.sampled.tolist(), clip.samples, strict=True):
+        hidden = cover.hidden(number)
+        stood |= hidden
+        free = ~hidden
+        k = place.get(number)
+        if k is not None:
+            if unseen[k] or not good[k]:
+                continue
+            reach = located.radius[k] + np.hypot(located.blur_x[k], located.blur_y[k]) / 2 + ABOUT
+            free &= np.hypot(columns - located.x[k], rows - located.y[k]) > reach
+        total += np.where(free, sample, 0)
+        count += free
+    enough = count >= ENOUGH
+    bare = np.where(enough, total / np.maximum(count, 1), whole.background)
+    return bare.astype(np.float32), stood, stood & ~enough
 
 
 def _inward(tracked: Tracked, t: Array) -> Mask:
