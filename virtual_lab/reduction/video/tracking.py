@@ -146,18 +146,18 @@ def followed(
     plane = plane_of(located, calibration, where)
     scale = plane.metres_per_pixel
     places = np.where(good[:, None], plane.places, np.nan)
-    own = np.hypot(located.x_u, located.y_u) / np.sqrt(2)
+    own = scale * np.hypot(located.x_u, located.y_u) / np.sqrt(2)
     pattern = 0.0
     if located.pattern_u is not None:
         pattern = float(np.nanmedian(located.pattern_u[good]))
         if covered is not None:  # a hidden rim leaves more to the pattern than all frames share
-            more = np.sqrt(np.maximum(located.pattern_u**2 - pattern**2, 0.0))
+            more = scale * np.sqrt(np.maximum(located.pattern_u**2 - pattern**2, 0.0))
             own = np.where(covered, np.hypot(own, more), own)
     legs = split(
         Places(
             t=clip.times[frames],
             places=places,
-            u=scale * own,
+            u=own,
             pattern_u=scale * pattern,
             exposure=exposure,
         ),
