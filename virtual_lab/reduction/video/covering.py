@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from virtual_lab.reduction.video.background import ENOUGH, Image
 from virtual_lab.reduction.video.calibration_file import ClipCalibration
-from virtual_lab.reduction.video.located import Flag, Located
+from virtual_lab.reduction.video.located import Flag, Located, part_of
 from virtual_lab.reduction.video.regions import Cover, Locator
-from virtual_lab.reduction.video.seeing import part_of
 from virtual_lab.reduction.video.tracking import AT_ONCE, Spotted, Tracked, followed, locate_in
 
 __all__ = ["track_covered"]

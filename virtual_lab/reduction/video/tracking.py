@@ -23,11 +23,10 @@ from virtual_lab.reduction.video.finding import HALVINGS, LEAST_RADIUS, Finder, 
 from virtual_lab.reduction.video.legs import Legs, Places, split
 from virtual_lab.reduction.video.lines import Air
 from virtual_lab.reduction.video.linking import Found, ball_track
-from virtual_lab.reduction.video.located import Flag, Located
+from virtual_lab.reduction.video.located import Flag, Located, part_of
 from virtual_lab.reduction.video.plane import Plane, distance_of, plane_of
 from virtual_lab.reduction.video.reading import Frame
 from virtual_lab.reduction.video.regions import Cover, Locator, cut_regions
-from virtual_lab.reduction.video.seeing import part_of
 from virtual_lab.reduction.video.starting import starts
 
 __all__ = ["AT_ONCE", "Spotted", "Tracked", "followed", "locate_in", "track"]
