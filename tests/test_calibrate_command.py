@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
-from virtual_lab.reduction.video.calibration_file import read_calibration
+from virtual_lab.reduction.video.clips.calibration_file import read_calibration
 
 BOARD = ["--board", "charuco:9x6:60mm:44mm"]
 

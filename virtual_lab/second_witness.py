@@ -17,8 +17,8 @@ from virtual_lab.records import ClipRecord, TrackRecord
 from virtual_lab.reduced import Reduced, constants_known
 from virtual_lab.reduction.flights import Flown, heights_moved, timed
 from virtual_lab.reduction.measurement import ShotResults, drag_of
-from virtual_lab.reduction.video.filmed import Filmed, FramesU, filmed, frames_u
-from virtual_lab.reduction.video.windows import Sightings, sight
+from virtual_lab.reduction.video.shots.filmed import Filmed, FramesU, filmed, frames_u
+from virtual_lab.reduction.video.shots.windows import Sightings, sight
 from virtual_lab.session import Session
 from virtual_lab.uncertainty.budget import Budget, Component, Variants, combine, scatter
 

@@ -31,7 +31,7 @@ from virtual_lab.fidelity.camera_errors import score, seconds_a_picture
 from virtual_lab.fidelity.camera_estimators import ESTIMATORS, OURS, PLAIN, SHARED, SHIPPED
 from virtual_lab.fidelity.camera_pictures import pictures
 from virtual_lab.fidelity.camera_scenes import BACK, HARD, SOFT, Batch, Case
-from virtual_lab.reduction.video.finding import finder
+from virtual_lab.reduction.video.following.finding import finder
 
 RADII, BLURS = (15.0, 30.0, 60.0), (0.0, 6.0, 30.0, 80.0)
 RATIOS, RISES = (96.0, 27.0, 5.0), (0.0, 25.0)  # rises: of the background over the ball [DN]

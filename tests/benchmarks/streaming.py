@@ -28,9 +28,9 @@ def main(folder: Path) -> None:
     import cv2
 
     from tests.benchmarks.memory import _status
-    from virtual_lab.reduction.video.calibration_file import ClipCalibration
-    from virtual_lab.reduction.video.refined import Refined
-    from virtual_lab.reduction.video.tracking import track
+    from virtual_lab.reduction.video.clips.calibration_file import ClipCalibration
+    from virtual_lab.reduction.video.following.tracking import track
+    from virtual_lab.reduction.video.placing.refined import Refined
 
     cv2.setNumThreads(1)
     path = folder / "clip.mp4"

@@ -48,9 +48,9 @@ def calibrate(
     the ball will fly in, or below it by --height; in the others it is held askew, 30 deg or so.
     """
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")  # its faults are told as ours
-    from virtual_lab.reduction.video.calibrating import Plan
-    from virtual_lab.reduction.video.calibrating import calibrate as run
-    from virtual_lab.reduction.video.pictures import read_pictures
+    from virtual_lab.reduction.video.calibration.calibrating import Plan
+    from virtual_lab.reduction.video.calibration.calibrating import calibrate as run
+    from virtual_lab.reduction.video.clips.pictures import read_pictures
     from virtual_lab.relations.board import board_of, length_of
     from virtual_lab.report.calibration_plot import draw_calibration
     from virtual_lab.report.calibration_text import (

@@ -13,7 +13,7 @@ from math import ceil, cos, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.reduction.video.clip import Clip
+from virtual_lab.reduction.video.clips.clip import Clip
 from virtual_lab.reduction.video.located import Located
 from virtual_lab.reduction.video.noise import ROUNDING, Noise
 from virtual_lab.reduction.video.regions import MARGIN, Regions

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from virtual_lab.reduction.video.bat_clip import BatSeen
+from virtual_lab.reduction.video.bat.clip import BatSeen
 from virtual_lab.report.figures import STYLE
 from virtual_lab.report.rounding import with_uncertainty
 

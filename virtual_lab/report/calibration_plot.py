@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from virtual_lab.reduction.video.calibrating import Calibrated
+from virtual_lab.reduction.video.calibration.calibrating import Calibrated
 from virtual_lab.report.figures import STYLE
 
 if TYPE_CHECKING:

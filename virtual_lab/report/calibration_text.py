@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from virtual_lab.reduction.video.calibrating import Calibrated, lengths_of
-from virtual_lab.reduction.video.calibration_file import CameraFit
-from virtual_lab.reduction.video.plane import relative_u_of
+from virtual_lab.reduction.video.calibration.calibrating import Calibrated, lengths_of
+from virtual_lab.reduction.video.calibration.plane import relative_u_of
+from virtual_lab.reduction.video.clips.calibration_file import CameraFit
 from virtual_lab.report.rounding import with_uncertainty
 
 __all__ = ["calibration_document", "calibration_text", "calibration_toml"]

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.reduction.video.reading import Frame
-from virtual_lab.reduction.video.tracking import Tracked
+from virtual_lab.reduction.video.clips.reading import Frame
+from virtual_lab.reduction.video.following.tracking import Tracked
 
 __all__ = ["write_film", "write_sheet"]
 

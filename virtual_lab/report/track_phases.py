@@ -6,8 +6,8 @@ import csv
 from pathlib import Path
 
 from virtual_lab.errors import InputError
-from virtual_lab.reduction.video.phase import PhaseBias, phase_bias
-from virtual_lab.reduction.video.tracking import Tracked
+from virtual_lab.reduction.video.following.phase import PhaseBias, phase_bias
+from virtual_lab.reduction.video.following.tracking import Tracked
 
 __all__ = ["phases_of", "phases_text", "write_phases"]
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.reduction.video.lines import Flight
-from virtual_lab.reduction.video.speeds import Speeds
-from virtual_lab.reduction.video.tracking import Tracked
+from virtual_lab.reduction.video.following.lines import Flight
+from virtual_lab.reduction.video.following.speeds import Speeds
+from virtual_lab.reduction.video.following.tracking import Tracked
 from virtual_lab.report.figures import STYLE
 from virtual_lab.report.track_text import plus_minus
 

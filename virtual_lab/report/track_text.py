@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from virtual_lab.reduction.video.following.speeds import Said, Speeds
+from virtual_lab.reduction.video.following.tracking import Tracked
 from virtual_lab.reduction.video.located import Flag
-from virtual_lab.reduction.video.speeds import Said, Speeds
-from virtual_lab.reduction.video.tracking import Tracked
 from virtual_lab.report.rounding import decimals, with_uncertainty
 from virtual_lab.units import DEGREE, miles_per_hour
 

@@ -10,8 +10,8 @@ from tests.instruments.camera.scenes import camera_of, spec_of
 from virtual_lab.instruments.camera.camera import Camera
 from virtual_lab.instruments.camera.lens import TrueLens
 from virtual_lab.instruments.camera.views import board_views
-from virtual_lab.reduction.video.board_finding import Seen
-from virtual_lab.reduction.video.calibration_file import CameraModel
+from virtual_lab.reduction.video.calibration.board_finding import Seen
+from virtual_lab.reduction.video.clips.calibration_file import CameraModel
 from virtual_lab.relations.board import Board
 from virtual_lab.relations.pinhole import rotation
 from virtual_lab.streams import Streams

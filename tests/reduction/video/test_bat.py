@@ -13,9 +13,9 @@ from tests.reduction.video.test_plane import CAMERA
 from virtual_lab.errors import InputError
 from virtual_lab.instruments.camera.camera import Camera
 from virtual_lab.instruments.camera.scene import Bat, background
-from virtual_lab.reduction.video.bat import BatAngles, bat_angles, recoil_of
-from virtual_lab.reduction.video.bat_outline import Outline, find_outline
-from virtual_lab.reduction.video.calibration_file import CameraModel
+from virtual_lab.reduction.video.bat.angles import BatAngles, bat_angles, recoil_of
+from virtual_lab.reduction.video.bat.outline import Outline, find_outline
+from virtual_lab.reduction.video.clips.calibration_file import CameraModel
 from virtual_lab.streams import Streams
 
 Array = NDArray[np.float64]

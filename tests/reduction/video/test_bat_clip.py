@@ -16,7 +16,7 @@ from tests.reduction.video.test_bat import model_of
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
 from virtual_lab.instruments.camera.film import whole_frames
-from virtual_lab.reduction.video.calibration_file import read_calibration
+from virtual_lab.reduction.video.clips.calibration_file import read_calibration
 from virtual_lab.streams import Streams
 
 RATE = 12.0  # rad/s

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from virtual_lab.reduction.video.board_finding import Seen, find_board
+from virtual_lab.reduction.video.calibration.board_finding import Seen, find_board
 from virtual_lab.relations.board import board_of
 
 SQUARE = 160  # pixels of the drawing

@@ -19,11 +19,16 @@ from tests.reduction.video.boards import (
 from tests.reduction.video.test_plane import located
 from virtual_lab.errors import InputError
 from virtual_lab.instruments.camera.views import board_views
-from virtual_lab.reduction.video import calibrating
-from virtual_lab.reduction.video.board_finding import Seen, find_board
-from virtual_lab.reduction.video.calibrating import Calibrated, Plan, calibrate, lengths_of
-from virtual_lab.reduction.video.calibration_file import read_calibration
-from virtual_lab.reduction.video.plane import plane_of
+from virtual_lab.reduction.video.calibration import calibrating
+from virtual_lab.reduction.video.calibration.board_finding import Seen, find_board
+from virtual_lab.reduction.video.calibration.calibrating import (
+    Calibrated,
+    Plan,
+    calibrate,
+    lengths_of,
+)
+from virtual_lab.reduction.video.calibration.plane import plane_of
+from virtual_lab.reduction.video.clips.calibration_file import read_calibration
 from virtual_lab.relations.board import board_of
 from virtual_lab.report.calibration_text import calibration_toml
 from virtual_lab.streams import Streams

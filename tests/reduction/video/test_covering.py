@@ -18,15 +18,15 @@ from tests.reduction.video.test_tracking import KNOWN, RATE
 from virtual_lab.cli import cli
 from virtual_lab.instruments.camera.film import whole_frames
 from virtual_lab.instruments.camera.shots import take
-from virtual_lab.reduction.video.bat_clip import find_bat
-from virtual_lab.reduction.video.bat_cover import bat_cover
-from virtual_lab.reduction.video.calibration_file import read_calibration
-from virtual_lab.reduction.video.covering import track_covered
+from virtual_lab.reduction.video.bat.clip import find_bat
+from virtual_lab.reduction.video.bat.cover import bat_cover
+from virtual_lab.reduction.video.clips.calibration_file import read_calibration
+from virtual_lab.reduction.video.following.covering import track_covered
+from virtual_lab.reduction.video.following.speeds import speeds
+from virtual_lab.reduction.video.following.tracking import Tracked, track
 from virtual_lab.reduction.video.located import Flag
-from virtual_lab.reduction.video.quick import quick
-from virtual_lab.reduction.video.refined import Refined
-from virtual_lab.reduction.video.speeds import speeds
-from virtual_lab.reduction.video.tracking import Tracked, track
+from virtual_lab.reduction.video.placing.quick import quick
+from virtual_lab.reduction.video.placing.refined import Refined
 from virtual_lab.streams import Streams
 
 Array = NDArray[np.float64]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.reduction.video.spectrum import disc
-from virtual_lab.reduction.video.disc import disc_image, share
+from virtual_lab.reduction.video.occlusion.disc import disc_image, share
 
 SIZE = 128
 

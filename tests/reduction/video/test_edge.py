@@ -7,11 +7,11 @@ from scipy.special import ndtr
 
 from tests.reduction.video.stitched import LENS, Array, Scene, scene
 from virtual_lab.errors import InputError
-from virtual_lab.reduction.video.edge import Edged, fit_edge
-from virtual_lab.reduction.video.edge_cover import covered
-from virtual_lab.reduction.video.edge_profiles import FIRST, PER, profiles
 from virtual_lab.reduction.video.located import Flag
-from virtual_lab.reduction.video.refining import Optics, refine
+from virtual_lab.reduction.video.occlusion.refining import Optics, refine
+from virtual_lab.reduction.video.outline.cover import covered
+from virtual_lab.reduction.video.outline.edge import Edged, fit_edge
+from virtual_lab.reduction.video.outline.profiles import FIRST, PER, profiles
 
 
 def fitted(seen: Scene, **known: object) -> Edged:
@@ -176,7 +176,7 @@ def test_tables_have_closed_forms() -> None:
 
 def test_the_ring_is_solved_as_a_whole_matrix_is() -> None:
     """Solution and inverse against numpy's, of a random system of the same shape."""
-    from virtual_lab.reduction.video.edge_solve import eliminate, substitute
+    from virtual_lab.reduction.video.outline.solve import eliminate, substitute
 
     random = np.random.default_rng(4)
     count, n, m = 6, 3, 4

@@ -12,8 +12,8 @@ from virtual_lab.instruments import Rung
 from virtual_lab.instruments.camera.course import Course
 from virtual_lab.records import ClipRecord
 from virtual_lab.reduction.flights import Flights
-from virtual_lab.reduction.video.filmed import Filmed, filmed, frames_u
-from virtual_lab.reduction.video.windows import Sightings, sight
+from virtual_lab.reduction.video.shots.filmed import Filmed, filmed, frames_u
+from virtual_lab.reduction.video.shots.windows import Sightings, sight
 from virtual_lab.streams import Quiet, Streams
 
 STAGE = "impact"

@@ -9,9 +9,13 @@ from numpy.typing import NDArray
 
 from tests.reduction.video.scenes import Film, matte
 from virtual_lab.errors import InputError
-from virtual_lab.reduction.video.background import first_background, light_ball, uncovered_mean
-from virtual_lab.reduction.video.finding import Spot, finder
-from virtual_lab.reduction.video.linking import ball_track
+from virtual_lab.reduction.video.clips.background import (
+    first_background,
+    light_ball,
+    uncovered_mean,
+)
+from virtual_lab.reduction.video.following.finding import Spot, finder
+from virtual_lab.reduction.video.following.linking import ball_track
 
 FULL = 255.0
 

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
-from virtual_lab.reduction.video.phase import phase_bias
+from virtual_lab.reduction.video.following.phase import phase_bias
 
 Array = NDArray[np.float64]
 COUNT, SPEED = 400, 0.3117  # frames, pixels a frame

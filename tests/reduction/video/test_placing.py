@@ -7,11 +7,11 @@ import pytest
 
 from tests.reduction.video.plain import located
 from tests.reduction.video.stitched import LENS, scene
-from virtual_lab.reduction.video.edge import Edged, fit_edge
 from virtual_lab.reduction.video.located import Located, part_of
-from virtual_lab.reduction.video.one_radius import with_one_radius
-from virtual_lab.reduction.video.placing import MODEL, place
-from virtual_lab.reduction.video.refining import Optics
+from virtual_lab.reduction.video.occlusion.refining import Optics
+from virtual_lab.reduction.video.outline.edge import Edged, fit_edge
+from virtual_lab.reduction.video.placing.one_radius import with_one_radius
+from virtual_lab.reduction.video.placing.place import MODEL, place
 from virtual_lab.reduction.video.regions import Regions
 
 SCENES = {

@@ -6,9 +6,9 @@ import pytest
 from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
-from virtual_lab.reduction.video.calibration_file import CameraModel, ClipCalibration
+from virtual_lab.reduction.video.calibration.plane import plane_of
+from virtual_lab.reduction.video.clips.calibration_file import CameraModel, ClipCalibration
 from virtual_lab.reduction.video.located import Flag, Located
-from virtual_lab.reduction.video.plane import plane_of
 
 Array = NDArray[np.float64]
 

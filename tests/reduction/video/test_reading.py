@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from tests.reduction.video.scenes import write_video
 from virtual_lab.errors import InputError
-from virtual_lab.reduction.video.calibration_file import ClipCalibration, read_calibration
-from virtual_lab.reduction.video.clip import SAMPLES, open_clip
-from virtual_lab.reduction.video.reading import open_source
+from virtual_lab.reduction.video.clips.calibration_file import ClipCalibration, read_calibration
+from virtual_lab.reduction.video.clips.clip import SAMPLES, open_clip
+from virtual_lab.reduction.video.clips.reading import open_source
 
 Frames = list[NDArray[np.generic]]
 FAST = ClipCalibration(metres_per_pixel=1e-3, frames_per_second=5000.0)

@@ -13,16 +13,16 @@ from tests.reduction.video.stitched import LENS, scene
 from tests.reduction.video.test_tracking import KNOWN, RATE, SCENES, require
 from virtual_lab.instruments.camera.film import whole_frames
 from virtual_lab.instruments.camera.shots import take
-from virtual_lab.reduction.video.calibration_file import CameraModel, ClipCalibration
-from virtual_lab.reduction.video.clip import Clip
+from virtual_lab.reduction.video.clips.calibration_file import CameraModel, ClipCalibration
+from virtual_lab.reduction.video.clips.clip import Clip
+from virtual_lab.reduction.video.clips.reading import Source
+from virtual_lab.reduction.video.following.speeds import speeds
+from virtual_lab.reduction.video.following.tracking import track
 from virtual_lab.reduction.video.noise import Noise
-from virtual_lab.reduction.video.quick import quick
-from virtual_lab.reduction.video.reading import Source
-from virtual_lab.reduction.video.refined import Refined, locate
+from virtual_lab.reduction.video.placing.quick import quick
+from virtual_lab.reduction.video.placing.refined import Refined, locate
+from virtual_lab.reduction.video.placing.seeing import lens_of, noise_of_ball
 from virtual_lab.reduction.video.regions import Regions
-from virtual_lab.reduction.video.seeing import lens_of, noise_of_ball
-from virtual_lab.reduction.video.speeds import speeds
-from virtual_lab.reduction.video.tracking import track
 from virtual_lab.streams import Streams
 
 
@@ -201,7 +201,7 @@ def test_a_shadow_needs_no_pattern() -> None:
 
 def test_noise_has_what_the_clip_gives() -> None:
     """A clip of one frame has no noise to measure; a figure stands in."""
-    from virtual_lab.reduction.video.seeing import noise_of_clip
+    from virtual_lab.reduction.video.placing.seeing import noise_of_clip
 
     class Short:
         samples = np.full((1, 8, 8), 40, np.uint8)

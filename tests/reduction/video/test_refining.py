@@ -6,10 +6,10 @@ import pytest
 from tests.reduction.video.plain import FIELD, balls, located, noise_of
 from tests.reduction.video.spectrum import Floats, disc
 from virtual_lab.errors import InputError
-from virtual_lab.reduction.video.bound import bound, bound_of_edge
 from virtual_lab.reduction.video.located import Flag
 from virtual_lab.reduction.video.noise import Noise
-from virtual_lab.reduction.video.refining import Optics, cut, refine
+from virtual_lab.reduction.video.occlusion.bound import bound, bound_of_edge
+from virtual_lab.reduction.video.occlusion.refining import Optics, cut, refine
 
 KNOWN = Optics(lens=0.8)
 

@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 from tests.reduction.video.scenes import Film, matte
 from virtual_lab.errors import InputError
-from virtual_lab.reduction.video.calibration_file import (
+from virtual_lab.reduction.video.clips.calibration_file import (
     CameraModel,
     ClipCalibration,
     read_calibration,
 )
+from virtual_lab.reduction.video.following.speeds import Speeds, document, speeds
+from virtual_lab.reduction.video.following.tracking import Tracked, track
 from virtual_lab.reduction.video.located import Flag
-from virtual_lab.reduction.video.quick import quick
-from virtual_lab.reduction.video.speeds import Speeds, document, speeds
-from virtual_lab.reduction.video.tracking import Tracked, track
+from virtual_lab.reduction.video.placing.quick import quick
 
 RATE = 5000.0
 SCALE = 1e-3

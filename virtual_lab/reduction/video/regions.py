@@ -8,9 +8,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.reduction.video.clip import Clip
+from virtual_lab.reduction.video.clips.clip import Clip
+from virtual_lab.reduction.video.clips.reading import Frame
 from virtual_lab.reduction.video.located import Located
-from virtual_lab.reduction.video.reading import Frame
 
 __all__ = ["Cover", "Locator", "Regions", "cut_regions"]
 

@@ -1,0 +1,1 @@
+"""A ball found in frames, linked into flights, and what these say of its speeds."""

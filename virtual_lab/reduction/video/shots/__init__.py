@@ -1,0 +1,1 @@
+"""The camera of a rig: the windows of each shot, and flights with what the gates know."""
