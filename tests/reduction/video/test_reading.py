@@ -239,3 +239,19 @@ def test_the_command_lines_ball_replaces_the_files(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no length is known"):
         read_calibration(None)
     shutil.rmtree(tmp_path)
+
+
+def test_a_short_clip_is_decoded_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its file may go once it was opened; a long one is read anew, frame by frame."""
+    path = tmp_path / "clip.npy"
+    frames = np.arange(5 * 8 * 9, dtype=np.uint8).reshape(5, 8, 9)
+    for kept, there in ((5 * 8 * 9, True), (5 * 8 * 9 - 1, False)):
+        monkeypatch.setattr("virtual_lab.reduction.video.clips.clip.KEPT", kept)
+        np.save(path, frames)
+        clip = open_clip(path, FAST)
+        path.unlink()
+        if there:
+            np.testing.assert_array_equal(np.stack(list(clip.frames())), frames)
+        else:
+            with pytest.raises(FileNotFoundError):
+                list(clip.frames())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +17,12 @@ from virtual_lab.reduction.video.clips.timing import frame_times
 __all__ = ["Clip", "open_clip"]
 
 SAMPLES = 32  # frames kept to learn the background from
+KEPT = 512e6  # B: a shorter clip is decoded once and stays in memory
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Clip:
-    """Frames that are read anew whenever they are asked for, and what one look at all told."""
+    """Frames, of a long clip read anew whenever they are asked for; what one look at all told."""
 
     source: Source
     times: NDArray[np.float64]  # (frame,) [s]
@@ -67,19 +68,22 @@ def open_clip(path: Path, calibration: ClipCalibration) -> Clip:
     every = max(1, -(-source.declared // SAMPLES))
     stamps: list[float] = []
     samples: list[Frame] = []
+    kept: list[tuple[Frame, float]] = []
     brightest = 0
     for number, (frame, stamp) in enumerate(source.frames()):
         if number == 0:
             _require_size(frame, path, calibration)
         if number % every == 0:
             samples.append(frame)
+        if source.declared * frame.nbytes <= KEPT:
+            kept.append((frame, stamp))
         brightest = max(brightest, int(frame.max()))
         stamps.append(stamp)
     times, warnings = frame_times(source, np.array(stamps), calibration)
     stack = np.stack(samples)
     bits = max(8, brightest.bit_length())
     return Clip(
-        source=source,
+        source=replace(source, read=lambda: iter(kept)) if kept else source,
         times=times,
         shape=(stack.shape[1], stack.shape[2]),
         full_scale=float(2**bits - 1),
