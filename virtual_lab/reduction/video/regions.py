@@ -12,10 +12,11 @@ from virtual_lab.reduction.video.clips.clip import Clip
 from virtual_lab.reduction.video.clips.reading import Frame
 from virtual_lab.reduction.video.located import Located
 
-__all__ = ["Cover", "Locator", "Regions", "cut_regions"]
+__all__ = ["Cover", "Locator", "Regions", "Square", "squares"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Square = tuple[slice, slice]  # rows, columns
 
 MARGIN = 16.0  # pixels of background about the ball
 
@@ -55,31 +56,15 @@ class Cover(Protocol):
         ...
 
 
-def cut_regions(
-    frames: list[Frame],
-    background: NDArray[np.float32],
-    start: Located,
-    hidden: list[Mask] | None = None,
-) -> Regions:
-    """Return one square region about the ball of each frame.
+def squares(start: Located, shape: tuple[int, int]) -> list[Square]:
+    """Return where to cut one square region about the ball of each frame.
 
     A region that would leave the frame is moved back into it: the frame's edge cuts the ball.
-    `hidden` is True where something stands before the ball, (row, column) of each frame.
     """
-    rows, columns = background.shape
+    rows, columns = shape
     blur = np.hypot(start.blur_x, start.blur_y)
     half = float(np.nanmax(1.1 * start.radius + blur / 2)) + MARGIN
     side = min(2 * int(np.ceil(half)) + 1, rows, columns)
     left = np.clip(np.round(start.x - side / 2 + 0.5), 0, columns - side).astype(int)
     top = np.clip(np.round(start.y - side / 2 + 0.5), 0, rows - side).astype(int)
-    places = [np.s_[y : y + side, x : x + side] for x, y in zip(left, top, strict=True)]
-    return Regions(
-        pixels=_cut(frames, places),
-        background=np.stack([background[place] for place in places]),
-        corners=np.stack([left, top], axis=1).astype(float),
-        mask=None if hidden is None else ~_cut(hidden, places),
-    )
-
-
-def _cut(pictures: list[Frame], places: list[tuple[slice, slice]]) -> Frame:
-    return np.stack([each[place] for each, place in zip(pictures, places, strict=True)])
+    return [np.s_[y : y + side, x : x + side] for x, y in zip(left, top, strict=True)]

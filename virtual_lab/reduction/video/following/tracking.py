@@ -27,7 +27,7 @@ from virtual_lab.reduction.video.following.lines import Air
 from virtual_lab.reduction.video.following.linking import Found, ball_track
 from virtual_lab.reduction.video.following.starting import starts
 from virtual_lab.reduction.video.located import Flag, Located, part_of
-from virtual_lab.reduction.video.regions import Cover, Locator, cut_regions
+from virtual_lab.reduction.video.regions import Cover, Locator, Regions, squares
 
 __all__ = ["AT_ONCE", "Spotted", "Tracked", "followed", "locate_in", "track"]
 
@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 NAMES = tuple(field.name for field in fields(Located))
-AT_ONCE = 32  # frames kept in memory
+AT_ONCE = 32  # frames whose regions are located together
 LEAST = 3  # frames that locate the ball
 USELESS = Flag.NOT_FOUND | Flag.CLIPPED | Flag.OVERLAP | Flag.POOR_FIT
 
@@ -189,25 +189,23 @@ def locate_in(
     What the cover says stands before the ball is not used.
     """
     parts: list[Located] = []
-    waiting: list[Frame] = []
-    hidden: list[Mask] = []
-
-    def done() -> None:
-        first = sum(len(part.x) for part in parts)
-        some = part_of(start, np.arange(first, first + len(waiting)))
-        regions = cut_regions(waiting, background, some, hidden if cover else None)
+    stream = clip.chosen(frames)
+    for first in range(0, len(frames), AT_ONCE):
+        some = part_of(start, np.arange(first, min(first + AT_ONCE, len(frames))))
+        cuts = squares(some, clip.shape)
+        pixels: list[Frame] = []
+        free: list[Mask] = []
+        for cut, (number, frame) in zip(cuts, stream, strict=False):
+            pixels.append(frame[cut].copy())  # a view would keep its whole frame
+            if cover:
+                free.append(~cover.hidden(number)[cut])
+        regions = Regions(
+            pixels=np.stack(pixels),
+            background=np.stack([background[cut] for cut in cuts]),
+            corners=np.array([[cut[1].start, cut[0].start] for cut in cuts], float),
+            mask=np.stack(free) if cover else None,
+        )
         parts.append(locator(clip, regions, some))
-        waiting.clear()
-        hidden.clear()
-
-    for number, frame in clip.chosen(frames):
-        waiting.append(frame)
-        if cover:
-            hidden.append(cover.hidden(number))
-        if len(waiting) == AT_ONCE:
-            done()
-    if waiting:
-        done()
     whole: dict[str, Any] = {name: _together(parts, name) for name in NAMES}
     return Located(**whole)
 

@@ -18,7 +18,7 @@ __all__ = ["lens_of", "noise_of_ball", "noise_of_clip"]
 
 Array = NDArray[np.float64]
 
-PIXELS = 2e6  # of the frames sampled: enough for their noise
+PIXELS = 5e5  # of the frames sampled: enough for their noise
 CORE = 0.6  # of the radius: well inside the ball
 ROUND = 1e-3  # of an outline near the middle: its oval
 TRIED = 8  # regions on which the lens is found
