@@ -134,13 +134,14 @@ def _pattern(
     excess = float(np.sum(residuals**2 - u[:, None] ** 2 * spare / count)) / (2 * spare)
     if excess <= 0 and pattern_u == 0:
         return np.zeros((2, 2))
-    left = np.eye(count) - design @ solver
-    shown = left.T @ left
     seen, slow = [], []
     for lag in LAGS * float(np.ptp(t)):
         like = np.exp(-0.5 * ((t[:, None] - t) / lag) ** 2)
-        seen.append(float((shown * like).sum()) / spare)
-        slow.append(solver @ like @ solver.T)
+        told = solver @ like
+        slow.append(told @ solver.T)
+        # the trace of (1 - design solver) like (1 - design solver)^T
+        fitted = float(np.sum(design.T @ design * slow[-1])) - 2 * float(np.sum(told * design.T))
+        seen.append((count + fitted) / spare)
     # what the residuals show beyond noise the pattern may have made, or something unknown
     power = max(pattern_u**2, excess / seen[0])
     # a slow pattern shows little in the residuals of one flight, by chance still less
