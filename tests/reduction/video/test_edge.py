@@ -33,24 +33,25 @@ def errors(seen: Scene, found: Edged) -> tuple[Array, Array]:
 
 
 @pytest.mark.parametrize(
-    ("light", "blur", "worst"),
+    ("light", "blur", "worst", "least"),
     [
-        ("soft", 0, 0.010),
-        ("soft", 2, 0.010),
-        ("soft", 6, 0.020),
-        ("back", 2, 0.005),
-        ("side", 0, 0.10),
-        ("side", 6, 0.10),
+        # seams that hide at the rim are rare, and reckoned with in every place
+        ("soft", 0, 0.010, 0.5),
+        ("soft", 2, 0.010, 0.5),
+        ("soft", 6, 0.020, 0.6),
+        ("back", 2, 0.005, 0.6),
+        ("side", 0, 0.08, 0.6),
+        ("side", 6, 0.10, 0.6),
     ],
 )
-def test_a_stitched_ball_is_placed(light: str, blur: float, worst: float) -> None:
+def test_a_stitched_ball_is_placed(light: str, blur: float, worst: float, least: float) -> None:
     """Root mean squares over 100 balls, and errors as large as they are said to be."""
     seen = scene(light, blur)
     found = fitted(seen)
     assert not found.located.flags.any()
     off, pulls = errors(seen, found)
     assert max(map(rms, off)) < worst
-    assert 0.5 < rms(pulls) < 1.5  # seams that hide at the rim are rare, and reckoned with
+    assert least < rms(pulls) < 1.5
     assert np.median(np.abs(pulls)) < 1.2
 
 

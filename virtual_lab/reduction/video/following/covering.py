@@ -9,8 +9,7 @@ one that is taken for another.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +23,7 @@ from virtual_lab.reduction.video.following.tracking import (
     followed,
     locate_in,
 )
-from virtual_lab.reduction.video.located import Flag, Located, part_of
+from virtual_lab.reduction.video.located import Flag, Located, part_of, put
 from virtual_lab.reduction.video.regions import Cover, Locator
 
 __all__ = ["track_covered"]
@@ -82,7 +81,8 @@ def track_covered(
         for some in _rounds(left, ~near & ~unseen):
             begin = part_of(start, some)
             again = locate_in(clip, whole.frames[some], whole.background, begin, locator, known)
-            located = _with(located, again, some, left)
+            wanted = np.flatnonzero(left[some])
+            located = put(part_of(again, wanted), some[wanted], located)
         left = near & _spoilt(located) & ~unseen
     judged = np.uint16(Flag.JUMP | Flag.CONTACT)
     located = replace(located, flags=located.flags & ~judged)
@@ -210,15 +210,3 @@ def _rounds(hidden: Mask, whole: Mask) -> Iterator[NDArray[np.intp]]:
 
 def _spoilt(located: Located) -> Mask:
     return (located.flags & np.uint16(SPOILT)) > 0
-
-
-def _with(all_: Located, again: Located, some: NDArray[np.intp], near: Mask) -> Located:
-    """Return all places with the hidden ones among some replaced."""
-    taken: dict[str, Any] = {}
-    for name in (each.name for each in fields(Located)):
-        whole, part = getattr(all_, name), getattr(again, name)
-        if whole is not None:
-            whole = whole.copy()
-            whole[some[near[some]]] = part[near[some]]
-        taken[name] = whole
-    return Located(**taken)
