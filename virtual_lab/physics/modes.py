@@ -26,6 +26,7 @@ __all__ = ["Modes", "barrel_nodes", "modes_of"]
 
 Floats = NDArray[np.float64]
 NODE_SAMPLES = 2001
+BOUNCE_ERROR = 1e-3  # of a bounce's squared frequency, which rounding of the stiffest mode may make
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,9 +154,6 @@ def modes_of(
     if not 0 <= bending <= most:
         raise InputError("modes", "bending", bending, f"allowed: 0 to {most} for this mesh")
     squares, vectors = _bending_modes(_sprung(beam, support), free, rigid, bending)
-    if not np.all(squares > 0):
-        allowed = "allowed: enough to tell from rounding; a free bat needs no spring"
-        raise InputError("pinned bat", "stiffness", getattr(support, "stiffness", None), allowed)
     shapes = np.concatenate((rigid, vectors), axis=1)
     angular = (np.zeros(rigid.shape[1]), np.sqrt(squares), _hoop_frequency(body.hoop))
     n = beam.mesh.nodes.size
@@ -205,11 +203,23 @@ def _sprung(beam: Beam, support: Support) -> Beam:
     """Return the beam with the spring of a yielding pivot in its stiffness."""
     match support:
         case Pinned(z=z, stiffness=k) if isfinite(k):
+            least = _least_stiffness(beam, z)
+            if k < least:
+                allowed = f"allowed: at least {least:.3g} N/m here; a free bat needs none"
+                raise InputError("pinned bat", "stiffness", k, allowed)
             stiffness = beam.stiffness_matrix.copy()
             node = int(np.flatnonzero(beam.mesh.nodes == z)[0])
             stiffness[node, node] += k
             return replace(beam, stiffness_matrix=stiffness)
     return beam
+
+
+def _least_stiffness(beam: Beam, z: float) -> float:
+    """Return the spring [N/m] whose bounce still stands out of the stiffest mode's rounding."""
+    stiffest = float((np.diag(beam.stiffness_matrix) / np.diag(beam.mass_matrix)).max())
+    inverse_mass = 1 / beam.mass + (z - beam.z_cm) ** 2 / beam.inertia_cm
+    rounding = float(np.finfo(np.float64).eps) * stiffest
+    return float(f"{rounding / BOUNCE_ERROR / inverse_mass:.3g}")
 
 
 def _free_freedoms(beam: Beam, support: Support) -> NDArray[np.intp]:
