@@ -16,24 +16,30 @@ from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
 from virtual_lab import catalog
-from virtual_lab.collision.scene import CollisionModel, Collisions, Scenes
-from virtual_lab.estimate import Estimate
-from virtual_lab.flights import at_rest
-from virtual_lab.impact import contact_angle, error_free, scenes_of, struck, thrown_back
-from virtual_lab.instruments import Instrument, Outfitter, Rung, calibration_of, errors_of
-from virtual_lab.instruments.air import Air, AirSpec
-from virtual_lab.instruments.cannon import Cannon, CannonSpec
-from virtual_lab.instruments.encoder import Encoder, EncoderSpec
-from virtual_lab.instruments.light_gate import LightGates, LightGateSpec
-from virtual_lab.instruments.passage import Passage
-from virtual_lab.physics.beam import beam_of
-from virtual_lab.physics.coasting import coasting, ringing
-from virtual_lab.physics.supports import Pinned
+from virtual_lab.catalog.specs import BatBody, Dimension, Spec
 from virtual_lab.records import AimMarks, EncoderRecord, GateRecord, Record, ShotLog
-from virtual_lab.rig import Motion, Order, Play, Specimen, Stage
-from virtual_lab.specs import BatBody, Dimension, Spec
+from virtual_lab.simulation.collision.scene import CollisionModel, Collisions, Scenes
+from virtual_lab.simulation.flights import at_rest
+from virtual_lab.simulation.impact import contact_angle, error_free, scenes_of, struck, thrown_back
+from virtual_lab.simulation.instruments import (
+    Instrument,
+    Outfitter,
+    Rung,
+    calibration_of,
+    errors_of,
+)
+from virtual_lab.simulation.instruments.air import Air, AirSpec
+from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
+from virtual_lab.simulation.instruments.encoder import Encoder, EncoderSpec
+from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
+from virtual_lab.simulation.instruments.passage import Passage
+from virtual_lab.simulation.physics.beam import beam_of
+from virtual_lab.simulation.physics.coasting import coasting, ringing
+from virtual_lab.simulation.physics.supports import Pinned
+from virtual_lab.simulation.rig import Motion, Order, Play, Specimen, Stage
+from virtual_lab.simulation.truth import TrueOutcome
 from virtual_lab.streams import Draws
-from virtual_lab.truth import TrueOutcome
+from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import STANDARD_GRAVITY
 
 __all__ = ["RIG", "AstmPivot"]

@@ -11,18 +11,18 @@ from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 
 from virtual_lab import catalog
-from virtual_lab.estimate import Estimate
-from virtual_lab.instruments import Instrument, Outfitter, calibration_of, errors_of
-from virtual_lab.instruments.air import Air, AirSpec
-from virtual_lab.instruments.cannon import Cannon, CannonSpec
-from virtual_lab.instruments.light_gate import LightGates, LightGateSpec
-from virtual_lab.instruments.passage import Passage
-from virtual_lab.physics.ageing import loss_of_restitution
-from virtual_lab.physics.ball import wall_contact
+from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import GateRecord, Record, ShotLog
-from virtual_lab.rig import Order, Play, Specimen, Stage
-from virtual_lab.specs import Dimension, Spec
+from virtual_lab.simulation.instruments import Instrument, Outfitter, calibration_of, errors_of
+from virtual_lab.simulation.instruments.air import Air, AirSpec
+from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
+from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
+from virtual_lab.simulation.instruments.passage import Passage
+from virtual_lab.simulation.physics.ageing import loss_of_restitution
+from virtual_lab.simulation.physics.ball import wall_contact
+from virtual_lab.simulation.rig import Order, Play, Specimen, Stage
 from virtual_lab.streams import Draws
+from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import STANDARD_GRAVITY
 
 __all__ = ["RIG", "BallWall"]

@@ -10,17 +10,17 @@ import numpy as np
 from annotated_types import Gt
 
 from virtual_lab import catalog
-from virtual_lab.estimate import Estimate
-from virtual_lab.instruments import Instrument, Outfitter, calibration_of, errors_of
-from virtual_lab.instruments.pendulum import Pendulum, PendulumSpec
-from virtual_lab.instruments.rule import Rule, RuleSpec
-from virtual_lab.instruments.scale import Scale, ScaleSpec
-from virtual_lab.physics.beam import beam_of
-from virtual_lab.physics.section import outer_diameter
+from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import LengthReadings, MassReadings, PendulumRecord, Record
-from virtual_lab.rig import Order, Play, Specimen, Stage
-from virtual_lab.specs import Dimension, Spec
+from virtual_lab.simulation.instruments import Instrument, Outfitter, calibration_of, errors_of
+from virtual_lab.simulation.instruments.pendulum import Pendulum, PendulumSpec
+from virtual_lab.simulation.instruments.rule import Rule, RuleSpec
+from virtual_lab.simulation.instruments.scale import Scale, ScaleSpec
+from virtual_lab.simulation.physics.beam import beam_of
+from virtual_lab.simulation.physics.section import outer_diameter
+from virtual_lab.simulation.rig import Order, Play, Specimen, Stage
 from virtual_lab.streams import Draws
+from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import INCH
 
 __all__ = ["RIG", "Bench"]

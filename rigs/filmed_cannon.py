@@ -18,19 +18,19 @@ from annotated_types import Ge, Gt
 
 from rigs.ball_cannon import BallCannon, BallCannonSpec, BallCannonStation, Flown, fitted
 from virtual_lab import catalog
-from virtual_lab.estimate import Estimate
-from virtual_lab.instruments import Instrument, Outfitter, calibration_of
-from virtual_lab.instruments.camera.camera import Camera
-from virtual_lab.instruments.camera.course import Course
-from virtual_lab.instruments.camera.film import whole_frames, write_films
-from virtual_lab.instruments.camera.scene import Bat
-from virtual_lab.instruments.camera.spec import CameraSpec
-from virtual_lab.physics.beam import beam_of
-from virtual_lab.physics.section import outer_diameter
+from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import ClipRecord, Record
-from virtual_lab.rig import Order, Play, Specimen
-from virtual_lab.specs import Dimension
+from virtual_lab.simulation.instruments import Instrument, Outfitter, calibration_of
+from virtual_lab.simulation.instruments.camera.camera import Camera
+from virtual_lab.simulation.instruments.camera.course import Course
+from virtual_lab.simulation.instruments.camera.film import whole_frames, write_films
+from virtual_lab.simulation.instruments.camera.scene import Bat
+from virtual_lab.simulation.instruments.camera.spec import CameraSpec
+from virtual_lab.simulation.physics.beam import beam_of
+from virtual_lab.simulation.physics.section import outer_diameter
+from virtual_lab.simulation.rig import Order, Play, Specimen
 from virtual_lab.streams import Draws
+from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["RIG", "FilmedCannon", "FilmedCannonStation"]
 

@@ -17,21 +17,27 @@ from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
 from virtual_lab import catalog
-from virtual_lab.estimate import Estimate
-from virtual_lab.impact import contact_angle, error_free, scenes_of, struck, thrown_back
-from virtual_lab.instruments import Instrument, Outfitter, Rung, calibration_of, errors_of
-from virtual_lab.instruments.air import Air, AirSpec
-from virtual_lab.instruments.cannon import Cannon, CannonSpec
-from virtual_lab.instruments.encoder import Encoder, EncoderSpec
-from virtual_lab.instruments.holder import Holder, HolderSpec
-from virtual_lab.instruments.light_board import LightBoards, LightBoardSpec
-from virtual_lab.instruments.passage import Passage
-from virtual_lab.physics.supports import Pinned
+from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import AimMarks, BoardRecord, EncoderRecord, Record, ShotLog
-from virtual_lab.rig import Order, Play, Specimen, Stage
-from virtual_lab.specs import Dimension, Spec
+from virtual_lab.simulation.impact import contact_angle, error_free, scenes_of, struck, thrown_back
+from virtual_lab.simulation.instruments import (
+    Instrument,
+    Outfitter,
+    Rung,
+    calibration_of,
+    errors_of,
+)
+from virtual_lab.simulation.instruments.air import Air, AirSpec
+from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
+from virtual_lab.simulation.instruments.encoder import Encoder, EncoderSpec
+from virtual_lab.simulation.instruments.holder import Holder, HolderSpec
+from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec
+from virtual_lab.simulation.instruments.passage import Passage
+from virtual_lab.simulation.physics.supports import Pinned
+from virtual_lab.simulation.rig import Order, Play, Specimen, Stage
+from virtual_lab.simulation.truth import TrueOutcome
 from virtual_lab.streams import Draws
-from virtual_lab.truth import TrueOutcome
+from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import STANDARD_GRAVITY
 
 __all__ = ["RIG", "NcaaSwing"]

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import settings
 
 from virtual_lab import lab
-from virtual_lab.rig import Reality
+from virtual_lab.simulation.rig import Reality
 
 pytest.register_assert_rewrite("tests.rigs.conformance")
 settings.register_profile("fixed", derandomize=True, deadline=None, database=None)

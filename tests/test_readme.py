@@ -38,6 +38,14 @@ def test_every_file_named_exists() -> None:
         assert (ROOT / name.rstrip("/")).exists(), name
 
 
+def test_every_place_in_the_house_exists() -> None:
+    house = (ROOT / "virtual_lab" / "README.md").read_text("utf-8")
+    named = [name for name in re.findall(r"`([\w./-]+/[\w./-]*)`", house) if "NAME" not in name]
+    assert len(named) > 15
+    for name in named:
+        assert any((top / name).exists() for top in (ROOT, ROOT / "virtual_lab")), name
+
+
 def test_the_coverage_table_is_the_one_on_file() -> None:
     """Every row in print; each 95 % interval held the truth in 94 % of the laboratories or so."""
     (path,) = (ROOT / "tests" / "studies").glob("coverage-*.csv")

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from virtual_lab.api import Certificate, certify, reduce
     from virtual_lab.errors import InputError
-    from virtual_lab.studies.profile import Profiled, profile
+    from virtual_lab.studies.bats.profile import Profiled, profile
 
 __all__ = [
     "Certificate",
@@ -32,8 +32,8 @@ _HOMES = {
     "certify": "virtual_lab.api",
     "reduce": "virtual_lab.api",
     "InputError": "virtual_lab.errors",
-    "Profiled": "virtual_lab.studies.profile",
-    "profile": "virtual_lab.studies.profile",
+    "Profiled": "virtual_lab.studies.bats.profile",
+    "profile": "virtual_lab.studies.bats.profile",
 }
 
 

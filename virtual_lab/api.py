@@ -10,19 +10,19 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from virtual_lab.certification import Certification, certify_session
+from virtual_lab.certificate.document import certificate
+from virtual_lab.certificate.html import certificate_page, notebook_card
+from virtual_lab.certificate.tables import budget_table, shot_table
 from virtual_lab.errors import InputError
-from virtual_lab.folder import new_folder
-from virtual_lab.foreign.laboratory import FORM
+from virtual_lab.files import new_folder
 from virtual_lab.lab import Tested, certify_bat
-from virtual_lab.report.certificate import certificate
-from virtual_lab.report.render import certificate_page, notebook_card
-from virtual_lab.report.tables import budget_table, shot_table
-from virtual_lab.rig import Motion, Reality
-from virtual_lab.session import load_session, save_session
+from virtual_lab.measurement.certification import Certification, certify_session
+from virtual_lab.records.foreign.laboratory import FORM
+from virtual_lab.records.session import load_session, save_session
+from virtual_lab.simulation.rig import Motion, Reality
+from virtual_lab.simulation.truth import Sealed
 from virtual_lab.studies.foreign import certify_laboratory
 from virtual_lab.studies.score import score
-from virtual_lab.truth import Sealed
 
 if TYPE_CHECKING:
     import pandas as pd

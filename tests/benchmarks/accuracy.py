@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from tests.benchmarks.rows import Row
 from tests.benchmarks.scenes import BATS, WIDE, default_model, eight_modes
-from virtual_lab.collision.modal import ModalModel
-from virtual_lab.collision.reference import ReferenceModel
-from virtual_lab.collision.scene import Collisions, Scenes
-from virtual_lab.collision.stepping import COARSE, FINE, InStep, OneByOne
+from virtual_lab.simulation.collision.modal import ModalModel
+from virtual_lab.simulation.collision.reference import ReferenceModel
+from virtual_lab.simulation.collision.scene import Collisions, Scenes
+from virtual_lab.simulation.collision.stepping import COARSE, FINE, InStep, OneByOne
 
 __all__ = ["accuracy"]
 

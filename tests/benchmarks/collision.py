@@ -19,8 +19,8 @@ from tests.benchmarks.machine import seconds, vectors
 from tests.benchmarks.rows import Row, line, write_csv
 from tests.benchmarks.scenes import default_model
 from tests.benchmarks.speed import speed
-from virtual_lab.collision.surrogate import Surrogate
 from virtual_lab.errors import InputError
+from virtual_lab.simulation.collision.surrogate import Surrogate
 
 __all__ = ["main"]
 

@@ -19,7 +19,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from virtual_lab.collision.stepping import Struck
+from virtual_lab.simulation.collision.stepping import Struck
 
 __all__ = ["WINDOW", "Peer", "Scaled", "approach", "by_solve_ivp", "derivative"]
 

@@ -19,11 +19,11 @@ import numpy as np
 
 from tests.benchmarks.machine import processor_seconds
 from tests.benchmarks.rows import Row, tell
-from tests.instruments.camera.scenes import bat_of, camera_of, course_of, spec_of
+from tests.simulation.instruments.camera.scenes import bat_of, camera_of, course_of, spec_of
 from virtual_lab import catalog
-from virtual_lab.instruments.camera.ball import Light, axes_of, render_balls
-from virtual_lab.instruments.camera.film import whole_frames
-from virtual_lab.instruments.camera.spec import BallLook
+from virtual_lab.simulation.instruments.camera.ball import Light, axes_of, render_balls
+from virtual_lab.simulation.instruments.camera.film import whole_frames
+from virtual_lab.simulation.instruments.camera.spec import BallLook
 from virtual_lab.streams import Streams
 
 REGIONS, SIDE, FRAMES, ROUNDS = 300, 80, 25, 5

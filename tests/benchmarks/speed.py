@@ -19,9 +19,9 @@ from tests.benchmarks.machine import GEMM_FLOPS, Work, gemm, in_turn, seconds, v
 from tests.benchmarks.peers import Peer, Scaled, by_solve_ivp
 from tests.benchmarks.rows import Row
 from tests.benchmarks.scenes import NARROW, default_model, eight_modes, struck
-from virtual_lab.collision.modal import WINDOW, ModalModel
-from virtual_lab.collision.scene import Scenes
-from virtual_lab.collision.stepping import COARSE, FINE, InStep, OneByOne, Struck
+from virtual_lab.simulation.collision.modal import WINDOW, ModalModel
+from virtual_lab.simulation.collision.scene import Scenes
+from virtual_lab.simulation.collision.stepping import COARSE, FINE, InStep, OneByOne, Struck
 
 __all__ = ["speed"]
 

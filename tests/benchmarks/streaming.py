@@ -28,9 +28,9 @@ def main(folder: Path) -> None:
     import cv2
 
     from tests.benchmarks.memory import _status
-    from virtual_lab.reduction.video.clips.calibration_file import ClipCalibration
-    from virtual_lab.reduction.video.following.tracking import track
-    from virtual_lab.reduction.video.placing.refined import Refined
+    from virtual_lab.video.clips.calibration_file import ClipCalibration
+    from virtual_lab.video.locate.refined import Refined
+    from virtual_lab.video.track.tracking import track
 
     cv2.setNumThreads(1)
     path = folder / "clip.mp4"
@@ -49,8 +49,8 @@ def write(path: Path) -> None:
 
     import numpy as np
 
-    from tests.reduction.video.scenes import Film, matte
-    from virtual_lab.instruments.camera.film import write_film
+    from tests.video.scenes import Film, matte
+    from virtual_lab.simulation.instruments.camera.film import write_film
 
     film = Film(
         shape=(800, 1280),

@@ -21,14 +21,18 @@ import numpy as np
 from tests.benchmarks.machine import Work, processor_seconds
 from tests.benchmarks.rows import Row, tell
 from virtual_lab import catalog
-from virtual_lab.instruments import Rung
 from virtual_lab.lab import Campaign
-from virtual_lab.procedure import Curve, metric_of
-from virtual_lab.reduced import reduce_session
-from virtual_lab.reduction.flights import timed
-from virtual_lab.reduction.measurement import bat_properties, measured_balls, shot_results
-from virtual_lab.reduction.observations import observe_balls, observe_impact
-from virtual_lab.rig import Order, Stage
+from virtual_lab.measurement.procedure import Curve, metric_of
+from virtual_lab.measurement.reduction.flights import timed
+from virtual_lab.measurement.reduction.observations import observe_balls, observe_impact
+from virtual_lab.measurement.reduction.shot_algebra import (
+    bat_properties,
+    measured_balls,
+    shot_results,
+)
+from virtual_lab.measurement.session_reduction import reduce_session
+from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.rig import Order, Stage
 
 BATS = {"asa": "softball-34"}  # the others are tests of baseball bats
 BLOCKS = {Rung.SUMMED: (16_384, 2e6), Rung.FULL: (8_192, 2e4)}  # shots a block, to be reached

@@ -10,7 +10,7 @@ import pytest
 from virtual_lab.fidelity.camera_errors import score, seconds_a_picture, wrong_unsaid
 from virtual_lab.fidelity.camera_pictures import pictures
 from virtual_lab.fidelity.camera_scenes import Case
-from virtual_lab.reduction.video.located import Flag
+from virtual_lab.video.locate.located import Flag
 
 BATCH = pictures(Case(radius=15, phases=4, repeats=5))
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.reduction.video.spectrum import disc
+from tests.video.spectrum import disc
 from virtual_lab.fidelity.camera_errors import score
 from virtual_lab.fidelity.camera_estimators import CV2, OURS, PLAIN
 from virtual_lab.fidelity.camera_pictures import BAT, FRAME, LENS, pictures

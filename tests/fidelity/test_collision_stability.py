@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from virtual_lab.collision.stepping import FINE
 from virtual_lab.fidelity import collision_stability as maps
+from virtual_lab.simulation.collision.stepping import FINE
 
 
 @pytest.fixture(scope="module")

@@ -18,10 +18,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from virtual_lab.certification import QUANTITIES, certify_session
 from virtual_lab.lab import certify_bat
+from virtual_lab.measurement.certification import QUANTITIES, certify_session
 from virtual_lab.records import Record
-from virtual_lab.session import Session
+from virtual_lab.records.session import Session
 from virtual_lab.units import DEGREE, INCH, MPH, OUNCE
 
 HERE = Path(__file__).parent

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from virtual_lab import api, catalog, lab
+from virtual_lab.certificate.document import certificate
+from virtual_lab.certificate.html import certificate_page
+from virtual_lab.certificate.text import certificate_text
 from virtual_lab.errors import InputError
 from virtual_lab.lab import certify_bat
-from virtual_lab.procedure import Procedure
-from virtual_lab.reduced import CONTROL
-from virtual_lab.report.certificate import certificate
-from virtual_lab.report.render import certificate_page
-from virtual_lab.report.text import certificate_text
-from virtual_lab.rig import Reality
+from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.measurement.session_reduction import CONTROL
+from virtual_lab.simulation.rig import Reality
 
 CYLINDER, STANDARD = "check-cylinder", 0.5
 BBCOR = catalog.load("procedures", "bbcor", Procedure).text

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import rigs.filmed_cannon
-from virtual_lab.instruments import Rung
 from virtual_lab.lab import open_laboratory
-from virtual_lab.reduction.video.clips.calibration_file import read_calibration
+from virtual_lab.simulation.instruments import Rung
+from virtual_lab.video.clips.calibration_file import read_calibration
 
 
 def test_the_calibration_beside_a_film_is_what_the_laboratory_knows(

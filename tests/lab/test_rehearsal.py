@@ -7,8 +7,8 @@ import pytest
 
 from virtual_lab import catalog
 from virtual_lab.lab import Rehearsal, Straying
-from virtual_lab.procedure import Procedure
-from virtual_lab.reduction.measurement import BatProperties
+from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.measurement.reduction.shot_algebra import BatProperties
 from virtual_lab.streams import Streams
 from virtual_lab.units import INCH
 

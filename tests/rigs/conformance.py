@@ -6,7 +6,8 @@ Its author runs this against the rig, installed or not:
     def test_my_rig(check, tmp_path):
         check(conformance.Bench(my_rig, tmp_path))
 
-Nothing here knows a particular rig; what each check asks is what `virtual_lab.rig` documents.
+Nothing here knows a particular rig; what each check asks is what `virtual_lab.simulation.rig`
+documents.
 """
 
 from __future__ import annotations
@@ -20,16 +21,16 @@ from pathlib import Path
 import numpy as np
 
 from virtual_lab import catalog
-from virtual_lab.collision.modal import ModalModel
-from virtual_lab.collision.scene import CollisionModel, Scenes
-from virtual_lab.estimate import Estimate
-from virtual_lab.physics.supports import Support
+from virtual_lab.catalog.specs import BallSpec, BatBody
 from virtual_lab.records import RECORD_TYPES, Record
-from virtual_lab.rig import ImpactStation, Order, Play, Rig, Specimen, Stage, Station
-from virtual_lab.session import Session, load_session, save_session
-from virtual_lab.specs import BallSpec, BatBody
+from virtual_lab.records.session import Session, load_session, save_session
+from virtual_lab.simulation.collision.modal import ModalModel
+from virtual_lab.simulation.collision.scene import CollisionModel, Scenes
+from virtual_lab.simulation.physics.supports import Support
+from virtual_lab.simulation.rig import ImpactStation, Order, Play, Rig, Specimen, Stage, Station
+from virtual_lab.simulation.truth import TrueOutcome, draw_balls, draw_bat
 from virtual_lab.streams import Quiet, Streams
-from virtual_lab.truth import TrueOutcome, draw_balls, draw_bat
+from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["CHECKS", "Bench", "name_of"]
 

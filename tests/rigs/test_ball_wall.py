@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from virtual_lab import catalog
-from virtual_lab.collision.modal import ModalModel
-from virtual_lab.rig import Order, Play, Reality, Specimen, Stage, WallStation, find_rig
-from virtual_lab.specs import BallAgeing, BallSpec
-from virtual_lab.truth import draw_balls, draw_bat
+from virtual_lab.catalog.specs import BallAgeing, BallSpec
+from virtual_lab.simulation.collision.modal import ModalModel
+from virtual_lab.simulation.rig import Order, Play, Reality, Specimen, Stage, WallStation, find_rig
+from virtual_lab.simulation.truth import draw_balls, draw_bat
 
 SPEED = 26.8224  # m/s, 60 mph
 AGEING = BallAgeing(speed=SPEED, loss=0.01, recovering=0.0, recovery_time=1.0)

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from virtual_lab import api, lab
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
-from virtual_lab.rig import Reality
+from virtual_lab.simulation.rig import Reality
 
 DONE = {"astm-pivot": "astm-f1881", "ball-cannon": "bbcor"}
 

@@ -8,9 +8,9 @@ import pandas as pd
 import pytest
 
 from virtual_lab.errors import InputError
-from virtual_lab.report.study_text import critique_text
 from virtual_lab.studies import critique as study
 from virtual_lab.studies.critique import Critique, Ranked, critique, misranking, save_critique
+from virtual_lab.studies.text import critique_text
 
 BATS = ("r161", "ea70", "barrel-loaded", "knob-loaded")
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from virtual_lab import catalog
+from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
-from virtual_lab.specs import BallSpec
 from virtual_lab.studies.daily import daily, save_daily
 
 HIT = 0.003 / sqrt(10)  # of the mean of ten hits of the check ball, data/balls/check-ball.toml

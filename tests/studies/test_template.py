@@ -11,13 +11,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.test_cli import Run, run  # noqa: F401 a fixture
+from tests.cli.test_cli import Run, run  # noqa: F401 a fixture
 from virtual_lab import catalog
 from virtual_lab.api import reduce
-from virtual_lab.certification import certify_session
 from virtual_lab.errors import InputError
-from virtual_lab.foreign.laboratory import load_laboratory
-from virtual_lab.session import Session
+from virtual_lab.measurement.certification import certify_session
+from virtual_lab.records.foreign.laboratory import load_laboratory
+from virtual_lab.records.session import Session
 from virtual_lab.studies.foreign import our_own
 from virtual_lab.studies.template import write_template
 

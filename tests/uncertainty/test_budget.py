@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from virtual_lab.estimate import Estimate
 from virtual_lab.uncertainty.budget import (
     Component,
     combine,
@@ -17,6 +16,7 @@ from virtual_lab.uncertainty.budget import (
     propagate,
     scatter,
 )
+from virtual_lab.uncertainty.estimate import Estimate
 
 ROOT3, ROOT2 = sqrt(3), sqrt(2)
 # JCGM 100:2008, H.1: end gauge, lengths in nm, temperatures in °C

@@ -8,7 +8,6 @@ import sys
 
 import click
 
-from virtual_lab import __version__
 from virtual_lab.cli.bench import certify, reduce, score, template
 from virtual_lab.cli.calibrate import board, calibrate
 from virtual_lab.cli.fidelity import chart, stability
@@ -71,7 +70,7 @@ def _leave(code: int, message: str) -> None:
     invoke_without_command=True,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 96},
 )
-@click.version_option(__version__, prog_name=PROGRAM)
+@click.version_option(package_name=PROGRAM, prog_name=PROGRAM)
 @click.pass_context
 def cli(context: click.Context) -> None:
     """Run a bat certification laboratory that does not exist exactly as a real one."""

@@ -88,7 +88,7 @@ def certify(
     as_json: bool,
 ) -> None:
     """Take BAT (a name or a .toml file) through a procedure and write its certificate."""
-    from virtual_lab.folder import check_new_folder, first_free
+    from virtual_lab.files import check_new_folder, first_free
 
     if ideal and noise_free:
         raise click.UsageError("--ideal and --noise-free exclude each other")
@@ -96,7 +96,7 @@ def certify(
     target = out or first_free(Path("out") / Path(bat).stem)
     check_new_folder(target)
     from virtual_lab.api import certify as run
-    from virtual_lab.report.text import certificate_text
+    from virtual_lab.certificate.text import certificate_text
 
     if film:
         _require_camera(procedure, rig)
@@ -124,8 +124,8 @@ def _require_camera(procedure: str, rig: str | None) -> None:
     """Refuse to film where nothing can, before the test and not after it."""
     from virtual_lab import catalog
     from virtual_lab.lab.fitting import require_camera
-    from virtual_lab.procedure import Procedure
-    from virtual_lab.rig import Stage, find_rig
+    from virtual_lab.measurement.procedure import Procedure
+    from virtual_lab.simulation.rig import Stage, find_rig
 
     asked = rig or catalog.load("procedures", procedure, Procedure).spec.rig
     require_camera(find_rig(asked, Stage.IMPACT))
@@ -139,12 +139,12 @@ def _require_camera(procedure: str, rig: str | None) -> None:
 @json_option
 def reduce(records: Path, out: Path | None, as_json: bool) -> None:
     """Reduce a folder of raw RECORDS, ours or another laboratory's, without the truth."""
-    from virtual_lab.folder import check_new_folder
+    from virtual_lab.files import check_new_folder
 
     if out:
         check_new_folder(out)
     from virtual_lab.api import reduce as run
-    from virtual_lab.report.text import certificate_text
+    from virtual_lab.certificate.text import certificate_text
 
     certificate = run(records)
     if out:
@@ -160,8 +160,7 @@ def reduce(records: Path, out: Path | None, as_json: bool) -> None:
 @json_option
 def score(folder: Path, as_json: bool) -> None:
     """Open the sealed truth in FOLDER: recovered against true, in units and uncertainties."""
-    from virtual_lab.report.text import score_text
-    from virtual_lab.studies.score import score_folder
+    from virtual_lab.studies.score import score_folder, score_text
 
     document = score_folder(folder)
     if as_json:
@@ -176,7 +175,7 @@ def score(folder: Path, as_json: bool) -> None:
 @json_option
 def template(procedure: str, folder: Path, as_json: bool) -> None:
     """Write the empty forms of a PROCEDURE for another laboratory into a new FOLDER."""
-    from virtual_lab.folder import check_new_folder
+    from virtual_lab.files import check_new_folder
 
     check_new_folder(folder)
     from virtual_lab.studies.template import write_template

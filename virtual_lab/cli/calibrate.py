@@ -48,12 +48,12 @@ def calibrate(
     the ball will fly in, or below it by --height; in the others it is held askew, 30 deg or so.
     """
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")  # its faults are told as ours
-    from virtual_lab.reduction.video.calibration.calibrating import Plan
-    from virtual_lab.reduction.video.calibration.calibrating import calibrate as run
-    from virtual_lab.reduction.video.clips.pictures import read_pictures
     from virtual_lab.relations.board import board_of, length_of
-    from virtual_lab.report.calibration_plot import draw_calibration
-    from virtual_lab.report.calibration_text import (
+    from virtual_lab.video.calibration.calibrating import Plan
+    from virtual_lab.video.calibration.calibrating import calibrate as run
+    from virtual_lab.video.clips.pictures import read_pictures
+    from virtual_lab.video.show.calibration_plot import draw_calibration
+    from virtual_lab.video.show.calibration_text import (
         calibration_document,
         calibration_text,
         calibration_toml,
@@ -109,7 +109,7 @@ def board(
     camera: str, pattern: str, views: int, seed: int | None, out: Path, as_json: bool
 ) -> None:
     """Take pictures of a calibration board with a simulated camera, to rehearse `calibrate`."""
-    from virtual_lab.folder import check_new_folder
+    from virtual_lab.files import check_new_folder
     from virtual_lab.relations.board import board_of
 
     check_new_folder(out)

@@ -34,7 +34,7 @@ def _study(group: click.Group, name: str, picture: str, words: str) -> None:
     )
     @json_option
     def command(out: Path, as_json: bool) -> None:
-        from virtual_lab.folder import check_new_folder
+        from virtual_lab.files import check_new_folder
 
         check_new_folder(out)
         study = import_module(module)

@@ -23,10 +23,10 @@ __all__ = ["percussion"]
 @json_option
 def percussion(bat: str, out: Path | None, as_json: bool, **asked: Any) -> None:
     """Fire at BAT on its pivot along the barrel: what hits beside the centre of percussion cost."""
-    from virtual_lab.folder import check_new_folder
-    from virtual_lab.report.percussion_text import percussion_text
-    from virtual_lab.studies.percussion import percussion as run
-    from virtual_lab.studies.percussion import save_percussion
+    from virtual_lab.files import check_new_folder
+    from virtual_lab.studies.bats.percussion import percussion as run
+    from virtual_lab.studies.bats.percussion import save_percussion
+    from virtual_lab.studies.bats.percussion_text import percussion_text
 
     if out:
         check_new_folder(out)

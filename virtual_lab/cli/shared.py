@@ -38,7 +38,7 @@ def names(*kinds: str) -> Callable[..., list[str]]:
 
 def rigs(_ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[str]:
     """Complete the name of an installed rig that fires at bats."""
-    from virtual_lab.rig import Stage, installed_rigs
+    from virtual_lab.simulation.rig import Stage, installed_rigs
 
     found = [name for name, rig in installed_rigs().items() if rig.stage is Stage.IMPACT]
     return [name for name in found if name.startswith(incomplete)]

@@ -8,7 +8,7 @@ import click
 
 from virtual_lab.cli.shared import inertia_option, json_option, names, print_json, teller
 from virtual_lab.errors import InputError
-from virtual_lab.folder import check_new_folder
+from virtual_lab.files import check_new_folder
 from virtual_lab.units import INCH
 
 
@@ -24,8 +24,8 @@ from virtual_lab.units import INCH
 @json_option
 def list_(kind: str | None, as_json: bool) -> None:
     """List what the catalog holds and which rigs are installed."""
-    from virtual_lab.report.text import table_text
-    from virtual_lab.studies.shelf import shelf
+    from virtual_lab.lab.inventory import shelf
+    from virtual_lab.output.tables import table_text
 
     rows = shelf(kind)
     if as_json:
@@ -44,8 +44,7 @@ def list_(kind: str | None, as_json: bool) -> None:
 @json_option
 def show(name: str, as_json: bool) -> None:
     """Show a specification, every number with its unit and source."""
-    from virtual_lab.report.text import sheet_text
-    from virtual_lab.studies.shelf import sheet
+    from virtual_lab.lab.inventory import sheet, sheet_text
 
     document = sheet(name)
     if as_json:
@@ -75,9 +74,9 @@ def profile(
     bat: str, swing: float, reference_inertia: str | None, out: Path | None, as_json: bool
 ) -> None:
     """Show e, r, e_A and v_f of BAT along its barrel, its modal frequencies and nodes."""
-    from virtual_lab.report.text import profile_text
-    from virtual_lab.studies.profile import profile as run
-    from virtual_lab.studies.profile import save_profile
+    from virtual_lab.studies.bats.profile import profile as run
+    from virtual_lab.studies.bats.profile import save_profile
+    from virtual_lab.studies.bats.text import profile_text
 
     if out:
         check_new_folder(out)
@@ -112,9 +111,9 @@ def compare(
     as_json: bool,
 ) -> None:
     """Compare BATs along the barrel: peaks of e, BPF, e_A and v_f, and what sets them apart."""
-    from virtual_lab.report.text import comparison_text
-    from virtual_lab.studies.compare import compare as run
-    from virtual_lab.studies.compare import save_comparison
+    from virtual_lab.studies.bats.compare import compare as run
+    from virtual_lab.studies.bats.compare import save_comparison
+    from virtual_lab.studies.bats.text import comparison_text
 
     if out:
         check_new_folder(out)
@@ -141,9 +140,9 @@ def compare(
 @json_option
 def fit_bat(measured: str, out: Path, members: int, seed: int, as_json: bool) -> None:
     """Fit a bat to what was MEASURED of one, and tell what the measurements leave open."""
-    from virtual_lab.report.text import table_text
-    from virtual_lab.studies.fit_bat import fit_bat as run
-    from virtual_lab.studies.fit_bat import write_bat
+    from virtual_lab.output.tables import table_text
+    from virtual_lab.studies.bats.fit_bat import fit_bat as run
+    from virtual_lab.studies.bats.fit_bat import write_bat
 
     if out.suffix != ".toml":
         raise InputError("", "out", str(out), "a bat file's name ends in .toml")

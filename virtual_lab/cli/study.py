@@ -25,7 +25,7 @@ def coverage(
     bat: str, procedure: str, laboratories: int, first_seed: int, summed: bool, as_json: bool
 ) -> None:
     """Certify BAT in many laboratories and count the 95 % intervals that hold the truth."""
-    from virtual_lab.report.text import table_text
+    from virtual_lab.output.tables import table_text
     from virtual_lab.studies.coverage import coverage as run
 
     rows = run(
@@ -50,7 +50,7 @@ def coverage(
 @json_option
 def clips(bat: str, clips: int, first_seed: int, summed: bool, as_json: bool) -> None:
     """Film one shot at BAT in each of many laboratories; count intervals that hold the truth."""
-    from virtual_lab.report.text import table_text
+    from virtual_lab.output.tables import table_text
     from virtual_lab.studies.clips import clip_coverage
 
     rows = clip_coverage(bat, clips=clips, first_seed=first_seed, summed=summed, say=teller())
@@ -82,10 +82,10 @@ def faults(
     as_json: bool,
 ) -> None:
     """Play FAULTS of a real day (or all) and hold what comes of them against the predictions."""
-    from virtual_lab.folder import check_new_folder
-    from virtual_lab.report.study_text import faults_text
+    from virtual_lab.files import check_new_folder
     from virtual_lab.studies.faults import PROCEDURES, save_faults
     from virtual_lab.studies.faults import faults as run
+    from virtual_lab.studies.text import faults_text
 
     if out:
         check_new_folder(out)
@@ -111,7 +111,7 @@ def faults(
 @json_option
 def bias(procedure: str, as_json: bool) -> None:
     """Measure what the method gets wrong when nothing is random, for every bat."""
-    from virtual_lab.report.text import table_text
+    from virtual_lab.output.tables import table_text
     from virtual_lab.studies.bias import bias as run
 
     rows = run(procedure)
@@ -126,8 +126,8 @@ def bias(procedure: str, as_json: bool) -> None:
 @json_option
 def sensitivity(bat: str, as_json: bool) -> None:
     """Show how far the peaks of BAT hang on the law of the ball."""
-    from virtual_lab.report.text import sensitivity_text
-    from virtual_lab.studies.ball_law import sensitivity as run
+    from virtual_lab.studies.bats.ball_law import sensitivity as run
+    from virtual_lab.studies.bats.text import sensitivity_text
 
     rows = run(bat, say=teller())
     if as_json:
@@ -163,10 +163,10 @@ def sensitivity(bat: str, as_json: bool) -> None:
 @json_option
 def critique(bats: tuple[str, ...], out: Path | None, as_json: bool, **asked: Any) -> None:
     """Show which test procedures rank BATs as the field does, and which do not."""
-    from virtual_lab.folder import check_new_folder
-    from virtual_lab.report.study_text import critique_text
+    from virtual_lab.files import check_new_folder
     from virtual_lab.studies.critique import critique as run
     from virtual_lab.studies.critique import save_critique
+    from virtual_lab.studies.text import critique_text
 
     if out:
         check_new_folder(out)
@@ -186,7 +186,7 @@ def critique(bats: tuple[str, ...], out: Path | None, as_json: bool, **asked: An
 def convergence(bats: tuple[str, ...], as_json: bool) -> None:
     """Worst error in e_A over the number of modes, for BATS or every bat of the catalog."""
     from virtual_lab.fidelity.mode_convergence import convergence as run
-    from virtual_lab.report.text import table_text
+    from virtual_lab.output.tables import table_text
 
     rows = run(bats, say=teller())
     if as_json:
@@ -228,8 +228,8 @@ def convergence(bats: tuple[str, ...], as_json: bool) -> None:
 @json_option
 def daily(out: Path | None, as_json: bool, **asked: Any) -> None:
     """Fire a check ball at wall and check cylinder each morning and keep control charts."""
-    from virtual_lab.folder import check_new_folder, first_free
-    from virtual_lab.report.text import table_text
+    from virtual_lab.files import check_new_folder, first_free
+    from virtual_lab.output.tables import table_text
     from virtual_lab.studies.daily import daily as run
     from virtual_lab.studies.daily import save_daily
 

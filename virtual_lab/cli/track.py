@@ -55,20 +55,20 @@ def track(
     """
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # its faults are told as ours
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
-    from virtual_lab.folder import check_new_folder, first_free, new_folder
-    from virtual_lab.reduction.video.bat.clip import bat_document, find_bat, recoil_in
-    from virtual_lab.reduction.video.bat.cover import bat_cover
-    from virtual_lab.reduction.video.clips.calibration_file import read_calibration
-    from virtual_lab.reduction.video.following.covering import track_covered
-    from virtual_lab.reduction.video.following.speeds import document, speeds
-    from virtual_lab.reduction.video.following.tracking import track as run
-    from virtual_lab.reduction.video.placing.quick import quick
-    from virtual_lab.reduction.video.placing.refined import Refined
-    from virtual_lab.report.bat_plot import bat_text, draw_bat, write_bat_table
-    from virtual_lab.report.track_film import write_film, write_sheet
-    from virtual_lab.report.track_phases import phases_of, phases_text, write_phases
-    from virtual_lab.report.track_plot import draw_track
-    from virtual_lab.report.track_text import track_text, write_table
+    from virtual_lab.files import check_new_folder, first_free, new_folder
+    from virtual_lab.video.bat.clip import bat_document, find_bat, recoil_in
+    from virtual_lab.video.bat.cover import bat_cover
+    from virtual_lab.video.clips.calibration_file import read_calibration
+    from virtual_lab.video.locate.quick import quick
+    from virtual_lab.video.locate.refined import Refined
+    from virtual_lab.video.show.bat_plot import bat_text, draw_bat, write_bat_table
+    from virtual_lab.video.show.track_film import write_film, write_sheet
+    from virtual_lab.video.show.track_phases import phases_of, phases_text, write_phases
+    from virtual_lab.video.show.track_plot import draw_track
+    from virtual_lab.video.show.track_text import track_text, write_table
+    from virtual_lab.video.track.covering import track_covered
+    from virtual_lab.video.track.speeds import document, speeds
+    from virtual_lab.video.track.tracking import track as run
 
     out = out or first_free(clip.with_name(f"{clip.stem}-track"))
     check_new_folder(out)

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.fidelity.camera_map import FLAGGED, GOOD, INACCURATE, UNSAID
-from virtual_lab.reduction.video.following.legs import Places, split
-from virtual_lab.reduction.video.following.lines import Air
 from virtual_lab.streams import Streams
+from virtual_lab.video.track.legs import Places, split
+from virtual_lab.video.track.lines import Air
 
 __all__ = ["DROPPED", "METHOD", "dropped_frames"]
 

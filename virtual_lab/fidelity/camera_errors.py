@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.fidelity.camera_estimators import Estimator
 from virtual_lab.fidelity.camera_scenes import Batch, Given
-from virtual_lab.reduction.video.located import Located
+from virtual_lab.video.locate.located import Located
 
 __all__ = ["BEYOND", "Score", "score", "seconds_a_picture", "wrong_unsaid"]
 

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.fidelity.camera_scenes import Given
-from virtual_lab.reduction.video.located import Flag, Located
-from virtual_lab.reduction.video.occlusion.disc import disc_image
-from virtual_lab.reduction.video.occlusion.refining import Optics, refine
-from virtual_lab.reduction.video.outline.edge import fit_edge
-from virtual_lab.reduction.video.placing.quick import quick
-from virtual_lab.reduction.video.placing.refined import Refined, locate
+from virtual_lab.video.locate.located import Flag, Located
+from virtual_lab.video.locate.plain_ball.disc import disc_image
+from virtual_lab.video.locate.plain_ball.refining import Optics, refine
+from virtual_lab.video.locate.quick import quick
+from virtual_lab.video.locate.refined import Refined, locate
+from virtual_lab.video.locate.stitched_ball.edge import fit_edge
 
 __all__ = [
     "CV2",

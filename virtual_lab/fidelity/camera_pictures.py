@@ -21,16 +21,16 @@ from virtual_lab.fidelity.camera_scenes import (
     Case,
     Given,
 )
-from virtual_lab.instruments.camera.ball import Light, axes_of, render_balls
-from virtual_lab.instruments.camera.sensor import Sensor
-from virtual_lab.instruments.camera.spec import BallLook, CameraSpec, SensorSpec
-from virtual_lab.reduction.video.clips.clip import Clip
-from virtual_lab.reduction.video.clips.reading import Source
-from virtual_lab.reduction.video.located import Located
-from virtual_lab.reduction.video.noise import ROUNDING
-from virtual_lab.reduction.video.occlusion.bound import bound
-from virtual_lab.reduction.video.regions import Regions
+from virtual_lab.simulation.instruments.camera.ball import Light, axes_of, render_balls
+from virtual_lab.simulation.instruments.camera.sensor import Sensor
+from virtual_lab.simulation.instruments.camera.spec import BallLook, CameraSpec, SensorSpec
 from virtual_lab.streams import Streams
+from virtual_lab.video.clips.clip import Clip
+from virtual_lab.video.clips.reading import Source
+from virtual_lab.video.locate.located import Located
+from virtual_lab.video.locate.noise import ROUNDING
+from virtual_lab.video.locate.plain_ball.bound import bound
+from virtual_lab.video.locate.regions import Regions
 
 __all__ = ["pictures"]
 

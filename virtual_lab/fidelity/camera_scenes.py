@@ -13,10 +13,10 @@ from math import ceil, cos, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.reduction.video.clips.clip import Clip
-from virtual_lab.reduction.video.located import Located
-from virtual_lab.reduction.video.noise import ROUNDING, Noise
-from virtual_lab.reduction.video.regions import MARGIN, Regions
+from virtual_lab.video.clips.clip import Clip
+from virtual_lab.video.locate.located import Located
+from virtual_lab.video.locate.noise import ROUNDING, Noise
+from virtual_lab.video.locate.regions import MARGIN, Regions
 
 __all__ = ["BACK", "EVEN", "FULL_SCALE", "HARD", "SOFT", "Batch", "Case", "Given"]
 

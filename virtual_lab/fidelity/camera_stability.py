@@ -29,9 +29,9 @@ from virtual_lab.fidelity.camera_map import (
 )
 from virtual_lab.fidelity.camera_pictures import pictures
 from virtual_lab.fidelity.camera_scenes import BACK, HARD, SOFT, Batch, Case
-from virtual_lab.folder import new_folder
-from virtual_lab.reduction.video.located import Located
-from virtual_lab.report.text import table_text
+from virtual_lab.files import new_folder
+from virtual_lab.output.tables import table_text
+from virtual_lab.video.locate.located import Located
 
 __all__ = ["AXES", "measure", "save", "text", "unsaid_share"]
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from virtual_lab.folder import new_folder
-from virtual_lab.report.chart_page import chart_page
-from virtual_lab.report.text import table_text
+from virtual_lab.files import new_folder
+from virtual_lab.output.chart_page import chart_page
+from virtual_lab.output.tables import table_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

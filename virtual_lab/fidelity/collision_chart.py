@@ -19,12 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab import catalog
-from virtual_lab.collision.modal import BENDING_MODES, STIFF_MODES, ModalModel
-from virtual_lab.collision.reference import Method, ReferenceModel
-from virtual_lab.collision.rigid import RigidModel
-from virtual_lab.collision.scene import CollisionModel, Scenes
-from virtual_lab.collision.stepping import COARSE, FINE, OneByOne, Stepper
-from virtual_lab.collision.surrogate import Box, Surrogate
+from virtual_lab.catalog.specs import BallSpec, BatBody
 from virtual_lab.fidelity.chart_files import chart_text, save_chart
 from virtual_lab.fidelity.collision_drawing import (
     ELEMENTS,
@@ -37,9 +32,14 @@ from virtual_lab.fidelity.collision_drawing import (
     WORDS,
     draw,
 )
-from virtual_lab.physics.modes import modes_of
-from virtual_lab.physics.supports import Free
-from virtual_lab.specs import BallSpec, BatBody
+from virtual_lab.simulation.collision.modal import BENDING_MODES, STIFF_MODES, ModalModel
+from virtual_lab.simulation.collision.reference import Method, ReferenceModel
+from virtual_lab.simulation.collision.rigid import RigidModel
+from virtual_lab.simulation.collision.scene import CollisionModel, Scenes
+from virtual_lab.simulation.collision.stepping import COARSE, FINE, OneByOne, Stepper
+from virtual_lab.simulation.collision.surrogate import Box, Surrogate
+from virtual_lab.simulation.physics.modes import modes_of
+from virtual_lab.simulation.physics.supports import Free
 from virtual_lab.units import INCH, MPH
 
 __all__ = ["measure", "save", "text"]

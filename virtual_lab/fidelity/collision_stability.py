@@ -20,15 +20,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab import catalog
-from virtual_lab.collision.modal import BENDING_MODES, ModalModel, collide_bats
-from virtual_lab.collision.scene import EnergySplit, Scenes
-from virtual_lab.collision.splitting import SRKN_6, SRKN_11, Splitting
-from virtual_lab.collision.stepping import COARSE, FINE, Followed, InStep, OneByOne, Stepper, Struck
+from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
-from virtual_lab.folder import new_folder
-from virtual_lab.physics.supports import Free
-from virtual_lab.report.text import table_text
-from virtual_lab.specs import BallSpec
+from virtual_lab.files import new_folder
+from virtual_lab.output.tables import table_text
+from virtual_lab.simulation.collision.modal import BENDING_MODES, ModalModel, collide_bats
+from virtual_lab.simulation.collision.scene import EnergySplit, Scenes
+from virtual_lab.simulation.collision.splitting import SRKN_6, SRKN_11, Splitting
+from virtual_lab.simulation.collision.stepping import (
+    COARSE,
+    FINE,
+    Followed,
+    InStep,
+    OneByOne,
+    Stepper,
+    Struck,
+)
+from virtual_lab.simulation.physics.supports import Free
 from virtual_lab.units import INCH, MPH
 
 __all__ = ["measure", "save", "text"]

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from virtual_lab import catalog
-from virtual_lab.collision.modal import STIFF_MODES, ModalModel
-from virtual_lab.collision.patch import PATCH
-from virtual_lab.collision.scene import Scenes
-from virtual_lab.physics.modes import modes_of
-from virtual_lab.physics.supports import Free
-from virtual_lab.specs import BallSpec
+from virtual_lab.catalog.specs import BallSpec
+from virtual_lab.simulation.collision.modal import STIFF_MODES, ModalModel
+from virtual_lab.simulation.collision.patch import PATCH
+from virtual_lab.simulation.collision.scene import Scenes
+from virtual_lab.simulation.physics.modes import modes_of
+from virtual_lab.simulation.physics.supports import Free
 from virtual_lab.units import INCH, MPH
 
 __all__ = ["convergence"]

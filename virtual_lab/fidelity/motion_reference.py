@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.motion.scene import Obstacle, Scene
+from virtual_lab.simulation.motion.scene import Obstacle, Scene
 
 __all__ = ["Reference", "reference"]
 

@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 from virtual_lab.errors import InputError
 from virtual_lab.fidelity.motion_chart import STARTS, SWUNG, rod, scene_of
 from virtual_lab.fidelity.naive_pymunk import hit_of, off_round_end, round_hit
-from virtual_lab.folder import new_folder
-from virtual_lab.motion import play
-from virtual_lab.motion.pymunk_scene import MissedContactError, carried
-from virtual_lab.motion.scene import Scene
-from virtual_lab.motion.settings import Settings
-from virtual_lab.report.text import table_text
+from virtual_lab.files import new_folder
+from virtual_lab.output.tables import table_text
+from virtual_lab.simulation.motion import play
+from virtual_lab.simulation.motion.pymunk_scene import MissedContactError, carried
+from virtual_lab.simulation.motion.scene import Scene
+from virtual_lab.simulation.motion.settings import Settings
 from virtual_lab.units import INCH, MPH
 
 __all__ = ["measure", "save", "text"]

@@ -1,8 +1,9 @@
 """Pymunk left to itself: what it makes of hits when it does the collision too.
 
 Bodies have their own centre of mass, elasticities carry the restitution, and whatever step and
-iterations are asked for are taken. Nothing is refused here: this is what `virtual_lab.motion`
-is held against. The truth beside it is smooth contact of rigid bodies, by hand.
+iterations are asked for are taken. Nothing is refused here: this is what
+`virtual_lab.simulation.motion` is held against. The truth beside it is smooth contact of rigid
+bodies, by hand.
 """
 
 from __future__ import annotations

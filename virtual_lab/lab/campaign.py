@@ -12,13 +12,13 @@ from typing import Self
 
 from virtual_lab import catalog
 from virtual_lab.catalog import Entry
-from virtual_lab.collision.ladder import Ladder, probing_scenes
-from virtual_lab.faults import Day
-from virtual_lab.instruments import Rung
+from virtual_lab.catalog.specs import BallSpec, BatSpec
 from virtual_lab.lab.laboratory import EFFICIENCY_U, Laboratory, Tested
-from virtual_lab.procedure import Procedure
-from virtual_lab.rig import Reality
-from virtual_lab.specs import BallSpec, BatSpec
+from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
+from virtual_lab.simulation.faults import Day
+from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.rig import Reality
 
 __all__ = ["Campaign"]
 

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from virtual_lab import catalog
+from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
-from virtual_lab.faults import Day
 from virtual_lab.lab.control import with_control
 from virtual_lab.lab.fitting import unverified_rigs
 from virtual_lab.lab.laboratory import BALL_RIG, BENCH_RIG, Laboratory, Say, Tested
-from virtual_lab.procedure import Procedure
-from virtual_lab.rig import Motion, Reality
-from virtual_lab.specs import BallSpec
+from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.simulation.faults import Day
+from virtual_lab.simulation.rig import Motion, Reality
 
 __all__ = ["certify_bat", "open_laboratory"]
 

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
-from virtual_lab.estimate import Estimate
 from virtual_lab.lab.fitting import require_places
 from virtual_lab.lab.laboratory import Laboratory, Say, Tested
-from virtual_lab.reduced import CONTROL
-from virtual_lab.session import Session
-from virtual_lab.truth import draw_bat
+from virtual_lab.measurement.session_reduction import CONTROL
+from virtual_lab.records.session import Session
+from virtual_lab.simulation.truth import draw_bat
+from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["with_control"]
 

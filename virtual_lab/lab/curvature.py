@@ -8,8 +8,8 @@ import numpy as np
 
 from virtual_lab.lab.laboratory import Laboratory
 from virtual_lab.lab.measurand import results_along
-from virtual_lab.procedure import metric_of
-from virtual_lab.rig import ImpactStation, Stage
+from virtual_lab.measurement.procedure import metric_of
+from virtual_lab.simulation.rig import ImpactStation, Stage
 
 __all__ = ["curvatures"]
 

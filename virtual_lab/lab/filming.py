@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import hypot
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from virtual_lab.estimate import Estimate
 from virtual_lab.records import LengthReadings
+from virtual_lab.records.session import Session
 from virtual_lab.relations.flight import drag_rate
 from virtual_lab.relations.pinhole import looking_down
-from virtual_lab.rig import FilmingStation, Order, Stage
-from virtual_lab.session import Session
-
-if TYPE_CHECKING:
-    from virtual_lab.lab.laboratory import Laboratory
+from virtual_lab.simulation.rig import FilmingStation, Order, Specimen, Station
+from virtual_lab.streams import Draws
+from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["film_of"]
 
@@ -47,26 +44,26 @@ widest_m = {widest!r}
 
 
 def film_of(
-    laboratory: Laboratory, first: Order, session: Session
+    station: Station, order: Order, specimen: Specimen, draws: Draws, session: Session
 ) -> Callable[[Path], None] | None:
     """Return what films the first shot of a test into a folder, None where nothing films.
 
     Parameters
     ----------
-    laboratory
-        On the day, balls as they were found.
-    first
-        The first order at the bat.
+    station
+        Where balls are fired at the bat.
+    order, specimen
+        The first order as it was carried out, and what it was done to.
+    draws
+        Of the test.
     session
         What was recorded, the bench's readings of the bat among it.
     """
-    station = laboratory.stations[Stage.IMPACT]
     if not isinstance(station, FilmingStation):
         return None
-    order, specimen = laboratory.day.done(Stage.IMPACT, first, laboratory.specimen)
 
     def film(folder: Path) -> None:
-        station.film(order, specimen, laboratory.draws, folder)
+        station.film(order, specimen, draws, folder)
         text = _calibration(session, specimen.balls.spec.mass)
         (folder / "calibration.toml").write_text(text, encoding="utf-8")
 

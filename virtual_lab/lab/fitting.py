@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from virtual_lab import catalog
+from virtual_lab.catalog.specs import BallSpec, BatSpec
 from virtual_lab.errors import InputError
-from virtual_lab.procedure import Procedure
-from virtual_lab.rig import Motion, Rig, Stage, installed_rigs
-from virtual_lab.specs import BallSpec, BatSpec
+from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.simulation.rig import Motion, Rig, Stage, installed_rigs
 from virtual_lab.units import INCH, OUNCE
 
 __all__ = [

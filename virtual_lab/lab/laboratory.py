@@ -18,18 +18,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.catalog import Entry
-from virtual_lab.certification import Certification, evaluate
-from virtual_lab.collision.ladder import Ladder, probing_scenes
-from virtual_lab.collision.modal import kernel_is_compiled
-from virtual_lab.faults import Day
-from virtual_lab.instruments import Rung
+from virtual_lab.catalog.specs import BallSpec, BatSpec
 from virtual_lab.lab.filming import film_of
 from virtual_lab.lab.fitting import require_ball, require_motion, require_places, require_rig
 from virtual_lab.lab.measurand import measurand
 from virtual_lab.lab.naming import ball_constants, constant_name, with_records
-from virtual_lab.procedure import Procedure, aimed_place, next_places, to_set
-from virtual_lab.reduced import CONTROL, Reduced, measure_bat, reduce_session
-from virtual_lab.rig import (
+from virtual_lab.measurement.certification import Certification, evaluate
+from virtual_lab.measurement.procedure import Procedure, aimed_place, next_places, to_set
+from virtual_lab.measurement.session_reduction import CONTROL, Reduced, measure_bat, reduce_session
+from virtual_lab.records.session import Session
+from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
+from virtual_lab.simulation.collision.modal import kernel_is_compiled
+from virtual_lab.simulation.faults import Day
+from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.rig import (
     ImpactStation,
     Motion,
     Order,
@@ -40,10 +42,8 @@ from virtual_lab.rig import (
     Station,
     find_rig,
 )
-from virtual_lab.session import Session
-from virtual_lab.specs import BallSpec, BatSpec
+from virtual_lab.simulation.truth import Sealed, draw_balls, draw_bat
 from virtual_lab.streams import Draws, Quiet, commitment
-from virtual_lab.truth import Sealed, draw_balls, draw_bat
 from virtual_lab.units import INCH
 
 __all__ = ["BALL_RIG", "BENCH_RIG", "Laboratory", "Say", "Tested"]
@@ -193,7 +193,12 @@ class Laboratory:
         return Tested(
             certification=evaluate(session, reduced),
             sealed=aged._seal(reduced, bench, wall, rounds),
-            film=film_of(aged, orders[0], session),
+            film=film_of(
+                aged.stations[Stage.IMPACT],
+                *aged.day.done(Stage.IMPACT, orders[0], aged.specimen),
+                aged.draws,
+                session,
+            ),
         )
 
     def measured(self, say: Say) -> tuple[Laboratory, Play, Play]:

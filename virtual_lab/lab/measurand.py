@@ -10,13 +10,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.physics.beam import beam_of
-from virtual_lab.procedure import Curve, Procedure, exact_result, metric_of
-from virtual_lab.reduced import Reduced
-from virtual_lab.reduction.measurement import BatProperties
+from virtual_lab.measurement.procedure import Curve, Procedure, exact_result, metric_of
+from virtual_lab.measurement.reduction.shot_algebra import BatProperties
+from virtual_lab.measurement.session_reduction import Reduced
 from virtual_lab.relations.kinematics import restitution_from_efficiency
 from virtual_lab.relations.peaks import peak, width_below
-from virtual_lab.rig import ImpactStation, Order, Specimen
+from virtual_lab.simulation.physics.beam import beam_of
+from virtual_lab.simulation.rig import ImpactStation, Order, Specimen
 
 __all__ = ["CONTINUOUS", "WIDTH", "measurand", "results_along"]
 

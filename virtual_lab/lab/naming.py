@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from virtual_lab.estimate import Estimate
+from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.records import Record, join
-from virtual_lab.rig import Play, Stage
-from virtual_lab.session import Session
-from virtual_lab.specs import BallSpec
+from virtual_lab.records.session import Session
+from virtual_lab.simulation.rig import Play, Stage
+from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["ball_constants", "constant_name", "with_records"]
 

@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 
 from virtual_lab.lab.laboratory import Laboratory, Tested
 from virtual_lab.lab.measurand import results_along
-from virtual_lab.procedure import (
+from virtual_lab.measurement.procedure import (
     Curve,
     Procedure,
     exact_result,
@@ -28,9 +28,9 @@ from virtual_lab.procedure import (
     outcome_of,
     to_set,
 )
-from virtual_lab.reduction.measurement import BatProperties
+from virtual_lab.measurement.reduction.shot_algebra import BatProperties
 from virtual_lab.relations.kinematics import restitution_from_efficiency
-from virtual_lab.rig import ImpactStation, Stage
+from virtual_lab.simulation.rig import ImpactStation, Stage
 from virtual_lab.streams import Draws
 
 __all__ = ["Rehearsal", "Straying"]

@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import Any
 
 from virtual_lab import catalog
-from virtual_lab.certification import QUANTITIES
 from virtual_lab.lab import certify_bat
-from virtual_lab.rig import Reality
+from virtual_lab.measurement.certification import QUANTITIES
+from virtual_lab.simulation.rig import Reality
 
 __all__ = ["bias"]
 

@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab import catalog
+from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
-from virtual_lab.faults import Day
-from virtual_lab.instruments import Rung
 from virtual_lab.lab.laboratory import Laboratory
-from virtual_lab.procedure import Procedure
-from virtual_lab.reduced import reduce_session
-from virtual_lab.rig import Order, Reality, Stage
-from virtual_lab.specs import BallSpec
+from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.measurement.session_reduction import reduce_session
+from virtual_lab.simulation.faults import Day
+from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.rig import Order, Reality, Stage
 
 __all__ = ["check_cylinder"]
 

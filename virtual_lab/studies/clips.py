@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from virtual_lab.errors import InputError
-from virtual_lab.instruments import Rung
 from virtual_lab.lab import open_laboratory
 from virtual_lab.lab.laboratory import Laboratory
 from virtual_lab.lab.naming import with_records
-from virtual_lab.reduced import reduce_session
-from virtual_lab.rig import Order, Stage
-from virtual_lab.second_witness import second_witness
+from virtual_lab.measurement.camera.comparison import second_witness
+from virtual_lab.measurement.session_reduction import reduce_session
+from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.rig import Order, Stage
 from virtual_lab.units import INCH
 
 __all__ = ["clip_coverage"]

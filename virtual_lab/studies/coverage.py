@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
-from virtual_lab.certification import QUANTITIES, Certification
 from virtual_lab.errors import InputError
 from virtual_lab.lab import Campaign, Rehearsal, Tested, certify_bat, curvatures
+from virtual_lab.measurement.certification import QUANTITIES, Certification
 from virtual_lab.records import AimMarks
 from virtual_lab.streams import Streams
 

@@ -22,16 +22,16 @@ from scipy.special import ndtr
 from scipy.stats import binomtest
 
 from virtual_lab import catalog
+from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
-from virtual_lab.folder import new_folder
+from virtual_lab.files import new_folder
 from virtual_lab.lab import certify_bat
-from virtual_lab.procedure import Procedure, Verdict
-from virtual_lab.report.critique_chart import draw_critique
-from virtual_lab.report.metrics import METRICS
-from virtual_lab.rig import Reality
-from virtual_lab.specs import BallSpec
-from virtual_lab.studies.compare import compare
-from virtual_lab.studies.profile import CONDITIONS, GameConditions
+from virtual_lab.measurement.procedure import Procedure, Verdict
+from virtual_lab.output.metrics import METRICS
+from virtual_lab.simulation.rig import Reality
+from virtual_lab.studies.bats.compare import compare
+from virtual_lab.studies.bats.profile import CONDITIONS, GameConditions
+from virtual_lab.studies.critique_chart import draw_critique
 
 __all__ = ["FIELD_TIE_MPH", "SURE", "Critique", "critique", "misranking", "save_critique"]
 
@@ -135,7 +135,7 @@ def critique(
         Likewise; by default all of the catalog whose ball is of the field's game. One named
         here is played with its own ball, whatever that is.
     swings, reference_inertia
-        Of the field, as `virtual_lab.studies.compare.compare` takes them; a procedure has its
+        Of the field, as `virtual_lab.studies.bats.compare.compare` takes them; a procedure has its
         own.
     laboratories, first_seed
         How many test every bat by every procedure, and the seed of the first.

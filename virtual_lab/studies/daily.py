@@ -16,21 +16,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab import catalog
-from virtual_lab.collision.ladder import Ladder, probing_scenes
+from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
-from virtual_lab.estimate import Estimate
-from virtual_lab.folder import new_folder
-from virtual_lab.physics.ageing import lasting_loss
+from virtual_lab.files import new_folder
+from virtual_lab.measurement.reduction.gates import passages
+from virtual_lab.measurement.reduction.observations import BallReadings
+from virtual_lab.measurement.reduction.shot_algebra import measured_balls
 from virtual_lab.records import GateRecord
-from virtual_lab.reduction.gates import passages
-from virtual_lab.reduction.measurement import measured_balls
-from virtual_lab.reduction.observations import BallReadings
-from virtual_lab.report.control_chart import draw_control_chart
-from virtual_lab.rig import Order, Reality, Specimen, Stage, WallStation, find_rig
-from virtual_lab.specs import BallSpec
+from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
+from virtual_lab.simulation.physics.ageing import lasting_loss
+from virtual_lab.simulation.rig import Order, Reality, Specimen, Stage, WallStation, find_rig
+from virtual_lab.simulation.truth import TrueBalls, draw_balls, draw_bat
 from virtual_lab.studies.check_cylinder import check_cylinder
-from virtual_lab.truth import TrueBalls, draw_balls, draw_bat
-from virtual_lab.uncertainty.control import RULES, Charted, chart
+from virtual_lab.studies.control_charts import RULES, Charted, chart
+from virtual_lab.studies.daily_chart import draw_control_chart
+from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import MPH
 
 if TYPE_CHECKING:

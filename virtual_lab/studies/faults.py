@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from virtual_lab import catalog
-from virtual_lab.certification import Certification
 from virtual_lab.errors import InputError
-from virtual_lab.faults import FaultSheet, Prediction
-from virtual_lab.folder import new_folder
+from virtual_lab.files import new_folder
 from virtual_lab.lab import certify_bat
+from virtual_lab.measurement.certification import Certification
+from virtual_lab.simulation.faults import FaultSheet, Prediction
 
 __all__ = ["PROCEDURES", "faults", "save_faults"]
 

@@ -6,13 +6,13 @@ import re
 from pathlib import Path
 
 from virtual_lab.catalog import load, names, nearest
-from virtual_lab.certification import Certification, certify_session
 from virtual_lab.errors import InputError
-from virtual_lab.foreign.laboratory import FORM, load_laboratory, procedure_name
 from virtual_lab.lab import certify_bat
-from virtual_lab.procedure import Procedure
-from virtual_lab.rig import Reality
-from virtual_lab.session import Session
+from virtual_lab.measurement.certification import Certification, certify_session
+from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.records.foreign.laboratory import FORM, load_laboratory, procedure_name
+from virtual_lab.records.session import Session
+from virtual_lab.simulation.rig import Reality
 
 __all__ = ["certify_laboratory", "our_own"]
 

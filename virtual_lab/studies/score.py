@@ -7,12 +7,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from virtual_lab.certification import QUANTITIES
-from virtual_lab.documents import read_bytes, read_json
 from virtual_lab.errors import InputError
+from virtual_lab.files import read_bytes, read_json
 from virtual_lab.lab.measurand import CONTINUOUS, WIDTH
+from virtual_lab.measurement.certification import QUANTITIES
+from virtual_lab.output.tables import number, table_text
 
-__all__ = ["score", "score_folder"]
+__all__ = ["score", "score_folder", "score_text"]
 
 
 def score(certificate: Mapping[str, Any], measurand: Mapping[str, float]) -> dict[str, Any]:
@@ -70,3 +71,22 @@ def _row(measured: Mapping[str, Any], true: float) -> dict[str, float | None]:
         "error": error,
         "z": error / u if error is not None and u else None,
     }
+
+
+def score_text(document: Mapping[str, Any]) -> str:
+    """Return measured against true as a table."""
+    rows = [
+        {
+            "quantity": name,
+            "measured": number(row["measured"]),
+            "u": number(row["u"]),
+            "true": number(row["true"]),
+            "error": number(row["error"], "+.6f"),
+            "error/u": number(row["z"], "+.2f"),
+        }
+        for name, row in document.items()
+        if name != "seal"
+    ]
+    seal = document["seal"]
+    note = "" if seal == "whole" else ": the truth is not the one the certificate was issued with"
+    return f"{table_text(rows)}\nseal {seal}{note}"

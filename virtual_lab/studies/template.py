@@ -11,13 +11,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from virtual_lab import catalog
-from virtual_lab.folder import new_folder
-from virtual_lab.foreign.constants import constant_of
-from virtual_lab.foreign.laboratory import BLANK, FORM
-from virtual_lab.foreign.table import column_names
-from virtual_lab.procedure import Procedure
+from virtual_lab.files import new_folder
+from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.records import RECORD_TYPES, Record
-from virtual_lab.session import Session
+from virtual_lab.records.foreign.constants import constant_of
+from virtual_lab.records.foreign.laboratory import BLANK, FORM
+from virtual_lab.records.foreign.table import column_names
+from virtual_lab.records.session import Session
 from virtual_lab.studies.foreign import our_own
 from virtual_lab.units import DIMENSIONS
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from virtual_lab.estimate import Estimate
+from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = [
     "Budget",

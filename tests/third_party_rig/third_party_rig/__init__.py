@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from virtual_lab.estimate import Estimate
-from virtual_lab.impact import error_free, scenes_of
-from virtual_lab.instruments import Instrument, calibration_of, errors_of
-from virtual_lab.instruments.air import Air, AirSpec
-from virtual_lab.instruments.light_gate import LightGates, LightGateSpec
-from virtual_lab.instruments.passage import Passage
-from virtual_lab.physics.supports import Pinned
 from virtual_lab.records import GateRecord, Record, ShotLog
-from virtual_lab.rig import Order, Play, Specimen, Stage
+from virtual_lab.simulation.impact import error_free, scenes_of
+from virtual_lab.simulation.instruments import Instrument, calibration_of, errors_of
+from virtual_lab.simulation.instruments.air import Air, AirSpec
+from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
+from virtual_lab.simulation.instruments.passage import Passage
+from virtual_lab.simulation.physics.supports import Pinned
+from virtual_lab.simulation.rig import Order, Play, Specimen, Stage
+from virtual_lab.simulation.truth import TrueOutcome
 from virtual_lab.streams import Draws
-from virtual_lab.truth import TrueOutcome
+from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["RIG", "SpeedGunPivot"]
 

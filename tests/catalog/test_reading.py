@@ -1,0 +1,401 @@
+"""The catalog: what ships reads, what is wrong is said in one line with its mend."""
+
+import csv
+import tomllib
+from collections.abc import Iterator
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.test_units import DEFINED
+from virtual_lab import catalog
+from virtual_lab.catalog.specs import BallSpec, Material
+from virtual_lab.errors import InputError
+from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.simulation.faults import FaultSheet
+from virtual_lab.simulation.instruments.air import AirSpec
+from virtual_lab.simulation.instruments.camera.spec import CameraSpec
+from virtual_lab.simulation.instruments.cannon import CannonSpec
+from virtual_lab.simulation.instruments.encoder import EncoderSpec
+from virtual_lab.simulation.instruments.light_board import LightBoardSpec
+from virtual_lab.simulation.instruments.light_gate import LightGateSpec
+from virtual_lab.simulation.instruments.pendulum import PendulumSpec
+from virtual_lab.simulation.instruments.rule import RuleSpec
+from virtual_lab.simulation.instruments.scale import ScaleSpec
+from virtual_lab.simulation.rig import installed_rigs
+from virtual_lab.streams import Quiet
+from virtual_lab.studies.bats.profile import GameConditions
+
+DATA = Path(str(files("virtual_lab.data")))
+INSTRUMENTS = {
+    "air": AirSpec,
+    "camera": CameraSpec,
+    "cannon": CannonSpec,
+    "encoder": EncoderSpec,
+    "light-board": LightBoardSpec,
+    "light-gate": LightGateSpec,
+    "pendulum": PendulumSpec,
+    "rule": RuleSpec,
+    "scale": ScaleSpec,
+}
+BAT = (DATA / "bats" / "r161.toml").read_text(encoding="utf-8")
+BALL = (DATA / "balls" / "baseball-2003.toml").read_text(encoding="utf-8")
+RULES = (DATA / "procedures" / "astm-f1881.toml").read_text(encoding="utf-8")
+GATES = (DATA / "instruments" / "pivot-gates.toml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", catalog.names("bats"))
+def test_every_bat_reads(name: str) -> None:
+    """The shipped files themselves."""
+    entry = catalog.load_bat(name)
+    assert entry.spec.name == name
+    assert entry.sheet
+    assert catalog.title("bats", name) == entry.spec.title
+
+
+@pytest.mark.parametrize("name", catalog.names("balls"))
+def test_every_ball_reads(name: str) -> None:
+    """The shipped files themselves."""
+    assert catalog.load("balls", name, BallSpec).spec.name == name
+
+
+@pytest.mark.parametrize("name", catalog.names("procedures"))
+def test_every_procedure_reads_and_names_what_exists(name: str) -> None:
+    """A procedure's rig must be installed and its ball must stand in the catalog."""
+    rules = catalog.load("procedures", name, Procedure).spec
+    assert rules.name == name
+    assert rules.rig in installed_rigs()
+    assert rules.ball in catalog.names("balls")
+
+
+@pytest.mark.parametrize("name", catalog.names("instruments"))
+def test_every_instrument_reads(name: str) -> None:
+    """By the kind its file says; a kind unknown here is a file nobody tests."""
+    kind = tomllib.loads((DATA / "instruments" / f"{name}.toml").read_text("utf-8"))["kind"]
+    assert catalog.load("instruments", name, INSTRUMENTS[kind]).spec.kind == kind
+
+
+@pytest.mark.parametrize("name", catalog.names("conditions"))
+def test_every_game_reads(name: str) -> None:
+    """A game's ball must stand in the catalog."""
+    game = catalog.load("conditions", name, GameConditions).spec
+    assert game.ball in catalog.names("balls")
+
+
+@pytest.mark.parametrize("name", catalog.names("faults"))
+def test_every_fault_reads(name: str) -> None:
+    """What it says beyond this is held in tests/faults."""
+    assert catalog.load("faults", name, FaultSheet).spec.name == name
+
+
+def test_every_folder_of_the_catalog_is_read_here() -> None:
+    """A new kind of file needs a test above."""
+    holding = {path.parent.name for path in DATA.glob("*/*.toml")}
+    assert holding == {
+        "bats",
+        "balls",
+        "conditions",
+        "faults",
+        "instruments",
+        "procedures",
+        "rigs",
+    }
+
+
+@pytest.mark.parametrize("name", catalog.names("rigs"))
+def test_every_rig_file_is_read_by_its_rig(name: str) -> None:
+    """A rig reads its own file, and its instruments', when it is commissioned."""
+    assert installed_rigs()[name].commission(Quiet()).calibration
+
+
+def _sources(document: Any) -> Iterator[str]:
+    if isinstance(document, dict):
+        if "unit" in document:
+            yield document["source"]
+        for item in document.values():
+            yield from _sources(item)
+    elif isinstance(document, list):
+        for item in document:
+            yield from _sources(item)
+
+
+def test_source_keys_are_the_ones_explained() -> None:
+    """Both ways: no number of unknown source, no explanation that nothing needs."""
+    explained = tomllib.loads((DATA / "sources.toml").read_text("utf-8"))
+    used: dict[str, Path] = {}
+    for path in sorted(DATA.glob("*/*.toml")):
+        document = tomllib.loads(path.read_text("utf-8"))
+        used.update(dict.fromkeys(_sources(document), path))
+    for path in sorted(DATA.glob("*/*.csv")):
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = csv.DictReader(line for line in file if not line.startswith("#"))
+            used.update(dict.fromkeys((r["source"] for r in rows if r.get("source")), path))
+    assert {key: str(path) for key, path in used.items() if key not in explained} == {}
+    assert set(explained) - set(used) == set()
+    assert all(entry["text"] for entry in explained.values())
+
+
+def test_provenance_stands_beside_the_number() -> None:
+    """data/bats/r161.toml as shipped: the paper's length is verified, the fit is not."""
+    sheet = {datum.key: datum for datum in catalog.load_bat("r161").sheet}
+    assert sheet["published.length"].verified
+    assert (sheet["published.length"].value, sheet["published.length"].unit) == (34, "in")
+    assert not sheet["body.material.density"].verified
+    assert sheet["body.material.shear_coefficient"].note == "solid round section"
+
+
+@pytest.mark.parametrize(("name", "hint"), [("r116", "r161"), ("R161", "r161"), ("r-161", "r161")])
+def test_unknown_bat_gets_a_suggestion(name: str, hint: str) -> None:
+    """A slip of the finger must find the bat that was meant."""
+    with pytest.raises(InputError) as caught:
+        catalog.load_bat(name)
+    assert str(caught.value).startswith(f"bat = '{name}'; did you mean {hint}")
+
+
+def test_unknown_bat_unlike_any_gets_the_list() -> None:
+    """Nothing near: no suggestion, all known names."""
+    with pytest.raises(InputError) as caught:
+        catalog.load_bat("zzzzzzzz")
+    assert "did you mean" not in str(caught.value)
+    for name in catalog.names("bats"):
+        assert name in str(caught.value)
+
+
+READERS = {
+    "bats": catalog.read_bat,
+    "balls": lambda text, where: catalog.read(text, where, BallSpec),
+    "procedures": lambda text, where: catalog.read(text, where, Procedure),
+    "instruments": lambda text, where: catalog.read(text, where, LightGateSpec),
+}
+
+
+def _refused(text: str, kind: str = "bats") -> InputError:
+    with pytest.raises(InputError) as caught:
+        READERS[kind](text, "mine.toml")
+    sentence = str(caught.value)
+    assert "\n" not in sentence
+    assert len(sentence) < 300
+    assert sentence.startswith("mine.toml: ")
+    return caught.value
+
+
+DENSITY = 'density = { value = 644.3, unit = "kg/m^3", source = "fit-table1", verified = false }'
+WALL = 'wall = {{ value = [{}], unit = "in", source = "assumed", verified = false }}\n'
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "value", "allowed"),
+    [
+        ('"kg/m^3"', '"kg"', "body.material.density", "644.3 kg", "allowed: kg/m^3"),
+        ("value = 644.3", "value = -644.3", "body.material.density", "-644.3", "greater than 0"),
+        ("value = 644.3", "value = nan", "body.material.density", "nan", "finite number"),
+        ("value = 644.3", "value = -inf", "body.material.density", "-inf", "finite number"),
+        ("value = 644.3", 'value = "644"', "body.material.density", "644", "number"),
+        ("value = 644.3", "value = true", "body.material.density", "True", "number"),
+        ("value = 644.3", "value = [644.3]", "body.material.density", "644.3", "number"),
+        (DENSITY, "", "body.material.density", None, "missing"),
+        (DENSITY, "density = 644.3", "body.material.density", "644.3", "{ value, unit"),
+        (DENSITY, DENSITY + "\ncolour = 3", "body.material.colour", None, "unknown key"),
+        ("verified = false }", 'verified = "no" }', "body.profile.z", None, "true or false"),
+        ('source = "assumed", ', "", "body.profile.z", None, "misses 'source'"),
+        ('source = "assumed"', 'source = ""', "body.profile.z", None, "where the number comes"),
+        ('source = "assumed"', "source = 3", "body.profile.z", None, "where the number comes"),
+        ('source = "assumed"', 'sauce = "x"', "body.profile.z", None, "unknown key 'sauce'"),
+        ('name = "r161"\n', "", "name", None, "missing"),
+        ('name = "r161"', "name = 161", "name", "161", "string"),
+        ("[0, 2, 5, 8", "[0, 2, 8, 5", "body.profile", None, "z must increase"),
+        ("[0, 2, 5, 8", "[0, 2, 2, 8", "body.profile", None, "z must increase"),
+        ("[0, 2, 5, 8", "[1, 2, 5, 8", "body.profile", None, "start at 0"),
+        ("[0, 2, 5, 8", "[0, 5, 8", "body.profile", None, "12 stations where z has 11"),
+        ("[2.2991,", "[-2.2991,", "body.profile", None, "must be positive"),
+        (
+            "outer_diameter",
+            WALL.format("1.16, " + ", ".join(["0.1"] * 11)) + "outer_diameter",
+            "body.profile",
+            None,
+            "does not fit",
+        ),
+        ("value = 0.003", "value = 1", "body.damping_ratio", "1", "less than 1"),
+        ("value = 0.9,", "value = 1.1,", "body.material.shear_coefficient", "1.1", "equal to 1"),
+    ],
+)
+def test_a_bad_bat_file(old: str, new: str, key: str, value: str | None, allowed: str) -> None:
+    """Each fault alone in a file that otherwise reads: place, value and mend are named."""
+    assert old in BAT
+    fault = _refused(BAT.replace(old, new, 1))
+    assert fault.key == key
+    assert allowed in fault.allowed
+    if value is not None:
+        assert value in str(fault.value)
+        assert value in str(fault)
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "old", "new", "key", "allowed"),
+    [
+        ("balls", BALL, "value = 5.125", "value = -5.125", "mass", "greater than 0"),
+        ("balls", BALL, "value = -0.001", "value = 0.001", "restitution.slope", "equal to 0"),
+        ("balls", BALL, "value = 0.55", "value = 1.01", "restitution.value", "equal to 1"),
+        ("balls", BALL, 'unit = "oz"', 'unit = "in"', "mass", "allowed: kg, g, oz, lb"),
+        (
+            "procedures",
+            RULES,
+            "hits = { value = 6,",
+            "hits = { value = 6.5,",
+            "valid_hits",
+            "integer",
+        ),
+        (
+            "procedures",
+            RULES,
+            "attempts = { value = 12,",
+            "attempts = { value = 5,",
+            "file",
+            "5 attempts cannot give 6",
+        ),
+        ("procedures", RULES, '"pivoted"', '"held"', "recoil", "'pivoted'"),
+        (
+            "procedures",
+            RULES,
+            "value = 1.2",
+            "value = 0",
+            "file",
+            "limit is 0; it must be greater than 0",
+        ),
+        ("procedures", RULES, "[windows]", "[widows]", "windows", "missing"),
+        ("instruments", GATES, "[0.55, 0.25]", "[0.25, 0.55]", "file", "must fall"),
+        ("instruments", GATES, "[0.55, 0.25]", "[0.55]", "distances", "at least 2"),
+        ("instruments", GATES, "value = 20,", "value = -20,", "clock_u", "equal to 0"),
+    ],
+)
+def test_a_bad_file_of_another_kind(
+    kind: str, text: str, old: str, new: str, key: str, allowed: str
+) -> None:
+    """Each fault alone in a shipped file that otherwise reads."""
+    assert old in text
+    fault = _refused(text.replace(old, new, 1), kind)
+    assert fault.key == key
+    assert allowed in fault.allowed
+
+
+def test_broken_toml_names_the_line() -> None:
+    """The TOML reader's own place is kept."""
+    fault = _refused('name = "x"\ntitle = \n')
+    assert fault.key == "TOML"
+    assert "line 2" in fault.allowed
+
+
+def test_not_utf8(tmp_path: Path) -> None:
+    """A file saved in Latin-1 names itself."""
+    path = tmp_path / "latin.toml"
+    path.write_bytes('title = "Schläger"\n'.encode("latin-1"))
+    with pytest.raises(InputError) as caught:
+        catalog.load_bat(str(path))
+    assert "\n" not in str(caught.value)
+    assert "latin.toml" in str(caught.value)
+    assert "cannot be read" in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["nowhere.toml", ""])
+def test_missing_file(name: str, tmp_path: Path) -> None:
+    """A path that leads nowhere, a folder, an empty name."""
+    with pytest.raises(InputError) as caught:
+        catalog.load_bat(str(tmp_path / name) if name else "")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_users_own_file_reads_like_the_catalogs(tmp_path: Path) -> None:
+    """The same text, the same spec."""
+    path = tmp_path / "mine.toml"
+    path.write_text(BAT, encoding="utf-8")
+    assert catalog.load_bat(str(path)).spec == catalog.load_bat("r161").spec
+
+
+def test_a_title_is_asked_of_a_file_without_one(tmp_path: Path) -> None:
+    """What `virtual-lab bats` would list: no title is an error in one line, not a traceback."""
+    path = tmp_path / "mine.toml"
+    path.write_text('name = "mine"\n', encoding="utf-8")
+    with pytest.raises(InputError, match="title"):
+        catalog.title("bats", str(path))
+
+
+@given(value=st.floats(1e-6, 1e6), unit=st.sampled_from(list(DEFINED["modulus"])))
+def test_quantity_through_toml(value: float, unit: str) -> None:
+    """TOML keeps a double (repr round trip); the SI value is the rational product."""
+    text = f"""
+density = {{ value = {value!r}, unit = "kg/m^3", source = "s", verified = true }}
+youngs_modulus = {{ value = {value!r}, unit = "{unit}", source = "s", verified = true }}
+shear_modulus = {{ value = {value!r}, unit = "{unit}", source = "s", verified = true }}
+shear_coefficient = {{ value = 50, unit = "%", source = "s", verified = true }}
+"""
+    entry = catalog.read(text, "mine.toml", Material)
+    assert entry.spec.density == value
+    assert entry.spec.shear_coefficient == 0.5
+    expected = float(DEFINED["modulus"][unit]) * value
+    assert entry.spec.youngs_modulus == pytest.approx(expected, rel=4e-16)
+    assert [datum.value for datum in entry.sheet] == [value, value, value, 50]
+
+
+MODIFIED = """
+name = "thin"
+title = "EA70, thinner"
+base = "ea70"
+wall_factor = { value = 0.9, unit = "1", source = "assumed", verified = false }
+"""
+
+
+def test_a_modified_bat_is_its_base_but_for_the_change() -> None:
+    """Walls times 0.9, one weight more, provenance inherited where it was not replaced."""
+    weight = """
+[[lumps]]
+name = "insert"
+z = { value = 1, unit = "in", source = "assumed", verified = false }
+mass = { value = 1, unit = "oz", source = "assumed", verified = false }
+"""
+    base = catalog.load_bat("ea70")
+    bat = catalog.read_bat(MODIFIED + weight, "mine.toml")
+    assert bat.spec.body.profile.wall == pytest.approx(
+        [0.9 * wall for wall in base.spec.body.profile.wall], rel=1e-15
+    )
+    assert bat.spec.body.profile.outer_diameter == base.spec.body.profile.outer_diameter
+    assert bat.spec.body.material == base.spec.body.material
+    assert bat.spec.body.lumps[:-1] == base.spec.body.lumps
+    assert bat.spec.body.lumps[-1].mass == pytest.approx(0.028349523125, rel=1e-15)
+    assert bat.spec.published is None
+    keys = [datum.key for datum in bat.sheet]
+    assert "wall_factor" in keys
+    assert "body.material.density" in keys
+    assert not any(key.startswith("published") for key in keys)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "allowed"),
+    [
+        ('"ea70"', '"r161"', "base", "solid bat has no wall"),
+        ('"ea70"', '"ea77"', "ea77", "did you mean ea70"),
+        ("value = 0.9", "value = 0", "wall_factor", "greater than 0"),
+        ("value = 0.9", "value = 50", "wall", "does not fit"),
+        ('base = "ea70"', 'base = "ea70"\ncolour = "red"', "colour", "unknown key"),
+    ],
+)
+def test_a_bad_modified_bat(old: str, new: str, key: str, allowed: str) -> None:
+    """One line that names the mend; where the fault lies in the change the file is named too."""
+    with pytest.raises(InputError) as caught:
+        catalog.read_bat(MODIFIED.replace(old, new), "mine.toml")
+    sentence = str(caught.value)
+    assert "\n" not in sentence
+    assert key in sentence
+    assert allowed in sentence
+    assert "mine.toml" in sentence
+
+
+def test_a_bat_based_on_itself(tmp_path: Path) -> None:
+    """A chain of bases that closes is bad input, not a stack overflow."""
+    path = tmp_path / "loop.toml"
+    path.write_text(MODIFIED.replace("ea70", str(path)), encoding="utf-8")
+    with pytest.raises(InputError, match="base"):
+        catalog.load_bat(str(path))

@@ -1,0 +1,281 @@
+"""The certificate's page: complete, self-contained, well-formed, and rounded as it should be."""
+
+import dataclasses
+import hashlib
+import re
+from collections.abc import Callable, Mapping
+from functools import cache
+from html.parser import HTMLParser
+from itertools import pairwise
+from xml.etree import ElementTree
+
+import pytest
+
+from virtual_lab import lab
+from virtual_lab.api import Certificate
+from virtual_lab.certificate.document import certificate
+from virtual_lab.certificate.figures import encoder_figure, hits_figure
+from virtual_lab.certificate.html import certificate_page, notebook_card
+from virtual_lab.certificate.text import certificate_text
+from virtual_lab.measurement.certification import Certification, certify_session
+from virtual_lab.simulation.rig import Reality
+
+SVG = "{http://www.w3.org/2000/svg}"
+NAMESPACES = ("http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink")
+HEAVIEST = 60_000  # bytes of one figure
+
+
+@cache
+def certified(reality: Reality = Reality.REAL) -> Certification:
+    """Return one quick test of the wood bat."""
+    return lab.certify_bat("r161", procedure="astm-f1881", seed=7, reality=reality).certification
+
+
+@cache
+def scanned(procedure: str) -> Certification:
+    """Return one test of the wood bat by a scan along its barrel."""
+    return lab.certify_bat("r161", procedure=procedure, seed=7).certification
+
+
+def again(*changes: tuple[str, str], **fields: object) -> Certification:
+    """Return the same records judged by a procedure with some words of its text changed."""
+    session = certified().session
+    text = session.procedure_text
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    return certify_session(dataclasses.replace(session, procedure_text=text, **fields))
+
+
+LIMIT, SPEED = "limit = { value = 1.2", "speed_tolerance = { value = 1.0"
+
+
+CASES: Mapping[str, Callable[[], Certification]] = {
+    "pass": certified,
+    "ideal": lambda: certified(Reality.IDEAL),
+    "fail": lambda: again((LIMIT, "limit = { value = 0.8")),
+    "marginal": lambda: again(
+        (LIMIT, f"limit = {{ value = {certified().metric.value - 0.001:.4f}")
+    ),
+    "no valid hit": lambda: again((SPEED, "speed_tolerance = { value = 0.001")),
+    "too few valid hits": lambda: again(("valid_hits = { value = 6", "valid_hits = { value = 7")),
+    "real laboratory": lambda: again(simulation={}),
+    "odd name": lambda: again(bat='<b> & "c"'),
+    "scan with fresh hits": lambda: scanned("bbcor"),
+    "scan and a fitted top": lambda: scanned("ncaa-besr"),
+    "scan without a limit": lambda: scanned("proposed"),
+}
+
+
+@cache
+def case(name: str) -> Certification:
+    """Return a certification of one of the kinds that a page must be able to show."""
+    return CASES[name]()
+
+
+@cache
+def page(name: str) -> str:
+    return certificate_page(certificate(case(name)), case(name))
+
+
+def words(html: str) -> str:
+    """Return what a reader sees of a page or a card, without the figures."""
+    root = ElementTree.fromstring(html.strip())
+    for parent in root.iter():
+        for child in list(parent):
+            if child.tag in (f"{SVG}svg", "style"):
+                parent.remove(child)
+    return " ".join("".join(root.itertext()).split())
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_page_is_well_formed_and_needs_nothing_but_itself(name: str) -> None:
+    html = page(name)
+    ElementTree.fromstring(html)
+    bare = html
+    for namespace in NAMESPACES:
+        bare = bare.replace(namespace, "")
+    assert not re.search(r"https?:|//\w|<script|<link|<img|@import|url\((?!#)", bare)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_page_never_shows_a_missing_value_as_the_computer_writes_it(name: str) -> None:
+    """Words of the page and of its figures: a missing value is a dash or a sentence."""
+    text = " ".join(ElementTree.fromstring(page(name)).itertext())
+    assert not re.search(r"\b(None|nan|NaN|inf|Undefined)\b", text)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_page_can_be_read_aloud(name: str) -> None:
+    """Language, headings in order, scopes of table heads, titles of figures, ids used once."""
+    root = ElementTree.fromstring(page(name))
+    assert root.get("lang") == "en"
+    levels = [int(e.tag[1]) for e in root.iter() if re.fullmatch(r"h[1-6]", e.tag)]
+    assert levels[0] == 1
+    assert levels.count(1) == 1
+    assert all(after - before <= 1 for before, after in pairwise(levels))
+    assert all(head.get("scope") in ("col", "row") for head in root.iter("th"))
+    ids = [e.get("id") for e in root.iter() if e.get("id")]
+    assert len(ids) == len(set(ids))
+    for figure in root.iter("figure"):
+        (drawing,) = figure.findall(f"{SVG}svg")
+        labels = drawing.get("aria-labelledby", "").split()
+        assert labels
+        assert set(labels) <= set(ids)
+        assert drawing.find(f"{SVG}title") is not None
+
+
+def test_the_result_is_rounded_by_its_uncertainty() -> None:
+    """Expanded uncertainty to two digits, the value to the same place."""
+    metric = certified().metric
+    expanded = metric.interval_95[1] - metric.value
+    assert 0.00995 < expanded < 0.0995  # so two digits are three decimals
+    said = f"BPF = {metric.value:.3f} ± {expanded:.3f}"
+    assert said in words(page("pass"))
+    assert f"k = {expanded / metric.u:.2f}" in words(page("pass"))
+    assert said in words(notebook_card(certificate(certified())))
+
+
+@pytest.mark.parametrize(
+    ("name", "verdict"),
+    [
+        ("pass", "PASS"),
+        ("fail", "FAIL"),
+        ("no valid hit", "INVALID"),
+        ("too few valid hits", "INVALID"),
+    ],
+)
+def test_the_verdict_stands_in_words(name: str, verdict: str) -> None:
+    card = words(notebook_card(certificate(case(name))))
+    assert verdict in words(page(name))
+    assert verdict in card
+
+
+def test_verdicts_differ_in_shape_and_not_in_colour() -> None:
+    shapes = {
+        re.search(r'<p class="verdict">(.*?)</svg>', page(name), re.DOTALL)[1]
+        for name in ("pass", "fail", "no valid hit")
+    }
+    assert len(shapes) == 3
+
+
+def test_a_marginal_result_is_said_to_be_and_another_is_not() -> None:
+    assert "This result is marginal" in words(page("marginal"))
+    assert "This result is not marginal" in words(page("fail"))
+    assert "marginal" in words(notebook_card(certificate(case("marginal"))))
+
+
+def test_an_invalid_test_states_no_value_and_names_every_reason() -> None:
+    text = words(page("no valid hit"))
+    assert "No BPF can be stated" in text
+    assert "0 valid hits, the procedure asks for 6" in text
+    for reason in case("no valid hit").judgement.reasons:
+        assert reason in text
+
+
+def test_too_few_hits_give_a_value_for_information_only() -> None:
+    assert "for information only" in words(page("too few valid hits"))
+
+
+def test_simulated_stands_on_every_sheet_of_a_simulated_test_only() -> None:
+    sheets = page("pass").count('class="sheet"')
+    assert page("pass").count("SIMULATED: no real bat was tested") == sheets == 2
+    assert "SIMULATED" not in page("real laboratory")
+    assert "Seed commitment" not in page("real laboratory")
+
+
+def test_names_are_escaped() -> None:
+    assert "<b>" not in page("odd name")
+    assert "&lt;b&gt; &amp;" in page("odd name")
+    assert '<b> & "c"' in words(page("odd name"))
+    assert "<b>" not in notebook_card(certificate(case("odd name")))
+
+
+def test_every_shot_and_every_unverified_value_is_listed() -> None:
+    certification, text = certified(), words(page("pass"))
+    for value in certification.shots.bat_performance_factor:
+        assert f"{value:.4f}" in text
+    for datum in certification.unverified:
+        assert datum.key.replace("windows.", "window: ").replace("_", " ") in text
+
+
+def test_the_budget_speaks_in_words_and_its_shares_add_up() -> None:
+    """No constant known here is left with its name in the program."""
+    table = re.search(r"Uncertainty budget.*?</table>", page("pass"), re.DOTALL)[0]
+    assert not re.search(r"\b(bench|impact|balls|bat)\.", table)
+    body = table[: table.index("<tfoot>")]
+    shares = [float(share) for share in re.findall(r"<td>([\d.]+)</td></tr>", body)]
+    assert sum(shares) == pytest.approx(100, abs=0.05 * len(shares) + 0.01)
+
+
+def test_a_constant_of_an_unknown_rig_keeps_its_name() -> None:
+    document = certificate(certified())
+    document["budget"][0]["component"] = "impact.radar.angle"
+    assert "impact.radar.angle" in certificate_page(document, certified())
+
+
+def test_the_number_is_the_digest_of_the_certificate_as_saved(tmp_path: object) -> None:
+    folder = Certificate(certification=certified()).save(tmp_path / "saved")
+    digest = hashlib.sha256((folder / "certificate.json").read_bytes()).hexdigest()
+    assert f"No. {digest[:12]}" in words((folder / "certificate.html").read_text("utf-8"))
+
+
+@pytest.mark.parametrize("name", ["pass", "ideal", "no valid hit"])
+def test_figures_are_light_and_the_same_every_time(name: str) -> None:
+    for draw in (hits_figure, encoder_figure):
+        figure = draw(case(name))
+        assert figure == draw(case(name))
+        assert len(figure.encode()) < HEAVIEST
+        assert "<metadata" not in figure
+
+
+def test_a_figure_leaves_the_users_matplotlib_as_it_was() -> None:
+    import matplotlib as mpl
+
+    before = dict(mpl.rcParams)
+    hits_figure(certified())
+    assert dict(mpl.rcParams) == before
+
+
+def test_a_card_is_one_element_of_html() -> None:
+    """Notebooks put it in the middle of a page of their own."""
+
+    class Depth(HTMLParser):
+        depth, roots = 0, 0
+
+        def handle_starttag(self, tag: str, attrs: object) -> None:
+            self.roots += self.depth == 0
+            self.depth += 1
+
+        def handle_startendtag(self, tag: str, attrs: object) -> None:
+            pass
+
+        def handle_endtag(self, tag: str) -> None:
+            self.depth -= 1
+
+    counted = Depth()
+    counted.feed(notebook_card(certificate(certified())))
+    assert (counted.depth, counted.roots) == (0, 1)
+
+
+def test_the_width_of_a_scan_is_told_where_the_rules_ask_for_it() -> None:
+    """As text and as HTML the number of the document, rounded by its uncertainty."""
+    document = certificate(scanned("bbcor"))
+    width = document["width_m"]
+    value, u = (f"{width[key] / 0.0254:.{places}f}" for key, places in (("value", 3), ("u", 3)))
+    assert f"for {value} in (u = {u} in), from" in words(page("scan with fresh hits"))
+    assert f"{value} (u {u}) in wide within 0.01 of the curve's top" in certificate_text(document)
+    assert width["to_in"] - width["from_in"] == pytest.approx(width["value"] / 0.0254)
+    assert certificate(scanned("ncaa-besr"))["width_m"] is None
+    assert "Width" not in words(page("scan and a fitted top"))
+
+
+def test_a_width_cut_off_at_an_end_is_at_least_so_much() -> None:
+    """Of a steel cylinder, whose e hardly falls along the barrel."""
+    flat = lab.certify_bat("check-cylinder", procedure="bbcor", seed=7).certification
+    document = certificate(flat)
+    width = document["width_m"]
+    assert (width["u"], width["at_least"]) == (None, True)
+    least = f"at least {width['value'] / 0.0254:.2f} in"
+    assert least in words(certificate_page(document, flat))
+    assert f"{least} wide" in certificate_text(document)

@@ -1,0 +1,86 @@
+"""`virtual-lab board` and `virtual-lab calibrate`: pictures, file, drawing, errors of one line."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from virtual_lab.cli import cli
+from virtual_lab.errors import InputError
+from virtual_lab.video.clips.calibration_file import read_calibration
+
+BOARD = ["--board", "charuco:9x6:60mm:44mm"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    at = tmp_path_factory.mktemp("calibrate")
+    words = ["board", *BOARD, "--views", "4", "--seed", "3", "--out", str(at / "board")]
+    done = CliRunner().invoke(cli, words)
+    assert done.exit_code == 0, done.output
+    assert done.stdout.strip() == str(at / "board/pictures")
+    return at
+
+
+def test_pictures_to_a_calibration_and_the_truth_beside_it(folder: Path) -> None:
+    out = folder / "cal.toml"
+    words = ["calibrate", str(folder / "board/pictures"), *BOARD, "--out", str(out), "--json"]
+    done = CliRunner().invoke(cli, [*words, "--height", "36.5mm", "--height-u", "1mm"])
+    assert done.exit_code == 0, done.output
+    told = json.loads(done.stdout)
+    camera = read_calibration(out).camera
+    assert camera is not None
+    assert camera.plane_height_m == -0.0365
+    assert told["camera"]["matrix"] == [list(row) for row in camera.matrix]
+    assert told["plane_view"].endswith("view-00.png")
+    assert len(told["views"]) == 4
+    truth = json.loads((folder / "board/truth/camera.json").read_text())["constants"]
+    assert camera.fit is not None
+    for index, key in enumerate(("centre_x", "centre_y")):
+        assert abs(camera.matrix[index][2] - truth[key]) < 5 * camera.fit.centre_u_px[index]
+        assert abs(camera.matrix[index][index] - truth["focal"]) < 5 * camera.fit.focal_u_px[index]
+    drawing = cv2.imread(str(folder / "cal.png"))
+    assert drawing.shape[1] > 1000
+    assert drawing.std() > 10
+    again = CliRunner().invoke(cli, words)
+    assert isinstance(again.exception, InputError)
+    assert "is there already" in str(again.exception)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["none.png", *BOARD, "--out", "a.toml"], "no such file"),
+        (["board", *BOARD, "--out", "a.toml"], "images = 0"),
+        (["text.png", *BOARD, "--out", "a.toml"], "cannot be read"),
+        (["blank.png", *BOARD, "--out", "a.toml"], "at least 3 must show the board"),
+        (["blank.png", *BOARD, "--out", "a.json"], "ends in .toml"),
+        (["blank.png", "--board", "9x6", "--out", "a.toml"], "expected charuco:"),
+        (["blank.png", *BOARD, "--height", "36", "--out", "a.toml"], "length with its unit"),
+    ],
+)
+def test_bad_input_leaves_nothing_behind(
+    words: list[str], said: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    (folder / "text.png").write_text("no picture")
+    cv2.imwrite(str(folder / "blank.png"), np.full((80, 120), 90, np.uint8))
+    done = CliRunner().invoke(cli, ["calibrate", *words])
+    assert isinstance(done.exception, InputError)
+    assert said in str(done.exception)
+    assert not list(folder.glob("a.*"))
+
+
+def test_a_board_is_filmed_by_a_camera_only(tmp_path: Path) -> None:
+    for words, said in (
+        (["--camera", "pivot-gates"], "pivot-gates.toml"),
+        (["--camera", "camera-overhed"], "camera-overhead"),
+        (["--views", "2"], "allowed: 3 to 60"),
+    ):
+        done = CliRunner().invoke(cli, ["board", *BOARD, *words, "--out", str(tmp_path / "b")])
+        assert isinstance(done.exception, InputError)
+        assert said in str(done.exception)
+        assert not list(tmp_path.iterdir())

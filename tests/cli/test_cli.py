@@ -1,0 +1,430 @@
+"""The command line as a user meets it: exit codes, one-line errors, JSON, nothing half-written."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from datetime import date, timedelta
+from pathlib import Path
+
+import click
+import pytest
+
+from virtual_lab.cli import cli, main
+
+Run = Callable[..., tuple[int, str, str]]
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Run:
+    """Run the program in an empty folder; return exit code, stdout and stderr."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*words: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["virtual-lab", *words])
+        with pytest.raises(SystemExit) as leaving:
+            main()
+        captured = capsys.readouterr()
+        return int(leaving.value.code or 0), captured.out, captured.err
+
+    return call
+
+
+@pytest.fixture(scope="module")
+def tested(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the output folder of one test, as the program leaves it."""
+    folder = tmp_path_factory.mktemp("cli") / "r161"
+    words = ["certify", "r161", "--seed", "7041776", "--out", str(folder)]
+    subprocess.run([sys.executable, "-m", "virtual_lab", *words], check=True, capture_output=True)
+    return folder
+
+
+def test_certify_writes_all_it_promises(tested: Path) -> None:
+    """The issue's list of files, and the keys other programs rely on."""
+    found = {str(path.relative_to(tested)) for path in tested.rglob("*") if path.is_file()}
+    assert {"certificate.html", "certificate.json", "readings.csv"} <= found
+    assert {"records/session.json", "records/impact/encoder.csv", "truth/truth.json"} <= found
+    certificate = json.loads((tested / "certificate.json").read_text())
+    assert {"name", "value", "u", "interval_95", "limit"} <= set(certificate["metric"])
+    for name in ("collision_efficiency", "restitution", "recoil_factor", "ball_restitution"):
+        assert set(certificate[name]) == {"value", "u"}
+    assert certificate["verdict"] == "PASS"
+    assert certificate["marginal"] is False
+    assert certificate["valid_hits"] == 6
+    assert date.fromisoformat(certificate["date"]) <= date.today() + timedelta(days=1)
+    assert abs(certificate["v_rel_mph"] - 60) < 1
+    assert certificate["metric"]["limit"] == 1.2
+    low, high = certificate["metric"]["interval_95"]
+    assert low < certificate["metric"]["value"] < high
+    assert sorted(path.name for path in tested.parent.iterdir()) == ["r161"]
+
+
+def test_reduce_gives_the_same_numbers_from_the_records_alone(
+    tested: Path, tmp_path: Path, run: Run
+) -> None:
+    """Bit for bit, in a folder that never saw the truth."""
+    shutil.copytree(tested / "records", tmp_path / "theirs")
+    code, out, _ = run("reduce", "theirs", "--json")
+    certificate = json.loads((tested / "certificate.json").read_text())
+    del certificate["simulation"]["truth_digest"]
+    assert code == 0
+    assert json.loads(out) == certificate
+
+
+def test_the_truth_on_disk_changes_only_the_score(tested: Path, tmp_path: Path, run: Run) -> None:
+    """Another truth: the same reduction, a broken seal; no truth: `score` alone fails."""
+    shutil.copytree(tested, tmp_path / "copy")
+    before = run("reduce", "copy/records", "--json")
+    truth = tmp_path / "copy" / "truth" / "truth.json"
+    whole = json.loads(run("score", "copy", "--json")[1])
+    document = json.loads(truth.read_text())
+    document["measurand"]["metric"] += 0.1
+    truth.write_text(json.dumps(document))
+    broken = json.loads(run("score", "copy", "--json")[1])
+    assert (whole["seal"], broken["seal"]) == ("whole", "broken")
+    assert broken["metric"]["error"] == pytest.approx(whole["metric"]["error"] - 0.1)
+    assert run("reduce", "copy/records", "--json") == before
+    shutil.rmtree(tmp_path / "copy" / "truth")
+    code, out, err = run("score", "copy")
+    assert (code, out) == (2, "")
+    assert "copy/truth/truth.json" in err
+    assert run("reduce", "copy/records", "--json") == before
+
+
+def test_score_speaks_in_units_and_standard_uncertainties(tested: Path, run: Run) -> None:
+    document = json.loads(run("score", str(tested), "--json")[1])
+    for name in ("metric", "collision_efficiency", "restitution", "recoil_factor"):
+        row = document[name]
+        assert row["error"] == row["measured"] - row["true"]
+        assert row["z"] == pytest.approx(row["error"] / row["u"])
+        assert abs(row["z"]) < 4
+
+
+def test_no_record_and_no_certificate_tells_the_seed(tested: Path) -> None:
+    """The seed is 7041776; it and its hash without salt stand in the truth alone."""
+    bare = hashlib.sha256(b"7041776").hexdigest()
+    for path in tested.rglob("*"):
+        if path.is_file() and path.parent.name != "truth":
+            text = path.read_text()
+            assert "7041776" not in text, path
+            assert bare not in text, path
+    assert '"seed": 7041776' in (tested / "truth" / "truth.json").read_text()
+
+
+def test_ideal_says_the_truth(run: Run) -> None:
+    """1e-9 relative through the whole program, files and all."""
+    assert run("certify", "ea70", "--ideal", "--out", "ideal")[0] == 0
+    document = json.loads(run("score", "ideal", "--json")[1])
+    del document["seal"]
+    for name, row in document.items():
+        assert row["measured"] == pytest.approx(row["true"], rel=1e-9), name
+
+
+def test_results_go_to_the_first_free_folder(run: Run, tmp_path: Path) -> None:
+    for _ in range(2):
+        assert run("certify", "r161", "--ideal")[0] == 0
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["r161", "r161-2"]
+
+
+def test_profile_has_the_promised_keys(run: Run) -> None:
+    code, out, _ = run("profile", "r161", "--swing", "0.5", "--json")
+    document = json.loads(out)
+    assert code == 0
+    assert document["mass_oz"] == pytest.approx(31, rel=5e-3)  # Table I
+    assert document["modal_frequencies_hz"][:2] == pytest.approx([164, 551], rel=5e-3)
+    assert document["barrel_nodes_in"] == pytest.approx([6.8, 5.2], abs=0.1)
+    lengths = {len(document[key]) for key in ("z_in", "e", "r", "e_A", "v_bat_mph", "v_f_mph")}
+    assert len(lengths) == 1
+
+
+def test_profile_and_compare_write_their_folders(run: Run, tmp_path: Path) -> None:
+    assert run("profile", "r161", "--out", "one")[0] == 0
+    assert sorted(path.name for path in (tmp_path / "one").iterdir()) == [
+        "profile.csv",
+        "profile.png",
+    ]
+    code, out, _ = run("compare", "r161", "ea70", "--swing", "0.5", "--out", "two", "--json")
+    document = json.loads(out)
+    assert code == 0
+    assert [row["bat"] for row in document["peaks"]] == ["r161", "ea70"]
+    assert document["differences"][0]["v_f_mph"] == pytest.approx(6, abs=1)
+    assert (tmp_path / "two" / "compare.png").is_file()
+    code, _, err = run("compare", "r161", "ea70", "--out", "two")
+    assert code == 2
+    assert "not empty" in err
+
+
+def test_stability_prints_its_maps_and_writes_its_folder(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from virtual_lab.fidelity import collision_stability
+
+    monkeypatch.setattr(collision_stability, "AXES", {collision_stability.PLACE: (1.0, 6.0)})
+    monkeypatch.setattr(collision_stability, "FACTORS", (1.0, 4.0))
+    code, out, _ = run("stability", "collision", "--out", "maps")
+    assert code == 0
+    assert out.splitlines()[2:7] == [
+        "z [in]",
+        "step        1    6",
+        "1           .    .",
+        "4           (X)  (X)",
+        "as shipped  .    .",
+    ]
+    assert sorted(path.name for path in (tmp_path / "maps").iterdir()) == [
+        "stability.csv",
+        "stability.png",
+    ]
+    rows = json.loads(run("stability", "collision", "--json")[1])
+    assert [row["state"] for row in rows if row["value"] == 1] == ["good", "unstable", "good"]
+    code, out, err = run("stability", "collision", "--out", "maps")
+    assert (code, out) == (2, "")
+    assert "not empty" in err
+
+
+@pytest.mark.parametrize("kind", [None, "bats", "balls", "procedures", "instruments", "rigs"])
+def test_list_and_show(kind: str | None, run: Run) -> None:
+    """Everything listed can be shown, every number with unit and source (rigs of others aside)."""
+    rows = json.loads(run("list", *([kind] if kind else []), "--json")[1])
+    assert rows
+    for row in rows:
+        if row["name"] == "speed-gun-pivot":
+            continue
+        document = json.loads(run("show", row["name"], "--json")[1])
+        for number in document["numbers"]:
+            assert number["unit"]
+            assert number["source"] in document["sources"]
+
+
+R161 = (ROOT / "data" / "bats" / "r161.toml").read_text()
+BAD_BATS = {
+    "wrong unit": ('unit = "kg/m^3"', 'unit = "kg"', ["density", "kg/m^3"]),
+    "negative": ("value = 644.3", "value = -644.3", ["density", "-644.3", "greater than 0"]),
+    "missing": ("damping_ratio =", "damping =", ["damping"]),
+    "not a number": ("value = 644.3", "value = nan", ["density", "finite"]),
+    "not monotonic": ("[0, 2, 5, 8,", "[0, 5, 2, 8,", ["profile", "increase"]),
+}
+
+
+@pytest.mark.parametrize("fault", BAD_BATS)
+def test_a_bad_file_is_one_line_and_leaves_nothing(fault: str, run: Run, tmp_path: Path) -> None:
+    old, new, words = BAD_BATS[fault]
+    assert old in R161
+    (tmp_path / "mine.toml").write_text(R161.replace(old, new))
+    code, out, err = run("certify", "mine.toml", "--out", "out")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    for word in ["mine.toml", *words]:
+        assert word in err
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]
+
+
+MEASURED = """name = "mine"
+title = "Mine"
+template = "wood"
+length = { value = 34, unit = "in", source = "rule", verified = true }
+mass = { value = 31, unit = "oz", source = "scale", verified = true }
+z_cm = { value = 11.3, unit = "in", source = "stand", verified = true }
+inertia = { value = 17137, unit = "oz in^2", source = "pendulum", verified = true }
+inertia_axis = { value = 33, unit = "in", source = "pendulum", verified = true }
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("value = 31", "value = 35.5", ["wood", "no bat of it meets", "misses"]),
+        ('"wood"', '"straw"', ["template", "wood"]),
+        ("17137", "137", ["less than mass times"]),
+        ('unit = "oz"', 'unit = "in"', ["mass", "oz"]),
+        ("z_cm =", "balance =", ["z_cm", "missing"]),
+    ],
+)
+def test_measurements_no_bat_is_fitted_to(
+    old: str, new: str, words: list[str], run: Run, tmp_path: Path
+) -> None:
+    (tmp_path / "measured.toml").write_text(MEASURED.replace(old, new))
+    code, out, err = run("fit-bat", "measured.toml", "--out", "mine.toml")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    for word in words:
+        assert word in err
+    assert [path.name for path in tmp_path.iterdir()] == ["measured.toml"]
+
+
+def test_a_fitted_bat_can_be_profiled(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "measured.toml").write_text(MEASURED)
+    words = ["fit-bat", "measured.toml", "--out", "mine.toml", "--members", "2"]
+    code, out, _ = run(*words, "--json")
+    assert code == 0
+    assert json.loads(out)["members"] == 2
+    document = json.loads(run("profile", "mine.toml", "--json")[1])
+    assert document["i_knob_oz_in2"] == pytest.approx(17137, rel=1e-5)
+    code, _, err = run(*words)
+    assert code == 2
+    assert "is there already" in err
+
+
+def test_a_laboratorys_mornings(run: Run, tmp_path: Path) -> None:
+    """The table, the picture's path, and the next free folder where none is named."""
+    code, out, err = run("daily", "--days", "40", "--drift", "0.001", "--rule", "1")
+    assert (code, err) == (0, "")
+    assert "cumulative sum (CUSUM)" in out
+    pictures = [line for line in out.splitlines() if line.startswith("out/")]
+    assert pictures == ["out/daily/daily.png", "out/daily/cylinder.png"]
+    assert not out.endswith("\n\n")
+    document = json.loads(run("daily", "--days", "30", "--json")[1])
+    assert document["folder"] == "out/daily-2"
+    assert len(document["days"]) == 30
+    assert (tmp_path / "out" / "daily-2" / "daily.png").is_file()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["certify", "r116"], "did you mean r161?"),
+        (["certify", "r161", "--procedure", "astm-f1818"], "did you mean astm-f1881?"),
+        (["certify", "r161", "--seed", "-1"], "--seed"),
+        (["certify", "r161", "--bogus"], "--bogus"),
+        (["certify", "r161", "--ideal", "--noise-free"], "exclude each other"),
+        (["certify", "nowhere.toml"], "no such file"),
+        (["certify", "r161", "--rig", "astm-pivto"], "astm-pivot, ball-cannon"),
+        (["certify", "r161", "--rig", "ball-cannon"], "astm-f1881 needs its encoder"),
+        (["reduce", "nowhere"], "nowhere/session.json"),
+        (["score", "nowhere"], "nowhere/certificate.json"),
+        (["show", "r162"], "did you mean r161?"),
+        (["profile", "r161", "--swing", "3"], "0 to 0.5"),
+        (["profile", "r161", "--reference-inertia", "17000"], "with its unit"),
+        (["compare", "r161"], "two and more"),
+        (["compare", "r161", "ea7"], "did you mean ea70?"),
+        (["compare", "r161", "r161"], "its own name"),
+        (["compare", "r161", "ea70", "--swing", "nan"], "0 to 0.5"),
+        (["compare", "r161", "ea70", "--reference-inertia", "1 kg"], "kg m^2"),
+        (["sensitivity", "r116"], "did you mean r161?"),
+        (["fit-bat", "nowhere.toml", "--out", "mine.toml"], "no such file"),
+        (["fit-bat", "nowhere.toml", "--out", "mine"], "ends in .toml"),
+        (["fit-bat", "r161", "--out", "mine.toml"], "a .toml file"),
+        (["daily", "--days", "3"], "days = 3"),
+        (["daily", "--rule", "5"], "1, 2, 3, 4"),
+        (["list", "hats"], "bats"),
+        (["dance"], "dance"),
+    ],
+)
+def test_bad_words_are_one_line(words: list[str], said: str, run: Run, tmp_path: Path) -> None:
+    code, out, err = run(*words)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert said in err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_in_use_is_left_alone(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "thesis.txt").write_text("years of work")
+    code, _, err = run("certify", "r161", "--out", "full")
+    assert code == 2
+    assert "not empty" in err
+    assert [path.name for path in (tmp_path / "full").iterdir()] == ["thesis.txt"]
+
+
+def test_a_place_that_cannot_be_written(run: Run, tmp_path: Path) -> None:
+    """A file stands where the folder should: true for root too, whom no mode bit stops."""
+    (tmp_path / "file").write_text("")
+    for target in ("file", "file/inside"):
+        code, _, err = run("certify", "r161", "--out", target)
+        assert code == 2
+        assert target in err
+
+
+def test_a_record_cut_short(tested: Path, run: Run, tmp_path: Path) -> None:
+    shutil.copytree(tested / "records", tmp_path / "records")
+    path = tmp_path / "records" / "impact" / "encoder.csv"
+    path.write_bytes(path.read_bytes()[:4000])
+    code, out, err = run("reduce", "records")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "records/impact/encoder.csv" in err
+    assert "cut short" in err
+
+
+def test_version_help_and_completion(run: Run) -> None:
+    from virtual_lab import __version__
+
+    assert run("--version")[1].strip().endswith(__version__)
+    assert "certify" in run()[1]
+    assert "_VIRTUAL_LAB_COMPLETE" in run("completion", "bash")[1]
+
+
+def test_the_rig_is_a_choice_and_is_completed(run: Run) -> None:
+    """Rigs that fire at bats, no bench and no wall; the certificate names the one taken."""
+    command = cli.commands["certify"]
+    rig = next(option for option in command.params if option.name == "rig")
+    context = click.Context(command)
+    assert [item.value for item in rig.shell_complete(context, "b")] == ["ball-cannon"]
+    assert {"astm-pivot", "ncaa-swing"} <= {item.value for item in rig.shell_complete(context, "")}
+    code, out, _ = run("certify", "r161", "--rig", "astm-pivot", "--seed", "7", "--json")
+    assert code == 0
+    assert json.loads(out)["rigs"]["impact"] == "astm-pivot"
+
+
+def test_a_reader_that_has_had_enough_is_no_fault(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """``virtual-lab list | head -1``: the pipe closes while we write."""
+
+    def closed(*_: object, **__: object) -> None:
+        raise BrokenPipeError(errno.EPIPE, "Broken pipe")
+
+    monkeypatch.setattr("virtual_lab.cli.shelf.click.echo", closed)
+    assert run("list")[0] == 0
+
+
+def test_no_progress_in_a_pipe(tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "virtual_lab", "certify", "r161", "--ideal", "--json"]
+    done = subprocess.run(words, capture_output=True, cwd=tmp_path, env=os.environ, check=True)
+    assert done.stderr == b""
+    assert json.loads(done.stdout)["verdict"] == "PASS"
+
+
+def test_faults_of_a_day(run: Run, tmp_path: Path) -> None:
+    """Two at once: flagged on the certificate, named in the truth alone."""
+    words = ["--fault", "aim-across", "--fault", "gate-misses", "--out", "out", "--json"]
+    code, out, _ = run("certify", "r161", "--seed", "12", *words)
+    assert code == 0
+    assert {flag["name"] for flag in json.loads(out)["flags"]} == {"aim", "ball-seen"}
+    truth = json.loads((tmp_path / "out" / "truth" / "truth.json").read_text())
+    assert truth["faults"] == ["aim-across", "gate-misses"]
+
+
+def test_an_unknown_fault(run: Run, tmp_path: Path) -> None:
+    code, _, err = run("certify", "r161", "--fault", "gate-move", "--out", "out")
+    assert code == 2
+    assert "did you mean gate-moved" in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_study_of_faults(run: Run, tmp_path: Path) -> None:
+    words = ["--procedure", "astm-f1881", "--laboratories", "2", "--first-seed", "700"]
+    code, out, _ = run("faults", "aim-along", *words, "--out", "table")
+    assert code == 0
+    lines = out.splitlines()
+    assert [line.split()[1] for line in lines[1:3]] == ["none", "aim-along"]
+    assert "100% (16% to 100%)" in lines[2]
+    assert (tmp_path / "table" / "faults.csv").exists()
+    code, out, _ = run("faults", "aim-along", *words, "--json")
+    assert [row["fault"] for row in json.loads(out)] == ["none", "aim-along"]
+
+
+def test_critique_prints_its_tables_and_writes_its_folder(run: Run, tmp_path: Path) -> None:
+    asked = ("critique", "barrel-loaded", "knob-loaded", "--procedure", "astm-f1881")
+    code, out, _ = run(*asked, "--swing", "0", "--laboratories", "2", "--out", "two", "--json")
+    document = json.loads(out)
+    assert code == 0
+    assert [row["bat"] for row in document["metrics"]] == ["barrel-loaded", "knob-loaded"]
+    assert document["pairs"][0]["v_f_mph"] == pytest.approx(6.8, abs=0.5)
+    assert (tmp_path / "two" / "critique.png").is_file()
+    code, _, err = run(*asked, "--out", "two")
+    assert code == 2
+    assert "not empty" in err

@@ -1,0 +1,133 @@
+"""`virtual-lab track` on a clip of a known ball: files, JSON, errors of one line."""
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from tests.video.scenes import Film, write_video
+from virtual_lab.cli import cli
+from virtual_lab.cli.track import _diameter
+from virtual_lab.errors import InputError
+
+FILM = Film()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    at = tmp_path_factory.mktemp("track")
+    write_video(at / "clip.mp4", list(FILM.frames()), 5000)
+    (at / "cal.toml").write_text("frames_per_second = 5000\nexposure_s = 2e-5\n")
+    return at
+
+
+def test_everything_a_user_gets(folder: Path) -> None:
+    out = folder / "found"
+    arguments = ["track", str(folder / "clip.mp4"), "--calibration", str(folder / "cal.toml")]
+    done = CliRunner().invoke(cli, [*arguments, "--ball", "28mm", "--out", str(out), "--json"])
+    assert done.exit_code == 0, done.output
+    told = json.loads(done.stdout)
+    assert told == json.loads((out / "result.json").read_text())
+    speed, true = told["speed_in_mps"], np.hypot(*FILM.velocity_in) * 5.0
+    assert speed.keys() == {"value", "u"}
+    assert abs(speed["value"] - true) < 2 * speed["u"] < 0.02 * true
+    assert told["speed_out_mps"].keys() == told["restitution"].keys() == {"value", "u"}
+    assert told["flags"] == []
+    assert told["warnings"] == []
+    assert told["counts"] == {
+        "frames": 44, "with_ball": 44, "in": 19, "out": 25, "in_contact": 0, "lost": 0,
+    }  # fmt: skip
+    assert sorted(path.name for path in out.iterdir()) == [
+        "result.json", "sheet.png", "track.csv", "track.png", "track.webp",
+    ]  # fmt: skip
+    rows = list(csv.DictReader((out / "track.csv").read_text().splitlines()))
+    assert len(rows) == 44
+    x, _ = FILM.places()
+    np.testing.assert_allclose([float(row["x_px"]) for row in rows], x, atol=0.05)
+    assert {row["flight"] for row in rows} == {"in", "out"}
+    for name, least in (("track.png", 600), ("sheet.png", 1200)):
+        picture = cv2.imread(str(out / name))
+        assert picture is not None
+        assert picture.shape[1] > least
+        assert picture.std() > 10
+    _, film = cv2.imreadanimation(str(out / "track.webp"))
+    assert len(film.frames) == 44
+
+
+def test_a_clip_without_a_calibration_file_warns(folder: Path) -> None:
+    out = folder / "bare"
+    arguments = ["track", str(folder / "clip.mp4"), "--ball", "2.8 cm"]
+    done = CliRunner().invoke(cli, [*arguments, "--quick", "--out", str(out)])
+    assert done.exit_code == 0, done.output
+    assert "the frame rate is the file's own" in done.stdout
+    assert "exposure_s is not given" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["clip.mp4"], "no length is known"),
+        (["clip.mp4", "--ball", "73"], "a diameter with its unit"),
+        (["clip.mp4", "--ball", "73 furlongs"], "a diameter with its unit"),
+        (["clip.mp4", "--ball", "0mm"], "a ball's diameter"),
+        (["clip.mp4", "--ball", "28mm", "--calibration", "none.toml"], "none.toml"),
+        (["cal.toml", "--ball", "28mm"], "cannot be opened"),
+        (["none.mp4", "--ball", "28mm"], "no such file"),
+    ],
+)
+def test_bad_input_leaves_nothing_behind(folder: Path, arguments: list[str], words: str) -> None:
+    at = [str(folder / each) if "." in each and "mm" not in each else each for each in arguments]
+    before = set(folder.iterdir())
+    done = CliRunner().invoke(cli, ["track", *at])
+    assert isinstance(done.exception, InputError)
+    assert words in str(done.exception)
+    assert set(folder.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("text", "metres"),
+    [("73mm", 0.073), ("7.3 cm", 0.073), (".073m", 0.073), ("2.875in", 0.073025)],
+)
+def test_diameters_with_units(text: str, metres: float) -> None:
+    assert _diameter(text) == pytest.approx(metres)
+
+
+def test_two_balls_write_nothing(folder: Path) -> None:
+    other = replace(FILM, contact=(240.0, 30.0), noise=0.0, velocity_in=(9.3, -1.0))
+    both = [np.maximum(a, b) for a, b in zip(FILM.frames(), other.frames(), strict=True)]
+    np.save(folder / "two.npy", np.stack(both))
+    arguments = ["--calibration", str(folder / "cal.toml"), "--ball", "28mm"]
+    done = CliRunner().invoke(cli, ["track", str(folder / "two.npy"), *arguments])
+    assert isinstance(done.exception, InputError)
+    assert "balls = 2" in str(done.exception)
+    assert not (folder / "two-track").exists()
+
+
+def test_phases_of_a_ball_that_rolls_slowly(tmp_path: Path) -> None:
+    """A table a flight and axis; along y the ball crosses too few pixels to tell."""
+    film = Film(
+        shape=(64, 180),
+        radius=11.0,
+        contact=(400.0, 32.0),
+        velocity_in=(1.373, 0.0),
+        before=280.0,
+        count=110,
+        shutter=0.01,
+    )
+    np.save(tmp_path / "clip.npy", np.stack(list(film.frames())))
+    (tmp_path / "cal.toml").write_text("frames_per_second = 1000\nexposure_s = 1e-5\n")
+    arguments = ["track", str(tmp_path / "clip.npy"), "--calibration", str(tmp_path / "cal.toml")]
+    out = tmp_path / "found"
+    done = CliRunner().invoke(cli, [*arguments, "--ball", "22mm", "--phases", "--out", str(out)])
+    assert done.exit_code == 0, done.output
+    assert "  in, x: none seen" in done.stdout or "  in, x: SEEN" in done.stdout
+    assert "  in, y: cannot be told" in done.stdout
+    rows = list(csv.DictReader((out / "phases.csv").read_text().splitlines()))
+    assert [row["axis"] for row in rows] == ["x"] * 8
+    assert sum(int(row["frames"]) for row in rows) > 80
+    assert max(abs(float(row["mean_error_px"])) for row in rows) < 0.02

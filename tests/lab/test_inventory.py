@@ -1,0 +1,76 @@
+"""What a gate's sheet says of slow rebounds, held against the gates themselves."""
+
+import numpy as np
+import pytest
+
+from virtual_lab import catalog
+from virtual_lab.lab.inventory import sheet, sheet_text
+from virtual_lab.measurement.reduction.gates import passages
+from virtual_lab.relations.flight import slowest_within
+from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec
+from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
+from virtual_lab.simulation.instruments.passage import Passage
+from virtual_lab.streams import Quiet
+from virtual_lab.units import MPH, STANDARD_GRAVITY
+
+RADIUS = 0.0366
+
+
+@pytest.mark.parametrize(
+    ("v_in_mph", "efficiency", "distance", "fall"),
+    [(60, 0.2, 0.25, 11e-3), (60, 0.2, 0.5, 43e-3), (60, 0.1, 0.5, 170e-3), (136, 0.1, 0.5, 33e-3)],
+)
+def test_falls_worked_by_hand(
+    v_in_mph: float, efficiency: float, distance: float, fall: float
+) -> None:
+    """A rebound of a 60 mph ball at e_A = 0.2 falls 43 mm in half a metre, and so on, in mm."""
+    slowest = slowest_within(distance, fall)
+    assert slowest == pytest.approx(efficiency * v_in_mph * MPH, rel=0.03)  # of 11 mm a half
+
+
+def balls(speeds: np.ndarray) -> Passage:
+    return Passage(
+        speed_in=np.full(speeds.shape, 60.0),
+        speed_out=speeds,
+        drag=np.zeros(speeds.shape),
+        radius=RADIUS,
+        gravity=STANDARD_GRAVITY,
+    )
+
+
+@pytest.mark.parametrize("name", ["pivot-gates", "wall-gates"])
+def test_curtains_lose_a_ball_that_is_slower_than_the_sheet_says(name: str) -> None:
+    gates = LightGates.commission(
+        catalog.load("instruments", name, LightGateSpec).spec, Quiet(), "g"
+    )
+    said = sheet(name)["slowest_rebound"]
+    for gate, row in enumerate(said["at_gates"]):
+        speeds = row["speed_mph"] * MPH * np.array([0.999, 1.001])
+        contact = np.full(2, 0.1)
+        record = gates.watch(balls(speeds), contact, contact, Quiet(), "g", 0, Rung.SUMMED)
+        assert np.isnan(record.times[:, 1, gate]).tolist() == [True, False]
+    assert said["told_mph"] == said["at_gates"][0]["speed_mph"]
+
+
+@pytest.mark.parametrize("rung", Rung)
+@pytest.mark.parametrize("name", ["light-boards", "swing-boards"])
+def test_boards_see_a_ball_that_is_as_fast_as_the_sheet_says(name: str, rung: Rung) -> None:
+    """And none of half that speed, which falls four times as far."""
+    spec = catalog.load("instruments", name, LightBoardSpec).spec
+    boards = LightBoards.commission(spec, Quiet(), "b")
+    said = sheet(name)["slowest_rebound"]
+    for board, row in enumerate(said["at_gates"]):
+        speeds = row["speed_mph"] * MPH * np.array([0.5, 1.001])
+        contact = np.full(2, 0.1)
+        record = boards.watch(balls(speeds), contact, contact, Quiet(), "b", 0, rung)
+        times = passages(record, lowest=spec.lowest, pitch=spec.pitch).times
+        assert np.isnan(times[:, 1, board]).tolist() == [True, False]
+    assert said["told_mph"] == said["at_gates"][-2]["speed_mph"]
+
+
+def test_a_sheet_says_so_in_a_line() -> None:
+    """0.55 m √(g / 0.15 m) = 4.447 m/s = 9.95 mph."""
+    text = sheet_text(sheet("pivot-gates"))
+    assert "75 mm of fall: 9.9 mph at 0.55 m, 4.5 mph at 0.25 m; " in text
+    assert "slowest" not in sheet_text(sheet("lab-scale"))

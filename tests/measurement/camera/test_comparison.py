@@ -1,0 +1,195 @@
+"""Gates and camera on the same hits: they agree when both are right, and tell when one is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from virtual_lab.certificate.document import certificate
+from virtual_lab.certificate.tables import shot_table
+from virtual_lab.certificate.text import certificate_text
+from virtual_lab.lab import open_laboratory
+from virtual_lab.measurement.camera.comparison import COMPARED, SecondWitness, second_witness
+from virtual_lab.measurement.certification import Certification, certify_session
+from virtual_lab.measurement.session_reduction import reduce_session
+from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.rig import Reality
+from virtual_lab.streams import Streams
+from virtual_lab.uncertainty.estimate import Estimate
+
+LABORATORIES = 24
+
+
+def filmed(seed: int, *, faults: tuple[str, ...] = (), reality: Reality = Reality.REAL):
+    """Return a test at the filmed cannon, its camera tracking by itself."""
+    laboratory = open_laboratory(
+        "r161", procedure="bbcor", rig="filmed-cannon", seed=seed, faults=faults, reality=reality
+    )
+    return replace(laboratory, instruments=Rung.SUMMED).run(lambda _: None)
+
+
+def witness_of(seed: int, **given) -> SecondWitness:
+    witness = filmed(seed, **given).certification.second_witness
+    assert witness is not None
+    return witness
+
+
+@pytest.fixture(scope="module")
+def certifications() -> list[Certification]:
+    return [filmed(seed).certification for seed in range(LABORATORIES)]
+
+
+@pytest.fixture(scope="module")
+def witnesses(certifications: list[Certification]) -> list[SecondWitness]:
+    return [each.second_witness for each in certifications if each.second_witness]
+
+
+@pytest.mark.parametrize("name", COMPARED)
+def test_sound_witnesses_agree(name: str, witnesses: list[SecondWitness]) -> None:
+    """Scores of the difference: mean within 4/√n of 0, χ² of n within 4 of its deviations."""
+    told = [each.told[name] for each in witnesses]
+    scores = np.array([each.difference.value / each.difference.u for each in told])
+    n = len(scores)
+    assert abs(scores.mean()) < 4 / np.sqrt(n)
+    assert abs(np.sum(scores**2) - n) < 4 * np.sqrt(2 * n)
+    assert sum(each.agree for each in told) >= n - 5  # binomial, 5 %: P(6 or more) = 0.001
+
+
+@pytest.mark.parametrize("name", COMPARED)
+def test_joined_is_between_and_no_less_sure(name: str, witnesses: list[SecondWitness]) -> None:
+    """A share from 0 to 1, and by what sets them apart no wider than either."""
+    for each in witnesses:
+        told = each.told[name]
+        assert 0 <= told.share <= 1
+        low, high = sorted([told.gates.value, told.video.value])
+        assert low - 1e-12 <= told.joined.value <= high + 1e-12
+        shared = min(told.gates.u_type_b, told.video.u_type_b)
+        assert told.joined.u_type_b <= shared * 1.05
+
+
+def test_an_ideal_day_gives_the_same_twice() -> None:
+    """No errors, no noise: gates and video to 1e-5 of e_A, whatever the geometry."""
+    told = witness_of(1, reality=Reality.IDEAL).told["collision_efficiency"]
+    assert told.video.value == pytest.approx(told.gates.value, abs=1e-5)
+
+
+def test_speeds_of_every_shot(certifications: list[Certification]) -> None:
+    """Median speeds in by camera over those by gates: scatter as plane, height and base allow.
+
+    1 mm and .2 mm in 2 m, 1e-4 of the lens: 5.2e-4; the boards' .2 mm each in .6 m or so.
+    """
+    ratios = []
+    for each in certifications:
+        witness = each.second_witness
+        assert witness is not None
+        valid = each.judgement.valid
+        ratios.append(np.median(witness.filmed.flights.speed_in[valid] / each.shots.speed[valid]))
+        u = witness.u["speed_in"][valid] / each.shots.speed[valid]
+        assert ((u > 4e-4) & (u < 8e-4)).all()
+        off = witness.filmed.place[valid] - each.shots.place[valid]
+        assert abs(float(np.median(off))) < 3e-3
+    off = np.array(ratios) - 1
+    assert abs(off.mean()) < 4 * 6e-4 / np.sqrt(len(off))
+    assert 3e-4 < off.std() < 9e-4
+
+
+def test_each_shot_scatters_with_its_heights_as_it_says(
+    certifications: list[Certification],
+) -> None:
+    """Heights with noise of 20 µm, ten times: χ² of what moves, within 5 of its deviations.
+
+    Three errors stand behind each shot's quantities, so a shot's ten count as ten.
+    """
+    certification, sigma, times = certifications[0], 2e-5, 10
+    session, reduced = certification.session, reduce_session(certification.session)
+    passages = reduced.readings.passages
+
+    def told(noise: np.ndarray, u: float) -> SecondWitness:
+        seen = replace(
+            passages, heights=passages.heights + noise, heights_u=np.full(noise.shape, u)
+        )
+        readings = replace(reduced.readings, passages=seen)
+        witness = second_witness(session, replace(reduced, readings=readings))
+        assert witness is not None
+        return witness
+
+    def quantities(witness: SecondWitness) -> dict[str, np.ndarray]:
+        flights = witness.filmed.flights
+        return {
+            "speed_in": flights.speed_in,
+            "speed_out": flights.speed_out,
+            "efficiency": witness.shots.rebound_efficiency,
+            "place": witness.filmed.place,
+            "angle": witness.filmed.angle_in,
+        }
+
+    level = np.zeros(passages.heights.shape)
+    still, unsure = told(level, 0.0), told(level, sigma)
+    noisy = [
+        quantities(told(sigma * Streams(7).normal("heights", level.shape, block), 0.0))
+        for block in range(times)
+    ]
+    valid = certification.judgement.valid
+    for name, best in quantities(still).items():
+        added = np.sqrt(unsure.u[name] ** 2 - still.u[name] ** 2)
+        scores = np.array([(each[name] - best) / added for each in noisy])[:, valid]
+        assert abs(np.sum(scores**2) - scores.size) < 5 * np.sqrt(2 * scores.size), name
+
+
+def test_a_camera_at_another_scale_shows_in_the_restitution(
+    certifications: list[Certification],
+) -> None:
+    """An entered frame rate 2 % off spoils both speeds alike: e_A keeps, e0 at the speed does not.
+
+    The two witnesses then disagree in BPF by the slope of e0, and agree in the ratio.
+    """
+    done = certifications[3]
+    session = done.session
+    clock = session.calibration["impact.camera.clock"]
+    wrong = {"impact.camera.clock": Estimate(value=clock.value * 1.02, u=clock.u)}
+    again = certify_session(replace(session, calibration={**session.calibration, **wrong}))
+    assert again.second_witness is not None
+    sound = done.second_witness
+    assert sound is not None
+    ratio = again.second_witness.filmed.flights.speed_in / sound.filmed.flights.speed_in
+    assert ratio == pytest.approx(np.full(len(ratio), 1.02), rel=1e-9, nan_ok=True)
+    assert not again.second_witness.told["bat_performance_factor"].agree
+
+
+def test_a_moved_gate_is_told_by_the_camera(certifications: list[Certification]) -> None:
+    """One board 1 mm off after its survey: gates read wrong, the camera does not, and they differ.
+
+    Over six laboratories the mean score of the difference in the speeds is far from 0.
+    """
+
+    def ratio(certification: Certification) -> float:
+        witness = certification.second_witness
+        assert witness is not None
+        return float(np.nanmedian(witness.filmed.flights.speed_in / certification.shots.speed))
+
+    off = [ratio(filmed(seed, faults=("gate-moved",)).certification) for seed in range(6)]
+    sound = [ratio(each) for each in certifications[:6]]
+    # the same laboratories: what differs is the fault alone, 1 mm in a base of some 0.4 to 0.9 m
+    change = np.array(off) - np.array(sound)
+    assert np.abs(change).min() > 5e-4
+    assert np.ptp(change) < 0.1 * np.abs(change).mean()
+
+
+def test_the_certificate_tells_both(certifications: list[Certification]) -> None:
+    """Document, text and readings of a filmed test; nothing of the sort where no camera was."""
+    certification = certifications[3]
+    document = certificate(certification)
+    told = document["second_witness"]
+    assert told["hits"] + told["missed"] == int(certification.outcome.used.sum())
+    assert told["collision_efficiency"]["agree"] is True
+    gates, stated = told["collision_efficiency"]["gates"], document["collision_efficiency"]
+    assert gates == {key: pytest.approx(value, rel=1e-12) for key, value in stated.items()}
+    text = certificate_text(document)
+    assert "gates and video of" in text
+    assert "agree" in text
+    table = shot_table(certification)
+    assert {"video_speed_mph", "video_rebound_mph", "video_place_in"} <= set(table.columns)
+    laboratory = open_laboratory("r161", procedure="bbcor", seed=3)
+    plain = replace(laboratory, instruments=Rung.SUMMED).run(lambda _: None).certification
+    assert certificate(plain)["second_witness"] is None
+    assert "video" not in certificate_text(certificate(plain))

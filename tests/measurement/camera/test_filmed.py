@@ -1,0 +1,210 @@
+"""Flights from a camera's places and windows, against the flights that were filmed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from tests.simulation.instruments.camera.scenes import SHOTS, bat_of, camera_of, course_of, spec_of
+from virtual_lab.errors import InputError
+from virtual_lab.measurement.camera.filmed import Filmed, filmed, frames_u
+from virtual_lab.measurement.camera.windows import Sightings, sight
+from virtual_lab.measurement.reduction.flights import Flights
+from virtual_lab.records import ClipRecord
+from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.instruments.camera.course import Course
+from virtual_lab.streams import Quiet, Streams
+
+STAGE = "impact"
+OVER = 0.15  # m, place from the tip that the camera's Y = 0 is
+
+
+def constants(camera) -> dict[str, np.ndarray]:
+    """Return the camera's constants as a reduction names them."""
+    known = {f"{STAGE}.camera.{key}": each.value for key, each in camera.calibration().items()}
+    known |= {f"{STAGE}.camera.over": OVER, "ball.radius": 0.0365}
+    return {name: np.array(value) for name, value in known.items()}
+
+
+def timed(course: Course) -> Flights:
+    """Return what perfect gates would say of a course."""
+    passage = course.passage
+    return Flights(
+        speed_in=passage.speed_in,
+        speed_out=passage.speed_out,
+        offset=np.asarray(passage.height),
+        slope_in=np.asarray(passage.slope_in),
+        slope_out=np.asarray(passage.slope_out),
+    )
+
+
+def seen_by(camera, course: Course, rung: Rung, draws=None, bat=None) -> Sightings:
+    record, _ = camera.watch(course, draws or Quiet(), "clip", 0, rung, bat)
+    return sight(record, camera.calibration(), 0.0365)
+
+
+def measured(camera, course: Course, seen: Sightings, **changed: np.ndarray) -> Filmed:
+    x = constants(camera) | {f"{STAGE}.camera.{name}": value for name, value in changed.items()}
+    return filmed(x, STAGE, seen, course.passage.drag, timed(course))
+
+
+@pytest.mark.parametrize("name", ["camera-overhead", "camera-backlit"])
+def test_a_camera_without_errors_gives_back_the_flights(name: str) -> None:
+    """Drag, gravity, slopes, a tilted lens with distortion: speeds to 1e-5, places to 2 µm.
+
+    What is left is the lens that bends a sphere's outline, taken to the first order, some 1e-3 px.
+    """
+    spec = spec_of(name, frames_in=40, frames_out=40).ideal()
+    camera, course = camera_of(spec, Quiet()), course_of()
+    got = measured(camera, course, seen_by(camera, course, Rung.SUMMED))
+    assert got.flights.speed_in == pytest.approx(course.passage.speed_in, rel=1e-5)
+    assert got.flights.speed_out == pytest.approx(course.passage.speed_out, rel=1e-5)
+    assert got.place == pytest.approx(OVER - course.along, abs=2e-6)
+    assert got.angle_in == pytest.approx(np.zeros(SHOTS), abs=1e-5)
+
+
+def test_windows_of_a_plain_ball_give_back_the_flights() -> None:
+    """Pixels without noise, the bat in the picture: 1e-4 of the speeds, by twelve frames and more.
+
+    A hundredth of a pixel over twelve frames at 13 m/s would be 1e-3.
+    """
+    spec = spec_of("camera-overhead", frames_in=20, frames_out=40).ideal()
+    spec = replace(spec, ball=replace(spec.ball, seam_contrast=0.0))
+    spec = replace(spec, light=replace(spec.light, ambient=1.0))
+    camera, course = camera_of(spec, Quiet()), course_of()
+    seen = seen_by(camera, course, Rung.FULL, bat=bat_of(course))
+    got = measured(camera, course, seen)
+    assert got.flights.speed_in == pytest.approx(course.passage.speed_in, rel=1e-4)
+    assert got.flights.speed_out == pytest.approx(course.passage.speed_out, rel=1e-4)
+    assert got.place == pytest.approx(OVER - course.along, abs=2e-5)
+
+
+def test_speeds_of_a_stitched_ball_at_1500_rpm() -> None:
+    """62.6 m/s at 5 kHz, full noise, scale, depth and drag given: speeds in and out to 1e-4.
+
+    And as surely as it says: no score above 4.
+    """
+    spec = spec_of("camera-overhead", frames_in=60, frames_out=60, empty_frames=32)
+    known = replace(
+        spec.ideal(), sensor=spec.sensor, light=spec.light, clock=replace(spec.clock, clock_u=0.0)
+    )
+    camera, course = camera_of(known, Streams(11)), course_of()
+    spin = np.full((SHOTS, 3), 157.0 / np.sqrt(3))
+    course = replace(course, spin_in=spin, spin_out=spin)
+    seen = seen_by(camera, course, Rung.FULL, Streams(12), bat_of(course))
+    got = measured(camera, course, seen)
+    u = frames_u(constants(camera), STAGE, seen, got)
+    for found, true, sure in (
+        (got.flights.speed_in, course.passage.speed_in, u.speed_in),
+        (got.flights.speed_out, course.passage.speed_out, u.speed_out),
+    ):
+        assert found == pytest.approx(true, rel=1e-4)
+        assert np.abs((found - true) / sure).max() < 4
+
+
+def test_speeds_scatter_as_they_say() -> None:
+    """150 noisy batches of three: χ² of (found - true)/u of speeds, place, angle, p > 1e-3."""
+    spec = spec_of("camera-overhead", frames_in=30, frames_out=30)
+    spec = replace(spec, clock=replace(spec.clock, jitter=0.0))
+    camera, course = camera_of(spec, Quiet()), course_of()
+    scores = []
+    for seed in range(150):
+        seen = seen_by(camera, course, Rung.SUMMED, Streams(seed))
+        got = measured(camera, course, seen)
+        u = frames_u(constants(camera), STAGE, seen, got)
+        scores.append(
+            [
+                (got.flights.speed_in - course.passage.speed_in) / u.speed_in,
+                (got.flights.speed_out - course.passage.speed_out) / u.speed_out,
+                (got.place - OVER + course.along) / u.place,
+                got.angle_in / u.angle_in,
+            ]
+        )
+    for way in np.moveaxis(np.array(scores), 1, 0):
+        two_sided = stats.chi2.cdf(float(np.sum(way**2)), way.size)
+        assert 5e-4 < two_sided < 1 - 5e-4
+
+
+def test_uncertainty_of_a_line_in_closed_form() -> None:
+    """σ_v = σ √(12/(N (N² - 1)))/dt for N even frames of one σ (video.py's textbook line)."""
+    frames, dt, sigma = 24, 2e-4, 0.02
+    spec = spec_of("camera-overhead").ideal()
+    camera = camera_of(spec, Quiet())
+    times = np.arange(2 * frames)[None] * dt
+    seen = Sightings(
+        times=times,
+        x=np.zeros_like(times),
+        y=np.zeros_like(times),
+        u=np.full_like(times, sigma),
+        pattern_u=np.zeros_like(times),
+        out=times > times[0, frames - 1] + dt / 2,
+    )
+    x = constants(camera)
+    scale = float(x["impact.camera.place_z"] / x["impact.camera.focal"])
+    by_hand = scale * sigma * np.sqrt(12 / (frames * (frames**2 - 1))) / dt
+    one = np.ones(1)
+    found = Filmed(
+        flights=Flights(speed_in=one, speed_out=one, offset=one, slope_in=one, slope_out=one),
+        place=one,
+        angle_in=one,
+        met=np.array([(frames - 1) / 2 * dt]),
+    )
+    u = frames_u(x, STAGE, seen, found)
+    assert u.speed_in[0] == pytest.approx(by_hand, rel=1e-9)
+    assert u.speed_out[0] == pytest.approx(by_hand, rel=1e-9)
+    assert u.place[0] == pytest.approx(scale * sigma / np.sqrt(frames), rel=1e-9)
+    # an error alike in all frames leaves the slope, one that drifts with them does not
+    slow = frames_u(x, STAGE, replace(seen, pattern_u=np.full_like(times, sigma)), found)
+    assert slow.speed_in[0] > 2 * by_hand
+
+
+@pytest.mark.parametrize(
+    ("name", "step", "effect"),
+    [
+        ("clock", 1.001, 1e-3),  # a fast clock: more of its seconds pass
+        ("focal", None, -1e-3),  # a longer lens: less way a pixel
+        ("place_z", None, 1e-3),  # a higher camera: more way a pixel
+    ],
+)
+def test_what_a_wrong_constant_does(name: str, step: float | None, effect: float) -> None:
+    """0.1 % of each: 0.1 % of both speeds, to a hundredth of it, and of e_A nothing."""
+    spec = spec_of("camera-overhead", frames_in=30, frames_out=30).ideal()
+    camera, course = camera_of(spec, Quiet()), course_of()
+    seen = seen_by(camera, course, Rung.SUMMED)
+    value = step or float(constants(camera)[f"{STAGE}.camera.{name}"]) * 1.001
+    sound = measured(camera, course, seen).flights
+    # as columns, as a budget calls it
+    column = np.array([[float(constants(camera)[f"{STAGE}.camera.{name}"])], [value]])
+    both = measured(camera, course, seen, **{name: column}).flights
+    assert both.speed_in.shape == (2, SHOTS)
+    assert both.speed_in[0] == pytest.approx(sound.speed_in, rel=1e-12)
+    wrong = both.speed_in[1] / sound.speed_in - 1
+    assert wrong == pytest.approx(np.full(SHOTS, effect), abs=2e-5)
+    ratio = both.speed_out[1] / both.speed_in[1]
+    assert ratio == pytest.approx(sound.speed_out / sound.speed_in, rel=4e-5)
+
+
+def test_a_rebound_the_gates_missed_gives_none() -> None:
+    """Without its height the ball's distance is not known: NaN, and the way in stands."""
+    spec = spec_of("camera-overhead").ideal()
+    camera, course = camera_of(spec, Quiet()), course_of()
+    seen = seen_by(camera, course, Rung.SUMMED)
+    gates = replace(timed(course), slope_out=np.array([np.nan, 0.0, 0.0]))
+    got = filmed(constants(camera), STAGE, seen, course.passage.drag, gates)
+    assert np.isnan(got.flights.speed_out).tolist() == [True, False, False]
+    assert np.isfinite(got.flights.speed_in).all()
+
+
+def test_bad_windows_are_named() -> None:
+    """Pixels or background that are missing, windows outside the frame."""
+    camera, course = camera_of(spec_of("camera-overhead"), Quiet()), course_of()
+    record, _ = camera.watch(course, Quiet(), "clip", 0)
+    assert isinstance(record, ClipRecord)
+    known = camera.calibration()
+    with pytest.raises(InputError, match="pixels"):
+        sight(replace(record, pixels=None), known, 0.0365)
+    with pytest.raises(InputError, match="background"):
+        sight(replace(record, background=None), known, 0.0365)
+    with pytest.raises(InputError, match="left_px"):
+        sight(replace(record, left=record.left + 4000), known, 0.0365)

@@ -1,0 +1,88 @@
+"""The weights of a scan's hits: exact on low polynomials, and how far noise lifts a top."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from virtual_lab import catalog
+from virtual_lab.measurement.procedure import Procedure, exact_result, outcome_of
+from virtual_lab.streams import Streams
+
+RULES = catalog.load("procedures", "ncaa-besr", Procedure).spec
+BBCOR = catalog.load("procedures", "bbcor", Procedure).spec
+F1881 = catalog.load("procedures", "astm-f1881", Procedure).spec
+INCH, TOP = 0.0254, 6.1 * 0.0254
+PLACES = np.repeat(np.arange(5, 7.25, 0.5) * INCH, 6)
+ALL = np.ones(PLACES.size, dtype=bool)
+RUNS = 2000
+
+
+def parabola(place: np.ndarray, curvature: float = 30.0) -> np.ndarray:
+    return 0.7 - curvature / 2 * (place - TOP) ** 2
+
+
+@given(
+    top=st.floats(5.6 * INCH, 6.4 * INCH),
+    curvature=st.floats(10, 60),
+    skew=st.floats(-60, 60),
+)
+def test_a_cubic_without_noise_is_read_at_its_very_top(
+    top: float, curvature: float, skew: float
+) -> None:
+    """F = 0.7 - c x²/2 + s x³: the maximum is 0.7 at x = 0, and the weights add to 1."""
+    x = PLACES - top
+    metric = 0.7 - curvature / 2 * x**2 + skew * x**3
+    outcome = outcome_of(RULES, PLACES, ALL, metric)
+    assert outcome.reason == ""
+    assert outcome.place == pytest.approx(top, abs=1e-8)
+    assert outcome.weights.sum() == pytest.approx(1, abs=1e-10)
+    assert outcome.weights @ metric == pytest.approx(0.7, abs=1e-12)
+    # the weights read any other cubic at that place too, such as the places themselves
+    assert outcome.weights @ PLACES**3 == pytest.approx(top**3, rel=1e-7)
+    assert exact_result(RULES, PLACES, ALL, metric) == pytest.approx(0.7, abs=1e-12)
+
+
+def test_invalid_and_surplus_hits_have_no_weight() -> None:
+    """A seventh hit at a place and a wild invalid one change nothing."""
+    place = np.concatenate([PLACES, [6 * INCH, 6 * INCH]])
+    valid = np.concatenate([ALL, [True, False]])
+    metric = np.concatenate([parabola(PLACES), [5.0, 9.0]])
+    outcome = outcome_of(RULES, place, valid, metric)
+    assert outcome.weights[:-2] == pytest.approx(
+        outcome_of(RULES, PLACES, ALL, metric[:-2]).weights
+    )
+    assert outcome.weights[-2:].tolist() == [0, 0]
+
+
+def test_two_places_are_no_scan() -> None:
+    """And one hit is no test: no weights, and a sentence."""
+    two = PLACES < 5.7 * INCH
+    outcome = outcome_of(RULES, PLACES[two], ALL[two], parabola(PLACES[two]))
+    assert outcome.reason == "6 valid hits at 2 places, 3 make a scan"
+    assert np.isnan(outcome.weights).all()
+    assert not outcome.used.any()
+    assert outcome_of(RULES, PLACES[:1], ALL[:1], PLACES[:1]).reason.startswith("fewer than two")
+
+
+@pytest.mark.parametrize(("sigma", "curvature"), [(0.004, 30.0), (0.002, 30.0), (0.004, 60.0)])
+def test_noise_lifts_a_fitted_top_as_predicted(sigma: float, curvature: float) -> None:
+    """2000 scans: the mean excess is ½ Var(slope)/|curvature|, its own error 1/√2000 of a scatter.
+
+    The slope of a cubic through n hits at x = -1, -½, 0, ½, 1 half widths, six each, has at 0
+    the variance σ²/(6 · 0.72…): worked here by the normal equations.
+    """
+    noise = sigma * Streams(11).normal("noise", (RUNS, PLACES.size))
+    exact = parabola(PLACES, curvature)
+    found = np.zeros(RUNS)
+    for run in range(RUNS):
+        metric = exact + noise[run]
+        outcome = outcome_of(RULES, PLACES, ALL, metric)
+        found[run] = outcome.weights @ metric - 0.7
+    x = (PLACES - TOP) / INCH
+    design = np.vander(x, 4, increasing=True)
+    slope_variance = sigma**2 * np.linalg.inv(design.T @ design)[1, 1]
+    by_hand = slope_variance / 2 / (curvature * INCH**2)
+    error = found.std() / np.sqrt(RUNS)
+    assert by_hand > 3 * error  # else the test would say nothing
+    assert abs(found.mean() - by_hand) < 4 * error + 0.15 * by_hand  # third order: σ²

@@ -1,0 +1,216 @@
+"""The rule book at its edges: every window, the verdict, and the place to aim at."""
+
+import re
+from dataclasses import replace
+from math import inf, nan
+
+import numpy as np
+import pytest
+
+from virtual_lab import catalog
+from virtual_lab.errors import InputError
+from virtual_lab.measurement.procedure import (
+    Judgement,
+    Procedure,
+    Verdict,
+    aimed_place,
+    judge,
+    outcome_of,
+    to_set,
+    verdict,
+)
+from virtual_lab.measurement.reduction.gates import Passages
+from virtual_lab.measurement.reduction.observations import ImpactReadings
+from virtual_lab.measurement.reduction.rate import RateFit
+from virtual_lab.measurement.reduction.shot_algebra import ShotResults
+
+RULES = catalog.load("procedures", "astm-f1881", Procedure).spec
+MPH, OUNCE = 0.44704, 0.028349523125
+GOOD = {
+    "speed": 60 * MPH,
+    "ball_mass": 5.125 * OUNCE,
+    "window_ball_restitution": 0.55,
+    "recoil_rate": 14.0,
+    "restitution": 0.52,
+}
+AIMED = 0.15  # m
+COUNTS = {"rate": 22_000.0, "rate_u": 2.0, "before": 0.0}
+
+
+def shots(*changes: dict[str, float]) -> tuple[ShotResults, ImpactReadings]:
+    """Return a batch: a good shot a change, with that change made."""
+    n = len(changes)
+
+    def column(name: str, good: float) -> np.ndarray:
+        return np.array([change.get(name, good) for change in changes])
+
+    results = dict.fromkeys(ShotResults.__dataclass_fields__, np.ones(n))
+    results |= {name: column(name, good) for name, good in GOOD.items()}
+    recoil = RateFit(
+        ring_frequency=np.zeros(0),
+        ring_decay=np.zeros(0),
+        residual=np.zeros(n),
+        angle=np.full(n, nan),
+        **{name: column(name, good) for name, good in COUNTS.items()},
+    )
+    readings = ImpactReadings(
+        ball=np.arange(n),
+        nominal_speed=np.full(n, 60 * MPH),
+        place=column("place", AIMED),
+        passages=Passages(
+            times=np.ones((n, 2, 2)),
+            heights=np.full((n, 2, 2), nan),
+            heights_u=np.zeros((n, 2, 2)),
+            misfit=np.full((n, 2), nan),
+        ),
+        recoil=recoil,
+        swing=None,
+    )
+    return ShotResults(**results), readings
+
+
+def reason(**change: float) -> str:
+    """Return why a shot with one change does not count."""
+    return judge(RULES, *shots(change), AIMED, 0.0).reasons[0]
+
+
+def test_a_good_shot_counts() -> None:
+    """Middle of every window of data/procedures/astm-f1881.toml."""
+    judgement = judge(RULES, *shots({}, {}), AIMED, 0.0)
+    assert judgement == Judgement(reasons=("", ""))
+    assert judgement.valid.tolist() == [True, True]
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"speed": nan}, "the gates did not see the ball come in"),
+        ({"speed": 61.01 * MPH}, "ball at 61.01 mph, allowed 60 ± 1 mph"),
+        ({"speed": 58.99 * MPH}, "ball at 58.99 mph, allowed 60 ± 1 mph"),
+        ({"place": 0.1511}, "set at 5.949 in, allowed 5.906 ± 0.039 in"),
+        ({"place": 0.100}, "set at 3.937 in, allowed 5.906 ± 0.039 in"),
+        ({"restitution": -0.1}, "restitution of -0.100, which no collision has (signs, units or"),
+        ({"restitution": 1.01}, "restitution of 1.010, which no collision has (signs, units or"),
+        ({"ball_mass": 4.999 * OUNCE}, "ball of 4.999 oz, allowed 5.000 to 5.250 oz"),
+        ({"ball_mass": 5.251 * OUNCE}, "ball of 5.251 oz, allowed 5.000 to 5.250 oz"),
+        ({"window_ball_restitution": 0.5249}, "ball of e0 0.5249, allowed 0.525 to 0.575"),
+        ({"window_ball_restitution": 0.5751}, "ball of e0 0.5751, allowed 0.525 to 0.575"),
+        # 79 counts/s at 22 000 counts/s for 14 rad/s are 0.0503 rad/s
+        ({"before": 79.0}, "bat turned at 0.050 rad/s before the hit, allowed 0.050"),
+        ({"before": -157.2}, "bat turned at 0.100 rad/s before the hit, allowed 0.050"),
+        ({"rate_u": 88.0}, "recoil known to 0.40%, allowed 0.30%"),
+        ({"rate_u": inf}, "recoil known to inf%, allowed 0.30%"),
+    ],
+)
+def test_each_window_rejects_with_its_sentence(change: dict[str, float], sentence: str) -> None:
+    """One quantity outside, in the units of its rule; numbers of the shipped procedure."""
+    assert reason(**change).startswith(sentence)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"speed": RULES.ball_speed + RULES.windows.speed_tolerance * (1 - 1e-12)},
+        {"speed": RULES.ball_speed - RULES.windows.speed_tolerance * (1 - 1e-12)},
+        {"place": AIMED + RULES.windows.place_tolerance * (1 - 1e-12)},
+        {"restitution": 1.0},
+        {"ball_mass": RULES.windows.ball_mass_low},
+        {"ball_mass": RULES.windows.ball_mass_high},
+        {"window_ball_restitution": RULES.windows.ball_restitution_low},
+        {"window_ball_restitution": RULES.windows.ball_restitution_high},
+        {"before": 78.0},  # 0.0496 rad/s
+        {"before": nan},  # a recorder that starts at contact tells nothing
+        {"rate_u": 66.0},  # 0.3 % of 22 000
+    ],
+)
+def test_at_the_edge_a_shot_counts(change: dict[str, float]) -> None:
+    """Windows include their limits."""
+    assert reason(**change) == ""
+
+
+def test_the_first_window_missed_is_named() -> None:
+    """Too fast and too heavy: the order of the rules decides, for each shot by itself."""
+    fast_and_heavy = {"speed": 65 * MPH, "ball_mass": 6 * OUNCE}
+    reasons = judge(RULES, *shots({}, fast_and_heavy, {"ball_mass": 6 * OUNCE}), AIMED, 0.0).reasons
+    assert reasons[0] == ""
+    assert reasons[1].startswith("ball at 65.00 mph")
+    assert reasons[2].startswith("ball of 6.000 oz")
+
+
+def test_a_shot_that_missed_the_bat_is_rejected_not_raised() -> None:
+    """No recoil at all (0 counts/s, 0 rad/s): a sentence, no warning of a division by zero."""
+    missed = reason(rate=0.0, recoil_rate=0.0, rate_u=1.0)
+    assert re.match(r"recoil known to .*, allowed 0\.30%", missed)
+
+
+@pytest.mark.parametrize(
+    ("value", "complete", "eligible", "expected"),
+    [
+        (1.2, True, True, Verdict.PASS),
+        (np.nextafter(1.2, 2), True, True, Verdict.FAIL),
+        (0.5, True, True, Verdict.PASS),
+        (0.5, True, False, Verdict.FAIL),
+        (1.2, False, True, Verdict.INVALID),
+        (nan, False, True, Verdict.INVALID),
+    ],
+)
+def test_verdict(value: float, complete: bool, eligible: bool, expected: Verdict) -> None:
+    """Limit 1.2 of the shipped procedure: at the limit is within it."""
+    assert verdict(RULES, float(value), complete=complete, eligible=eligible) is expected
+
+
+def test_without_a_limit_a_bat_is_measured() -> None:
+    """The paper's own proposal sets none."""
+    free = replace(RULES, limit=None)
+    assert verdict(free, 1.9, complete=True, eligible=True) is Verdict.MEASURED
+
+
+@pytest.mark.parametrize(("hits", "said"), [(5, "5 valid hits of 6"), (6, ""), (7, "")])
+def test_fewer_hits_than_asked_for_are_no_test(hits: int, said: str) -> None:
+    """Six of the shipped procedure; what there is still weighs the same."""
+    outcome = outcome_of(RULES, np.full(hits, 0.16), np.ones(hits, dtype=bool), np.ones(hits))
+    assert outcome.reason == said
+    assert outcome.weights == pytest.approx(1 / hits)
+
+
+BAT = {"mass": 31 * OUNCE, "length": 34 * 0.0254, "z_cm": 11.3 * 0.0254}
+BAT["inertia_cm"] = 2539 * OUNCE * 0.0254**2
+
+
+def test_aimed_place_of_the_papers_bat() -> None:
+    """Z = z_cm - I/(M d), d = 34 - 6 - 11.3 = 16.7 in: 11.3 - 2539/(31 x 16.7) = 6.3956 in."""
+    by_hand = (11.3 - 2539 / (31 * 16.7)) * 0.0254
+    exact = aimed_place(BAT, 6 * 0.0254)
+    assert exact == pytest.approx(by_hand, rel=1e-12)
+    # struck there, the bat's far end at the pivot stays: l = I_p/(M d) from the pivot
+    d = 16.7 * 0.0254
+    length = (BAT["inertia_cm"] + BAT["mass"] * d**2) / (BAT["mass"] * d)
+    assert exact == pytest.approx(28 * 0.0254 - length, rel=1e-12)
+
+
+def test_aimed_place_is_set_in_half_millimetres() -> None:
+    """6.3956 in is 162.45 mm: the operator sets 162.5 mm."""
+    place = np.array([aimed_place(BAT, 6 * 0.0254)])
+    assert to_set(place, exact=False) == pytest.approx(0.1625, abs=1e-12)
+    assert to_set(place, exact=True) is place
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("ball_mass_low = { value = 5.0,", "ball_mass_low = { value = 5.5,", "ball_mass_low"),
+        (
+            "ball_restitution_low = { value = 0.525",
+            "ball_restitution_low = { value = 0.6",
+            "no ball",
+        ),
+        ("attempts = { value = 12,", "attempts = { value = 100000,", "up to 1000"),
+        ("attempts = { value = 12,", "attempts = { value = 3,", "cannot give"),
+        ("speed = { value = 60,", "speed = { value = 1000000,", "less than 100"),
+    ],
+)
+def test_rules_that_no_test_can_meet_are_refused(old: str, new: str, said: str) -> None:
+    text = catalog.load("procedures", "astm-f1881", Procedure).text
+    assert old in text
+    with pytest.raises(InputError, match=said):
+        catalog.read(text.replace(old, new), "mine.toml", Procedure)

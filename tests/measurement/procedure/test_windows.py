@@ -1,0 +1,187 @@
+"""Windows of boards and of a swung bat, each at its edge; and what a bat must be to be hit."""
+
+from dataclasses import replace
+from math import nan, radians, tan
+
+import numpy as np
+import pytest
+
+from virtual_lab import catalog
+from virtual_lab.measurement.procedure import Procedure, findings, judge
+from virtual_lab.measurement.procedure.rules import Eligibility
+from virtual_lab.measurement.reduction.gates import Passages
+from virtual_lab.measurement.reduction.observations import ImpactReadings
+from virtual_lab.measurement.reduction.rate import RateFit
+from virtual_lab.measurement.reduction.shot_algebra import BatProperties, ShotResults
+
+BESR, BBCOR, F1881 = (
+    catalog.load("procedures", name, Procedure).spec
+    for name in ("ncaa-besr", "bbcor", "astm-f1881")
+)
+MPH, OUNCE, INCH = 0.44704, 0.028349523125, 0.0254
+OZ_IN2 = OUNCE * INCH**2
+TURN = 66 * MPH / (22 * INCH)  # rad/s of a 34 in bat on an axis 6 in from the knob
+GOOD = {
+    "speed": 70 * MPH,
+    "rebound_speed": 94 * MPH,
+    "rebound_slope": 0.01,
+    "ball_mass": 5.125 * OUNCE,
+    "window_ball_restitution": 0.55,
+    "swing_rate": TURN,
+    "restitution": 0.5,
+    "recoil_efficiency": nan,
+    "rebound_efficiency": 0.2,
+}
+COUNTS = 10_000 / (2 * np.pi)
+
+
+def why(
+    procedure: Procedure = BESR,
+    *,
+    place: float = 6 * INCH,
+    misfit: tuple[float, float] = (0.0, 0.0),
+    angle: float = 0.0,
+    recoil: bool = False,
+    **change: float,
+) -> str:
+    """Return why a shot at `procedure` does not count; `misfit` in seconds, `angle` in degrees."""
+    good = GOOD | ({} if procedure is BESR else {"speed": procedure.ball_speed}) | change
+    results = dict.fromkeys(ShotResults.__dataclass_fields__, np.ones(1))
+    results |= {name: np.array([value]) for name, value in good.items()}
+    none = {
+        "rate_u": np.ones(1),
+        "before": np.zeros(1),
+        "ring_frequency": np.zeros(0),
+        "ring_decay": np.zeros(0),
+        "residual": np.zeros(1),
+    }
+    turned = COUNTS * np.array([good["swing_rate"]])
+    swing = RateFit(rate=turned, angle=COUNTS * np.radians([angle]), **none)
+    struck = RateFit(rate=np.array([2e4]), angle=np.full(1, nan), **none)
+    readings = ImpactReadings(
+        ball=np.zeros(1, dtype=int),
+        nominal_speed=np.full(1, procedure.ball_speed),
+        place=np.array([place]),
+        passages=Passages(
+            times=np.ones((1, 2, 3)),
+            heights=np.zeros((1, 2, 3)),
+            heights_u=np.zeros((1, 2, 3)),
+            misfit=np.array([misfit]),
+        ),
+        recoil=struck if recoil else None,
+        swing=swing if procedure is BESR else None,
+    )
+    turn_rate = TURN if procedure is BESR else 0.0
+    return judge(procedure, ShotResults(**results), readings, 0.15, turn_rate).reasons[0]
+
+
+def test_good_shots_count() -> None:
+    assert why() == ""
+    assert why(BBCOR) == ""
+
+
+LATE = 0.3e-3 / (70 * MPH)  # s, 0.3 mm of flight on the way in
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"speed": 71.01 * MPH}, "ball at 71.01 mph, allowed 70 ± 1 mph"),
+        ({"speed": 68.99 * MPH}, "ball at 68.99 mph, allowed 70 ± 1 mph"),
+        ({"place": 2.97 * INCH}, "set at 2.970 in, the scan is from 3.000 to 9.000 in"),
+        ({"place": 9.03 * INCH}, "set at 9.030 in, the scan is from 3.000 to 9.000 in"),
+        ({"misfit": (LATE * 1.01, 0.0)}, "edges 0.30 mm off one flight, allowed 0.30 mm"),
+        ({"misfit": (nan, LATE)}, "edges 0.40 mm off one flight, allowed 0.30 mm"),
+        ({"rebound_slope": tan(radians(12.1))}, "ball came back at 12.1 deg, allowed 12.0 deg"),
+        ({"rebound_slope": -tan(radians(12.1))}, "ball came back at 12.1 deg, allowed 12.0 deg"),
+        ({"swing_rate": nan}, "the encoder shows no turn up to contact"),
+        ({"swing_rate": TURN * 67.01 / 66}, "bat at 67.01 mph, allowed 66 ± 1 mph"),
+        ({"swing_rate": TURN * 64.99 / 66}, "bat at 64.99 mph, allowed 66 ± 1 mph"),
+        ({"angle": 3.1}, "bat 3.1 deg from square at contact, allowed 3.0 deg"),
+        ({"angle": -3.1}, "bat 3.1 deg from square at contact, allowed 3.0 deg"),
+        ({"restitution": nan}, "the gates did not see the ball come back"),
+        ({"restitution": -0.01}, "restitution of -0.010, which no collision has"),
+    ],
+)
+def test_each_window_rejects_with_its_sentence(change: dict, sentence: str) -> None:
+    """One quantity outside the windows of data/procedures/ncaa-besr.toml."""
+    assert why(**change).startswith(sentence)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"place": 3 * INCH - 0.4e-3},  # as near as an operator sets it
+        {"place": 9 * INCH + 0.4e-3},
+        {"misfit": (LATE * 0.999, LATE * 0.999 * 70 / 94)},
+        {"misfit": (nan, nan)},  # gates that sum up themselves tell no misfit
+        {"rebound_slope": tan(radians(11.999))},
+        {"rebound_slope": nan},
+        {"swing_rate": TURN * 66.999 / 66},
+        {"angle": 2.999},
+        {"angle": -2.999},
+    ],
+)
+def test_at_the_edge_a_shot_counts(change: dict) -> None:
+    assert why(**change) == ""
+
+
+def test_recoil_and_rebound_must_agree_where_that_is_asked() -> None:
+    """A hundredth allowed: 0.0101 apart is too much, and a rebound not seen is no disagreement."""
+    strict = replace(F1881, windows=replace(F1881.windows, agreement=0.01))
+    shot = {"place": 0.15, "rebound_speed": 7.0, "recoil_rate": 14.0, "recoil": True}
+    said = why(strict, recoil_efficiency=0.2, rebound_efficiency=0.2101, **shot)
+    assert said == "e_A by recoil and by rebound 0.0101 apart, allowed 0.0100"
+    assert why(strict, recoil_efficiency=0.2, rebound_efficiency=0.2099, **shot) == ""
+    assert why(strict, recoil_efficiency=0.2, rebound_efficiency=nan, **shot) == ""
+
+
+def bat(
+    *, length: float = 34, weight: float = 31, barrel: float = 2.6, inertia: float = 10_000
+) -> BatProperties:
+    """Return a bat by its inches, ounces, oz in² about the pivot; balance 23 in from the knob."""
+    return BatProperties(
+        mass=np.array(weight * OUNCE),
+        length=np.array(length * INCH),
+        z_cm=np.array((length - 23) * INCH),
+        inertia_cm=np.array((inertia - weight * 17**2) * OZ_IN2),
+        barrel_radius=np.array(barrel / 2 * INCH),
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "missed"),
+    [
+        ({}, None),
+        ({"weight": 31.0}, None),  # 34 less 31 is 3, no tolerance
+        ({"weight": 30.98}, 0),
+        ({"barrel": 2.609}, None),
+        ({"barrel": 2.611}, 1),
+        ({"inertia": 9531}, None),  # the floor of 34 in is 9530 oz in²
+        ({"inertia": 9529}, 2),
+        # halfway between two lengths the floor is halfway: (8538 + 9530)/2 = 9034
+        ({"length": 33.5, "inertia": 9035}, None),
+        ({"length": 33.5, "inertia": 9033}, 2),
+    ],
+)
+def test_each_rule_of_eligibility_at_its_edge(change: dict[str, float], missed: int | None) -> None:
+    found = findings(BBCOR, bat(**change))
+    assert [finding.met for finding in found] == [index != missed for index in range(3)]
+
+
+def test_rules_speak_in_inches_and_ounces() -> None:
+    assert [finding.sentence for finding in findings(BBCOR, bat())] == [
+        "length less weight 3.00 (in, oz), allowed up to 3",
+        "barrel 2.600 in across, the ring passes 2.610 in",
+        "moment of inertia 10000 oz in² about the pivot, at least 9530 for 34.0 in",
+    ]
+
+
+def test_what_is_not_asked_for_is_not_found() -> None:
+    assert findings(F1881, bat()) == ()
+    assert findings(replace(BBCOR, eligibility=Eligibility()), bat()) == ()
+
+
+def test_floors_without_lengths_are_refused() -> None:
+    with pytest.raises(ValueError, match="inertia_floors for 0 lengths"):
+        Eligibility(inertia_floors=(1.0,))

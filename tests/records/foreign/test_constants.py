@@ -1,0 +1,120 @@
+"""Constants in any unit of their dimension; what is no such constant is named."""
+
+from __future__ import annotations
+
+from math import inf, nan
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from virtual_lab import catalog
+from virtual_lab.errors import InputError
+from virtual_lab.records.foreign.constants import constant_of, read_constants
+from virtual_lab.studies.foreign import our_own
+from virtual_lab.units import DIMENSIONS
+
+KEYS = {  # one of each dimension the form knows
+    "mass": "bench.scale.zero",
+    "length": "impact.gates.distance_12",
+    "number": "hall.air.drag_coefficient",
+    "angle": "bench.pendulum.amplitude_offset",
+    "inertia": "bench.pendulum.clamp_inertia",
+    "moment": "bench.pendulum.clamp_moment",
+    "acceleration": "bench.pendulum.gravity",
+    "density": "hall.air.density",
+    "slope of speed": "ball.restitution_slope",
+}
+UNITS = [(dimension, unit) for dimension in KEYS for unit in DIMENSIONS[dimension]]
+NUMBERS = st.floats(-1e100, 1e100)
+
+
+@given(
+    value=NUMBERS,
+    u=st.floats(0, 1e100),
+    dof=st.none() | st.floats(1e-3, 1e6),
+    unit=st.sampled_from(UNITS),
+)
+def test_any_unit_of_a_dimension(
+    value: float, u: float, dof: float | None, unit: tuple[str, str]
+) -> None:
+    """Value and u are both in the unit; the factor is that of the table of units."""
+    dimension, name = unit
+    key, factor = KEYS[dimension], DIMENSIONS[dimension][name]
+    entry = {"value": value / factor, "unit": name, "u": u / factor, "source": "certificate 7"}
+    known = read_constants({key: entry | ({"dof": dof} if dof else {})}, "x.toml")[key]
+    assert known.value == pytest.approx(value, rel=1e-14, abs=1e-300)
+    assert known.u == pytest.approx(u, rel=1e-14, abs=1e-300)
+    assert known.dof == (dof or inf)
+    assert known.source == "certificate 7"
+
+
+def test_inches_by_hand() -> None:
+    """NIST's own: 1 in is 25.4 mm, 1 oz in is 28.349523125 g times that."""
+    entries = {
+        "impact.gates.distance_0": {"value": 20, "unit": "in", "u": 0.01},
+        "bench.pendulum.clamp_moment": {"value": 2, "unit": "oz in", "u": 0},
+    }
+    known = read_constants(entries, "x.toml")
+    assert known["impact.gates.distance_0"].value == pytest.approx(0.508, rel=1e-15)
+    assert known["impact.gates.distance_0"].u == pytest.approx(0.000254, rel=1e-15)
+    assert known["bench.pendulum.clamp_moment"].value == pytest.approx(
+        2 * 0.028349523125 * 0.0254, rel=1e-15
+    )
+
+
+@pytest.mark.parametrize("procedure", catalog.names("procedures"))
+def test_every_constant_of_ours_is_explained(procedure: str) -> None:
+    """Whoever adds an instrument adds its constants, with dimension and meaning."""
+    for key in our_own(procedure).calibration:
+        known = constant_of(key)
+        assert known, key
+        assert known.dimension in DIMENSIONS
+
+
+def test_a_constant_of_somebody_elses_may_have_any_unit() -> None:
+    entry = {"value": 2, "unit": "mph", "u": 0}
+    known = read_constants({"impact.radar.offset": entry}, "x.toml")
+    assert known["impact.radar.offset"].value == pytest.approx(0.89408)
+
+
+GOOD = {"value": 21.65, "unit": "in", "u": 0.003}
+KEY = "impact.gates.distance_0"
+
+
+@pytest.mark.parametrize(
+    ("entry", "key", "allowed"),
+    [
+        (GOOD | {"unit": "oz"}, f"{KEY}.unit", "m, mm, cm, in, um"),
+        (GOOD | {"unit": "inches"}, f"{KEY}.unit", "m, mm, cm, in, um"),
+        (GOOD | {"unit": 3}, f"{KEY}.unit", "m, mm, cm, in, um"),
+        (GOOD | {"unit": ["in"]}, f"{KEY}.unit", "m, mm, cm, in, um"),
+        (GOOD | {"value": "21.65"}, f"{KEY}.value", "number"),
+        (GOOD | {"value": True}, f"{KEY}.value", "number"),
+        (GOOD | {"value": nan}, f"{KEY}.value", "finite"),
+        (GOOD | {"value": 10**400}, f"{KEY}.value", "finite"),
+        (GOOD | {"u": inf}, f"{KEY}.u", "finite"),
+        (GOOD | {"u": -1}, KEY, "at least 0"),
+        (GOOD | {"dof": 0}, KEY, "above 0"),
+        (GOOD | {"dof": "many"}, f"{KEY}.dof", "number"),
+        (GOOD | {"uncertainty": 1}, KEY, "value, unit, u, dof, source"),
+        ({"value": 1, "unit": "in"}, KEY, "misses u"),
+        ({"u": 1}, KEY, "misses value, unit"),
+        (21.65, KEY, "expected a table"),
+    ],
+)
+def test_an_entry_that_does_not_fit(entry: object, key: str, allowed: str) -> None:
+    """Each fault alone in an entry that otherwise reads."""
+    read_constants({KEY: GOOD}, "x.toml")
+    with pytest.raises(InputError) as caught:
+        read_constants({KEY: entry}, "x.toml")
+    assert "\n" not in str(caught.value)
+    assert caught.value.where == "x.toml"
+    assert caught.value.key == f"calibration.{key}"
+    assert allowed in caught.value.allowed
+
+
+def test_a_key_without_its_quotes() -> None:
+    """In TOML the dots then make tables within tables."""
+    with pytest.raises(InputError, match="quotes around the whole key"):
+        read_constants({"impact": {"gates": {"distance_0": GOOD}}}, "x.toml")

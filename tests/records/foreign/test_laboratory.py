@@ -1,0 +1,205 @@
+"""A whole laboratory of another maker: reduced to the known answer, and every fault in one line."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from tests.cli.test_cli import Run, run  # noqa: F401 a fixture
+from tests.foreign_laboratory.make import ANSWER, RECORDS
+from virtual_lab.api import reduce
+from virtual_lab.errors import InputError
+from virtual_lab.records.foreign.laboratory import LaboratoryForm, load_laboratory
+from virtual_lab.records.foreign.table import ChannelForm
+
+KNOWN = json.loads(ANSWER.read_text())
+QUANTITIES = [name for name in KNOWN if name != "verdict"]
+
+
+@pytest.mark.parametrize("name", QUANTITIES)
+def test_the_known_answer(name: str) -> None:
+    """What its recorders' rounding moves is a fiftieth of u; the truth lies within 2 u."""
+    budget = reduce(RECORDS).certification.quantities[name]
+    known = KNOWN[name]
+    assert abs(budget.value - known["value"]) < 0.02 * known["u"]
+    assert budget.u == pytest.approx(known["u"], rel=0.02)
+    assert abs(budget.value - known["true"]) < 2 * budget.u
+
+
+def test_names_and_sources_are_kept() -> None:
+    session = load_laboratory(RECORDS)
+    assert (session.laboratory, session.customer) == ("Crosstown Bat Laboratory", "Ashwood & Sons")
+    assert (session.bat, session.ball, session.date) == ("r161", "baseball-2003", "2026-11-20")
+    assert session.rigs == {"bench": "bench", "balls": "ball-wall", "impact": "astm-pivot"}
+    assert session.simulation == {}
+    assert session.calibration["bench.scale.span"].source == "certificate 4411"
+
+
+def test_by_the_command_line(run: Run, tmp_path: Path) -> None:  # noqa: F811
+    """The records it saves are ours, in SI, and give the same numbers again."""
+    code, out, _ = run("reduce", str(RECORDS), "--out", "theirs", "--json")
+    document = json.loads(out)
+    assert code == 0
+    assert document["verdict"] == KNOWN["verdict"]
+    assert document["statement"] == ""  # not simulated here
+    assert document["simulation"] == {}
+    assert document["laboratory"] == "Crosstown Bat Laboratory"
+    page = (tmp_path / "theirs/certificate.html").read_text("utf-8")
+    assert "Crosstown Bat Laboratory; reduced by the Virtual laboratory" in page
+    assert "<dt>Customer</dt><dd>Ashwood &amp; Sons</dd>" in page
+    known = KNOWN["bat_performance_factor"]
+    assert abs(document["metric"]["value"] - known["value"]) < 0.02 * known["u"]
+    again = json.loads(run("reduce", "theirs/records", "--json")[1])
+    assert again == document
+    kept = json.loads((tmp_path / "theirs/records/session.json").read_text())
+    assert kept["laboratory"] == "Crosstown Bat Laboratory"
+    assert kept["calibration"]["bench.scale.span"]["source"] == "certificate 4411"
+    assert not (tmp_path / "theirs/truth").exists()
+
+
+Change = Callable[[Path], object]
+
+
+def _form(old: str, new: str) -> Change:
+    def change(folder: Path) -> None:
+        path = folder / "laboratory.toml"
+        text = path.read_text("utf-8")
+        assert re.search(old, text, re.MULTILINE)
+        path.write_text(re.sub(old, new, text, count=1, flags=re.MULTILINE), "utf-8")
+
+    return change
+
+
+def _both(*changes: Change) -> Change:
+    return lambda folder: [change(folder) for change in changes]
+
+
+def _more(constant: str) -> Change:
+    """Add a constant to the others."""
+    return _form(
+        '^"ball.radius"', f'"{constant}" = {{ value = 1, unit = "1", u = 0 }}\n"ball.radius"'
+    )
+
+
+def _no_line(start: str) -> Change:
+    return _form(f"^{re.escape(start)}.*\n", "")
+
+
+@pytest.mark.parametrize(
+    ("break_it", "words"),
+    [
+        (_form('^bat = "r161"', 'bat = "?"'), ["bat", "not filled in"]),
+        (
+            _both(_form('^bat = "r161"', 'bat = "?"'), _form('= 0, unit = "oz"', '= "?"')),
+            ["bat, calibration.bench.scale.zero;", "not filled in"],
+        ),
+        (_form("^bat = ", "bats = 1\nbat = "), ["bats", "unknown key"]),
+        (_no_line("bat ="), ["bat", "missing"]),
+        (_no_line("ball ="), ["ball", "missing"]),
+        (_form("index_from = 1", "index_from = 2"), ["index_from", "0 or 1"]),
+        (_form("index_from = 1", "index_from = "), ["TOML", "parsed"]),
+        (_form('"astm-f1881"', '"astm-f1991"'), ["laboratory.toml", "did you mean astm-f1881"]),
+        (_form('"astm-f1881"', '"house.toml"'), ["house.toml", "no such file"]),
+        (_form('"balls.csv"', '"none.csv"'), ["none.csv", "cannot be read"]),
+        (_form('columns = { item = "ball" }', "colums = 3"), ["bench.ball-mass", "colums"]),
+        (_form('record = "pendulum"', 'record = "swings"'), ["record", "swings", "pendulum"]),
+        (
+            _form('^("balls.gates.distance_0".*)"in"', r'\1"oz"'),
+            ["balls.gates.distance_0.unit", "oz", "um"],
+        ),
+        (
+            _both(_no_line('"bench.rule.offset"'), _no_line('"impact.gates.clock"')),
+            ["missing: bench.rule.offset, impact.gates.clock"],
+        ),
+        (
+            _form("bench.rule.offset", "bench.ruler.offset"),
+            ["missing: bench.rule.offset", "not known: bench.ruler.offset"],
+        ),
+        (
+            _more("impact.gate.clock"),
+            ["impact.gate.clock", "did you mean impact.gates.clock"],
+        ),
+        (
+            _both(_more("impact.gates.distance_2"), _form('(_2.*unit = )"1"', r'\1"in"')),
+            ["impact/gates: gates = 2", "the calibration has 3"],
+        ),
+        (
+            _form('clock" = { value = 1,', 'clock" = { value = 0,'),
+            ["clock", "above 0", "laboratory.toml"],
+        ),
+        (_form('pivot.from_knob" = { value = 6', 'pivot.from_knob" = { value = 7'), ["pivot_from"]),
+        (_form(r"^\[channels.impact.aim\]", "[channels.impact.marks]"), ["impact/aim", "missing"]),
+        (lambda f: (f / "laboratory.toml").write_bytes(b"\xff"), ["laboratory.toml", "UTF-8"]),
+        (lambda f: (f / "session.json").write_text("{}"), ["session.json", "keep one"]),
+    ],
+)
+def test_a_laboratory_with_one_fault(
+    break_it: Change,
+    words: list[str],
+    run: Run,  # noqa: F811
+    tmp_path: Path,
+) -> None:
+    """By the command line: exit code 2, one line that names it, and nothing written."""
+    shutil.copytree(RECORDS, tmp_path / "theirs")
+    break_it(tmp_path / "theirs")
+    code, out, err = run("reduce", "theirs", "--out", "mine")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    for word in words:
+        assert word in err
+    assert [path.name for path in tmp_path.iterdir()] == ["theirs"]
+
+
+def test_rules_of_their_own(tmp_path: Path) -> None:
+    """A procedure beside the form, written on Windows; a fault in it is named by its file."""
+    from virtual_lab import catalog
+
+    shutil.copytree(RECORDS, tmp_path / "theirs")
+    _form('"astm-f1881"', '"house.toml"')(tmp_path / "theirs")
+    rules = catalog.text("procedures", "astm-f1881")
+    strict = rules.replace("limit = { value = 1.2", "limit = { value = 0.9")
+    path = tmp_path / "theirs" / "house.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + strict.replace("\n", "\r\n").encode())
+    assert reduce(tmp_path / "theirs").verdict == "FAIL"
+    path.write_text(rules.replace("limit =", "limits ="))
+    with pytest.raises(InputError, match=r"house.toml: limit"):
+        reduce(tmp_path / "theirs")
+
+
+def test_a_form_written_on_windows(tmp_path: Path) -> None:
+    shutil.copytree(RECORDS, tmp_path / "theirs")
+    path = tmp_path / "theirs" / "laboratory.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_text("utf-8").replace("\n", "\r\n").encode())
+    assert load_laboratory(tmp_path / "theirs").bat == "r161"
+
+
+def test_a_rig_nobody_here_has(tmp_path: Path) -> None:
+    """Rules for such a rig: a missing constant is still named, if only the first."""
+    from virtual_lab import catalog
+
+    shutil.copytree(RECORDS, tmp_path / "theirs")
+    _form('"astm-f1881"', '"house.toml"')(tmp_path / "theirs")
+    rules = catalog.text("procedures", "astm-f1881").replace('"astm-pivot"', '"their-pivot"')
+    (tmp_path / "theirs" / "house.toml").write_text(rules)
+    known = KNOWN["restitution"]
+    found = reduce(tmp_path / "theirs").certification.quantities["restitution"]
+    assert abs(found.value - known["value"]) < 0.02 * known["u"]
+    _no_line('"impact.encoder.scale"')(tmp_path / "theirs")
+    with pytest.raises(InputError, match=r"laboratory.toml: calibration.impact.encoder.scale"):
+        reduce(tmp_path / "theirs")
+
+
+def test_the_readme_has_every_key() -> None:
+    """What may be said of a channel, and of a laboratory, is written down for its users."""
+    readme = (Path(__file__).parents[3] / "data" / "README.md").read_text("utf-8")
+    section = readme.partition("# A form for another laboratory")[2]
+    for form in (ChannelForm, LaboratoryForm):
+        for field in fields(form):
+            assert re.search(rf"`{field.name}`|^{field.name} =|^\[{field.name}", section, re.M), (
+                field
+            )

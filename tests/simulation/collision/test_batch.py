@@ -1,0 +1,129 @@
+"""Many scenes at once: to the tolerance all over the bat, and none the wiser of its neighbours."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from tests.benchmarks.scenes import WIDE
+from virtual_lab.catalog import load_bat
+from virtual_lab.simulation.collision.modal import ModalModel, collide_bats
+from virtual_lab.simulation.collision.patch import patch_shape
+from virtual_lab.simulation.collision.scene import Collisions, Scenes
+from virtual_lab.simulation.collision.stepping import OneByOne
+from virtual_lab.simulation.physics.supports import Clamped, Free, Pinned
+from virtual_lab.units import INCH
+
+TABLE_ERROR, MOSTLY = 5e-7, 2e-8  # in e_A, of splines in the place of shapes; of 95 in 100
+
+
+def total(found: Collisions) -> np.ndarray:
+    return np.sum([getattr(found.energy, one.name) for one in fields(found.energy)], axis=0)
+
+
+def columns(found: Collisions) -> dict[str, np.ndarray]:
+    own = {one.name: getattr(found, one.name) for one in fields(found)[1:-1]}
+    return own | {one.name: getattr(found.energy, one.name) for one in fields(found.energy)}
+
+
+@lru_cache
+def bats() -> list[ModalModel]:
+    supports = (Free(), Free(), Pinned(28 * INCH), Clamped(31 * INCH))
+    names = ("r161", "ea70", "barrel-loaded", "knob-loaded")
+    return [
+        ModalModel.of(load_bat(name).spec.body, support)
+        for name, support in zip(names, supports, strict=True)
+    ]
+
+
+@pytest.mark.parametrize("which", range(4))
+def test_the_default_keeps_its_tolerance_all_over_the_bat(which: int) -> None:
+    model, scenes = bats()[which], WIDE.draw(3000, 20 + which)
+    found, slow = model.collide(scenes), replace(model, stepper=OneByOne()).collide(scenes)
+    gap = np.abs(found.collision_efficiency - slow.collision_efficiency)
+    print(f"worst {gap.max():.1e}, closing to {np.abs(total(found) - 1).max():.1e}")
+    assert gap.max() <= 1e-6
+    assert np.abs(total(found) - 1).max() <= 1e-6
+    assert set(found.redone) == {0, 1, 2, 3}
+
+
+def test_a_scene_does_not_know_its_batch() -> None:
+    """Bit for bit, whatever lane and neighbours it gets and whoever leaves first."""
+    model, scenes = bats()[1], WIDE.draw(500, 30)
+    whole, order = columns(model.collide(scenes)), np.random.default_rng(31).permutation(500)
+    shuffled = columns(model.collide(scenes.part(order)))
+    halves = [columns(model.collide(scenes.part(part))) for part in np.split(order, [77])]
+    for name, values in whole.items():
+        assert np.array_equal(values[order], shuffled[name]), name
+        assert np.array_equal(shuffled[name], np.concatenate([h[name] for h in halves])), name
+    assert set(whole["redone"]) == {0, 1, 2, 3}
+
+
+def test_bats_in_one_batch_are_each_alone() -> None:
+    """Bit for bit: of other supports, with a hoop mode or without."""
+    batch = [(model, WIDE.draw(400, 40 + i)) for i, model in enumerate(bats())]
+    for (model, scenes), together in zip(batch, collide_bats(batch), strict=True):
+        alone = columns(model.collide(scenes))
+        assert set(alone["redone"]) == {0, 1, 2, 3}
+        for name, values in columns(together).items():
+            assert np.array_equal(values, alone[name]), name
+
+
+def test_a_bat_of_few_modes_beside_one_of_many() -> None:
+    """Bit for bit where stepped together; one by one, sums may take another order."""
+    few = ModalModel.of(load_bat("r161").spec.body, Free(), 7)
+    bare = replace(few, stiff=few.stiff.above(few.stiff.count))  # nothing follows at once
+    batch = [(model, WIDE.draw(400, 50 + i)) for i, model in enumerate([bats()[1], few, bare])]
+    for (model, scenes), together in zip(batch, collide_bats(batch), strict=True):
+        alone, beside = columns(model.collide(scenes)), columns(together)
+        stepped = alone["redone"] < 3
+        assert np.array_equal(alone["redone"], beside["redone"])
+        for name, values in beside.items():
+            assert np.array_equal(values[stepped], alone[name][stepped]), name
+            assert values == pytest.approx(alone[name], rel=1e-9, abs=1e-9), name
+
+
+@pytest.mark.parametrize("which", range(4))
+def test_splines_over_the_place_stand_for_the_shapes(which: int) -> None:
+    """Nothing else here would see it: all steppers are given the same splines."""
+    model, scenes = replace(bats()[which], stepper=OneByOne()), WIDE.draw(300, 60 + which)
+
+    def shapes(z: np.ndarray) -> np.ndarray:
+        stiff = patch_shape(model.stiff, z, model.patch) / model.stiff.angular_frequencies
+        return np.column_stack((patch_shape(model.modes, z, model.patch), np.sum(stiff**2, axis=1)))
+
+    exact = replace(model)
+    vars(exact)["table"] = shapes
+    gap = exact.collide(scenes).collision_efficiency - model.collide(scenes).collision_efficiency
+    error = np.abs(gap)
+    print(f"worst {error.max():.1e}, of 95 in 100 {np.quantile(error, 0.95):.1e}")
+    assert 0 < error.max() < TABLE_ERROR
+    assert np.quantile(error, 0.95) < MOSTLY
+
+
+@pytest.mark.parametrize(
+    ("which", "z", "speed", "e0", "stiffness", "exponent"),
+    [
+        (1, 0.6298974330236085, 56.75869133629618, 0.383760322709, 198352702.773, 1.86869395402),
+        (3, 0.534214198658705, 30.09602348039845, 0.337094863262, 583718281.405, 1.80876662943),
+    ],
+)
+def test_a_return_to_the_peak_that_one_step_would_hide(
+    which: int, z: float, speed: float, e0: float, stiffness: float, exponent: float
+) -> None:
+    """The ball is pressed a hair deeper the second time; energy closes under either law."""
+    scenes = Scenes.of(
+        impact_position=z,
+        relative_speed=speed,
+        ball_mass=0.145,
+        ball_restitution=e0,
+        stiffness=stiffness,
+        exponent=exponent,
+    )
+    model = bats()[which]
+    found, slow = model.collide(scenes), replace(model, stepper=OneByOne()).collide(scenes)
+    assert found.collision_efficiency == pytest.approx(slow.collision_efficiency, abs=1e-6)
+    assert found.redone[0] > 0

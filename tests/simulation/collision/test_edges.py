@@ -1,0 +1,223 @@
+"""Scenes at the edge of what there is: tip, centre of mass, soft, stiff, slow and grazing ones."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from tests.simulation.collision.scenes import scattered, usual
+from tests.simulation.physics.bodies import rod
+from virtual_lab.catalog import load_bat
+from virtual_lab.catalog.specs import BatBody, HoopMode
+from virtual_lab.errors import InputError
+from virtual_lab.relations.kinematics import energy_fractions
+from virtual_lab.simulation.collision.modal import ModalModel
+from virtual_lab.simulation.collision.reference import ReferenceModel
+from virtual_lab.simulation.collision.rigid import RigidModel
+from virtual_lab.simulation.collision.scene import Collisions, Scenes
+from virtual_lab.simulation.collision.stepping import OneByOne
+from virtual_lab.simulation.physics.ball import wall_contact
+from virtual_lab.simulation.physics.beam import beam_of
+from virtual_lab.simulation.physics.modes import modes_of
+from virtual_lab.simulation.physics.supports import Clamped, Free, Pinned, Support
+from virtual_lab.units import INCH
+
+WOOD, ALUMINIUM = load_bat("r161").spec.body, load_bat("ea70").spec.body
+FREE = Free()
+BODIES = pytest.mark.parametrize("body", [WOOD, ALUMINIUM], ids=["wood", "aluminium"])
+FEW_MODES = 8  # of scenes the reference follows too, which is slow
+
+
+@lru_cache
+def model_of(body: BatBody, support: Support = FREE) -> ModalModel:
+    return ModalModel.of(body, support)
+
+
+def one_by_one(model: ModalModel, scenes: Scenes) -> Collisions:
+    return replace(model, stepper=OneByOne()).collide(scenes)
+
+
+def holds(body: BatBody, scenes: Scenes, support: Support = FREE) -> Collisions:
+    """Hold the default to the slow way and to the energy; return what it found."""
+    model = model_of(body, support)
+    found, slow = model.collide(scenes), one_by_one(model, scenes)
+    gap = found.collision_efficiency - slow.collision_efficiency
+    assert np.abs(gap).max() < 1e-6
+    assert np.abs(total(found) - 1).max() < 1e-6
+    assert np.array_equal(found.contacts, slow.contacts)
+    return found
+
+
+def holds_to_the_reference(body: BatBody, scenes: Scenes, support: Support = FREE) -> None:
+    modes = modes_of(body, support, FEW_MODES)
+    found = ModalModel(modes=modes, stiff=modes.above(FEW_MODES)).collide(scenes)
+    truth = ReferenceModel(modes=modes).collide(scenes)
+    assert found.collision_efficiency == pytest.approx(truth.collision_efficiency, abs=1e-6)
+    assert np.array_equal(found.contacts, truth.contacts)
+
+
+def total(found: Collisions) -> np.ndarray:
+    return np.sum([getattr(found.energy, one.name) for one in fields(found.energy)], axis=0)
+
+
+def with_all(scenes: Scenes, **given: float) -> Scenes:
+    """Return the scenes with some numbers the same in all of them."""
+    return replace(scenes, **{name: np.full(len(scenes), value) for name, value in given.items()})
+
+
+def light(body: BatBody, share: float = 1 / 20) -> BatBody:
+    return replace(body, material=replace(body.material, density=share * body.material.density))
+
+
+@BODIES
+def test_at_the_tip_the_ball_goes_on(body: BatBody) -> None:
+    scenes = scattered(200, 0.0, 0.6, seed=1)
+    found = holds(body, scenes)
+    assert found.collision_efficiency.max() < 0
+    assert (found.contacts > 1).any()
+    assert holds(body, usual([0.0])).collision_efficiency[0] < -0.2
+    holds_to_the_reference(body, scenes.part(slice(5)))
+
+
+@BODIES
+def test_at_the_centre_of_mass_a_free_bat_does_not_turn(body: BatBody) -> None:
+    beam = beam_of(body)
+    scenes = with_all(scattered(100, 1, 2, seed=2), impact_position=beam.z_cm)
+    found, model = holds(body, scenes), model_of(body)
+    spin = found.modal_velocities[:, :2] @ model.modes.rotation(beam.z_cm)[:2]
+    heave = found.impulse / beam.mass
+    assert np.abs(spin * beam.length / heave).max() < 1e-9
+    assert found.energy.rigid == pytest.approx(
+        heave**2 * beam.mass / (scenes.ball_mass * scenes.relative_speed**2), rel=1e-9
+    )
+
+
+@BODIES
+@pytest.mark.parametrize("z", [20.0, 33.0])
+def test_a_clamped_bat_takes_no_rigid_energy(body: BatBody, z: float) -> None:
+    """No recoil, r = 0: only what bends and rings makes it other than a wall."""
+    found = holds(body, scattered(150, 0.5, z - 1, seed=3), Clamped(z * INCH))
+    assert not found.energy.rigid.any()
+    close = usual(z - 0.3, ball_restitution=0.5)
+    near_wall = holds(body, close, Clamped(z * INCH)).collision_efficiency[0]
+    assert near_wall == pytest.approx(0.5, abs=0.1)
+
+
+def test_a_clamped_bat_agrees_with_the_reference() -> None:
+    holds_to_the_reference(WOOD, scattered(5, 2, 20, seed=4), Clamped(31 * INCH))
+
+
+@BODIES
+def test_a_bat_lighter_than_the_ball_is_swept_along(body: BatBody) -> None:
+    scenes = scattered(150, 0.5, 30, seed=4)
+    found = holds(light(body), scenes)
+    assert found.collision_efficiency.max() < 0
+    holds_to_the_reference(light(body), scenes.part(slice(5)))
+
+
+@BODIES
+def test_a_ball_of_ten_times_the_stiffness(body: BatBody) -> None:
+    scenes = scattered(150, 0.5, 30, seed=5)
+    scenes = replace(scenes, stiffness=10 * scenes.stiffness)
+    found = holds(body, scenes)
+    assert (found.contacts > 2).any() or (found.reloads > 2).any()
+    holds_to_the_reference(body, scenes.part(slice(4)))
+
+
+@BODIES
+def test_a_ball_of_a_hundred_times_the_stiffness_that_meets_four_times(body: BatBody) -> None:
+    """Errors of each contact reach those of the next: two finer tries may agree and be off."""
+    scenes = usual([1.0, 4.0, 6.5], stiffness=3.5e8, ball_restitution=0.45)
+    contacts = holds(body, scenes).contacts
+    assert contacts.max() > (3 if body is WOOD else 1)
+
+
+@pytest.mark.parametrize("turns", [0.5, 0.8, 1.0, 1.25, 2.0])
+def test_a_hoop_that_rings_about_once_a_contact(turns: float) -> None:
+    ball = usual(6.0)
+    time = wall_contact(
+        ball.ball_mass, ball.relative_speed, ball.stiffness, ball.exponent, ball.ball_restitution
+    ).time[0]
+    hoop = HoopMode(frequency=turns / float(time), modal_mass=0.1)
+    body = replace(ALUMINIUM, hoop=hoop)
+    found = holds(body, scattered(100, 0.5, 30, seed=8))
+    assert found.energy.hoop.max() > 0.05
+    holds_to_the_reference(body, usual([6.0, 20.0]))
+
+
+def test_a_touch_after_a_release_that_grazes() -> None:
+    """Scenes picked by what they do: met twice, the first try in doubt."""
+    model = model_of(WOOD)
+    many = scattered(1500, 13, 17, seed=11)
+    found = model.collide(many)
+    grazing = np.flatnonzero((found.redone >= 1) & (found.contacts == 2))
+    assert len(grazing) > 20
+    assert {1, 3} <= set(found.redone[grazing])
+    holds(WOOD, many.part(grazing))
+    # the last of the slowest pick: those that no finer step made sure
+    hard = grazing[found.redone[grazing] == 3][:3]
+    bare = replace(model, stiff=model.stiff.above(model.stiff.count))
+    truth = ReferenceModel(modes=model.modes).collide(many.part(hard))
+    assert bare.collide(many.part(hard)).collision_efficiency == pytest.approx(
+        truth.collision_efficiency, abs=1e-6
+    )
+
+
+@BODIES
+def test_a_linear_ball_that_creeps_is_one_that_flies(body: BatBody) -> None:
+    scenes = with_all(scattered(100, 0.5, 30, seed=6), exponent=1.0, stiffness=3.5e6)
+    fast, slow = holds(body, scenes), holds(body, with_all(scenes, relative_speed=1e-6))
+    assert slow.collision_efficiency == pytest.approx(fast.collision_efficiency, abs=1e-6)
+
+
+@BODIES
+def test_a_hard_ball_that_creeps_cannot_tell_a_bat_from_a_rigid_one(body: BatBody) -> None:
+    """Contacts longer than balls are followed, e = e0 and Eqs. (10) all the same."""
+    scenes = usual([5.0, 15.0], relative_speed=1e-6, exponent=2.0, stiffness=3e8)
+    model, rigid = model_of(body), RigidModel.of(body, Free())
+    for found in (model.collide(scenes), one_by_one(model, scenes)):
+        wall = rigid.collide(scenes)
+        assert found.contact_time.min() > 0.05
+        assert found.contact_time == pytest.approx(wall.contact_time, rel=1e-2)
+        assert found.collision_efficiency == pytest.approx(wall.collision_efficiency, abs=1e-3)
+        assert found.energy.hysteresis == pytest.approx(wall.energy.hysteresis, abs=1e-3)
+        assert found.energy.bending.max() < 1e-4
+        assert np.abs(total(found) - 1).max() < 1e-6
+
+
+def test_a_ball_that_rests_is_refused() -> None:
+    for speed in (0.0, -0.0, -1.0):
+        with pytest.raises(InputError, match=r"scenes: relative_speed = .*; allowed: above 0"):
+            usual([5.0], relative_speed=speed)
+
+
+@BODIES
+@pytest.mark.parametrize("e0", [0.2, 0.999, 1.0])
+def test_balls_nearly_dead_and_quite_alive(body: BatBody, e0: float) -> None:
+    scenes = with_all(scattered(150, 0.5, 30, seed=7), ball_restitution=e0)
+    found = holds(body, scenes)
+    if e0 == 1:
+        assert not found.energy.hysteresis.any()
+    elif e0 > 0.9:
+        assert 0 < found.energy.hysteresis.min() <= found.energy.hysteresis.max() < 2.1e-3
+    holds_to_the_reference(body, scenes.part(slice(3)))
+
+
+@pytest.mark.parametrize("support", [Free(), Pinned(0.8)])
+@pytest.mark.parametrize("e0", [0.2, 0.5, 0.999, 1.0])
+def test_the_shares_of_a_stiff_bat_are_those_of_the_paper(support: Support, e0: float) -> None:
+    """Eqs. (10), with a bat that does not bend."""
+    body = rod((0.04, 0.04), density=800.0, youngs_modulus=1e17, shear_modulus=4e16)
+    scenes = usual([2.0, 6.0, 15.0], exponent=1.5, stiffness=3e7, ball_restitution=e0)
+    modes = modes_of(body, support, 0)
+    r = scenes.ball_mass * np.sum(modes.shape(scenes.impact_position) ** 2, axis=1)
+    fractions = energy_fractions(np.full(3, e0), r)
+    found = ModalModel.of(body, support, 4).collide(scenes).energy
+    assert found.ball == pytest.approx(fractions.ball, abs=1e-4)
+    assert found.rigid == pytest.approx(fractions.bat, abs=1e-4)
+    # what bends for a moment and what is lost
+    rest = found.hysteresis + found.bending
+    assert rest == pytest.approx(fractions.dissipated, abs=1e-4)

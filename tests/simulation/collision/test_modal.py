@@ -1,0 +1,153 @@
+"""Conservation, symmetry and independence of the support."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.simulation.collision.scenes import scattered, usual
+from virtual_lab.catalog import load_bat
+from virtual_lab.catalog.specs import BatBody, Lump
+from virtual_lab.relations import kinematics
+from virtual_lab.simulation.collision.modal import ModalModel
+from virtual_lab.simulation.physics.beam import beam_of
+from virtual_lab.simulation.physics.supports import Clamped, Free, Pinned, Support
+from virtual_lab.units import INCH
+
+WOOD, ALUMINIUM = load_bat("r161").spec.body, load_bat("ea70").spec.body
+PIVOT = 28 * INCH
+BARREL = np.linspace(3, 8, 11)
+
+
+@pytest.mark.parametrize("body", [WOOD, ALUMINIUM])
+@pytest.mark.parametrize("support", [Free(), Pinned(PIVOT), Pinned(PIVOT, 1e6), Clamped(31 * INCH)])
+def test_energy_is_accounted_for(body: BatBody, support: Support) -> None:
+    # the hysteresis is the area of the ball's law, not what is missing
+    result = ModalModel.of(body, support).collide(scattered(60, 0.5, 24, seed=1))
+    e = result.energy
+    assert np.abs(e.ball + e.rigid + e.bending + e.hoop + e.hysteresis - 1).max() < 1e-6
+    assert e.hoop.max() > 1e-4 if body.hoop else not e.hoop.any()
+
+
+@pytest.mark.parametrize("body", [WOOD, ALUMINIUM])
+def test_a_free_bat_takes_the_momentum_the_ball_gave(body: BatBody) -> None:
+    model, beam = ModalModel.of(body, Free()), beam_of(body)
+    scenes = scattered(60, 0.5, 30, seed=2)
+    result = model.collide(scenes)
+    # velocity of every node, bending included, against ball momentum before and after
+    count = model.modes.deflections.shape[1]
+    field = (
+        result.modal_velocities[:, :count]
+        @ np.concatenate((model.modes.deflections, model.modes.rotations)).T
+    )
+    given = scenes.ball_mass * scenes.relative_speed * (1 + result.collision_efficiency)
+    assert field @ beam.mass_matrix @ beam.heave() == pytest.approx(given, rel=1e-9)
+    lever = beam.z_cm - scenes.impact_position
+    turning = field @ beam.mass_matrix @ beam.turn(beam.z_cm)
+    assert turning == pytest.approx(given * lever, rel=1e-9, abs=1e-10)
+
+
+def test_a_pinned_bat_takes_the_angular_momentum_about_the_pin() -> None:
+    model, I_p = ModalModel.of(WOOD, Pinned(PIVOT)), beam_of(WOOD, Pinned(PIVOT)).inertia(PIVOT)
+    scenes = scattered(60, 0.0, 24, seed=3)  # the patch shrinks at the tip
+    result = model.collide(scenes)
+    omega = result.modal_velocities[:, 0] * model.modes.rotation(PIVOT)[0]
+    lever = PIVOT - scenes.impact_position
+    v_f = kinematics.rebound_speed_from_recoil(
+        I_p, omega, scenes.ball_mass, lever, scenes.relative_speed
+    )
+    assert v_f / scenes.relative_speed == pytest.approx(result.collision_efficiency, abs=1e-12)
+
+
+@pytest.mark.parametrize("body", [WOOD, ALUMINIUM])
+def test_efficiency_does_not_depend_on_the_support_at_the_knob(body: BatBody) -> None:
+    free, pinned, clamped = (
+        ModalModel.of(body, support, 40).collide(usual(BARREL)).collision_efficiency
+        for support in (Free(), Pinned(28 * INCH), Clamped(33 * INCH))
+    )
+    assert np.abs(pinned - free).max() < 3e-4
+    assert np.abs(clamped - free).max() < 3e-4
+
+
+def test_rigid_and_vibrational_energy_sum_to_the_same_whatever_the_support() -> None:
+    sums, rigid = [], []
+    for support in (Free(), Pinned(28 * INCH), Clamped(33 * INCH)):
+        e = ModalModel.of(WOOD, support, 40).collide(usual(BARREL)).energy
+        sums.append(e.rigid + e.bending)
+        rigid.append(e.rigid)
+    assert np.abs(np.array(sums[1:]) - sums[0]).max() < 3e-4
+    assert np.abs(rigid[1] - rigid[0]).max() > 0.02
+
+
+def test_a_turned_bat_is_the_same_bat() -> None:
+    profile = WOOD.profile
+    turned = replace(
+        WOOD,
+        profile=replace(
+            profile,
+            z=tuple(WOOD.length - z for z in reversed(profile.z)),
+            outer_diameter=tuple(reversed(profile.outer_diameter)),
+        ),
+    )
+    scenes = usual([1.0, 5.0, 12.0, 20.0])
+    mirrored = replace(scenes, impact_position=WOOD.length - scenes.impact_position)
+    one = ModalModel.of(WOOD, Free()).collide(scenes)
+    two = ModalModel.of(turned, Free()).collide(mirrored)
+    assert one.collision_efficiency == pytest.approx(two.collision_efficiency, abs=1e-7)
+
+
+def test_with_a_linear_ball_nothing_depends_on_the_speed() -> None:
+    slow, fast = (
+        ModalModel.of(ALUMINIUM, Free()).collide(usual(BARREL, relative_speed=v)) for v in (20, 80)
+    )
+    assert slow.collision_efficiency == pytest.approx(fast.collision_efficiency, abs=1e-10)
+    assert 4 * slow.modal_velocities == pytest.approx(fast.modal_velocities, rel=1e-6, abs=1e-7)
+    harder = usual(BARREL, relative_speed=80, exponent=1.5, stiffness=3e7)
+    softer = replace(harder, relative_speed=harder.relative_speed / 4)
+    gap = np.subtract(
+        *(
+            ModalModel.of(ALUMINIUM, Free()).collide(s).collision_efficiency
+            for s in (harder, softer)
+        )
+    )
+    assert np.abs(gap).max() > 1e-3
+
+
+def test_an_added_weight_far_from_the_impact_is_not_felt() -> None:
+    loaded = replace(WOOD, lumps=(Lump(name="weight", z=33 * INCH, mass=0.1),))
+    plain, heavy = (
+        ModalModel.of(body, Free()).collide(usual([4.0])).collision_efficiency
+        for body in (WOOD, loaded)
+    )
+    assert plain == pytest.approx(heavy, abs=1e-3)
+
+
+def test_a_batch_is_its_scenes_one_by_one() -> None:
+    model, scenes = ModalModel.of(ALUMINIUM, Pinned(PIVOT)), usual(BARREL)
+    together = model.collide(scenes)
+    for i in (0, 7):
+        alone = model.collide(usual([BARREL[i]]))
+        assert alone.collision_efficiency[0] == together.collision_efficiency[i]
+        assert np.array_equal(alone.modal_velocities[0], together.modal_velocities[i])
+
+
+def test_the_ball_that_carries_on_has_a_negative_efficiency() -> None:
+    result = ModalModel.of(WOOD, Free()).collide(usual([0.3]))
+    assert result.collision_efficiency[0] < -0.1
+
+
+def test_a_yielding_pivot_lies_between_a_free_bat_and_a_rigid_pin() -> None:
+    """Close to the pivot, where it is felt: e_A goes to the one with k, to the other with 1/k."""
+    scenes = usual([5.0, 12.0, 20.0, 24.0])
+
+    def efficiency(support: Support) -> np.ndarray:
+        return ModalModel.of(WOOD, support, 30).collide(scenes).collision_efficiency
+
+    free, rigid = efficiency(Free()), efficiency(Pinned(PIVOT))
+    assert np.abs(free - rigid).max() > 0.1
+    gaps = [np.abs(efficiency(Pinned(PIVOT, k)) - rigid).max() for k in (1e9, 1e10, 1e11)]
+    assert gaps[1] == pytest.approx(gaps[0] / 10, rel=0.2)
+    assert gaps[2] < 2e-5
+    soft = [np.abs(efficiency(Pinned(PIVOT, k)) - free).max() for k in (1e1, 1e2, 1e3)]
+    assert soft[2] == pytest.approx(10 * soft[1], rel=0.2)
+    assert soft[0] < 2e-5

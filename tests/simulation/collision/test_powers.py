@@ -1,0 +1,51 @@
+"""log2 and exp2 as polynomials against the library's."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numba import njit
+
+from virtual_lab.simulation.collision import batch_kernel, lanes, powers
+from virtual_lab.simulation.collision.powers import exp2, log2
+
+
+@njit
+def each(x: np.ndarray, logarithm: bool) -> np.ndarray:
+    found = np.empty_like(x)
+    for i in range(x.size):
+        found[i] = log2(x[i]) if logarithm else exp2(x[i])
+    return found
+
+
+def test_logarithms() -> None:
+    x = np.exp2(np.random.default_rng(1).uniform(-1000, 1000, 200_000))
+    assert np.abs(each(x, True) - np.log2(x)).max() < 6e-11
+    # beside 1, where they vanish, and where the polynomial changes over
+    near = 1 + np.array([-1e-3, -1e-9, 0.0, 1e-9, 1e-3])
+    assert each(near, True) == pytest.approx(np.log2(near), rel=1e-10)
+    seams = np.nextafter(np.repeat(np.sqrt([0.5, 2.0]), 2), [0, 9, 0, 9])
+    assert np.abs(each(seams, True) - np.log2(seams)).max() < 6e-11
+    assert np.array_equal(each(np.exp2(np.arange(-1000.0, 1000)), True), np.arange(-1000.0, 1000))
+
+
+def test_powers_of_two() -> None:
+    y = np.random.default_rng(2).uniform(-1000, 1000, 200_000)
+    seams = np.nextafter(np.repeat(np.arange(-4.5, 5), 2), np.tile([-9, 9], 10))
+    for values in (y, seams, np.arange(-999.0, 1000)):
+        assert np.abs(each(values, False) / np.exp2(values) - 1).max() < 6e-11
+
+
+def test_powers_of_a_ball() -> None:
+    """Errors of the logarithm count as often as the power is high."""
+    rng = np.random.default_rng(3)
+    u, power = np.exp2(rng.uniform(-40, 3, 200_000)), rng.uniform(1, 20, 200_000)
+    found = each(power * each(u, True), False)
+    assert (np.abs(found / u**power - 1) / (power + 2)).max() < 6e-11
+
+
+def test_a_compiled_kernel_is_kept_for_its_sources_only() -> None:
+    """The compiler's cache looks at one file; the others are in the key through a closure."""
+    held = [cell.cell_contents for cell in batch_kernel.collide_lanes.py_func.__closure__]
+    assert held == [batch_kernel._digest(lanes, powers)]
+    assert held != [batch_kernel._digest(lanes)]

@@ -1,0 +1,176 @@
+"""The modal rung's stepping and truncation against an independent solution."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.simulation.collision.scenes import scattered, usual
+from tests.simulation.physics.bodies import rigid_rod
+from virtual_lab.catalog import load_bat
+from virtual_lab.catalog.specs import BatBody
+from virtual_lab.relations.kinematics import efficiency_from_restitution
+from virtual_lab.simulation.collision import reference as rung
+from virtual_lab.simulation.collision.ladder import MODAL_ERROR
+from virtual_lab.simulation.collision.modal import ModalModel
+from virtual_lab.simulation.collision.reference import ReferenceModel
+from virtual_lab.simulation.collision.scene import Scenes
+from virtual_lab.simulation.collision.stepping import FINE, OneByOne, Stepper
+from virtual_lab.simulation.physics.ball import (
+    Branch,
+    HuntCrossley,
+    LawOfBall,
+    PowerLaw,
+    wall_contact,
+)
+from virtual_lab.simulation.physics.modes import modes_of
+from virtual_lab.simulation.physics.supports import Free, Pinned, Support
+from virtual_lab.units import INCH
+
+WOOD, ALUMINIUM = load_bat("r161").spec.body, load_bat("ea70").spec.body
+MODES = 16
+
+
+def both(body: BatBody, support: Support) -> tuple[ModalModel, ReferenceModel]:
+    """Return the two rungs over the very same modes, without residual flexibility."""
+    modes = modes_of(body, support, MODES)
+    return ModalModel(modes=modes, stiff=modes.above(MODES)), ReferenceModel(modes=modes)
+
+
+def agree(
+    body: BatBody, support: Support, scenes: Scenes, stepper: Stepper, tolerance: float
+) -> np.ndarray:
+    modal, slow = both(body, support)
+    found, reference = replace(modal, stepper=stepper).collide(scenes), slow.collide(scenes)
+    gap = found.collision_efficiency - reference.collision_efficiency
+    assert np.abs(gap).max() < tolerance
+    assert np.array_equal(found.contacts, reference.contacts)
+    assert np.array_equal(found.reloads, reference.reloads)
+    assert found.contact_time == pytest.approx(reference.contact_time, rel=1e3 * tolerance)
+    scale = scenes.relative_speed[:, None]
+    velocities = (found.modal_velocities - reference.modal_velocities) / scale
+    assert np.abs(velocities).max() < 100 * tolerance
+    return found.contacts + found.reloads
+
+
+STEPPERS = pytest.mark.parametrize(("stepper", "tolerance"), [(OneByOne(), 1e-8), (FINE, 1e-6)])
+
+
+@STEPPERS
+@pytest.mark.parametrize("body", [WOOD, ALUMINIUM])
+@pytest.mark.parametrize("support", [Free(), Pinned(28 * INCH), Pinned(28 * INCH, 1e6)])
+def test_barrel_hits_agree_with_the_reference(
+    body: BatBody, support: Support, stepper: Stepper, tolerance: float
+) -> None:
+    agree(body, support, scattered(25, 1, 12, seed=4), stepper, tolerance)
+
+
+@STEPPERS
+@pytest.mark.parametrize("body", [WOOD, ALUMINIUM])
+def test_reloading_and_second_contacts_agree_with_the_reference(
+    body: BatBody, stepper: Stepper, tolerance: float
+) -> None:
+    events = agree(body, Free(), scattered(30, 18, 24, seed=5), stepper, 10 * tolerance)
+    assert (events > 1).sum() > 10
+
+
+@STEPPERS
+def test_tip_hits_that_meet_twice_agree_with_the_reference(
+    stepper: Stepper, tolerance: float
+) -> None:
+    events = agree(ALUMINIUM, Free(), scattered(10, 0.2, 1.0, seed=6), stepper, 10 * tolerance)
+    assert (events > 1).sum() > 2
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.4])
+def test_steps_converge_at_order_six(exponent: float) -> None:
+    modal, _ = both(WOOD, Free())
+    scenes = usual(np.linspace(3, 8, 6), exponent=exponent)
+    exact = replace(modal, stepper=OneByOne(refinement=4.0)).collide(scenes).collision_efficiency
+    errors = [
+        np.abs(
+            replace(modal, stepper=OneByOne(refinement=n)).collide(scenes).collision_efficiency
+            - exact
+        ).max()
+        for n in (0.4, 0.8)
+    ]
+    order = np.log2(errors[0] / errors[1])
+    print(f"exponent {exponent}: errors {errors}, observed order {order:.2f}")
+    assert order > 5
+
+
+@pytest.mark.parametrize("body", [WOOD, ALUMINIUM])
+def test_the_modes_left_out_cost_no_more_than_stated(body: BatBody) -> None:
+    scenes = usual([1.5, 4.0, 6.0, 9.0, 10.5])
+    gap = (
+        ModalModel.of(body, Free()).collide(scenes).collision_efficiency
+        - ReferenceModel.of(body, Free()).collide(scenes).collision_efficiency
+    )
+    assert 1e-8 < np.abs(gap).max() < MODAL_ERROR
+
+
+def test_residual_flexibility_is_worth_ten_times() -> None:
+    scenes = usual([4.0, 6.0, 8.0])
+    truth = ModalModel.of(WOOD, Free(), 80).collide(scenes).collision_efficiency
+    model = ModalModel.of(WOOD, Free(), 20)
+    bare = replace(model, stiff=model.stiff.above(model.stiff.count))
+    errors = [np.abs(m.collide(scenes).collision_efficiency - truth).max() for m in (model, bare)]
+    assert 10 * errors[0] < errors[1]
+
+
+@pytest.mark.parametrize("law", [PowerLaw.of, HuntCrossley.of])
+@pytest.mark.parametrize(("exponent", "e0"), [(1.0, 0.5), (1.5, 0.45), (2.0, 0.9)])
+def test_a_wall_gives_back_e0(law: LawOfBall, exponent: float, e0: float) -> None:
+    """A rod of 200 000 tons against closed forms (power law) and quadrature (the other)."""
+    k = 3.5e6 * 0.012 ** (1 - exponent)
+    scenes = usual([20.0], exponent=exponent, stiffness=k, ball_restitution=e0)
+    result = ReferenceModel.of(rigid_rod(), Free(), 0, law).collide(scenes)
+    mass, speed = float(scenes.ball_mass[0]), float(scenes.relative_speed[0])
+    made = law(stiffness=k, exponent=exponent, restitution=e0, speed=speed)
+    if isinstance(made, HuntCrossley):
+        wall = made.wall_contact(mass, speed)
+    else:
+        wall = wall_contact(*(np.array(x) for x in (mass, speed, k, exponent, e0)))
+    assert result.collision_efficiency[0] == pytest.approx(e0, rel=1e-8)
+    assert result.contact_time[0] == pytest.approx(wall.time, rel=1e-8)
+    assert result.energy.hysteresis[0] == pytest.approx(1 - e0**2, rel=1e-8)
+
+
+@pytest.mark.parametrize("law", [PowerLaw.of, HuntCrossley.of])
+def test_a_rigid_bat_that_recoils_has_e_of_the_wall(law: LawOfBall) -> None:
+    """No mode that bends: e = e0 for any reduced mass, e_A by Eq. (6)."""
+    modes = modes_of(WOOD, Free(), 0)
+    scenes = usual([3.0, 6.0, 20.0])
+    r = scenes.ball_mass * np.sum(modes.shape(scenes.impact_position) ** 2, axis=1)
+    found = ReferenceModel(modes=modes, patch=0.0, law=law).collide(scenes).collision_efficiency
+    assert found == pytest.approx(efficiency_from_restitution(0.5, r), abs=1e-9)
+
+
+@pytest.mark.parametrize("body", [WOOD, ALUMINIUM])
+@pytest.mark.parametrize("law", [PowerLaw.of, HuntCrossley.of])
+def test_every_law_accounts_for_its_energy(body: BatBody, law: LawOfBall) -> None:
+    e = ReferenceModel.of(body, Free(), MODES, law).collide(scattered(8, 0.5, 24, seed=8)).energy
+    whole = e.ball + e.rigid + e.bending + e.hoop + e.hysteresis
+    assert whole == pytest.approx(np.ones(8), abs=1e-9)
+    assert e.hysteresis.min() > 0
+
+
+@pytest.mark.parametrize("damping", [1e2, 1e3, 1e4])
+def test_a_dashpot_at_the_pivot_is_not_felt(
+    damping: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Why no rung has one: less than the modes left out cost, weak or strong."""
+    model = ReferenceModel.of(WOOD, Pinned(28 * INCH, 1e6), 20)
+    at_pivot, undamped = model.modes.shape(28 * INCH), rung._Scene.derivative
+    scenes = usual([5.0, 8.0, 12.0])
+    free = model.collide(scenes).collision_efficiency
+
+    def damped(self: rung._Scene, y: np.ndarray, branch: Branch) -> np.ndarray:
+        rates, count = undamped(self, y, branch), len(self.shape)
+        rates[count + 1 : -2] -= at_pivot * damping * (at_pivot @ y[count + 1 : -2])
+        return rates
+
+    monkeypatch.setattr(rung._Scene, "derivative", damped)
+    change = np.abs(model.collide(scenes).collision_efficiency - free)
+    assert 0 < change[:2].max() < 1.2e-5
+    assert change[2] < 8e-5

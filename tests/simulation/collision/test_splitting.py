@@ -1,0 +1,79 @@
+"""The splitting schemes against an oscillator and a pendulum: order, and how long they hold."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from virtual_lab.errors import InputError
+from virtual_lab.simulation.collision.splitting import SRKN_6, SRKN_11, Splitting
+from virtual_lab.simulation.collision.stepping import COARSE, FINE
+
+SCHEMES = pytest.mark.parametrize("scheme", [SRKN_6, SRKN_11])
+
+
+def run(scheme: Splitting, force: np.ufunc, steps: int, time: float) -> tuple[float, float]:
+    """Follow q'' = -force(q) from q = 1 at rest."""
+    q, rate, h = 1.0, 0.0, time / steps
+    for _ in range(steps):
+        for kick, drift in zip(scheme.kicks, [*scheme.drifts, 0.0], strict=True):
+            rate -= kick * h * force(q)
+            q += drift * h * rate
+    return q, rate
+
+
+@SCHEMES
+@pytest.mark.parametrize("force", [np.positive, np.sin], ids=["oscillator", "pendulum"])
+def test_observed_orders(scheme: Splitting, force: np.ufunc) -> None:
+    exact = (np.cos(6.0), -np.sin(6.0)) if force is np.positive else run(SRKN_11, force, 200, 6.0)
+    errors = [np.hypot(*np.subtract(run(scheme, force, n, 6.0), exact)) for n in (8, 16)]
+    order = np.log2(errors[0] / errors[1])
+    print(f"errors {errors}, observed order {order:.2f}")
+    assert order == pytest.approx(scheme.order, abs=0.4)
+
+
+@SCHEMES
+def test_shares_add_to_one_and_read_the_same_backwards(scheme: Splitting) -> None:
+    for shares in (scheme.kicks, scheme.drifts):
+        assert shares.sum() == pytest.approx(1, abs=1e-14)
+        assert np.array_equal(shares, shares[::-1])
+    assert len(scheme.kicks) == len(scheme.drifts) + 1
+
+
+def step_matrix(scheme: Splitting, phase: float) -> np.ndarray:
+    matrix = np.eye(2)
+    for kick, drift in zip(scheme.kicks, [*scheme.drifts, 0.0], strict=True):
+        matrix = np.array([[1, 0], [-kick * phase, 1]]) @ matrix
+        matrix = np.array([[1, drift * phase], [0, 1]]) @ matrix
+    return matrix
+
+
+@SCHEMES
+def test_the_limit_is_where_an_eigenvalue_leaves_the_circle(scheme: Splitting) -> None:
+    limit = scheme.limit
+
+    def modulus(phase: float) -> float:
+        return float(np.abs(np.linalg.eigvals(step_matrix(scheme, phase))).max())
+
+    below = np.append(np.linspace(0.01, limit - 1e-3, 500), limit - 1e-6)
+    assert max(modulus(phase) for phase in below) < 1 + 1e-10
+    assert modulus(limit + 1e-5) > 1 + 1e-5
+    phases = np.array([0.5, limit - 1e-4, limit + 1e-5, limit + 1e-4, 9.5])
+    assert scheme.growth(phases) == pytest.approx([modulus(p) for p in phases], abs=1e-8)
+
+
+@pytest.mark.parametrize(("scheme", "limit"), [(SRKN_6, 3.1634651), (SRKN_11, 3.1414311)])
+def test_limits_measured(scheme: Splitting, limit: float) -> None:
+    assert scheme.limit == pytest.approx(limit, abs=1e-7)
+
+
+@pytest.mark.parametrize("stepper", [FINE, COARSE])
+@pytest.mark.parametrize("name", ["mode_step", "ball_step"])
+def test_steps_past_the_limit_are_refused(stepper: object, name: str) -> None:
+    limit = stepper.splitting.limit
+    assert getattr(replace(stepper, **{name: limit}), name) == limit
+    for value in (limit * (1 + 1e-9), 4.5, 0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(InputError, match=f"modal: {name} = .*to {limit:.4f}, the limit"):
+            replace(stepper, **{name: value})

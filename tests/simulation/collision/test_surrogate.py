@@ -1,0 +1,169 @@
+"""The surrogate: its error on fresh points, what it refuses, and its place on disk."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from virtual_lab.catalog import load_bat
+from virtual_lab.errors import InputError
+from virtual_lab.simulation.collision.modal import ModalModel
+from virtual_lab.simulation.collision.scene import Scenes
+from virtual_lab.simulation.collision.store import surrogate_of
+from virtual_lab.simulation.collision.surrogate import Box, Surrogate
+from virtual_lab.simulation.collision.surrogate_kernel import evaluate
+from virtual_lab.simulation.physics.supports import Free, Pinned
+from virtual_lab.units import INCH, MPH
+
+BODY = load_bat("ea70").spec.body
+BOX = Box(
+    impact_position=(3 * INCH, 9 * INCH),
+    relative_speed=(50 * MPH, 170 * MPH),
+    ball_restitution=(0.40, 0.60),
+    ball_mass=(0.1417, 0.1488),
+    stiffness=3.5e6,
+    exponent=1.0,
+)
+TOLERANCE = 1e-5
+
+
+@pytest.fixture(scope="module")
+def model() -> ModalModel:
+    return ModalModel.of(BODY, Free())
+
+
+@pytest.fixture(scope="module")
+def surrogate(model: ModalModel) -> Surrogate:
+    return Surrogate.build(model, BOX, tolerance=TOLERANCE)
+
+
+def test_error_on_fresh_points(surrogate: Surrogate, model: ModalModel) -> None:
+    """600 points that neither the fit nor its own check has seen, corners among them."""
+    unit = np.random.default_rng(77).uniform(-1, 1, (4, 600))
+    unit[:, :200] = np.sign(unit[:, :200])
+    scenes = BOX.scenes(unit)
+    error = surrogate.efficiency(scenes) - model.collide(scenes).collision_efficiency
+    assert surrogate.error <= TOLERANCE
+    assert np.abs(error).max() <= 2 * TOLERANCE
+    assert np.abs(error).max() > surrogate.error / 100  # it is no copy of the model
+
+
+@pytest.mark.parametrize("shape", [(3, 2, 4, 1), (1, 1, 1, 1), (16, 5, 5, 3)])
+def test_the_kernel_is_the_chebyshev_series(shape: tuple[int, ...]) -> None:
+    """Against numpy.polynomial, over more points than a block, block edges included."""
+    rng = np.random.default_rng(5)
+    coefficients = rng.normal(size=shape)
+    unit = rng.uniform(-1, 1, (4, 700))
+    expected = []
+    for x, y, z, w in unit.T:
+        value = coefficients
+        for at in (x, y, z, w):
+            value = np.polynomial.chebyshev.chebval(at, value)
+        expected.append(value)
+    assert evaluate(coefficients, unit) == pytest.approx(np.array(expected), abs=1e-12)
+    alone = np.concatenate([evaluate(coefficients, unit[:, i : i + 1].copy()) for i in range(9)])
+    assert evaluate(coefficients, unit)[:9] == pytest.approx(alone, abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        ({"impact_position": 2.9 * INCH}, "impact_position"),
+        ({"relative_speed": 171 * MPH}, "relative_speed"),
+        ({"ball_restitution": 0.61}, "ball_restitution"),
+        ({"ball_mass": 0.15}, "ball_mass"),
+        ({"stiffness": 3.6e6}, "stiffness"),
+        ({"exponent": 1.5}, "exponent"),
+    ],
+)
+def test_outside_its_box_it_refuses(
+    change: dict[str, float], key: str, surrogate: Surrogate
+) -> None:
+    inside = {
+        "impact_position": 6 * INCH,
+        "relative_speed": 100 * MPH,
+        "ball_restitution": 0.5,
+        "ball_mass": 0.145,
+        "stiffness": 3.5e6,
+        "exponent": 1.0,
+    }
+    assert surrogate.efficiency(Scenes.of(**inside)).shape == (1,)
+    with pytest.raises(InputError, match=key):
+        surrogate.efficiency(Scenes.of(**(inside | change)))
+
+
+def test_where_scenes_reload_it_is_not_built() -> None:
+    """A free wood bat re-loads beyond 14 in."""
+    wood = ModalModel.of(load_bat("r161").spec.body, Free())
+    box = replace(BOX, impact_position=(14 * INCH, 28 * INCH))
+    with pytest.raises(InputError, match="re-load"):
+        Surrogate.build(wood, box, tolerance=TOLERANCE)
+
+
+def test_a_tolerance_out_of_reach_is_said(model: ModalModel) -> None:
+    with pytest.raises(InputError, match="tolerance"):
+        Surrogate.build(model, BOX, tolerance=1e-12)
+
+
+def test_a_box_upside_down_is_refused() -> None:
+    with pytest.raises(InputError, match="relative_speed"):
+        replace(BOX, relative_speed=(80.0, 20.0))
+
+
+def test_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same from disk; another bat, support or box is another file; a spoilt file is remade."""
+
+    def get(**change: object) -> Surrogate:
+        ask = {"body": BODY, "support": Free(), "box": BOX, "tolerance": 1e-3} | change
+        return surrogate_of(**ask, folder=tmp_path)  # type: ignore[arg-type]
+
+    first = get()
+    (path,) = tmp_path.iterdir()
+    monkeypatch.setattr(ModalModel, "collide", None)
+    again = get()
+    assert np.array_equal(first.coefficients, again.coefficients)
+    assert again.error == first.error
+    monkeypatch.undo()
+    path.write_bytes(b"spoilt")
+    assert np.array_equal(get().coefficients, first.coefficients)
+    get(support=Pinned(0.7112))
+    get(box=replace(BOX, exponent=1.1))
+    assert len(list(tmp_path.iterdir())) == 3
+    assert not [name for name in tmp_path.iterdir() if not name.name.startswith("surrogate-")]
+
+
+def test_a_folder_that_cannot_be_written_is_done_without(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    found = surrogate_of(BODY, Free(), BOX, tolerance=1e-3, folder=tmp_path / "file")
+    assert found.error <= 1e-3
+
+
+def test_a_box_holds_what_lies_within_it() -> None:
+    """Itself and less; nothing that sticks out on one side, nothing of another ball."""
+    assert BOX.holds(BOX)
+    for axis in ("impact_position", "relative_speed", "ball_restitution", "ball_mass"):
+        low, high = getattr(BOX, axis)
+        assert BOX.holds(replace(BOX, **{axis: ((low + high) / 2, high)}))
+        assert not BOX.holds(replace(BOX, **{axis: (low * 0.999, high)}))
+        assert not BOX.holds(replace(BOX, **{axis: (low, high * 1.001)}))
+    assert not BOX.holds(replace(BOX, stiffness=3.6e6))
+    assert not BOX.holds(replace(BOX, exponent=1.5))
+
+
+def test_a_widened_box() -> None:
+    """A tenth at either end, of places 15 mm at most; no restitution above 1."""
+    wide = BOX.widened(0.1)
+    assert wide.impact_position == pytest.approx((3 * INCH - 0.015, 9 * INCH + 0.015))
+    assert BOX.widened(0.05).impact_position == pytest.approx((2.7 * INCH, 9.3 * INCH))
+    assert wide.relative_speed == pytest.approx((38 * MPH, 182 * MPH))
+    assert wide.ball_restitution == pytest.approx((0.38, 0.62))
+    assert wide.holds(BOX)
+    assert not BOX.holds(wide)
+    far = BOX.widened(3)
+    assert far.impact_position == wide.impact_position
+    assert far.relative_speed[0] == pytest.approx(25 * MPH)  # no lower than half
+    assert far.ball_restitution == (0.2, 1.0)
+    assert BOX.widened(0) == BOX

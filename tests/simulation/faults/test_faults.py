@@ -1,0 +1,190 @@
+"""Faults of a day: what each does to a record, by closed forms, and what it must not do."""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import pairwise
+from math import radians, sqrt
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.special import ellipk
+
+from virtual_lab import catalog, lab
+from virtual_lab.api import certify
+from virtual_lab.errors import InputError
+from virtual_lab.lab import certify_bat
+from virtual_lab.measurement.diagnostics import CHECKS
+from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.simulation.faults import CATALOGUE, Day, FaultSheet
+from virtual_lab.simulation.rig import Reality, installed_rigs
+from virtual_lab.units import MPH, OUNCE
+
+NAMES = catalog.names("faults")
+
+
+@cache
+def played(*faults: str, reality: Reality = Reality.REAL, seed: int = 11) -> lab.Tested:
+    """Play one laboratory by the ASTM procedure."""
+    return certify_bat("r161", procedure="astm-f1881", seed=seed, reality=reality, faults=faults)
+
+
+def record(channel: str, *faults: str, stage: str = "impact", seed: int = 11):
+    """Return a record of a day with faults."""
+    return played(*faults, seed=seed).certification.session.records[stage][channel]
+
+
+def test_every_fault_has_its_file_and_every_file_its_fault() -> None:
+    assert set(NAMES) == set(CATALOGUE)
+    assert len(NAMES) >= 20
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_fault_reads(name: str) -> None:
+    """Rigs that exist, predictions for procedures on those rigs, catches that there are."""
+    sheet = catalog.load("faults", name, FaultSheet).spec
+    assert sheet.name == name
+    assert set(sheet.rigs) <= set(installed_rigs())
+    for prediction in sheet.predictions:
+        rules = catalog.load("procedures", prediction.procedure, Procedure).spec
+        assert rules.rig in sheet.rigs
+        catches = {each for each in prediction.caught_by.split(", ") if each}
+        assert catches <= {"INVALID", *CHECKS}
+
+
+def test_an_unknown_fault_is_named_with_the_nearest() -> None:
+    with pytest.raises(InputError, match="did you mean gate-moved"):
+        certify_bat("r161", procedure="astm-f1881", seed=1, faults=("gate-move",))
+
+
+def test_a_fault_that_cannot_befall_the_rig_names_those_it_can() -> None:
+    with pytest.raises(InputError, match="befalls astm-pivot, not the rig ball-cannon"):
+        certify_bat("r161", procedure="bbcor", seed=1, faults=("encoder-slip",))
+
+
+def test_a_sound_day_is_the_day_without_faults(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bit for bit: the hooks taken out of the laboratory altogether."""
+    sound = certify_bat("r161", procedure="astm-f1881", seed=5).certification
+    monkeypatch.setattr(Day, "station", lambda self, stage, station: station)
+    monkeypatch.setattr(Day, "calibration", lambda self, known: known)
+    monkeypatch.setattr(
+        Day,
+        "play",
+        lambda self, stage, station, order, specimen, draws: station.play(order, specimen, draws),
+    )
+    bare = certify_bat("r161", procedure="astm-f1881", seed=5).certification
+    assert sound.metric == bare.metric
+    for stage, records in sound.session.records.items():
+        for channel, each in records.items():
+            for name in each.columns:
+                other = getattr(bare.session.records[stage][channel], name)
+                assert np.array_equal(getattr(each, name), other, equal_nan=True)
+
+
+@pytest.mark.parametrize("fault", ["encoder-slip", "clamp-forgotten", "wrong-lot", "sabot-trip"])
+def test_only_the_truth_names_the_fault(fault: str, tmp_path: Path) -> None:
+    certificate = certify("r161", procedure="astm-f1881", seed=3, faults=(fault,))
+    folder = certificate.save(tmp_path / "out")
+    for path in folder.rglob("*"):
+        if path.is_file():
+            assert (fault in path.read_text("utf-8")) == (path.name == "truth.json"), path
+
+
+def test_two_faults_at_once_add() -> None:
+    """A gate and a scale: the two errors of e_A add to first order, to 2 % of their sum."""
+    sound, gate, scale, both = (
+        played(*faults).certification.quantities["collision_efficiency"].value
+        for faults in ((), ("gate-moved",), ("scale-not-tared",), ("gate-moved", "scale-not-tared"))
+    )
+    assert played("gate-moved", "scale-not-tared").sealed.faults == (
+        "gate-moved",
+        "scale-not-tared",
+    )
+    alone = (gate - sound) + (scale - sound)
+    assert abs(alone) > 0.015
+    assert both - sound == pytest.approx(alone, rel=0.02)
+
+
+def test_a_moved_gate_reads_fast() -> None:
+    """By the distance between the gates, 300 mm that are 299 mm: drag changes it by 1e-5."""
+    quick = [played(*on).certification.shots.speed for on in ((), ("gate-moved",))]
+    assert quick[1] / quick[0] == pytest.approx(300 / 299, rel=2e-4)
+
+
+def test_a_wide_pendulum_swings_by_the_elliptic_integral() -> None:
+    """T/T0 = 2 K(sin²(θ/2))/π at either amplitude, over the middle of ten swings that decay."""
+
+    def longer(released: float) -> float:
+        swings = radians(released) * 0.995 ** (np.arange(10) + 0.5)
+        return float(np.mean(2 / np.pi * ellipk(np.sin(swings / 2) ** 2)))
+
+    shown = [
+        np.ptp(record("pendulum", *on, stage="bench").times, axis=1).mean()
+        for on in ((), ("pendulum-wide",))
+    ]
+    assert shown[1] / shown[0] == pytest.approx(longer(20) / longer(4), abs=5e-6)
+    noted = record("pendulum", "pendulum-wide", stage="bench").first_amplitude
+    assert noted == pytest.approx(radians(4), abs=radians(0.2))
+
+
+def test_a_cracked_bat_rings_lower() -> None:
+    """Every frequency goes with the root of the moduli: √0.9 of what it was."""
+    rings = [
+        played(*on).certification.readings.recoil.ring_frequency[:3]
+        for on in ((), ("bat-cracked",))
+    ]
+    assert rings[1] / rings[0] == pytest.approx(sqrt(0.9), abs=0.01)
+
+
+def test_a_slipped_encoder_loses_its_counts() -> None:
+    lost = record("encoder").counts - record("encoder", "encoder-slip").counts
+    assert set(np.unique(lost)) == {0.0, 20.0}
+    assert (np.diff(lost, axis=1) >= 0).all()
+
+
+def test_play_is_taken_up_and_no_more() -> None:
+    """0.3 degrees of 10 000 counts are 8; the encoder lags by no more and never leads."""
+    lag = record("encoder").counts - record("encoder", "encoder-play").counts
+    assert lag.min() == 0
+    assert lag.max() == 8
+
+
+def test_the_log_keeps_what_was_asked() -> None:
+    log = record("log", "cannon-slow")
+    assert log.nominal_speed == pytest.approx(60 * MPH)
+    assert played("cannon-slow").sealed.shots["speed"].mean() == pytest.approx(
+        57 * MPH, abs=0.5 * MPH
+    )
+
+
+def test_ounces_are_not_grams() -> None:
+    sound, mistaken = (
+        record("ball-mass", *on, stage="bench").readings for on in ((), ("ounces-as-grams",))
+    )
+    assert sound / mistaken == pytest.approx(OUNCE / 1e-3)
+
+
+def test_swapped_records_are_the_same_records() -> None:
+    sound, swapped = (record("gates", *on).times for on in ((), ("records-swapped",)))
+    assert np.array_equal(swapped[[0, 4, 2, 3, 1, 5]], sound, equal_nan=True)
+
+
+def test_a_fault_that_comes_and_goes_spares_some_shots() -> None:
+    """Three of five are struck: of 36 shots in six laboratories between a third and nine tenths."""
+    struck = [
+        np.ptp(
+            record("gates", "gate-doubles", seed=seed).times[:6, 0, 1]
+            - record("gates", seed=seed).times[:6, 0, 1],
+            axis=-1,
+        )
+        for seed in range(20, 26)
+    ]
+    assert set(np.round(np.unique(struck), 7)) == {0.0, 4e-4}
+    assert 1 / 3 < np.mean(np.array(struck) > 0) < 0.9
+
+
+def test_order_does_not_depend_on_the_names_given_twice() -> None:
+    day = Day.of(("gate-moved", "aim-along", "gate-moved"), rig="astm-pivot")
+    assert day.names == ("gate-moved", "aim-along")
+    assert all(one != other for one, other in pairwise(day.names))

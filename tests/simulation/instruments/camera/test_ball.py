@@ -1,0 +1,191 @@
+"""Rendered balls against exact spectra and against sums over a fine raster."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.special import j1
+
+from virtual_lab.simulation.instruments.camera.ball import Light, axes_of, render_balls
+from virtual_lab.simulation.instruments.camera.ball_kernel import _albedo
+from virtual_lab.simulation.instruments.camera.spec import BallLook
+from virtual_lab.streams import Streams
+
+Array = NDArray[np.float64]
+PLAIN = BallLook(albedo=0.9, seam_contrast=0.0)
+STITCHED = BallLook(albedo=0.9, seam_contrast=0.6)
+MOTIONS = ((0.0, 0.0), (6.0, 1.0), (-20.0, 9.0))
+CONTRAST = 8e-4  # worst error allowed, of the step from ball to background
+
+
+def folded_spectrum(centre: Array, motion: Array, radius: float, sigma: float, size: int) -> Array:
+    """Return the exact blurred disc at pixel centres: jinc, Gaussian, two sincs, a third.
+
+    The picture repeats after some pixels, so its spectrum is a sum of lines; six orders
+    beyond the pixels' own frequency are folded in.
+    """
+    period = 128 if size < 110 else 256
+    lines = np.arange(-3 * period, 3 * period) / period
+    fx, fy = np.meshgrid(lines, lines)
+    q = np.hypot(fx, fy)
+    safe = np.where(q > 0, q, 1.0)
+    disc = np.where(q > 0, radius * j1(2 * np.pi * radius * safe) / safe, np.pi * radius**2)
+    blur = np.exp(-2 * np.pi**2 * sigma**2 * q**2) * np.sinc(fx) * np.sinc(fy)
+    blur = blur * np.sinc(fx * motion[0] + fy * motion[1])
+    shift = np.exp(-2j * np.pi * (fx * centre[0] + fy * centre[1]))
+    wave = np.exp(2j * np.pi * np.outer(np.arange(size), lines))
+    return np.asarray((wave @ (disc * blur * shift / period**2) @ wave.T).real)
+
+
+@pytest.mark.parametrize(
+    ("radius", "sigma", "motion"),
+    [
+        *((15.0, sigma, motion) for sigma in (0.5, 0.65, 1.2) for motion in MOTIONS),
+        (60.0, 0.5, (0.0, 0.0)),
+        (60.0, 0.65, (-40.0, 12.0)),
+    ],
+)
+def test_a_plain_ball_has_the_exact_spectrum(
+    radius: float, sigma: float, motion: tuple[float, float]
+) -> None:
+    """Every pixel, edge and blur, at a centre anywhere between pixels."""
+    size = 2 * int(radius) + 48
+    centre, way = np.array([size / 2 + 0.31, size / 2 - 0.17]), np.array(motion)
+    path = [[centre - way / 2, centre + way / 2]]
+    seen = render_balls(path, radius, [[0, 0]], (size, size), sigma=sigma, look=PLAIN)
+    exact = folded_spectrum(centre, way, radius, sigma, size)
+    assert np.abs(seen.cover[0] - exact).max() < CONTRAST
+    assert np.abs(seen.radiance[0] / 0.9 - exact).max() < CONTRAST
+
+
+def test_the_centre_is_true_at_every_phase() -> None:
+    """The centre of mass of the cover over 16 x 16 phases, to 0.001 px; area to 1e-4."""
+    steps = np.arange(16) / 16
+    centres = 30 + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 1, 2)
+    corners = np.zeros((len(centres), 2))
+    seen = render_balls(centres, 20.0, corners, (61, 61), sigma=0.6, look=PLAIN)
+    cover = seen.cover.astype(float)
+    area = cover.sum(axis=(1, 2))
+    x = (cover.sum(axis=1) @ np.arange(61)) / area
+    y = (cover.sum(axis=2) @ np.arange(61)) / area
+    assert np.abs(np.stack([x, y], axis=1) - centres[:, 0]).max() < 1e-3
+    assert area == pytest.approx(np.pi * 20.0**2, rel=1e-4)
+
+
+def raster(
+    body: Array, centre: Array, motion: Array, radius: float, sigma: float, light: Light, size: int
+) -> Array:
+    """Return the radiance of a ball summed over 24 x 24 samples a pixel, blurred by its spectrum.
+
+    The albedo is the one that is painted on; the picture of it is made here.
+    """
+    fine = 24
+    place = (np.arange(size * fine) + 0.5) / fine - 0.5
+    x, y = np.meshgrid((place - centre[0]) / radius, (place - centre[1]) / radius)
+    inside = x**2 + y**2 < 1
+    normal = np.stack([x, y, -np.sqrt(np.maximum(1 - x**2 - y**2, 0))], axis=-1)[inside]
+    neck = STITCHED.neck**2 / np.sqrt(1 - STITCHED.neck**2)
+    look = np.array([STITCHED.albedo, STITCHED.seam_contrast, STITCHED.seam_width, neck])
+    lit = np.maximum(normal @ np.array(light.toward) + light.softness, 0) / (1 + light.softness)
+    painted = np.array([_albedo(*axes, look) for axes in normal @ body.T])
+    picture = np.zeros(inside.shape)
+    picture[inside] = painted * (light.ambient + (1 - light.ambient) * lit)
+    # the samples' own square is left of the pixel's by the others
+    f = np.fft.fftfreq(size * fine, 1 / fine)
+    fx, fy = np.meshgrid(f, f)
+    blur = np.exp(-2 * np.pi**2 * sigma**2 * (fx**2 + fy**2)) * np.sinc(fx) * np.sinc(fy)
+    blur = blur * np.sinc(fx * motion[0] + fy * motion[1])
+    # pixel centres lie half a sample before one
+    shift = np.exp(-1j * np.pi * (fx + fy) / fine)
+    image = np.fft.ifft2(np.fft.fft2(picture) * blur * shift).real
+    return np.asarray(image[fine // 2 :: fine, fine // 2 :: fine])
+
+
+SOFT = Light(ambient=0.5, softness=0.4)
+HARD = Light(ambient=0.1, toward=(0.6, 0.0, -0.8))
+
+
+@pytest.mark.parametrize("light", [SOFT, HARD])
+def test_a_stitched_ball_is_what_its_samples_sum_up_to(light: Light) -> None:
+    """Seams and shade are anti-aliased: none is looked up, none shifts; worst pixel 2e-3."""
+    centre, motion, size = np.array([20.3, 19.6]), np.array([3.0, -1.0]), 40
+    for seed in range(2):
+        body = axes_of(2 * Streams(seed).normal("axes", 3))
+        path = [[centre - motion / 2, centre + motion / 2]]
+        seen = render_balls(
+            path,
+            14.0,
+            [[0, 0]],
+            (size, size),
+            sigma=0.6,
+            look=STITCHED,
+            light=light,
+            orientation=body,
+        )
+        exact = raster(body, centre, motion, 14.0, 0.6, light, size)
+        off = seen.radiance[0] - exact
+        assert np.abs(off).max() < 2e-3
+        assert np.sqrt((off**2).mean()) < 3e-4
+        assert exact[12:28, 12:28].std() > 0.02  # there is something to see
+
+
+def test_a_contact_within_the_exposure_is_two_legs() -> None:
+    """In for 0.3 of the exposure and back for the rest: the mean of both, by their shares."""
+    legs = np.array([[20.0, 25.0], [27.0, 26.0], [24.0, 24.0]])
+    common = {"sigma": 0.6, "look": PLAIN}
+    both = render_balls([legs], 12.0, [[0, 0]], (50, 50), times=[[0, 0.3, 1]], **common)
+    each = [render_balls([leg], 12.0, [[0, 0]], (50, 50), **common) for leg in pairwise(legs)]
+    mean = 0.3 * each[0].cover + 0.7 * each[1].cover
+    assert np.abs(both.cover - mean).max() < 1e-5
+
+
+def test_a_ball_that_turns_is_the_mean_of_how_it_stood() -> None:
+    """A fifth of a turn a frame, beside the mean of 64 balls that stand still."""
+    turn = np.array([0.2, -1.1, 0.4])
+    body = axes_of([0.3, 0.5, -0.2])
+    args = ([[[25.0, 25.0]]], 18.0, [[0, 0]], (50, 50))
+    common = {"sigma": 0.6, "look": STITCHED}
+    turned = render_balls(*args, orientation=body, turn=turn, **common).radiance
+    parts = [
+        render_balls(*args, orientation=body @ axes_of((k / 64 - 63 / 128) * turn), **common)
+        for k in range(64)
+    ]
+    mean = np.mean([part.radiance for part in parts], axis=0)
+    still = render_balls(*args, orientation=body, **common).radiance
+    assert np.abs(turned - mean).max() < 0.005
+    assert np.abs(still - mean).max() > 0.1
+
+
+def test_regions_are_windows_on_one_frame() -> None:
+    """A ball half out of its region is the same ball, cut off."""
+    path = [[[31.2, 40.7], [33.0, 40.0]]]
+    common = {"sigma": 0.6, "look": STITCHED}
+    whole = render_balls(path, 15.0, [[0, 0]], (80, 80), **common)
+    part = render_balls(path, 15.0, [[30, 35]], (20, 24), **common)
+    assert np.array_equal(part.radiance[0], whole.radiance[0, 35:55, 30:54])
+
+
+def test_an_outline_may_be_an_ellipse() -> None:
+    """A disc drawn out along a slant: area and second moments of an ellipse, blur taken off."""
+    warp = np.zeros((1, 2, 5))
+    warp[0, :, :2] = [[20.0, 3.0], [-1.0, 16.0]]
+    seen = render_balls([[[40.0, 40.0]]], 1.0, [[0, 0]], (81, 81), sigma=0.6, look=PLAIN, warp=warp)
+    cover = seen.cover[0].astype(float)
+    off = np.arange(81) - 40
+    area = cover.sum()
+    assert area == pytest.approx(np.pi * (20 * 16 + 3), rel=1e-4)
+    moments = [
+        (cover.sum(axis=0) @ off**2) / area,
+        (cover.sum(axis=1) @ off**2) / area,
+        off @ cover @ off / area,
+    ]
+    blur = 0.6**2 + 1 / 12
+    wanted = [(20**2 + 3**2) / 4 + blur, (16**2 + 1) / 4 + blur, (-20 + 3 * 16) / 4]
+    assert moments == pytest.approx(wanted, rel=1e-3)
+
+
+def test_a_sharper_lens_than_can_be_rendered_is_refused() -> None:
+    """Half a pixel is the least: below, the grid would show."""
+    with pytest.raises(ValueError, match=r"0\.5 to 3"):
+        render_balls([[[5.0, 5.0]]], 3.0, [[0, 0]], (10, 10), sigma=0.3, look=PLAIN)

@@ -1,0 +1,105 @@
+"""The sensor against EMVA 1288's own equations and against Poisson's distribution."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from virtual_lab.simulation.instruments.camera.sensor import Sensor
+from virtual_lab.simulation.instruments.camera.spec import SensorSpec
+from virtual_lab.streams import Quiet, Streams
+
+SPEC = SensorSpec(
+    columns=320,
+    rows=200,
+    pixel=28e-6,
+    quantum_efficiency=0.5,
+    full_well=25_000.0,
+    gain=0.15,
+    gain_u=0.01,
+    read_noise=15.0,
+    dark_current=1000.0,
+    photo_response=0.005,
+    dark_signal=3.0,
+    black_level=64.0,
+    bits=12,
+)
+
+
+@pytest.mark.parametrize("level", [8.0, 24.0, 26.0, 400.0, 9000.0])
+def test_photon_transfer(level: float) -> None:
+    """EMVA 1288: variance K² (σ_d² + μ) + 1/12 of a pixel, mean K μ + black, over 60 frames."""
+    sensor = Sensor.commission(SPEC, Streams(4), "s")
+    light = np.full((60, 40, 50), level, np.float32)
+    corners = np.tile([[30, 20]], (60, 1))
+    grey = sensor.expose(light, corners, Streams(5), "frames", exposure=1e-3).astype(float)
+    mean = level + 1.0
+    variance = grey.var(axis=0, ddof=1).mean()
+    expected = sensor.gain**2 * (15.0**2 + mean) + 1 / 12
+    assert variance == pytest.approx(expected, rel=4 * np.sqrt(2 / (59 * 2000)))
+    maps = sensor.response[20:60, 30:80] * level + 1.0 + sensor.offset[20:60, 30:80]
+    wanted = sensor.gain * maps.mean() + 64
+    assert grey.mean() == pytest.approx(wanted, abs=4 * np.sqrt(expected / grey.size))
+
+
+def test_few_electrons_are_poisson() -> None:
+    """Without read noise and with a gain of 1 the grey values of dim pixels are counts."""
+    spec = SPEC.ideal()
+    counting = Sensor.commission(spec, Quiet(), "s")
+    for level in (0.5, 6.0, 20.0):
+        light = np.full((1, 200, 320), level, np.float32)
+        grey = counting.expose(light, [[0, 0]], Streams(6), f"level {level}")
+        counts = np.rint((grey - 64) / spec.gain)
+        assert np.allclose(counts * spec.gain + 64, grey, atol=1e-3)
+        edges = np.arange(stats.poisson.ppf(1e-4, level), stats.poisson.ppf(1 - 1e-4, level))
+        seen = [np.sum(counts <= edges[0]), *(np.sum(counts == n) for n in edges[1:])]
+        share = np.diff(stats.poisson.cdf(edges, level), prepend=0)
+        seen.append(counts.size - sum(seen))
+        wanted = np.append(share, 1 - share.sum()) * counts.size
+        assert stats.chisquare(seen, wanted).pvalue > 1e-3
+
+
+def test_saturation_is_full_scale() -> None:
+    """Past full well or full scale a pixel shows the lesser of both, and never wraps."""
+    sensor = Sensor.commission(SPEC, Quiet(), "s")
+    light = np.full((1, 4, 4), 1e6, np.float32)
+    assert np.all(sensor.expose(light, [[0, 0]], Streams(1), "x") == round(0.15 * 25_000 + 64))
+    eight = Sensor.commission(replace(SPEC, bits=8), Quiet(), "s")
+    grey = eight.expose(light, [[0, 0]], Streams(1), "x")
+    assert grey.dtype == np.uint8
+    assert np.all(grey == 255)
+
+
+def test_without_randomness_the_mean_is_left() -> None:
+    """Quiet draws: dim or bright, the expectation, to the grey value's half."""
+    sensor = Sensor.commission(SPEC, Quiet(), "s")
+    light = np.linspace(0, 60, 50, dtype=np.float32).reshape(1, 5, 10)
+    grey = sensor.expose(light, [[0, 0]], Quiet(), "x")
+    assert np.abs(grey - (0.15 * light + 64)).max() <= 0.5 + 1e-4
+
+
+def test_a_mean_of_frames_is_one_of_many() -> None:
+    """32 frames taken one by one and their mean drawn at once: same mean, same scatter.
+
+    The mean of each pixel is its own, maps and all; four standard errors of 4000 pixels.
+    """
+    small = replace(SPEC, columns=80, rows=50)
+    sensor = Sensor.commission(small, Streams(4), "s")
+    light = np.full((50, 80), 3000.0, np.float32)
+    corners = np.zeros((32, 2), int)
+    frames = sensor.expose(np.tile(light, (32, 1, 1)), corners, Streams(5), "f", exposure=1e-3)
+    one, other = frames.mean(axis=0), sensor.mean_of(light, 32, Streams(6), "m", exposure=1e-3)
+    sigma = np.sqrt((sensor.gain**2 * (3001.0 + 15.0**2) + 1 / 12) / 32)
+    assert abs(float((one - other).mean())) < 4 * sigma * np.sqrt(2 / 4000)
+    assert float((one - other).std()) == pytest.approx(sigma * np.sqrt(2), rel=4 / np.sqrt(8000))
+
+
+def test_a_pixel_keeps_its_own_faults() -> None:
+    """Maps belong to the sensor: two regions over the same pixels show the same pattern."""
+    sensor = Sensor.commission(SPEC, Streams(4), "s")
+    light = np.full((1, 20, 20), 10_000, np.float32)
+    one = sensor.expose(light, [[100, 50]], Quiet(), "x").astype(float)
+    other = sensor.expose(light, [[110, 55]], Quiet(), "x").astype(float)
+    assert np.array_equal(one[0, 5:, 10:], other[0, :-5, :-10])
+    assert one.std() == pytest.approx(0.15 * 10_000 * 0.005, rel=0.2)

@@ -1,0 +1,448 @@
+"""Instruments against their data sheets: what they read, scatter, round, and forget when ideal.
+
+Statistics are of fixed seeds; the bound beside each is four standard errors of the statistic
+unless said otherwise.
+"""
+
+from dataclasses import replace
+from importlib.resources import files
+from math import isclose, log, pi, sqrt
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+from scipy.special import ellipk
+
+from tests.catalog.test_reading import INSTRUMENTS
+from virtual_lab import catalog
+from virtual_lab.simulation.instruments import calibration_of, errors_of
+from virtual_lab.simulation.instruments.air import Air, AirSpec
+from virtual_lab.simulation.instruments.camera.camera import Camera
+from virtual_lab.simulation.instruments.camera.spec import CameraSpec
+from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
+from virtual_lab.simulation.instruments.encoder import Encoder, EncoderSpec
+from virtual_lab.simulation.instruments.indicator import indicate, quantise
+from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec
+from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
+from virtual_lab.simulation.instruments.passage import Passage
+from virtual_lab.simulation.instruments.pendulum import Pendulum, PendulumSpec
+from virtual_lab.simulation.instruments.rule import Rule, RuleSpec
+from virtual_lab.simulation.instruments.scale import Scale, ScaleSpec
+from virtual_lab.streams import Quiet, Streams
+
+MAKERS = {
+    "air": Air,
+    "camera": Camera,
+    "cannon": Cannon,
+    "encoder": Encoder,
+    "light-board": LightBoards,
+    "light-gate": LightGates,
+    "pendulum": Pendulum,
+    "rule": Rule,
+    "scale": Scale,
+}
+KIND = {
+    name: next(kind for kind in INSTRUMENTS if f'kind = "{kind}"' in text)
+    for name in catalog.names("instruments")
+    for text in [
+        files("virtual_lab.data").joinpath("instruments", f"{name}.toml").read_text("utf-8")
+    ]
+}
+# Constants a calibration gives but that have no true value of their own: a step is no error, the
+# number of lines of an encoder is exact, how much something scatters is no error of its own, and
+# nobody can know how a cannon points across.
+OF_A_CAMERA = {"exposure", "jitter", "blur", "read_noise", "photo_response", "dark_signal"}
+OF_A_CAMERA |= {"black_level", "full_scale"}
+NEVER_WRONG = {"resolution", "counts_per_turn", "lowest", "pitch"} | OF_A_CAMERA
+NEVER_KNOWN = {"across"}
+
+
+def spec_of(name: str):
+    return catalog.load("instruments", name, INSTRUMENTS[KIND[name]]).spec
+
+
+@pytest.mark.parametrize("name", KIND)
+def test_calibration_and_errors_name_the_same_constants(name: str) -> None:
+    """What is uncertain has a true value, what has a true value is reckoned with."""
+    instrument = MAKERS[KIND[name]].commission(spec_of(name), Streams(1), name)
+    assert instrument.calibration().keys() - NEVER_WRONG == instrument.errors().keys() - NEVER_KNOWN
+    assert calibration_of({"x": instrument}).keys() == {
+        f"x.{key}" for key in instrument.calibration()
+    }
+    assert errors_of({"x": instrument}).keys() == {f"x.{key}" for key in instrument.errors()}
+
+
+@pytest.mark.parametrize("name", KIND)
+def test_ideal_is_ideal(name: str) -> None:
+    """No uncertainty in any calibration, no error in any constant, whatever is drawn."""
+    instrument = MAKERS[KIND[name]].commission(spec_of(name).ideal(), Streams(1), name)
+    known = instrument.calibration()
+    assert all(estimate.u == 0 for estimate in known.values())
+    for key, value in instrument.errors().items():
+        assert value == (known[key].value if key in known else 0.0)
+
+
+@pytest.mark.parametrize("name", KIND)
+def test_true_constants_scatter_as_the_calibration_says(name: str) -> None:
+    """400 laboratories: z-scores of every constant are standard normal (KS, p > 1e-4)."""
+    scores: dict[str, list[float]] = {}
+    spec = spec_of(name)
+    if isinstance(spec, CameraSpec):  # maps of a million pixels hold no constant
+        spec = replace(spec, window=8, sensor=replace(spec.sensor, columns=8, rows=8))
+    for seed in range(400):
+        instrument = MAKERS[KIND[name]].commission(spec, Streams(seed), name)
+        true = instrument.errors()
+        for key, known in instrument.calibration().items():
+            if known.u > 0:
+                scores.setdefault(key, []).append((true[key] - known.value) / known.u)
+    assert scores
+    for key, values in scores.items():
+        assert stats.kstest(values, "norm").pvalue > 1e-4, key
+    if len(scores) > 1:
+        correlation = np.corrcoef(list(scores.values()))
+        np.fill_diagonal(correlation, 0.0)
+        assert np.abs(correlation).max() < 4.5 / sqrt(400)
+
+
+@given(
+    value=st.floats(-1e6, 1e6),
+    step=st.sampled_from([1e-6, 1e-4, 0.5e-3, 0.1, 1.0, 3.0]),
+)
+def test_quantise(value: float, step: float) -> None:
+    """Within half a step, a whole number of steps; a step of 0 changes nothing."""
+    shown = float(quantise(value, step))
+    assert abs(shown - value) <= step / 2 * (1 + 1e-9) + 1e-9 * abs(value)
+    assert isclose(shown / step, round(shown / step), rel_tol=1e-12, abs_tol=1e-12)
+    assert quantise(value, 0.0) == value
+
+
+def test_quantising_noise_is_uniform() -> None:
+    """Sheppard: the rounding error of a wide distribution has the variance step²/12."""
+    n = 50_000
+    fine = Streams(3).normal("x", n)
+    error = quantise(fine, 0.1) - fine
+    assert abs(error.mean()) < 4 * 0.1 / sqrt(12 * n)
+    # var of (uniform)² is step⁴/180
+    assert abs(error.var() - 0.01 / 12) < 4 * sqrt(1e-4 / 180 / n)
+
+
+def test_indicator_adds_offset_and_scatter() -> None:
+    """Mean true + offset, standard deviation the repeatability: n = 40 000."""
+    n, scatter = 40_000, 0.03
+    readings = indicate(
+        [5.0, 7.0],
+        offset=0.2,
+        repeatability=scatter,
+        resolution=0.0,
+        repeats=n,
+        draws=Streams(8),
+        name="r",
+    )
+    assert readings.shape == (2, n)
+    for row, true in zip(readings, (5.0, 7.0), strict=True):
+        assert abs(row.mean() - true - 0.2) < 4 * scatter / sqrt(n)
+        assert abs(row.std() - scatter) < 4 * scatter / sqrt(2 * n)
+    assert abs(np.corrcoef(readings)[0, 1]) < 4 / sqrt(n)
+
+
+SCALE = ScaleSpec(
+    kind="scale",
+    title="",
+    resolution=1e-4,
+    repeatability=2e-4,
+    zero_u=5e-4,
+    span_u=1e-3,
+)
+
+
+def test_scale_reads_span_times_mass_plus_zero() -> None:
+    """Least-squares line through 20 000 readings gives back the constants it says it has."""
+    scale = Scale.commission(SCALE, Streams(4), "s")
+    mass = np.linspace(0.1, 2.0, 200)
+    readings = scale.weigh(mass, 100, Streams(5), "w").readings
+    zero, span = np.polynomial.polynomial.polyfit(mass, readings.mean(axis=1), 1)
+    u = sqrt((2e-4) ** 2 + 1e-8 / 12) / sqrt(readings.size)
+    spread = mass.std()
+    assert abs(span - scale.errors()["span"]) < 4 * u / spread
+    assert abs(zero - scale.errors()["zero"]) < 4 * u * sqrt(1 + (mass.mean() / spread) ** 2)
+    steps = readings / 1e-4
+    assert np.abs(steps - np.rint(steps)).max() < 1e-6
+
+
+def test_rule_reads_length_plus_offset() -> None:
+    """Mean of 20 000 readings at a length that falls between two marks."""
+    spec = RuleSpec(kind="rule", title="", resolution=1e-3, repeatability=2e-3, offset_u=1e-3)
+    rule = Rule.commission(spec, Streams(4), "r")
+    readings = rule.measure(0.86361, 20_000, Streams(5), "m").readings
+    assert readings.shape == (1, 20_000)
+    u = sqrt(4e-6 + 1e-6 / 12) / sqrt(20_000)
+    assert abs(readings.mean() - 0.86361 - rule.errors()["offset"]) < 4 * u
+
+
+@pytest.mark.parametrize("maker", [Scale, Rule])
+def test_ideal_indicators_show_the_truth(maker) -> None:
+    """To the last bit, for there is nothing left to change it."""
+    name = {"Scale": "lab-scale", "Rule": "steel-rule"}[maker.__name__]
+    ideal = maker.commission(spec_of(name).ideal(), Streams(1), "i")
+    true = np.array([0.1452941176, 0.8788])
+    act = ideal.weigh if maker is Scale else ideal.measure
+    assert np.array_equal(act(true, 3, Streams(2), "x").readings, np.stack([true] * 3, axis=1))
+
+
+def test_cannon_scatters_as_its_sheet_says() -> None:
+    """50 000 shots: mean and standard deviation of speed and both offsets."""
+    spec, n = spec_of("ball-cannon"), 50_000
+    cannon = Cannon.commission(spec, Streams(6), "c")
+    launch = cannon.fire(np.full(n, 26.8224), Streams(7), "f", 0)
+    for values, centre, scatter in (
+        (launch.speed, 26.8224, 0.4 * 0.44704),
+        (launch.along, cannon.along, 1.5e-3),
+        (launch.across, cannon.across, 1.5e-3),
+    ):
+        assert abs(values.mean() - centre) < 4 * scatter / sqrt(n)
+        assert abs(values.std() - scatter) < 4 * scatter / sqrt(2 * n)
+    assert abs(np.corrcoef([launch.speed, launch.along, launch.across])[0, 1]) < 4 / sqrt(n)
+
+
+def test_cannon_marks_tell_its_aim() -> None:
+    """4000 marks: mean within four standard errors of the aim, in half-millimetre steps."""
+    spec = replace(spec_of("ball-cannon"), marks=4000)
+    cannon = Cannon.commission(spec, Streams(6), "c")
+    marks = cannon.mark(Streams(7), "m")
+    u = sqrt(2.25e-6 + 0.25e-6 / 12) / sqrt(4000)
+    assert abs(marks.along.mean() - cannon.along) < 4 * u
+    assert abs(marks.across.mean() - cannon.across) < 4 * u
+    steps = np.concatenate([marks.along, marks.across]) / 0.5e-3
+    assert np.abs(steps - np.rint(steps)).max() < 1e-9
+
+
+def test_drag_rate_by_hand() -> None:
+    """κ = ρ C_d π R²/(2 m): 1.2 x 0.4 x π x 0.0366² / (2 x 0.145) = 6.9655e-3 per metre."""
+    spec = AirSpec(
+        kind="air",
+        title="",
+        density=1.2,
+        density_u=0.0,
+        drag_coefficient=0.4,
+        drag_coefficient_u=0.0,
+    )
+    air = Air.commission(spec, Quiet(), "a")
+    by_hand = 1.2 * 0.4 * pi * 0.0366**2 / 0.29
+    assert air.drag(0.0366, np.array([0.145]))[0] == pytest.approx(by_hand, rel=1e-14)
+    assert by_hand == pytest.approx(6.9655e-3, rel=1e-4)
+    still = Air.commission(spec.ideal(), Streams(1), "a")
+    assert still.drag(0.0366, np.array([0.145]))[0] == 0
+
+
+GATES = LightGateSpec(
+    kind="light-gate",
+    title="",
+    distances=(0.6, 0.4, 0.2),
+    distance_u=1e-4,
+    half_height=0.05,
+    tick=1e-6,
+    edge_jitter=2e-6,
+    clock_u=1e-4,
+)
+
+
+def passage(n: int = 1, **changes) -> Passage:
+    given = {
+        "speed_in": np.full(n, 30.0),
+        "speed_out": np.full(n, 6.0),
+        "drag": np.zeros(n),
+        "radius": 0.0366,
+        "gravity": 0.0,
+    }
+    return Passage(**(given | changes))
+
+
+def test_ideal_gates_without_air() -> None:
+    """Distance over speed: front edge of the ball breaks, rear edge clears, both ways."""
+    gates = LightGates.commission(GATES.ideal(), Streams(1), "g")
+    record = gates.watch(passage(), np.array([0.1]), np.array([0.101]), Streams(2), "g", 0)
+    radius = 0.0366
+    for gate, distance in enumerate((0.6, 0.4, 0.2)):
+        into = [0.1 - (distance + radius) / 30, 0.1 - (distance - radius) / 30]
+        back = [0.101 + (distance - radius) / 6, 0.101 + (distance + radius) / 6]
+        assert record.times[0, 0, gate] == pytest.approx(into, rel=1e-14)
+        assert record.times[0, 1, gate] == pytest.approx(back, rel=1e-14)
+    assert gates.arrival(passage())[0] == pytest.approx((0.6 + radius) / 30, rel=1e-14)
+
+
+def test_gates_with_air() -> None:
+    """dv/dx = -κ v gives v = v0 e^(-κx): time back 0.4 m from contact, (e^(κx) - 1)/(κ v0)."""
+    gates = LightGates.commission(GATES.ideal(), Quiet(), "g")
+    drag = np.array([0.02])
+    record = gates.watch(passage(drag=drag), np.array([0.1]), np.array([0.1]), Quiet(), "g", 0)
+    x = 0.4 - 0.0366
+    assert record.times[0, 1, 1, 0] - 0.1 == pytest.approx(
+        (np.exp(0.02 * x) - 1) / (0.02 * 6), rel=1e-12
+    )
+    # on the way in the ball is faster far out: v(x) = v e^(κx) at x ahead, t = (1 - e^(-κx))/κv
+    x = 0.4 + 0.0366
+    assert 0.1 - record.times[0, 0, 1, 0] == pytest.approx(
+        (1 - np.exp(-0.02 * x)) / (0.02 * 30), rel=1e-12
+    )
+
+
+def test_gates_show_jitter_clock_and_ticks() -> None:
+    """20 000 shots: mean clock x time, jitter and one tick's rounding as the sheet says."""
+    n = 20_000
+    gates = LightGates.commission(GATES, Streams(9), "g")
+    contact = np.full(n, 0.1)
+    record = gates.watch(passage(n), contact, contact, Streams(10), "g", 0)
+    steps = record.times / 1e-6
+    assert np.abs(steps - np.rint(steps)).max() < 1e-4
+    # between two edges the start phase is common: twice the jitter, and rounding of both
+    width = record.times[:, 0, 0, 1] - record.times[:, 0, 0, 0]
+    scatter = sqrt(2 * 4e-12 + 2e-12 / 12)
+    assert abs(width.mean() - gates.clock * 2 * 0.0366 / 30) < 4 * scatter / sqrt(n)
+    assert abs(width.std() - scatter) < 4 * scatter / sqrt(2 * n)
+    between = record.times[:, 0, 2].mean(axis=1) - record.times[:, 0, 0].mean(axis=1)
+    true = (gates.distances[0] - gates.distances[2]) / 30
+    assert abs(between.mean() - gates.clock * true) < 4 * scatter / sqrt(n)
+    assert gates.clock != 1
+    assert gates.distances[0] != 0.6
+
+
+@pytest.mark.parametrize(
+    ("changes", "seen"),
+    [
+        ({}, True),
+        ({"speed_out": np.array([0.0])}, False),
+        ({"speed_out": np.array([-1.0])}, False),
+        ({"slope_out": np.array([0.2])}, False),  # 0.13 m up at the far gate
+        ({"slope_out": np.array([0.05])}, True),
+        # falls g t²/2 = 49 mm in 0.1 s; at 6 m/s the far gate is 0.106 s away
+        ({"gravity": 9.80665}, False),
+        ({"gravity": 9.80665, "speed_out": np.array([6.6])}, True),
+    ],
+)
+def test_which_rebounds_the_curtains_see(changes: dict, seen: bool) -> None:
+    """Heights worked by hand against a half height of 50 mm; the way in is always seen."""
+    gates = LightGates.commission(GATES.ideal(), Quiet(), "g")
+    record = gates.watch(passage(**changes), np.array([0.1]), np.array([0.1]), Quiet(), "g", 0)
+    assert np.isfinite(record.times[0, 0]).all()
+    assert np.isfinite(record.times[0, 1, 0]).all() == seen
+
+
+ENCODER = EncoderSpec(
+    kind="encoder",
+    title="",
+    counts_per_turn=4000,
+    sample_rate=1000.0,
+    duration=0.5,
+    scale_u=1e-3,
+)
+
+
+def test_encoder_counts() -> None:
+    """A turn of 1 rad is scale x 4000/2π counts, less than one count off at any rest phase."""
+    encoder = Encoder.commission(ENCODER, Streams(11), "e")
+    angle = np.linspace(0, 1, 500)[None, :].repeat(200, axis=0)
+    record = encoder.read(lambda part: angle[part].copy(), len(angle), Streams(12), "e", 0)
+    assert record.times.tolist() == (np.arange(500) / 1000).tolist()
+    assert np.array_equal(record.counts, np.rint(record.counts))
+    exact = encoder.scale * 4000 / (2 * pi) * angle
+    off = record.counts - exact
+    assert np.abs(off).max() < 1
+    # rest phase and rounding are both uniform of one count: triangular, variance 2/12
+    assert abs(off[:, 1:].var() - 1 / 6) < 0.02
+    assert abs(encoder.scale - 1) < 5e-3
+    assert encoder.scale != 1
+
+
+def test_ideal_encoder_shows_the_angle() -> None:
+    """Real numbers, scale 1."""
+    encoder = Encoder.commission(ENCODER.ideal(), Streams(11), "e")
+    angle = np.linspace(0, 1, 500)[None, :]
+    counts = encoder.read(lambda part: angle[part].copy(), len(angle), Quiet(), "e", 0).counts
+    assert counts == pytest.approx(4000 / (2 * pi) * angle, rel=1e-14)
+    assert not encoder.spec.sees_ring
+    assert not encoder.spec.whole_counts
+
+
+STAND = spec_of("pendulum")
+
+
+def test_pendulum_period_is_the_elliptic_integral() -> None:
+    """T = 4 √(I/gMd) K(sin²(θ/2)) at the middle of every swing of the run (exact pendulum)."""
+    stand = replace(STAND.ideal(), swings=8, amplitude_decay=0.01)
+    inertia, moment = 0.25, 0.40
+    record = Pendulum.commission(stand, Quiet(), "p").swing(
+        inertia=inertia, moment=moment, releases=2, draws=Quiet(), name="p"
+    )
+    both, arm = inertia + stand.clamp_inertia, moment + stand.clamp_moment
+    amplitude = stand.release_amplitude * 0.99 ** np.arange(9)
+    middle = np.sqrt(amplitude[:8] * amplitude[1:])
+    periods = 4 * np.sqrt(both / (stand.gravity * arm)) * ellipk(np.sin(middle / 2) ** 2)
+    assert np.diff(record.times[0]) == pytest.approx(periods, rel=1e-8)
+    assert record.first_amplitude[0] == pytest.approx(amplitude[0], rel=1e-12)
+    assert record.last_amplitude[0] == pytest.approx(amplitude[8], rel=1e-12)
+
+
+def test_pendulum_scatter_and_steps() -> None:
+    """4000 releases: jitter of 50 µs and steps of 10 µs at each passage; 0.1° in the amplitudes."""
+    pendulum = Pendulum.commission(STAND, Streams(3), "p")
+    record = pendulum.swing(inertia=0.25, moment=0.4, releases=4000, draws=Streams(4), name="p")
+    steps = record.times / 10e-6
+    assert np.abs(steps - np.rint(steps)).max() < 1e-4
+    total = record.times[:, -1] - record.times[:, 0]
+    scatter = sqrt(2 * (50e-6) ** 2 + 2 * (10e-6) ** 2 / 12)
+    assert abs(total.std() - scatter) < 4 * scatter / sqrt(2 * 4000)
+    shown = np.degrees(record.first_amplitude) / 0.1
+    assert np.abs(shown - np.rint(shown)).max() < 1e-9
+
+
+def test_pendulum_decay_is_as_the_sheet_says() -> None:
+    """0.5 % a swing over ten: ln(first/last) = -10 ln 0.995."""
+    record = Pendulum.commission(STAND.ideal(), Quiet(), "p").swing(
+        inertia=0.25, moment=0.4, releases=1, draws=Quiet(), name="p"
+    )
+    ratio = float(record.first_amplitude[0] / record.last_amplitude[0])
+    assert log(ratio) == pytest.approx(-10 * log(0.995), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "act"),
+    [
+        ("ball-cannon", lambda c, d: c.fire(np.full(5, 26.0), d, "n", 0).speed),
+        (
+            "pivot-gates",
+            lambda g, d: g.watch(passage(5), np.full(5, 0.1), np.full(5, 0.1), d, "n", 0).times,
+        ),
+        ("lab-scale", lambda s, d: s.weigh(0.9, 5, d, "n").readings),
+        ("steel-rule", lambda r, d: r.measure(0.9, 5, d, "n").readings),
+        (
+            "pendulum",
+            lambda p, d: p.swing(inertia=0.2, moment=0.4, releases=5, draws=d, name="n").times,
+        ),
+    ],
+)
+def test_noise_comes_from_the_draws_alone(name: str, act) -> None:
+    """The same draws, the same bits; other draws, other bits; quiet draws, no scatter."""
+    instrument = MAKERS[KIND[name]].commission(spec_of(name), Quiet(), name)
+    assert act(instrument, Streams(1)).tobytes() == act(instrument, Streams(1)).tobytes()
+    assert act(instrument, Streams(1)).tobytes() != act(instrument, Streams(2)).tobytes()
+    rows = act(instrument, Quiet())
+    rows = rows.reshape(5, -1) if rows.shape[0] == 5 else rows.T
+    assert np.array_equal(rows, np.broadcast_to(rows[:1], rows.shape))
+
+
+def test_specs_are_those_of_the_catalog() -> None:
+    """Every kind that ships is made here (`test_catalog` reads each), and none is made up."""
+    assert set(KIND.values()) == set(MAKERS) == set(INSTRUMENTS)
+    assert {type(spec_of(name)) for name in KIND} <= {
+        AirSpec,
+        CameraSpec,
+        CannonSpec,
+        EncoderSpec,
+        LightBoardSpec,
+        LightGateSpec,
+        PendulumSpec,
+        RuleSpec,
+        ScaleSpec,
+    }

@@ -1,0 +1,113 @@
+"""Bats for measurements: Table I of the paper, round trips, and data nothing meets."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from virtual_lab.errors import InputError
+from virtual_lab.simulation.physics.beam import beam_of
+from virtual_lab.simulation.physics.modes import barrel_nodes, modes_of
+from virtual_lab.simulation.physics.supports import Free
+from virtual_lab.studies.bats.bat_templates import TEMPLATES, BatMeasurements, computed, fit
+from virtual_lab.units import INCH, OUNCE, OZ_IN2
+
+# z_cm, I_cm, f1, f2, nodes; all 34 in and 31 oz
+TABLE_ONE = {
+    "r161": ("wood", 11.3, 2539, (164, 551), (6.8, 5.2)),
+    "knob-loaded": ("hollow", 14.6, 3418, (191, 691), (7.8, 5.6)),
+}
+
+
+def measured(template: str = "wood", **other: Any) -> BatMeasurements:
+    given: dict[str, Any] = {
+        "name": "mine",
+        "title": "Mine",
+        "template": template,
+        "length": 34 * INCH,
+        "mass": 31 * OUNCE,
+        "z_cm": 11.3 * INCH,
+        "inertia": 2539 * OZ_IN2,
+        "inertia_axis": 11.3 * INCH,
+    }
+    return BatMeasurements(**given | other)
+
+
+@pytest.mark.parametrize("bat", TABLE_ONE)
+def test_everything_of_table_one_is_met(bat: str) -> None:
+    """By the full mesh, where the fit used a coarse one."""
+    template, z_cm, inertia, frequencies, nodes = TABLE_ONE[bat]
+    body = fit(
+        measured(
+            template,
+            z_cm=z_cm * INCH,
+            inertia=inertia * OZ_IN2,
+            inertia_axis=z_cm * INCH,
+            bending_frequencies=frequencies,
+            barrel_nodes=tuple(node * INCH for node in nodes),
+        )
+    ).body
+    beam, modes = beam_of(body), modes_of(body, Free(), 2)
+    found = (beam.length, beam.mass, beam.z_cm, beam.inertia_cm, *modes.bending_frequencies)
+    goals = (34 * INCH, 31 * OUNCE, z_cm * INCH, inertia * OZ_IN2, *frequencies)
+    assert found == pytest.approx(goals, rel=1e-4)
+    assert barrel_nodes(modes) == pytest.approx([n * INCH for n in nodes], abs=1e-3 * INCH)
+
+
+@pytest.mark.parametrize("template", TEMPLATES)
+def test_a_bat_of_the_template_is_met_from_elsewhere(template: str) -> None:
+    """Round trip: half a spread off in every parameter, measured, fitted."""
+    usual, spread = TEMPLATES[template].usual, TEMPLATES[template].spread
+    signs = np.where(np.arange(usual.size) % 2, 0.5, -0.5)
+    true = computed(
+        TEMPLATES[template].build(usual + signs * spread, 0.84), 0.7, frequencies=0, nodes=0
+    )
+    found = fit(measured(template, length=0.84, inertia_axis=0.7, **true))
+    assert set(found.misfits) == {"mass", "z_cm", "inertia"}
+    assert max(map(abs, found.misfits.values())) < 1e-5
+
+
+def test_the_usual_bat_is_its_own_fit() -> None:
+    usual = TEMPLATES["wood"].usual
+    true = computed(TEMPLATES["wood"].build(usual, 0.86), 0.0, frequencies=0, nodes=0)
+    found = fit(measured(length=0.86, inertia_axis=0.0, **true))
+    assert found.parameters == pytest.approx(usual, rel=1e-6)
+
+
+def test_what_is_wanted_is_kept_where_the_data_leave_it_open() -> None:
+    template = TEMPLATES["wood"]
+    softer = template.usual - template.spread * (np.arange(template.usual.size) == 8)
+    assert template.parameters[8].name == "Young's modulus"
+    plain, soft = fit(measured()), fit(measured(), softer)
+    assert soft.parameters[8] == pytest.approx(softer[8], rel=1e-6)
+    assert soft.misfits["mass"] == pytest.approx(0, abs=1e-5)
+    assert plain.parameters[8] == pytest.approx(template.usual[8], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("other", "said"),
+    [
+        ({"mass": 70 * OUNCE, "inertia": 5700 * OZ_IN2}, "mass"),
+        ({"z_cm": 19 * INCH, "inertia_axis": 19 * INCH}, "z_cm"),
+        ({"bending_frequencies": (400.0,)}, "f1"),
+    ],
+)
+def test_data_no_bat_of_the_template_meets_are_refused(other: dict[str, Any], said: str) -> None:
+    with pytest.raises(InputError, match="no bat of it meets the data") as caught:
+        fit(measured(**other))
+    assert said in str(caught.value).split("misses")[1]
+
+
+@pytest.mark.parametrize(
+    ("other", "said"),
+    [
+        ({"z_cm": 35 * INCH}, "off a bat"),
+        ({"inertia_axis": 33 * INCH}, "less than mass times"),
+        ({"bending_frequencies": (551.0, 164.0)}, "increase"),
+        ({"bending_frequencies": (-1.0,)}, "above 0"),
+        ({"barrel_nodes": (-0.1,)}, "on the bat"),
+    ],
+)
+def test_measurements_that_contradict_themselves(other: dict[str, Any], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        measured(**other)

@@ -1,0 +1,113 @@
+"""Profiles and comparisons against the collision model asked directly, place by place."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.simulation.collision.scenes import usual
+from virtual_lab.catalog import load_bat
+from virtual_lab.errors import InputError
+from virtual_lab.relations.peaks import peak
+from virtual_lab.simulation.collision.modal import ModalModel
+from virtual_lab.simulation.physics.beam import beam_of
+from virtual_lab.simulation.physics.supports import Free
+from virtual_lab.studies.bats.compare import Compared, compare, save_comparison
+from virtual_lab.studies.bats.profile import profile, read_inertia
+from virtual_lab.units import INCH, MPH, OZ_IN2
+
+
+@pytest.fixture(scope="module")
+def compared() -> Compared:
+    return compare(["r161", "ea70"])
+
+
+def test_peak_of_a_known_curve() -> None:
+    z = np.arange(0.5, 16, 0.25)
+    found = peak(z, np.sin(z / 4))
+    assert found.value == pytest.approx(1, abs=1e-6)
+    assert found.place == pytest.approx(2 * np.pi, abs=1e-3)
+
+
+def test_peak_converges_with_the_step() -> None:
+    """A curve the spline cannot hold exactly: halving the step gains 8 to 16 times."""
+
+    def place_error(step: float) -> float:
+        z = np.arange(0, 12.01, step)
+        return abs(peak(z, 1 / (1 + (z - 6.13) ** 2 / 4)).place - 6.13)
+
+    assert place_error(0.25) < 2e-4
+    assert place_error(0.25) < place_error(0.5) / 5
+
+
+def test_peak_at_an_end_is_taken_there() -> None:
+    assert peak(np.arange(5.0), np.arange(5.0) ** 2) == pytest.approx((16, 4))
+
+
+def test_peaks_are_those_of_the_model_itself(compared: Compared) -> None:
+    """Places 0.01 in apart and no spline."""
+    z = np.arange(6.8, 7.8, 0.01)
+    model = ModalModel.of(load_bat("ea70").spec.body, Free())
+    e_A = model.collide(usual(z)).collision_efficiency
+    found = compared.profiles[2].peaks["e_A"]
+    assert found.value == pytest.approx(e_A.max(), abs=1e-5)
+    assert found.place == pytest.approx(z[e_A.argmax()], abs=0.02)
+
+
+def test_differences_are_those_of_the_peaks(compared: Compared) -> None:
+    wood, aluminium = compared.peaks[1], compared.peaks[3]
+    row = compared.differences[1]
+    assert (row["bat"], row["against"], row["n"]) == ("ea70", "r161", 0.5)
+    assert row["v_f_mph"] == pytest.approx(aluminium["v_f_mph"] - wood["v_f_mph"])
+    assert row["e_A_percent"] == pytest.approx(100 * (aluminium["e_A"] / wood["e_A"] - 1))
+
+
+def test_a_bat_of_the_reference_inertia_is_swung_alike_for_every_n() -> None:
+    """As the paper takes I0 for its loaded bats."""
+    fast = compare(["barrel-loaded", "knob-loaded"], reference_inertia="barrel-loaded").peaks
+    assert fast[0]["v_f_mph"] == pytest.approx(fast[1]["v_f_mph"], rel=1e-12)
+    assert fast[2]["v_f_mph"] < fast[3]["v_f_mph"] - 5
+
+
+def test_bat_speed_follows_the_swing_law_by_hand() -> None:
+    """45 rad/s times (I0/I)^n, 33 in less z from the point of turning."""
+    inertia = beam_of(load_bat("r161").spec.body).inertia(33 * INCH)
+    swung = profile("r161", swing=0.5, reference_inertia="18000 oz in^2")
+    expected = 45 * np.sqrt(18000 * OZ_IN2 / inertia) * 27 * INCH / MPH
+    at = swung.table.set_index("z_in")["v_bat_mph"]
+    assert at.iloc[np.abs(at.index - 6).argmin()] == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("17000 oz in^2", 17000 * OZ_IN2), (" 0.31 kg m^2", 0.31), ("1.7e4 oz in^2", 1.7e4 * OZ_IN2)],
+)
+def test_an_inertia_with_its_unit(text: str, value: float) -> None:
+    assert read_inertia(text) == pytest.approx(value)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("17000", "with its unit"),
+        ("17000 oz", "oz in"),
+        ("-1 kg m^2", "above 0"),
+        ("inf kg m^2", "above 0"),
+        ("r116", "did you mean r161"),
+        ("", "bat"),
+    ],
+)
+def test_an_inertia_that_cannot_be_read(text: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        read_inertia(text)
+
+
+def test_files_hold_what_was_compared(compared: Compared, tmp_path: Path) -> None:
+    save_comparison(compared, tmp_path / "out")
+    found = {path.name for path in (tmp_path / "out").iterdir()}
+    assert found == {"compare.csv", "peaks.csv", "differences.csv", "compare.png"}
+    curves = pd.read_csv(tmp_path / "out" / "compare.csv")
+    assert len(curves) == 4 * len(compared.profiles[0].z)
+    assert curves["BPF"].to_numpy() == pytest.approx(2 * curves["e"].to_numpy())  # e0 = 0.5
+    assert (tmp_path / "out" / "compare.png").read_bytes().startswith(b"\x89PNG")

@@ -1,0 +1,57 @@
+"""A fitted bat as a file: it reads back as what was measured, and tells what was not."""
+
+from pathlib import Path
+
+import pytest
+
+from virtual_lab.catalog import load_bat
+from virtual_lab.errors import InputError
+from virtual_lab.simulation.physics.beam import beam_of
+from virtual_lab.studies.bats.fit_bat import fit_bat, write_bat
+from virtual_lab.units import INCH, OUNCE, OZ_IN2
+
+MEASURED = """
+name = "mine"
+title = "Mine \\"A\\""
+template = "wood"
+length = { value = 34, unit = "in", source = "rule", verified = true }
+mass = { value = 31, unit = "oz", source = "scale", verified = true }
+z_cm = { value = 11.3, unit = "in", source = "stand", verified = true }
+inertia = { value = 17137, unit = "oz in^2", source = "pendulum", verified = true }
+inertia_axis = { value = 33, unit = "in", source = "pendulum", verified = true }
+"""
+FREQUENCIES = """
+bending_frequencies = { value = [164, 551], unit = "Hz", source = "tap", verified = true }
+"""
+
+
+def test_the_file_reads_back_as_the_bat_that_was_measured(tmp_path: Path) -> None:
+    source, target = tmp_path / "measured.toml", tmp_path / "mine.toml"
+    source.write_text(MEASURED)
+    fitted = fit_bat(str(source), members=2)
+    write_bat(fitted, target, source.name)
+    spec = load_bat(str(target)).spec
+    beam = beam_of(spec.body)
+    found = (beam.length, beam.mass, beam.z_cm, beam.inertia(33 * INCH))
+    assert found == pytest.approx((34 * INCH, 31 * OUNCE, 11.3 * INCH, 17137 * OZ_IN2), rel=1e-5)
+    assert spec.title == 'Mine "A"'
+    assert "peak e_A" in target.read_text()
+    with pytest.raises(InputError, match="cannot be written"):
+        write_bat(fitted, target, source.name)
+
+
+def test_measuring_more_leaves_less_open(tmp_path: Path) -> None:
+    path = tmp_path / "measured.toml"
+    path.write_text(MEASURED)
+    less = {row["quantity"]: row for row in fit_bat(str(path), members=5).spread}
+    path.write_text(MEASURED + FREQUENCIES)
+    more = {row["quantity"]: row for row in fit_bat(str(path), members=5).spread}
+    assert less["f1"]["high"] - less["f1"]["low"] > 5
+    assert not less["f1"]["measured"]
+    assert more["f1"]["measured"]
+    assert more["f1"]["high"] - more["f1"]["low"] < 0.01
+    assert more["f2"]["fit"] == pytest.approx(551, rel=1e-5)
+    assert less["e_A at 7 in"]["sd"] > more["e_A at 7 in"]["sd"] > 1e-4
+    for row in more.values():
+        assert row["low"] <= row["fit"] <= row["high"]
+    assert fit_bat(str(path), members=2).spread == fit_bat(str(path), members=2).spread

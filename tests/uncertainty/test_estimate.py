@@ -1,0 +1,94 @@
+"""Estimates: what may stand in one, and type A evaluation against the GUM's own numbers."""
+
+from math import inf, nan, sqrt
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from virtual_lab.uncertainty.estimate import Estimate, mean_of_readings
+
+# JCGM 100:2008, H.2.2, table H.2: voltage [V], current [mA], phase [rad], with the means and the
+# standard uncertainties of the means printed there
+GUM_H2 = [
+    ([5.007, 4.994, 5.005, 4.990, 4.999], 4.9990, 0.0032, 4),
+    ([19.663, 19.639, 19.640, 19.685, 19.678], 19.6610, 0.0095, 4),
+    ([1.0456, 1.0438, 1.0468, 1.0428, 1.0433], 1.04446, 0.00075, 5),
+]
+
+
+@pytest.mark.parametrize(("readings", "value", "u", "digits"), GUM_H2)
+def test_gum_h2(readings: list[float], value: float, u: float, digits: int) -> None:
+    """JCGM 100:2008, H.2.2: the three observed quantities, to the digits printed."""
+    mean = mean_of_readings(readings)
+    assert round(mean.value, digits) == value
+    assert round(mean.u, digits) == u
+    assert mean.dof == 4
+    assert mean.evaluation == "A"
+
+
+def test_nist_numacc1() -> None:
+    """NIST StRD univariate, NumAcc1: certified mean 10000002, standard deviation 1, exact."""
+    mean = mean_of_readings([10000001.0, 10000003.0, 10000002.0])
+    assert mean.value == 10000002
+    assert mean.u == pytest.approx(1 / sqrt(3), rel=1e-14)
+
+
+@given(
+    readings=st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=30),
+    shift=st.floats(-1e3, 1e3),
+)
+def test_mean_by_textbook_sums(readings: list[float], shift: float) -> None:
+    """Sums written out in the test; a shift moves the value and leaves the scatter."""
+    mean = mean_of_readings(readings)
+    n = len(readings)
+    centre = sum(readings) / n
+    scatter = sqrt(sum((x - centre) ** 2 for x in readings) / (n - 1) / n)
+    assert mean.value == pytest.approx(centre, abs=1e-9)
+    assert mean.u == pytest.approx(scatter, abs=1e-9)
+    moved = mean_of_readings([x + shift for x in readings])
+    assert moved.value == pytest.approx(centre + shift, abs=1e-9)
+    assert moved.u == pytest.approx(scatter, abs=1e-9)
+
+
+def test_resolution_hides_the_scatter() -> None:
+    """GUM F.2.2.1: readings all alike know no better than step/√12, with no dof to speak of."""
+    least = 0.5e-3 / sqrt(12)
+    same = mean_of_readings([0.864] * 5, least_u=least)
+    assert same.u == pytest.approx(1.4434e-4, rel=1e-4)
+    assert same.dof == inf
+    wild = mean_of_readings([0.860, 0.864, 0.868, 0.872], least_u=least)
+    assert wild.u == pytest.approx(2.581989e-3, rel=1e-6)  # sqrt(80e-6/3/4)
+    assert wild.dof == 3
+
+
+@pytest.mark.parametrize("readings", [[], [1.0], 1.0, [[1.0, 2.0]]])
+def test_too_few_readings(readings) -> None:
+    """One reading has no scatter to evaluate."""
+    with pytest.raises(ValueError, match="at least 2 readings"):
+        mean_of_readings(readings)
+
+
+@pytest.mark.parametrize(
+    ("fault", "named"),
+    [
+        ({"value": nan}, "value"),
+        ({"value": inf}, "value"),
+        ({"value": 1.0, "u": -1e-9}, "uncertainty"),
+        ({"value": 1.0, "u": inf}, "uncertainty"),
+        ({"value": 1.0, "u": nan}, "uncertainty"),
+        ({"value": 1.0, "dof": 0.0}, "freedom"),
+        ({"value": 1.0, "dof": nan}, "freedom"),
+    ],
+)
+def test_what_no_estimate_can_be(fault: dict[str, float], named: str) -> None:
+    """The message says which part is wrong."""
+    with pytest.raises(ValueError, match=named):
+        Estimate(**fault)
+
+
+def test_nan_among_readings_is_refused() -> None:
+    """A mean of NaN would be an `Estimate` that is none."""
+    with pytest.raises(ValueError, match="finite"):
+        mean_of_readings(np.array([1.0, nan, 2.0]))

@@ -1,0 +1,73 @@
+"""Boards that OpenCV drew, laid into a picture by a known homography: no renderer of ours."""
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from virtual_lab.relations.board import board_of
+from virtual_lab.video.calibration.board_finding import Seen, find_board
+
+SQUARE = 160  # pixels of the drawing
+LAID = np.array([[0.24, 0.03, 60.0], [-0.02, 0.26, 70.0], [2e-5, 3e-5, 1.0]])
+SIZE = (680, 480)
+
+
+def drawn(columns: int, rows: int, marker: float, *, legacy: bool = False) -> NDArray[np.uint8]:
+    """Return a picture of a board by OpenCV, squares of some 38 pixels, blurred by 0.7 pixels."""
+    words = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_1000)
+    board = cv2.aruco.CharucoBoard((columns, rows), 1.0, marker, words)
+    board.setLegacyPattern(legacy)
+    sheet = board.generateImage((columns * SQUARE, rows * SQUARE))
+    sheet = cv2.copyMakeBorder(sheet, 80, 80, 80, 80, cv2.BORDER_CONSTANT, value=255)
+    soft = cv2.GaussianBlur(sheet, (0, 0), 0.7 * 4)
+    move = np.array([[1.0, 0, -80], [0, 1, -80], [0, 0, 1]])
+    return cv2.warpPerspective(soft, LAID @ move, SIZE, flags=cv2.INTER_CUBIC, borderValue=128)
+
+
+def true_places(columns: int, rows: int) -> NDArray[np.float64]:
+    """Return where the inner corners went, row by row; a square's edge is half a pixel before."""
+    x, y = np.meshgrid(np.arange(1, columns), np.arange(1, rows))
+    flat = np.stack([x.ravel(), y.ravel()], axis=1) * SQUARE - 0.5
+    return cv2.perspectiveTransform(flat[None].astype(float), LAID)[0]
+
+
+def off(seen: Seen | None, columns: int, rows: int) -> NDArray[np.float64]:
+    assert seen is not None
+    return seen.places - true_places(columns, rows)[seen.ids]
+
+
+@pytest.mark.parametrize("legacy", [False, True])
+def test_a_board_of_opencvs_is_found_where_it_lies(legacy: bool) -> None:
+    """Of an even number of rows, with a black first square or, as before 4.6, a white one."""
+    seen = find_board(drawn(14, 8, 0.72, legacy=legacy), board_of("charuco:14x8:40mm:28.8mm"))
+    error = off(seen, 14, 8)
+    assert len(error) == 91
+    assert np.sqrt(np.mean(error**2)) < 0.01
+    assert np.abs(error).max() < 0.04
+
+
+def test_part_of_a_board_in_uneven_light_and_jpeg() -> None:
+    """The right of the board cut off, half as bright at one end, compressed, 8 bits, noise."""
+    picture = drawn(14, 9, 0.72)[:, :400]
+    light = np.linspace(1.0, 0.5, 400)
+    noise = np.random.default_rng(3).normal(0, 2, picture.shape)
+    dim = np.clip(picture * light + noise, 0, 255).astype(np.uint8)
+    _, coded = cv2.imencode(".jpg", dim, [cv2.IMWRITE_JPEG_QUALITY, 90])
+    seen = find_board(cv2.imdecode(coded, cv2.IMREAD_GRAYSCALE), board_of("charuco:14x9:1m:0.72m"))
+    error = off(seen, 14, 9)
+    assert 50 < len(error) < 104
+    assert np.sqrt(np.mean(error**2)) < 0.03
+    assert seen is not None
+    assert np.abs(np.mean(error / seen.u[:, None], axis=0)).max() < 1
+    # what a coder does to pixels is no noise: errors exceed what the pixels' scatter says
+    assert 0.5 < np.sqrt(np.mean((error / seen.u[:, None]) ** 2)) < 3
+
+
+def test_another_board_is_none() -> None:
+    """More squares than there are, another dictionary's markers, no markers asked for."""
+    picture = drawn(9, 6, 0.72)
+    assert find_board(picture, board_of("charuco:9x6:1m:0.72m:6X6_50")) is None
+    assert find_board(picture, board_of("chessboard:10x6:1m")) is None
+    seen = find_board(picture, board_of("chessboard:9x6:1m"))
+    assert seen is None or len(seen.ids) == 40

@@ -1,0 +1,240 @@
+"""Calibrated cameras against true lenses: errors over stated uncertainties, and bad pictures."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tests.video.boards import (
+    SIZE,
+    camera_with,
+    corners_seen,
+    pictures_of,
+    small_camera,
+    true_model,
+)
+from tests.video.calibration.test_plane import located
+from virtual_lab.errors import InputError
+from virtual_lab.relations.board import board_of
+from virtual_lab.simulation.instruments.camera.views import board_views
+from virtual_lab.streams import Streams
+from virtual_lab.video.calibration import calibrating
+from virtual_lab.video.calibration.board_finding import Seen, find_board
+from virtual_lab.video.calibration.calibrating import (
+    Calibrated,
+    Plan,
+    calibrate,
+    lengths_of,
+)
+from virtual_lab.video.calibration.plane import plane_of
+from virtual_lab.video.clips.calibration_file import read_calibration
+from virtual_lab.video.show.calibration_text import calibration_toml
+
+BOARD = board_of("charuco:14x9:40mm:30mm")
+SMALL = board_of("charuco:9x6:60mm:44mm")
+NOISE = 0.01  # pixels
+
+
+def calibrated(
+    monkeypatch: pytest.MonkeyPatch, seen: list[Seen], plan: Plan | None = None
+) -> Calibrated:
+    """Return the calibration of corners that need not be looked for."""
+    waiting: Iterator[Seen] = iter(seen)
+    monkeypatch.setattr(calibrating, "find_board", lambda *_: next(waiting))
+    names = (f"{number}.png" for number in range(len(seen)))
+    blank = np.zeros(SIZE[::-1], np.uint8)
+    return calibrate(((name, blank) for name in names), plan or Plan(board=BOARD))
+
+
+@pytest.mark.parametrize("name", ["charuco:14x9:40mm:30mm", "chessboard:14x9:40mm"])
+def test_corners_reach_what_pixels_allow(name: str) -> None:
+    """Errors of 104 corners over their own u; the bound of an edge is the closed form.
+
+    Along an edge of contrast C, h pixels each side of the crossing, a shift across it is known to
+    sqrt(V) / C * sqrt(2 s sqrt(pi) / (2 h)); each coordinate has one edge's pixels.
+    """
+    cv2.setNumThreads(1)
+    board, camera = board_of(name), camera_with(1)
+    picture, corners = next(board_views(camera, board, 1, Streams(2), "views"))
+    seen = find_board(picture, board)
+    assert seen is not None
+    assert len(seen.ids) == 104
+    true = camera.lens.drawn(camera.lens.seen(corners))
+    # a bare chessboard does not tell which of its ends is the first
+    order = np.linalg.norm(true[None] - seen.places[:, None], axis=2).argmin(axis=1)
+    assert not board.marker or np.array_equal(order, seen.ids)
+    off = seen.places - true[order]
+    assert np.sqrt(np.mean(off**2)) < 0.004
+    assert np.abs(off.mean(axis=0)).max() < 0.0012
+    assert 0.85 < np.sqrt(np.mean((off / seen.u[:, None]) ** 2)) < 1.15
+    spec = camera.spec
+    blur = np.hypot(spec.blur, 12**-0.5)
+    white, black = (0.6 * spec.sensor.full_well * albedo / 0.9 for albedo in (0.9, 0.06))
+    own = spec.sensor.photo_response**2 * (white**2 + black**2) / 2
+    noise = np.sqrt((white + black) / 2 + own + spec.sensor.read_noise**2)
+    across = noise / (white - black) * np.sqrt(2 * blur * np.sqrt(np.pi) / (2 * 12))
+    assert float(np.median(seen.u)) == pytest.approx(across, rel=0.25)
+
+
+def test_errors_are_as_large_as_stated(monkeypatch: pytest.MonkeyPatch) -> None:
+    """40 lenses, corners with Gaussian noise: every z-score has variance 1 within 4 of its sd."""
+    scores, errors = [], []
+    for seed in range(40):
+        lens = camera_with(seed).lens
+        found = calibrated(monkeypatch, corners_seen(lens, BOARD, 6, seed + 100, NOISE))
+        fit, model = found.model.fit, found.model
+        assert fit is not None
+        true = true_model(lens, model)
+        relative = lengths_of(model) / lengths_of(true) - 1
+        turn = (
+            cv2.Rodrigues(np.array(model.rotation))[0] @ cv2.Rodrigues(np.array(true.rotation))[0].T
+        )
+        off = np.array(model.matrix)[[0, 1, 0, 1], [0, 1, 2, 2]] - [
+            lens.focal,
+            lens.focal,
+            *lens.centre,
+        ]
+        shift = np.array(model.translation_m) - true.translation_m
+        u = np.array([*fit.focal_u_px, *fit.centre_u_px])
+        scores.append(
+            np.concatenate(
+                [
+                    off / u,
+                    relative / found.length_u,
+                    cv2.Rodrigues(turn)[0].ravel() / fit.rotation_u,
+                    shift / np.array(fit.translation_u_m),
+                ]
+            )
+        )
+        errors.append(relative)
+    squares = np.mean(np.square(scores), axis=0)
+    bound = 4 * np.sqrt(2 / 40)
+    assert np.all(np.abs(squares - 1) < bound), squares
+    assert np.sqrt(np.mean(np.square(errors))) < 1.5e-5  # .001 % of a length
+
+
+def test_rendered_pictures_lead_to_the_lens() -> None:
+    """Pictures to file to places: within five stated u, and the scale to a few millionths."""
+    cv2.setNumThreads(1)
+    camera = small_camera(4)
+    found = calibrate(pictures_of(camera, SMALL, 6, 5), Plan(board=SMALL))
+    model, lens = found.model, camera.lens
+    assert model.fit is not None
+    assert (model.fit.views, len(found.warnings)) == (6, 3), found.warnings
+    assert abs(model.matrix[0][0] - lens.focal) < 5 * model.fit.focal_u_px[0] < 1e-3 * lens.focal
+    relative = lengths_of(model) / lengths_of(true_model(lens, model)) - 1
+    assert np.all(np.abs(relative) < 4 * found.length_u)
+    assert found.length_u.max() < 2e-5
+    assert model.fit.rms_px < 0.01
+
+
+def test_track_reads_what_calibrate_writes(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Points of a plane 30 mm over the board, drawn by the true lens, come back where they were."""
+    lens = camera_with(7).lens
+    plan = Plan(board=BOARD, square_u=2e-6, height=0.03, height_u=0.001)
+    found = calibrated(monkeypatch, corners_seen(lens, BOARD, 8, 8, 1e-4), plan)
+    path = tmp_path / "cal.toml"
+    path.write_text("frames_per_second = 5000\n" + calibration_toml(found))
+    known = read_calibration(path)
+    assert known.camera == found.model
+    ends = np.array([[-0.2, 0.0, 0.03], [0.2, 0.1, 0.03]])
+    ends[:, :2] += lens.place[:2]
+    x, y = lens.drawn(lens.seen(ends)).T
+    plane = plane_of(located(x, y), known, "clip")
+    off = plane.places * [1, -1] - (ends - lens.place)[:, :2]  # the file's Y is down
+    np.testing.assert_allclose(off, 0, atol=2e-6)
+    above = lens.place[2] - 0.03
+    own = np.hypot(found.length_u.max(), 2e-6 / 0.04)
+    assert plane.relative_u == pytest.approx(np.hypot(own, 0.001 / above), rel=1e-4)
+    assert plane.relative_u == pytest.approx(5.1e-4, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("seen", "words"),
+    [
+        (lambda lens: corners_seen(lens, BOARD, 2, 1, NOISE), "at least 3 must show the board"),
+        (lambda lens: corners_seen(lens, BOARD, 6, 1, NOISE, lean=0.0), "askew"),
+        (lambda lens: corners_seen(lens, BOARD, 6, 1, 4.0), "residuals, pixels"),
+        (lambda lens: corners_seen(lens, BOARD, 6, 1, 1.0, lean=0.14), "focal length"),
+    ],
+)
+def test_views_that_tell_too_little(seen, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(InputError, match=words):
+        calibrated(monkeypatch, seen(camera_with(1).lens))
+
+
+def test_a_view_that_does_not_fit_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bent board in one picture; single corners far off are left out and counted."""
+    lens = camera_with(1).lens
+    seen = corners_seen(lens, BOARD, 7, 1, NOISE)
+    wild = seen[1].places.copy()
+    wild[3] += 5.0
+    seen[1] = replace(seen[1], places=wild)
+    found = calibrated(monkeypatch, seen)
+    assert "1.png: corners far off were left out, 1 of them" in found.warnings
+    assert abs(found.model.matrix[0][0] - lens.focal) < 5 * found.solved.u[0]
+    shaken = corners_seen(lens, BOARD, 7, 1, NOISE)
+    x = BOARD.corners()[shaken[4].ids, 0]
+    bent = shaken[4].places + np.outer(np.cos(20 * x), [0.3, 0.2])
+    shaken[4] = replace(shaken[4], places=bent)
+    found = calibrated(monkeypatch, shaken)
+    assert any(each.startswith("4.png: corners far off") for each in found.warnings)
+    assert np.array_equal(np.flatnonzero(found.solved.left_out), [4])
+
+
+def test_a_wide_lens_keeps_its_sixth_power(monkeypatch: pytest.MonkeyPatch) -> None:
+    """k3 is fitted where it shows, and left out where it does not."""
+    lens = replace(camera_with(1).lens, focal=900.0, distortion=np.array([-0.2, 0.1, 0, 0, -0.15]))
+    lens = replace(lens, place=lens.place * [1, 1, 0.45])
+    wide = calibrated(monkeypatch, corners_seen(lens, BOARD, 8, 3, NOISE, lean=0.4))
+    assert wide.model.distortion[4] == pytest.approx(-0.15, abs=5 * wide.solved.u[8])
+    narrow = calibrated(monkeypatch, corners_seen(camera_with(1).lens, BOARD, 8, 3, NOISE))
+    assert narrow.model.distortion[4] == 0.0
+
+
+@pytest.mark.parametrize("turns", [0, 1, 2, 3])
+def test_axes_run_with_the_picture_however_the_board_lies(
+    turns: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """X to the right and Y down, whichever corner of the board is its first."""
+    lens = camera_with(1).lens
+    board = board_of("chessboard:11x11:40mm")
+    seen = corners_seen(lens, board, 6, 3, 1e-4)
+    order = np.rot90(np.arange(100).reshape(10, 10), turns).ravel()
+    seen = [replace(each, ids=order[each.ids]) for each in seen]
+    found = calibrated(monkeypatch, seen, Plan(board=board))
+    axes = cv2.Rodrigues(np.array(found.model.rotation))[0]
+    assert np.diagonal(axes).min() > 0.99
+
+
+def test_pictures_that_do_not_belong_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures told apart by their grey level, the brightest without a board."""
+    seen = corners_seen(camera_with(1).lens, BOARD, 6, 1, NOISE)
+    monkeypatch.setattr(
+        calibrating, "find_board", lambda picture, _: [*seen, None][int(picture[0, 0])]
+    )
+    pictures = [(f"in/{grey}.png", np.full(SIZE[::-1], grey, np.uint8)) for grey in range(7)]
+    with pytest.raises(InputError, match=r"5\.png: size = '1279 x 800'; the first is 1280 x 800"):
+        calibrate([*pictures[:5], ("5.png", pictures[5][1][:, 1:])], Plan(board=BOARD))
+    with pytest.raises(InputError, match=r"6\.png: plane view; no board"):
+        calibrate(pictures, Plan(board=BOARD, plane="6.png"))
+    with pytest.raises(InputError, match=r"--plane = 'flat.png'; allowed: in/0\.png"):
+        calibrate(pictures, Plan(board=BOARD, plane="flat.png"))
+    with pytest.raises(InputError, match="14x9 squares, not inner corners"):
+        calibrate(pictures[:2] + pictures[6:], Plan(board=BOARD))
+    with pytest.raises(InputError, match="pictures = 0"):
+        calibrate([], Plan(board=BOARD))
+    found = calibrate(pictures[::-1], Plan(board=BOARD, plane="1.png"))
+    assert "no board was found in in/6.png" in found.warnings
+    assert found.views[found.plane] == "in/1.png"
+
+
+def test_a_picture_without_a_board_shows_none() -> None:
+    blank = np.full((200, 300), 7, np.uint8)
+    assert find_board(blank, BOARD) is None
+    blank[50:100, 60:120] = 200
+    assert find_board(blank, BOARD) is None
+    assert find_board(blank, board_of("chessboard:9x6:25mm")) is None

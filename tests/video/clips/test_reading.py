@@ -1,0 +1,257 @@
+"""Clips of every kind come out as they went in; what is no clip is said in one line."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.video.scenes import write_video
+from virtual_lab.errors import InputError
+from virtual_lab.video.clips.calibration_file import ClipCalibration, read_calibration
+from virtual_lab.video.clips.clip import SAMPLES, open_clip
+from virtual_lab.video.clips.reading import open_source
+
+Frames = list[NDArray[np.generic]]
+FAST = ClipCalibration(metres_per_pixel=1e-3, frames_per_second=5000.0)
+
+
+def noise(count: int = 12, depth: type = np.uint8, shape: tuple[int, ...] = (40, 64)) -> Frames:
+    rng = np.random.default_rng(3)
+    most = 255 if depth is np.uint8 else 4095
+    return [rng.integers(0, most + 1, shape).astype(depth) for _ in range(count)]
+
+
+def folder(path: Path, frames: Frames, kind: str = ".png") -> Path:
+    path.mkdir()
+    for number, frame in enumerate(frames):  # no leading zeros: sorted as people count
+        cv2.imwrite(str(path / f"shot_{number}{kind}"), frame)
+    return path
+
+
+def stack(path: Path, frames: Frames) -> Path:
+    cv2.imwritemulti(str(path), frames)
+    return path
+
+
+def array(path: Path, frames: Frames) -> Path:
+    np.save(path, np.stack(frames))
+    return path
+
+
+WRITERS: dict[str, Callable[[Path, Frames], Path]] = {
+    "mp4": lambda at, frames: write_video(at / "a.mp4", frames, 5000),
+    "mov": lambda at, frames: write_video(at / "a.MOV", frames, 5000),
+    "avi": lambda at, frames: write_video(at / "a.avi", frames, 500),
+    "mkv": lambda at, frames: write_video(at / "a.mkv", frames, 5000),
+    "png": lambda at, frames: folder(at / "a", frames),
+    "tif": lambda at, frames: folder(at / "a", frames, ".tif"),
+    "stack": lambda at, frames: stack(at / "a.tiff", frames),
+    "npy": lambda at, frames: array(at / "a.npy", frames),
+}
+
+
+@pytest.mark.parametrize("depth", [np.uint8, np.uint16])
+@pytest.mark.parametrize("kind", WRITERS)
+@pytest.mark.filterwarnings("ignore")
+def test_frames_come_out_as_they_went_in(kind: str, depth: type, tmp_path: Path) -> None:
+    frames = noise(depth=depth)
+    read = [frame for frame, _ in open_source(WRITERS[kind](tmp_path, frames)).frames()]
+    np.testing.assert_array_equal(read, frames)
+
+
+@pytest.mark.parametrize("kind", ["mp4", "png", "stack", "npy"])
+def test_colour_becomes_grey(kind: str, tmp_path: Path) -> None:
+    frames = noise(shape=(40, 64, 3))
+    read = [frame for frame, _ in open_source(WRITERS[kind](tmp_path, frames)).frames()]
+    grey = np.stack(frames) @ np.array([0.114, 0.587, 0.299])  # ITU-R BT.601, blue first
+    np.testing.assert_allclose(np.stack(read), grey, atol=1.0)
+
+
+def test_one_look_tells_times_bits_and_samples(tmp_path: Path) -> None:
+    frames = noise(100, np.uint16)
+    clip = open_clip(array(tmp_path / "a.npy", frames), FAST)
+    assert (clip.count, clip.shape, clip.full_scale) == (100, (40, 64), 4095.0)
+    np.testing.assert_allclose(clip.times, np.arange(100) / 5000)
+    assert len(clip.samples) <= SAMPLES
+    np.testing.assert_array_equal(clip.samples, np.stack(frames)[clip.sampled])
+    chosen = dict(clip.chosen(np.array([3, 97])))
+    assert chosen.keys() == {3, 97}
+    np.testing.assert_array_equal(chosen[97], frames[97])
+    assert clip.warnings == ()
+
+
+def spoil_size(at: Path) -> Path:
+    path = folder(at / "a", noise(4))
+    cv2.imwrite(str(path / "shot_2.png"), noise(1, shape=(41, 64))[0])
+    return path
+
+
+def cut(path: Path, share: float) -> Path:
+    path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
+    return path
+
+
+def text(at: Path, name: str) -> Path:
+    (at / name).write_text("not a clip " * 50)
+    return at / name
+
+
+def bare(path: Path) -> Path:
+    path.mkdir()
+    return path
+
+
+def saved(at: Path, values: NDArray[np.generic]) -> Path:
+    np.save(at / "a.npy", values)
+    return at / "a.npy"
+
+
+def cut_image(at: Path) -> Path:
+    path = folder(at / "a", noise(3))
+    cut(path / "shot_1.png", 0.02)
+    return path
+
+
+BAD: dict[str, tuple[Callable[[Path], Path], str]] = {
+    "absent": (lambda at: at / "a.mp4", "no such file"),
+    "not a video": (lambda at: text(at, "a.mp4"), "cannot be opened"),
+    "not a stack": (lambda at: text(at, "a.tif"), "cannot be read as a stack"),
+    "not an array": (lambda at: text(at, "a.npy"), "cannot be read as an array"),
+    "empty folder": (lambda at: bare(at / "a"), "images = 0"),
+    "no pixels": (
+        lambda at: array(at / "a.npy", [np.zeros((0, 4, 4), np.uint8)]),
+        "least one",
+    ),
+    "zero frames": (lambda at: saved(at, np.zeros((0, 40, 64), np.uint8)), "frames = 0"),
+    "floats": (lambda at: saved(at, np.zeros((3, 40, 64))), "float64"),
+    "cut MP4": (lambda at: cut(WRITERS["mp4"](at, noise()), 0.6), "cut short"),
+    "cut AVI": (lambda at: cut(WRITERS["avi"](at, noise()), 0.6), "says it holds 12"),
+    "cut array": (lambda at: cut(WRITERS["npy"](at, noise()), 0.6), "cut short"),
+    "cut image": (cut_image, "cut short"),
+    "changing size": (spoil_size, "64 x 41"),
+}
+
+
+@pytest.mark.parametrize("fault", BAD)
+def test_what_is_no_clip_is_said(fault: str, tmp_path: Path) -> None:
+    make, words = BAD[fault]
+    with pytest.raises(InputError, match=words):
+        open_clip(make(tmp_path), FAST)
+
+
+def stamped(at: Path, content: str, count: int = 12) -> tuple[Path, ClipCalibration]:
+    (at / "stamps.csv").write_text(content)
+    (at / "cal.toml").write_text('metres_per_pixel = 1e-3\ntimestamps = "stamps.csv"\n')
+    return array(at / "a.npy", noise(count)), read_calibration(at / "cal.toml")
+
+
+@pytest.mark.parametrize(
+    "content",
+    ["0\n.1\n.3\n", "time_s\n0\n.1\n.3\n", "frame,time_s\n0,0\n1,.1\n2,.3\n"],
+)
+def test_time_stamps_of_their_own(content: str, tmp_path: Path) -> None:
+    clip = open_clip(*stamped(tmp_path, content, count=3))
+    np.testing.assert_array_equal(clip.times, [0, 0.1, 0.3])
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("0\n.1\n", "time stamps = 2; the clip has 3"),
+        ("0\n.1\n.2\n.3\n", "time stamps = 4; the clip has 3"),
+        ("0\n.2\n.1\n", "time stamp 2 = 0.1; must be later than the one before, 0.2"),
+        ("0\n.1\n.1\n", "time stamp 2"),
+        ("0\nnan\n.2\n", "time stamp 1 = nan"),
+        ("0\n.1\ninf\n", "time stamp 2 = inf"),
+        ("0\nx\n.2\n", "cannot be read"),
+        ("", "time stamps = 0"),
+        ("frame,stamp\n0,0\n1,.1\n2,.2\n", "one must be 'time_s'"),
+        ("0,0\n1,.1\n2,.2\n", "name one 'time_s'"),
+    ],
+)
+def test_bad_time_stamps(content: str, words: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=words):
+        open_clip(*stamped(tmp_path, content, count=3))
+
+
+def test_missing_time_stamps(tmp_path: Path) -> None:
+    path, calibration = stamped(tmp_path, "0\n", count=3)
+    (tmp_path / "stamps.csv").unlink()
+    with pytest.raises(InputError, match=r"stamps\.csv"):
+        open_clip(path, calibration)
+    with pytest.raises(InputError, match="frames_per_second"):
+        open_clip(path, ClipCalibration(metres_per_pixel=1e-3))
+
+
+def test_a_container_that_is_not_to_be_trusted(tmp_path: Path) -> None:
+    """AVI at 10 kfps keeps 9 of 24; MKV has 1 ms steps; slow motion plays at 30."""
+    frames = noise()
+    assert "AVI loses" in " ".join(open_clip(WRITERS["avi"](tmp_path, frames), FAST).warnings)
+    assert "1 ms" in " ".join(open_clip(WRITERS["mkv"](tmp_path, frames), FAST).warnings)
+    slow = open_clip(write_video(tmp_path / "b.mp4", frames, 30), FAST)
+    assert "30 frames a second, the calibration 5000" in " ".join(slow.warnings)
+    np.testing.assert_allclose(np.diff(slow.times), 1 / 5000)
+    alone = ClipCalibration(metres_per_pixel=1e-3)
+    own = open_clip(write_video(tmp_path / "b.mp4", frames, 240), alone)
+    assert "file's own" in " ".join(own.warnings)
+    np.testing.assert_allclose(np.diff(own.times), 1 / 240, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("metres_per_pixel = 0.001\nfps = 3", "fps; unknown key"),
+        ("metres_per_pixel = -1.0", "metres_per_pixel = -1.0"),
+        ("frames_per_second = 5000", "no length is known"),
+        ("ball_diameter_m = 0.07\nframes_per_second = 1e3\nexposure_s = 0.1", "longer than a"),
+        ("ball_diameter_m = 0.07\n[camera]\nimage_size = [4, 3]", "camera.matrix; this key is m"),
+    ],
+)
+def test_bad_calibration_files(content: str, words: str, tmp_path: Path) -> None:
+    (tmp_path / "cal.toml").write_text(content)
+    with pytest.raises(InputError, match=words):
+        read_calibration(tmp_path / "cal.toml")
+
+
+def test_another_cameras_calibration(tmp_path: Path) -> None:
+    camera = (
+        "frames_per_second = 5000\n[camera]\nimage_size = [1280, 800]\n"
+        "matrix = [[1800.0, 0.0, 640.0], [0.0, 1800.0, 400.0], [0.0, 0.0, 1.0]]\n"
+        "distortion = [0.0, 0.0, 0.0, 0.0]\n"
+        "rotation = [0.0, 0.0, 0.0]\ntranslation_m = [0.0, 0.0, 2.0]\n"
+    )
+    (tmp_path / "cal.toml").write_text(camera)
+    calibration = read_calibration(tmp_path / "cal.toml")
+    with pytest.raises(InputError, match="another camera's"):
+        open_clip(array(tmp_path / "a.npy", noise()), calibration)
+
+
+def test_the_command_lines_ball_replaces_the_files(tmp_path: Path) -> None:
+    (tmp_path / "cal.toml").write_text("ball_diameter_m = 0.07\nball_diameter_m_u = 1e-4\n")
+    same = read_calibration(tmp_path / "cal.toml", ball_diameter=0.07)
+    assert (same.ball_diameter_m, same.ball_diameter_m_u) == (0.07, 1e-4)
+    other = read_calibration(tmp_path / "cal.toml", ball_diameter=0.073)
+    assert (other.ball_diameter_m, other.ball_diameter_m_u) == (0.073, 0.0)
+    with pytest.raises(InputError, match="no length is known"):
+        read_calibration(None)
+    shutil.rmtree(tmp_path)
+
+
+def test_a_short_clip_is_decoded_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its file may go once it was opened; a long one is read anew, frame by frame."""
+    path = tmp_path / "clip.npy"
+    frames = np.arange(5 * 8 * 9, dtype=np.uint8).reshape(5, 8, 9)
+    for kept, there in ((5 * 8 * 9, True), (5 * 8 * 9 - 1, False)):
+        monkeypatch.setattr("virtual_lab.video.clips.clip.KEPT", kept)
+        np.save(path, frames)
+        clip = open_clip(path, FAST)
+        path.unlink()
+        if there:
+            np.testing.assert_array_equal(np.stack(list(clip.frames())), frames)
+        else:
+            with pytest.raises(FileNotFoundError):
+                list(clip.frames())

@@ -1,0 +1,294 @@
+"""Clips of known truth through the whole tracker; what must not give a number gives none."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.video.scenes import Film, matte
+from virtual_lab.errors import InputError
+from virtual_lab.video.clips.calibration_file import (
+    CameraModel,
+    ClipCalibration,
+    read_calibration,
+)
+from virtual_lab.video.locate.located import Flag
+from virtual_lab.video.locate.quick import quick
+from virtual_lab.video.track.speeds import Speeds, document, speeds
+from virtual_lab.video.track.tracking import Tracked, track
+
+RATE = 5000.0
+SCALE = 1e-3
+UNIT = SCALE * RATE  # m/s of a pixel a frame
+KNOWN = ClipCalibration(metres_per_pixel=SCALE, frames_per_second=RATE, exposure_s=0.1 / RATE)
+
+
+def run(
+    frames: Iterable[NDArray[np.generic]], at: Path, known: ClipCalibration = KNOWN
+) -> tuple[Tracked, Speeds]:
+    np.save(at / "clip.npy", np.stack(list(frames)))
+    tracked = track(at / "clip.npy", known, quick)
+    return tracked, speeds(tracked, known)
+
+
+def require(film: Film, found: Speeds) -> None:
+    """Both speeds are right to their own uncertainty, which is small."""
+    assert found.speed_out is not None
+    assert found.restitution is not None
+    into = np.hypot(*film.velocity_in) * UNIT
+    out = np.hypot(*film.velocity_out) * UNIT
+    for said, true in ((found.speed_in, into), (found.speed_out, out)):
+        assert abs(said.value - true) < 4 * said.u
+        assert said.u < 6e-4 * true
+    assert abs(found.restitution.value - out / into) < 4 * found.restitution.u
+
+
+SCENES = {
+    "light on dark": Film(),
+    "dark on light": Film(light=15.0, dark=120.0),
+    "beside a bat that swings": Film(bat=True),
+    "small": Film(radius=5.0),
+    "blurred": Film(shutter=0.6),
+    "dim": Film(light=75.0, dark=20.0, slope=10.0, noise=4.0),
+    "steep": Film(velocity_in=(2.1, 8.0), velocity_out=(3.4, -4.0), contact=(150.0, 150.0)),
+    "cut by the frame": Film(contact=(180.0, 100.0)),
+}
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_speeds_are_right_to_their_uncertainty(scene: str, tmp_path: Path) -> None:
+    film = SCENES[scene]
+    known = replace(KNOWN, exposure_s=film.shutter / RATE)
+    tracked, found = run(film.frames(), tmp_path, known)
+    require(film, found)
+    assert found.flags == ()
+    assert found.contact_time is not None
+    assert abs(found.contact_time.value * RATE - film.before) < 4 * RATE * found.contact_time.u
+    x, _ = film.places()
+    inside = (x > film.radius) & (x < film.shape[1] - film.radius)
+    assert set(np.flatnonzero(inside)) <= set(tracked.frames.tolist())
+
+
+def test_places_are_right_to_their_uncertainty(tmp_path: Path) -> None:
+    """Mean square of error over u is 1 where u is right; 80 degrees of freedom bound it."""
+    film = Film(count=40)
+    tracked, _ = run(film.frames(), tmp_path)
+    x, y = film.places()
+    located = tracked.located
+    scaled = np.concatenate(
+        [
+            (located.x - x[tracked.frames]) / located.x_u,
+            (located.y - y[tracked.frames]) / located.y_u,
+        ]
+    )
+    assert 0.5 < np.mean(scaled**2) < 2.0
+    np.testing.assert_allclose(located.radius, film.radius, atol=0.05)
+
+
+def test_sixteen_bits_and_an_unknown_exposure(tmp_path: Path) -> None:
+    film = Film(shutter=0.5)
+    known = replace(KNOWN, exposure_s=None)
+    tracked, found = run(film.frames(full=4095.0), tmp_path, known)
+    require(film, found)
+    assert tracked.clip.full_scale == 4095.0
+    assert tracked.exposure * RATE == pytest.approx(0.5, abs=0.1)
+    assert any("exposure_s is not given" in each for each in found.warnings)
+
+
+def test_a_floor_takes_the_vertical_part(tmp_path: Path) -> None:
+    film = Film(
+        velocity_in=(4.0, 6.0),
+        velocity_out=(3.1, -4.5),
+        contact=(170.0, 160.0),
+        gravity=(0.0, 0.04),
+    )
+    pull = 0.04 * SCALE * RATE**2
+    tracked, found = run(film.frames(), tmp_path, replace(KNOWN, gravity_mps2=(0.0, pull)))
+    assert found.restitution is not None
+    assert found.restitution_of == "speeds along the vertical"
+    assert abs(found.restitution.value - 4.5 / 6.0) < 4 * found.restitution.u
+    assert found.restitution.u < 1e-3
+    assert found.speed_in.value == pytest.approx(np.hypot(4.0, 6.0) * UNIT, rel=3e-4)
+    _, bent = run(film.frames(), tmp_path)
+    assert "CROOKED" in bent.flags
+    assert document(tracked, found)["restitution_of"] == "speeds along the vertical"
+
+
+def test_drag_is_taken_from_the_calibration(tmp_path: Path) -> None:
+    """With dv/dx = -κv, v at the contact is e^(-κx) of that x before: told by an exact flight."""
+    drag = 0.5  # 1/m, much: 8 % over the way
+    film = Film()
+    into, out = np.hypot(*film.velocity_in) * UNIT, np.hypot(*film.velocity_out) * UNIT
+
+    class Dragged(Film):
+        def places(self) -> tuple[NDArray[np.float64], ...]:
+            before = self.t < 0
+            speed = np.where(before, into, out)
+            way = np.log1p(drag * speed * self.t / RATE) / drag / SCALE
+            pairs = zip(self.contact, self.velocity_in, self.velocity_out, strict=True)
+            return tuple(
+                start + way * UNIT * np.where(before, first / into, second / out)
+                for start, first, second in pairs
+            )
+
+    known = replace(KNOWN, drag_per_m=drag, drag_per_m_u=0.001)
+    _, found = run(Dragged().frames(), tmp_path, known)
+    require(film, found)
+    _, free = run(Dragged().frames(), tmp_path)
+    assert free.speed_in.value > 1.02 * into
+
+
+def test_a_lost_frame_is_seen_and_mended(tmp_path: Path) -> None:
+    """One lost frame of 19 unnoticed is 7 % of the speed."""
+    film = Film()
+    frames = list(film.frames())
+    _, found = run(frames[:8] + frames[9:], tmp_path)
+    assert found.flags == ("LOST_FRAMES",)
+    require(film, found)
+    _, found = run(frames[:27] + frames[29:], tmp_path)
+    assert found.flags == ("LOST_FRAMES",)
+    assert any("by 2 frames" in each for each in found.warnings)
+    require(film, found)
+
+
+def test_time_stamps_tell_of_lost_frames_themselves(tmp_path: Path) -> None:
+    film = Film()
+    frames, t = list(film.frames()), np.arange(film.count) / RATE
+    kept = [k for k in range(film.count) if k not in {8, 30, 31}]
+    known = stamped(tmp_path, t[kept])
+    _, found = run([frames[k] for k in kept], tmp_path, known)
+    assert found.flags == ()
+    require(film, found)
+    _, found = run([frames[k] for k in kept], tmp_path, stamped(tmp_path, t[: len(kept)]))
+    assert "STEP" in found.flags
+    assert found.speed_in.u > 0.005 * found.speed_in.value
+
+
+def stamped(at: Path, times: NDArray[np.float64]) -> ClipCalibration:
+    (at / "stamps.csv").write_text("\n".join(map(repr, times.tolist())))
+    (at / "cal.toml").write_text(
+        f'metres_per_pixel = {SCALE}\nexposure_s = 2e-5\ntimestamps = "stamps.csv"\n'
+    )
+    return read_calibration(at / "cal.toml")
+
+
+def test_frames_of_the_contact_are_left_out(tmp_path: Path) -> None:
+    """The ball stays on the bat for four frames, pressed 2 pixels in."""
+    film = Film(before=18.0)
+    rest = [(0.0, 0.0), (1.1, 0.2), (1.6, 0.3), (0.9, 0.4)]
+    frames = list(film.frames())
+    rng = np.random.default_rng(2)
+    scene = np.broadcast_to(40 + 30 * np.linspace(0, 1, 320), (200, 320))
+    held = []
+    for dx, dy in rest:
+        share = matte(film.shape, film.contact[0] + dx, film.contact[1] + dy, film.radius)
+        image = scene * (1 - share) + film.light * share + 1.5 * rng.standard_normal(film.shape)
+        held.append(np.clip(np.round(image), 0, 255).astype(np.uint8))
+    tracked, found = run(frames[:18] + held + frames[18:], tmp_path)
+    require(film, found)
+    flagged = tracked.frames[(tracked.located.flags & Flag.CONTACT) > 0]
+    assert {19, 20, 21} <= set(flagged.tolist()) <= set(range(17, 24))
+
+
+def test_a_ball_that_flies_by_has_one_speed(tmp_path: Path) -> None:
+    film = Film(velocity_out=(9.3, 1.1), contact=(190.0, 100.0), count=34)
+    _, found = run(film.frames(), tmp_path)
+    assert found.flags == ("NO_REBOUND",)
+    assert found.speed_out is None
+    assert found.restitution is None
+    assert abs(found.speed_in.value - np.hypot(9.3, 1.1) * UNIT) < 4 * found.speed_in.u
+
+
+def test_the_balls_diameter_sets_the_scale(tmp_path: Path) -> None:
+    film = Film()
+    known = ClipCalibration(frames_per_second=RATE, exposure_s=2e-5, ball_diameter_m=0.028)
+    tracked, found = run(film.frames(), tmp_path, known)
+    assert tracked.plane.source == "ball"
+    assert tracked.plane.metres_per_pixel == pytest.approx(SCALE, rel=3e-3)
+    assert abs(found.speed_in.value - np.hypot(*film.velocity_in) * UNIT) < 2 * found.speed_in.u
+    assert found.restitution is not None
+    assert found.restitution.u < 1e-3  # the scale is in neither
+
+
+def test_no_ball(tmp_path: Path) -> None:
+    still = [next(iter(Film(seed=seed, contact=(900.0, 900.0)).frames())) for seed in range(12)]
+    with pytest.raises(InputError, match="ball; not found"):
+        run(still, tmp_path)
+
+
+def test_a_bat_alone_is_no_ball(tmp_path: Path) -> None:
+    film = Film(bat=True, contact=(230.0, 100.0))
+    empty = replace(film, light=film.dark, slope=0.0, noise=1.5)
+    with pytest.raises(InputError, match="ball; not found"):
+        run(empty.frames(), tmp_path)
+
+
+def test_a_ball_of_another_size_is_not_the_ball(tmp_path: Path) -> None:
+    known = replace(KNOWN, ball_diameter_m=0.073)
+    with pytest.raises(InputError, match="radius near 36"):
+        run(Film().frames(), tmp_path, known)
+
+
+def test_two_balls(tmp_path: Path) -> None:
+    one = Film(contact=(230.0, 60.0), velocity_in=(9.3, 0.0), velocity_out=(-5.2, 0.0))
+    other = replace(one, contact=(240.0, 150.0), noise=0.0)
+    both = [np.maximum(a, b) for a, b in zip(one.frames(), other.frames(), strict=True)]
+    with pytest.raises(InputError, match="balls = 2"):
+        run(both, tmp_path)
+
+
+@pytest.mark.parametrize(("sense", "turn"), [(1.0, (0.0, 0.0, 0.0)), (-1.0, (np.pi, 0.0, 0.0))])
+def test_angles_are_as_seen_whichever_way_the_cameras_axes_run(
+    sense: float, turn: tuple[float, float, float], tmp_path: Path
+) -> None:
+    """A camera 1 m off, of a pixel a millimetre: Y down the picture, or up as on a rig."""
+    film = SCENES["steep"]
+    rows, columns = next(iter(film.frames())).shape
+    camera = CameraModel(
+        image_size=(columns, rows),
+        matrix=((1000.0, 0.0, 120.0), (0.0, 1000.0, 80.0), (0.0, 0.0, 1.0)),
+        distortion=(0.0, 0.0, 0.0, 0.0, 0.0),
+        rotation=turn,
+        translation_m=(0.0, 0.0, 1.0),
+    )
+    plain, flat = run(film.frames(), tmp_path)
+    tracked, seen = run(
+        film.frames(), tmp_path, replace(KNOWN, metres_per_pixel=None, camera=camera)
+    )
+    assert tracked.plane.sense == sense
+    assert plain.plane.sense == 1.0
+    assert flat.angle_out is not None
+    assert seen.angle_out is not None
+    assert seen.angle_in.value == pytest.approx(flat.angle_in.value, abs=1e-6)
+    assert seen.angle_out.value == pytest.approx(flat.angle_out.value, abs=1e-6)
+    true = np.arctan2(-film.velocity_in[1], film.velocity_in[0])
+    assert seen.angle_in.value == pytest.approx(true, abs=5 * seen.angle_in.u)
+    assert np.sign(tracked.legs.flight_in.velocity[1]) == sense
+
+
+def test_a_ball_that_leaves_the_plane_is_told_by_its_size(tmp_path: Path) -> None:
+    """Radius f r / Z, place f X / Z: nearer at w m/s, the picture gains X w / Z m/s."""
+    film = Film()
+    tracked, flat = run(film.frames(), tmp_path)
+    assert "OFF_PLANE" not in flat.flags
+    out, rate = tracked.legs.used_out, 3.0  # w / Z [1/s]
+    since = tracked.times - tracked.times[out].mean()
+    size = np.where(out, 1 / (1 - rate * since), 1.0) * np.median(tracked.located.radius)
+    nearer = replace(tracked, located=replace(tracked.located, radius=size))
+    found = speeds(nearer, KNOWN)
+    assert found.flags == (*flat.flags, "OFF_PLANE")
+    assert flat.speed_out is not None
+    assert found.speed_out is not None
+    assert found.speed_in == flat.speed_in
+    assert found.speed_out.value == flat.speed_out.value
+    rows, columns = tracked.clip.shape
+    along = np.array(film.velocity_out) / np.hypot(*film.velocity_out)
+    away = SCALE * (np.mean(tracked.located.x[out]) - (columns - 1) / 2)
+    below = SCALE * (np.mean(tracked.located.y[out]) - (rows - 1) / 2)
+    gained = np.sqrt(found.speed_out.u**2 - flat.speed_out.u**2)
+    rows = tracked.clip.shape[0]
+    below = SCALE * (np.mean(tracked.located.y[out]) - (rows - 1) / 2)
+    assert gained == pytest.approx(abs(rate * (away * along[0] + below * along[1])), rel=0.02)

@@ -1,0 +1,266 @@
+"""TOML files into specs, and every number's provenance beside them.
+
+A catalog name (``r161``) is looked up in the shipped ``data``; anything that ends in
+``.toml`` is a user's own file. Both go through the same reader, so both are checked alike.
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Hashable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Annotated, Any, Generic, TypeVar, cast
+
+from annotated_types import Gt
+
+from virtual_lab.catalog.specs import (
+    BatSpec,
+    BatSpread,
+    Dimension,
+    HoopMode,
+    Lump,
+    PublishedBat,
+    Spec,
+)
+from virtual_lab.catalog.validation import validate
+from virtual_lab.errors import InputError
+
+__all__ = [
+    "KINDS",
+    "Datum",
+    "Entry",
+    "find",
+    "load",
+    "load_bat",
+    "names",
+    "nearest",
+    "sheet",
+    "text",
+    "title",
+    "unverified",
+    "validate",
+]
+
+KINDS = ("bats", "balls", "procedures", "instruments", "rigs", "conditions", "faults")
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Datum:
+    """One number of a file as written there, with where it comes from."""
+
+    key: str
+    value: Any
+    unit: str
+    source: str
+    verified: bool
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry(Generic[T]):
+    """A spec with the file text it came from and the provenance of its numbers."""
+
+    spec: T
+    text: str
+    sheet: tuple[Datum, ...]
+
+
+def names(kind: str) -> tuple[str, ...]:
+    """Return the names the shipped catalog holds of one kind, sorted."""
+    folder = files("virtual_lab.data").joinpath(kind)
+    return tuple(
+        sorted(
+            item.name.removesuffix(".toml")
+            for item in folder.iterdir()
+            if item.name.endswith(".toml")
+        )
+    )
+
+
+def title(kind: str, name: str) -> str:
+    """Return the title line of a catalog file."""
+    return str(sheet(kind, name)[0]["title"])
+
+
+def find(kind: str, name: str) -> Traversable | Path:
+    """Return the file of a catalog name, or the user's own file where `name` ends in .toml.
+
+    Raises `InputError` with the nearest names where there is no such file.
+    """
+    if name.endswith(".toml"):
+        path = Path(name)
+        if not path.is_file():
+            raise InputError("", f"{kind.removesuffix('s')} file", name, "no such file")
+        return path
+    known = names(kind)
+    if name not in known:
+        hint = nearest(name, known)
+        raise InputError(
+            "",
+            kind.removesuffix("s"),
+            name,
+            f"{hint}known: {', '.join(known)}, or a .toml file",
+        )
+    return files("virtual_lab.data").joinpath(kind, f"{name}.toml")
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Return a question that suggests the known names nearest to a mistyped one, or nothing."""
+    near = difflib.get_close_matches(name.lower(), list(known), n=2, cutoff=0.5)
+    return f"did you mean {' or '.join(near)}? " if near else ""
+
+
+def sheet(kind: str, name: str) -> tuple[dict[str, Any], tuple[Datum, ...]]:
+    """Return a file as it was parsed, and its numbers with their provenance."""
+    document = _parse(*_text(find(kind, name)))
+    numbers = load_bat(name).sheet if kind == "bats" else tuple(_sheet(document))
+    return document, numbers
+
+
+def unverified(kind: str, name: str) -> dict[str, str]:
+    """Return, for a catalog entry and what it names in turn, how many numbers are unverified.
+
+    A rig names its instruments; the result reads ``{"rigs/astm-pivot": "4 of 5", …}``.
+    """
+    document, numbers = sheet(kind, name)
+    doubtful = sum(not datum.verified for datum in numbers)
+    found = {f"{kind}/{name}": f"{doubtful} of {len(numbers)}"} if doubtful else {}
+    instruments = names("instruments") if kind == "rigs" else ()
+    for part in document.values():
+        if part in instruments:
+            found |= unverified("instruments", part)
+    return found
+
+
+def text(kind: str, name: str) -> str:
+    """Return the text of a catalog entry's (or user's own) file."""
+    return _text(find(kind, name))[0]
+
+
+def load(kind: str, name: str, spec: type[T]) -> Entry[T]:
+    """Return the catalog entry (or user's file) `name`, read as `spec`."""
+    return read(*_text(find(kind, name)), spec)
+
+
+def read(text: str, where: str, spec: type[T]) -> Entry[T]:
+    """Return the entry that TOML `text` holds; `where` names the file in errors."""
+    return cast("Entry[T]", _read(text, where, cast("Hashable", spec)))
+
+
+@lru_cache(maxsize=64)
+def _read(text: str, where: str, spec: Hashable) -> Any:
+    """Read a text once: a test reads its rules anew after every round."""
+    document = _parse(text, where)
+    return Entry(validate(document, where, cast("type", spec)), text, tuple(_sheet(document)))
+
+
+def load_bat(name: str) -> Entry[BatSpec]:
+    """Return a bat, either drawn in full or as a modification of another (``base = "…"``)."""
+    return read_bat(*_text(find("bats", name)))
+
+
+def read_bat(text: str, where: str) -> Entry[BatSpec]:
+    """Return the bat that TOML `text` describes, resolving ``base`` in the catalog."""
+    document = _parse(text, where)
+    if "base" not in document:
+        return Entry(validate(document, where, BatSpec), text, tuple(_sheet(document)))
+    change = validate(document, where, ModifiedBat)
+    if change.base not in names("bats"):
+        hint = nearest(change.base, names("bats"))
+        raise InputError(where, "base", change.base, f"{hint}known: {', '.join(names('bats'))}")
+    base = load_bat(change.base)
+    own = {datum.key for datum in _sheet(document)}
+    inherited = (datum for datum in base.sheet if not _replaced(datum.key, change, own))
+    return Entry(_modified(base.spec, change, where), text, (*_sheet(document), *inherited))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModifiedBat(Spec):
+    """A bat made from another: thinner or thicker wall, weights added, hoop mode retuned."""
+
+    name: str
+    title: str
+    base: str
+    wall_factor: Annotated[float, Gt(0), Dimension("number")]
+    lumps: tuple[Lump, ...] = ()
+    hoop: HoopMode | None = None
+    spread: BatSpread | None = None
+    published: PublishedBat | None = None
+
+
+def _modified(base: BatSpec, change: ModifiedBat, where: str) -> BatSpec:
+    profile = base.body.profile
+    if profile.wall is None:
+        raise InputError(where, "base", change.base, "a solid bat has no wall to thin")
+    wall = tuple(thickness * change.wall_factor for thickness in profile.wall)
+    try:
+        body = replace(
+            base.body,
+            profile=replace(profile, wall=wall),
+            lumps=(*base.body.lumps, *change.lumps),
+            hoop=change.hoop or base.body.hoop,
+        )
+    except ValueError as fault:
+        raise InputError(where, "wall_factor, lumps", None, str(fault)) from fault
+    return BatSpec(
+        name=change.name,
+        title=change.title,
+        body=body,
+        spread=change.spread or base.spread,
+        published=change.published,
+    )
+
+
+def _replaced(key: str, change: ModifiedBat, own: set[str]) -> bool:
+    if key.startswith("published"):
+        return True
+    if key.startswith("body.hoop"):
+        return change.hoop is not None
+    return key in own
+
+
+def _text(path: Traversable | Path) -> tuple[str, str]:
+    try:
+        return path.read_text(encoding="utf-8-sig"), str(path) if isinstance(
+            path, Path
+        ) and not _shipped(path) else path.name
+    except (OSError, UnicodeDecodeError) as fault:
+        raise InputError(str(path), "file", None, f"cannot be read ({fault})") from fault
+
+
+@lru_cache(maxsize=256)
+def _shipped(path: Path) -> bool:
+    return path.resolve().is_relative_to(Path(str(files("virtual_lab.data"))).resolve())
+
+
+def _parse(text: str, where: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as fault:
+        raise InputError(where, "TOML", None, f"cannot be parsed: {fault}") from fault
+
+
+def _sheet(document: Any, prefix: str = "") -> Iterator[Datum]:
+    if isinstance(document, Mapping):
+        if "value" in document and "unit" in document:
+            yield Datum(
+                prefix,
+                document["value"],
+                document["unit"],
+                document["source"],
+                document["verified"],
+                document.get("note", ""),
+            )
+            return
+        for key, item in document.items():
+            yield from _sheet(item, f"{prefix}.{key}" if prefix else key)
+    elif isinstance(document, list):
+        for index, item in enumerate(document):
+            label = item.get("name", index) if isinstance(item, Mapping) else index
+            yield from _sheet(item, f"{prefix}.{label}")

@@ -1,0 +1,97 @@
+"""A certificate as plain text for a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from virtual_lab.certificate.camera import witness_text
+from virtual_lab.output.metrics import METRICS
+from virtual_lab.output.rounding import with_uncertainty
+from virtual_lab.units import INCH
+
+__all__ = ["certificate_text"]
+
+WORDS = {
+    "bat_performance_factor": "BPF",
+    "collision_efficiency": "e_A",
+    "restitution": "e",
+    "recoil_factor": "r",
+    "ball_restitution": "e0",
+}
+
+
+def certificate_text(document: Mapping[str, Any]) -> str:
+    """Return what a certificate says, in a dozen lines."""
+    metric, procedure = document["metric"], document["procedure"]
+    marginal = ", marginal: the limit lies within the 95 % interval" if document["marginal"] else ""
+    lines = [
+        f"{document['bat']['name']} by {procedure['name']} ({procedure['edition']})",
+        f"  {document['verdict']}{marginal}",
+    ]
+    if metric["value"] is not None:
+        lines.append("  " + _metric_line(metric))
+        lines += [
+            f"  {word:4} {with_uncertainty(document[name]['value'], document[name]['u'])}"
+            f"{'   ' + document['recoil']['which'] if name == 'recoil_factor' else ''}"
+            for name, word in WORDS.items()
+            if name in document
+        ]
+        place = document["impact_position_in"]
+        lines.append(f"  at {document['v_rel_mph']:.2f} mph, {place:.2f} in from the tip")
+        lines += _width_lines(document["width_m"])
+        lines += _control_lines(document["ball_correction"])
+        lines += witness_text(document["second_witness"])
+    if document["incomplete"]:
+        lines.append(f"  incomplete: {document['incomplete']}")
+    lines += [
+        f"  {'meets' if finding['met'] else 'FAILS'}: {finding['sentence']}"
+        for finding in document["findings"]
+    ]
+    lines += [f"  FLAG {flag['name']}: {flag['sentence']}" for flag in document["flags"]]
+    lines.append(
+        f"  {document['valid_hits']} valid hits, {len(document['rejected_hits'])} rejected"
+    )
+    lines += [f"    shot {hit['shot']}: {hit['reason']}" for hit in document["rejected_hits"]]
+    if document["unverified"]:
+        lines.append(f"  rests on {len(document['unverified'])} unverified values of the procedure")
+    if document["statement"]:
+        lines.append(f"  {document['statement']}")
+    return "\n".join(lines)
+
+
+def _metric_line(metric: Mapping[str, Any]) -> str:
+    printed = METRICS[metric["name"]]
+    value, u, limit = (
+        None if number is None else number / printed.unit_si
+        for number in (metric["value"], metric["u"], metric["limit"])
+    )
+    low, high = (bound / printed.unit_si for bound in metric["interval_95"])
+    assert value is not None
+    assert u is not None
+    unit = f" {printed.unit}" if printed.unit else ""
+    most = "no limit" if limit is None else f"limit {limit:.{printed.places}f}"
+    places = printed.places + 1
+    return (
+        f"{printed.symbol:4} {with_uncertainty(value, u)}{unit}"
+        f"   95 % interval {low:.{places}f} to {high:.{places}f}, {most}"
+    )
+
+
+def _width_lines(width: Mapping[str, Any] | None) -> list[str]:
+    if width is None:
+        return []
+    along = width["value"] / INCH
+    stated = (
+        f"at least {along:.2f}" if width["at_least"] else with_uncertainty(along, width["u"] / INCH)
+    )
+    where = f"{width['from_in']:.2f} to {width['to_in']:.2f} in from the tip"
+    return [f"  {stated} in wide within {width['drop']:g} of the curve's top, {where}"]
+
+
+def _control_lines(correction: Mapping[str, Any] | None) -> list[str]:
+    if correction is None or correction["control"] is None:
+        return []
+    control = correction["control"]
+    ratio = with_uncertainty(control["value"], control["u"])
+    return [f"  over {ratio} of the control bat with this lot ({control['source']})"]

@@ -1,0 +1,1 @@
+"""What a laboratory knows: from raw records to a judged result; never sees the truth."""

@@ -1,0 +1,235 @@
+"""What a camera says of the same hits as the gates: e_A, e and BPF by both, joined, and agreed.
+
+The two share the bat, the balls and the hits, so their results go up and down together; what
+each constant does to both is known, and the two are joined so that the uncertainty is least.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.measurement.camera.filmed import Filmed, FramesU, filmed, frames_u
+from virtual_lab.measurement.camera.windows import Sightings, sight
+from virtual_lab.measurement.reduction.flights import Flown, heights_moved, timed
+from virtual_lab.measurement.reduction.shot_algebra import ShotResults, drag_of
+from virtual_lab.measurement.session_reduction import Reduced, constants_known
+from virtual_lab.records import ClipRecord, TrackRecord
+from virtual_lab.records.session import Session
+from virtual_lab.uncertainty.budget import Budget, Component, Variants, combine, scatter
+from virtual_lab.uncertainty.estimate import Estimate
+
+__all__ = ["COMPARED", "SecondWitness", "Told", "second_witness"]
+
+Array = NDArray[np.float64]
+COMPARED: Mapping[str, str] = {  # name in a certificate: the shots' field it is the mean of
+    "collision_efficiency": "lot_collision_efficiency",
+    "restitution": "lot_restitution",
+    "bat_performance_factor": "bat_performance_factor",
+}
+GATES, VIDEO = "gates", "video"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Told:
+    """One quantity as the witnesses tell it."""
+
+    gates: Budget
+    video: Budget
+    joined: Budget
+    difference: Budget  # video less gates
+    share: float  # of the video in what is joined
+
+    @property
+    def agree(self) -> bool:
+        """Whether 0 lies within the difference's 95 % interval."""
+        low, high = self.difference.interval_95
+        return low <= 0 <= high
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SecondWitness:
+    """What the camera adds to a test."""
+
+    told: Mapping[str, Told]  # by the keys of COMPARED; {} where no hit that counts was filmed
+    hits: int  # that count and both saw
+    missed: int  # that count, and the camera did not see well
+    filmed: Filmed
+    shots: ShotResults
+    u: Mapping[str, Array]  # of each shot's speed_in, speed_out, efficiency, place and angle
+
+
+@constants_known()
+def second_witness(session: Session, reduced: Reduced) -> SecondWitness | None:
+    """Return what a session's camera says, None where it had none.
+
+    Raises
+    ------
+    InputError
+        The camera's record or its calibration cannot be used.
+    """
+    record = session.records["impact"].get("camera")
+    if not isinstance(record, ClipRecord | TrackRecord):
+        return None
+    best = {name: np.array(known.value) for name, known in reduced.constants.items()}
+    seen = sight(record, camera_constants(session), float(best["ball.radius"]))
+    variants, passages = Variants.of(reduced.constants), reduced.readings.passages
+    by_gates, risen = timed("impact", passages), heights_moved("impact", passages)
+    found = _by_both(reduced, seen, best, by_gates)
+    moved = _by_both(reduced, seen, variants.columns, by_gates)
+    both = np.isfinite(found.video.rebound_efficiency) & np.isfinite(found.gates.rebound_efficiency)
+    used, weights = reduced.outcome.used & both, reduced.outcome.weights
+    told: dict[str, Told] = {}
+    if used.any() and np.isfinite(weights[used]).all():
+        share = weights[used] / weights[used].sum()
+        place = np.round(reduced.readings.place, 6)[used]
+        for name, field in COMPARED.items():
+            hits = {who: getattr(found.results[who], field)[used] for who in (GATES, VIDEO)}
+            parts = {
+                who: variants.components(getattr(moved.results[who], field)[:, used] @ share)
+                for who in hits
+            }
+            told[name] = _told(hits, parts, share, place)
+    return SecondWitness(
+        told=told,
+        hits=int(used.sum()),
+        missed=int((reduced.outcome.used & ~both).sum()),
+        filmed=found.filmed,
+        shots=found.video,
+        u=_shots_u(
+            found,
+            frames_u(best, "impact", seen, found.filmed),
+            {name: variants.u(values) for name, values in moved.quantities.items()},
+            _by_both(reduced, seen, best, risen).quantities,
+        ),
+    )
+
+
+def camera_constants(session: Session) -> dict[str, Estimate]:
+    """Return the calibration of the camera at the bat."""
+    stem = "impact.camera."
+    return {
+        name.removeprefix(stem): known
+        for name, known in session.calibration.items()
+        if name.startswith(stem)
+    }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Both:
+    """The shots of any values of the constants by both witnesses, (..., shot)."""
+
+    gates: ShotResults
+    video: ShotResults
+    filmed: Filmed
+
+    @property
+    def results(self) -> dict[str, ShotResults]:
+        return {GATES: self.gates, VIDEO: self.video}
+
+    @property
+    def quantities(self) -> dict[str, Array]:
+        """What the camera tells of each shot."""
+        return {
+            "speed_in": self.filmed.flights.speed_in,
+            "speed_out": self.filmed.flights.speed_out,
+            "efficiency": self.video.rebound_efficiency,
+            "place": self.filmed.place,
+            "angle": self.filmed.angle_in,
+        }
+
+
+def _by_both(reduced: Reduced, seen: Sightings, x: Mapping[str, Array], by_gates: Flown) -> _Both:
+    gates = reduced.results(x, by_gates)
+    drag = drag_of(x, gates.ball_mass)
+    found = filmed(x, "impact", seen, drag, by_gates(x, drag))
+    video = reduced.results(x, lambda *_: found.flights)
+    return _Both(gates=gates, video=video, filmed=found)
+
+
+def _shots_u(
+    found: _Both, own: FramesU, known: Mapping[str, Array], risen: Mapping[str, Array]
+) -> dict[str, Array]:
+    """Return each shot's standard uncertainties: calibrations, frames and heights together.
+
+    Parameters
+    ----------
+    own
+        Of the frames alone.
+    known
+        Of the calibrations, (shot,).
+    risen
+        The quantities as the heights moved them, (independent way, shot).
+    """
+    flights = found.filmed.flights
+    ratio = np.hypot(own.speed_in / flights.speed_in, own.speed_out / flights.speed_out)
+    frames = {
+        "speed_in": own.speed_in,
+        "speed_out": own.speed_out,
+        "efficiency": ratio * flights.speed_out / flights.speed_in,
+        "place": own.place,
+        "angle": own.angle_in,
+    }
+    return {
+        name: np.sqrt(known[name] ** 2 + u**2 + np.sum((risen[name] - best) ** 2, axis=0))
+        for (name, u), best in zip(frames.items(), found.quantities.values(), strict=True)
+    }
+
+
+def _told(
+    hits: Mapping[str, Array],
+    parts: Mapping[str, list[Component]],
+    weights: Array,
+    places: Array,
+) -> Told:
+    """Return a quantity by both witnesses, joined, and their difference."""
+
+    def mixed(gates: float, video: float) -> Budget:
+        values = gates * hits[GATES] + video * hits[VIDEO]
+        shared = [
+            _blend(one, other, gates, video)
+            for one, other in zip(parts[GATES], parts[VIDEO], strict=True)
+        ]
+        # what is new in every shot, as noise of frames and of heights, is in the hits' own scatter
+        return combine(float(values @ weights), [*shared, scatter(values, weights, places)])
+
+    share = _share(parts, scatter(hits[VIDEO] - hits[GATES], weights, places))
+    return Told(
+        gates=mixed(1.0, 0.0),
+        video=mixed(0.0, 1.0),
+        joined=mixed(1 - share, share),
+        difference=mixed(-1.0, 1.0),
+        share=share,
+    )
+
+
+def _share(parts: Mapping[str, list[Component]], apart: Component) -> float:
+    """Return the video's share in what has the least uncertainty.
+
+    Only what sets the witnesses apart counts: the constants, and half of the scatter of their
+    differences for each. How the hits themselves scatter is the same for both.
+    """
+    gates = np.array([part.sensitivity * part.u for part in parts[GATES]])
+    off = np.array([part.sensitivity * part.u for part in parts[VIDEO]]) - gates
+    noise = apart.contribution**2
+    total = float(off @ off) + noise
+    if total == 0:
+        return 0.5
+    return float(np.clip((noise / 2 - gates @ off) / total, 0.0, 1.0))
+
+
+def _blend(one: Component, other: Component, gates: float, video: float) -> Component:
+    sensitivity = gates * one.sensitivity + video * other.sensitivity
+    return Component(
+        name=one.name,
+        value=one.value,
+        u=one.u,
+        evaluation=one.evaluation,
+        dof=one.dof,
+        sensitivity=sensitivity,
+        contribution=abs(sensitivity) * one.u,
+        shift=gates * one.shift + video * other.shift,
+    )

@@ -1,0 +1,205 @@
+"""Flights from a camera over the rig: straight lines in and out, drag and heights known.
+
+With quadratic drag the way s = d exprel(±κd) is linear in time, v s' = 1 at the target, so each
+way is a weighted straight line through the frames' places whatever the speed. How high the ball
+flew, which is how far from the camera it was, the gates tell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.measurement.camera.windows import Sightings
+from virtual_lab.measurement.reduction.flights import Flights
+from virtual_lab.relations.flight import time_before
+from virtual_lab.relations.pinhole import looking_down, undistorted
+from virtual_lab.units import STANDARD_GRAVITY
+
+__all__ = ["Filmed", "FramesU", "filmed", "frames_u"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Constants = Mapping[str, Array]
+LENS = ("focal", "centre_x", "centre_y", "k1", "k2", "p1", "p2", "k3")
+LAGS = np.geomspace(0.02, 3.0, 16)  # of the time a flight is seen: how slow a pattern may be
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Filmed:
+    """What the camera says of each shot, (..., shot); NaN: it does not."""
+
+    flights: Flights  # heights are those of the gates
+    place: Array  # of contact, from the barrel tip [m]
+    angle_in: Array  # of the flight in from the line of fire, toward the tip [rad]
+    met: Array  # when, from the first frame that counts, by the camera's clock [s]
+
+
+def filmed(x: Constants, stage: str, seen: Sightings, drag: Array, timed: Flights) -> Filmed:
+    """Return the flights of a stage's balls as its camera saw them.
+
+    Parameters
+    ----------
+    x
+        Constants, numbers or columns (k, 1).
+    seen
+        The ball's places, (shot, frame).
+    drag
+        κ of each ball, (..., shot) [1/m].
+    timed
+        What the gates say, of which heights and slopes are used.
+    """
+    # heights change slowly along the way: how far a ball is, the first set of constants tells
+    first = {name: np.ravel(value)[:1, None] for name, value in x.items() if _of(stage, name)}
+    level = np.asarray(timed.offset).reshape(-1, len(seen.times))[:1, :, None]
+    ahead = -_places(first, stage, seen, level)[0][0]
+    slope = np.where(seen.out, timed.slope_out[..., None], timed.slope_in[..., None])
+    speed = np.where(seen.out, timed.speed_out[..., None], timed.speed_in[..., None])
+    fallen = STANDARD_GRAVITY / 2 * (ahead / speed) ** 2
+    height = np.asarray(timed.offset)[..., None] + slope * ahead - fallen
+    beyond, along = _places(x, stage, seen, height)
+    ahead = -beyond
+    kappa = np.asarray(drag)[..., None]
+    way = time_before(ahead, 1.0, np.where(seen.out, -kappa, kappa))
+    clock = x[f"{stage}.camera.clock"]
+    speed_in, met = _line(seen, ~seen.out, way)
+    speed_out, _ = _line(seen, seen.out, way)
+    drift, aside = _line(seen, ~seen.out, along, at=met)
+    return Filmed(
+        flights=Flights(
+            speed_in=-speed_in * clock,
+            speed_out=speed_out * clock,
+            offset=timed.offset,
+            slope_in=timed.slope_in,
+            slope_out=timed.slope_out,
+        ),
+        place=x[f"{stage}.camera.over"] - aside,
+        angle_in=np.arctan2(drift, -speed_in),
+        met=met,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FramesU:
+    """Standard uncertainties from the frames alone, (shot,); calibrations apart."""
+
+    speed_in: Array  # [m/s]
+    speed_out: Array
+    place: Array  # [m]
+    angle_in: Array  # [rad]
+
+
+def frames_u(x: Constants, stage: str, seen: Sightings, found: Filmed) -> FramesU:
+    """Return how surely the frames tell what was `found`.
+
+    Noise is new in every frame. The ball's pattern errs alike in neighbouring ones: how slowly
+    it turns is not known, so it counts as slow as would harm most.
+    """
+    scale = (x[f"{stage}.camera.place_z"] - x[f"{stage}.camera.plane"]) / x[f"{stage}.camera.focal"]
+    slope_in, _, _ = _line_weights(seen, ~seen.out)
+    slope_out, _, _ = _line_weights(seen, seen.out)
+    u_in, u_out = (float(scale) * _u(seen, part) for part in (slope_in, slope_out))
+    at = float(scale) * _u(seen, _at_contact(seen, found))
+    return FramesU(speed_in=u_in, speed_out=u_out, place=at, angle_in=u_in / found.flights.speed_in)
+
+
+def _at_contact(seen: Sightings, found: Filmed) -> Array:
+    """Return what each frame adds to the place of contact, (shot, frame)."""
+    slope, middle, moment = _line_weights(seen, ~seen.out)
+    return np.asarray(middle + slope * (found.met - moment)[:, None])
+
+
+def _u(seen: Sightings, parts: Array) -> Array:
+    """Return the standard uncertainty of a sum of frames' places by parts, (shot,) [px]."""
+    used = parts != 0
+    noise = np.sum(np.where(used, parts * seen.u, 0.0) ** 2, axis=1)
+    shifted = np.where(used, parts * seen.pattern_u, 0.0)
+    if not np.any(shifted):
+        return np.asarray(np.sqrt(noise))
+    times = _from_first(seen)
+    apart = times[:, :, None] - times[:, None, :]
+    span = np.ptp(np.where(used, times, times.mean(axis=1)[:, None]), axis=1)
+    worst = np.zeros(len(times))
+    for lag in LAGS:
+        like = np.exp(-0.5 * (apart / (lag * span[:, None, None])) ** 2)
+        worst = np.fmax(worst, np.einsum("si,sij,sj->s", shifted, like, shifted))
+    return np.asarray(np.sqrt(noise + worst))
+
+
+def _places(x: Constants, stage: str, seen: Sightings, height: Array) -> tuple[Array, Array]:
+    """Return the ball's centre in the rig's axes from its picture: X, Y (..., shot, frame) [m]."""
+
+    def of(name: str) -> Array:
+        return np.asarray(x[f"{stage}.camera.{name}"])[..., None]
+
+    u, v, bent = _rays(x, stage, seen)
+    tilt = np.stack(
+        [np.asarray(x[f"{stage}.camera.tilt_{axis}"]).reshape(-1) for axis in "xyz"], axis=-1
+    )
+    several = np.ndim(x[f"{stage}.camera.tilt_x"]) > 0
+    turn = looking_down(tilt)[:, None, None] if several else looking_down(tilt[0])
+    below = of("place_z") - of("plane") - height
+    # a sphere is seen somewhat farther out than its centre, by 1 / (1 - R²/Z²)
+    shrink = 1 - (np.asarray(x["ball.radius"])[..., None] / below) ** 2 * bent
+    u, v = u * shrink, v * shrink
+    way = [
+        turn[..., 0, axis] * u + turn[..., 1, axis] * v + turn[..., 2, axis] for axis in range(3)
+    ]
+    reach = -below / way[2]
+    return of("place_x") + reach * way[0], of("place_y") + reach * way[1]
+
+
+def _rays(x: Constants, stage: str, seen: Sightings) -> list[Array]:
+    """Return the directions of pixels in axes of the camera, x/z, y/z, (..., shot, frame).
+
+    And how much farther than its centre a lens that bends moves the middle of a disc there.
+    Of many sets of constants few differ in the lens, and each lens is reckoned with once.
+    """
+    columns = np.broadcast_arrays(*(x[f"{stage}.camera.{name}"] for name in LENS))
+    sets = np.stack([np.ravel(column) for column in columns], axis=1)
+    lenses, which = np.unique(sets, axis=0, return_inverse=True)
+    focal, centre_x, centre_y, *bend = (column[:, None, None] for column in lenses.T)
+    flat = np.stack([(seen.x - centre_x) / focal, (seen.y - centre_y) / focal], axis=-1)
+    u, v = np.moveaxis(undistorted(flat, bend), -1, 0)
+    bent = 1 + 3 * bend[0] + 9 * bend[1] * (u**2 + v**2)
+    rows = np.ravel(which) if columns[0].ndim else 0
+    return [each[rows] for each in (u, v, bent)]
+
+
+def _of(stage: str, name: str) -> bool:
+    return name.startswith(f"{stage}.camera.") or name == "ball.radius"
+
+
+def _from_first(seen: Sightings) -> Array:
+    """Return times from the first frame that counts, 0 of those that do not, (shot, frame)."""
+    times = np.where(np.isfinite(seen.x), seen.times, np.nan)
+    first = np.nanmin(times, axis=1, initial=np.inf)[:, None]
+    return np.asarray(np.nan_to_num(times - np.where(np.isfinite(first), first, 0.0)))
+
+
+def _line_weights(seen: Sightings, way: Mask) -> tuple[Array, Array, Array]:
+    """Return what each frame adds to a line's slope and to its middle, and when that is.
+
+    (shot, frame) twice and (shot,); NaN where no frame is.
+    """
+    weights, times = np.where(way & np.isfinite(seen.x), 1 / seen.u**2, 0.0), _from_first(seen)
+    total = weights.sum(axis=1)[:, None]
+    middle = weights / np.where(total > 0, total, np.nan)
+    moment = np.sum(middle * times, axis=1)
+    off = times - moment[:, None]
+    return weights * off / np.sum(weights * off**2, axis=1)[:, None], middle, moment
+
+
+def _line(
+    seen: Sightings, way: Mask, values: Array, at: Array | None = None
+) -> tuple[Array, Array]:
+    """Return a weighted line's slope, and when it is 0, or what it is `at` a time."""
+    slopes, middles, moment = _line_weights(seen, way)
+    used = np.where(middles > 0, values, 0.0)
+    slope, middle = np.sum(slopes * used, axis=-1), np.sum(middles * used, axis=-1)
+    if at is None:
+        return slope, moment - middle / slope
+    return slope, middle + slope * (at - moment)

@@ -1,0 +1,237 @@
+"""The ball in the windows a camera kept of each shot: found, refined, told in or out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.errors import InputError
+from virtual_lab.records import ClipRecord, TrackRecord
+from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.video.locate.located import Flag, Located
+from virtual_lab.video.locate.noise import ROUNDING, Noise
+from virtual_lab.video.locate.place import place
+from virtual_lab.video.locate.plain_ball.refining import Optics
+from virtual_lab.video.locate.regions import Regions
+
+__all__ = ["Sightings", "sight"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Known = Mapping[str, Estimate]
+
+AT_ONCE = 512  # windows that are looked at together
+BRIGHT = 0.9  # of a ball's pixels: those above this quantile tell how much it stands out
+HALF = 0.45  # of that: what stands out more is the ball
+TOUCHING = 8e-3  # m, from the farthest the ball comes: nearer it may be on the bat
+LEAST = 4  # frames of a way
+MOST = 24  # and as many are refined: more tell little that is new, as the ball's pattern is slow
+OVAL_U = 1e-3  # of outlines off the axis, as far as lens and pose are known
+USELESS = Flag.NOT_FOUND | Flag.POOR_FIT | Flag.SATURATED | Flag.CLIPPED | Flag.OVERLAP
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sightings:
+    """Where the ball was seen to fly freely, arrays (shot, frame); NaN: not, or not well.
+
+    Pixels of the whole frame, distortion and all; times by the camera's clock [s].
+    """
+
+    times: Array
+    x: Array
+    y: Array
+    u: Array  # of x and y each, from noise, new in every frame
+    pattern_u: Array  # the same from the ball's own pattern, alike in neighbouring frames
+    out: Mask  # whether the ball flies out
+
+
+def sight(record: ClipRecord | TrackRecord, known: Known, radius: float) -> Sightings:
+    """Return where a camera saw the ball of each shot.
+
+    Parameters
+    ----------
+    record
+        Windows with their background, or places that the camera tracked itself.
+    known
+        The camera's calibration.
+    radius
+        Of the ball [m].
+
+    Raises
+    ------
+    InputError
+        Windows without their pixels or their background.
+    """
+    size = known["focal"].value / (known["place_z"].value - known["plane"].value)  # [px/m]
+    if isinstance(record, TrackRecord):
+        still = np.zeros_like(record.u)
+        return _ways(record.times, record.x, record.y, record.u, still, size)
+    pixels, background = record.pixels, record.background
+    for name, values in (("pixels", pixels), ("background", background)):
+        if values is None:
+            raise InputError("impact/camera", name, None, "this array is missing")
+    assert pixels is not None
+    assert background is not None
+    shot, frame = np.nonzero(np.isfinite(record.times))
+    corners = np.stack([record.left[shot, frame], record.top[shot, frame]], axis=1)
+    _require_within(pixels, background, corners)
+    began = np.full((*record.times.shape, 2), np.nan)
+    for part in _parts(len(shot)):
+        some = shot[part], frame[part]
+        began[some] = _start(pixels[some], corners[part], background, size * radius)
+    blurs = _blurs(record.times, began, known["exposure"].value)
+    free, out = _free(record.times, began[..., 0], size)
+    kept = _spread(free & ~out) | _spread(free & out)
+    chosen = np.flatnonzero(kept[shot, frame])
+    table = np.full((4, *record.times.shape), np.nan)
+    for mine in _whole_shots(chosen, shot[chosen]):
+        some = shot[mine], frame[mine]
+        seen = Regions(
+            pixels=pixels[some],
+            background=_behind(background, corners[mine], pixels.shape[2:]),
+            corners=corners[mine],
+        )
+        flight = 2 * shot[mine] + out[some]
+        found = _placed(seen, began[some], blurs[some], size * radius, known, flight)
+        useful = (found.flags & USELESS) == 0
+        u = np.hypot(found.x_u, found.y_u) / np.sqrt(2)
+        table[:, *some] = np.where(useful, [found.x, found.y, u, found.pattern_u], np.nan)
+    x, y, u, pattern_u = table
+    return _ways(record.times, x, y, u, pattern_u, size)
+
+
+def noise_of(known: Known) -> Noise:
+    """Return the noise of a camera as its photon transfer measurement has it."""
+    gain = known["gain"].value
+    dark = known["read_noise"].value ** 2 + known["dark_signal"].value ** 2
+    return Noise(
+        gain=gain,
+        read=gain**2 * dark + ROUNDING,
+        black=known["black_level"].value,
+        prnu=known["photo_response"].value,
+        full_scale=known["full_scale"].value,
+    )
+
+
+def _parts(count: int) -> list[slice]:
+    return [slice(start, start + AT_ONCE) for start in range(0, count, AT_ONCE)]
+
+
+def _whole_shots(chosen: NDArray[np.intp], shot: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+    """Return the windows chosen in parts, those of a shot together."""
+    part = shot // (AT_ONCE // (2 * MOST))
+    return np.split(chosen, np.flatnonzero(np.diff(part)) + 1) if len(chosen) else []
+
+
+def _require_within(
+    pixels: NDArray[np.generic], background: NDArray[np.generic], corners: Array
+) -> None:
+    last = np.array(background.shape)[::-1] - pixels.shape[:1:-1]
+    wrong = (corners < 0) | (corners > last)
+    if wrong.any():
+        allowed = f"windows must lie within the frame: 0 to {last[0]}, 0 to {last[1]}"
+        raise InputError("impact/camera", "left_px, top_px", corners[wrong.any(axis=1)][0], allowed)
+
+
+def _behind(
+    background: NDArray[np.generic], corners: Array, side: tuple[int, ...]
+) -> NDArray[np.float32]:
+    views = np.lib.stride_tricks.sliding_window_view(background, side)
+    left, top = corners.astype(int).T
+    return np.asarray(views[top, left], dtype=np.float32)
+
+
+def _start(
+    windows: NDArray[np.generic],
+    corners: Array,
+    background: NDArray[np.generic],
+    radius: float,
+) -> Array:
+    """Return where the ball about is in each window, pixels of the frame (region, 2)."""
+    rows, columns = windows.shape[1:]
+    off = windows.astype(np.float64) - _behind(background, corners, (rows, columns))
+    middle = np.hypot(*np.ogrid[-rows / 2 : rows / 2, -columns / 2 : columns / 2]) < radius / 2
+    bright = np.where(np.median(off[:, middle], axis=1) < 0, -1.0, 1.0)
+    off *= bright[:, None, None]
+    high = np.quantile(off.reshape(len(off), -1), BRIGHT, axis=1)
+    ball = (off > HALF * high[:, None, None]).astype(np.float64)
+    count = np.maximum(ball.sum(axis=(1, 2)), 1.0)
+    x = (ball.sum(axis=1) @ np.arange(columns)) / count
+    y = (ball.sum(axis=2) @ np.arange(rows)) / count
+    return np.asarray(corners + np.stack([x, y], axis=1))
+
+
+def _blurs(times: Array, places: Array, exposure: float) -> Array:
+    """Return how far the ball moves in each exposure, by its way's median speed [px], as `places`.
+
+    `places` are (shot, frame, 2), NaN where there is no frame.
+    """
+    speed = np.diff(places, axis=1) / np.diff(times, axis=1)[..., None]
+    turn = np.nan_to_num(places[..., 0], nan=-np.inf).argmax(axis=1)[:, None]
+    after = np.arange(times.shape[1] - 1) >= turn
+    ways = np.stack([np.where(way[..., None], speed, np.nan) for way in (~after, after)])
+    usual = np.zeros((2, len(times), 2))
+    some = np.isfinite(ways).all(axis=3).any(axis=2)
+    usual[some] = np.nanmedian(ways[some], axis=1)
+    out = np.arange(times.shape[1]) > turn
+    usual *= exposure
+    return np.asarray(np.where(out[..., None], usual[1][:, None], usual[0][:, None]))
+
+
+def _free(times: Array, x: Array, size: float) -> tuple[Mask, Mask]:
+    """Return the frames in which the ball cannot touch the bat, and those after the contact."""
+    seen = np.isfinite(times + x)
+    forth = np.where(seen, x, -np.inf)
+    out = np.arange(times.shape[1]) > forth.argmax(axis=1)[:, None]
+    return seen & (x < forth.max(axis=1)[:, None] - TOUCHING * size), out
+
+
+def _spread(free: Mask) -> Mask:
+    """Return `MOST` frames of each shot, evenly among those that are free, or all of fewer."""
+    count = free.sum(axis=1)[:, None]
+    rank = np.cumsum(free, axis=1)
+    share = np.minimum(MOST / np.maximum(count, 1), 1.0)
+    steps = np.floor(rank * share + 1e-9) > np.floor((rank - 1) * share + 1e-9)
+    return np.asarray(free & steps)
+
+
+def _placed(
+    seen: Regions, places: Array, blur: Array, radius: float, known: Known, flight: NDArray[np.intp]
+) -> Located:
+    """Return the ball as the camera's calibration and all windows of its flight tell it."""
+    blank = np.full(len(places), np.nan)
+    start = Located(
+        x=places[:, 0],
+        y=places[:, 1],
+        radius=np.full(len(places), radius),
+        x_u=blank,
+        y_u=blank,
+        blur_x=blur[:, 0],
+        blur_y=blur[:, 1],
+        chi_square=blank,
+        flags=np.zeros(len(places), np.uint16),
+    )
+    return place(
+        seen,
+        start,
+        noise=noise_of(known),
+        optics=Optics(lens=known["blur"].value),
+        middle=(known["centre_x"].value, known["centre_y"].value),
+        flight=flight,
+        # a sphere seen under the angle b from the axis is longer by 1 / cos b
+        oval=(1 / (2 * known["focal"].value) ** 2, OVAL_U),
+    )
+
+
+def _ways(times: Array, x: Array, y: Array, u: Array, pattern_u: Array, size: float) -> Sightings:
+    """Return the frames of both ways, without those in which the ball may touch the bat."""
+    free, out = _free(times, x + u, size)
+    for way in (~out, out):
+        free &= ~(way & ((free & way).sum(axis=1) < LEAST)[:, None])
+    keep = {"times": times, "x": x, "y": y, "u": u, "pattern_u": pattern_u}
+    return Sightings(
+        **{name: np.where(free, values, np.nan) for name, values in keep.items()}, out=out
+    )

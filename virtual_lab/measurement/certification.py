@@ -1,0 +1,160 @@
+"""A session judged and put into numbers: the metric, its uncertainty, the verdict.
+
+This needs raw records, calibrations and the procedure, and nothing else; it is the same
+computation whether the records come from this laboratory's rigs or from a folder.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.catalog import Datum
+from virtual_lab.measurement.camera.comparison import SecondWitness, second_witness
+from virtual_lab.measurement.diagnostics import Evidence, Flag, flags
+from virtual_lab.measurement.other_support import OtherSupport, other_support
+from virtual_lab.measurement.procedure import (
+    Finding,
+    Judgement,
+    Outcome,
+    Procedure,
+    Verdict,
+    findings,
+    shortfall,
+    verdict,
+)
+from virtual_lab.measurement.procedure.peak_width import Width, width_of
+from virtual_lab.measurement.reduction.observations import ImpactReadings
+from virtual_lab.measurement.reduction.shot_algebra import ShotResults
+from virtual_lab.measurement.session_reduction import Reduced, measure_bat, reduce_session
+from virtual_lab.records.session import Session
+from virtual_lab.uncertainty.budget import Budget, combine, propagate, scatter, type_a
+
+__all__ = [
+    "QUANTITIES",
+    "Certification",
+    "certify_session",
+    "evaluate",
+]
+
+Array = NDArray[np.float64]
+
+QUANTITIES: Mapping[str, str] = {  # name in a certificate: the shots' field it is the mean of
+    "bat_performance_factor": "bat_performance_factor",
+    "collision_efficiency": "lot_collision_efficiency",
+    "restitution": "lot_restitution",
+    "recoil_factor": "lot_recoil_factor",
+    "ball_restitution": "lot_ball_restitution",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Certification:
+    """The outcome of one test, all of it measured."""
+
+    session: Session
+    procedure: Procedure
+    procedure_sheet: tuple[Datum, ...]
+    bat: Mapping[str, Budget]  # mass, length, z_cm, inertia_cm
+    shots: ShotResults
+    shot_metric: Array  # (shot,)
+    readings: ImpactReadings
+    judgement: Judgement
+    outcome: Outcome
+    metric: Budget | None  # None where too few hits were valid to give one
+    quantities: Mapping[str, Budget]  # by the keys of QUANTITIES; {} without a metric
+    width: Width | None  # None too where the rules ask for none
+    other: OtherSupport | None
+    second_witness: SecondWitness | None  # where a camera watched the hits
+    findings: tuple[Finding, ...]  # what the rules ask of a bat before it is hit
+    flags: tuple[Flag, ...]  # what does not hang together in the records
+    verdict: Verdict
+
+    @property
+    def marginal(self) -> bool:
+        """Whether the limit lies within the 95 % interval."""
+        if self.metric is None or self.procedure.most is None:
+            return False
+        low, high = self.metric.interval_95
+        return low <= self.procedure.most <= high
+
+    @property
+    def unverified(self) -> tuple[Datum, ...]:
+        """The procedure's own values that nobody could check against their source."""
+        return tuple(datum for datum in self.procedure_sheet if not datum.verified)
+
+
+def certify_session(session: Session) -> Certification:
+    """Reduce a session and evaluate it. `InputError` as `reduce_session`."""
+    return evaluate(session, reduce_session(session))
+
+
+def evaluate(session: Session, reduced: Reduced) -> Certification:
+    """Return metric, uncertainty and verdict of a session already reduced."""
+    procedure, shots, outcome = reduced.procedure.spec, reduced.shots, reduced.outcome
+    where, valid = reduced.readings.place, reduced.judgement.valid
+    quantities: dict[str, Budget] = {}
+    metric = None
+    if np.isfinite(outcome.weights).all():
+        values = {name: getattr(shots, field) for name, field in QUANTITIES.items()}
+        values["metric"] = reduced.shot_metric
+        shared = propagate(lambda x: _weighted(reduced, x), reduced.constants)
+        used, groups = outcome.used, np.round(where, 6)
+        for name, hits in values.items():
+            part = scatter(hits[used], outcome.weights[used], groups[used])
+            value = float(hits[used] @ outcome.weights[used])
+            quantities[name] = combine(value, [*shared[name], part])
+        metric = quantities.pop("metric")
+        lost = shortfall(procedure, where, valid, reduced.shot_metric).rms
+        if lost > 0:
+            choice = type_a("choice of the place", outcome.place, lost)
+            metric = combine(metric.value, [*metric.components, choice])
+    found = findings(procedure, reduced.bat)
+    return Certification(
+        session=session,
+        procedure=procedure,
+        procedure_sheet=reduced.procedure.sheet,
+        bat=measure_bat(session),
+        shots=shots,
+        shot_metric=reduced.shot_metric,
+        readings=reduced.readings,
+        judgement=reduced.judgement,
+        outcome=outcome,
+        metric=metric,
+        quantities=quantities,
+        width=width_of(procedure, where, valid, reduced.shot_metric) if metric else None,
+        other=other_support(procedure, shots, reduced.bat, outcome) if metric else None,
+        second_witness=second_witness(session, reduced),
+        findings=found,
+        flags=flags(_evidence(session, reduced)),
+        verdict=verdict(
+            procedure,
+            metric.value if metric else np.nan,
+            complete=not outcome.reason,
+            eligible=all(finding.met for finding in found),
+        ),
+    )
+
+
+def _evidence(session: Session, reduced: Reduced) -> Evidence:
+    return Evidence(
+        session=session,
+        procedure=reduced.procedure.spec,
+        constants=reduced.constants,
+        bat=reduced.bat,
+        balls=reduced.balls,
+        readings=reduced.readings,
+        shots=reduced.shots,
+        judgement=reduced.judgement,
+        results=reduced.results,
+    )
+
+
+def _weighted(reduced: Reduced, x: Mapping[str, Array]) -> dict[str, Array]:
+    used, shots = reduced.outcome.used, reduced.results(x)
+    weights = reduced.outcome.weights[used]
+    sums = {name: getattr(shots, field)[..., used] @ weights for name, field in QUANTITIES.items()}
+    return sums | {"metric": reduced.metric(x, shots)[..., used] @ weights}

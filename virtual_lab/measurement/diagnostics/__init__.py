@@ -1,0 +1,7 @@
+"""Does a session hang together? What its records say of themselves, beside the rules' windows."""
+
+from virtual_lab.measurement.diagnostics.evidence import Evidence
+from virtual_lab.measurement.diagnostics.flag import Flag
+from virtual_lab.measurement.diagnostics.flags import CHECKS, flags
+
+__all__ = ["CHECKS", "Evidence", "Flag", "flags"]

@@ -1,0 +1,110 @@
+"""Checks of the bench and of the lot of balls."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import sqrt
+from typing import Any
+
+import numpy as np
+
+from virtual_lab.measurement.diagnostics.evidence import Evidence
+from virtual_lab.measurement.diagnostics.flag import FALSE_ALARMS, Flag, chance, type_a
+from virtual_lab.units import OUNCE
+
+__all__ = ["bat_shape", "lot_rules", "pendulum_swing", "wall_drift"]
+
+BALANCE = (0.25, 0.55)  # of the length, from the tip: any bat, and a plain cylinder
+GYRATION = (0.20, 0.36)  # radius of gyration about the balance point, of the length: any bat
+DECAY_U = 0.4  # relative, of the loss of amplitude: two readings a few of their steps apart
+LEAST_E0 = 1e-5
+FLAT = 1e-9  # rad²
+MASSES = (0.4, 20.0)  # kg, from a child's bat to the steel cylinder of a morning's check
+
+
+def bat_shape(seen: Evidence) -> Iterator[Flag]:
+    """Hold balance, mass and radius of gyration against limits wide enough for all."""
+    bat = seen.bat
+    length, mass = float(bat.length), float(bat.mass)
+    square = float(bat.inertia_cm) / mass / length**2
+    for words, value, (low, high), unit in (
+        ("balance point", float(bat.z_cm) / length, BALANCE, " of the length from the tip"),
+        ("radius of gyration", sqrt(max(square, 0.0)), GYRATION, " of the length"),
+        ("mass", mass, MASSES, " kg"),
+    ):
+        if not low <= value <= high:
+            yield Flag(
+                name="bat-shape",
+                sentence=f"{words} {value:.3g}{unit}, allowed {low:g} to {high:g}",
+            )
+
+
+def pendulum_swing(seen: Evidence) -> Iterator[Flag]:
+    """Hold the slowing of a swing that dies away against the amplitudes that were read.
+
+    A wide swing takes longer, by the square of its amplitude, so within a release the periods
+    shorten as it dies away; how much they do tells the amplitude that it really had.
+    """
+    record: Any = seen.session.records["bench"]["pendulum"]
+    releases, passages = record.times.shape
+    swings = passages - 1
+    if swings < 4:
+        return
+    first, last = record.first_amplitude.mean(), record.last_amplitude.mean()
+    middle = first * (last / first) ** ((np.arange(swings) + 0.5) / swings)
+    longer = np.concatenate([[0.0], np.cumsum(middle**2 / 16)])
+    basis = np.stack([np.ones(passages), np.arange(passages), longer], axis=1)
+    orthogonal, triangle = np.linalg.qr(basis)
+    fitted = record.times @ orthogonal
+    rest = record.times - fitted @ orthogonal.T
+    dof = releases * (passages - 3)
+    spread = sqrt(float((rest**2).sum()) / dof)
+    if abs(triangle[2, 2]) < FLAT:
+        return  # the swing did not die away
+    _, period, slowing = np.linalg.solve(triangle, fitted.mean(axis=0))
+    off = float(slowing - period)
+    scatter = type_a(spread / sqrt(releases) / abs(triangle[2, 2]), dof)
+    u, likely = chance(off, [scatter], least=DECAY_U * float(period))
+    if likely < FALSE_ALARMS:
+        yield Flag(
+            name="pendulum-swing",
+            sentence=f"periods shorten {slowing / period:.1f} times as much as the amplitudes "
+            f"read allow, which is {abs(off) / u:.1f} standard uncertainties off",
+        )
+
+
+def lot_rules(seen: Evidence) -> Iterator[Flag]:
+    """Name the balls of the lot that the rules do not admit."""
+    windows, balls = seen.procedure.windows, seen.measured_balls
+    at = balls.restitution + balls.slope * (windows.ball_restitution_speed - balls.speed)
+    for ball, (mass, e0) in enumerate(zip(balls.mass, at, strict=True)):
+        if not windows.ball_mass_low <= mass <= windows.ball_mass_high:
+            yield Flag(
+                name="lot-rules",
+                sentence=f"ball {ball} of the lot has {mass / OUNCE:.3f} oz, against the rules",
+            )
+        if not windows.ball_restitution_low <= e0 <= windows.ball_restitution_high:
+            yield Flag(
+                name="lot-rules", sentence=f"ball {ball} of the lot has e0 {e0:.4f}, against them"
+            )
+
+
+def wall_drift(seen: Evidence) -> Iterator[Flag]:
+    """Look for a trend of e0 over the order in which the balls were measured."""
+    e0 = seen.measured_balls.restitution
+    hits = np.bincount(seen.balls.ball, minlength=e0.size)
+    order = np.bincount(seen.balls.ball, np.arange(seen.balls.ball.size), e0.size) / hits
+    if e0.size < 4:
+        return
+    along = order - order.mean()
+    slope = float(along @ e0 / (along @ along))
+    rest = e0 - e0.mean() - slope * along
+    dof = e0.size - 2
+    scatter = type_a(sqrt(rest @ rest / dof / (along @ along)), dof)
+    u, likely = chance(slope, [scatter], least=LEAST_E0 / float(np.ptp(order)))
+    if likely < FALSE_ALARMS:
+        yield Flag(
+            name="wall-drift",
+            sentence=f"e0 at the wall changed by {slope * np.ptp(order):+.4f} from first ball to "
+            f"last, {abs(slope) / u:.1f} standard uncertainties",
+        )

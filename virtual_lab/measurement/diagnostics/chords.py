@@ -1,0 +1,82 @@
+"""How long a ball breaks a beam: the same diameter at every gate, or an edge is not the ball's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.measurement.diagnostics.evidence import Evidence
+from virtual_lab.measurement.diagnostics.flag import Flag
+from virtual_lab.measurement.reduction.flights import flights, gate_count
+from virtual_lab.measurement.reduction.gates import INBOUND, Passages
+from virtual_lab.measurement.reduction.shot_algebra import drag_of
+from virtual_lab.records import BoardRecord, GateRecord
+
+__all__ = ["chords"]
+
+Array = NDArray[np.float64]
+APART = 0.6e-3  # m, between one passage of a ball and the mean of its passages
+SIZE = 0.02  # relative, of the mean diameter; the rules' own 9 to 9 1/4 in are 0.014 either way
+
+
+def chords(seen: Evidence) -> Iterator[Flag]:
+    """Hold the diameters that the edges give of each ball against one another, and the mean."""
+    found = {
+        "wall": _diameters(seen, "balls", seen.balls.passages, seen.balls.ball),
+        "bat": _diameters(seen, "impact", seen.readings.passages, seen.readings.ball),
+    }
+    if isinstance(seen.session.records["impact"]["gates"], BoardRecord):
+        # the window on the edges has already thrown out what scraps of the sabot spoil
+        found["bat"] = found["bat"][~seen.off_flight]
+    for where, diameters in found.items():
+        flat = diameters.reshape(len(diameters), diameters[:1].size)
+        known = np.isfinite(flat)
+        many = known.sum(axis=1, keepdims=True)
+        mean = np.where(known, flat, 0.0).sum(axis=1, keepdims=True) / np.maximum(many, 1)
+        off = np.where(known, np.abs(flat - mean), 0.0).max(axis=1, initial=0.0)
+        bad = int((off > APART).sum())
+        if bad:
+            yield Flag(
+                name="chords",
+                sentence=f"{bad} of {off.size} balls at the {where} are of another size from "
+                f"passage to passage, up to {off.max() * 1e3:.1f} mm",
+            )
+        nominal = 2 * float(seen.best["ball.radius"])
+        size = float(np.median(flat[known])) if known.any() else nominal
+        if abs(size / nominal - 1) > SIZE:
+            yield Flag(
+                name="chords",
+                sentence=f"balls at the {where} look {size * 1e3:.1f} mm across, "
+                f"they are {nominal * 1e3:.1f} mm",
+            )
+
+
+def _diameters(seen: Evidence, stage: str, passages: Passages, ball: NDArray[np.int_]) -> Array:
+    """Return the diameter each passage shows [m], (shot, way, gate); NaN: it shows none."""
+    record: Any = seen.session.records[stage]["gates"]
+    x = seen.best
+    drag = drag_of(x, seen.measured_balls.mass[ball])
+    flown = flights(x, stage, passages, drag)
+    far = np.array([float(x[f"{stage}.gates.distance_{k}"]) for k in range(gate_count(x, stage))])
+    grows = np.exp(drag[:, None] * far)
+    speed = np.stack([flown.speed_in[:, None] * grows, flown.speed_out[:, None] / grows], axis=1)
+    if isinstance(record, GateRecord):
+        times = record.times
+        if stage == "balls":  # of which the reduction keeps the hits seen both ways
+            ends = times[:, :, [0, -1]]
+            times = times[np.isfinite(ends).all(axis=(1, 2, 3))]
+        return np.asarray(np.diff(times, axis=-1)[..., 0] * speed / x[f"{stage}.gates.clock"])
+    if not isinstance(record, BoardRecord):
+        return np.full(speed.shape, np.nan)
+    # a beam off the centre's height sees a shorter chord; a steep way back is left out
+    pitch, lowest = float(x[f"{stage}.gates.pitch"]), float(x[f"{stage}.gates.lowest"])
+    beams = lowest + pitch * np.arange(record.times.shape[3])
+    along = np.diff(record.times[:, INBOUND], axis=-1)[..., 0] * speed[:, INBOUND, :, None]
+    above = beams - passages.heights[:, INBOUND, :, None]
+    square = along**2 + 4 * above**2
+    seen_any = np.isfinite(square).any(axis=-1)
+    middle = np.nanmedian(np.where(seen_any[..., None], square, 0.0), axis=-1)
+    return np.sqrt(np.where(seen_any, middle, np.nan))

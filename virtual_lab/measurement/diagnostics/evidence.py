@@ -1,0 +1,58 @@
+"""What the checks look at: a session, and what was reduced from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.measurement.procedure import Judgement, Procedure
+from virtual_lab.measurement.reduction.observations import BallReadings, ImpactReadings
+from virtual_lab.measurement.reduction.shot_algebra import (
+    BatProperties,
+    MeasuredBalls,
+    ShotResults,
+    measured_balls,
+)
+from virtual_lab.records.session import Session
+from virtual_lab.uncertainty.estimate import Estimate
+
+__all__ = ["Evidence"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evidence:
+    """Records, constants and results of one test."""
+
+    session: Session
+    procedure: Procedure
+    constants: Mapping[str, Estimate]
+    bat: BatProperties
+    balls: BallReadings
+    readings: ImpactReadings
+    shots: ShotResults
+    judgement: Judgement
+    results: Callable[[Mapping[str, Array]], ShotResults]  # of any values of the constants
+
+    @property
+    def best(self) -> dict[str, Array]:
+        """The constants' values."""
+        return {name: np.array(known.value) for name, known in self.constants.items()}
+
+    @property
+    def off_flight(self) -> NDArray[np.bool_]:
+        """Which shots' edges lie off one flight by more than the rules allow, (shot,)."""
+        most = self.procedure.windows.edge_misfit
+        speeds = np.stack([self.shots.speed, np.abs(self.shots.rebound_speed)], axis=1)
+        misfit = self.readings.passages.misfit * speeds
+        worst = np.where(np.isfinite(misfit), misfit, 0.0).max(axis=1)
+        return np.asarray(worst > (np.inf if most is None else most))
+
+    @property
+    def measured_balls(self) -> MeasuredBalls:
+        """Mass and e0 of each ball of the lot."""
+        return measured_balls(self.best, self.balls)

@@ -1,0 +1,45 @@
+"""All checks of a session, in the order of the day."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+
+from virtual_lab.measurement.diagnostics.bench import (
+    bat_shape,
+    lot_rules,
+    pendulum_swing,
+    wall_drift,
+)
+from virtual_lab.measurement.diagnostics.chords import chords
+from virtual_lab.measurement.diagnostics.evidence import Evidence
+from virtual_lab.measurement.diagnostics.flag import Flag
+from virtual_lab.measurement.diagnostics.impact import (
+    aim,
+    ball_seen,
+    boards_in_line,
+    edges,
+    encoder_fit,
+    recoil_and_rebound,
+)
+
+__all__ = ["CHECKS", "flags"]
+
+CHECKS: Mapping[str, Callable[[Evidence], Iterator[Flag]]] = {
+    "bat-shape": bat_shape,
+    "pendulum-swing": pendulum_swing,
+    "lot-rules": lot_rules,
+    "wall-drift": wall_drift,
+    "chords": chords,
+    "ball-seen": ball_seen,
+    "edges": edges,
+    "boards-in-line": boards_in_line,
+    "aim": aim,
+    "encoder-fit": encoder_fit,
+    "recoil-and-rebound": recoil_and_rebound,
+}
+
+
+def flags(seen: Evidence) -> tuple[Flag, ...]:
+    """Return what does not hang together, at most once a check: its first and gravest word."""
+    found = (next(check(seen), None) for check in CHECKS.values())
+    return tuple(flag for flag in found if flag)

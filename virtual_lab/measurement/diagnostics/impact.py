@@ -1,0 +1,169 @@
+"""Checks of the shots at the bat: passages, aim, encoder, and recoil against rebound."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.measurement.diagnostics.evidence import Evidence
+from virtual_lab.measurement.diagnostics.flag import FALSE_ALARMS, Flag, chance, type_a
+from virtual_lab.measurement.reduction.flights import gate_count
+from virtual_lab.measurement.reduction.gates import INBOUND
+from virtual_lab.measurement.reduction.shot_algebra import drag_of
+from virtual_lab.records import AimMarks
+from virtual_lab.relations.flight import time_before
+from virtual_lab.uncertainty.budget import Component, propagate
+from virtual_lab.uncertainty.estimate import Estimate
+
+__all__ = ["aim", "ball_seen", "boards_in_line", "edges", "encoder_fit", "recoil_and_rebound"]
+
+Array = NDArray[np.float64]
+COUNTING = 1 / sqrt(12)  # rms of whole counts
+ENCODER_REST = 1.5  # times that, of one shot
+LEAST_PLACE = 1e-5  # m
+LEAST_E_A = 1e-5
+FEWEST = 3  # shots that a mean and its scatter may rest on
+SPOILED = 0.1  # share of the shots that no scrap of a sabot explains
+
+
+def ball_seen(seen: Evidence) -> Iterator[Flag]:
+    """Count the balls that a gate did not see come in: sound gates see every one."""
+    missed = ~np.isfinite(seen.readings.passages.times[:, INBOUND]).all(axis=1)
+    if missed.any():
+        yield Flag(
+            name="ball-seen",
+            sentence=f"a gate did not see the ball come in, in {int(missed.sum())} "
+            f"of {missed.size} shots",
+        )
+
+
+def edges(seen: Evidence) -> Iterator[Flag]:
+    """Count the shots whose edges at the boards lie off one flight."""
+    off = seen.off_flight
+    if off.mean() > SPOILED:
+        yield Flag(
+            name="edges",
+            sentence=f"edges off one flight in {int(off.sum())} of {off.size} shots: "
+            "more than scraps of sabots explain",
+        )
+
+
+def boards_in_line(seen: Evidence) -> Iterator[Flag]:
+    """Hold each board between the first and the last against the flight through those two."""
+    known, best = seen.constants, seen.best
+    last = gate_count(known, "impact") - 1
+    drag = drag_of(best, seen.shots.ball_mass)
+    reach = [time_before(best[_distance(k)], 1.0, drag) for k in range(last + 1)]
+    times, valid = seen.readings.passages.times[:, INBOUND], seen.judgement.valid
+    for board in range(1, last):
+        part = (times[:, board] - times[:, 0]) / (times[:, last] - times[:, 0])
+        off = (reach[board] - reach[0] - part * (reach[last] - reach[0]))[valid]
+        off, share = off[np.isfinite(off)], part[valid][np.isfinite(off)]
+        if off.size < FEWEST:
+            continue
+        place = {_distance(k): known[_distance(k)] for k in (0, board, last)}
+        middle, mean = float(share.mean()), float(off.mean())
+        survey = propagate(_between(board, last, middle), place)["off"]
+        scatter = type_a(float(off.std(ddof=1)) / sqrt(off.size), off.size - 1)
+        u, likely = chance(mean, [*survey, scatter], least=LEAST_PLACE)
+        if likely < FALSE_ALARMS:
+            yield Flag(
+                name="boards-in-line",
+                sentence=f"board {board} stands {mean * 1e3:+.2f} mm off the flight through its "
+                f"neighbours, {abs(mean) / u:.1f} standard uncertainties",
+            )
+
+
+def aim(seen: Evidence) -> Iterator[Flag]:
+    """Hold the mean of the marks on the witness paper against the aim, both ways."""
+    marks = seen.session.records["impact"].get("aim")
+    if not isinstance(marks, AimMarks):
+        return
+    lined_up = seen.constants.get("impact.cannon.along", Estimate(value=0.0))
+    for way, off in (("along", marks.along), ("across", marks.across)):
+        if off.size < FEWEST:
+            continue
+        mean = float(off.mean())
+        survey = propagate(lambda x: {"off": x["along"][:, 0]}, {"along": lined_up})["off"]
+        scatter = type_a(float(off.std(ddof=1)) / sqrt(off.size), off.size - 1)
+        u, likely = chance(mean, [*survey, scatter], least=LEAST_PLACE)
+        if likely < FALSE_ALARMS:
+            yield Flag(
+                name="aim",
+                sentence=f"the marks lie {mean * 1e3:+.1f} mm off the aim {way} the bat, "
+                f"{abs(mean) / u:.1f} standard uncertainties",
+            )
+
+
+def encoder_fit(seen: Evidence) -> Iterator[Flag]:
+    """Hold what each shot's fit leaves of the recoil's counts against the noise of counting."""
+    fit = seen.readings.recoil
+    if fit is None:
+        return
+    rough = np.flatnonzero(fit.residual > ENCODER_REST * COUNTING)
+    if rough.size:
+        worst = int(rough[fit.residual[rough].argmax()])
+        yield Flag(
+            name="encoder-fit",
+            sentence=f"{rough.size} of {fit.residual.size} shots leave more of the encoder's "
+            f"counts than counting explains, shot {worst} {fit.residual[worst]:.2f} rms",
+        )
+
+
+def recoil_and_rebound(seen: Evidence) -> Iterator[Flag]:
+    """Hold e_A by the bat's recoil against e_A by the ball's own rebound, in the mean."""
+    shots, valid = seen.shots, seen.judgement.valid
+    apart = shots.recoil_efficiency - shots.rebound_efficiency
+    both = valid & np.isfinite(apart)
+    if both.sum() < FEWEST:
+        return
+
+    def mean_apart(x: Mapping[str, Array]) -> dict[str, Array]:
+        found = seen.results(x)
+        difference = found.recoil_efficiency - found.rebound_efficiency
+        return {"apart": difference[..., both].mean(axis=-1)}
+
+    mean, shared = float(apart[both].mean()), propagate(mean_apart, seen.constants)["apart"]
+    u, likely = chance(mean, [*shared, _scatter(seen, apart[both], shared)], least=LEAST_E_A)
+    if likely < FALSE_ALARMS:
+        yield Flag(
+            name="recoil-and-rebound",
+            sentence=f"e_A by recoil less e_A by rebound is {mean:+.4f} in the mean, "
+            f"{abs(mean) / u:.1f} standard uncertainties",
+        )
+
+
+def _scatter(seen: Evidence, apart: Array, shared: Sequence[Component]) -> Component:
+    """Return the scatter of a mean: that of the shots, and that which the marks' own makes.
+
+    What sets a shot's recoil apart from its rebound is above all where along the bat it struck,
+    and the marks tell how much that scatters better than a few shots do.
+    """
+    degrees, square = apart.size - 1.0, float(apart.var(ddof=1))
+    marks = seen.session.records["impact"].get("aim")
+    lever = [part.sensitivity for part in shared if part.name == "impact.cannon.along"]
+    if isinstance(marks, AimMarks) and marks.along.size >= FEWEST and lever:
+        more = marks.along.size - 1.0
+        marked = lever[0] ** 2 * float(marks.along.var(ddof=1))
+        square = (degrees * square + more * marked) / (degrees + more)
+        degrees += more
+    return type_a(sqrt(square / apart.size), degrees)
+
+
+def _distance(gate: int) -> str:
+    return f"impact.gates.distance_{gate}"
+
+
+def _between(
+    board: int, last: int, part: float
+) -> Callable[[Mapping[str, Array]], dict[str, Array]]:
+    """Return how far a board is from where it should be, as a function of the surveyed places."""
+
+    def off(x: Mapping[str, Array]) -> dict[str, Array]:
+        first, here, end = (x[_distance(k)][:, 0] for k in (0, board, last))
+        return {"off": here - first - part * (end - first)}
+
+    return off

@@ -1,0 +1,42 @@
+"""The same hits with the recoil factor of the other support, free or pivoted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from virtual_lab.measurement.procedure import Outcome, Procedure
+from virtual_lab.measurement.reduction.shot_algebra import BatProperties, ShotResults, recoil_factor
+from virtual_lab.relations.kinematics import restitution_from_efficiency
+
+__all__ = ["OtherSupport", "other_support"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OtherSupport:
+    """What the same collision efficiency would give with the other support's recoil factor."""
+
+    which: str
+    recoil_factor: float
+    restitution: float
+    bat_performance_factor: float
+
+
+def other_support(
+    procedure: Procedure, shots: ShotResults, bat: BatProperties, outcome: Outcome
+) -> OtherSupport:
+    """Return what the hits that count would give with the other support's recoil factor."""
+    which = "free" if procedure.recoil == "pivoted" else "pivoted"
+    # the lot's mean ball, by the recoil factor it has on the support the rules name
+    ball = shots.ball_mass * shots.lot_recoil_factor / shots.recoil_factor
+    recoil = recoil_factor(which, bat, ball, shots.place, procedure.pivot_from_knob)
+    restitution = np.asarray(restitution_from_efficiency(shots.lot_collision_efficiency, recoil))
+    used = outcome.used
+    weights = outcome.weights[used]
+    return OtherSupport(
+        which=which,
+        recoil_factor=float(recoil[used] @ weights),
+        restitution=float(restitution[used] @ weights),
+        bat_performance_factor=float((restitution / shots.lot_ball_restitution)[used] @ weights),
+    )

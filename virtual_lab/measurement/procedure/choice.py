@@ -1,0 +1,61 @@
+"""What choosing a place costs: fresh hits at a scan's best place, when a neighbour is better."""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from virtual_lab.measurement.procedure.outcome import complete_places, neighbours
+from virtual_lab.measurement.procedure.rules import Procedure
+from virtual_lab.measurement.procedure.schedule import best_place, same_place, scan_hits
+
+__all__ = ["Shortfall", "shortfall"]
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+class Shortfall(NamedTuple):
+    """By how much the place chosen falls short of the best one, in the metric's unit."""
+
+    mean: float
+    rms: float
+
+
+def shortfall(procedure: Procedure, place: Array, valid: Bools, metric: Array) -> Shortfall:
+    """Return how far the place chosen by a scan is behind its best one, as its hits tell.
+
+    The difference to each neighbour is normal about that of their means, with the scatter within
+    the places; what of it lies above 0 was lost. 0 where nothing was chosen, or the result is
+    no mean at one place. Parameters as `outcome_of`.
+    """
+    scan = procedure.scan
+    if scan is None or not scan.final_hits:
+        return Shortfall(0.0, 0.0)
+    complete = complete_places(procedure, place, valid)
+    counted = scan_hits(procedure, place, valid) & np.isin(np.round(place, 6), complete)
+    best = best_place(procedure, complete, place, valid, metric)
+    u = sqrt(2 * _within(place[counted], metric[counted]) / procedure.valid_hits)
+    if not u > 0:
+        return Shortfall(0.0, 0.0)
+    here = metric[counted & same_place(place, best)].mean()
+    means, squares = [], []
+    for other in neighbours(scan, complete, best):
+        behind = (metric[counted & same_place(place, other)].mean() - here) / u
+        density = np.exp(-(behind**2) / 2) / sqrt(2 * np.pi)
+        means.append(u * (behind * ndtr(behind) + density))
+        squares.append(u**2 * ((1 + behind**2) * ndtr(behind) + behind * density))
+    return Shortfall(float(sum(means)), sqrt(float(sum(squares))))
+
+
+def _within(place: Array, metric: Array) -> float:
+    """Return the variance of hits about the mean of their place, pooled; NaN of single hits."""
+    _, back = np.unique(np.round(place, 6), return_inverse=True)
+    many = np.bincount(back)
+    freedom = back.size - many.size
+    means = np.bincount(back, metric) / many
+    return float(np.sum((metric - means[back]) ** 2)) / freedom if freedom else np.nan

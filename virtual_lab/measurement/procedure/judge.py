@@ -1,0 +1,196 @@
+"""Which hits count: every shot held against the windows, the first one missed is named."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.measurement.procedure.rules import Procedure
+from virtual_lab.measurement.procedure.schedule import SETTING_STEP
+from virtual_lab.measurement.reduction.observations import ImpactReadings
+from virtual_lab.measurement.reduction.shot_algebra import ShotResults
+from virtual_lab.units import DEGREE, INCH, MPH, OUNCE
+
+__all__ = ["Judgement", "judge"]
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Criterion = tuple[Bools, str, Array]  # met, the sentence where it is not, the value to put in
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judgement:
+    """Why each shot counts or not: an empty reason is a valid hit."""
+
+    reasons: tuple[str, ...]
+
+    @property
+    def valid(self) -> Bools:
+        """Which shots count, (shot,)."""
+        return np.array([not reason for reason in self.reasons], dtype=bool)
+
+
+def judge(
+    procedure: Procedure,
+    results: ShotResults,
+    readings: ImpactReadings,
+    percussion: float,
+    turn_rate: float,
+) -> Judgement:
+    """Accept or reject each shot by the windows.
+
+    `percussion` is the place [m] and `turn_rate` the angular speed [rad/s] that the procedure
+    asks of the bat as measured.
+    """
+    criteria = [
+        *_ball(procedure, results),
+        *_place(procedure, readings, percussion),
+        *_flight(procedure, results, readings),
+        *_recoil(procedure, results, readings),
+        *_swing(procedure, results, readings, turn_rate),
+        *_sense(procedure, results),
+    ]
+    missed = np.array([~met for met, _, _ in criteria])
+    reasons = np.full(len(results.speed), "", dtype=object)
+    for shot in np.flatnonzero(missed.any(axis=0)):
+        _, sentence, value = criteria[int(missed[:, shot].argmax())]
+        reasons[shot] = sentence.format(value[shot])
+    return Judgement(reasons=tuple(reasons))
+
+
+def _ball(procedure: Procedure, results: ShotResults) -> Iterator[Criterion]:
+    windows = procedure.windows
+    speed, mass, e0 = results.speed, results.ball_mass, results.window_ball_restitution
+    yield np.isfinite(speed), "the gates did not see the ball come in", speed
+    around = f"{procedure.ball_speed / MPH:.4g} ± {windows.speed_tolerance / MPH:.3g}"
+    yield (
+        np.abs(speed - procedure.ball_speed) <= windows.speed_tolerance,
+        f"ball at {{:.2f}} mph, allowed {around} mph",
+        speed / MPH,
+    )
+    low, high = windows.ball_mass_low, windows.ball_mass_high
+    yield (
+        (low <= mass) & (mass <= high),
+        f"ball of {{:.3f}} oz, allowed {low / OUNCE:.3f} to {high / OUNCE:.3f} oz",
+        mass / OUNCE,
+    )
+    dead, lively = windows.ball_restitution_low, windows.ball_restitution_high
+    yield (
+        (dead <= e0) & (e0 <= lively),
+        f"ball of e0 {{:.4f}}, allowed {dead:.3f} to {lively:.3f}",
+        e0,
+    )
+
+
+def _place(
+    procedure: Procedure, readings: ImpactReadings, percussion: float
+) -> Iterator[Criterion]:
+    place, nearby = readings.place, procedure.windows.place_tolerance
+    if procedure.scan is not None:
+        low, high = procedure.scan.low, procedure.scan.high
+        yield (
+            (place >= low - SETTING_STEP) & (place <= high + SETTING_STEP),
+            f"set at {{:.3f}} in, the scan is from {low / INCH:.3f} to {high / INCH:.3f} in",
+            place / INCH,
+        )
+    elif nearby is not None:
+        yield (
+            np.abs(place - percussion) <= nearby,
+            f"set at {{:.3f}} in, allowed {percussion / INCH:.3f} ± {nearby / INCH:.3f} in",
+            place / INCH,
+        )
+
+
+def _flight(
+    procedure: Procedure, results: ShotResults, readings: ImpactReadings
+) -> Iterator[Criterion]:
+    windows = procedure.windows
+    if windows.edge_misfit is not None:
+        speeds = np.stack([results.speed, np.abs(results.rebound_speed)], axis=1)
+        misfit = readings.passages.misfit * speeds
+        worst = np.where(np.isfinite(misfit), misfit, 0.0).max(axis=1)
+        yield (
+            worst <= windows.edge_misfit,
+            f"edges {{:.2f}} mm off one flight, allowed {windows.edge_misfit * 1e3:.2f} mm",
+            worst * 1e3,
+        )
+    if windows.rebound_angle is not None:
+        angle = np.abs(np.arctan(results.rebound_slope))
+        yield (
+            ~(angle > windows.rebound_angle),
+            f"ball came back at {{:.1f}} deg, allowed {windows.rebound_angle / DEGREE:.1f} deg",
+            angle / DEGREE,
+        )
+
+
+def _recoil(
+    procedure: Procedure, results: ShotResults, readings: ImpactReadings
+) -> Iterator[Criterion]:
+    windows, recoil = procedure.windows, readings.recoil
+    if recoil is None:
+        return
+    with np.errstate(divide="ignore", invalid="ignore"):  # a bat that was not hit does not turn
+        per_count = results.recoil_rate / recoil.rate
+        before = np.abs(recoil.before * per_count)
+        unclear = recoil.rate_u / np.abs(recoil.rate)
+    if windows.rate_before is not None:
+        yield (
+            ~(before > windows.rate_before),
+            f"bat turned at {{:.3f}} rad/s before the hit, allowed {windows.rate_before:.3f}",
+            before,
+        )
+    if windows.recoil_u is not None:
+        yield (
+            unclear <= windows.recoil_u,
+            f"recoil known to {{:.2%}}, allowed {windows.recoil_u:.2%}",
+            unclear,
+        )
+    if windows.agreement is not None:
+        apart = np.abs(results.recoil_efficiency - results.rebound_efficiency)
+        yield (
+            ~(apart > windows.agreement),
+            f"e_A by recoil and by rebound {{:.4f}} apart, allowed {windows.agreement:.4f}",
+            apart,
+        )
+
+
+def _swing(
+    procedure: Procedure, results: ShotResults, readings: ImpactReadings, turn_rate: float
+) -> Iterator[Criterion]:
+    windows, swing = procedure.windows, readings.swing
+    if swing is None:
+        return
+    turned = results.swing_rate
+    yield np.isfinite(turned), "the encoder shows no turn up to contact", turned
+    if windows.bat_speed_tolerance is not None:
+        # the bat's speed is named 6 in from the tip, so the window is taken there
+        lever = (procedure.bat_speed or 0.0) / turn_rate
+        tolerance = windows.bat_speed_tolerance
+        asked = f"{turn_rate * lever / MPH:.4g} ± {tolerance / MPH:.3g}"
+        yield (
+            np.abs(turned - turn_rate) * lever <= tolerance,
+            f"bat at {{:.2f}} mph, allowed {asked} mph",
+            turned * lever / MPH,
+        )
+    if windows.contact_angle is not None:
+        angle = np.abs(swing.angle * turned / swing.rate)
+        yield (
+            angle <= windows.contact_angle,
+            f"bat {{:.1f}} deg from square at contact, "
+            f"allowed {windows.contact_angle / DEGREE:.1f} deg",
+            angle / DEGREE,
+        )
+
+
+def _sense(procedure: Procedure, results: ShotResults) -> Iterator[Criterion]:
+    e = results.restitution
+    if procedure.reads == "rebound":
+        yield np.isfinite(e), "the gates did not see the ball come back", e
+    yield (
+        (e > 0) & (e <= 1),
+        "restitution of {:.3f}, which no collision has (signs, units or calibration?)",
+        e,
+    )

@@ -1,0 +1,127 @@
+"""What a procedure makes of a collision: the metric at each place, true or measured alike."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.measurement.procedure.rules import BallCorrection, Game, Procedure
+from virtual_lab.measurement.reduction.shot_algebra import BatProperties, ShotResults
+from virtual_lab.relations.kinematics import (
+    bat_performance_factor,
+    batted_speed,
+    besr,
+    efficiency_from_restitution,
+    parallel_axis,
+    restitution_of_standard_ball,
+)
+
+__all__ = ["Curve", "metric_of"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Curve:
+    """A bat along its barrel at the test's own speeds, with the lot's mean ball, (..., n)."""
+
+    place: Array  # from the barrel tip [m]
+    collision_efficiency: Array
+    recoil_factor: Array
+    restitution: Array
+    ball_restitution: Array
+
+    @property
+    def quantities(self) -> dict[str, Array]:
+        """What a certificate tells beside the metric, by its names there."""
+        return {
+            "bat_performance_factor": np.asarray(
+                bat_performance_factor(self.restitution, self.ball_restitution)
+            ),
+            "collision_efficiency": self.collision_efficiency,
+            "restitution": self.restitution,
+            "recoil_factor": self.recoil_factor,
+            "ball_restitution": self.ball_restitution,
+        }
+
+    @classmethod
+    def measured(cls, shots: ShotResults) -> Curve:
+        """Return the curve that shots gave, a place a shot."""
+        return cls(
+            place=shots.place,
+            collision_efficiency=shots.lot_collision_efficiency,
+            recoil_factor=shots.lot_recoil_factor,
+            restitution=shots.lot_restitution,
+            ball_restitution=shots.lot_ball_restitution,
+        )
+
+
+def metric_of(
+    procedure: Procedure, *, control: Array | float = 1.0
+) -> Callable[[Curve, BatProperties], Array]:
+    """Return the procedure's metric as a function of a curve and the bat's properties.
+
+    Parameters
+    ----------
+    procedure
+        Its metric, ball correction and field conditions.
+    control
+        e that a control bat gave with this lot of balls over the e it is known to have; only
+        the correction ``control-bat`` asks for it.
+    """
+
+    def metric(curve: Curve, bat: BatProperties) -> Array:
+        e = _corrected(procedure.correction, curve, control)
+        if procedure.metric == "restitution":
+            return np.asarray(e)
+        if procedure.metric == "bat_performance_factor":
+            return np.asarray(bat_performance_factor(e, curve.ball_restitution))
+        e_A = efficiency_from_restitution(e, curve.recoil_factor)
+        if procedure.metric == "besr":
+            return np.asarray(besr(e_A))
+        pitch, bat_speed = field_speeds(procedure, curve.place, bat)
+        return np.asarray(batted_speed(e_A, pitch, bat_speed))
+
+    return metric
+
+
+def field_speeds(procedure: Procedure, place: Array, bat: BatProperties) -> tuple[float, Array]:
+    """Return the speeds of pitch and bat [m/s] of Eq. (3), those of the test where none are set."""
+    game = procedure.game
+    if game is None:
+        lever = bat.length - procedure.pivot_from_knob - place
+        return procedure.ball_speed, np.asarray(procedure.turn_rate(bat.length) * lever)
+    return game.pitch_speed, _swung(game, place, bat)
+
+
+def _swung(game: Game, place: Array, bat: BatProperties) -> Array:
+    if game.axis_from_knob is None:
+        reach, inertia = np.ones_like(place), bat.inertia_cm
+    else:
+        axis = bat.length - game.axis_from_knob
+        lever = axis - bat.z_cm
+        reach, inertia = axis - place, np.asarray(parallel_axis(bat.inertia_cm, bat.mass, lever))
+    own, reference = (
+        (bat.mass, game.reference_mass)
+        if game.scales_with == "mass"
+        else (inertia, game.reference_inertia)
+    )
+    speed = game.bat_speed if game.angular_speed is None else game.angular_speed
+    assert speed is not None  # as Game checks
+    assert reference is not None
+    return np.asarray(speed * reach * (reference / own) ** game.exponent)
+
+
+def _corrected(correction: BallCorrection | None, curve: Curve, control: Array | float) -> Array:
+    """Return e as it would be with the standard ball."""
+    e, e0 = curve.restitution, curve.ball_restitution
+    if correction is None or correction.method == "none":
+        return e
+    if correction.method == "control-bat":
+        return e / control
+    if correction.method == "ratio":
+        return e * correction.standard / e0
+    return np.asarray(restitution_of_standard_ball(e, e0, correction.standard))

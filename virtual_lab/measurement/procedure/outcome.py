@@ -1,0 +1,186 @@
+"""From hits to a result: which hits weigh how much, the place they speak of, and the verdict.
+
+A result is a weighted sum of the hits. At a fixed place all weigh the same. On a scan they are
+those of the top of a curve fitted about the best place: at a maximum the place does not
+matter to first order, so the weights carry every quantity and its uncertainty there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+
+from virtual_lab.measurement.procedure.rules import Procedure, Scan
+from virtual_lab.measurement.procedure.schedule import (
+    SETTING_STEP,
+    best_place,
+    same_place,
+    scan_hits,
+)
+
+__all__ = [
+    "Outcome",
+    "Verdict",
+    "complete_places",
+    "exact_result",
+    "neighbours",
+    "outcome_of",
+    "verdict",
+]
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+DEGREE = 3  # of the fitted curve: at equal steps the odd term costs nothing at the middle
+ROUNDING = 1e-6  # m, within which two places are one
+
+
+class Verdict(Enum):
+    """The outcome of a test by the procedure's own rule."""
+
+    PASS = "PASS"
+    FAIL = "FAIL"
+    INVALID = "INVALID"
+    MEASURED = "MEASURED"  # the rules set no limit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """How the hits make the result."""
+
+    weights: Array  # (shot,), they add to 1; NaN where nothing can be said
+    place: float  # that the result speaks of, from the tip [m]
+    reason: str  # why the test gives no result; empty where it does
+
+    @property
+    def used(self) -> Bools:
+        """Which shots the result rests on, (shot,)."""
+        return np.asarray(self.weights != 0) & np.isfinite(self.weights)
+
+
+def outcome_of(procedure: Procedure, place: Array, valid: Bools, metric: Array) -> Outcome:
+    """Return the weights of the hits.
+
+    Parameters
+    ----------
+    procedure
+        Its counts and its scan.
+    place, valid, metric
+        Of the shots in the order they were fired, (shot,).
+    """
+    if valid.sum() < 2:
+        return _nothing(len(place), "fewer than two hits were valid")
+    if procedure.scan is None:
+        few = valid.sum() < procedure.valid_hits
+        reason = f"{valid.sum()} valid hits of {procedure.valid_hits}" if few else ""
+        return Outcome(weights=valid / valid.sum(), place=float(place[valid].mean()), reason=reason)
+    return _of_scan(procedure, procedure.scan, place, valid, metric)
+
+
+def exact_result(procedure: Procedure, place: Array, valid: Bools, metric: Array) -> float:
+    """Return what the rules make of an exact curve at the places that were visited.
+
+    `metric` is free of error, (shot,). Of a scan that fires again at its best place it is the
+    greatest value at the places complete; otherwise what `outcome_of` makes of it.
+    """
+    if procedure.scan is not None and procedure.scan.final_hits:
+        places = complete_places(procedure, place, valid)
+        return float(metric[np.isin(np.round(place, 6), places)].max())
+    return float(metric @ outcome_of(procedure, place, valid, metric).weights)
+
+
+def complete_places(procedure: Procedure, place: Array, valid: Bools) -> Array:
+    """Return the places with all the hits a scan asks for."""
+    counted = scan_hits(procedure, place, valid)
+    places, number = np.unique(np.round(place[counted], 6), return_counts=True)
+    return np.asarray(places[number >= procedure.valid_hits])
+
+
+def _of_scan(
+    procedure: Procedure, scan: Scan, place: Array, valid: Bools, metric: Array
+) -> Outcome:
+    counted = scan_hits(procedure, place, valid)
+    complete = complete_places(procedure, place, valid)
+    few = f"{procedure.valid_hits} valid hits at {complete.size} places, 3 make a scan"
+    if not complete.size:
+        return _nothing(len(place), few)
+    best = best_place(procedure, complete, place, valid, metric)
+    if complete.size < 3 and not _at_an_end(scan, best):
+        return _nothing(len(place), few)
+    beside = neighbours(scan, complete, best)
+    bracketed = bool((beside < best).any() and (beside > best).any())
+    reason = "" if bracketed else f"no maximum between {scan.low:g} and {scan.high:g} m"
+    if scan.final_hits:
+        fresh = np.flatnonzero(valid & ~counted & same_place(place, best))[-scan.final_hits :]
+        if fresh.size < scan.final_hits:
+            reason = reason or f"{fresh.size} of {scan.final_hits} hits at the best place"
+        if fresh.size == 0:
+            return _nothing(len(place), reason)
+        weights = np.zeros(len(place))
+        weights[fresh] = 1 / fresh.size
+        return Outcome(weights=weights, place=float(place[fresh].mean()), reason=reason)
+    near = counted & np.isin(np.round(place, 6), complete)
+    near &= np.abs(place - best) < scan.fit_half_width + 2 * SETTING_STEP
+    weights, top = _top_of_curve(place, near, metric, scan.fit_half_width)
+    return Outcome(weights=weights, place=top, reason=reason)
+
+
+def neighbours(scan: Scan, complete: Array, best: float) -> Array:
+    """Return the complete places next to the best one [m]."""
+    spaced = scan.fine_step + 2 * SETTING_STEP
+    off = np.abs(complete - best)
+    return np.asarray(complete[(off > ROUNDING) & (off < spaced)])
+
+
+def _at_an_end(scan: Scan, place: float) -> bool:
+    """Return whether the next fine place on one side lies beyond the scan."""
+    step = scan.fine_step - SETTING_STEP
+    return place - step < scan.low or place + step > scan.high
+
+
+def _top_of_curve(
+    place: Array, near: Bools, metric: Array, half_width: float
+) -> tuple[Array, float]:
+    """Return what the hits `near` weigh in the top of the polynomial fitted to them, and where."""
+    middle = place[near].mean()
+    unit = (place[near] - middle) / half_width
+    degree = min(DEGREE, len(np.unique(np.round(unit, 6))) - 1)
+    solved = np.linalg.pinv(np.vander(unit, degree + 1, increasing=True))
+    fitted = Polynomial(solved @ metric[near])
+    turn = _turn(fitted)
+    candidates = np.array([unit.min(), unit.max()])
+    if unit.min() < turn < unit.max():
+        candidates = np.append(candidates, turn)
+    top = float(candidates[np.argmax(fitted(candidates))])
+    weights = np.zeros(len(place))
+    weights[near] = top ** np.arange(degree + 1) @ solved
+    return weights, middle + top * half_width
+
+
+def _turn(cubic: Polynomial) -> float:
+    """Return where a polynomial up to the third degree has its local maximum, NaN if it has none.
+
+    In the form that stays exact as the cubic term vanishes.
+    """
+    a, b, c = np.pad(cubic.deriv().coef, (0, 2))[:3]
+    square = b**2 - 4 * a * c
+    bend = -b + np.sqrt(square) if square >= 0 else 0.0
+    return float(2 * a / bend) if bend > 0 else np.nan
+
+
+def _nothing(shots: int, reason: str) -> Outcome:
+    return Outcome(weights=np.full(shots, np.nan), place=np.nan, reason=reason)
+
+
+def verdict(procedure: Procedure, value: float, *, complete: bool, eligible: bool) -> Verdict:
+    """Return PASS up to and including the limit, FAIL beyond, INVALID of an incomplete test."""
+    if not complete:
+        return Verdict.INVALID
+    if not eligible:
+        return Verdict.FAIL
+    if procedure.most is None:
+        return Verdict.MEASURED
+    return Verdict.PASS if value <= procedure.most else Verdict.FAIL

@@ -1,0 +1,257 @@
+"""A rule book as data: what ``data/procedures/*.toml`` may say, checked as it is read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from annotated_types import Ge, Gt, Lt, MinLen
+from numpy.typing import ArrayLike, NDArray
+
+from virtual_lab.catalog.specs import Dimension, Spec
+from virtual_lab.measurement.reduction.shot_algebra import Asked
+from virtual_lab.units import INCH
+
+__all__ = [
+    "BallCorrection",
+    "Eligibility",
+    "Game",
+    "Metric",
+    "Procedure",
+    "Scan",
+    "Windows",
+]
+
+FASTEST = 100.0  # m/s, beyond any ball cannon and any bat
+MOST_ATTEMPTS = 1000  # a slip of the pen, not a test, beyond
+SETTING_STEP = 0.5e-3  # m, the operator sets a place to half a millimetre
+REFERENCE_PLACE = 6 * INCH  # from the tip, where a bat's speed is named
+OPTIONAL_WINDOWS = (
+    "place_tolerance",
+    "rate_before",
+    "recoil_u",
+    "bat_speed_tolerance",
+    "contact_angle",
+    "edge_misfit",
+    "rebound_angle",
+    "agreement",
+)
+Metric = Literal["bat_performance_factor", "besr", "restitution", "batted_speed"]
+Mass = Annotated[float, Gt(0), Dimension("mass")]
+Length = Annotated[float, Gt(0), Dimension("length")]
+Speed = Annotated[float, Gt(0), Lt(FASTEST), Dimension("speed")]
+Number = Annotated[float, Gt(0), Dimension("number")]
+Count = Annotated[int, Gt(1), Dimension("number")]
+
+
+def _require_positive(spec: Spec, *names: str) -> None:
+    """Refuse numbers not above 0 in fields that may also be left out."""
+    for name in names:
+        value = getattr(spec, name)
+        if value is not None and not value > 0:
+            raise ValueError(f"{name} is {value:g}; it must be greater than 0, or left out")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Windows(Spec):
+    """What a hit must meet to count; a window left out is not asked for."""
+
+    speed_tolerance: Annotated[float, Gt(0), Dimension("speed")]
+    ball_mass_low: Mass
+    ball_mass_high: Mass
+    ball_restitution_low: Number
+    ball_restitution_high: Number
+    ball_restitution_speed: Speed  # at which the two above hold
+    place_tolerance: Annotated[float | None, Dimension("length")] = None
+    rate_before: Annotated[float | None, Dimension("angular speed")] = None
+    recoil_u: Annotated[float | None, Dimension("number")] = None  # of one recoil fit, relative
+    bat_speed_tolerance: Annotated[float | None, Dimension("speed")] = None
+    contact_angle: Annotated[float | None, Dimension("angle")] = None  # of a swung bat
+    edge_misfit: Annotated[float | None, Dimension("length")] = None  # rms at a board
+    rebound_angle: Annotated[float | None, Dimension("angle")] = None
+    agreement: Annotated[float | None, Dimension("number")] = None  # e_A, recoil and rebound
+
+    def __post_init__(self) -> None:
+        _require_positive(self, *OPTIONAL_WINDOWS)
+        for name in ("ball_mass", "ball_restitution"):
+            low, high = getattr(self, f"{name}_low"), getattr(self, f"{name}_high")
+            if low > high:
+                raise ValueError(f"{name}_low {low:g} is above {name}_high {high:g}: no ball fits")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scan(Spec):
+    """Places along the barrel: coarse steps first, then fine ones until a maximum is bracketed."""
+
+    low: Length  # from the tip
+    high: Length
+    coarse_step: Length
+    fine_step: Length
+    coarse_hits: Annotated[int, Gt(0), Dimension("number")]
+    fit_half_width: Length  # of the curve's piece that is fitted about the best place
+    final_hits: Annotated[int, Ge(0), Dimension("number")]  # 0: the top of the fitted curve
+    # how far below its top the metric's curve still counts as near it; None: no width is told
+    width_drop: Annotated[float | None, Dimension("number")] = None
+
+    def __post_init__(self) -> None:
+        _require_positive(self, "width_drop")
+        if self.high - self.low < 2 * self.coarse_step - 1e-9:  # m, a rounding
+            raise ValueError(
+                f"a scan from {self.low:g} to {self.high:g} m holds no two steps "
+                f"of {self.coarse_step:g} m"
+            )
+        if self.fine_step < 2 * SETTING_STEP:
+            raise ValueError(
+                f"fine_step is {self.fine_step:g} m; places are set in steps of {SETTING_STEP:g} m"
+            )
+        if self.fine_step > self.coarse_step:
+            raise ValueError("fine_step is above coarse_step")
+        if self.fit_half_width < self.fine_step:
+            raise ValueError("fit_half_width is below fine_step: no curve to fit")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Game(Spec):
+    """The field: pitch and swing that a measured e_A is carried to, by Eqs. (3), (13), (14).
+
+    A swing is a rotation (`angular_speed` about `axis_from_knob`) or one `bat_speed` wherever
+    the ball is struck, times (reference / own)^exponent of what it scales with.
+    """
+
+    pitch_speed: Speed
+    scales_with: Literal["inertia", "mass"]  # inertia about the axis of the swing
+    exponent: Annotated[float, Ge(0), Dimension("number")]
+    reference_inertia: Annotated[float | None, Dimension("inertia")] = None
+    reference_mass: Annotated[float | None, Dimension("mass")] = None
+    axis_from_knob: Annotated[float | None, Dimension("length")] = None
+    angular_speed: Annotated[float | None, Dimension("angular speed")] = None
+    bat_speed: Annotated[float | None, Dimension("speed")] = None
+
+    def __post_init__(self) -> None:
+        _require_positive(self, "angular_speed", "bat_speed", "reference_inertia", "reference_mass")
+        if (self.angular_speed is None) == (self.bat_speed is None):
+            raise ValueError("a swing has either an angular_speed or a bat_speed")
+        if self.angular_speed is not None and self.axis_from_knob is None:
+            raise ValueError("axis_from_knob is missing: what does the bat turn about?")
+        if getattr(self, f"reference_{self.scales_with}") is None:
+            raise ValueError(f"reference_{self.scales_with} is missing")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BallCorrection(Spec):
+    """What is done about balls that are not the standard one.
+
+    `none`; `ratio`, e in proportion to e0, exact for a rigid shell; `trampoline`, which finds
+    the shell's stiffness over the ball's from e and e0 and lets the standard ball meet it;
+    `control-bat`, in proportion to what a bat of known e gave with the same lot.
+    """
+
+    method: Literal["none", "ratio", "trampoline", "control-bat"]
+    standard: Number  # e0 of the standard ball, or e of the control bat
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Eligibility(Spec):
+    """What a bat must be before it is hit; what is left out is not asked for."""
+
+    length_less_weight: Annotated[float | None, Dimension("number")] = None  # inches less ounces
+    barrel_diameter: Annotated[float | None, Dimension("length")] = None  # a ring must pass
+    inertia_lengths: Annotated[tuple[float, ...], Dimension("length")] = ()
+    inertia_floors: Annotated[tuple[float, ...], Dimension("inertia")] = ()  # about the pivot
+
+    def __post_init__(self) -> None:
+        if len(self.inertia_lengths) != len(self.inertia_floors):
+            raise ValueError(
+                f"{len(self.inertia_floors)} inertia_floors for {len(self.inertia_lengths)} lengths"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Procedure(Spec):
+    """A rule book, as far as a rig and a reduction need it."""
+
+    name: str
+    title: str
+    edition: str
+    rig: str
+    ball: str
+    reads: Literal["recoil", "rebound"]  # what e_A is taken from
+    recoil: Literal["pivoted", "free"]  # whose r Eq. (6) gets
+    metric: Metric
+    place: Literal["centre-of-percussion", "scan"]
+    pivot_from_knob: Length
+    ball_speed: Speed
+    valid_hits: Count  # at each place
+    attempts: Count
+    balls: Count
+    wall_hits: Count  # of each ball at each speed
+    wall_speeds: Annotated[tuple[float, ...], MinLen(1), Dimension("speed")]
+    windows: Windows
+    bat_speed: Annotated[float | None, Dimension("speed")] = None  # 6 in from the tip; at rest
+    limit: Annotated[float | None, Dimension("number")] = None
+    speed_limit: Annotated[float | None, Dimension("speed")] = None  # of a batted ball
+    scan: Scan | None = None
+    game: Game | None = None
+    correction: BallCorrection | None = None
+    eligibility: Eligibility | None = None
+
+    def __post_init__(self) -> None:
+        _require_positive(self, "limit", "speed_limit", "bat_speed")
+        if self.bat_speed is not None and self.bat_speed >= FASTEST:
+            raise ValueError(f"bat_speed is {self.bat_speed:g} m/s; allowed: below {FASTEST:g}")
+        if self.attempts < self.valid_hits:
+            raise ValueError(f"{self.attempts} attempts cannot give {self.valid_hits} valid hits")
+        if self.attempts > MOST_ATTEMPTS:
+            raise ValueError(f"{self.attempts} attempts; allowed: up to {MOST_ATTEMPTS}")
+        if (self.place == "scan") != (self.scan is not None):
+            raise ValueError("place = 'scan' and a table [scan] belong together")
+        if self.scan is not None and self.scan.coarse_hits > self.valid_hits:
+            raise ValueError(
+                f"{self.scan.coarse_hits} coarse_hits of a scan are more than the "
+                f"{self.valid_hits} valid_hits of a place"
+            )
+        if self.reads == "recoil" and self.bat_speed is not None:
+            raise ValueError("reads = 'recoil' is for a bat at rest, which has no bat_speed")
+        if self.limit is not None and self.speed_limit is not None:
+            raise ValueError("limit and speed_limit: a metric has one")
+        if self.speed_limit is not None and self.metric != "batted_speed":
+            raise ValueError(f"a speed_limit for the metric {self.metric}, which is no speed")
+        if self.limit is not None and self.metric == "batted_speed":
+            raise ValueError("the limit of a batted_speed is a speed_limit")
+        if self.scan is not None and self.scan.width_drop and self.metric == "batted_speed":
+            raise ValueError("scan.width_drop is a number, and a batted_speed is none")
+
+    @property
+    def most(self) -> float | None:
+        """The limit of the metric, SI; None where the rules set none."""
+        return self.limit if self.speed_limit is None else self.speed_limit
+
+    @property
+    def controlled(self) -> bool:
+        """Whether the balls are corrected for by what a control bat gave with them."""
+        return self.correction is not None and self.correction.method == "control-bat"
+
+    @property
+    def needs(self) -> frozenset[str]:
+        """The channels of records that a rig must write for this procedure."""
+        own = {"encoder"} if self.reads == "recoil" else set()
+        moving = {"swing"} if self.bat_speed is not None else set()
+        return frozenset({"log", "gates"} | own | moving)
+
+    def turn_rate(self, length: ArrayLike) -> NDArray[np.float64]:
+        """Return the nominal angular speed [rad/s] of a bat of a length [m]; 0 at rest."""
+        length = np.asarray(length)
+        return (self.bat_speed or 0.0) / (length - self.pivot_from_knob - REFERENCE_PLACE)
+
+    @property
+    def asked(self) -> Asked:
+        """What this asks of the reduction."""
+        return Asked(
+            reads=self.reads,
+            recoil=self.recoil,
+            pivot_from_knob=self.pivot_from_knob,
+            ball_speed=self.ball_speed,
+            turn_rate=self.turn_rate,
+            window_speed=self.windows.ball_restitution_speed,
+        )

@@ -1,0 +1,143 @@
+"""Where to hit: the centre of percussion, or a scan that closes in on the greatest metric.
+
+The operator asks again after every round what is still to fire. All is worked out from the
+shots there are, so a reduction of the records finds the same places for the same reasons.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.measurement.procedure.rules import SETTING_STEP, Procedure, Scan
+from virtual_lab.relations.kinematics import centre_of_percussion
+
+__all__ = [
+    "SETTING_STEP",
+    "aimed_place",
+    "best_place",
+    "next_places",
+    "same_place",
+    "scan_hits",
+    "to_set",
+]
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+ROUNDING = 1e-9  # m
+
+
+def aimed_place(bat: Mapping[str, float], pivot_from_knob: float) -> float:
+    """Return the centre of percussion (Eq. 11) of the bat as measured [m].
+
+    `bat` holds the measured mass, length, z_cm and inertia_cm [SI].
+    """
+    axis = bat["length"] - pivot_from_knob
+    return float(centre_of_percussion(bat["z_cm"], bat["inertia_cm"], bat["mass"], axis))
+
+
+def to_set(places: Array, *, exact: bool) -> Array:
+    """Return places as an operator can set them [m]: in half millimetres, unless `exact`."""
+    return places if exact else np.round(places / SETTING_STEP) * SETTING_STEP
+
+
+def next_places(
+    procedure: Procedure, percussion: float, place: Array, valid: Bools, metric: Array
+) -> Array:
+    """Return the places to fire at next [m], one a shot; none when the test is complete.
+
+    Parameters
+    ----------
+    procedure
+        Its counts and its scan.
+    percussion
+        Centre of percussion of the bat as measured [m].
+    place, valid, metric
+        Of the shots fired so far, in order, (shot,).
+    """
+    if procedure.scan is None:
+        missing = np.full(max(procedure.valid_hits - int(valid.sum()), 0), percussion)
+    else:
+        missing = _scan(procedure, procedure.scan, place, valid, metric)
+    return missing[: max(procedure.attempts - len(place), 0)]
+
+
+def _scan(procedure: Procedure, scan: Scan, place: Array, valid: Bools, metric: Array) -> Array:
+    coarse = np.arange(scan.low, scan.high + ROUNDING, scan.coarse_step)
+    coarse = _hopeful(coarse, scan.coarse_hits, place, metric)
+    lacking = _lacking(coarse, scan.coarse_hits, place, valid)
+    if lacking.size or not coarse.size:
+        return lacking
+    means = [metric[valid & same_place(place, at)][: scan.coarse_hits].mean() for at in coarse]
+    middle = float(coarse[int(np.argmax(means))])
+    fine = _grid(scan, middle)
+    fine = _hopeful(fine, procedure.valid_hits, place, metric)
+    reaches = (scan.fine_step,) if scan.final_hits else (scan.fine_step, scan.fit_half_width)
+    settled = False
+    while not settled:
+        for reach in reaches:
+            around = fine[np.abs(fine - middle) < reach + ROUNDING]
+            lacking = _lacking(around, procedure.valid_hits, place, valid)
+            if lacking.size:
+                return lacking
+            # the result will be taken about the best of all the places, wherever it lies
+            complete = [at for at in fine if _hits(place, valid, at) >= procedure.valid_hits]
+            if not complete:
+                return np.zeros(0)
+            best = best_place(procedure, complete, place, valid, metric)
+            settled = best == middle
+            if not settled:
+                middle = best
+                break
+    fresh = valid & same_place(place, middle) & ~scan_hits(procedure, place, valid)
+    return np.full(max(scan.final_hits - int(fresh.sum()), 0), middle)
+
+
+def _grid(scan: Scan, middle: float) -> Array:
+    """Return the fine places from `low` to `high`, one of them `middle` [m]."""
+    below = int((middle - scan.low + ROUNDING) / scan.fine_step)
+    above = int((scan.high - middle + ROUNDING) / scan.fine_step)
+    return np.asarray(middle + scan.fine_step * np.arange(-below, above + 1))
+
+
+def _hopeful(places: Array, hits: int, place: Array, metric: Array) -> Array:
+    """Return the places but those that as many balls as would do did not come back from.
+
+    There the bat gives next to nothing back: such a place is not the greatest, whatever it is.
+    """
+    lost = [int((same_place(place, at) & ~np.isfinite(metric)).sum()) for at in places]
+    back = [int((same_place(place, at) & np.isfinite(metric)).sum()) for at in places]
+    return places[(np.array(lost) < hits) | (np.array(back) > np.array(lost))]
+
+
+def best_place(
+    procedure: Procedure, among: Iterable[float], place: Array, valid: Bools, metric: Array
+) -> float:
+    """Return the place [m] of the greatest mean metric, over the scan's own hits there."""
+    counted = scan_hits(procedure, place, valid)
+    means = {at: metric[counted & same_place(place, at)].mean() for at in among}
+    return max(means, key=means.__getitem__)
+
+
+def scan_hits(procedure: Procedure, place: Array, valid: Bools) -> Bools:
+    """Return which hits are the scan's: at each place the first `valid_hits` valid ones."""
+    chosen = np.zeros(len(place), dtype=bool)
+    for at in np.unique(np.round(place, 6)):
+        here = np.flatnonzero(valid & same_place(place, at))
+        chosen[here[: procedure.valid_hits]] = True
+    return chosen
+
+
+def same_place(place: Array, at: float) -> Bools:
+    """Return which shots were set at one place: within half a step of setting."""
+    return np.asarray(np.abs(place - at) < SETTING_STEP / 2 + 1e-9)
+
+
+def _lacking(places: Array, hits: int, place: Array, valid: Bools) -> Array:
+    return np.repeat(places, [max(hits - _hits(place, valid, at), 0) for at in places])
+
+
+def _hits(place: Array, valid: Bools, at: float) -> int:
+    return int((valid & same_place(place, at)).sum())

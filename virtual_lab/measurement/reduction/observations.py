@@ -1,0 +1,293 @@
+"""From a session's raw records to observations: signals reduced, calibrations not yet applied.
+
+What is repeated on the bench becomes one constant with a type A uncertainty beside the
+calibrations' constants of type B; what is read at each shot stays an array of readings. The
+algebra that joins the two is `virtual_lab.measurement.reduction.shot_algebra`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.errors import InputError
+from virtual_lab.measurement.reduction.flights import gate_count
+from virtual_lab.measurement.reduction.gates import Passages, passages
+from virtual_lab.measurement.reduction.rate import RateFit, summed_up, unseen
+from virtual_lab.measurement.reduction.recoil import fit_recoil
+from virtual_lab.measurement.reduction.swing import fit_swing
+from virtual_lab.records import (
+    AimMarks,
+    BoardRecord,
+    EncoderRecord,
+    GateRecord,
+    LengthReadings,
+    MassReadings,
+    PassageRecord,
+    PendulumRecord,
+    RateRecord,
+    Record,
+    ShotLog,
+)
+from virtual_lab.records.session import Session
+from virtual_lab.relations.pendulum import mean_amplitude_factor
+from virtual_lab.uncertainty.estimate import Estimate, mean_of_readings
+
+__all__ = [
+    "BallReadings",
+    "ImpactReadings",
+    "across_constant",
+    "ball_constants",
+    "bench_constants",
+    "observe_balls",
+    "observe_impact",
+]
+
+Array = NDArray[np.float64]
+SLOPE_REPEATABILITY = "balls.slope_repeatability"
+TICK_EVENNESS = 1e-3  # of a step; the search for rings takes them as even
+READ_WITH = (  # property, channel, instrument
+    ("mass", "bat-mass", "scale"),
+    ("length", "length", "rule"),
+    ("barrel_radius", "barrel-radius", "rule"),
+    ("balance", "balance", "stand"),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BallReadings:
+    """The balls on the scale and against the wall."""
+
+    mass: Array  # mean scale reading a ball [kg], (ball,)
+    ball: NDArray[np.int_]  # which ball, a wall hit
+    nominal_speed: Array  # [m/s], (hit,)
+    passages: Passages
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImpactReadings:
+    """The shots at the bat, arrays of shape (shot,)."""
+
+    ball: NDArray[np.int_]
+    nominal_speed: Array  # [m/s]
+    place: Array  # set with the rule, from the barrel tip [m]
+    passages: Passages
+    recoil: RateFit | None  # of a bat that was at rest, where an encoder watched it
+    swing: RateFit | None  # of a bat that was swung
+
+
+def bench_constants(session: Session) -> dict[str, Estimate]:
+    """Return the bat's readings as constants ``bat.…`` with type A uncertainties [SI].
+
+    The period is that of small swings: each release is corrected for its own amplitudes.
+    """
+    pendulum = _channel(session, "bench", "pendulum", PendulumRecord)
+    releases, passages = pendulum.times.shape
+    swings = passages - 1
+    if releases < 2 or swings < 1:
+        raise InputError(
+            "bench/pendulum", "size", f"{releases} x {passages}", "needs 2 releases of 2 passages"
+        )
+    for name in ("first_amplitude", "last_amplitude"):
+        if not (getattr(pendulum, name) > 0).all():
+            raise InputError("bench/pendulum", name, None, "amplitudes must be above 0")
+    shown = (pendulum.times[:, -1] - pendulum.times[:, 0]) / swings
+    first, last = pendulum.first_amplitude, pendulum.last_amplitude
+    constants = {
+        f"bat.{name}": mean_of_readings(
+            _repeated(session, channel),
+            least_u=session.calibration[f"bench.{instrument}.resolution"].value / sqrt(12),
+        )
+        for name, channel, instrument in READ_WITH
+    }
+    small = shown / mean_amplitude_factor(first, last, swings)
+    constants["bat.period"] = mean_of_readings(small)
+    constants["bat.first_amplitude"] = Estimate(value=float(first.mean()))
+    constants["bat.last_amplitude"] = Estimate(value=float(last.mean()))
+    constants["bat.swings"] = Estimate(value=float(swings))
+    return constants
+
+
+def observe_balls(session: Session) -> BallReadings:
+    """Return what the scale and the wall rig's gates say of the balls."""
+    log, seen = _log_and_passages(session, "balls")
+    mass = _table(session, "ball-mass").mean(axis=1)
+    both = np.isfinite(seen.duration_in) & np.isfinite(seen.duration_out)
+    ball = log.ball.astype(int)[both]  # a hit the gates missed is no measurement of e0
+    hits = np.bincount(ball, minlength=mass.size)
+    if hits.min() < 2:
+        raise InputError(
+            "balls/gates", "ball", int(hits.argmin()), "needs 2 wall hits seen both ways"
+        )
+    return BallReadings(
+        mass=mass, ball=ball, nominal_speed=log.nominal_speed[both], passages=seen.part(both)
+    )
+
+
+def observe_impact(session: Session) -> ImpactReadings:
+    """Return what gates and encoders say of the shots."""
+    log, seen = _log_and_passages(session, "impact")
+    last = seen.times.shape[2] - 1
+    nearest = session.calibration[f"impact.gates.distance_{last}"].value
+    farthest = session.calibration["impact.gates.distance_0"].value
+    if not farthest > nearest:
+        raise InputError(
+            "session.json",
+            "calibration.impact.gates.distance_0",
+            farthest,
+            f"must be above {nearest:g} m, the nearest gate's",
+        )
+    contact = seen.times[:, 0, -1] + nearest * seen.duration_in / (farthest - nearest)
+    recoil = _rates(session, "encoder", contact, fit_recoil)
+    speed = (farthest - nearest) / seen.duration_in
+    swing = _rates(
+        session, "swing", contact, lambda r, t: fit_swing(r, t, _reach(session, log, speed))
+    )
+    return ImpactReadings(
+        ball=log.ball.astype(int),
+        nominal_speed=log.nominal_speed,
+        place=log.place,
+        passages=seen,
+        recoil=recoil,
+        swing=swing,
+    )
+
+
+def _reach(session: Session, log: ShotLog, speed: Array) -> Array:
+    """Return the time the ball takes over the way a turn of one count moves the bat, (shot,)."""
+    known = session.calibration
+    axis = _repeated(session, "length").mean() - known["impact.pivot.from_knob"].value
+    turn = 2 * np.pi / known["impact.swing.counts_per_turn"].value
+    return np.asarray(turn * (axis - log.place) / speed)
+
+
+def ball_constants(readings: BallReadings) -> dict[str, Estimate]:
+    """Return type A constants of the lot: 0 ± what its mean e0 scatters, and e0's slope.
+
+    The scatter is that within each ball and speed, pooled; how the balls differ is no
+    uncertainty of a lot measured whole. That of the slope [s/m] is there where the wall was hit
+    at two speeds or more.
+    """
+    ratio = readings.passages.duration_in / readings.passages.duration_out
+    balls = len(readings.mass)
+    hits = np.bincount(readings.ball, minlength=balls)
+
+    def within(values: Array) -> Array:
+        means = np.bincount(readings.ball, values, balls) / hits
+        return np.asarray(values - means[readings.ball])
+
+    steeper = within(readings.nominal_speed)
+    width = float(np.sum(steeper**2))
+    sloped = bool(np.ptp(readings.nominal_speed) > 0)
+    slope = float(np.sum(steeper * within(ratio))) / width if sloped else 0.0
+    rest = within(ratio) - slope * steeper
+    dof = float(ratio.size - balls - sloped)
+    scatter = float(np.sum(rest**2)) / dof
+    constants = {
+        "balls.repeatability": Estimate(
+            value=0.0, u=sqrt(scatter / ratio.size), dof=dof, evaluation="A"
+        )
+    }
+    if sloped:
+        constants[SLOPE_REPEATABILITY] = Estimate(
+            value=0.0, u=sqrt(scatter / width), dof=dof, evaluation="A"
+        )
+    return constants
+
+
+def across_constant(records: Mapping[str, Record]) -> Estimate:
+    """Return the mean square of the offsets across the bat [m²] from the marks before the test.
+
+    Its standard uncertainty is that of a mean square of n normal offsets, √(2/n) of itself.
+    """
+    marks = records.get("aim")
+    if marks is None:
+        raise InputError("impact/aim", "record", None, "this record is missing")
+    if not isinstance(marks, AimMarks):
+        raise InputError("impact/aim", "record", type(marks).__name__, "expected aim marks")
+    square = float(np.mean(marks.across**2))
+    number = marks.across.size
+    return Estimate(value=square, u=square * sqrt(2 / number), dof=number, evaluation="A")
+
+
+def _rates(
+    session: Session,
+    channel: str,
+    contact: Array,
+    fit: Callable[[EncoderRecord, Array], RateFit],
+) -> RateFit | None:
+    """Return what an encoder says at contact, None where the rig has no such encoder."""
+    if channel not in session.records["impact"]:
+        return None
+    record = _channel(session, "impact", channel, EncoderRecord | RateRecord)
+    where = f"impact/{channel}"
+    shots = len(record.rate) if isinstance(record, RateRecord) else len(record.counts)
+    if shots != len(contact):
+        raise InputError(where, "shots", shots, f"the log has {len(contact)}")
+    if isinstance(record, RateRecord):
+        return summed_up(record)
+    ticks = np.diff(record.times)
+    if not (ticks.size and ticks.min() > 0 and np.ptp(ticks) < TICK_EVENNESS * ticks.min()):
+        raise InputError(where, "times", None, "must rise in even steps")
+    if not np.isfinite(contact).any():
+        return unseen(len(contact))
+    try:
+        return fit(record, contact)
+    except ValueError as fault:
+        raise InputError(where, "times", None, str(fault)) from fault
+
+
+def _log_and_passages(session: Session, stage: str) -> tuple[ShotLog, Passages]:
+    log = _channel(session, stage, "log", ShotLog)
+    gates = _channel(session, stage, "gates", GateRecord | BoardRecord | PassageRecord)
+    balls = len(_table(session, "ball-mass"))
+    odd = (log.ball != np.floor(log.ball)) | (log.ball < 0) | (log.ball >= balls)
+    if odd.any():
+        allowed = f"allowed: 0 to {balls - 1}, those weighed, counted from 0"
+        raise InputError(f"{stage}/log", "ball", log.ball[odd][0], allowed)
+    if len(log.ball) != len(gates.times):
+        raise InputError(stage, "shots", len(gates.times), f"the log has {len(log.ball)}")
+    known = session.calibration
+    of_boards = (
+        {name: known[f"{stage}.gates.{name}"].value for name in ("lowest", "pitch")}
+        if isinstance(gates, BoardRecord)
+        else {}
+    )
+    seen = passages(gates, **of_boards)
+    surveyed = gate_count(known, stage)
+    if surveyed != seen.times.shape[2]:
+        raise InputError(
+            f"{stage}/gates", "gates", seen.times.shape[2], f"the calibration has {surveyed}"
+        )
+    return log, seen
+
+
+def _repeated(session: Session, channel: str) -> Array:
+    """Return the readings of the one item of a bench channel, (repeat,), all above 0."""
+    readings = _table(session, channel)[0]
+    if readings.size < 2:
+        raise InputError(f"bench/{channel}", "repeats", readings.size, "needs 2 readings or more")
+    if not readings.min() > 0:
+        raise InputError(f"bench/{channel}", "reading", readings.min(), "must be above 0")
+    return np.asarray(readings)
+
+
+def _table(session: Session, channel: str) -> Array:
+    """Return the readings of a bench channel, (item, repeat)."""
+    record = _channel(session, "bench", channel, MassReadings | LengthReadings)
+    return np.asarray(record.readings)
+
+
+def _channel(session: Session, stage: str, channel: str, kind: Any) -> Any:
+    record = session.records.get(stage, {}).get(channel)
+    if record is None:
+        raise InputError(f"{stage}/{channel}", "record", None, "this record is missing")
+    if not isinstance(record, kind):
+        found = type(record).__name__
+        raise InputError(f"{stage}/{channel}", "record", found, f"expected {kind}")
+    return record

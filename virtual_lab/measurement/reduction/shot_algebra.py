@@ -1,0 +1,294 @@
+"""The algebra of the test: constants and readings to r, e_A, e, e0 and BPF.
+
+Every function here broadcasts: a constant may be a number or a column of numbers (k, 1), a
+reading is a row (n,), and what comes out is (n,) or (k, n). The uncertainty budget is made by
+calling the very same functions with each constant a little off, so what is propagated is
+what is computed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.measurement.reduction.flights import Flights, Flown, flights
+from virtual_lab.measurement.reduction.observations import (
+    SLOPE_REPEATABILITY,
+    BallReadings,
+    ImpactReadings,
+)
+from virtual_lab.relations.flight import drag_rate
+from virtual_lab.relations.kinematics import (
+    bat_performance_factor,
+    efficiency_from_restitution,
+    parallel_axis,
+    rebound_speed_from_recoil,
+    recoil_factor_free,
+    recoil_factor_pivoted,
+    restitution_from_efficiency,
+)
+from virtual_lab.relations.pendulum import inertia_from_period, mean_amplitude_factor
+
+__all__ = [
+    "Asked",
+    "BatProperties",
+    "MeasuredBalls",
+    "ShotResults",
+    "bat_properties",
+    "drag_of",
+    "measured_balls",
+    "recoil_factor",
+    "shot_results",
+]
+
+Array = NDArray[np.float64]
+Constants = Mapping[str, Array]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BatProperties:
+    """Measured inertial properties, numbers or columns of them [SI]."""
+
+    mass: Array
+    length: Array
+    z_cm: Array
+    inertia_cm: Array
+    barrel_radius: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredBalls:
+    """Measured balls, shape (..., ball); e0 is that at the mean speed of the wall hits."""
+
+    mass: Array
+    restitution: Array
+    speed: float  # mean nominal one of the wall hits [m/s]
+    slope: Array  # of e0 over the speed [s/m]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShotResults:
+    """What each shot gave, shape (..., shot)."""
+
+    speed: Array  # of the ball at the bat [m/s]
+    bat_speed: Array  # at the place struck, against the ball; 0 of a bat at rest [m/s]
+    relative_speed: Array  # [m/s]
+    recoil_rate: Array  # of a bat at rest, about the pivot, at the end of contact [rad/s]
+    swing_rate: Array  # of a swung bat, at contact; 0 of a bat at rest [rad/s]
+    rebound_speed: Array  # of the ball, along the line of fire [m/s]
+    rebound_slope: Array  # height the ball gains a metre as it comes back
+    ball_mass: Array  # [kg]
+    place: Array  # struck as far as is known, from the barrel tip [m]
+    recoil_factor: Array  # of the support the procedure names
+    ball_restitution: Array  # of the ball, at the shot's own relative speed
+    collision_efficiency: Array  # freed of the offset across the bat
+    restitution: Array
+    bat_performance_factor: Array
+    window_ball_restitution: Array  # of the ball, at the speed the procedure judges balls at
+    lot_ball_restitution: Array  # these four: with the lot's mean ball at the nominal speed
+    lot_recoil_factor: Array
+    lot_restitution: Array
+    lot_collision_efficiency: Array
+    rebound_efficiency: Array  # e_A from the ball's own rebound, NaN: the gates did not see it
+    recoil_efficiency: Array  # e_A from the bat's recoil, NaN: nothing watched it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asked:
+    """What a procedure asks of the reduction."""
+
+    reads: Literal["recoil", "rebound"]  # what e_A is taken from
+    recoil: Literal["pivoted", "free"]  # whose recoil factor Eq. (6) gets
+    pivot_from_knob: float  # [m]
+    ball_speed: float  # nominal [m/s]
+    turn_rate: Callable[[Array], Array]  # nominal, of the bat, from its length [m], [rad/s]
+    window_speed: float  # at which balls are judged [m/s]
+
+
+def bat_properties(x: Constants) -> BatProperties:
+    """Return mass, balance and inertia from the bench's readings and calibrations."""
+    mass = (x["bat.mass"] - x["bench.scale.zero"]) / x["bench.scale.span"]
+    length = x["bat.length"] - x["bench.rule.offset"]
+    z_cm = x["bat.balance"] - x["bench.stand.offset"]
+    return BatProperties(
+        mass=mass,
+        length=length,
+        z_cm=z_cm,
+        inertia_cm=_inertia_cm(x, mass, length, z_cm),
+        barrel_radius=x["bat.barrel_radius"] - x["bench.rule.offset"],
+    )
+
+
+def _inertia_cm(x: Constants, mass: Array, length: Array, z_cm: Array) -> Array:
+    """Return the inertia about the centre of mass, from the period of bat and clamp together."""
+    lever = length - x["bench.pendulum.pivot_from_knob"] - z_cm
+    first, last = x["bat.first_amplitude"], x["bat.last_amplitude"]
+    swings = int(x["bat.swings"].flat[0])
+    offset = x["bench.pendulum.amplitude_offset"]
+    period = (
+        x["bat.period"]
+        / x["bench.pendulum.clock"]
+        * mean_amplitude_factor(first, last, swings)
+        / mean_amplitude_factor(first - offset, last - offset, swings)
+    )
+    moment = mass * lever + x["bench.pendulum.clamp_moment"]
+    both = inertia_from_period(period, moment, x["bench.pendulum.gravity"])
+    return both - x["bench.pendulum.clamp_inertia"] - parallel_axis(0.0, mass, lever)
+
+
+def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
+    """Return the balls' masses and their mean e0 over the wall hits, at the hits' mean speed."""
+    mass = (readings.mass - x["bench.scale.zero"]) / x["bench.scale.span"]
+    seen = flights(x, "balls", readings.passages, drag_of(x, mass[..., readings.ball]))
+    nominal, given = float(readings.nominal_speed.mean()), seen.speed_out / seen.speed_in
+    slope = _slope(x, readings, given)
+    hits = given - slope * (seen.speed_in - nominal)
+    restitution = np.stack(
+        [hits[..., readings.ball == ball].mean(axis=-1) for ball in range(len(readings.mass))],
+        axis=-1,
+    )
+    return MeasuredBalls(
+        mass=np.broadcast_to(mass, restitution.shape),
+        restitution=restitution,
+        speed=nominal,
+        slope=slope,
+    )
+
+
+def _slope(x: Constants, readings: BallReadings, restitution: Array) -> Array:
+    """Return the slope of e0 over the speed [s/m]: measured at two speeds or more, else nominal.
+
+    By least squares over the hits' nominal speeds, within each ball.
+    """
+    if SLOPE_REPEATABILITY not in x:
+        return x["ball.restitution_slope"]
+    speed, ball = readings.nominal_speed, readings.ball
+    off = speed - (np.bincount(ball, speed) / np.bincount(ball))[ball]
+    slope = restitution @ (off / np.sum(off**2))
+    return np.asarray(slope[..., None] + x[SLOPE_REPEATABILITY])
+
+
+def shot_results(
+    x: Constants,
+    bat: BatProperties,
+    balls: MeasuredBalls,
+    readings: ImpactReadings,
+    asked: Asked,
+    flown: Flown,
+) -> ShotResults:
+    """Return e_A by Eq. (2) or by angular momentum, e by Eq. (6), BPF by Eq. (5).
+
+    `flown` tells the balls' flights: what the gates saw of them, or somebody else.
+    """
+    mass = balls.mass[..., readings.ball]
+    seen = flown(x, drag_of(x, mass))
+    abreast = bat.length - x["impact.pivot.from_knob"] - readings.place - _along(x)
+    swing_rate, slant = np.zeros(()), np.zeros(())
+    if readings.swing:
+        swing_rate = _turn(x, "swing", readings.swing.rate * x["impact.gates.clock"])
+        slant = _turn(x, "swing", readings.swing.angle)
+    # the ball flies abreast of the axis at a set distance and meets a slanting bat farther out
+    cosine = np.cos(slant)
+    lever = abreast / cosine
+    bat_speed = lever * swing_rate
+    relative_speed = seen.speed_in * cosine + bat_speed
+    rate = np.array(np.nan)
+    if readings.recoil:
+        rate = _turn(x, "encoder", readings.recoil.rate * x["impact.gates.clock"])
+    sine = _sine_square(x, bat, seen)
+
+    def squarely(efficiency: Array) -> Array:
+        """Free e_A of the offset across the bat, which only ever lowers what is seen."""
+        return np.asarray((efficiency + sine) / (1 - sine))
+
+    # along the bat a smooth ball keeps its speed, across it comes back
+    across = (seen.speed_out + seen.speed_in * (1 - cosine**2)) / cosine
+    rebound = squarely((across - bat_speed) / relative_speed)
+    turning = parallel_axis(bat.inertia_cm, bat.mass, _axis(x, bat) - bat.z_cm)
+    momentum = rebound_speed_from_recoil(turning, rate, mass, lever, seen.speed_in)
+    recoiled = squarely(momentum / seen.speed_in)
+    efficiency = recoiled if asked.reads == "recoil" else rebound
+    # the recoil factor is that of the axis and place asked for: e_A hardly knows where they are,
+    # so what a misplaced axis or ball spoils is the angular momentum above and nothing here
+    recoil = recoil_factor(asked.recoil, bat, mass, readings.place, asked.pivot_from_knob)
+    restitution = restitution_from_efficiency(efficiency, recoil)
+    own = balls.restitution[..., readings.ball]
+    e0 = own + balls.slope * (relative_speed - balls.speed)
+    factor = bat_performance_factor(restitution, e0)
+    nominal = asked.ball_speed + asked.turn_rate(bat.length) * (
+        bat.length - asked.pivot_from_knob - readings.place
+    )
+    lot = balls.restitution.mean(axis=-1, keepdims=True) + x["balls.repeatability"]
+    lot_e0 = lot + balls.slope * (nominal - balls.speed)
+    lot_mass = balls.mass.mean(axis=-1, keepdims=True)
+    lot_recoil = recoil_factor(asked.recoil, bat, lot_mass, readings.place, asked.pivot_from_knob)
+    lot_restitution = factor * lot_e0
+    shape = np.shape(factor)
+    return ShotResults(
+        speed=seen.speed_in,
+        bat_speed=np.broadcast_to(bat_speed, shape),
+        relative_speed=relative_speed,
+        recoil_rate=np.broadcast_to(rate, shape),
+        swing_rate=np.broadcast_to(swing_rate, shape),
+        rebound_speed=seen.speed_out,
+        rebound_slope=seen.slope_out,
+        ball_mass=mass,
+        place=np.broadcast_to(readings.place + _along(x) + abreast - lever, shape),
+        recoil_factor=np.broadcast_to(recoil, shape),
+        ball_restitution=e0,
+        collision_efficiency=efficiency,
+        restitution=np.asarray(restitution),
+        bat_performance_factor=np.asarray(factor),
+        window_ball_restitution=own + balls.slope * (asked.window_speed - balls.speed),
+        lot_ball_restitution=np.broadcast_to(lot_e0, shape),
+        lot_recoil_factor=np.broadcast_to(lot_recoil, shape),
+        lot_restitution=np.asarray(lot_restitution),
+        lot_collision_efficiency=np.asarray(
+            efficiency_from_restitution(lot_restitution, lot_recoil)
+        ),
+        rebound_efficiency=np.broadcast_to(rebound, shape),
+        recoil_efficiency=np.broadcast_to(recoiled, shape),
+    )
+
+
+def recoil_factor(
+    support: str, bat: BatProperties, mass: Array, place: Array, pivot_from_knob: float
+) -> Array:
+    """Return r of a ball of `mass` [kg] at `place` [m], the bat free or on its pivot."""
+    if support == "free":
+        free = recoil_factor_free(mass, bat.mass, bat.inertia_cm, place - bat.z_cm)
+        return np.asarray(free)
+    axis = bat.length - pivot_from_knob
+    inertia = parallel_axis(bat.inertia_cm, bat.mass, axis - bat.z_cm)
+    return np.asarray(recoil_factor_pivoted(mass, inertia, axis - place))
+
+
+def drag_of(x: Constants, mass: Array) -> Array:
+    """Return κ [1/m] of balls of `mass` [kg] in the hall's air."""
+    return drag_rate(x["hall.air.density"], x["hall.air.drag_coefficient"], x["ball.radius"], mass)
+
+
+def _axis(x: Constants, bat: BatProperties) -> Array:
+    return np.asarray(bat.length - x["impact.pivot.from_knob"])
+
+
+def _along(x: Constants) -> Array | float:
+    return x.get("impact.cannon.along", 0.0)
+
+
+def _turn(x: Constants, encoder: str, counts: Array) -> Array:
+    """Return counts of an encoder as an angle [rad], counts a second as a rate [rad/s]."""
+    scale = x[f"impact.{encoder}.scale"] * x[f"impact.{encoder}.counts_per_turn"]
+    return np.asarray(2 * np.pi * counts / scale)
+
+
+def _sine_square(x: Constants, bat: BatProperties, seen: Flights) -> Array:
+    """Return sin² of the contact angle: each shot's where its height is measured, else the mean."""
+    touching = (bat.barrel_radius + x["ball.radius"]) ** 2
+    if "impact.aim.across_square" in x:
+        return np.asarray(x["impact.aim.across_square"] / touching)
+    return np.asarray((seen.offset - x["impact.pivot.height"]) ** 2 / touching)

@@ -1,0 +1,1 @@
+"""What all printing shares: numbers, tables, style, templates."""

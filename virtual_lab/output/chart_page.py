@@ -1,0 +1,50 @@
+"""A chart and the table it was drawn from, as one HTML page that needs nothing but itself."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from virtual_lab.output.template import template
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["chart_page"]
+
+
+def chart_page(title: str, words: str, figure: Figure, rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return the page.
+
+    Parameters
+    ----------
+    title, words
+        Heading, and what is drawn.
+    figure
+        Goes in as SVG.
+    rows
+        All of the same keys, the columns; numbers are rounded to three digits, None is blank.
+    """
+    from markupsafe import Markup
+    from matplotlib import rc_context
+
+    drawn = io.StringIO()
+    with rc_context({"svg.hashsalt": title}):
+        figure.savefig(drawn, format="svg", metadata={"Date": None})
+    svg = drawn.getvalue()
+    columns = list(rows[0])
+    return template("virtual_lab.output", "chart.html").render(
+        title=title,
+        words=words,
+        figure=Markup(svg[svg.index("<svg") :]),  # drawn by this package
+        columns=[name.replace("_", " ") for name in columns],
+        texts=sum(isinstance(rows[0][name], str) for name in columns),
+        rows=[[_cell(row[name]) for name in columns] for row in rows],
+    )
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
+    return value if isinstance(value, str) else f"{float(f'{value:.3g}'):g}"

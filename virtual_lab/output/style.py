@@ -1,0 +1,27 @@
+"""The look of every figure: black and grey, thin lines, text as text."""
+
+from __future__ import annotations
+
+from typing import Any
+
+__all__ = ["BAND", "STYLE", "WIDTH"]
+
+WIDTH = 6.9  # in, the text width of an A4 page
+STYLE: dict[str, Any] = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "virtual-lab",
+    "font.size": 8,
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.titlesize": 8,
+    "axes.titlelocation": "left",
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.major.size": 3,
+    "ytick.major.size": 3,
+    "legend.frameon": False,
+    "lines.linewidth": 0.9,
+    "lines.markersize": 5,
+}
+BAND = "0.85"  # the interval: light enough that markers stand out on a grey printer

@@ -1,0 +1,104 @@
+"""A folder of another laboratory: its form ``laboratory.toml`` and its tables, as a session."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from virtual_lab import catalog
+from virtual_lab.catalog.specs import Spec
+from virtual_lab.catalog.validation import validate
+from virtual_lab.errors import InputError
+from virtual_lab.files import read_toml
+from virtual_lab.records.foreign.constants import read_constants
+from virtual_lab.records.foreign.table import ChannelForm, FirstIndex, read_channel
+from virtual_lab.records.session import Session
+
+__all__ = ["BLANK", "FORM", "load_laboratory", "procedure_name"]
+
+FORM = "laboratory.toml"
+BLANK = "?"  # what stands in a form where something is to be filled in
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaboratoryForm(Spec):
+    """The form's own keys; what is in channels and calibration is read by itself."""
+
+    bat: str
+    ball: str
+    procedure: str
+    rigs: Mapping[str, str]  # stage: name
+    calibration: Mapping[str, Any]  # "stage.instrument.constant"
+    channels: Mapping[str, Mapping[str, Any]]  # stage: channel
+    date: str | datetime.date = ""
+    laboratory: str = ""
+    customer: str = ""
+    index_from: FirstIndex = 0
+
+
+def load_laboratory(folder: Path) -> Session:
+    """Return the session that a laboratory's form and tables hold.
+
+    Raises
+    ------
+    InputError
+        A form not filled in, keys, units or columns that do not fit, a table that cannot be
+        read or that time runs backwards in; file, key, value and what is allowed are named.
+    """
+    path = folder / FORM
+    form = _read_form(path)
+    return Session(
+        bat=form.bat,
+        ball=form.ball,
+        date=str(form.date),
+        laboratory=form.laboratory,
+        customer=form.customer,
+        rigs=form.rigs,
+        procedure_text=_procedure_text(form.procedure, folder, path),
+        calibration=read_constants(form.calibration, str(path)),
+        records={
+            stage: {
+                channel: _record(entry, f"{path} [channels.{stage}.{channel}]", folder, form)
+                for channel, entry in channels.items()
+            }
+            for stage, channels in form.channels.items()
+        },
+        simulation={},
+    )
+
+
+def _record(entry: Any, where: str, folder: Path, form: LaboratoryForm) -> Any:
+    channel = validate(entry, where, ChannelForm)
+    return read_channel(channel, folder, form.index_from, where)
+
+
+def _read_form(path: Path) -> LaboratoryForm:
+    document = read_toml(path)
+    if blank := [key for name in document for key in _blank(document[name], name)]:
+        raise InputError(str(path), ", ".join(blank), None, f"not filled in yet ({BLANK!r})")
+    return validate(document, str(path), LaboratoryForm)
+
+
+def procedure_name(folder: Path) -> str:
+    """Return the procedure of a laboratory's form: a name in the catalog, or a file's path."""
+    name = _read_form(folder / FORM).procedure
+    return str(folder / name) if name.endswith(".toml") else name
+
+
+def _procedure_text(name: str, folder: Path, where: Path) -> str:
+    try:
+        return catalog.text("procedures", str(folder / name) if name.endswith(".toml") else name)
+    except InputError as fault:
+        raise InputError(str(where), fault.key, fault.value, fault.allowed) from fault
+
+
+def _blank(entry: Any, key: str) -> Iterator[str]:
+    """Yield the keys still to be filled in, a table that lacks several things as one."""
+    if entry == BLANK or (isinstance(entry, Mapping) and BLANK in entry.values()):
+        yield key
+    elif isinstance(entry, Mapping):
+        for name, inner in entry.items():
+            yield from _blank(inner, f"{key}.{name}")

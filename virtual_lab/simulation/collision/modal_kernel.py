@@ -1,0 +1,279 @@
+"""Time stepping of one ball against the modes of a bat, scene by scene, compiled.
+
+Coordinates. A force F on the bat drives every flexible mode i as ``p'' = F - w_i^2 p``
+(modal displacement over the shape at the impact) and all rigid motion of ball and bat as
+``s'' = -F c`` with ``c = 1/m + sum of squared rigid shapes``, so momentum holds to
+rounding. Ball and bat approach by ``x = s - sum(g_i p_i)``, ``g_i`` the squared shapes. Of
+that the bat's stiffer modes take ``C F`` at once (residual flexibility) and the ball takes
+``u``: two springs in series, ``x = u + C F(u)``.
+
+Stepping. Order six splitting Runge-Kutta-Nystrom scheme of eleven stages. The force law has
+a corner where the approach turns and where a re-loading ball passes its greatest
+compression; steps end on these events to rounding, so the order survives them. At touch
+``u^a`` is not smooth: steps start short and double.
+
+Ball. Loading ``F = k u^a``; from the turning point ``F = F_max (u / u_max)^b`` both ways
+until u passes u_max again (then loading goes on) or reaches 0 (release). After release the
+modes ring freely; if the surface can still catch the ball, a fresh contact begins.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from virtual_lab.simulation.collision.splitting import SRKN_11
+
+__all__ = ["collide"]
+
+Floats = NDArray[np.float64]
+Counts = NDArray[np.int64]
+State = tuple[Floats, Floats, Floats]  # views p, v, [s, s'] into one array
+Bat = tuple[float, Floats, Floats]  # c, g, squared angular frequencies
+Law = tuple[float, float, float, float]  # coefficient, scale of u, power, C
+
+KICKS, DRIFTS = SRKN_11.kicks, SRKN_11.drifts
+TURN, FULL, RELEASE = 0, 1, 2  # events: x' = 0, x back at its peak, x = 0
+ROOT_TRIES = 60
+FIRST_STEPS, GROWTH = 256.0, 2.0
+LONGEST = 10.0  # s: no contact lasts so long, but one of numbers that are none would not end
+FLIGHT_STEP = 0.1  # the least one, in steps: a touch shorter than it is no touch
+FAST = {"reassoc", "contract", "nsz"}
+
+
+@njit(cache=True, fastmath=FAST)
+def _approach(s: float, g: Floats, p: Floats) -> float:
+    total = s
+    for i in range(p.size):
+        total -= g[i] * p[i]
+    return total
+
+
+@njit(cache=True)
+def _force(x: float, law: Law) -> tuple[float, float]:
+    """Return the force and the compression of the ball at an approach x."""
+    coefficient, scale, power, compliance = law
+    if x <= 0.0:
+        return 0.0, x
+    # Newton's method from the far side of a convex function: it cannot overshoot
+    u = x
+    for _ in range(ROOT_TRIES):
+        force = coefficient * (u / scale) ** power
+        miss = u + compliance * force - x
+        if miss <= 1e-15 * scale:
+            break
+        u -= miss / (1.0 + compliance * power * force / u)
+    return force, u
+
+
+@njit(cache=True, fastmath=FAST)
+def _step(h: float, bat: Bat, law: Law, state: State) -> None:
+    """Advance the state in place by h."""
+    c, g, w2 = bat
+    p, v, r = state
+    for stage in range(KICKS.size):
+        force, _ = _force(_approach(r[0], g, p), law)
+        kick = KICKS[stage] * h
+        r[1] -= kick * c * force
+        for i in range(p.size):
+            v[i] += kick * (force - w2[i] * p[i])
+        if stage < DRIFTS.size:
+            drift = DRIFTS[stage] * h
+            r[0] += drift * r[1]
+            for i in range(p.size):
+                p[i] += drift * v[i]
+
+
+@njit(cache=True)
+def _miss(event: int, bat: Bat, law: Law, state: State, peak: float) -> tuple[float, float]:
+    """Return how far the state is from an event, and the time derivative of that."""
+    c, g, w2 = bat
+    p, v, r = state
+    x, rate = _approach(r[0], g, p), _approach(r[1], g, v)
+    if event == RELEASE:
+        return x, rate
+    if event == FULL:
+        return x - peak, rate
+    force, _ = _force(x, law)
+    bend = -c * force
+    for i in range(p.size):
+        bend -= g[i] * (force - w2[i] * p[i])
+    return rate, bend
+
+
+@njit(cache=True, error_model="numpy")
+def _step_to(
+    event: int, h: float, bat: Bat, law: Law, state: State, peak: float, y: Floats, old: Floats
+) -> float:
+    """Redo the last step, from `old`, so that it ends on the event; return its length.
+
+    Newton's method kept inside the bracket [0, h].
+    """
+    low, high = 0.0, h
+    after, slope = _miss(event, bat, law, state, peak)
+    past_event = after > 0.0
+    t = h - after / slope
+    for _ in range(ROOT_TRIES):
+        if not low < t < high:
+            t = 0.5 * (low + high)
+        y[:] = old
+        _step(t, bat, law, state)
+        after, slope = _miss(event, bat, law, state, peak)
+        if (after > 0.0) == past_event:
+            high = t
+        else:
+            low = t
+        if abs(after) <= 1e-13 * h * abs(slope) or high - low <= 1e-13 * h:
+            break
+        t -= after / slope
+    return t
+
+
+@njit(cache=True)
+def _contact(
+    h: float, bat: Bat, ball: Law, state: State, y: Floats, old: Floats
+) -> tuple[float, float, int]:
+    """Follow one contact from touch to release; return (duration, peak u, turns back)."""
+    k, a, b, compliance = ball
+    first, g = (k, 1.0, a, compliance), bat[1]
+    loading, law = True, first
+    p, v, r = state
+    t, peak, u_max, turns = 0.0, 0.0, 0.0, 0
+    rate = _approach(r[1], g, v)
+    step = h / FIRST_STEPS
+    while t < LONGEST:
+        old[:] = y
+        step = min(h, GROWTH * step)
+        span = step
+        _step(span, bat, law, state)
+        before, rate = rate, _approach(r[1], g, v)
+        turned = before * rate < 0.0
+        if turned:  # or a step could hide that x was out of its branch for a moment
+            span = _step_to(TURN, span, bat, law, state, peak, y, old)
+            rate = 0.0
+        x = _approach(r[0], g, p)
+        if loading and turned:
+            peak = x
+            force, u_max = _force(peak, law)
+            loading, law = False, (force, u_max, b, compliance)
+        elif not loading and x > peak:
+            span = _step_to(FULL, span, bat, law, state, peak, y, old)
+            rate = _approach(r[1], g, v)
+            loading, law = True, first
+        elif x <= 0.0:
+            return t + _step_to(RELEASE, span, bat, law, state, peak, y, old), u_max, turns
+        elif turned and before < 0.0:
+            turns += 1
+        t += span
+    return t, u_max, turns
+
+
+@njit(cache=True, fastmath=FAST)
+def _ring(t: float, bat: Bat, state: State, y: Floats, old: Floats) -> float:
+    """Set the state to `old` after a time t without force; return the approach."""
+    g, w2 = bat[1], bat[2]
+    p, v, r = state
+    y[:] = old
+    r[0] += t * r[1]
+    for i in range(p.size):
+        w = np.sqrt(w2[i])
+        sine, cosine, displacement = np.sin(w * t), np.cos(w * t), p[i]
+        p[i] = displacement * cosine + v[i] / w * sine
+        v[i] = v[i] * cosine - w * displacement * sine
+    return _approach(r[0], g, p)
+
+
+@njit(cache=True)
+def _flight(h: float, limit: float, bat: Bat, state: State, y: Floats, old: Floats) -> float:
+    """Fly from the release in `y` to the next touch; return its time, -1 if there is none.
+
+    The surface is nowhere faster than the sum of its modal amplitudes, so a step of gap over
+    (that + the closing speed of the ball) cannot jump over a contact; h is the least step.
+    """
+    _, g, w2 = bat
+    p, v, r = state
+    old[:] = y
+    closing = r[1]
+    for i in range(p.size):
+        closing += g[i] * np.sqrt(v[i] ** 2 + w2[i] * p[i] ** 2)
+    high: float = 0.0
+    gap: float = 0.0
+    while closing > 0.0 and high < limit:
+        low: float = high
+        high += max(h, gap / closing)
+        gap = -_ring(high, bat, state, y, old)
+        if gap < 0.0:
+            for _ in range(ROOT_TRIES):
+                middle = 0.5 * (low + high)
+                if _ring(middle, bat, state, y, old) > 0.0:
+                    high = middle
+                else:
+                    low = middle
+            _ring(high, bat, state, y, old)
+            return high
+    y[:] = old
+    return -1.0
+
+
+@njit(cache=True, nogil=True)
+def _follow(
+    h: float, window: float, bat: Bat, ball: Law, y: Floats, old: Floats, counts: Counts
+) -> tuple[float, float]:
+    """Run one collision, every contact of it; return (first touch to last release, loss)."""
+    n = bat[1].size
+    state = (y[:n], y[n : 2 * n], y[2 * n :])
+    k, a, b, _ = ball
+    t, wait, loss = 0.0, 0.0, 0.0
+    while wait >= 0.0 and t + wait < window:
+        t += wait
+        time, u_max, turns = _contact(h, bat, ball, state, y, old)
+        t += time
+        loss += k * u_max ** (a + 1.0) * (1.0 / (a + 1.0) - 1.0 / (b + 1.0))
+        counts[0] += 1
+        counts[1] += turns
+        wait = _flight(FLIGHT_STEP * h, window - t, bat, state, y, old)
+    return t, loss
+
+
+@njit(cache=True, nogil=True)
+def collide(
+    w2: Floats, which: Counts, g: Floats, c: Floats, ball: Floats, steps: Floats, window: float
+) -> tuple[Floats, Floats, Counts]:
+    """Run n collisions with N flexible modes.
+
+    Parameters
+    ----------
+    w2 : (bats, N) array
+        Squared angular frequencies [1/s^2].
+    which : (n,) array
+        Whose each scene is.
+    g : (n, N) array
+        Squared shapes at the impacts [1/kg].
+    c, steps : (n,) arrays
+        As above [1/kg]; time step [s].
+    ball : (n, 5) array
+        k [N/m^a], a, b, C [m/N] and the speed [m/s].
+    window : float
+        How long ball and bat are followed [s].
+
+    Returns
+    -------
+    states : (n, 2 N + 2) array
+        p, p', s, s' at the last release.
+    sums : (n, 2) array
+        First touch to last release [s]; work lost in the ball [J].
+    counts : (n, 2) array
+        Contacts; turns back before release.
+    """
+    scenes, modes = g.shape
+    states = np.zeros((scenes, 2 * modes + 2))
+    sums = np.empty((scenes, 2))
+    counts = np.zeros((scenes, 2), dtype=np.int64)
+    old = np.empty(2 * modes + 2)
+    for i in range(scenes):
+        k, a, b, compliance, speed = ball[i]
+        states[i, -1] = speed
+        bat, law = (c[i], g[i], w2[which[i]]), (k, a, b, compliance)
+        sums[i] = _follow(steps[i], window, bat, law, states[i], old, counts[i])
+    return states, sums, counts

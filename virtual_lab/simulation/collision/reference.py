@@ -1,0 +1,218 @@
+"""The reference rung: an independent high-accuracy solution, for tests and charts.
+
+Every mode of ball and bat in its own coordinate, phases split at their events, integrated
+by an adaptive Runge-Kutta method of order eight. Nothing is shared with the modal rung's
+time stepping, not even the ball's law, which may be another here; only the patch is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from virtual_lab.catalog.specs import BatBody
+from virtual_lab.simulation.collision.modal import WINDOW, energy_split
+from virtual_lab.simulation.collision.patch import PATCH, patch_shape
+from virtual_lab.simulation.collision.scene import Collisions, Scenes
+from virtual_lab.simulation.physics.ball import BallLaw, Branch, Event, LawOfBall, PowerLaw
+from virtual_lab.simulation.physics.modes import Modes, modes_of
+from virtual_lab.simulation.physics.supports import Support
+
+__all__ = ["Method", "ReferenceModel"]
+
+Floats = NDArray[np.float64]
+Method = Literal["RK45", "DOP853", "LSODA", "Radau"]
+BENDING_MODES = 100
+LONGEST_STEP = 0.2  # times the highest angular frequency: no event slips between two steps
+FLIGHT = Branch(force=lambda u, rate: 0.0, ends={Event.TOUCH: 1})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReferenceModel:
+    """A bat by many modes, solved to a tight tolerance; slow."""
+
+    modes: Modes
+    patch: float = PATCH  # full width [m]
+    tolerance: float = 1e-12
+    method: Method = "DOP853"
+    longest_step: float = LONGEST_STEP
+    law: LawOfBall = PowerLaw.of
+    rung: str = "reference"
+
+    @classmethod
+    def of(
+        cls,
+        body: BatBody,
+        support: Support,
+        bending_modes: int = BENDING_MODES,
+        law: LawOfBall = PowerLaw.of,
+    ) -> Self:
+        """Return the model of a bat and a law of the ball. `InputError` as for the modal rung."""
+        return cls(modes=modes_of(body, support, bending_modes), law=law)
+
+    def collide(self, scenes: Scenes) -> Collisions:
+        """Return what the scenes come to. `InputError` where a place lies off the bat."""
+        scenes.require_on(self.modes.length)
+        shapes = patch_shape(self.modes, scenes.impact_position, self.patch)
+        runs = [
+            self._one(
+                _Scene(
+                    shape=shapes[i],
+                    angular=self.modes.angular_frequencies,
+                    mass=float(scenes.ball_mass[i]),
+                    speed=float(scenes.relative_speed[i]),
+                    law=self.law(
+                        stiffness=float(scenes.stiffness[i]),
+                        exponent=float(scenes.exponent[i]),
+                        restitution=float(scenes.ball_restitution[i]),
+                        speed=float(scenes.relative_speed[i]),
+                    ),
+                )
+            )
+            for i in range(len(scenes))
+        ]
+        states = np.array([run.state for run in runs])
+        count = self.modes.count
+        displacements, velocities = states[:, :count], states[:, count + 1 : -2]
+        speed, mass = scenes.relative_speed, scenes.ball_mass
+        e_A = -states[:, -2] / speed
+        losses = states[:, -1]
+        return Collisions(
+            rung=self.rung,
+            collision_efficiency=e_A,
+            modal_displacements=displacements,
+            modal_velocities=velocities,
+            contact_time=np.array([run.time for run in runs]),
+            impulse=mass * speed * (1 + e_A),
+            contacts=np.array([run.contacts for run in runs], dtype=np.int64),
+            reloads=np.array([run.reloads for run in runs], dtype=np.int64),
+            redone=np.zeros(len(scenes), dtype=np.int64),
+            energy=energy_split(
+                self.modes, displacements, velocities, e_A, losses, mass * speed**2 / 2
+            ),
+        )
+
+    def _one(self, scene: _Scene) -> _Run:
+        y = np.zeros(2 * (self.modes.count + 1) + 1)
+        y[-2] = scene.speed
+        run = _Run(state=y, time=0.0, contacts=0, reloads=0)
+        touch: _Point | None = _Point(time=0.0, state=y)
+        while touch is not None:
+            run = self._contact(scene, run, touch)
+            touch = self._flight(scene, run)
+        return run
+
+    def _contact(self, scene: _Scene, run: _Run, at: _Point) -> _Run:
+        """Follow one contact branch by branch to its release."""
+        reloads, met, branch = run.reloads, Event.TOUCH, None
+        while met is not Event.RELEASE:
+            branch = scene.law.branch(met, scene.compression(at.state), branch)
+            at, met = self._phase(scene, branch, at)
+            reloads += met is Event.BACK
+        return _Run(state=at.state, time=at.time, contacts=run.contacts + 1, reloads=reloads)
+
+    def _flight(self, scene: _Scene, run: _Run) -> _Point | None:
+        """Fly on from a release; return where ball and bat meet again, if they do."""
+        release = _Point(time=run.time, state=run.state)
+        end = scene.out_of_reach(run)
+        at, met = self._phase(scene, FLIGHT, release, end)
+        return at if met is Event.TOUCH else None
+
+    def _phase(
+        self, scene: _Scene, branch: Branch, start: _Point, end: float = WINDOW
+    ) -> tuple[_Point, Event]:
+        """Integrate one branch of the law to the first event that ends it, or to `end`."""
+        if start.time >= end:
+            return start, Event.RELEASE
+        solution = solve_ivp(
+            lambda _, y: scene.derivative(y, branch),
+            (start.time, end),
+            start.state,
+            method=self.method,
+            rtol=self.tolerance,
+            atol=self.tolerance * scene.sizes,
+            max_step=self.longest_step / max(float(scene.angular.max(initial=0.0)), 1e4),
+            events=[_event(scene, branch, event) for event in branch.ends],
+        )
+        for event, times, states in zip(
+            branch.ends, solution.t_events or [], solution.y_events or [], strict=True
+        ):
+            if len(times):
+                return _Point(time=float(times[0]), state=states[0]), event
+        return _Point(time=float(solution.t[-1]), state=solution.y[:, -1]), Event.RELEASE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Point:
+    time: float
+    state: Floats  # modal displacements, ball's; their rates; work done on the ball's law
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Run:
+    """A collision up to its last release so far."""
+
+    state: Floats
+    time: float
+    contacts: int
+    reloads: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Scene:
+    """One scene in scalars, its modes in arrays (N,)."""
+
+    shape: Floats
+    angular: Floats
+    mass: float
+    speed: float
+    law: BallLaw
+
+    @property
+    def sizes(self) -> Floats:
+        """Typical size of each state variable: a millisecond at the ball's speed."""
+        n = len(self.shape) + 1
+        energy = [self.mass * self.speed / 2]
+        return self.speed * np.concatenate((np.full(n, 1e-3), np.ones(n), energy))
+
+    def compression(self, y: Floats) -> float:
+        n = len(self.shape)
+        return float(y[n] - self.shape @ y[:n])
+
+    def rate(self, y: Floats) -> float:
+        return self.compression(y[len(self.shape) + 1 : -1])
+
+    def derivative(self, y: Floats, branch: Branch) -> Floats:
+        u, rate = self.compression(y), self.rate(y)
+        force = branch.force(u, rate) if u > 0 else 0.0
+        n = len(self.shape)
+        bat = self.shape * force - self.angular**2 * y[:n]
+        return np.concatenate((y[n + 1 : -1], bat, [-force / self.mass, force * rate]))
+
+    def out_of_reach(self, run: _Run) -> float:
+        """Return a time [s] after which ball and ringing bat cannot meet any more."""
+        n, y = len(self.shape), run.state
+        flexible = self.angular > 0
+        rate = y[-2] - self.shape[~flexible] @ y[n + 1 : -2][~flexible]
+        if rate >= 0:
+            return WINDOW
+        place = y[n] - self.shape[~flexible] @ y[:n][~flexible]
+        swing = np.hypot(y[:n][flexible], y[n + 1 : -2][flexible] / self.angular[flexible])
+        reach = place + np.abs(self.shape[flexible]) @ swing
+        return min(WINDOW, run.time + float(reach / -rate))
+
+
+def _event(scene: _Scene, branch: Branch, event: Event) -> Callable[[float, Floats], float]:
+    def crossing(_: float, y: Floats) -> float:
+        if event in (Event.TURN, Event.BACK):
+            return scene.rate(y)
+        return scene.compression(y) - (branch.peak if event is Event.FULL else 0.0)
+
+    crossing.terminal = True  # type: ignore[attr-defined]
+    crossing.direction = branch.ends[event]  # type: ignore[attr-defined]
+    return crossing

@@ -1,0 +1,61 @@
+"""The rigid rung: e is the ball's own e0, the recoil factor does the rest. Closed form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from virtual_lab.catalog.specs import BatBody
+from virtual_lab.relations.kinematics import efficiency_from_restitution, energy_fractions
+from virtual_lab.simulation.collision.scene import Collisions, EnergySplit, Scenes
+from virtual_lab.simulation.physics.ball import wall_contact
+from virtual_lab.simulation.physics.modes import Modes, modes_of
+from virtual_lab.simulation.physics.supports import Support
+
+__all__ = ["RigidModel"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RigidModel:
+    """A bat that neither bends nor rings."""
+
+    modes: Modes  # the rigid ones only
+    rung: str = "rigid"
+
+    @classmethod
+    def of(cls, body: BatBody, support: Support) -> Self:
+        """Return the model of a bat. `InputError` where the support lies off the bat."""
+        stiff = replace(body, hoop=None)
+        return cls(modes=modes_of(stiff, support, 0))
+
+    def collide(self, scenes: Scenes) -> Collisions:
+        """Return what the scenes come to. Eqs. (6), (7) and (10) with e = e0."""
+        scenes.require_on(self.modes.length)
+        shape = self.modes.shape(scenes.impact_position)
+        mass, speed, e0 = scenes.ball_mass, scenes.relative_speed, scenes.ball_restitution
+        r = mass * np.sum(shape**2, axis=1)
+        e_A = np.asarray(efficiency_from_restitution(e0, r))
+        impulse = mass * speed * (1 + e_A)
+        shares = energy_fractions(e0, r)
+        contact = wall_contact(mass / (1 + r), speed, scenes.stiffness, scenes.exponent, e0)
+        nothing = np.zeros(len(scenes))
+        return Collisions(
+            rung=self.rung,
+            collision_efficiency=e_A,
+            modal_displacements=np.zeros_like(shape),
+            modal_velocities=shape * impulse[:, None],
+            contact_time=contact.time,
+            impulse=impulse,
+            contacts=np.ones(len(scenes), dtype=np.int64),
+            reloads=np.zeros(len(scenes), dtype=np.int64),
+            redone=np.zeros(len(scenes), dtype=np.int64),
+            energy=EnergySplit(
+                ball=np.asarray(shares.ball),
+                rigid=np.asarray(shares.bat),
+                bending=nothing,
+                hoop=nothing,
+                hysteresis=np.asarray(shares.dissipated),
+            ),
+        )

@@ -1,0 +1,183 @@
+"""What goes into a collision and what comes out: arrays over n scenes.
+
+The bat is at rest before the ball comes; a moving bat is the same scene at the relative
+speed (``v_bat`` is added afterwards, Eq. 3). The ball meets the axis squarely.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, Protocol, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from virtual_lab.catalog.specs import BallSpec
+from virtual_lab.errors import InputError
+from virtual_lab.simulation.physics.modes import Modes
+
+__all__ = ["CollisionModel", "Collisions", "EnergySplit", "Scenes", "joined"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenes:
+    """Collisions to be, every array of shape (n,). Make them with `Scenes.of`."""
+
+    impact_position: Floats  # from the barrel tip [m]
+    relative_speed: Floats  # of ball and bat at the point of impact [m/s]
+    ball_mass: Floats  # [kg]
+    ball_restitution: Floats  # e0 at this relative speed
+    stiffness: Floats  # k of F = k u^a [N/m^a]
+    exponent: Floats  # a
+
+    @classmethod
+    def of(
+        cls,
+        *,
+        impact_position: ArrayLike,
+        relative_speed: ArrayLike,
+        ball_mass: ArrayLike,
+        ball_restitution: ArrayLike,
+        stiffness: ArrayLike,
+        exponent: ArrayLike,
+    ) -> Self:
+        """Broadcast numbers and arrays to (n,) and check them.
+
+        Raises
+        ------
+        InputError
+            Shapes that do not broadcast to one axis, an empty batch, a number that is not
+            finite, or one outside its range.
+        """
+        given = (
+            impact_position,
+            relative_speed,
+            ball_mass,
+            ball_restitution,
+            stiffness,
+            exponent,
+        )
+        arrays = [np.asarray(value, dtype=np.float64) for value in given]
+        shapes = " ".join(str(array.shape) for array in arrays)
+        try:
+            shape = np.broadcast_shapes((1,), *(array.shape for array in arrays))
+        except ValueError:
+            shape = (0, 0)
+        if len(shape) != 1 or shape[0] == 0:
+            raise InputError("scenes", "shapes", shapes, "allowed: all (n,) or numbers, n >= 1")
+        return cls(**_named(cls, [np.broadcast_to(array, shape) for array in arrays]))
+
+    @classmethod
+    def with_ball(
+        cls, ball: BallSpec, *, impact_position: ArrayLike, relative_speed: ArrayLike
+    ) -> Self:
+        """Return scenes of a nominal ball, its e0 taken at the relative speed."""
+        return cls.of(
+            impact_position=impact_position,
+            relative_speed=relative_speed,
+            ball_mass=ball.mass,
+            ball_restitution=ball.restitution.at(relative_speed),
+            stiffness=ball.stiffness,
+            exponent=ball.exponent,
+        )
+
+    def __post_init__(self) -> None:
+        for name, value in self._arrays():
+            if not np.all(np.isfinite(value)):
+                bad = value[~np.isfinite(value)][0]
+                raise InputError("scenes", name, bad, "allowed: finite numbers")
+        _require("impact_position", self.impact_position, self.impact_position >= 0, "0 and up")
+        for name in ("relative_speed", "ball_mass", "stiffness"):
+            value = getattr(self, name)
+            _require(name, value, value > 0, "above 0")
+        e0 = self.ball_restitution
+        _require("ball_restitution", e0, (e0 > 0) & (e0 <= 1), "above 0, to 1")
+        _require("exponent", self.exponent, self.exponent >= 1, "1 and up")
+
+    def __len__(self) -> int:
+        return len(self.impact_position)
+
+    def part(self, chosen: slice | NDArray[Any]) -> Self:
+        """Return some of the scenes."""
+        return replace(self, **_named(type(self), [value[chosen] for _, value in self._arrays()]))
+
+    def require_on(self, length: float) -> None:
+        """Raise `InputError` where a place lies beyond a bat of `length` [m]."""
+        z = self.impact_position
+        _require("impact_position", z, z <= length, f"0 to {length:g} m, the bat")
+
+    def _arrays(self) -> list[tuple[str, Floats]]:
+        return [(field.name, getattr(self, field.name)) for field in fields(self)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EnergySplit:
+    """Shares of the ball's energy before contact, each (n,); they add to 1."""
+
+    ball: Floats
+    rigid: Floats
+    bending: Floats
+    hoop: Floats
+    hysteresis: Floats
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Collisions:
+    """What n collisions came to. The modal state is that of the last release."""
+
+    rung: str
+    collision_efficiency: Floats  # (n,), negative where the ball goes on
+    modal_displacements: Floats  # (n, N) [kg^1/2 m], modes as in the model's `modes`
+    modal_velocities: Floats  # (n, N) [kg^1/2 m/s]
+    contact_time: Floats  # (n,), first touch to last release [s]
+    impulse: Floats  # (n,), on the bat [N s]
+    contacts: NDArray[np.int64]  # (n,), 1 unless ball and bat met again
+    reloads: NDArray[np.int64]  # (n,), how often the compression turned round before release
+    redone: NDArray[np.int64]  # (n,), 0 the first try did, 1 and 2 finer ones, 3 one by one
+    energy: EnergySplit
+
+
+def joined(parts: Sequence[Collisions]) -> Collisions:
+    """Return the collisions of one model as one batch."""
+    if len(parts) == 1:
+        return parts[0]
+
+    def column(name: str) -> Any:
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    def share(name: str) -> Floats:
+        return np.concatenate([getattr(part.energy, name) for part in parts])
+
+    energy = EnergySplit(**{field.name: share(field.name) for field in fields(EnergySplit)})
+    own = [field.name for field in fields(Collisions) if field.name not in ("rung", "energy")]
+    return Collisions(rung=parts[0].rung, energy=energy, **{name: column(name) for name in own})
+
+
+class CollisionModel(Protocol):
+    """One rung of the ladder, for one bat under one support."""
+
+    @property
+    def rung(self) -> str:
+        """Name of the rung."""
+        ...
+
+    @property
+    def modes(self) -> Modes:
+        """The modes `Collisions.modal_velocities` counts."""
+        ...
+
+    def collide(self, scenes: Scenes) -> Collisions:
+        """Return what the scenes come to. `InputError` where a place lies off the bat."""
+        ...
+
+
+def _require(key: str, value: Floats, good: NDArray[np.bool_], allowed: str) -> None:
+    if not good.all():
+        raise InputError("scenes", key, float(value[~good][0]), f"allowed: {allowed}")
+
+
+def _named(cls: type[Scenes], arrays: list[Floats]) -> dict[str, Floats]:
+    return {field.name: array for field, array in zip(fields(cls), arrays, strict=True)}

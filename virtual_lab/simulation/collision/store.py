@@ -1,0 +1,79 @@
+"""Surrogates on disk: built once for a bat, a support and a box, found again by their hash."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+import zipfile
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from virtual_lab.catalog.specs import BatBody
+from virtual_lab.simulation.collision.modal import BENDING_MODES, STIFF_MODES, ModalModel
+from virtual_lab.simulation.collision.patch import PATCH
+from virtual_lab.simulation.collision.stepping import FINE
+from virtual_lab.simulation.collision.surrogate import Box, Surrogate
+from virtual_lab.simulation.physics.supports import Support
+
+__all__ = ["cache_folder", "surrogate_of"]
+
+
+def cache_folder() -> Path:
+    """Return where surrogates are kept: ``VIRTUAL_LAB_CACHE``, or the user's cache folder."""
+    own = os.environ.get("VIRTUAL_LAB_CACHE")
+    if own:
+        return Path(own)
+    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "virtual-lab"
+
+
+def surrogate_of(
+    body: BatBody, support: Support, box: Box, *, tolerance: float, folder: Path | None = None
+) -> Surrogate:
+    """Return the surrogate of a bat's modal model, from disk where it was built before.
+
+    A file that cannot be read is built again; a folder that cannot be written is done without.
+
+    Raises
+    ------
+    InputError
+        As `Surrogate.build`.
+    """
+    path = (folder or cache_folder()) / f"surrogate-{_key(body, support, box, tolerance)}.npz"
+    found = _read(path, box)
+    if found is not None:
+        return found
+    built = Surrogate.build(ModalModel.of(body, support), box, tolerance=tolerance)
+    _write(path, built)
+    return built
+
+
+def _key(body: BatBody, support: Support, box: Box, tolerance: float) -> str:
+    """Return a hash of all that the coefficients depend on."""
+    settings = (version("virtual-lab"), BENDING_MODES, STIFF_MODES, PATCH, repr(FINE))
+    held = type(support).__name__
+    everything = (settings, held, asdict(body), asdict(support), asdict(box), tolerance)
+    return hashlib.sha256(repr(everything).encode()).hexdigest()[:32]
+
+
+def _read(path: Path, box: Box) -> Surrogate | None:
+    try:
+        with np.load(path) as stored:
+            return Surrogate(
+                box=box, coefficients=stored["coefficients"], error=float(stored["error"])
+            )
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile):
+        return None
+
+
+def _write(path: Path, built: Surrogate) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".npz", delete=False) as draft:
+            np.savez(draft, coefficients=built.coefficients, error=np.array(built.error))
+        Path(draft.name).replace(path)
+    except OSError:
+        return

@@ -1,0 +1,255 @@
+"""The surrogate rung: e_A of one bat and one kind of ball as a Chebyshev interpolant.
+
+Built on demand from another rung over a box of place, log speed, e0 and ball mass; refined
+axis by axis until its error on points it was not fitted to is small enough. It knows e_A
+only: a rig that needs the bat's ring afterwards takes the modal rung.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import inf
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dctn
+
+from virtual_lab.errors import InputError
+from virtual_lab.simulation.collision.scene import CollisionModel, Scenes
+from virtual_lab.streams import Streams
+
+__all__ = ["Box", "Surrogate"]
+
+Floats = NDArray[np.float64]
+AXES = ("impact_position", "relative_speed", "ball_restitution", "ball_mass")
+LINE_NODES = 48  # of the cuts along each axis that say how many it needs
+LINE_SHARE = 0.1  # of the tolerance that a cut may miss
+PLACE_ROOM = 0.015  # m
+LEAST_NODES = 3
+LEAST_SIDE = 1e-3  # of a box, over its value: equal values still need some width
+MOST_NODES = 12_000
+CHECK_POINTS = 400
+CHECK_SEED = 20_031  # of the points the error is measured on; any will do, it must only stay
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Box:
+    """Where a surrogate holds: low and high of each variable, and the ball's force law."""
+
+    impact_position: tuple[float, float]  # [m]
+    relative_speed: tuple[float, float]  # [m/s]
+    ball_restitution: tuple[float, float]
+    ball_mass: tuple[float, float]  # [kg]
+    stiffness: float  # [N/m^a]
+    exponent: float
+
+    def __post_init__(self) -> None:
+        for axis in AXES:
+            low, high = getattr(self, axis)
+            if not low < high:
+                raise InputError(
+                    "surrogate", axis, f"{low:g} to {high:g}", "low must be below high"
+                )
+
+    @classmethod
+    def about(cls, scenes: Scenes) -> Self:
+        """Return the least box about scenes, a little wider where all are alike.
+
+        Raises `InputError` where they are not of one force law.
+        """
+
+        def side(axis: str, most: float = inf) -> tuple[float, float]:
+            values = getattr(scenes, axis)
+            low, high = float(values.min()), float(values.max())
+            room = max(0.0, LEAST_SIDE * high - (high - low)) / 2
+            return max(low - room, 0.0), min(high + room, most)
+
+        box = cls(
+            impact_position=side("impact_position"),
+            relative_speed=side("relative_speed"),
+            ball_restitution=side("ball_restitution", 1.0),
+            ball_mass=side("ball_mass"),
+            stiffness=float(scenes.stiffness[0]),
+            exponent=float(scenes.exponent[0]),
+        )
+        box.require_law(scenes)
+        return box
+
+    def holds(self, other: Box) -> bool:
+        """Return whether another box lies within this one, of the same force law."""
+        return (self.stiffness, self.exponent) == (other.stiffness, other.exponent) and all(
+            getattr(self, axis)[0] <= getattr(other, axis)[0]
+            and getattr(other, axis)[1] <= getattr(self, axis)[1]
+            for axis in AXES
+        )
+
+    def joined(self, other: Box) -> Box:
+        """Return the least box about this one and another."""
+
+        def side(axis: str) -> tuple[float, float]:
+            (low, high), (least, most) = getattr(self, axis), getattr(other, axis)
+            return min(low, least), max(high, most)
+
+        sides: dict[str, Any] = {axis: side(axis) for axis in AXES}
+        return replace(self, **sides)
+
+    def widened(self, room: float) -> Box:
+        """Return the box with each side longer by `room` of itself at either end.
+
+        Places are widened by no more than `PLACE_ROOM`: toward tip and handle balls hit twice.
+        """
+
+        def wide(axis: str) -> tuple[float, float]:
+            low, high = getattr(self, axis)
+            more = room * (high - low)
+            if axis == "impact_position":
+                more = min(more, PLACE_ROOM)
+            most = 1.0 if axis == "ball_restitution" else inf
+            return max(low - more, low / 2), min(high + more, most)
+
+        sides: dict[str, Any] = {axis: wide(axis) for axis in AXES}
+        return replace(self, **sides)
+
+    def unit(self, scenes: Scenes) -> Floats:
+        """Return the scenes' places in the box, each variable from -1 to 1, shape (4, n).
+
+        Raises `InputError` where a scene lies outside or is of another ball.
+        """
+        self.require_law(scenes)
+        rows = []
+        for axis in AXES:
+            low, high = getattr(self, axis)
+            values = getattr(scenes, axis)
+            rounding = 1e-12 * (high - low)
+            outside = (values < low - rounding) | (values > high + rounding)
+            if outside.any():
+                bad = float(values[outside][0])
+                raise InputError("surrogate", axis, bad, f"allowed: {low:g} to {high:g}, its box")
+            rows.append(_to_unit(axis, np.clip(values, low, high), low, high))
+        return np.stack(rows)
+
+    def require_law(self, scenes: Scenes) -> None:
+        """Raise `InputError` where a scene is of another ball."""
+        for law in ("stiffness", "exponent"):
+            values = getattr(scenes, law)
+            if not np.all(values == getattr(self, law)):
+                other = values[values != getattr(self, law)][0]
+                raise InputError("surrogate", law, other, f"built for {getattr(self, law):g}")
+
+    def scenes(self, unit: Floats) -> Scenes:
+        """Return the scenes at places of the box, shape (4, n), the inverse of `unit`."""
+        values = {
+            axis: _from_unit(axis, row, *getattr(self, axis))
+            for axis, row in zip(AXES, unit, strict=True)
+        }
+        return Scenes.of(**values, stiffness=self.stiffness, exponent=self.exponent)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Surrogate:
+    """An interpolant and what it is worth."""
+
+    box: Box
+    coefficients: Floats  # of T_i T_j T_k T_l, one axis a variable
+    error: float  # worst found on points it was not fitted to, against the rung it stands for
+    rung: str = "surrogate"
+
+    @classmethod
+    def build(cls, model: CollisionModel, box: Box, *, tolerance: float) -> Self:
+        """Build over `box` to an error of at most `tolerance` in e_A.
+
+        Raises
+        ------
+        InputError
+            Somewhere in the box ball and bat re-load or meet again, where e_A is not smooth; or
+            the tolerance asks for more than `MOST_NODES` nodes.
+        """
+
+        def value(unit: Floats) -> Floats:
+            return _smooth_efficiency(model, box.scenes(unit))
+
+        check = 2 * Streams(CHECK_SEED).uniform("surrogate.check", (4, CHECK_POINTS))
+        true = value(check)
+        nodes = _nodes_needed(value, LINE_SHARE * tolerance)
+        while True:
+            coefficients = _fit(value, nodes)
+            error = float(np.abs(_evaluate(coefficients, check) - true).max())
+            if error <= tolerance:
+                return cls(box=box, coefficients=coefficients, error=error)
+            nodes = _refined(coefficients)
+            if np.prod(nodes) > MOST_NODES:
+                allowed = f"{error:.1e} is reached with {coefficients.size} nodes, the most"
+                raise InputError("surrogate", "tolerance", tolerance, allowed)
+
+    def efficiency(self, scenes: Scenes) -> Floats:
+        """Return e_A of the scenes, shape (n,). `InputError` outside the box."""
+        return _evaluate(self.coefficients, self.box.unit(scenes))
+
+
+def _smooth_efficiency(model: CollisionModel, scenes: Scenes) -> Floats:
+    collisions = model.collide(scenes)
+    rough = (collisions.reloads > 0) | (collisions.contacts > 1)
+    if rough.any():
+        place = float(scenes.impact_position[rough][0])
+        raise InputError(
+            "surrogate", "impact_position", place, "ball and bat re-load here: take the modal rung"
+        )
+    return collisions.collision_efficiency
+
+
+def _fit(value: Callable[[Floats], Floats], nodes: tuple[int, ...]) -> Floats:
+    """Return the coefficients through the Chebyshev points of the first kind, by cosine sums."""
+    points = [np.cos(np.pi * (np.arange(n) + 0.5) / n) for n in nodes]
+    grid = np.stack([axis.ravel() for axis in np.meshgrid(*points, indexing="ij")])
+    coefficients = dctn(value(grid).reshape(nodes), type=2) / np.prod(nodes)
+    for axis in range(len(nodes)):
+        first = [slice(None)] * len(nodes)
+        first[axis] = slice(0, 1)
+        coefficients[tuple(first)] /= 2
+    return np.ascontiguousarray(coefficients)
+
+
+def _nodes_needed(value: Callable[[Floats], Floats], tolerance: float) -> tuple[int, ...]:
+    """Return how many nodes each axis needs on the line through the middle of the box."""
+    points = np.cos(np.pi * (np.arange(LINE_NODES) + 0.5) / LINE_NODES)
+    unit = np.zeros((4, 4, LINE_NODES))
+    unit[range(4), range(4)] = points
+    cuts = value(unit.reshape(4, -1)).reshape(4, LINE_NODES)
+    size = np.abs(dctn(cuts, type=2, axes=(1,))) / LINE_NODES
+    beyond = np.cumsum(size[:, ::-1], axis=1)[:, ::-1]  # what is lost with the n-th and all after
+    needed = np.maximum(np.sum(beyond > tolerance, axis=1), LEAST_NODES)
+    fitting = min(1.0, (MOST_NODES / np.prod(needed)) ** 0.25)
+    return tuple(int(n) for n in np.maximum(fitting * needed, LEAST_NODES))
+
+
+def _refined(coefficients: Floats) -> tuple[int, ...]:
+    """Return more nodes along the axis whose last coefficients are the largest."""
+    size = np.abs(coefficients)
+    tails = [
+        size.take(range(n - max(1, n // 6), n), axis=axis).max()
+        for axis, n in enumerate(size.shape)
+    ]
+    worst = int(np.argmax(tails))
+    return tuple(
+        n + 1 + n // 6 if axis == worst else n for axis, n in enumerate(coefficients.shape)
+    )
+
+
+def _evaluate(coefficients: Floats, unit: Floats) -> Floats:
+    from virtual_lab.simulation.collision.surrogate_kernel import evaluate
+
+    return np.asarray(evaluate(coefficients, np.ascontiguousarray(unit)))
+
+
+def _to_unit(axis: str, values: Floats, low: float, high: float) -> Floats:
+    if axis == "relative_speed":
+        values, low, high = np.log(values), np.log(low), np.log(high)
+    return (2 * values - low - high) / (high - low)
+
+
+def _from_unit(axis: str, unit: Floats, low: float, high: float) -> Floats:
+    if axis == "relative_speed":
+        return np.asarray(np.exp(_from_unit("", unit, np.log(low), np.log(high))))
+    return (low + high + unit * (high - low)) / 2

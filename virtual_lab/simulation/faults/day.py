@@ -1,0 +1,83 @@
+"""A day in the laboratory: the faults that are on, and the seams they are played at."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+from virtual_lab import catalog
+from virtual_lab.errors import InputError
+from virtual_lab.simulation.faults import desk, gates, machines
+from virtual_lab.simulation.faults.fault import Fault
+from virtual_lab.simulation.faults.sheet import FaultSheet
+from virtual_lab.simulation.rig import Order, Play, Specimen, Stage, Station
+from virtual_lab.streams import Draws
+from virtual_lab.uncertainty.estimate import Estimate
+
+__all__ = ["CATALOGUE", "Day"]
+
+CATALOGUE: Mapping[str, Fault] = {
+    fault.name: fault for module in (gates, machines, desk) for fault in module.FAULTS
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Day:
+    """Everything that goes wrong on one day, in the order it is named; nothing: a sound day."""
+
+    faults: tuple[Fault, ...] = ()
+
+    @classmethod
+    def of(cls, names: Iterable[str], *, rig: str) -> Day:
+        """Return the day of some faults at an impact rig.
+
+        Raises
+        ------
+        InputError
+            No fault of this name, or one that cannot befall the rig.
+        """
+        names = tuple(dict.fromkeys(names))
+        for name in names:
+            if name not in CATALOGUE:
+                near = catalog.nearest(name, CATALOGUE)
+                raise InputError("", "fault", name, f"{near}known: {', '.join(sorted(CATALOGUE))}")
+            able = catalog.load("faults", name, FaultSheet).spec.rigs
+            if rig not in able:
+                allowed = f"it befalls {', '.join(able)}, not the rig {rig}"
+                raise InputError("", "fault", name, allowed)
+        return cls(faults=tuple(CATALOGUE[name] for name in names))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What is on, for the sealed truth."""
+        return tuple(fault.name for fault in self.faults)
+
+    def station(self, stage: Stage, station: Station) -> Station:
+        """Return the rig of a stage as it really stands."""
+        for fault in self.faults:
+            station = fault.station(stage, station)
+        return station
+
+    def calibration(self, known: Mapping[str, Estimate]) -> Mapping[str, Estimate]:
+        """Return the constants as they were entered."""
+        for fault in self.faults:
+            known = fault.calibration(known)
+        return known
+
+    def done(self, stage: Stage, order: Order, specimen: Specimen) -> tuple[Order, Specimen]:
+        """Return what is done on this day instead of an order, and what it is done to."""
+        for fault in self.faults:
+            order, specimen = fault.order(stage, order), fault.specimen(stage, specimen)
+        return order, specimen
+
+    def play(
+        self, stage: Stage, station: Station, order: Order, specimen: Specimen, draws: Draws
+    ) -> Play:
+        """Carry out an order on this day; the log holds what was asked, whatever was done."""
+        done, specimen = self.done(stage, order, specimen)
+        play = station.play(done, specimen, draws)
+        if done is not order and "log" in play.records:
+            play = replace(play, records={**play.records, "log": order.log()})
+        for fault in self.faults:
+            play = replace(play, records=fault.records(stage, station, order, play, draws))
+        return play

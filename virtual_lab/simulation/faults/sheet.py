@@ -1,0 +1,60 @@
+"""What ``data/faults`` says of a fault: how it shows, what it does, what was predicted of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from annotated_types import Ge, MinLen
+
+from virtual_lab.catalog.specs import Dimension, Spec
+
+__all__ = ["FaultSheet", "Prediction"]
+
+Number = Annotated[float | None, Dimension("number")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prediction(Spec):
+    """Written before the fault was ever played: what catches it, or what it leaves in the result.
+
+    A bias is that of the certificate's number against the same laboratory's on a sound day; its
+    `_u` is how far the algebra it comes from is to be trusted.
+    """
+
+    procedure: str
+    caught_by: str = ""  # flags or the verdict INVALID, any of them; empty: nothing does
+    efficiency_bias: Number = None
+    efficiency_bias_u: Annotated[float | None, Ge(0), Dimension("number")] = None
+    metric_bias: Number = None
+    metric_bias_u: Annotated[float | None, Ge(0), Dimension("number")] = None
+
+    def __post_init__(self) -> None:
+        biases = (self.efficiency_bias, self.metric_bias)
+        trusts = (self.efficiency_bias_u, self.metric_bias_u)
+        if self.caught_by:
+            if any(number is not None for number in (*biases, *trusts)):
+                raise ValueError("a fault that is caught leaves no bias: caught_by or both biases")
+        elif any(number is None for number in (*biases, *trusts)):
+            raise ValueError("needs caught_by, or efficiency_bias and metric_bias each with its _u")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FaultSheet(Spec):
+    """One fault in words, the impact rigs it can befall, and what it was predicted to do."""
+
+    name: str
+    title: str
+    does: str
+    onset: str
+    cue: str  # what could be seen in the laboratory
+    response: str
+    missed: str  # what it does to the result if nobody sees it
+    excludes: str  # what the evidence rules out
+    rigs: Annotated[tuple[str, ...], MinLen(1)]
+    predictions: Annotated[tuple[Prediction, ...], MinLen(1)]
+
+    def __post_init__(self) -> None:
+        named = [prediction.procedure for prediction in self.predictions]
+        if len(named) != len(set(named)):
+            raise ValueError("two predictions for one procedure")

@@ -1,0 +1,80 @@
+"""Instruments: a data sheet, errors drawn once a laboratory, noise drawn each shot.
+
+Each module holds a spec (what its file in ``data/instruments`` says), and the instrument as
+one laboratory has it: ``commission`` draws what calibration left, ``calibration()`` is what the
+laboratory knows, ``errors()`` what really is, and a verb of its own writes raw records.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Protocol, Self, TypeVar
+
+from virtual_lab import catalog
+from virtual_lab.streams import Draws
+from virtual_lab.uncertainty.estimate import Estimate
+
+__all__ = ["Instrument", "Outfitter", "Rung", "calibration_of", "errors_of"]
+
+
+class Rung(Enum):
+    """How finely instruments write down what they saw."""
+
+    FULL = "full"  # every edge of a gate, every count of an encoder
+    SUMMED = "summed"  # what their own recorders make of them: sufficient statistics
+
+
+class Instrument(Protocol):
+    """What every instrument can be asked for."""
+
+    def calibration(self) -> Mapping[str, Estimate]: ...
+    def errors(self) -> Mapping[str, float]: ...
+
+
+class Sheet(Protocol):
+    """A spec that knows what it would be without errors."""
+
+    def ideal(self) -> Self: ...
+
+
+S = TypeVar("S", bound=Sheet)
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outfitter:
+    """What fits out a laboratory's rig: its random numbers, and whether all is `ideal`."""
+
+    draws: Draws
+    ideal: bool
+
+    def as_asked(self, spec: S) -> S:
+        """Return a spec, or what it would be without errors."""
+        return spec.ideal() if self.ideal else spec
+
+    def commission(
+        self, make: Callable[[S, Draws, str], T], kind: type[S], sheet: str, name: str
+    ) -> T:
+        """Return an instrument of the catalog's `sheet`, its errors drawn under `name`."""
+        spec = catalog.load("instruments", sheet, kind).spec
+        return make(self.as_asked(spec), self.draws, name)
+
+
+def calibration_of(instruments: Mapping[str, Instrument]) -> dict[str, Estimate]:
+    """Return the constants of several instruments under ``instrument.constant`` names."""
+    return {
+        f"{name}.{key}": estimate
+        for name, instrument in instruments.items()
+        for key, estimate in instrument.calibration().items()
+    }
+
+
+def errors_of(instruments: Mapping[str, Instrument]) -> dict[str, float]:
+    """Return their true constants under the same names."""
+    return {
+        f"{name}.{key}": value
+        for name, instrument in instruments.items()
+        for key, value in instrument.errors().items()
+    }

@@ -1,0 +1,262 @@
+"""Spread a shaded sphere over a fine grid, blur it and gather it into pixels; compiled.
+
+The image of a node of the sphere's disc is a Gaussian. A part of its variance is given as nodes
+are spread over a grid of half pixels; the rest, with the pixel's square and the motion, as the
+grid is gathered into pixels. So no step looks a place up, and none sees an edge.
+"""
+
+from __future__ import annotations
+
+from math import ceil, cos, erf, floor, sin, sqrt
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from virtual_lab.simulation.instruments.camera.vectors import LANES, add_row
+
+__all__ = ["PHASES", "render"]
+
+Floats = NDArray[np.float64]
+Pixels = NDArray[np.float32]
+FAST: dict[str, Any] = {"cache": True, "fastmath": True, "error_model": "numpy"}
+PHASES = 256  # of a node between two grid points, in the table of its Gaussian
+REACH = 4.2  # standard deviations of a half of the blur
+FAINT = 1e-7  # weights below are left out
+GROOVE, ROW, AWAY, SLANT = 0.3, 0.45, 0.55, 4.0  # shape of a seam, in its half width
+STITCHES = 54.0  # pairs in half a round of the seam
+ROUND = 1.1  # makes them evenly spaced
+
+
+@njit(**FAST)
+def _bump(u: float) -> float:
+    return float((1 - u * u) ** 2) if abs(u) < 1 else 0.0
+
+
+@njit(**FAST)
+def _albedo(x: float, y: float, z: float, look: Floats) -> float:
+    """Return the albedo at a unit vector in axes of the ball.
+
+    The seam is x^2 - y^2 + neck z = 0; about it, the first-order distance to it in radii.
+    """
+    white, contrast, width, neck = look[0], look[1], look[2], look[3]
+    square = x * x - y * y
+    f = square + neck * z
+    along = 2 * square + neck * z
+    slope = 4 * (x * x + y * y) + neck * neck - along * along
+    if f * f >= width * width * slope:
+        return float(white)
+    far = abs(f) / sqrt(slope) / width
+    dark = 0.8 * _bump(far / GROOVE)
+    thread = _bump((far - AWAY) / ROW)
+    if thread > 0:
+        turn = STITCHES * np.arctan2(ROUND * z, 2 * x * y) + SLANT * far
+        dark += thread * (0.6 + 0.4 * cos(turn))
+    return float(white * (1 - contrast * dark))
+
+
+@njit(**FAST)
+def _spread(
+    nodes: Floats,
+    warp: Floats,
+    body: Floats,
+    light: Floats,
+    look: Floats,
+    table: Pixels,
+    grid: Pixels,
+    size: int,
+) -> None:
+    """Fill `grid`, rows of the disc and of its radiance in turn, of `size` columns.
+
+    `table` holds, flat, the Gaussian at eight grid points for each phase of a node.
+    """
+    for k in range(grid.size):
+        grid[k] = 0
+    across, down = np.empty(LANES, np.float32), np.empty(LANES, np.float32)
+    middle = size // 2 - LANES // 2 + 1
+    plain = look[1] == 0
+    ambient, soft = light[3], light[4]
+    for n in range(len(nodes)):
+        x, y, z, share = nodes[n, 0], nodes[n, 1], nodes[n, 2], nodes[n, 3]
+        px = warp[0, 0] * x + warp[0, 1] * y + warp[0, 2] * x * x + warp[0, 3] * x * y
+        px += warp[0, 4] * y * y
+        py = warp[1, 0] * x + warp[1, 1] * y + warp[1, 2] * x * x + warp[1, 3] * x * y
+        py += warp[1, 4] * y * y
+        area = (warp[0, 0] + 2 * warp[0, 2] * x + warp[0, 3] * y) * (
+            warp[1, 1] + warp[1, 3] * x + 2 * warp[1, 4] * y
+        )
+        area -= (warp[0, 1] + warp[0, 3] * x + 2 * warp[0, 4] * y) * (
+            warp[1, 0] + 2 * warp[1, 2] * x + warp[1, 3] * y
+        )
+        facing = light[0] * x + light[1] * y - light[2] * z
+        shine = ambient + (1 - ambient) * max(facing + soft, 0.0) / (1 + soft)
+        if plain:
+            shine *= look[0]
+        else:
+            shine *= _albedo(
+                body[0, 0] * x + body[0, 1] * y - body[0, 2] * z,
+                body[1, 0] * x + body[1, 1] * y - body[1, 2] * z,
+                body[2, 0] * x + body[2, 1] * y - body[2, 2] * z,
+                look,
+            )
+        px, py = 2 * px + middle, 2 * py + middle
+        column, row = int(px), int(py)
+        _phase(px - column, table, across)
+        _phase(py - row, table, down)
+        weight = np.float32(4 * abs(area) * share)  # four half pixels squared are a pixel
+        bright = np.float32(shine)
+        at = 2 * row * size + column
+        for k in range(LANES):
+            part = weight * down[k]
+            add_row(grid, at, across, 0, part)
+            add_row(grid, at + size, across, 0, part * bright)
+            at += 2 * size
+
+
+@njit(**FAST)
+def _phase(part: float, table: Pixels, out: Pixels) -> None:
+    """Set `out` to the Gaussian of a node `part` of the way from a grid point to the next."""
+    entry = PHASES * part
+    number = int(entry)
+    rest = np.float32(entry - number)
+    for k in range(LANES):
+        out[k] = 0
+    add_row(out, 0, table, LANES * number, np.float32(1) - rest)
+    add_row(out, 0, table, LANES * (number + 1), rest)
+
+
+@njit(**FAST)
+def _weights(
+    path: Floats,
+    times: Floats,
+    start: float,
+    end: float,
+    gauss: Floats,
+    s: float,
+    first: NDArray[np.int64],
+    out: Floats,
+) -> None:
+    """Fill `out` with the pixel's square and a blur of `s`, along the path from start to end.
+
+    Element (k, l) is what a grid point gives a pixel (first + (k, l)) / 2 away from it.
+    """
+    for k in range(len(out)):
+        for j in range(out.shape[1]):
+            out[k, j] = 0
+    reach = 0.5 + REACH * s
+    steps = ceil(4 * reach) + 1
+    hx, hy = np.empty(steps), np.empty(steps)
+    step = 0.5 / (s * sqrt(2.0))
+    for leg in range(len(times) - 1):
+        low, high = max(start, times[leg]), min(end, times[leg + 1])
+        if high <= low:
+            continue
+        for g in range(gauss.shape[1]):
+            t = (low + (high - low) * gauss[0, g] - times[leg]) / (times[leg + 1] - times[leg])
+            weight = (high - low) * gauss[1, g] / 16
+            x = 2 * (path[leg, 0] + t * (path[leg + 1, 0] - path[leg, 0])) - first[0]
+            y = 2 * (path[leg, 1] + t * (path[leg + 1, 1] - path[leg, 1])) - first[1]
+            column, row = ceil(x - 2 * reach), ceil(y - 2 * reach)
+            for k in range(steps):
+                hx[k] = erf((column + k - x + 1) * step) - erf((column + k - x - 1) * step)
+                hy[k] = erf((row + k - y + 1) * step) - erf((row + k - y - 1) * step)
+            for k in range(steps):
+                for j in range(steps):
+                    out[row + k, column + j] += weight * hy[k] * hx[j]
+
+
+@njit(**FAST)
+def _gather(
+    grid: Pixels, planes: Pixels, weights: Floats, first: NDArray[np.int64], out: Pixels
+) -> None:
+    """Add to pixels `out` (channel, row, column) what grid points give them.
+
+    `planes` (row, channel, parity, column) takes even and odd columns of the grid apart, so that
+    what follows one pixel after the other lies side by side.
+    """
+    size, _, _, columns = planes.shape
+    for row in range(size):
+        for channel in range(2):
+            at = (2 * row + channel) * size
+            for column in range(columns):
+                planes[row, channel, 0, column] = grid[at + 2 * column]
+                planes[row, channel, 1, column] = grid[at + 2 * column + 1]
+    for i in range(out.shape[1]):
+        for ky in range(len(weights)):
+            row = 2 * i + size // 2 - ky - first[1]
+            if row < 0 or row >= size:
+                continue
+            for kx in range(weights.shape[1]):
+                weight = np.float32(weights[ky, kx])
+                if weight < FAINT:
+                    continue
+                shift = size // 2 - kx - first[0]
+                parity = shift & 1
+                shift = (shift - parity) // 2
+                low, high = max(0, -shift), min(out.shape[2], columns - shift)
+                if high <= low:
+                    continue
+                for channel in range(2):
+                    line = out[channel, i, low:high]
+                    source = planes[row, channel, parity, low + shift : high + shift]
+                    for j in range(high - low):
+                        line[j] += weight * source[j]
+
+
+@njit(**FAST)
+def _turned(turn: Floats, share: float, body: Floats, out: Floats) -> None:
+    """Set `out` to `body` (axes of the ball in its rows) after a share of a rotation vector."""
+    angle = share * sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
+    a = share * (sin(angle) / angle if angle != 0 else 1.0)
+    b = share * share * ((1 - cos(angle)) / (angle * angle) if angle != 0 else 0.5)
+    for k in range(3):
+        along = turn[0] * body[k, 0] + turn[1] * body[k, 1] + turn[2] * body[k, 2]
+        for i in range(3):
+            j, m = (i + 1) % 3, (i + 2) % 3
+            cross = turn[j] * body[k, m] - turn[m] * body[k, j]
+            out[k, i] = cos(angle) * body[k, i] + a * cross + b * along * turn[i]
+
+
+@njit(**FAST)
+def render(
+    nodes: Floats,
+    warp: Floats,
+    path: Floats,
+    times: Floats,
+    body: Floats,
+    turn: Floats,
+    light: Floats,
+    look: Floats,
+    table: Pixels,
+    blur: float,
+    spans: NDArray[np.int64],
+    gauss: Floats,
+    size: int,
+    out: Pixels,
+) -> None:
+    """Render region after region, adding to `out` (region, channel, row, column).
+
+    `path` (region, point, 2) counts from the region's first pixel, `times` (region, point)
+    run from 0 to 1, `spans` (region,) are the steps in which a ball that turns is rendered;
+    `blur` is what `table` leaves of the lens's [px], `size` that of the grid.
+    """
+    grid = np.empty(2 * size * size, np.float32)
+    planes = np.empty((size, 2, 2, size // 2), np.float32)
+    reach = 0.5 + REACH * blur
+    own = np.empty((3, 3))
+    first, last = np.empty(2, np.int64), np.empty(2, np.int64)
+    for r in range(len(warp)):
+        for axis in range(2):
+            low = high = path[r, 0, axis]
+            for point in range(1, path.shape[1]):
+                low, high = min(low, path[r, point, axis]), max(high, path[r, point, axis])
+            first[axis] = floor(2 * (low - reach)) - 1
+            last[axis] = ceil(2 * (high + reach)) + 3
+        weights = np.empty((last[1] - first[1], last[0] - first[0]))
+        for span in range(spans[r]):
+            start, end = span / spans[r], (span + 1) / spans[r]
+            _turned(turn[r], (start + end) / 2 - 0.5, body[r], own)
+            _spread(nodes, warp[r], own, light[r], look, table, grid, size)
+            _weights(path[r], times[r], start, end, gauss, blur, first, weights)
+            _gather(grid, planes, weights, first, out[r])

@@ -1,0 +1,232 @@
+"""The camera of one laboratory: what it watches, frame by frame, and what it writes of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi, sqrt
+from statistics import NormalDist
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.records import ClipRecord, TrackRecord
+from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.instruments.camera.ball import Light, render_balls
+from virtual_lab.simulation.instruments.camera.course import Course
+from virtual_lab.simulation.instruments.camera.lens import TrueLens
+from virtual_lab.simulation.instruments.camera.scene import Bat, background, flicker, windows
+from virtual_lab.simulation.instruments.camera.sensor import Sensor
+from virtual_lab.simulation.instruments.camera.shots import Frames, take
+from virtual_lab.simulation.instruments.camera.spec import CameraSpec
+from virtual_lab.streams import Draws
+from virtual_lab.uncertainty.estimate import Estimate
+
+__all__ = ["Camera"]
+
+Array = NDArray[np.float64]
+Pixels = NDArray[np.float32]
+CHUNK = 256  # windows that are rendered together
+EDGE = np.linspace(-3, 3, 31)  # across an edge, in standard deviations of its blur
+TRACKED = 1.1  # times the least uncertainty there can be: a tracker's own
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Camera:
+    """Its true lens, pose, clock and sensor, drawn once."""
+
+    spec: CameraSpec
+    lens: TrueLens
+    sensor: Sensor
+    clock: float  # its seconds a true second
+    plane: float  # height of the rig's line of fire in the axes that were calibrated [m]
+
+    @classmethod
+    def commission(cls, spec: CameraSpec, draws: Draws, name: str) -> Self:
+        return cls(
+            spec=spec,
+            lens=TrueLens.commission(spec, draws, f"{name}.lens"),
+            sensor=Sensor.commission(spec.sensor, draws, f"{name}.sensor"),
+            clock=1 + spec.clock.clock_u * float(draws.normal(f"{name}.clock")),
+            plane=spec.pose.plane_u * float(draws.normal(f"{name}.plane")),
+        )
+
+    def calibration(self) -> dict[str, Estimate]:
+        """Return what the laboratory knows, lengths on the sensor in pixels.
+
+        ``place`` is where the pinhole is in axes of the rig and ``tilt`` how the camera is turned
+        from looking straight down; ``plane`` is the height of the line of fire.
+        """
+        spec, pixel = self.spec, self.spec.sensor.pixel
+        lens, pose, clock = spec.lens, spec.pose, spec.clock
+        focal = lens.focal_length / pixel
+        middle = (spec.sensor.columns - 1) / 2, (spec.sensor.rows - 1) / 2
+        known = {
+            "focal": Estimate(value=focal, u=focal * lens.focal_length_u),
+            "clock": Estimate(value=1.0, u=clock.clock_u),
+            "exposure": Estimate(value=clock.exposure),
+            "jitter": Estimate(value=clock.jitter),
+            "blur": Estimate(value=spec.blur),
+            "plane": Estimate(value=0.0, u=pose.plane_u),
+        }
+        for axis, at in zip("xy", middle, strict=True):
+            known[f"centre_{axis}"] = Estimate(value=at, u=lens.centre_u / pixel)
+        names = ("k1", "k2", "p1", "p2", "k3")
+        for key, value, u in zip(names, lens.distortion, lens.distortion_u, strict=True):
+            known[key] = Estimate(value=value, u=u)
+        for axis, tilt, at in zip("xyz", pose.tilt, pose.place, strict=True):
+            known[f"tilt_{axis}"] = Estimate(value=tilt, u=pose.tilt_u)
+            known[f"place_{axis}"] = Estimate(value=at, u=pose.place_u)
+        return known | self.sensor.calibration()
+
+    def errors(self) -> dict[str, float]:
+        """Return the true constants, to be sealed."""
+        lens = self.lens
+        true = {"clock": self.clock, "plane": self.plane, "focal": lens.focal}
+        true |= dict(zip(("centre_x", "centre_y"), lens.centre.tolist(), strict=True))
+        true |= dict(zip(("k1", "k2", "p1", "p2", "k3"), lens.distortion.tolist(), strict=True))
+        for axis, tilt, at in zip("xyz", lens.tilt, lens.place, strict=True):
+            true |= {f"tilt_{axis}": float(tilt), f"place_{axis}": float(at)}
+        return true | self.sensor.errors()
+
+    def watch(
+        self,
+        course: Course,
+        draws: Draws,
+        name: str,
+        block: int,
+        rung: Rung = Rung.FULL,
+        bat: Bat | None = None,
+    ) -> tuple[ClipRecord | TrackRecord, dict[str, Array]]:
+        """Record the balls of a batch of shots; return what is written, and the truth of it.
+
+        The truth is of every frame, (shot, frame, …), NaN where there is none: see `Frames`.
+        """
+        frames = take(self.spec, self.lens, self.clock, course, self.plane, draws, name, block)
+        if rung is Rung.FULL:
+            return self._clip(frames, draws, name, block, bat), frames.truth()
+        return self._track(frames, draws, name, block), frames.truth()
+
+    def render(
+        self, frames: Frames, corners: NDArray[np.int64], behind: Pixels, bat: Bat | None
+    ) -> Pixels:
+        """Return the electrons that light frees on average in windows from `corners` (n, 2) on.
+
+        `behind` (n, row, column) is what they are without ball and bat, with steady lamps.
+        """
+        spec = self.spec
+        seen = render_balls(
+            frames.path,
+            frames.outlines.radius,
+            corners,
+            (behind.shape[1], behind.shape[2]),
+            sigma=spec.blur,
+            look=spec.ball,
+            light=self.light,
+            orientation=frames.axes @ self.lens.rotation.T,
+            turn=frames.turn @ self.lens.rotation.T,
+            times=frames.shares,
+            warp=frames.outlines.warp,
+            view=frames.outlines.view,
+        )
+        steady = seen.over(behind, spec.light.ball * spec.exposed)
+        if bat is not None:
+            self.put(bat, bat.angle(frames.shot, frames.time), corners, steady)
+        return np.asarray(steady * frames.brightness[:, None, None], np.float32)
+
+    def put(self, bat: Bat, angle: Array, corners: NDArray[np.int64], electrons: Pixels) -> None:
+        """Put a bat that has turned by angles (n,) over windows from `corners` on."""
+        from virtual_lab.simulation.instruments.camera.scene_kernel import hide_behind
+
+        spec, light = self.spec, self.light
+        near, far = bat.edges(angle, self.lens)
+        hide_behind(
+            near,
+            far,
+            corners,
+            np.array([*light.toward, light.ambient, light.softness]),
+            spec.light.ball * spec.exposed * spec.light.bat,
+            sqrt(spec.blur**2 + 1 / 12),
+            electrons,
+        )
+
+    @property
+    def light(self) -> Light:
+        """The light on the ball, in axes of the camera."""
+        light = self.spec.light
+        toward = self.lens.rotation @ np.asarray(light.toward)
+        x, y, z = toward / np.linalg.norm(toward)
+        return Light(
+            ambient=light.ambient, toward=(float(x), float(y), float(z)), softness=light.softness
+        )
+
+    def _clip(
+        self, frames: Frames, draws: Draws, name: str, block: int, bat: Bat | None
+    ) -> ClipRecord:
+        spec = self.spec
+        most = np.array([spec.sensor.columns, spec.sensor.rows]) - spec.window
+        corners = np.rint(frames.outlines.middle - spec.window / 2).astype(np.int64)
+        corners = np.clip(corners, 0, most)
+        still = background(spec)
+        pixels: list[NDArray[Any]] = []
+        for number, start in enumerate(range(0, len(corners), CHUNK)):
+            part = slice(start, start + CHUNK)
+            behind = windows(still, corners[part], spec.window)
+            electrons = self.render(frames.part(part), corners[part], behind, bat)
+            pixels.append(
+                self.sensor.expose(
+                    electrons,
+                    corners[part],
+                    draws,
+                    f"{name}.{number}",
+                    block,
+                    spec.clock.exposure,
+                )
+            )
+        whole = np.concatenate(pixels) if pixels else np.empty((0, spec.window, spec.window))
+        return ClipRecord(
+            times=frames.laid(frames.stamp),
+            left=frames.laid(corners[:, 0].astype(np.float64)),
+            top=frames.laid(corners[:, 1].astype(np.float64)),
+            pixels=frames.laid(whole),
+            background=self.empty(draws, f"{name}.empty", block, bat),
+        )
+
+    def empty(self, draws: Draws, name: str, block: int, bat: Bat | None = None) -> Pixels:
+        """Return the mean of the frames taken before the shots, (row, column), noise and all."""
+        spec = self.spec
+        behind = background(spec)[None]
+        if bat is not None:
+            self.put(bat, np.zeros(1), np.zeros((1, 2), np.int64), behind)
+        phases = draws.uniform(f"{name}.flicker", spec.empty_frames, block)
+        burn = float(flicker(spec, np.zeros(spec.empty_frames), phases).mean())
+        return self.sensor.mean_of(
+            behind[0] * np.float32(burn), spec.empty_frames, draws, name, block, spec.clock.exposure
+        )
+
+    def _track(self, frames: Frames, draws: Draws, name: str, block: int) -> TrackRecord:
+        """Write places as a tracker would: the least uncertainty there can be, times a little.
+
+        Of an edge of contrast C in noise of variance V the Cramér-Rao bound of a disc is
+        V/C² · 2s/(√π R) where it stands still, V/C² · L/(4R) along a blur L ≫ s. V is that of
+        the edge's pixels, each by what it tells: the mean of 1/V where the edge is steep.
+        """
+        spec, light = self.spec, self.light
+        shine = light.ambient + (1 - light.ambient) * (light.softness / (1 + light.softness))
+        ball = spec.light.ball * spec.exposed * spec.ball.albedo * shine
+        behind = spec.light.background * spec.exposed
+        across = NormalDist()
+        steep = np.array([across.pdf(z) ** 2 for z in EDGE])
+        mean = np.array([behind + (ball - behind) * across.cdf(z) for z in EDGE])
+        noise = steep.sum() / (steep / (mean + spec.sensor.read_noise**2)).sum()
+        still = 2 * sqrt((spec.blur**2 + 1 / 12) / pi)
+        wide = np.hypot(still, np.linalg.norm(frames.blur, axis=1) / 4)
+        u = TRACKED * np.sqrt(noise * wide / frames.outlines.radius) / abs(ball - behind)
+        off = u[:, None] * draws.normal(f"{name}.sums", (len(u), 2), block)
+        x, y = (frames.outlines.middle + off).T
+        return TrackRecord(
+            times=frames.laid(frames.stamp),
+            x=frames.laid(x),
+            y=frames.laid(y),
+            u=frames.laid(u),
+        )

@@ -1,0 +1,168 @@
+"""Whole frames of a shot, and films of them: lossless with true time stamps, or to look at."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.errors import InputError
+from virtual_lab.simulation.instruments.camera.camera import Camera
+from virtual_lab.simulation.instruments.camera.course import Course
+from virtual_lab.simulation.instruments.camera.scene import Bat, background
+from virtual_lab.simulation.instruments.camera.shots import take
+from virtual_lab.simulation.instruments.camera.spec import CameraSpec
+from virtual_lab.streams import Draws
+
+__all__ = ["whole_frames", "write_film", "write_films", "write_preview"]
+
+Frame = NDArray[Any]
+PREVIEW_RATE = 25.0  # frames a second
+PREVIEW_WIDTH = 480  # pixels
+
+
+def whole_frames(
+    camera: Camera, course: Course, draws: Draws, name: str, block: int = 0, bat: Bat | None = None
+) -> Iterator[tuple[float, Frame]]:
+    """Yield time stamp [s] and grey values (row, column) of the first shot's frames in turn.
+
+    They go from the first frame the camera keeps to the last, whether the ball is there or not.
+    """
+    spec = camera.spec
+    frames = take(
+        spec, camera.lens, camera.clock, course, camera.plane, draws, name, block, whole=True
+    )
+    still = background(spec)
+    corner = np.zeros((1, 2), np.int64)
+    for number in np.flatnonzero(frames.shot == 0):
+        one = frames.part(slice(number, number + 1))
+        reach = int(spec.window + np.abs(one.blur).max())
+        left, top = np.clip(
+            np.rint(one.outlines.middle[0] - reach / 2), 0, [spec.sensor.columns, spec.sensor.rows]
+        ).astype(np.int64)
+        electrons = still.copy()
+        if bat is not None:
+            camera.put(bat, bat.angle(one.shot, one.time), corner, electrons[None])
+        electrons *= np.float32(one.brightness[0])
+        pasted = still[top : top + reach, left : left + reach][None]
+        if pasted.size:
+            window = camera.render(one, np.array([[left, top]]), pasted, bat)
+            electrons[top : top + reach, left : left + reach] = window[0]
+        grey = camera.sensor.expose(
+            electrons[None], corner, draws, f"{name}.{number}", block, spec.clock.exposure
+        )
+        yield float(one.stamp[0]), grey[0]
+
+
+def write_films(stem: Path, frames: Iterable[tuple[float, Frame]], spec: CameraSpec) -> None:
+    """Write ``STEM.mp4``, its time stamps in ``STEM.csv``, and a preview in ``STEM.webp``."""
+    small: list[tuple[float, Frame]] = []
+
+    def passing() -> Iterator[tuple[float, Frame]]:
+        for stamp, grey in frames:
+            small.append((stamp, _reduced(grey, PREVIEW_WIDTH)))
+            yield stamp, grey
+
+    write_film(stem.with_suffix(".mp4"), passing(), spec.clock.frame_rate)
+    write_preview(stem.with_suffix(".webp"), small, spec.sensor.full_scale)
+
+
+def write_film(path: Path, frames: Iterable[tuple[float, Frame]], rate: float) -> int:
+    """Write grey frames as FFV1 in MP4, their time stamps beside it; return how many.
+
+    The stamps stand in ``NAME.csv``. FFV1 keeps every bit; the film is opened again and every
+    frame counted and its first compared, for writers lose frames without a word.
+
+    Parameters
+    ----------
+    path
+        File to write, ending in .mp4.
+    frames
+        Time stamp [s] and grey values (row, column), of 8 bits or 16, in turn; read once.
+    rate
+        Frames a second.
+
+    Raises
+    ------
+    InputError
+        There are no frames, or the file does not hold what was written.
+    """
+    import cv2
+
+    writer = None
+    first: Frame | None = None
+    stamps: list[float] = []
+    try:
+        for stamp, grey in frames:
+            if writer is None:
+                first = grey.copy()
+                writer = _writer(path, grey, rate)
+            writer.write(grey)
+            stamps.append(stamp)
+    finally:
+        if writer is not None:
+            writer.release()
+    if first is None:
+        raise InputError(str(path), "frames", 0, "a film needs frames")
+    reader = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    reader.set(cv2.CAP_PROP_CONVERT_RGB, 0)
+    count, same = 0, False
+    while True:
+        found, grey = reader.read()
+        if not found:
+            break
+        if count == 0:
+            same = np.array_equal(np.squeeze(grey), first)
+        count += 1
+    reader.release()
+    if count != len(stamps) or not same:
+        raise InputError(str(path), "frames", count, f"{len(stamps)} were written")
+    with path.with_suffix(".csv").open("w", encoding="utf-8", newline="") as file:
+        table = csv.writer(file)
+        table.writerow(["time_s"])
+        table.writerows([f"{stamp:.9f}"] for stamp in stamps)
+    return count
+
+
+def _writer(path: Path, grey: Frame, rate: float) -> Any:
+    import cv2
+
+    deep = cv2.CV_16U if grey.dtype == np.uint16 else cv2.CV_8U
+    options = [cv2.VIDEOWRITER_PROP_IS_COLOR, 0, cv2.VIDEOWRITER_PROP_DEPTH, deep]
+    code = cv2.VideoWriter.fourcc(*"FFV1")
+    size = (grey.shape[1], grey.shape[0])
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, code, rate, size, options)
+    if not writer.isOpened():
+        raise InputError(str(path), "film", None, "FFV1 in MP4 cannot be written here")
+    return writer
+
+
+def write_preview(
+    path: Path, frames: Iterable[tuple[float, Frame]], full_scale: float, width: int = PREVIEW_WIDTH
+) -> int:
+    """Write an animated WebP in slow motion that a browser plays; return how many frames."""
+    import cv2
+
+    animation = cv2.Animation()
+    small = [_reduced(grey, width) for _, grey in frames]
+    white = min(max((float(each.max()) for each in small), default=1.0), full_scale)
+    tones = [255 * np.sqrt(np.clip(each / white, 0, 1)) for each in small]
+    pictures = [cv2.cvtColor(tone.astype(np.uint8), cv2.COLOR_GRAY2BGRA) for tone in tones]
+    if not pictures:
+        raise InputError(str(path), "frames", 0, "a preview needs frames")
+    animation.frames = pictures
+    animation.durations = [round(1000 / PREVIEW_RATE)] * len(pictures)
+    if not cv2.imwriteanimation(str(path), animation, [cv2.IMWRITE_WEBP_QUALITY, 80]):
+        raise InputError(str(path), "preview", None, "an animated WebP cannot be written here")
+    return len(pictures)
+
+
+def _reduced(grey: Frame, width: int) -> Frame:
+    import cv2
+
+    rows = round(width * grey.shape[0] / grey.shape[1])
+    return cv2.resize(grey.astype(np.float32), (width, rows), interpolation=cv2.INTER_AREA)

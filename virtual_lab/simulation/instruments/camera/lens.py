@@ -1,0 +1,117 @@
+"""The true lens where it really hangs: points of the rig to pixels, spheres to their outlines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from virtual_lab.relations.pinhole import looking_down, projected
+from virtual_lab.simulation.instruments.camera.spec import CameraSpec
+from virtual_lab.streams import Draws
+
+__all__ = ["Outlines", "TrueLens"]
+
+Array = NDArray[np.float64]
+RIM = np.arange(16) * np.pi / 8  # directions in which a sphere's outline is traced
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outlines:
+    """Images of spheres, arrays with a leading axis of n."""
+
+    centre: Array  # of the sphere, (n, 2) [px]
+    warp: Array  # (n, 2, 5), what `render_balls` takes
+    view: Array  # (n, 3, 3), likewise
+
+    @property
+    def middle(self) -> Array:
+        """Centre of the outline's area, (n, 2) [px]: not where the sphere's own centre is.
+
+        The mean of the mapped disc, its parts weighed by how the map stretches them: <u²> = 1/4.
+        """
+        (a, b, aa, ab, bb), (c, d, cc, cd, dd) = self.warp.transpose(1, 2, 0)
+        stretch = np.stack(
+            [2 * aa * d + a * cd - ab * c - 2 * cc * b, ab * d + 2 * a * dd - 2 * bb * c - b * cd],
+            axis=1,
+        )
+        linear = self.warp[:, :, :2]
+        lean = np.einsum("ncp,np->nc", linear, stretch) / np.linalg.det(linear)[:, None]
+        return np.asarray(self.centre + (self.warp[:, :, 2] + self.warp[:, :, 4] + lean) / 4)
+
+    @property
+    def radius(self) -> Array:
+        """Radius of a circle as large as the outline, (n,) [px]."""
+        return np.asarray(np.sqrt(np.abs(np.linalg.det(self.warp[:, :, :2]))))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrueLens:
+    """Lens and pose of one camera, as they are."""
+
+    focal: float  # [px]
+    centre: Array  # pixel the axis meets, (2,)
+    distortion: Array  # k1, k2, p1, p2, k3
+    tilt: Array  # rotation vector from looking straight down, (3,) [rad]
+    place: Array  # of the pinhole in axes of the rig, (3,) [m]
+
+    @classmethod
+    def commission(cls, spec: CameraSpec, draws: Draws, name: str) -> Self:
+        """Draw what calibration left unknown."""
+        lens, pose, sensor = spec.lens, spec.pose, spec.sensor
+        focal = lens.focal_length / sensor.pixel
+        focal *= 1 + lens.focal_length_u * float(draws.normal(f"{name}.focal"))
+        off = lens.centre_u / sensor.pixel * draws.normal(f"{name}.centre", 2)
+        bend = np.asarray(lens.distortion_u) * draws.normal(f"{name}.distortion", 5)
+        tilt = np.asarray(pose.tilt) + pose.tilt_u * draws.normal(f"{name}.tilt", 3)
+        place = np.asarray(pose.place) + pose.place_u * draws.normal(f"{name}.place", 3)
+        return cls(
+            focal=focal,
+            centre=np.array([sensor.columns - 1, sensor.rows - 1]) / 2 + off,
+            distortion=np.asarray(lens.distortion) + bend,
+            tilt=tilt,
+            place=place,
+        )
+
+    @property
+    def rotation(self) -> Array:
+        """From axes of the rig to those of the camera, (3, 3)."""
+        return looking_down(self.tilt)
+
+    def seen(self, points: ArrayLike) -> Array:
+        """Return points of the rig [m] in axes of the camera, (…, 3)."""
+        return np.asarray((np.asarray(points, dtype=np.float64) - self.place) @ self.rotation.T)
+
+    def drawn(self, points: ArrayLike) -> Array:
+        """Return the pixels of points in axes of the camera, (…, 3) to (…, 2)."""
+        return projected(points, self.focal, self.centre, self.distortion)
+
+    def outlines(self, centres: ArrayLike, radius: float) -> Outlines:
+        """Return the images of spheres about `centres` (n, 3) of the rig [m].
+
+        A sphere is seen within a cone about the way to its centre, of sine radius / distance;
+        the lens carries the cone's cross-section, a disc, into pixels. What is kept of that map
+        is exact to the second order about the centre, and to the third on the rim.
+        """
+        place = self.seen(centres)
+        far = np.linalg.norm(place, axis=1)
+        way = place / far[:, None]
+        view = _turned_to(way)
+        opening = radius / np.sqrt(far**2 - radius**2)
+        u, v = np.cos(RIM), np.sin(RIM)
+        rim = u[:, None] * view[:, None, :, 0] + v[:, None] * view[:, None, :, 1]
+        centre = self.drawn(way)
+        traced = self.drawn(way[:, None] + opening[:, None, None] * rim) - centre[:, None]
+        terms = np.linalg.pinv(np.stack([u, v, u * u, u * v, v * v], axis=1))
+        warp = np.einsum("kp,npc->nck", terms, traced)
+        return Outlines(centre=centre, warp=warp, view=view)
+
+
+def _turned_to(way: Array) -> Array:
+    """Return the rotations that carry z to unit vectors (n, 3) the shortest way, (n, 3, 3)."""
+    x, y, z = way.T
+    first = np.stack([1 - x * x / (1 + z), -x * y / (1 + z), -x], axis=1)
+    second = np.stack([-x * y / (1 + z), 1 - y * y / (1 + z), -y], axis=1)
+    return np.stack([first, second, way], axis=2)

@@ -1,0 +1,127 @@
+"""The sensor: from the electrons that light should free to the grey values it writes.
+
+After EMVA 1288: shot noise of Poisson (its Gaussian where there are many), read noise, dark
+signal, maps of how pixels differ that are the camera's own, full well, gain, and whole grey
+values that end at full scale.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from virtual_lab.simulation.instruments.camera.spec import SensorSpec
+from virtual_lab.streams import Draws
+from virtual_lab.uncertainty.estimate import Estimate
+
+__all__ = ["Sensor"]
+
+Pixels = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class Sensor:
+    """The sensor of one camera, its gain and maps drawn once."""
+
+    spec: SensorSpec
+    gain: float  # grey values an electron
+    response: Pixels  # of each pixel, (row, column), about 1
+    offset: Pixels  # of each pixel, (row, column) [e]
+
+    @classmethod
+    def commission(cls, spec: SensorSpec, draws: Draws, name: str) -> Self:
+        shape = (spec.rows, spec.columns)
+        response = 1 + spec.photo_response * draws.normal(f"{name}.response", shape)
+        offset = spec.dark_signal * draws.normal(f"{name}.offset", shape)
+        gain = spec.gain * (1 + spec.gain_u * float(draws.normal(f"{name}.gain")))
+        return cls(spec, gain, response.astype(np.float32), offset.astype(np.float32))
+
+    def calibration(self) -> dict[str, Estimate]:
+        """Return what a photon transfer measurement told: gain, noise, black level, full scale."""
+        spec = self.spec
+        return {
+            "gain": Estimate(value=spec.gain, u=spec.gain * spec.gain_u),
+            "read_noise": Estimate(value=spec.read_noise),
+            "photo_response": Estimate(value=spec.photo_response),
+            "dark_signal": Estimate(value=spec.dark_signal),
+            "black_level": Estimate(value=spec.black_level),
+            "full_scale": Estimate(value=float(spec.full_scale)),
+        }
+
+    def errors(self) -> dict[str, float]:
+        """Return the true constants, to be sealed."""
+        return {"gain": self.gain}
+
+    def expose(
+        self,
+        electrons: ArrayLike,
+        corners: ArrayLike,
+        draws: Draws,
+        name: str,
+        block: int = 0,
+        exposure: float = 0.0,
+    ) -> NDArray[Any]:
+        """Return grey values of regions, (region, row, column).
+
+        Whole numbers of 8 or 16 bits, or real ones where the sensor does not count.
+
+        Parameters
+        ----------
+        electrons
+            What light frees in each pixel on average, (region, row, column) [e].
+        corners
+            Each region's first pixel (x, y) in the frame, (region, 2), whole numbers.
+        exposure
+            What dark current flows for [s].
+        """
+        from virtual_lab.simulation.instruments.camera.sensor_kernel import expect, read_out
+
+        spec = self.spec
+        light = np.ascontiguousarray(electrons, dtype=np.float32)
+        places = np.ascontiguousarray(corners, dtype=np.int64)
+        means = np.empty_like(light)
+        dim = expect(light, places, self.response, spec.dark_current * exposure, means)
+        kind = np.float32 if not spec.whole_counts else np.uint8 if spec.bits <= 8 else np.uint16
+        out: NDArray[Any] = np.empty(light.shape, kind)
+        read_out(
+            means,
+            places,
+            self.offset,
+            draws.normal(f"{name}.noise", light.shape, block),
+            draws.uniform(f"{name}.shot", dim, block),
+            spec.read_noise,
+            spec.full_well,
+            self.gain,
+            spec.black_level,
+            spec.whole_counts,
+            float(spec.full_scale),
+            out,
+        )
+        return out
+
+    def mean_of(
+        self,
+        electrons: Pixels,
+        count: int,
+        draws: Draws,
+        name: str,
+        block: int = 0,
+        exposure: float = 0.0,
+    ) -> Pixels:
+        """Return the mean of grey values of `count` whole frames of one scene, (row, column).
+
+        `electrons` are what light frees on average, as `exposure` in `expose`. The noise of a
+        mean is drawn once, and is far finer than a grey value: rounding adds its variance.
+        """
+        spec = self.spec
+        gathered = electrons * self.response + np.float32(spec.dark_current * exposure)
+        held = np.minimum(gathered, np.float32(spec.full_well)) + self.offset
+        variance = self.gain**2 * (gathered + np.float32(spec.read_noise**2))
+        if spec.whole_counts:
+            variance += np.float32(1 / 12)
+        noise = draws.normal(name, electrons.shape, block).astype(np.float32)
+        grey = self.gain * held + spec.black_level + np.sqrt(variance / count) * noise
+        return np.asarray(np.clip(grey, 0.0, spec.full_scale), np.float32)

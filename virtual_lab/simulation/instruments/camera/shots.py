@@ -1,0 +1,140 @@
+"""When a camera takes its frames of each shot, and all that is true of each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.simulation.instruments.camera.course import Course
+from virtual_lab.simulation.instruments.camera.lens import Outlines, TrueLens
+from virtual_lab.simulation.instruments.camera.scene import flicker
+from virtual_lab.simulation.instruments.camera.spec import CameraSpec
+from virtual_lab.streams import Draws
+
+__all__ = ["Frames", "take"]
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frames:
+    """The frames that show a ball, of all shots one after the other: arrays with a leading n."""
+
+    layout: tuple[int, int]  # shots, and frames that are kept of each at most
+    shot: Ints
+    number: Ints  # of the frame among those of its shot
+    time: Array  # the middle of the exposure, since the trigger [s]
+    stamp: Array  # what the camera's clock says of it [s]
+    position: Array  # of the ball in axes of the rig, (n, 3) [m]
+    path: Array  # of the image of its centre during the exposure, (n, 4, 2) [px]
+    shares: Array  # of the exposure that end at each point of the path, (n, 4)
+    axes: Array  # of the ball in its rows, axes of the rig, (n, 3, 3)
+    turn: Array  # rotation vector over the exposure, axes of the rig, (n, 3)
+    outlines: Outlines
+    brightness: Array  # of all lamps, relative
+
+    @property
+    def blur(self) -> Array:
+        """Return how far the image moves during the exposure, (n, 2) [px]."""
+        return np.asarray(self.path[:, -1] - self.path[:, 0])
+
+    def part(self, some: slice) -> Self:
+        """Return some of the frames."""
+        mine = {
+            name: getattr(self, name)[some]
+            for name in ("shot", "number", "time", "stamp", "position", "path", "shares", "axes")
+        }
+        outlines = Outlines(
+            centre=self.outlines.centre[some],
+            warp=self.outlines.warp[some],
+            view=self.outlines.view[some],
+        )
+        return replace(
+            self,
+            **mine,
+            turn=self.turn[some],
+            outlines=outlines,
+            brightness=self.brightness[some],
+        )
+
+    def laid(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return values (n, …) by shot and frame, NaN (0 in whole numbers) where there is none."""
+        blank = np.nan if np.issubdtype(values.dtype, np.floating) else 0
+        table = np.full((*self.layout, *values.shape[1:]), blank, values.dtype)
+        table[self.shot, self.number] = values
+        return table
+
+    def truth(self) -> dict[str, Array]:
+        """Return what is sealed: times [s], places [m], and where the images lie [px]."""
+        outlines = self.outlines
+        return {
+            "frame_time": self.laid(self.time),
+            "frame_position": self.laid(self.position),
+            "frame_centre": self.laid(outlines.centre),  # of the ball
+            "frame_outline": self.laid(outlines.middle),  # of what is seen of it
+            "frame_radius": self.laid(outlines.radius),
+            "frame_blur": self.laid(self.blur),
+        }
+
+
+def take(
+    spec: CameraSpec,
+    lens: TrueLens,
+    clock: float,
+    course: Course,
+    plane: float,
+    draws: Draws,
+    name: str,
+    block: int,
+    *,
+    whole: bool = False,
+) -> Frames:
+    """Return the frames a camera keeps of a batch: those in whose picture the ball's centre is.
+
+    `whole` keeps the others too. The camera runs freely: where contact falls between two frames
+    is chance. `plane` is how high the rig stands in the axes that were calibrated [m].
+    """
+    lift = np.array([0.0, 0.0, plane])
+    shots, rate, exposure = len(course.contact), spec.clock.frame_rate, spec.clock.exposure
+    phase = draws.uniform(f"{name}.phase", shots, block)
+    first = np.ceil(course.contact * rate * clock - phase) - spec.frames_in
+    count = spec.frames_in + spec.frames_out
+    stamps = (first[:, None] + np.arange(count) + phase[:, None]) / rate
+    times = stamps / clock
+    lost = draws.uniform(f"{name}.lost", (shots, count), block) + 0.5 < spec.clock.drop_rate
+    shot = np.repeat(np.arange(shots), count)
+    position = course.at(shot, times.ravel())
+    image = lens.drawn(lens.seen(position + lift))
+    inside = (image >= -0.5).all(axis=1)
+    inside &= (image < [spec.sensor.columns - 0.5, spec.sensor.rows - 0.5]).all(axis=1)
+    kept = (inside.reshape(shots, count) | whole) & ~lost
+    row, column = np.nonzero(kept)
+    time = times[row, column]
+    ends = time + exposure / 2 * np.array([[-1.0], [1.0]])
+    touch = np.clip([course.contact[row], course.leaving[row]], ends[0], ends[1])
+    points = np.stack([ends[0], touch[0], touch[1], ends[1]], axis=1)
+    path = np.stack(
+        [lens.drawn(lens.seen(course.at(row, when) + lift)) for when in points.T],
+        axis=1,
+    )
+    jitter = spec.clock.jitter * draws.normal(f"{name}.jitter", (shots, count), block)
+    axes, spin = course.axes(row, time)
+    shown = position.reshape(shots, count, 3)[row, column]
+    return Frames(
+        layout=(shots, count),
+        shot=row,
+        number=(np.cumsum(kept, axis=1) - 1)[row, column],
+        time=time,
+        stamp=(stamps + jitter)[row, column],
+        position=shown,
+        path=path,
+        shares=(points - ends[0][:, None]) / exposure,
+        axes=axes,
+        turn=spin * exposure,
+        outlines=lens.outlines(shown + lift, course.passage.radius),
+        brightness=flicker(spec, time, draws.uniform(f"{name}.flicker", shots, block)[row]),
+    )

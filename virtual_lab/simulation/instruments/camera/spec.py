@@ -1,0 +1,201 @@
+"""What data sheets say of a camera and its sensor, and how what stands before it looks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Annotated, Self
+
+from annotated_types import Ge, Gt, Le, Len, Lt
+
+from virtual_lab.catalog.specs import Dimension, PositiveLength, PositiveNumber, Spec, SpreadNumber
+
+__all__ = [
+    "BallLook",
+    "CameraSpec",
+    "ClockSpec",
+    "LensSpec",
+    "LightSpec",
+    "PoseSpec",
+    "SensorSpec",
+]
+
+Length = Annotated[float, Dimension("length")]
+LengthU = Annotated[float, Ge(0), Dimension("length")]
+Time = Annotated[float, Ge(0), Dimension("time")]
+Rate = Annotated[float, Ge(0), Dimension("rate")]
+Number = Annotated[float, Dimension("number")]
+Share = Annotated[float, Ge(0), Le(1), Dimension("number")]
+Count = Annotated[int, Gt(0), Dimension("number")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorSpec(Spec):
+    """A sensor in the terms of EMVA 1288; electrons are photoelectrons."""
+
+    columns: Count
+    rows: Count
+    pixel: PositiveLength
+    quantum_efficiency: Annotated[float, Gt(0), Le(1), Dimension("number")]
+    full_well: PositiveNumber  # [e]
+    gain: PositiveNumber  # grey values an electron
+    gain_u: SpreadNumber  # relative
+    read_noise: SpreadNumber  # [e]
+    dark_current: Annotated[float, Ge(0), Dimension("rate")]  # [e/s]
+    photo_response: SpreadNumber  # its non-uniformity, PRNU: relative, pixel to pixel
+    dark_signal: SpreadNumber  # its non-uniformity, DSNU: pixel to pixel [e]
+    black_level: SpreadNumber  # grey value without light
+    bits: Annotated[int, Ge(1), Le(16), Dimension("number")]
+    whole_counts: bool = True
+
+    @property
+    def full_scale(self) -> int:
+        """The greatest grey value."""
+        return int(2**self.bits - 1)
+
+    def ideal(self) -> Self:
+        """Return a sensor of alike pixels that shows real numbers and adds no noise of its own."""
+        return replace(
+            self,
+            gain_u=0.0,
+            read_noise=0.0,
+            dark_current=0.0,
+            photo_response=0.0,
+            dark_signal=0.0,
+            whole_counts=False,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BallLook(Spec):
+    """How a ball looks: its albedo, and how its seam is darker."""
+
+    albedo: Share
+    seam_contrast: Share  # how much darker the seam is, as a share; 0: a plain ball
+    seam_width: PositiveNumber = 0.14  # half of it, stitches and all, in radii of the ball
+    neck: Annotated[float, Gt(0), Lt(1), Dimension("number")] = (
+        0.34  # half, between seams, in radii
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LensSpec(Spec):
+    """A lens as calibrated: a pinhole with distortion, and how it blurs."""
+
+    focal_length: PositiveLength  # times what its calibration left:
+    focal_length_u: SpreadNumber  # relative
+    centre_u: LengthU  # of where its axis meets the sensor, on the sensor
+    distortion: Annotated[tuple[float, ...], Len(5, 5), Dimension("number")]  # k1, k2, p1, p2, k3
+    distortion_u: Annotated[tuple[float, ...], Len(5, 5), Dimension("number")]
+    blur: PositiveLength  # standard deviation of a point's image, on the sensor
+
+    def ideal(self) -> Self:
+        """Return the lens known exactly."""
+        return replace(self, focal_length_u=0.0, centre_u=0.0, distortion_u=(0.0,) * 5)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseSpec(Spec):
+    """Where the camera hangs and what it looks at, in axes of the rig.
+
+    X runs with the ball toward the bat, Y along the bat from pivot to tip, Z up; the origin is
+    the ball's centre at contact. Not tilted it looks straight down with X to the right.
+    """
+
+    place: Annotated[tuple[float, ...], Len(3, 3), Dimension("length")]
+    place_u: LengthU  # each way
+    tilt: Annotated[tuple[float, ...], Len(3, 3), Dimension("angle")]  # about X, Y and Z
+    tilt_u: Annotated[float, Ge(0), Dimension("angle")]
+    plane_u: LengthU  # of the height of the plane the calibration spoke of
+
+    def ideal(self) -> Self:
+        """Return the pose known exactly."""
+        return replace(self, place_u=0.0, tilt_u=0.0, plane_u=0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClockSpec(Spec):
+    """When frames are taken and for how long; a frame's time is the middle of its exposure."""
+
+    frame_rate: Annotated[float, Ge(500), Le(100_000), Dimension("frequency")]
+    exposure: Annotated[float, Gt(0), Dimension("time")]
+    clock_u: SpreadNumber  # relative
+    jitter: Time  # of a time stamp about the frame's time
+    drop_rate: Annotated[float, Ge(0), Lt(1), Dimension("number")]  # share of frames lost
+
+    def __post_init__(self) -> None:
+        if self.exposure * self.frame_rate > 1:
+            raise ValueError(
+                f"an exposure of {self.exposure:g} s is longer than a frame, "
+                f"{1 / self.frame_rate:g} s"
+            )
+
+    def ideal(self) -> Self:
+        """Return a clock that runs true and loses nothing."""
+        return replace(self, clock_u=0.0, jitter=0.0, drop_rate=0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LightSpec(Spec):
+    """Light on the ball and behind it, as photons that reach a pixel."""
+
+    ball: Rate  # from a white surface that squarely faces the lamp
+    ambient: Share  # of it, from everywhere
+    toward: Annotated[
+        tuple[float, ...], Len(3, 3), Dimension("number")
+    ]  # the lamp, axes of the rig
+    softness: Share  # 0: a lamp far away; 1: as large as half the sky
+    background: Rate
+    slope: Annotated[
+        tuple[float, ...], Len(2, 2), Dimension("number")
+    ]  # rise over width and height
+    bowl: Number  # relative rise of the background to a corner
+    flicker: Share  # amplitude
+    flicker_frequency: Annotated[float, Ge(0), Dimension("frequency")]
+    bat: Share  # albedo of the bat
+
+    def ideal(self) -> Self:
+        """Return an even light that burns steadily."""
+        return replace(self, slope=(0.0, 0.0), bowl=0.0, flicker=0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraSpec(Spec):
+    """A camera over a rig."""
+
+    kind: str
+    title: str
+    sensor: SensorSpec
+    lens: LensSpec
+    pose: PoseSpec
+    clock: ClockSpec
+    light: LightSpec
+    ball: BallLook
+    empty_frames: Count  # taken before the shots, for their background
+    frames_in: Count  # kept of those before contact
+    frames_out: Count  # and of those after it
+    window: Count  # side of what is kept of each frame [px]
+
+    def __post_init__(self) -> None:
+        if self.window > min(self.sensor.rows, self.sensor.columns):
+            raise ValueError(f"a window of {self.window} px does not fit the sensor")
+
+    @property
+    def blur(self) -> float:
+        """Standard deviation of the lens's blur [px]."""
+        return self.lens.blur / self.sensor.pixel
+
+    @property
+    def exposed(self) -> float:
+        """Electrons for each photon a second that reaches a pixel [e s]."""
+        return self.sensor.quantum_efficiency * self.clock.exposure
+
+    def ideal(self) -> Self:
+        """Return a camera without errors or noise of its own, known exactly."""
+        return replace(
+            self,
+            sensor=self.sensor.ideal(),
+            lens=self.lens.ideal(),
+            pose=self.pose.ideal(),
+            clock=self.clock.ideal(),
+            light=self.light.ideal(),
+        )

@@ -1,0 +1,139 @@
+"""Views of a board through the true lens: what a laboratory calibrates its camera with.
+
+A chessboard is the product of two square waves, each blurred across its own edges in closed form:
+lens and pixel as one Gaussian. At a crossing both stay odd, so no corner moves. Markers are blurred
+likewise, cell by cell. The first view lies in the plane that the calibration takes for the ball's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.relations.board import Board
+from virtual_lab.relations.pinhole import DOWN, distorted, rotation
+from virtual_lab.simulation.instruments.camera.camera import Camera
+from virtual_lab.simulation.instruments.camera.lens import TrueLens
+from virtual_lab.streams import Draws
+
+__all__ = ["board_views"]
+
+Array = NDArray[np.float64]
+ROUNDS = 12  # of undoing a distortion, each some ten times closer
+LIT = 0.6  # of the full well, on white
+PAPER, INK, BEYOND = 0.9, 0.06, 0.02  # albedos; the last of what is behind the board
+LEAN, NEAR, ASIDE = 0.6, 0.35, 0.25  # spread of the poses: rad, m toward the camera, m
+
+
+def board_views(
+    camera: Camera, board: Board, views: int, draws: Draws, name: str
+) -> Iterator[tuple[NDArray[Any], Array]]:
+    """Yield grey pictures (row, column) of a board, and where its corners truly are.
+
+    The corners are (corner, 3) in the axes that are calibrated [m]. The first view is flat at
+    Z = 0, its rows along X; in the others it is held nearer, askew and aside.
+    """
+    spec = camera.spec
+    rays = _rays(camera.lens, (spec.sensor.rows, spec.sensor.columns))
+    blur = np.sqrt(spec.blur**2 + 1 / 12)
+    lean, off = draws.uniform(f"{name}.lean", (views, 3)), draws.uniform(f"{name}.off", (views, 3))
+    middle = np.array([camera.lens.place[0], camera.lens.place[1], 0.0])
+    for view in range(views):
+        held = view > 0
+        turned = rotation(held * LEAN * 2 * lean[view]) @ DOWN
+        up = np.array([ASIDE, ASIDE, NEAR]) * (off[view] + [0.0, 0.0, 0.5])
+        place = middle + held * up
+        albedo = _drawn(camera.lens, board, turned, place, rays, float(blur))
+        electrons = LIT * spec.sensor.full_well / PAPER * albedo
+        grey = camera.sensor.expose(
+            electrons[None], [[0, 0]], draws, f"{name}.{view}", 0, spec.clock.exposure
+        )
+        yield grey[0], board.corners() @ turned.T + place
+
+
+def _drawn(
+    lens: TrueLens, board: Board, turned: Array, place: Array, rays: Array, blur: float
+) -> Array:
+    """Return the albedo that each pixel sees on average, (row, column)."""
+    axes = lens.rotation @ turned  # the board's, in columns, in axes of the camera
+    origin = lens.seen(place)
+    reach = (axes[:, 2] @ origin) / (rays @ axes[:, 2])
+    on_board = (reach[..., None] * rays - origin) @ axes / board.square
+    u = on_board[..., 0] + board.columns / 2  # in squares, from the first one's outer corner
+    v = on_board[..., 1] + board.rows / 2
+    wide, high = (blur * np.hypot(*np.gradient(way)) for way in (u, v))
+    waves = _wave(u, wide, board.columns) * _wave(v, high, board.rows)
+    dark = _inside(u, wide, board.columns, 0) * _inside(v, high, board.rows, 0) * (1 + waves) / 2
+    paper = _inside(u, wide, board.columns, 1) * _inside(v, high, board.rows, 1)
+    if board.marker:
+        dark = dark + _markers(board, u, v, wide, high)
+    return np.asarray(BEYOND + (PAPER + (INK - PAPER) * dark - BEYOND) * paper)
+
+
+def _markers(board: Board, u: Array, v: Array, wide: Array, high: Array) -> Array:
+    """Return the share of each pixel that is a marker's ink, at places in squares."""
+    ids = board.marker_at()
+    column = np.clip(np.floor(u).astype(int), 0, board.columns - 1)
+    row = np.clip(np.floor(v).astype(int), 0, board.rows - 1)
+    inks = _inks(board.dictionary, int(ids.max()) + 1)
+    cells = inks.shape[1] - 4  # a border of paper, two cells wide, stands about the ink
+    size = board.marker / board.square / cells
+    across, down = ((place - 0.5) / size + cells / 2 for place in (u - column, v - row))
+    first, second = _shares(across, wide / size, cells), _shares(down, high / size, cells)
+    ink = np.zeros_like(u)
+    marker = ids[row, column]
+    for i, share_down in second:
+        for j, share_across in first:
+            ink += share_down * share_across * inks[marker, i, j]
+    return np.where(marker < 0, 0.0, ink)
+
+
+def _shares(place: Array, width: Array, cells: int) -> list[tuple[NDArray[np.intp], Array]]:
+    """Return a pixel's nearest three cells and its share of each, in a row of cells."""
+    nearest = np.clip(np.floor(place), -1, cells)
+    before = 1 - _share(place - nearest, width)
+    after = _share(place - nearest - 1, width)
+    own = nearest.astype(np.intp) + 2
+    return [(own - 1, before), (own, 1 - before - after), (own + 1, after)]
+
+
+def _inks(dictionary: str, count: int) -> Array:
+    """Return where the first markers have ink, paper about them, (marker, cell, cell)."""
+    from cv2 import aruco
+
+    words = aruco.getPredefinedDictionary(getattr(aruco, f"DICT_{dictionary}"))
+    cells = words.markerSize + 2
+    drawn = [aruco.generateImageMarker(words, marker, cells) < 128 for marker in range(count)]
+    return np.pad(np.array(drawn, dtype=np.float64), ((0, 0), (2, 2), (2, 2)))
+
+
+def _wave(place: Array, width: Array, number: int) -> Array:
+    """Return a wave of ±1 that changes its sign at 1, 2 … number - 1, blurred by `width`."""
+    nearest = np.clip(np.rint(place), 1, number - 1)
+    sign = np.where(nearest % 2 == 0, 1.0, -1.0)
+    return np.asarray(sign * (2 * _share(place - nearest, width) - 1))
+
+
+def _inside(place: Array, width: Array, number: int, border: int) -> Array:
+    """Return the share of a pixel between -border and number + border, blurred by `width`."""
+    return _share(place + border, width) * _share(number + border - place, width)
+
+
+def _share(ahead: Array, width: Array) -> Array:
+    """Return how much of a blurred step there is `ahead` of it."""
+    from scipy.special import ndtr
+
+    return np.asarray(ndtr(ahead / width))
+
+
+def _rays(lens: TrueLens, shape: tuple[int, int]) -> Array:
+    """Return the way each pixel looks, (row, column, 3) with z = 1, axes of the camera."""
+    y, x = np.indices(shape, dtype=np.float64)
+    bent = (np.stack([x, y], axis=-1) - lens.centre) / lens.focal
+    straight = bent.copy()
+    for _ in range(ROUNDS):
+        straight += bent - distorted(straight, lens.distortion)
+    return np.concatenate([straight, np.ones((*shape, 1))], axis=-1)

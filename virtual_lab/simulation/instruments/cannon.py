@@ -1,0 +1,110 @@
+"""The ball cannon: a speed asked for, a speed given, and where on the bat the ball lands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Annotated, Self
+
+import numpy as np
+from annotated_types import Ge, Gt
+from numpy.typing import NDArray
+
+from virtual_lab.catalog.specs import Dimension, Spec
+from virtual_lab.errors import InputError
+from virtual_lab.records import AimMarks
+from virtual_lab.simulation.instruments.indicator import quantise
+from virtual_lab.streams import Draws
+from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.units import MPH
+
+__all__ = ["Cannon", "CannonSpec", "Launch"]
+
+Array = NDArray[np.float64]
+Distance = Annotated[float, Ge(0), Dimension("length")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CannonSpec(Spec):
+    """Scatter of speed and aim, and how well the aim was lined up."""
+
+    kind: str
+    title: str
+    fastest: Annotated[float, Gt(0), Dimension("speed")]
+    speed_scatter: Annotated[float, Ge(0), Dimension("speed")]
+    along_scatter: Distance
+    across_scatter: Distance
+    slope_scatter: Annotated[float, Ge(0), Dimension("angle")]
+    along_u: Distance
+    across_u: Distance
+    marks: Annotated[int, Gt(1), Dimension("number")]
+    mark_resolution: Distance
+
+    def ideal(self) -> Self:
+        """Return the cannon that does as told."""
+        return replace(
+            self,
+            speed_scatter=0.0,
+            along_scatter=0.0,
+            across_scatter=0.0,
+            slope_scatter=0.0,
+            along_u=0.0,
+            across_u=0.0,
+            mark_resolution=0.0,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Launch:
+    """True speed at the target [m/s] and offsets from the aim [m], shape (shot,)."""
+
+    speed: Array
+    along: Array
+    across: Array
+    slope: Array  # height lost a metre as the ball comes
+
+
+@dataclass(frozen=True, slots=True)
+class Cannon:
+    """One cannon as lined up for a laboratory's test."""
+
+    spec: CannonSpec
+    along: float
+    across: float
+
+    @classmethod
+    def commission(cls, spec: CannonSpec, draws: Draws, name: str) -> Self:
+        along, across = draws.normal(f"{name}.errors", (2,))
+        return cls(spec, spec.along_u * float(along), spec.across_u * float(across))
+
+    def calibration(self) -> dict[str, Estimate]:
+        """Return what the laboratory knows: place hit = place set + along."""
+        return {"along": Estimate(value=0.0, u=self.spec.along_u)}
+
+    def errors(self) -> dict[str, float]:
+        """Return the true misalignments, to be sealed."""
+        return {"along": self.along, "across": self.across}
+
+    def fire(self, speed: Array, draws: Draws, name: str, block: int) -> Launch:
+        """Fire shots asked to reach the target at `speed` [m/s], shape (shot,).
+
+        Raises `InputError` where the cannon is not that strong.
+        """
+        if np.any(speed > self.spec.fastest):
+            asked, most = float(np.max(speed)) / MPH, self.spec.fastest / MPH
+            allowed = f"{self.spec.title} fires up to {most:.4g} mph"
+            raise InputError("procedure.toml", "ball_speed", f"{asked:.4g} mph", allowed)
+        scatter = draws.normal(name, (4, len(speed)), block)
+        return Launch(
+            speed=speed + self.spec.speed_scatter * scatter[0],
+            along=self.along + self.spec.along_scatter * scatter[1],
+            across=self.across + self.spec.across_scatter * scatter[2],
+            slope=self.spec.slope_scatter * scatter[3],
+        )
+
+    def mark(self, draws: Draws, name: str) -> AimMarks:
+        """Fire at a witness paper before the test and read the marks with a rule."""
+        launch = self.fire(np.full(self.spec.marks, np.nan), draws, name, 0)
+        return AimMarks(
+            along=quantise(launch.along, self.spec.mark_resolution),
+            across=quantise(launch.across, self.spec.mark_resolution),
+        )

@@ -1,0 +1,124 @@
+"""The angle encoder on the pivot: whole counts at the ticks of the recorder.
+
+It turns with the section of the bat at the pivot, so it shows the rigid turn and the bending
+ring alike, and its mounting makes it show a little more or less than the true angle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import sqrt, tau
+from typing import Annotated, Self
+
+import numpy as np
+from annotated_types import Ge, Gt
+from numpy.typing import NDArray
+
+from virtual_lab.catalog.specs import Dimension, Spec
+from virtual_lab.records import EncoderRecord, RateRecord
+from virtual_lab.streams import Draws
+from virtual_lab.uncertainty.estimate import Estimate
+
+__all__ = ["Encoder", "EncoderSpec"]
+
+Array = NDArray[np.float64]
+FEW = 32  # shots
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EncoderSpec(Spec):
+    """Data sheet of the encoder and its recorder."""
+
+    kind: str
+    title: str
+    counts_per_turn: Annotated[int, Gt(0), Dimension("number")]
+    sample_rate: Annotated[float, Gt(0), Dimension("frequency")]
+    duration: Annotated[float, Gt(0), Dimension("time")]
+    scale_u: Annotated[float, Ge(0), Dimension("number")]
+    whole_counts: bool = True
+    sees_ring: bool = True
+
+    def ideal(self) -> Self:
+        """Return the encoder that shows the rigid turn as a real number."""
+        return replace(self, scale_u=0.0, whole_counts=False, sees_ring=False)
+
+    def sample_times(self) -> Array:
+        """Return the recorder's ticks from the trigger on [s], shape (sample,)."""
+        return np.arange(round(self.duration * self.sample_rate)) / self.sample_rate
+
+
+@dataclass(frozen=True, slots=True)
+class Encoder:
+    """The encoder of one laboratory, its true scale drawn once."""
+
+    spec: EncoderSpec
+    scale: float
+
+    @classmethod
+    def commission(cls, spec: EncoderSpec, draws: Draws, name: str) -> Self:
+        return cls(spec, 1 + spec.scale_u * float(draws.normal(f"{name}.errors")))
+
+    def calibration(self) -> dict[str, Estimate]:
+        """Return what the laboratory knows: counts = scale x counts_per_turn x angle / 2π."""
+        return {
+            "scale": Estimate(value=1.0, u=self.spec.scale_u),
+            "counts_per_turn": Estimate(value=float(self.spec.counts_per_turn)),
+        }
+
+    def errors(self) -> dict[str, float]:
+        """Return the true constants, to be sealed."""
+        return {"scale": self.scale}
+
+    def sum_up(
+        self,
+        rate: Array,
+        draws: Draws,
+        name: str,
+        block: int,
+        *,
+        span: Array,
+        gap: float,
+        angle: Array | None = None,
+    ) -> RateRecord:
+        """Record rates [rad a shown second] at contact, (shot,), as a recorder that fits would.
+
+        It fits a cubic to the counts of a `span` (shot,) that ends, or begins, a `gap` from
+        contact [s]. The noise is that of the cubic's slope there, of n counts each rounded:
+        with Legendre's polynomials σ √(Σ (2k + 1) P_k'² / n) 2/span, at 1 + 2 gap/span.
+        """
+        spec, per_angle = self.spec, self.scale * self.spec.counts_per_turn / tau
+        count = sqrt(1 / 12) if spec.whole_counts else 0.0
+        at = 1 + 2 * gap / span
+        slopes = 3 + 5 * (3 * at) ** 2 + 7 * (7.5 * at**2 - 1.5) ** 2
+        u = count * np.sqrt(slopes / (span * spec.sample_rate)) * 2 / span
+        noise = u * draws.normal(f"{name}.sums", rate.shape, block)
+        swung = angle is not None
+        return RateRecord(
+            rate=per_angle * rate + noise,
+            rate_u=u,
+            before=np.full(rate.shape, np.nan if swung else 0.0),
+            angle=np.full(rate.shape, np.nan) if angle is None else per_angle * angle,
+        )
+
+    def read(
+        self, turn: Callable[[slice], Array], shots: int, draws: Draws, name: str, block: int
+    ) -> EncoderRecord:
+        """Count a turn from a rest angle of any phase.
+
+        `turn` gives the true angles [rad] of some of the shots, (shot, sample), which are then
+        overwritten: a few shots at a time stay in the cache.
+        """
+        spec, per_angle = self.spec, self.scale * self.spec.counts_per_turn / tau
+        times = spec.sample_times()
+        rest = draws.uniform(f"{name}.rest", (shots, 1), block)
+        counts = np.empty((shots, times.size))
+        for first in range(0, shots, FEW):
+            part = slice(first, first + FEW)
+            angle = turn(part)
+            angle *= per_angle
+            np.add(angle, rest[part] + 0.5 if spec.whole_counts else rest[part], out=counts[part])
+            if spec.whole_counts:
+                np.floor(counts[part], out=counts[part])
+        counts.setflags(write=False)
+        return EncoderRecord(counts=counts, times=times)

@@ -1,0 +1,244 @@
+"""Light boards: rows of beams one above the other, both edges of every beam timed.
+
+A ball breaks some ten beams of a board, each along its own chord, so a board shows when the
+centre passed and how high. A beam trips a little early or late for good, by its own threshold;
+now and then a scrap of the sabot crosses the first board just ahead of the ball.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import sqrt
+from typing import TYPE_CHECKING, Annotated, Any, Self
+
+import numpy as np
+from annotated_types import Ge, Gt, Lt, MinLen
+from numpy.typing import NDArray
+
+from virtual_lab.catalog.specs import Dimension, Spec
+from virtual_lab.records import BoardRecord, PassageRecord
+from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.instruments.board_sums import gain_table
+from virtual_lab.simulation.instruments.indicator import quantise
+from virtual_lab.simulation.instruments.passage import Passage
+from virtual_lab.streams import Draws
+from virtual_lab.uncertainty.estimate import Estimate
+
+if TYPE_CHECKING:
+    from virtual_lab.simulation.instruments.board_kernel import Boards
+
+__all__ = ["LightBoardSpec", "LightBoards"]
+
+Array = NDArray[np.float64]
+Time = Annotated[float, Ge(0), Dimension("time")]
+Length = Annotated[float, Ge(0), Dimension("length")]
+Number = Annotated[float, Ge(0), Dimension("number")]
+SCRAP_AHEAD = 0.03  # m, a scrap of the sabot flies this far ahead of the ball's front
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LightBoardSpec(Spec):
+    """Boards along the flight, their places counted from the ball's at contact, far one first."""
+
+    kind: str
+    title: str
+    distances: Annotated[tuple[float, ...], MinLen(3), Dimension("length")]
+    distance_u: Length
+    beams: Annotated[int, Gt(3), Dimension("number")]
+    pitch: Annotated[float, Gt(0), Dimension("length")]
+    lowest: Annotated[float, Dimension("length")]  # beam, above the line of fire
+    height_u: Length  # of each board
+    trip_spread: Length  # beam to beam, of how far into the beam the ball trips it
+    tick: Time
+    edge_jitter: Time
+    clock_u: Number
+    sabot_rate: Annotated[float, Ge(0), Lt(1), Dimension("number")]  # share of the shots
+
+    def __post_init__(self) -> None:
+        if (
+            list(self.distances) != sorted(set(self.distances), reverse=True)
+            or self.distances[-1] <= 0
+        ):
+            raise ValueError(
+                "distances must fall from the cannon's board to the target's, all above 0"
+            )
+        if not self.lowest < 0 < self.highest:
+            raise ValueError(
+                f"beams from {self.lowest:g} to {self.highest:g} m: none at the line of fire"
+            )
+
+    @property
+    def highest(self) -> float:
+        """Height of the top beam [m]."""
+        return self.lowest + (self.beams - 1) * self.pitch
+
+    @property
+    def room(self) -> float:
+        """How far below the line of fire a ball's centre is seen for sure [m]: its upper half."""
+        return -self.lowest
+
+    def ideal(self) -> Self:
+        """Return boards that stand where surveyed, with alike beams and a perfect clock."""
+        return replace(
+            self,
+            distance_u=0.0,
+            height_u=0.0,
+            trip_spread=0.0,
+            tick=0.0,
+            edge_jitter=0.0,
+            clock_u=0.0,
+            sabot_rate=0.0,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class LightBoards:
+    """The boards of one laboratory, true places, thresholds and clock drawn once."""
+
+    spec: LightBoardSpec
+    distances: Array  # (board,) [m]
+    heights: Array  # of the boards' zeros above the line of fire, (board,) [m]
+    trips: Array  # what each beam adds to the ball's radius, (board, beam) [m]
+    clock: float
+
+    @classmethod
+    def commission(cls, spec: LightBoardSpec, draws: Draws, name: str) -> Self:
+        boards = len(spec.distances)
+        survey, level = draws.normal(f"{name}.places", (2, boards))
+        trips = draws.normal(f"{name}.trips", (boards, spec.beams))
+        return cls(
+            spec,
+            np.asarray(spec.distances) + spec.distance_u * survey,
+            spec.height_u * level,
+            spec.trip_spread * trips,
+            1 + spec.clock_u * float(draws.normal(f"{name}.clock")),
+        )
+
+    def calibration(self) -> dict[str, Estimate]:
+        """Return what the laboratory knows: places, heights and beams of the boards, the clock."""
+        spec = self.spec
+        known = {
+            "clock": Estimate(value=1.0, u=spec.clock_u),
+            "lowest": Estimate(value=spec.lowest),
+            "pitch": Estimate(value=spec.pitch),
+        }
+        for index, distance in enumerate(spec.distances):
+            known[f"distance_{index}"] = Estimate(value=distance, u=spec.distance_u)
+            known[f"height_{index}"] = Estimate(value=0.0, u=spec.height_u)
+        return known
+
+    def errors(self) -> dict[str, float]:
+        """Return the true constants, to be sealed."""
+        true = {"clock": self.clock}
+        for index, (distance, height) in enumerate(zip(self.distances, self.heights, strict=True)):
+            true |= {f"distance_{index}": float(distance), f"height_{index}": float(height)}
+        return true
+
+    def arrival(self, passage: Passage) -> Array:
+        """Return the true time from the trigger to contact [s], shape (shot,).
+
+        The trigger is the ball's front at the far board.
+        """
+        return passage.inbound(self.distances[None, 0] + passage.radius)[0]
+
+    def watch(
+        self,
+        passage: Passage,
+        contact: Array,
+        leaving: Array,
+        draws: Draws,
+        name: str,
+        block: int,
+        rung: Rung = Rung.FULL,
+    ) -> BoardRecord | PassageRecord:
+        """Record balls that reach the target at `contact` and leave it at `leaving` [s]."""
+        record = self._edges if rung is Rung.FULL else self._sums
+        return record(passage, contact, leaving, draws, name, block)
+
+    def _edges(
+        self,
+        passage: Passage,
+        contact: Array,
+        leaving: Array,
+        draws: Draws,
+        name: str,
+        block: int,
+    ) -> BoardRecord:
+        from virtual_lab.simulation.instruments.board_kernel import write_edges
+
+        spec, ways = self.spec, (0, 1)
+        shape = (len(contact), len(ways), len(self.distances), spec.beams, 2)
+        records = spec.edge_jitter * draws.normal(f"{name}.jitter", shape, block)
+        records += spec.tick * draws.uniform(f"{name}.start", (len(contact), 1, 1, 1, 1), block)
+        scraps, late = self._scraps(passage, contact, draws, name, block)
+        scrapped = quantise(records[scraps] + self.clock * late, spec.tick)
+        by_way = records.reshape(*shape[:3], -1)
+        for way, start in zip(ways, (contact, leaving), strict=True):
+            flown = passage.way(out=bool(way))
+            reach = passage.radius + self.trips
+            write_edges(by_way[:, way], flown, start, bool(way), self._boards(passage), reach)
+        records[scraps] = scrapped
+        records.setflags(write=False)
+        return BoardRecord(times=records)
+
+    def _sums(
+        self,
+        passage: Passage,
+        contact: Array,
+        leaving: Array,
+        draws: Draws,
+        name: str,
+        block: int,
+    ) -> PassageRecord:
+        """Sum each board up: time and height of the ball's centre.
+
+        Their noise is that of the sums over the beams that a ball breaks where it passes. A
+        ball that rises or falls passes its own height sooner or later: the height's error is
+        in the time too.
+        """
+        from virtual_lab.simulation.instruments.board_kernel import sum_up
+
+        spec = self.spec
+        edge = sqrt(spec.edge_jitter**2 + spec.tick**2 / 12)
+        gains = gain_table(passage.radius / spec.pitch)
+        gains = gains * np.array([[edge], [edge], [spec.trip_spread]])
+        # way by way, whole shots side by side; what starts as noise ends as records
+        shape = (2, 2, len(self.distances), len(contact))
+        records = draws.normal(f"{name}.sums", shape, block).transpose(1, 0, 2, 3)
+        for start, way, out in zip((contact, leaving), records, (False, True), strict=True):
+            sum_up(way, passage.way(out=out), start, out, self._boards(passage), gains)
+        records.setflags(write=False)
+        times, heights = records.transpose(1, 3, 0, 2)
+        return PassageRecord(times=times, heights=heights)
+
+    def _boards(self, passage: Passage) -> Boards:
+        from virtual_lab.simulation.instruments.board_kernel import Boards
+
+        spec = self.spec
+        return Boards(
+            distances=self.distances,
+            heights=self.heights,
+            clock=self.clock,
+            tick=spec.tick,
+            lowest=spec.lowest,
+            pitch=spec.pitch,
+            beams=spec.beams,
+            radius=passage.radius,
+            gravity=passage.gravity,
+        )
+
+    def _scraps(
+        self, passage: Passage, contact: Array, draws: Draws, name: str, block: int
+    ) -> tuple[tuple[Any, ...], Array]:
+        """Return which edges a scrap of the sabot makes, ahead of the ball, and when [s].
+
+        It breaks some beams of the first board.
+        """
+        spec = self.spec
+        share = draws.uniform(f"{name}.sabot", (2, len(contact)), block) + 0.5
+        tripped = np.flatnonzero(share[0] < spec.sabot_rate)
+        ahead = self.distances[None, 0] + passage.radius + SCRAP_AHEAD
+        early = (contact - passage.inbound(ahead)[0])[tripped]
+        middle = (spec.beams - 1) * share[1, tripped, None]
+        struck, beams = np.nonzero(np.abs(np.arange(spec.beams) - middle) < 2)
+        return (tripped[struck], 0, 0, beams, 0), early[struck]

@@ -1,0 +1,162 @@
+"""Light gates: curtains of beams that a passing ball breaks and clears, both edges timed.
+
+A curtain stands at a true place a little off the surveyed one; the recorder's clock runs a
+little fast or slow, adds jitter to each edge and counts whole ticks. The mean of a gate's two
+edges is the passage of the ball's centre, whatever part of the beam trips it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import sqrt
+from typing import Annotated, Self
+
+import numpy as np
+from annotated_types import Ge, Gt, MinLen
+from numpy.typing import NDArray
+
+from virtual_lab.catalog.specs import Dimension, Spec
+from virtual_lab.records import GateRecord, PassageRecord
+from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.instruments.indicator import quantise
+from virtual_lab.simulation.instruments.passage import Passage
+from virtual_lab.streams import Draws
+from virtual_lab.uncertainty.estimate import Estimate
+
+__all__ = ["LightGateSpec", "LightGates"]
+
+Array = NDArray[np.float64]
+Time = Annotated[float, Ge(0), Dimension("time")]
+Number = Annotated[float, Ge(0), Dimension("number")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LightGateSpec(Spec):
+    """A row of curtains along the flight, their places counted from the ball's at contact."""
+
+    kind: str
+    title: str
+    distances: Annotated[tuple[float, ...], MinLen(2), Dimension("length")]  # far one first
+    distance_u: Annotated[float, Ge(0), Dimension("length")]
+    half_height: Annotated[
+        float, Gt(0), Dimension("length")
+    ]  # of the curtain, about the line of fire
+    tick: Time
+    edge_jitter: Time
+    clock_u: Number
+
+    def __post_init__(self) -> None:
+        if (
+            list(self.distances) != sorted(set(self.distances), reverse=True)
+            or self.distances[-1] <= 0
+        ):
+            raise ValueError(
+                "distances must fall from the cannon's gate to the target's, all above 0"
+            )
+
+    @property
+    def room(self) -> float:
+        """How far below the line of fire a ball's centre is still seen [m]."""
+        return self.half_height
+
+    def ideal(self) -> Self:
+        """Return gates that stand where surveyed, with a perfect clock."""
+        return replace(self, distance_u=0.0, tick=0.0, edge_jitter=0.0, clock_u=0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class LightGates:
+    """The curtains of one laboratory, true places and clock drawn once."""
+
+    spec: LightGateSpec
+    distances: Array
+    clock: float
+
+    @classmethod
+    def commission(cls, spec: LightGateSpec, draws: Draws, name: str) -> Self:
+        survey = draws.normal(f"{name}.distances", (len(spec.distances),))
+        clock = float(draws.normal(f"{name}.clock"))
+        return cls(
+            spec,
+            np.asarray(spec.distances) + spec.distance_u * survey,
+            1 + spec.clock_u * clock,
+        )
+
+    def calibration(self) -> dict[str, Estimate]:
+        """Return what the laboratory knows: a distance for each gate, shown time = clock x time."""
+        known = {
+            f"distance_{index}": Estimate(value=distance, u=self.spec.distance_u)
+            for index, distance in enumerate(self.spec.distances)
+        }
+        return known | {"clock": Estimate(value=1.0, u=self.spec.clock_u)}
+
+    def errors(self) -> dict[str, float]:
+        """Return the true constants, to be sealed."""
+        true = {f"distance_{index}": float(d) for index, d in enumerate(self.distances)}
+        return true | {"clock": self.clock}
+
+    def arrival(self, passage: Passage) -> Array:
+        """Return the true time from the trigger to contact [s], shape (shot,).
+
+        The trigger is the first edge of the far gate.
+        """
+        return passage.inbound(self.distances[None, 0] + passage.radius)[0]
+
+    def watch(
+        self,
+        passage: Passage,
+        contact: Array,
+        leaving: Array,
+        draws: Draws,
+        name: str,
+        block: int,
+        rung: Rung = Rung.FULL,
+    ) -> GateRecord | PassageRecord:
+        """Record balls that reach the target at `contact` and leave it at `leaving` [s]."""
+        record = self._edges if rung is Rung.FULL else self._sums
+        return record(passage, contact, leaving, draws, name, block)
+
+    def _edges(
+        self,
+        passage: Passage,
+        contact: Array,
+        leaving: Array,
+        draws: Draws,
+        name: str,
+        block: int,
+    ) -> GateRecord:
+        edge = passage.radius * np.array([1.0, -1.0])
+        before, _ = passage.inbound((self.distances[:, None] + edge)[None])
+        after, height = passage.outbound((self.distances[:, None] - edge)[None])
+        inbound = contact[:, None, None] - before
+        outbound = leaving[:, None, None] + self._seen(after, height)
+        times = np.stack([inbound, outbound], axis=1)
+        return GateRecord(times=self._time(times, self.spec.edge_jitter, draws, name, block))
+
+    def _sums(
+        self,
+        passage: Passage,
+        contact: Array,
+        leaving: Array,
+        draws: Draws,
+        name: str,
+        block: int,
+    ) -> PassageRecord:
+        """Sum each gate up: a passage with the noise of two edges."""
+        distances = self.distances[None]
+        before, _ = passage.inbound(distances)
+        after, height = passage.outbound(distances)
+        inbound = contact[:, None] - before
+        outbound = leaving[:, None] + self._seen(after, height)
+        times = np.stack([inbound, outbound], axis=1)
+        jitter = sqrt((self.spec.edge_jitter**2 + self.spec.tick**2 / 12) / 2)
+        noise = jitter * draws.normal(f"{name}.sums", times.shape, block)
+        return PassageRecord(times=self.clock * times + noise, heights=np.full(times.shape, np.nan))
+
+    def _seen(self, time: Array, height: Array) -> Array:
+        return np.where(np.abs(height) < self.spec.half_height, time, np.nan)
+
+    def _time(self, times: Array, jitter: float, draws: Draws, name: str, block: int) -> Array:
+        start = self.spec.tick * draws.uniform(f"{name}.start", (len(times), 1, 1, 1), block)
+        noise = jitter * draws.normal(f"{name}.jitter", times.shape, block)
+        return quantise(self.clock * times + start + noise, self.spec.tick)

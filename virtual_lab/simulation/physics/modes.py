@@ -1,0 +1,262 @@
+"""Normal modes of a bat under its support: the rigid ones exact, the bending ones orthogonal.
+
+Order of the modes, everywhere: rigid, then bending by frequency, then the hoop mode of a
+hollow bat. All are normalised to unit modal mass, so a force F at z accelerates coordinate i
+by ``shape_i(z) F``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import isfinite
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+from scipy.optimize import brentq
+
+from virtual_lab.catalog.specs import BatBody, HoopMode
+from virtual_lab.errors import InputError
+from virtual_lab.simulation.physics.beam import ELEMENT_SIZE, ORDER, Beam, beam_of
+from virtual_lab.simulation.physics.mesh import Mesh
+from virtual_lab.simulation.physics.supports import Clamped, Free, Pinned, Support
+
+__all__ = ["Modes", "barrel_nodes", "modes_of"]
+
+Floats = NDArray[np.float64]
+NODE_SAMPLES = 2001
+BOUNCE_ERROR = 1e-3  # of a bounce's squared frequency, which rounding of the stiffest mode may make
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Modes:
+    """N normal modes of unit modal mass."""
+
+    mesh: Mesh
+    angular_frequencies: Floats  # (N,) [rad/s], rigid ones exactly 0
+    deflections: Floats  # (nodes, beam modes) [kg^-1/2]
+    rotations: Floats  # (nodes, beam modes) [kg^-1/2 m^-1], positive: barrel along positive w
+    rigid: int
+    hoop: HoopMode | None
+
+    @property
+    def count(self) -> int:
+        """N, the hoop mode counted."""
+        return len(self.angular_frequencies)
+
+    @property
+    def length(self) -> float:
+        """Length of the bat [m]."""
+        return float(self.mesh.boundaries[-1])
+
+    @property
+    def bending_frequencies(self) -> Floats:
+        """Frequencies of the bending modes [Hz]."""
+        beam = self.angular_frequencies[self.rigid : self.deflections.shape[1]]
+        return np.asarray(beam / (2 * np.pi))
+
+    def first(self, bending: int) -> Self:
+        """Return the same with the first `bending` modes only."""
+        return self._part(slice(self.rigid + bending), self.rigid, self.hoop)
+
+    def above(self, bending: int) -> Self:
+        """Return the bending modes beyond the first `bending`, nothing else."""
+        return self._part(slice(self.rigid + bending, None), 0, None)
+
+    def _part(self, columns: slice, rigid: int, hoop: HoopMode | None) -> Self:
+        beam = self.angular_frequencies[: self.deflections.shape[1]]
+        return replace(
+            self,
+            angular_frequencies=np.concatenate((beam[columns], _hoop_frequency(hoop))),
+            deflections=self.deflections[:, columns],
+            rotations=self.rotations[:, columns],
+            rigid=rigid,
+            hoop=hoop,
+        )
+
+    def shape(self, z: Floats | float) -> Floats:
+        """Return the deflection of each mode at places `z` (...) [m], shape (..., N)."""
+        places = np.asarray(z, dtype=np.float64)
+        return self.mean_shape(places.reshape(-1, 1), np.ones(1)).reshape(*places.shape, self.count)
+
+    def mean_shape(self, z: Floats, weights: Floats) -> Floats:
+        """Return the weighted mean deflection over the places of each row.
+
+        Parameters
+        ----------
+        z : (n, g) array
+            Places [m].
+        weights : (g,) array
+            Adding to 1.
+
+        Returns
+        -------
+        (n, N) array
+        """
+        beam = self._sum_over(self.deflections, z, weights)
+        if self.hoop is None:
+            return beam
+        hoop = np.full((len(beam), 1), 1 / np.sqrt(self.hoop.modal_mass))
+        return np.concatenate((beam, hoop), axis=1)
+
+    def rotation(self, z: Floats | float) -> Floats:
+        """Return the turn of the section of each mode at places `z` (...), shape (..., N).
+
+        What an encoder fixed to the bat at z sees; the hoop mode turns nothing.
+        """
+        places = np.asarray(z, dtype=np.float64)
+        beam = self._sum_over(self.rotations, places.reshape(-1, 1), np.ones(1))
+        full = np.zeros((len(beam), self.count))
+        full[:, : beam.shape[1]] = beam
+        return full.reshape(*places.shape, self.count)
+
+    def _sum_over(self, values: Floats, z: Floats, weights: Floats) -> Floats:
+        if not (np.all(z >= 0) and np.all(z <= self.length)):
+            raise InputError("modes", "z", z, f"allowed: 0 to {self.length:g} m")
+        return np.asarray(self.mesh.interpolation(z, weights) @ values)
+
+
+def modes_of(
+    body: BatBody,
+    support: Support,
+    bending: int,
+    *,
+    order: int = ORDER,
+    element_size: float = ELEMENT_SIZE,
+) -> Modes:
+    """Return the normal modes of a bat.
+
+    Parameters
+    ----------
+    body : BatBody
+    support : Support
+    bending : int
+        How many bending modes to keep.
+    order, element_size
+        As of `virtual_lab.simulation.physics.beam.beam_of`.
+
+    Raises
+    ------
+    InputError
+        The support lies off the bat, its spring is too soft, or the mesh has fewer modes than
+        asked for.
+
+    Notes
+    -----
+    Under a pivot of finite stiffness the bounce on its spring is the first bending mode, and
+    the energy of that mode, spring included, counts as bending.
+    """
+    beam = beam_of(body, support, order=order, element_size=element_size)
+    rigid = _rigid_modes(beam, support)
+    free = _free_freedoms(beam, support)
+    most = len(free) - rigid.shape[1]
+    if not 0 <= bending <= most:
+        raise InputError("modes", "bending", bending, f"allowed: 0 to {most} for this mesh")
+    squares, vectors = _bending_modes(_sprung(beam, support), free, rigid, bending)
+    shapes = np.concatenate((rigid, vectors), axis=1)
+    angular = (np.zeros(rigid.shape[1]), np.sqrt(squares), _hoop_frequency(body.hoop))
+    n = beam.mesh.nodes.size
+    return Modes(
+        mesh=beam.mesh,
+        angular_frequencies=np.concatenate(angular),
+        deflections=shapes[:n],
+        rotations=shapes[n:],
+        rigid=rigid.shape[1],
+        hoop=body.hoop,
+    )
+
+
+def barrel_nodes(modes: Modes, count: int = 2) -> tuple[float, ...]:
+    """Return the node nearest the barrel tip [m] of the first `count` bending modes."""
+    z = np.linspace(0.0, modes.length, NODE_SAMPLES)
+    found = []
+    for mode in range(modes.rigid, modes.rigid + count):
+        shape = modes.shape(z)[:, mode]
+        first = int(np.flatnonzero(shape[:-1] * shape[1:] < 0)[0])
+        found.append(_crossing(modes, mode, float(z[first]), float(z[first + 1])))
+    return tuple(found)
+
+
+def _hoop_frequency(hoop: HoopMode | None) -> Floats:
+    return np.zeros(0) if hoop is None else np.array([2 * np.pi * hoop.frequency])
+
+
+def _crossing(modes: Modes, mode: int, left: float, right: float) -> float:
+    return float(brentq(lambda z: float(modes.shape(z)[mode]), left, right, xtol=1e-12))
+
+
+def _rigid_modes(beam: Beam, support: Support) -> Floats:
+    """Return unit-mass rigid modes, (2 n, rigid): heave and pitch, or the turn about a pin."""
+    match support:
+        case Free():
+            heave = beam.heave() / np.sqrt(beam.mass)
+            z_cm = beam.z_cm
+            return np.stack((heave, beam.turn(z_cm) / np.sqrt(beam.inertia(z_cm))), axis=1)
+        case Pinned(z=z):
+            return np.asarray(beam.turn(z) / np.sqrt(beam.inertia(z)))[:, None]
+        case Clamped():
+            return np.zeros((2 * beam.mesh.nodes.size, 0))
+
+
+def _sprung(beam: Beam, support: Support) -> Beam:
+    """Return the beam with the spring of a yielding pivot in its stiffness."""
+    match support:
+        case Pinned(z=z, stiffness=k) if isfinite(k):
+            least = _least_stiffness(beam, z)
+            if k < least:
+                allowed = f"allowed: at least {least:.3g} N/m here; a free bat needs none"
+                raise InputError("pinned bat", "stiffness", k, allowed)
+            stiffness = beam.stiffness_matrix.copy()
+            node = int(np.flatnonzero(beam.mesh.nodes == z)[0])
+            stiffness[node, node] += k
+            return replace(beam, stiffness_matrix=stiffness)
+    return beam
+
+
+def _least_stiffness(beam: Beam, z: float) -> float:
+    """Return the spring [N/m] whose bounce still stands out of the stiffest mode's rounding."""
+    stiffest = float((np.diag(beam.stiffness_matrix) / np.diag(beam.mass_matrix)).max())
+    inverse_mass = 1 / beam.mass + (z - beam.z_cm) ** 2 / beam.inertia_cm
+    rounding = float(np.finfo(np.float64).eps) * stiffest
+    return float(f"{rounding / BOUNCE_ERROR / inverse_mass:.3g}")
+
+
+def _free_freedoms(beam: Beam, support: Support) -> NDArray[np.intp]:
+    """Return the numbers of the freedoms the support leaves free."""
+    nodes = beam.mesh.nodes
+    everything = np.arange(2 * nodes.size)
+    match support:
+        case Free():
+            return everything
+        case Pinned(stiffness=k) if isfinite(k):
+            return everything
+        case Pinned(z=z):
+            held = [int(np.flatnonzero(nodes == z)[0])]
+        case Clamped(z=z):
+            node = int(np.flatnonzero(nodes == z)[0])
+            held = [node, nodes.size + node]
+    return np.setdiff1d(everything, held)
+
+
+def _bending_modes(
+    beam: Beam, free: NDArray[np.intp], rigid: Floats, count: int
+) -> tuple[Floats, Floats]:
+    """Return (squared angular frequencies, unit-mass vectors) of the lowest bending modes."""
+    if count == 0:
+        return np.zeros(0), np.zeros((rigid.shape[0], 0))
+    skip = rigid.shape[1]
+    block = np.ix_(free, free)
+    squares, reduced = eigh(
+        beam.stiffness_matrix[block],
+        beam.mass_matrix[block],
+        subset_by_index=[skip, skip + count - 1],
+    )
+    vectors = np.zeros((rigid.shape[0], count))
+    vectors[free] = reduced
+    # The solver leaves rounding of the stiffest modes in the softest: take the rigid part out.
+    for _ in range(2):
+        vectors -= rigid @ (rigid.T @ (beam.mass_matrix @ vectors))
+    scale = np.sqrt(np.einsum("ij,ij->j", vectors, beam.mass_matrix @ vectors))
+    tip = np.where(vectors[0] < 0, -1.0, 1.0)
+    return squares, vectors * (tip / scale)

@@ -1,0 +1,219 @@
+"""What a rig is: the protocol every machine meets, ours and anybody's, and how it is found.
+
+A rig is installed by an entry point of the group ``virtual_lab.rigs``. A laboratory
+commissions it once, which draws the errors its calibrations left, and then has it play
+orders: true specimens in, raw records and sealed truth out. The conformance suite in
+``tests/rigs/conformance.py`` holds every installed rig to this.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from functools import cache
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.errors import InputError
+from virtual_lab.records import Record, ShotLog
+from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.truth import TrueBalls, TrueBat, TrueOutcome
+from virtual_lab.streams import Draws, Quiet, Streams
+from virtual_lab.uncertainty.estimate import Estimate
+
+if TYPE_CHECKING:
+    from virtual_lab.catalog.specs import BatBody
+    from virtual_lab.simulation.collision.scene import CollisionModel, Scenes
+    from virtual_lab.simulation.physics.supports import Support
+
+__all__ = [
+    "CollisionChoice",
+    "FilmingStation",
+    "ImpactStation",
+    "Motion",
+    "Order",
+    "Play",
+    "Reality",
+    "Rig",
+    "Specimen",
+    "Stage",
+    "Station",
+    "WallStation",
+    "find_rig",
+    "installed_rigs",
+]
+
+Array = NDArray[np.float64]
+GROUP = "virtual_lab.rigs"
+
+
+class Reality(Enum):
+    """How much of a real day is played."""
+
+    REAL = "real"
+    NOISE_FREE = "noise-free"  # no randomness; ring, counts, drag and friction stay
+    IDEAL = "ideal"  # nor these: every individual and instrument equals its nominal
+
+    def draws(self, seed: int, *branch: int) -> Draws:
+        """Return the random numbers a laboratory of this kind draws, or those of a branch."""
+        return Streams(seed, branch) if self is Reality.REAL else Quiet()
+
+
+class Motion(Enum):
+    """How ball and bat are carried through flight, contact and rebound."""
+
+    CLOSED_FORM = "closed-form"  # all shots at once
+    PYMUNK = "pymunk"  # a scene a shot
+
+    @classmethod
+    def named(cls, name: str) -> Motion:
+        """Return the motion of a name; `InputError` where there is none."""
+        names = [motion.value for motion in cls]
+        if name not in names:
+            raise InputError("", "motion", name, f"allowed: {', '.join(names)}")
+        return cls(name)
+
+
+class Stage(Enum):
+    """What a rig is for."""
+
+    BENCH = "bench"  # weighs and measures the bat and the balls
+    BALLS = "balls"  # measures the balls' restitution on a wall
+    IMPACT = "impact"  # fires balls at the bat
+
+
+class CollisionChoice(Protocol):
+    """How the laboratory hands a rig the collision: a bat's body and support in, a rung out."""
+
+    def __call__(self, body: BatBody, support: Support) -> CollisionModel: ...
+    def efficiency(self, body: BatBody, support: Support, scenes: Scenes) -> Array:
+        """Return e_A of scenes nothing else is wanted of, (n,)."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Specimen:
+    """What is on the rig: true bat, true balls, and the collision between them."""
+
+    bat: TrueBat
+    balls: TrueBalls
+    collision: CollisionChoice
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Order:
+    """What the operator asks for: a ball, a nominal speed [m/s] and a set place [m] a shot.
+
+    A rig that swings its bat turns it at `turn_rate` [rad/s]; others leave it at rest.
+    """
+
+    ball: NDArray[np.int_]
+    speed: Array
+    place: Array
+    turn_rate: float = 0.0
+    block: int = 0
+    rung: Rung = Rung.FULL
+    motion: Motion = Motion.CLOSED_FORM
+
+    def log(self) -> ShotLog:
+        """Return the operator's log of the order."""
+        return ShotLog(
+            ball=self.ball.astype(np.float64), nominal_speed=self.speed, place=self.place
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Play:
+    """Raw records by channel, and what really happened, arrays with a leading shot axis."""
+
+    records: Mapping[str, Record]
+    truth: Mapping[str, Array] = field(default_factory=dict)
+
+
+class Station(Protocol):
+    """A rig commissioned in one laboratory."""
+
+    @property
+    def calibration(self) -> Mapping[str, Estimate]:
+        """What the laboratory knows of the rig's constants."""
+        ...
+
+    @property
+    def true_constants(self) -> Mapping[str, float]:
+        """What they really are; sealed."""
+        ...
+
+    def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
+        """Carry out an order."""
+        ...
+
+
+@runtime_checkable
+class ImpactStation(Station, Protocol):
+    """A station that fires at bats can also be asked for the error-free answer."""
+
+    def outcome(self, order: Order, specimen: Specimen) -> TrueOutcome:
+        """Return the measurand at the order's speeds and places: this bat, the lot's mean ball."""
+        ...
+
+
+@runtime_checkable
+class FilmingStation(Station, Protocol):
+    """A station with a camera that can also keep whole frames."""
+
+    def film(self, order: Order, specimen: Specimen, draws: Draws, folder: Path) -> None:
+        """Film the first shot of an order: ``shot-0.mp4``, its ``.csv`` of times, a preview."""
+        ...
+
+
+@runtime_checkable
+class WallStation(Station, Protocol):
+    """A station that fires at a wall can be told that the wall gives."""
+
+    def with_wall(self, restitution: float) -> WallStation:
+        """Return the station whose wall gives back `restitution` of what a rigid one would."""
+        ...
+
+
+class Rig(Protocol):
+    """A machine as it is sold.
+
+    One that can carry its balls otherwise than in closed form says so in `motions`.
+    """
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def title(self) -> str: ...
+    @property
+    def stage(self) -> Stage: ...
+    @property
+    def channels(self) -> Mapping[str, type[Record]]:
+        """Every channel its records may have, and their type."""
+        ...
+
+    def commission(self, draws: Draws, *, ideal: bool = False) -> Station:
+        """Set the rig up in a laboratory: draw the errors that calibration leaves."""
+        ...
+
+
+@cache
+def installed_rigs() -> Mapping[str, Rig]:
+    """Return every rig installed on this machine by name."""
+    found = {point.name: point.load() for point in sorted(entry_points(group=GROUP))}
+    return MappingProxyType(found)
+
+
+def find_rig(name: str, stage: Stage) -> Rig:
+    """Return the installed rig `name`; `InputError` where none is, or of another stage."""
+    rigs = installed_rigs()
+    fitting = [key for key, rig in rigs.items() if rig.stage is stage]
+    if name not in fitting:
+        raise InputError("", f"{stage.value} rig", name, f"installed: {', '.join(fitting)}")
+    return rigs[name]

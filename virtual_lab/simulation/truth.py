@@ -1,0 +1,154 @@
+"""True values: the individual that was drawn and what really happened to it.
+
+Only physics, rigs, the laboratory that plays them and the studies may read this.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.catalog.specs import BallSpec, BatBody, BatSpec
+from virtual_lab.streams import Draws
+
+__all__ = ["Sealed", "TrueBalls", "TrueBat", "TrueOutcome", "draw_balls", "draw_bat"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrueBat:
+    """The bat on the rig: the drawing's body with the individual's own material."""
+
+    name: str
+    body: BatBody
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrueBalls:
+    """A lot of balls, one entry a ball: mass [kg] and e0 at the reference speed, shape (ball,)."""
+
+    spec: BallSpec
+    mass: Array
+    restitution: Array
+
+    def restitution_at(self, ball: NDArray[np.int_], speed: Array) -> Array:
+        """Return the ball-wall restitution of the balls indexed by `ball` at `speed` [m/s]."""
+        line = self.spec.restitution
+        return np.maximum(self.restitution[ball] + line.slope * (speed - line.speed), line.floor)
+
+    def draw_hits(
+        self,
+        ball: NDArray[np.int_],
+        speed: Array,
+        draws: Draws,
+        name: str,
+        block: int,
+        loss: Array | float = 0.0,
+    ) -> Array:
+        """Return the restitution of these very hits: a ball's seams fall otherwise each time.
+
+        `loss` is what earlier hits have taken off it, (shot,).
+        """
+        scatter = self.spec.spread.hit_restitution * draws.normal(name, ball.shape, block)
+        e0 = self.restitution_at(ball, speed) - loss + scatter
+        return np.clip(e0, self.spec.restitution.floor, 1.0)
+
+    def as_found(self, ball: NDArray[np.int_], loss: Array) -> TrueBalls:
+        """Return the lot as hits found it: every ball of e0 less its mean `loss` over its hits."""
+        hits = np.bincount(ball, minlength=self.mass.size)
+        lost = np.bincount(ball, loss, self.mass.size) / np.maximum(hits, 1)
+        return replace(self, restitution=self.restitution - lost)
+
+    def mean_ball(self) -> TrueBalls:
+        """Return a lot of one: the mean ball of this lot, the one a measurand speaks of."""
+        return replace(
+            self,
+            mass=self.mass.mean(keepdims=True),
+            restitution=self.restitution.mean(keepdims=True),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrueOutcome:
+    """What an error-free measurement would give at each place, arrays (place,)."""
+
+    collision_efficiency: Array
+    recoil_pivoted: Array  # r about the pivot, exactly where it should be
+    recoil_free: Array  # r of the free bat
+    ball_restitution: Array  # of the lot's mean ball at the relative speed
+    relative_speed: Array  # [m/s]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Sealed:
+    """All that really was, for the scorer: kept apart from everything a laboratory may see."""
+
+    seed: int
+    salt: bytes
+    reality: str
+    bat: TrueBat
+    bat_properties: Mapping[str, Array]
+    balls: TrueBalls
+    constants: Mapping[str, float]  # "stage.instrument.constant"
+    measurand: Mapping[str, float]  # "metric", and quantities by their names
+    place: Array  # aimed, (shot,) [m]
+    shots: Mapping[str, Array]  # what happened, (shot,)
+    wall_hits: Mapping[str, Array]
+    faults: tuple[str, ...] = ()  # what went wrong on the day
+
+    def document(self) -> dict[str, Any]:
+        """Return the truth in the form of its file."""
+        return {
+            "schema": 1,
+            "seed": self.seed,
+            "salt": self.salt.hex(),
+            "reality": self.reality,
+            "measurand": dict(self.measurand),
+            "place_m": self.place.tolist(),
+            "bat": asdict(self.bat),
+            "bat_properties": _listed(self.bat_properties),
+            "balls": {
+                "mass": self.balls.mass.tolist(),
+                "restitution": self.balls.restitution.tolist(),
+                "spec": asdict(self.balls.spec),
+            },
+            "constants": dict(self.constants),
+            "shots": _listed(self.shots),
+            "wall_hits": _listed(self.wall_hits),
+            "faults": list(self.faults),
+        }
+
+
+def _listed(arrays: Mapping[str, Array]) -> dict[str, Any]:
+    """Return arrays as lists for JSON, which has no NaN: a rebound that was none is null."""
+    return {name: np.ma.masked_invalid(values).tolist(None) for name, values in arrays.items()}
+
+
+def draw_bat(spec: BatSpec, draws: Draws) -> TrueBat:
+    """Draw one made bat: density, stiffness and balance differ from the drawing."""
+    body, spread = spec.body, spec.spread
+    density, modulus, tilt = draws.normal("bat", (3,))
+    stiffer = 1 + spread.youngs_modulus * float(modulus)
+    material = replace(
+        body.material,
+        density=body.material.density * (1 + spread.density * float(density)),
+        youngs_modulus=body.material.youngs_modulus * stiffer,
+        shear_modulus=body.material.shear_modulus * stiffer,
+        density_tilt=spread.density_tilt * float(tilt),
+    )
+    return TrueBat(name=spec.name, body=replace(body, material=material))
+
+
+def draw_balls(spec: BallSpec, number: int, draws: Draws) -> TrueBalls:
+    """Draw a lot of `number` balls."""
+    mass, restitution = draws.normal("balls", (2, number))
+    return TrueBalls(
+        spec=spec,
+        mass=spec.mass + spec.spread.mass * mass,
+        restitution=np.minimum(spec.restitution.value + spec.spread.restitution * restitution, 1.0),
+    )

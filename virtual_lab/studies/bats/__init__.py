@@ -1,0 +1,1 @@
+"""What is computed of bats from their properties, without a test."""

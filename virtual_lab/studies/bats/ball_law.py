@@ -1,0 +1,139 @@
+"""How far a bat's numbers hang on the law of the ball, which nobody measures in a bat test.
+
+Laws of the same restitution on a wall, and of the same time of compression there: what is
+left to differ is the shape of the force. What a table says holds for the first law only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from virtual_lab import catalog
+from virtual_lab.catalog.specs import BallSpec
+from virtual_lab.relations.kinematics import (
+    bat_performance_factor,
+    batted_speed,
+    recoil_factor_free,
+    restitution_from_efficiency,
+)
+from virtual_lab.relations.peaks import peak
+from virtual_lab.relations.swing import bat_speed
+from virtual_lab.simulation.collision.reference import ReferenceModel
+from virtual_lab.simulation.collision.scene import Scenes
+from virtual_lab.simulation.physics.ball import (
+    HuntCrossley,
+    LawOfBall,
+    PowerLaw,
+    WallContact,
+    wall_contact,
+)
+from virtual_lab.simulation.physics.beam import beam_of
+from virtual_lab.simulation.physics.supports import Free
+from virtual_lab.studies.bats.profile import CONDITIONS, GameConditions
+from virtual_lab.units import INCH, MPH
+
+__all__ = ["sensitivity"]
+
+PLACES_IN = np.arange(2.5, 9.01, 0.5)
+MIDDLE_IN = 6.0  # where the relative speed is that of all places
+BENDING_MODES = 40  # e_A 2e-4 below that of 100 modes, for every law alike
+
+
+class _Law(NamedTuple):
+    name: str
+    make: LawOfBall
+    exponent: float
+
+
+LAWS = (
+    _Law("power law", PowerLaw.of, 1.0),
+    _Law("power law", PowerLaw.of, 1.5),
+    _Law("power law", PowerLaw.of, 2.0),
+    _Law("Hunt-Crossley", HuntCrossley.of, 1.0),
+    _Law("Hunt-Crossley", HuntCrossley.of, 1.5),
+)
+
+
+def sensitivity(bat: str, *, say: Callable[[str], None] = lambda _: None) -> list[dict[str, Any]]:
+    """Return a row a law: the ball on a wall, and the peaks of the free bat in the standard game.
+
+    Parameters
+    ----------
+    bat
+        Name in the catalog or path of a .toml file.
+    say
+        Told which law is at work.
+
+    Raises
+    ------
+    InputError
+        Unknown bat or a file that cannot be used.
+    """
+    game = catalog.load("conditions", CONDITIONS, GameConditions).spec
+    ball = catalog.load("balls", game.ball, BallSpec).spec
+    spec = catalog.load_bat(bat).spec
+    body = spec.body
+    beam, z = beam_of(body), PLACES_IN * INCH
+    moving = np.asarray(bat_speed(game.angular_speed, beam.length, z))
+    speed = game.pitch_speed + float(bat_speed(game.angular_speed, beam.length, MIDDLE_IN * INCH))
+    e0 = float(ball.restitution.at(speed))
+    r = np.asarray(recoil_factor_free(ball.mass, beam.mass, beam.inertia_cm, z - beam.z_cm))
+    model = ReferenceModel.of(body, Free(), BENDING_MODES)
+    goal = _on_wall(_Law("", PowerLaw.of, ball.exponent), ball.mass, speed, e0, ball.stiffness)
+    rows = []
+    for law in LAWS:
+        say(f"{law.name}, exponent {law.exponent:g}")
+        stiffness = _stiffness(law, ball.mass, speed, e0, float(goal.compression_time))
+        scenes = Scenes.of(
+            impact_position=z,
+            relative_speed=game.pitch_speed + moving,
+            ball_mass=ball.mass,
+            ball_restitution=ball.restitution.at(game.pitch_speed + moving),
+            stiffness=stiffness,
+            exponent=law.exponent,
+        )
+        e_A = replace(model, law=law.make).collide(scenes).collision_efficiency
+        e = np.asarray(restitution_from_efficiency(e_A, r))
+        curves = {
+            "e": e,
+            "BPF": np.asarray(bat_performance_factor(e, scenes.ball_restitution)),
+            "e_A": e_A,
+            "v_f_mph": np.asarray(batted_speed(e_A, game.pitch_speed, moving)) / MPH,
+        }
+        peaks = {name: peak(PLACES_IN, curve) for name, curve in curves.items()}
+        wall = _on_wall(law, ball.mass, speed, e0, stiffness)
+        rows.append(
+            {
+                "bat": spec.name,
+                "law": law.name,
+                "exponent": law.exponent,
+                "stiffness": stiffness,
+                "wall_time_ms": float(wall.time) * 1e3,
+                "wall_force_kn": float(wall.force) / 1e3,
+            }
+            | {
+                key: number
+                for name, (value, place) in peaks.items()
+                for key, number in ((name, value), (f"{name}_at_in", place))
+            }
+        )
+    return rows
+
+
+def _stiffness(law: _Law, mass: float, speed: float, e0: float, time: float) -> float:
+    """Return the k with which compressing the ball on a wall takes `time` [s]."""
+    unit = _on_wall(law, mass, speed, e0, 1.0).compression_time
+    # at one speed every time goes as the greatest compression, that as k^(-1 / (a + 1))
+    return float((unit / time) ** (law.exponent + 1))
+
+
+def _on_wall(law: _Law, mass: float, speed: float, e0: float, stiffness: float) -> WallContact:
+    made = law.make(stiffness=stiffness, exponent=law.exponent, restitution=e0, speed=speed)
+    if isinstance(made, HuntCrossley):
+        return made.wall_contact(mass, speed)
+    given = (mass, speed, stiffness, law.exponent, e0)
+    return wall_contact(*(np.array(number) for number in given))

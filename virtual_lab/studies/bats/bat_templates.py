@@ -1,0 +1,299 @@
+"""A bat for what was measured of one: the inverse problem, by least squares over a template.
+
+A template is an outline with a handful of parameters, each with a usual value, a usual spread
+and bounds. A fit meets the data closely and stays as near to the usual values, or to others
+drawn from the spread, as the data let it: fits to many draws show what the data leave open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from annotated_types import Gt, MaxLen
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from virtual_lab.catalog.specs import BatBody, Dimension, HoopMode, Lump, Material, Profile, Spec
+from virtual_lab.errors import InputError
+from virtual_lab.simulation.physics.beam import beam_of
+from virtual_lab.simulation.physics.modes import barrel_nodes, modes_of
+from virtual_lab.simulation.physics.supports import Free
+from virtual_lab.units import INCH, OUNCE
+
+__all__ = ["TEMPLATES", "BatMeasurements", "Fitted", "Template", "computed", "fit"]
+
+Floats = NDArray[np.float64]
+WEIGHT = 1e-4  # the relative misfit that counts as much as a parameter's usual spread
+NODE_WEIGHT = 1e-3 * INCH
+CLOSE = 1e-3  # relative misfit a fit may keep
+NODE_CLOSE = 0.05 * INCH
+COARSE = {"order": 6, "element_size": 0.1}  # 1e-6 in the first two frequencies
+STEPS = 60
+STEP = 1e-4  # of the differences, in spreads of a parameter
+TOLERANCE = 1e-5  # of the fit, whose cost is about 1 where the data are met
+
+PositiveLength = Annotated[float, Gt(0), Dimension("length")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BatMeasurements(Spec):
+    """What a user knows of a bat. Places are distances from the barrel tip."""
+
+    name: str
+    title: str
+    template: Literal["wood", "hollow"]
+    length: PositiveLength
+    mass: Annotated[float, Gt(0), Dimension("mass")]
+    z_cm: PositiveLength  # the balance point
+    inertia: Annotated[float, Gt(0), Dimension("inertia")]
+    inertia_axis: Annotated[float, Dimension("length")]  # which the inertia is about
+    bending_frequencies: Annotated[tuple[float, ...], MaxLen(2), Dimension("frequency")] = ()
+    barrel_nodes: Annotated[tuple[float, ...], MaxLen(2), Dimension("length")] = ()
+
+    def __post_init__(self) -> None:
+        if not self.z_cm < self.length:
+            raise ValueError(f"z_cm of {self.z_cm:g} m lies off a bat of {self.length:g} m")
+        least = self.mass * (self.inertia_axis - self.z_cm) ** 2
+        if not self.inertia > least:
+            raise ValueError(
+                f"inertia of {self.inertia:g} kg m^2 is less than mass times the square of the "
+                f"distance from balance point to axis, {least:g} kg m^2"
+            )
+        if any(not f > 0 for f in self.bending_frequencies):
+            raise ValueError("bending_frequencies must be above 0")
+        if any(high <= low for low, high in pairwise(self.bending_frequencies)):
+            raise ValueError("bending_frequencies must increase")
+        if any(not 0 < node < self.length for node in self.barrel_nodes):
+            raise ValueError("barrel_nodes must lie on the bat")
+
+    @property
+    def goals(self) -> dict[str, float]:
+        """The measured quantities by name, SI; the length is met by construction."""
+        return {
+            "mass": self.mass,
+            "z_cm": self.z_cm,
+            "inertia": self.inertia,
+            **{f"f{i + 1}": f for i, f in enumerate(self.bending_frequencies)},
+            **{f"node{i + 1}": node for i, node in enumerate(self.barrel_nodes)},
+        }
+
+
+class Parameter(NamedTuple):
+    """A parameter of a template: usual value, usual spread, bounds."""
+
+    name: str
+    usual: float
+    spread: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Template:
+    """A family of bats."""
+
+    parameters: tuple[Parameter, ...]
+    build: Callable[[Floats, float], BatBody]  # of the parameters and the length [m]
+    made_spread: tuple[float, float, float]  # density, modulus, tilt of made bats, see BatSpread
+
+    @property
+    def usual(self) -> Floats:
+        return np.array([parameter.usual for parameter in self.parameters])
+
+    @property
+    def spread(self) -> Floats:
+        return np.array([parameter.spread for parameter in self.parameters])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fitted:
+    """A bat that meets its data, and by how much it misses them."""
+
+    body: BatBody
+    parameters: Floats
+    misfits: dict[str, float]  # relative, of nodes [m]
+
+
+def fit(
+    measured: BatMeasurements, wanted: Floats | None = None, start: Floats | None = None
+) -> Fitted:
+    """Return the bat of the template that meets the data, nearest to `wanted` parameters.
+
+    Parameters
+    ----------
+    measured
+        The data.
+    wanted
+        Parameters to stay near to; the template's usual ones by default.
+    start
+        Parameters to begin with; `wanted` by default.
+
+    Raises
+    ------
+    InputError
+        No bat of the template meets the data: what the nearest misses is named, worst first.
+    """
+    template = TEMPLATES[measured.template]
+    usual, spread = template.usual, template.spread
+    low, high = (np.array([(p.low, p.high) for p in template.parameters]).T - usual) / spread
+    near = np.clip(np.zeros_like(usual) if wanted is None else (wanted - usual) / spread, low, high)
+
+    def residuals(x: Floats) -> Floats:  # x in spreads from the usual
+        missed = _misfits(template.build(usual + spread * x, measured.length), measured)
+        data = [value / _weight(name) for name, value in missed.items()]
+        return np.concatenate((data, x - near))
+
+    def jacobian(x: Floats) -> Floats:
+        # a step well above the rounding in the frequencies, whatever the size of x
+        middle, steps = residuals(x), STEP * np.eye(x.size)
+        return np.stack([(residuals(x + step) - middle) / STEP for step in steps], axis=1)
+
+    edge = 1e-6 * (high - low)
+    found = least_squares(
+        residuals,
+        np.clip(near if start is None else (start - usual) / spread, low + edge, high - edge),
+        jac=jacobian,
+        bounds=(low, high),
+        ftol=TOLERANCE,
+        xtol=TOLERANCE,
+        gtol=TOLERANCE,
+        max_nfev=STEPS,
+    )
+    parameters = usual + spread * found.x
+    body = template.build(parameters, measured.length)
+    misfits = _misfits(body, measured)
+    missed = {name: value for name, value in misfits.items() if abs(value) > _close(name)}
+    if missed:
+        allowed = "no bat of it meets the data: the nearest misses "
+        raise InputError(measured.name, "template", measured.template, allowed + _said(missed))
+    return Fitted(body=body, parameters=np.asarray(parameters), misfits=misfits)
+
+
+def computed(body: BatBody, axis: float, *, frequencies: int, nodes: int) -> dict[str, float]:
+    """Return what a body computes to, by the names of `BatMeasurements.goals`, SI."""
+    beam = beam_of(body, **COARSE)
+    values = {"mass": beam.mass, "z_cm": beam.z_cm, "inertia": beam.inertia(axis)}
+    count = max(frequencies, nodes)
+    if count:
+        modes = modes_of(body, Free(), count, **COARSE)  # type: ignore[arg-type]
+        found = modes.bending_frequencies[:frequencies]
+        values |= {f"f{i + 1}": float(f) for i, f in enumerate(found)}
+        places = barrel_nodes(modes, nodes) if nodes else ()
+        values |= {f"node{i + 1}": node for i, node in enumerate(places)}
+    return values
+
+
+def _misfits(body: BatBody, measured: BatMeasurements) -> dict[str, float]:
+    values = computed(
+        body,
+        measured.inertia_axis,
+        frequencies=len(measured.bending_frequencies),
+        nodes=len(measured.barrel_nodes),
+    )
+    return {
+        name: values[name] - goal if name.startswith("node") else values[name] / goal - 1
+        for name, goal in measured.goals.items()
+    }
+
+
+def _said(missed: dict[str, float]) -> str:
+    """Return misfits in words, the worst first."""
+    worst_first = sorted(missed, key=lambda name: -abs(missed[name]) / _close(name))
+    return ", ".join(
+        f"{name} by {missed[name] / INCH:+.2f} in"
+        if name.startswith("node")
+        else f"{name} by {100 * missed[name]:+.1f} %"
+        for name in worst_first
+    )
+
+
+def _weight(name: str) -> float:
+    return NODE_WEIGHT if name.startswith("node") else WEIGHT
+
+
+def _close(name: str) -> float:
+    return NODE_CLOSE if name.startswith("node") else CLOSE
+
+
+def _wood(x: Floats, length: float) -> BatBody:
+    barrel, tip, handle, start, end, middle, knob, density, modulus, ratio = map(float, x)
+    between = handle + middle * (barrel - handle)
+    z = (0.0, 0.06, start, (start + end) / 2, end)
+    return BatBody(
+        profile=Profile(
+            z=(*(part * length for part in z), length - 2 * INCH, length - 0.8 * INCH, length),
+            outer_diameter=(tip * barrel, barrel, barrel, between, handle, handle, knob, knob),
+        ),
+        material=Material(
+            density=density,
+            youngs_modulus=modulus,
+            shear_modulus=modulus / ratio,
+            shear_coefficient=0.9,
+        ),
+        damping_ratio=0.003,
+    )
+
+
+def _hollow(x: Floats, length: float) -> BatBody:
+    barrel, handle, start, end, middle, *rest = map(float, x)
+    wall, wall_middle, wall_handle, knob, knob_place, cap, hoop, hoop_mass = rest
+    between = handle + middle * (barrel - handle)
+    return BatBody(
+        profile=Profile(
+            z=tuple(part * length for part in (0.0, start, (start + end) / 2, end, 1.0)),
+            outer_diameter=(barrel, barrel, between, handle, handle),
+            wall=(wall, wall, wall_middle, wall_handle, wall_handle),
+        ),
+        material=Material(
+            density=2820.0, youngs_modulus=71.5e9, shear_modulus=26.9e9, shear_coefficient=0.5
+        ),
+        damping_ratio=0.001,
+        lumps=(
+            Lump(name="end cap", z=0.02 * length, mass=cap),
+            Lump(name="knob", z=knob_place * length, mass=knob),
+        ),
+        hoop=HoopMode(frequency=hoop, modal_mass=hoop_mass),
+    )
+
+
+TEMPLATES: dict[str, Template] = {
+    "wood": Template(
+        parameters=(
+            Parameter("barrel diameter", 2.5 * INCH, 0.06 * INCH, 2.2 * INCH, 2.75 * INCH),
+            Parameter("tip over barrel diameter", 0.93, 0.03, 0.75, 1.0),
+            Parameter("handle diameter", 1.02 * INCH, 0.06 * INCH, 0.8 * INCH, 1.4 * INCH),
+            Parameter("taper starts, of the length", 0.20, 0.04, 0.1, 0.38),
+            Parameter("taper ends, of the length", 0.62, 0.05, 0.45, 0.85),
+            Parameter("middle of the taper", 0.45, 0.05, 0.25, 0.75),
+            Parameter("knob diameter", 1.85 * INCH, 0.12 * INCH, 1.4 * INCH, 2.3 * INCH),
+            Parameter("density", 650.0, 50.0, 450.0, 850.0),
+            Parameter("Young's modulus", 15e9, 2e9, 8e9, 25e9),
+            Parameter("Young's over shear modulus", 16.0, 2.0, 10.0, 25.0),
+        ),
+        build=_wood,
+        made_spread=(0.01, 0.03, 0.005),
+    ),
+    "hollow": Template(
+        parameters=(
+            Parameter("barrel diameter", 2.55 * INCH, 0.06 * INCH, 2.2 * INCH, 2.75 * INCH),
+            Parameter("handle diameter", 0.92 * INCH, 0.04 * INCH, 0.78 * INCH, 1.1 * INCH),
+            Parameter("taper starts, of the length", 0.22, 0.04, 0.1, 0.4),
+            Parameter("taper ends, of the length", 0.66, 0.05, 0.45, 0.85),
+            Parameter("middle of the taper", 0.45, 0.05, 0.25, 0.75),
+            Parameter("wall of the barrel", 2.8e-3, 0.4e-3, 1.2e-3, 5e-3),
+            Parameter("wall in the taper", 2.8e-3, 0.4e-3, 1.2e-3, 6e-3),
+            Parameter("wall of the handle", 2.5e-3, 0.4e-3, 1.2e-3, 6e-3),
+            Parameter("knob mass", 2.0 * OUNCE, 1.0 * OUNCE, 0.2 * OUNCE, 10 * OUNCE),
+            Parameter("knob place, of the length", 0.97, 0.015, 0.9, 1.0),
+            Parameter("end cap mass", 0.8 * OUNCE, 0.5 * OUNCE, 0.1 * OUNCE, 5 * OUNCE),
+            Parameter("hoop frequency", 2500.0, 300.0, 1200.0, 5000.0),
+            Parameter("hoop modal mass", 0.325, 0.05, 0.1, 1.0),
+        ),
+        build=_hollow,
+        made_spread=(0.003, 0.005, 0.001),
+    ),
+}

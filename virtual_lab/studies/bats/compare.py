@@ -1,0 +1,129 @@
+"""Bats side by side under standard game conditions (the paper's Figs. 3 and 4).
+
+What the model says of the bats as drawn: nothing here is measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from virtual_lab.errors import InputError
+from virtual_lab.files import new_folder
+from virtual_lab.studies.bats.curves import draw_comparison
+from virtual_lab.studies.bats.profile import Profiled, profiles
+from virtual_lab.units import OZ_IN2
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Compared", "compare", "save_comparison"]
+
+SWINGS = (0.0, 0.5)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Compared:
+    """The profiles of some bats, for each exponent n of the swing law."""
+
+    profiles: tuple[Profiled, ...]  # bat by bat, n by n
+
+    @property
+    def curves(self) -> pd.DataFrame:
+        """A row a bat, exponent and place."""
+        import pandas as pd
+
+        parts = [_named(each) | each.table.to_dict("list") for each in self.profiles]
+        return pd.concat([pd.DataFrame(part) for part in parts], ignore_index=True)
+
+    @property
+    def peaks(self) -> list[dict[str, Any]]:
+        """A row a bat and exponent: every greatest value and its place [in]."""
+        return [
+            _named(each)
+            | {
+                key: number
+                for name, (value, place) in each.peaks.items()
+                for key, number in ((name, value), (f"{name}_at_in", place))
+            }
+            for each in self.profiles
+        ]
+
+    @property
+    def differences(self) -> list[dict[str, Any]]:
+        """A row a later bat and exponent: its peaks against those of the first bat."""
+        first = self.profiles[0].bat.name
+        base = {row["n"]: row for row in self.peaks if row["bat"] == first}
+        return [
+            {"bat": row["bat"], "against": first, "n": row["n"]}
+            | {
+                f"{name}_percent": 100 * (row[name] / base[row["n"]][name] - 1)
+                for name in ("e", "BPF", "e_A")
+            }
+            | {"v_f_mph": row["v_f_mph"] - base[row["n"]]["v_f_mph"]}
+            for row in self.peaks
+            if row["bat"] != first
+        ]
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """All of it for JSON."""
+        return {
+            "reference_inertia_oz_in2": self.profiles[0].reference_inertia / OZ_IN2,
+            "peaks": self.peaks,
+            "differences": self.differences,
+            "profiles": [each.document for each in self.profiles],
+        }
+
+
+def compare(
+    bats: Sequence[str],
+    *,
+    swings: Sequence[float] = SWINGS,
+    reference_inertia: str | None = None,
+) -> Compared:
+    """Return free bats side by side.
+
+    Parameters
+    ----------
+    bats
+        At least two: names in the catalog or paths of .toml files.
+    swings
+        Exponents n of the swing law, Eq. (14).
+    reference_inertia
+        I0 of Eq. (14), as `virtual_lab.studies.bats.profile.read_inertia` takes it. The paper takes
+        1.7e4 oz in² (the default), and for its two loaded bats that of the barrel-loaded one.
+
+    Raises
+    ------
+    InputError
+        Fewer than two bats, two of one name, no exponent, or what `profile` refuses.
+    """
+    if len(bats) < 2:
+        raise InputError("", "bats", ", ".join(bats) or "none", "allowed: two and more")
+    if not swings:
+        raise InputError("", "swing", "none", "allowed: one and more, each 0 to 0.5")
+    exponents = tuple(dict.fromkeys(swings))
+    found = [profiles(bat, swings=exponents, reference_inertia=reference_inertia) for bat in bats]
+    names = [each[0].bat.name for each in found]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError("", "bats", name, "stands there twice; every bat needs its own name")
+    return Compared(profiles=tuple(one for each in found for one in each))
+
+
+def save_comparison(compared: Compared, folder: Path) -> None:
+    """Write curves, peaks and differences as CSV and the figure as PNG into a new folder."""
+    import pandas as pd
+
+    with new_folder(folder) as draft:
+        compared.curves.to_csv(draft / "compare.csv", index=False)
+        pd.DataFrame(compared.peaks).to_csv(draft / "peaks.csv", index=False)
+        pd.DataFrame(compared.differences).to_csv(draft / "differences.csv", index=False)
+        draw_comparison(compared.curves, draft / "compare.png")
+
+
+def _named(profiled: Profiled) -> dict[str, Any]:
+    return {"bat": profiled.bat.name, "n": profiled.swing}

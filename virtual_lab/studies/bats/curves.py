@@ -1,0 +1,99 @@
+"""Curves along a bat as PNG: told apart by line style, by colour where that is not enough."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from virtual_lab.output.style import STYLE
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["draw_comparison", "draw_profile"]
+
+SHOWN_IN = (1.0, 12.0)  # the last inch at the tip and the taper are in the CSV
+COLOURS = ("black", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
+DASHES = ("-", "--", ":", "-.")
+PLACE = "place of impact from the barrel tip $z$, in"
+SIZE = (6.0, 6.6)  # in
+
+
+def draw_profile(table: pd.DataFrame, title: str, path: Path) -> None:
+    """Draw e, r, e_A above and e_A, v_bat, v_f below (the paper's Fig. 2).
+
+    Parameters
+    ----------
+    table
+        Columns z_in, e, r, e_A, v_bat_mph, v_f_mph.
+    title
+        Of the figure.
+    path
+        PNG file to write.
+    """
+    from matplotlib import style
+    from matplotlib.figure import Figure
+
+    shown = table[table["z_in"].between(*SHOWN_IN)]
+    z = shown["z_in"]
+    with style.context(STYLE, after_reset=True):
+        figure = Figure(figsize=SIZE, dpi=150, layout="constrained")
+        above, below = figure.subplots(2, 1, sharex=True)
+        for column, label, dash in (("e", "$e$", "-"), ("r", "$r$", ":"), ("e_A", "$e_A$", "--")):
+            above.plot(z, shown[column], dash, color="black", label=label)
+        above.set_ylabel("$e$, $r$, $e_A$")
+        above.set_title(title)
+        for column, label, dash in (("v_bat_mph", "$v_{bat}$", ":"), ("v_f_mph", "$v_f$", "-")):
+            below.plot(z, shown[column], dash, color="black", label=label)
+        beside = below.twinx()
+        beside.spines["right"].set_visible(True)
+        beside.plot(z, shown["e_A"], "--", color="black")
+        below.plot([], [], "--", color="black", label="$e_A$ (right scale)")
+        beside.set_ylabel("$e_A$")
+        below.set(xlabel=PLACE, ylabel="speed, mph", xlim=SHOWN_IN)
+        for axes in (above, below):
+            axes.grid(True, linewidth=0.3)
+            axes.legend(loc="lower center", ncols=3)
+        figure.savefig(path)
+
+
+def draw_comparison(curves: pd.DataFrame, path: Path) -> None:
+    """Draw BPF, e_A and v_f of several bats one above the other (the paper's Figs. 3 and 4).
+
+    BPF and e_A are those of the first exponent n: with the standard ball, whose restitution
+    is the same at every speed, they do not depend on it.
+
+    Parameters
+    ----------
+    curves
+        Columns bat, n, z_in, BPF, e_A, v_f_mph.
+    path
+        PNG file to write.
+    """
+    from matplotlib import style
+    from matplotlib.figure import Figure
+
+    shown = curves[curves["z_in"].between(*SHOWN_IN)]
+    bats, exponents = shown["bat"].unique(), shown["n"].unique()
+    with style.context(STYLE, after_reset=True):
+        figure = Figure(figsize=(7.2, 8.0), dpi=150, layout="constrained")
+        panels = figure.subplots(3, 1, sharex=True)
+        for i, bat in enumerate(bats):
+            for j, n in enumerate(exponents):
+                own = shown[(shown["bat"] == bat) & (shown["n"] == n)]
+                look = {
+                    "color": COLOURS[i % len(COLOURS)],
+                    # each bat has the line styles to itself, as far as they go
+                    "linestyle": DASHES[(i + j) % len(DASHES)],
+                }
+                if j == 0:
+                    panels[0].plot(own["z_in"], own["BPF"], label=bat, **look)
+                    panels[1].plot(own["z_in"], own["e_A"], label=bat, **look)
+                panels[2].plot(own["z_in"], own["v_f_mph"], label=f"{bat}, $n={n:g}$", **look)
+        for axes, label in zip(panels, ("BPF", "$e_A$", "$v_f$, mph"), strict=True):
+            axes.set_ylabel(label)
+            axes.grid(True, linewidth=0.3)
+        for axes in (panels[0], panels[2]):
+            axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
+        panels[2].set(xlabel=PLACE, xlim=SHOWN_IN)
+        figure.savefig(path)

@@ -1,0 +1,213 @@
+"""A bat file for what a user measured, and what the measurements leave open.
+
+The bat is the template's most usual one that meets the data. Beside it stand others that meet
+the same data, each near to another draw of the template: where they differ, nothing that was
+measured decides.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab import catalog
+from virtual_lab.catalog.specs import BallSpec, BatBody
+from virtual_lab.errors import InputError
+from virtual_lab.relations.peaks import peak
+from virtual_lab.simulation.collision.modal import ModalModel
+from virtual_lab.simulation.collision.scene import Scenes
+from virtual_lab.simulation.physics.supports import Free
+from virtual_lab.streams import Streams
+from virtual_lab.studies.bats.bat_templates import TEMPLATES, BatMeasurements, Fitted, computed, fit
+from virtual_lab.studies.bats.profile import CONDITIONS, GameConditions
+from virtual_lab.units import INCH, MPH
+
+__all__ = ["FittedBat", "fit_bat", "write_bat"]
+
+Array = NDArray[np.float64]
+MEMBERS = 12
+PLACES_IN = np.arange(2.0, 10.01, 0.5)
+SHOWN_IN = (3.0, 5.0, 6.0, 7.0, 9.0)
+SPEED_MPH = 160.0
+DIGITS = 7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FittedBat:
+    """A fitted bat, its misfits, and the spread of what was not measured."""
+
+    measured: BatMeasurements
+    fitted: Fitted
+    members: int  # bats behind the spread
+    spread: list[dict[str, Any]]  # a row a quantity: fit, low, high, sd, measured
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """All of it for JSON."""
+        parameters = TEMPLATES[self.measured.template].parameters
+        values = self.fitted.parameters
+        return {
+            "bat": self.measured.name,
+            "template": self.measured.template,
+            "misfits": self.fitted.misfits,
+            "parameters": {p.name: float(x) for p, x in zip(parameters, values, strict=True)},
+            "members": self.members,
+            "spread": self.spread,
+        }
+
+    def toml(self, source: str) -> str:
+        """Return the bat file; `source` says where its numbers come from."""
+        template = TEMPLATES[self.measured.template]
+        body, name = self.fitted.body, self.measured.name
+        lines = [
+            f"# Fitted to measurements ({source}) with the {self.measured.template} template.",
+            "# Many other bats meet them as well. What was not measured is open: of "
+            f"{self.members} such bats",
+            "# quantity, this bat, lowest, highest:",
+            *(
+                f"#   {row['quantity']} [{row['unit']}]: {row['fit']:.4g}, {row['low']:.4g}, "
+                f"{row['high']:.4g}{', measured' if row['measured'] else ''}"
+                for row in self.spread
+            ),
+            f"name = {_text(name)}",
+            f"title = {_text(self.measured.title)}",
+            "",
+            "[body.profile]",
+            _line("z", body.profile.z, "m", source),
+            _line("outer_diameter", body.profile.outer_diameter, "m", source),
+        ]
+        if body.profile.wall:
+            lines.append(_line("wall", body.profile.wall, "m", source))
+        lines += ["", "[body.material]"]
+        for key, unit in (
+            ("density", "kg/m^3"),
+            ("youngs_modulus", "Pa"),
+            ("shear_modulus", "Pa"),
+            ("shear_coefficient", "1"),
+        ):
+            lines.append(_line(key, getattr(body.material, key), unit, source))
+        for lump in body.lumps:
+            lines += ["", "[[body.lumps]]", f"name = {_text(lump.name)}"]
+            lines += [_line("z", lump.z, "m", source), _line("mass", lump.mass, "kg", source)]
+        if body.hoop:
+            lines += ["", "[body.hoop]", _line("frequency", body.hoop.frequency, "Hz", "assumed")]
+            lines.append(_line("modal_mass", body.hoop.modal_mass, "kg", "assumed"))
+        lines += ["", "[body]", _line("damping_ratio", body.damping_ratio, "1", "assumed")]
+        lines += ["", "[spread]"]
+        made = zip(("density", "youngs_modulus", "density_tilt"), template.made_spread, strict=True)
+        lines += [_line(key, value, "1", "assumed") for key, value in made]
+        return "\n".join(lines) + "\n"
+
+
+def fit_bat(
+    path: str,
+    *,
+    members: int = MEMBERS,
+    seed: int = 1,
+    say: Callable[[str], None] = lambda _: None,
+) -> FittedBat:
+    """Return a bat that meets the measurements in a file, and the spread of those that do.
+
+    Parameters
+    ----------
+    path
+        A .toml file, see ``data/README.md``.
+    members
+        How many bats the spread is taken from; draws whose fit fails are left out.
+    seed
+        Of the draws.
+    say
+        Told how far the work is.
+
+    Raises
+    ------
+    InputError
+        A file that cannot be used, or data no bat of the template meets.
+    """
+    if not path.endswith(".toml"):
+        raise InputError("", "measurements", path, "allowed: a .toml file")
+    if members < 2:
+        raise InputError("", "members", members, "allowed: 2 and more")
+    measured = catalog.load("bats", path, BatMeasurements).spec
+    template = TEMPLATES[measured.template]
+    best = fit(measured)
+    draws = Streams(seed).normal("fit-bat", (members, len(template.parameters)))
+    bodies = []
+    for number, draw in enumerate(draws, 1):
+        say(f"bat {number} of {members} that meets the data")
+        wanted = template.usual + template.spread * draw
+        try:
+            bodies.append(fit(measured, wanted, best.parameters).body)
+        except InputError:  # too far from the data for the steps allowed
+            continue
+    say("collisions")
+    units, own = _quantities(best.body, measured)
+    others = [_quantities(body, measured)[1] for body in bodies] or [own]
+    table = np.array([list(values.values()) for values in others])
+    rows = [
+        {
+            "quantity": name,
+            "unit": unit,
+            "fit": value,
+            "low": float(min(column.min(), value)),
+            "high": float(max(column.max(), value)),
+            "sd": float(column.std(ddof=1)) if len(column) > 1 else 0.0,
+            "measured": name in measured.goals,
+        }
+        for (name, value), unit, column in zip(own.items(), units, table.T, strict=True)
+    ]
+    return FittedBat(measured=measured, fitted=best, members=len(bodies), spread=rows)
+
+
+def _quantities(body: BatBody, measured: BatMeasurements) -> tuple[list[str], dict[str, float]]:
+    """Return units and values of what a bat of these data is asked for."""
+    values = computed(body, measured.inertia_axis, frequencies=2, nodes=2)
+    game = catalog.load("conditions", CONDITIONS, GameConditions).spec
+    ball = catalog.load("balls", game.ball, BallSpec).spec
+    scenes = Scenes.with_ball(
+        ball, impact_position=PLACES_IN * INCH, relative_speed=SPEED_MPH * MPH
+    )
+    e_A = ModalModel.of(body, Free()).collide(scenes).collision_efficiency
+    top = peak(PLACES_IN, e_A)
+    rows = [
+        ("f1", "Hz", values["f1"]),
+        ("f2", "Hz", values["f2"]),
+        ("node1", "in", values["node1"] / INCH),
+        ("node2", "in", values["node2"] / INCH),
+        *((f"e_A at {z:g} in", "1", float(e_A[z == PLACES_IN][0])) for z in SHOWN_IN),
+        ("peak e_A", "1", top.value),
+        ("peak e_A at", "in", top.place),
+    ]
+    return [unit for _, unit, _ in rows], {name: value for name, _, value in rows}
+
+
+def _line(key: str, value: float | tuple[float, ...], unit: str, source: str) -> str:
+    many = isinstance(value, tuple)
+    numbers = [
+        f"{number:.{DIGITS}g}" for number in (value if isinstance(value, tuple) else (value,))
+    ]
+    written = f"[{', '.join(numbers)}]" if many else numbers[0]
+    return (
+        f"{key} = {{ value = {written}, unit = {_text(unit)}, source = {_text(source)}, "
+        "verified = false }"
+    )
+
+
+def _text(words: str) -> str:
+    """Return a TOML string, which JSON's escapes suit."""
+    return json.dumps(words, ensure_ascii=False)
+
+
+def write_bat(fitted: FittedBat, path: Path, source: str) -> None:
+    """Write the bat file, whole or not at all; one that exists is left alone."""
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(fitted.toml(source))
+    except OSError as fault:
+        raise InputError("", "out", str(path), f"cannot be written ({fault.strerror})") from fault

@@ -1,0 +1,256 @@
+"""What a hit beside the centre of percussion does to a pivoted test (the paper's Sec. V B).
+
+The pivot bears the rest of the blow there. The same shot meets the bearing as installed, a plain
+one and a loose one; what each does to e_A by the bat's recoil is the difference of the readings,
+beside e_A by the ball's own rebound, which asks nothing of a pivot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.errors import InputError
+from virtual_lab.files import new_folder
+from virtual_lab.lab import open_laboratory
+from virtual_lab.lab.laboratory import Laboratory
+from virtual_lab.measurement.procedure import aimed_place
+from virtual_lab.measurement.reduction.shot_algebra import ShotResults
+from virtual_lab.measurement.session_reduction import Reduced, reduce_session
+from virtual_lab.records.session import Session
+from virtual_lab.simulation.faults.fault import altered
+from virtual_lab.simulation.physics.beam import beam_of
+from virtual_lab.simulation.physics.supports import Pinned
+from virtual_lab.simulation.rig import Order, Reality, Stage
+from virtual_lab.studies.bats.percussion_chart import draw_percussion
+from virtual_lab.uncertainty.budget import combine, propagate, scatter
+from virtual_lab.units import INCH
+
+__all__ = ["Percussed", "percussion", "save_percussion"]
+
+Array = NDArray[np.float64]
+PROCEDURE = "astm-f1881"
+PLACES_IN = np.arange(2.0, 12.01, 1.0)
+BESIDE_IN = (-0.01, 0.0, 0.01)  # of the centre of percussion, where play is taken up late
+FIRST_BLOCK = 1000  # of random numbers, beyond any round of a test
+PLAIN = {"friction": 0.09}  # thirty times the roller bearing's
+LOOSE = {"clearance": 0.2e-3}  # m
+READINGS = {"recoil": "recoil_efficiency", "rebound": "rebound_efficiency"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Percussed:
+    """A row a place."""
+
+    bat: str
+    percussion_in: float  # from the tip, of the bat as drawn
+    rows: list[dict[str, Any]]
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """All of it for JSON."""
+        return {"bat": self.bat, "percussion_in": self.percussion_in, "places": self.rows}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Stand:
+    """A laboratory that has measured bat and balls and may fire where it likes."""
+
+    laboratory: Laboratory
+    session: Session
+
+    @classmethod
+    def of(cls, bat: str, seed: int, reality: Reality) -> _Stand:
+        laboratory = open_laboratory(bat, procedure=PROCEDURE, seed=seed, reality=reality)
+        tested = laboratory.run(lambda _: None)
+        return cls(laboratory=laboratory, session=tested.certification.session)
+
+    def counting_finely(self) -> _Stand:
+        """Return the same with an encoder of no counts: one count would hide what is sought."""
+        stations: Any = self.laboratory.stations
+        spec = replace(stations[Stage.IMPACT].encoder.spec, whole_counts=False)
+        impact = altered(stations[Stage.IMPACT], "encoder", spec=spec)
+        laboratory = replace(self.laboratory, stations={**stations, Stage.IMPACT: impact})
+        return replace(self, laboratory=laboratory)
+
+    def fire(
+        self, place: float, shots: int, block: int, **bearing: float
+    ) -> tuple[Reduced, Array, Array]:
+        """Return the reduced shots at a place [m], their true e_A and their time of contact."""
+        laboratory, stage = self.laboratory, Stage.IMPACT
+        order = Order(
+            ball=np.arange(shots) % laboratory.rules.spec.balls,
+            speed=np.full(shots, laboratory.rules.spec.ball_speed),
+            place=np.full(shots, place),
+            block=FIRST_BLOCK + block,
+        )
+        station = altered(laboratory.stations[stage], "pivot", **bearing)
+        play = station.play(order, laboratory.specimen, laboratory.draws)
+        records = {**self.session.records, stage.value: play.records}
+        reduced = reduce_session(replace(self.session, records=records))
+        return reduced, play.truth["collision_efficiency"], play.truth["contact_time"]
+
+
+def percussion(
+    bat: str,
+    *,
+    laboratories: int = 10,
+    first_seed: int = 1,
+    shots: int = 6,
+    say: Callable[[str], None] = lambda _: None,
+) -> Percussed:
+    """Return how well e_A is read at places along the barrel, 2 to 12 in from the tip.
+
+    Parameters
+    ----------
+    bat
+        Name in the catalog or path of a .toml file.
+    laboratories, first_seed
+        How many fire at each place, and the seed of the first.
+    shots
+        Of each laboratory at each place: a reading is their mean.
+    say
+        Told which laboratory is firing.
+
+    Returns
+    -------
+    Percussed
+        A row a place, the centre of percussion among them: `z_in`; of the bat as drawn the
+        true `e_A`, the `reaction_ns` on the axis [N s] (above 0 where it is pushed the way the
+        ball flew), its mean force `reaction_n` [N] and the amplitude `ring_mrad` of the bending
+        ring at the encoder; for `recoil` and `rebound` the `_error` with nothing random, the
+        `_rms` error and the mean stated `_u` over laboratories; the share `seen` of rebounds
+        that the gates saw; and what a bearing adds to e_A by recoil, `plain_shift` and
+        `loose_shift`. None where no rebound was seen.
+
+    Raises
+    ------
+    InputError
+        Fewer than 2 laboratories or shots, or what `certify_bat` refuses.
+    """
+    for name, number in (("laboratories", laboratories), ("shots", shots)):
+        if number < 2:
+            raise InputError("", name, number, "allowed: 2 and more")
+    still = _Stand.of(bat, 0, Reality.NOISE_FREE)
+    body = still.laboratory.specimen.bat.body
+    beam = beam_of(body)
+    drawn = {"length": beam.length, "mass": beam.mass, "z_cm": beam.z_cm}
+    axis = still.laboratory.rules.spec.pivot_from_knob
+    centre = aimed_place(drawn | {"inertia_cm": beam.inertia_cm}, axis)
+    places = np.sort(np.append(PLACES_IN * INCH, centre + np.array(BESIDE_IN) * INCH))
+    rows = [_drawn(still, place, shots) for place in places]
+    found: list[list[dict[str, float]]] = [[] for _ in places]
+    for seed in range(first_seed, first_seed + laboratories):
+        say(f"laboratory {seed - first_seed + 1} of {laboratories}")
+        stand = _Stand.of(bat, seed, Reality.REAL)
+        for block, place in enumerate(places):
+            found[block].append(_read(stand, float(place), shots, block))
+    for row, read in zip(rows, found, strict=True):
+        row |= {"seen": float(np.mean([each["seen"] for each in read]))}
+        for name in READINGS:
+            row[f"{name}_rms"] = _root_mean_square([each[f"{name}_error"] for each in read])
+            row[f"{name}_u"] = _root_mean_square([each[f"{name}_u"] for each in read])
+    return Percussed(
+        bat=still.laboratory.session.bat, percussion_in=float(centre / INCH), rows=rows
+    )
+
+
+def save_percussion(found: Percussed, folder: Path) -> None:
+    """Write ``percussion.csv`` and ``percussion.png`` into a new folder."""
+    import pandas as pd
+
+    with new_folder(folder) as draft:
+        pd.DataFrame(found.rows).to_csv(draft / "percussion.csv", index=False)
+        draw_percussion(found.rows, found.percussion_in, found.bat, draft / "percussion.png")
+
+
+def _drawn(still: _Stand, place: float, shots: int) -> dict[str, Any]:
+    """Return what the model says of a place, and the errors when nothing is random."""
+    reduced, true, lasted = still.fire(place, shots, 0)
+    laboratory = still.laboratory
+    body, ball = laboratory.specimen.bat.body, laboratory.specimen.balls.mean_ball()
+    beam = beam_of(body)
+    axis = beam.length - laboratory.rules.spec.pivot_from_knob
+    speed = laboratory.rules.spec.ball_speed
+    impulse = float(ball.mass[0] * speed * (1 + true[0]))
+    percussed = beam.inertia(axis) / (beam.mass * (axis - beam.z_cm))
+    reaction = impulse * (1 - (axis - place) / percussed)
+    row: dict[str, Any] = {
+        "z_in": float(place / INCH),
+        "e_A": float(true[0]),
+        "reaction_ns": reaction,
+        "reaction_n": reaction / float(lasted[0]),
+        "ring_mrad": 1e3 * _ring(still, place),
+    }
+    for name, field in READINGS.items():
+        error = float((getattr(reduced.shots, field) - true).mean())
+        row[f"{name}_error"] = error if np.isfinite(error) else None
+    smooth = still.counting_finely()
+    as_installed, plain, loose = (
+        smooth.fire(place, 2, 0, **bearing)[0].shots.recoil_efficiency[0]
+        for bearing in ({}, PLAIN, LOOSE)
+    )
+    return row | {
+        "plain_shift": float(plain - as_installed),
+        "loose_shift": float(loose - as_installed),
+    }
+
+
+def _ring(still: _Stand, place: float) -> float:
+    """Return the root sum square of the modes' amplitudes of turn at the axis [rad]."""
+    from virtual_lab.simulation.collision.scene import Scenes
+
+    laboratory = still.laboratory
+    body, ball = laboratory.specimen.bat.body, laboratory.specimen.balls.spec
+    axis = body.length - laboratory.rules.spec.pivot_from_knob
+    model = laboratory.specimen.collision(body, Pinned(axis))
+    speed = laboratory.rules.spec.ball_speed
+    scenes = Scenes.with_ball(ball, impact_position=np.array([place]), relative_speed=speed)
+    hit, modes = model.collide(scenes), model.modes
+    bends = slice(modes.rigid, None)
+    swing = np.hypot(
+        hit.modal_displacements[0, bends],
+        hit.modal_velocities[0, bends] / modes.angular_frequencies[bends],
+    )
+    return float(np.linalg.norm(modes.rotation(axis)[bends] * swing))
+
+
+def _read(stand: _Stand, place: float, shots: int, block: int) -> dict[str, float]:
+    """Return errors and stated u of the means of a laboratory's shots at a place."""
+    reduced, true, _ = stand.fire(place, shots, block)
+    row = {"seen": float(np.isfinite(reduced.shots.rebound_efficiency).mean())}
+    for name, field in READINGS.items():
+        hits = getattr(reduced.shots, field)
+        seen = np.isfinite(hits)
+        error = float((hits - true)[seen].mean()) if seen.any() else np.nan
+        row |= {f"{name}_error": error, f"{name}_u": _stated(reduced, field, hits - true)}
+    return row
+
+
+def _stated(reduced: Reduced, field: str, error: Array) -> float:
+    """Return the standard uncertainty of the mean of the shots seen; NaN below two.
+
+    What the constants contribute, and the scatter of the readings about the true e_A of their
+    shots: that of the shots themselves is no fault of the reading.
+    """
+    seen = np.isfinite(error)
+    many = int(seen.sum())
+    if many < 2:
+        return np.nan
+
+    def mean(shots: ShotResults) -> Array:
+        return cast("Array", getattr(shots, field)[..., seen].mean(axis=-1))
+
+    parts = propagate(lambda x: {field: mean(reduced.results(x))}, reduced.constants)[field]
+    own = scatter(error[seen], np.full(many, 1 / many), np.zeros(many))
+    return combine(float(error[seen].mean()), [*parts, own]).u
+
+
+def _root_mean_square(values: list[float]) -> float | None:
+    there = np.array(values)[np.isfinite(values)]
+    return float(np.sqrt((there**2).mean())) if there.size else None

@@ -1,0 +1,89 @@
+"""How e_A is read along the barrel of a pivoted bat: errors above, what the axis bears below."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from virtual_lab.output.style import STYLE
+from virtual_lab.studies.bats.curves import PLACE
+
+__all__ = ["draw_percussion"]
+
+NEAR_IN = 0.1
+RECOIL, REBOUND, PLAIN, LOOSE = "#0072b2", "#d55e00", "#009e73", "#cc79a7"
+
+
+def draw_percussion(
+    rows: Sequence[Mapping[str, Any]], percussion_in: float, bat: str, path: Path
+) -> None:
+    """Draw three panels over the place of impact.
+
+    Parameters
+    ----------
+    rows
+        As `virtual_lab.studies.bats.percussion.percussion` gives them.
+    percussion_in
+        Centre of percussion [in from the tip].
+    bat
+        Its name, for the title.
+    path
+        PNG file to write.
+    """
+    from matplotlib import style
+    from matplotlib.figure import Figure
+
+    def of(name: str, scale: float = 1.0) -> list[float]:
+        return [float("nan") if row[name] is None else scale * row[name] for row in shown]
+
+    z_of_all = [row["z_in"] for row in rows]
+    # hard by the centre of percussion only a loose bearing makes a difference
+    shown = [row for row in rows if not 1e-6 < abs(row["z_in"] - percussion_in) < NEAR_IN]
+    z = of("z_in")
+
+    with style.context(STYLE, after_reset=True):
+        figure = Figure(figsize=(7.6, 7.6), dpi=150, layout="constrained")
+        errors, shifts, loads = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 2))
+        for name, mark, colour in (("recoil", "o", RECOIL), ("rebound", "s", REBOUND)):
+            errors.plot(
+                z, of(f"{name}_rms", 1e3), mark, color=colour, label=f"by {name}: rms error"
+            )
+            errors.plot(z, of(f"{name}_u", 1e3), "-", color=colour, label=f"by {name}: stated $u$")
+        errors.set(ylabel="error of $e_A$, 10$^{-3}$", ylim=(0, None))
+        figure.suptitle(f"{bat} on its pivot: how well $e_A$ is read, by place", fontsize=10)
+        beside = errors.twinx()
+        beside.spines["right"].set_visible(True)
+        beside.plot(z, of("seen", 100), ":", color="0.4", label="rebounds seen (right)")
+        beside.set(ylabel="rebounds seen, %", ylim=(0, 100))
+        handles = [*errors.get_legend_handles_labels()[0], *beside.get_lines()]
+        errors.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
+        plain, loose = "plain bearing, friction 0.09", "loose bearing, 0.2 mm either way"
+        shifts.plot(z, of("plain_shift", 1e3), "^-", markersize=4, color=PLAIN, label=plain)
+        moved = [1e3 * row["loose_shift"] for row in rows]
+        shifts.plot(z_of_all, moved, "D", markersize=4, color=LOOSE, label=loose)
+        shifts.set_ylabel("shift of $e_A$\nby recoil, 10$^{-3}$")
+        shifts.legend(loc="best")
+        loads.plot(z, of("reaction_ns"), "o-", markersize=4, color="black", label="on the axis")
+        loads.set_ylabel("impulse on\nthe axis, N s")
+        ringing = loads.twinx()
+        ringing.spines["right"].set_visible(True)
+        ringing.plot(z, of("ring_mrad"), "--", color="0.4", label="ring at the encoder (right)")
+        ringing.set(ylabel="ring, mrad", ylim=(0, None))
+        loads.legend(handles=[*loads.get_lines(), *ringing.get_lines()], loc="upper center")
+        loads.set_xlabel(PLACE)
+        for axes in (errors, shifts, loads):
+            axes.grid(True, linewidth=0.3)
+            axes.axvline(percussion_in, color="0.6", linewidth=0.8, zorder=0)
+        shifts.annotate(
+            "centre of\npercussion",
+            (percussion_in, 0.12),
+            xycoords=("data", "axes fraction"),
+            xytext=(8, 0),
+            textcoords="offset points",
+            fontsize=7,
+            color="0.4",
+        )
+        for axes in (shifts, loads):
+            axes.axhline(0, color="0.6", linewidth=0.6, zorder=0)
+        figure.savefig(path)

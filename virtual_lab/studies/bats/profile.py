@@ -1,0 +1,215 @@
+"""A bat along its barrel under standard game conditions: e, r, e_A, bat and batted-ball speed.
+
+What the model says of the bat as drawn: nothing here is measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from annotated_types import Gt
+from numpy.typing import NDArray
+
+from virtual_lab import catalog
+from virtual_lab.catalog.specs import BallSpec, BatSpec, Dimension, Spec
+from virtual_lab.errors import InputError
+from virtual_lab.files import new_folder
+from virtual_lab.relations.kinematics import (
+    bat_performance_factor,
+    batted_speed,
+    recoil_factor_free,
+    restitution_from_efficiency,
+)
+from virtual_lab.relations.peaks import Peak, peak
+from virtual_lab.relations.swing import KNOB_OFFSET, PowerLawSwing, bat_speed
+from virtual_lab.simulation.collision.modal import ModalModel
+from virtual_lab.simulation.collision.scene import Scenes
+from virtual_lab.simulation.physics.beam import Beam, beam_of
+from virtual_lab.simulation.physics.modes import barrel_nodes
+from virtual_lab.simulation.physics.supports import Free
+from virtual_lab.studies.bats.curves import draw_profile
+from virtual_lab.units import DIMENSIONS, INCH, MPH, OUNCE, OZ_IN2, to_si
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["GameConditions", "Profiled", "profile", "profiles", "read_inertia", "save_profile"]
+
+Array = NDArray[np.float64]
+CONDITIONS = "standard-2003"
+FIRST_IN, LAST_IN, STEP_IN = 0.5, 16.0, 0.25
+PEAKED = ("e", "BPF", "e_A", "v_f_mph")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GameConditions(Spec):
+    """Pitch, ball and swing under which bats are compared (the paper's Sec. III D)."""
+
+    name: str
+    title: str
+    ball: str
+    pitch_speed: Annotated[float, Gt(0), Dimension("speed")]
+    angular_speed: Annotated[float, Gt(0), Dimension("angular speed")]
+    reference_inertia: Annotated[float, Gt(0), Dimension("inertia")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Profiled:
+    """A bat's inertial and modal properties, and its collision at places z, arrays (place,)."""
+
+    bat: BatSpec
+    beam: Beam
+    frequencies: Array  # bending, free bat [Hz]
+    nodes: tuple[float, ...]  # of the first two bending modes, in the barrel [m]
+    swing: float
+    reference_inertia: float  # I0 of the swing law [kg m^2]
+    z: Array  # [m]
+    ball_restitution: Array
+    restitution: Array
+    recoil_factor: Array
+    collision_efficiency: Array
+    bat_speed: Array  # [m/s]
+    batted_speed: Array  # [m/s]
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """A row a place, in the units of the field."""
+        import pandas as pd
+
+        return pd.DataFrame(
+            {
+                "z_in": self.z / INCH,
+                "e": self.restitution,
+                "r": self.recoil_factor,
+                "e_A": self.collision_efficiency,
+                "BPF": bat_performance_factor(self.restitution, self.ball_restitution),
+                "v_bat_mph": self.bat_speed / MPH,
+                "v_f_mph": self.batted_speed / MPH,
+            }
+        )
+
+    @property
+    def peaks(self) -> dict[str, Peak]:
+        """Greatest e, BPF, e_A and v_f [mph] along the bat, each with its place [in]."""
+        table = self.table
+        places = table["z_in"].to_numpy()
+        return {name: peak(places, table[name].to_numpy()) for name in PEAKED}
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The same for JSON, in the units of the field."""
+        beam = self.beam
+        return {
+            "bat": self.bat.name,
+            "swing_exponent": self.swing,
+            "reference_inertia_oz_in2": self.reference_inertia / OZ_IN2,
+            "mass_oz": beam.mass / OUNCE,
+            "z_cm_in": beam.z_cm / INCH,
+            "i_cm_oz_in2": beam.inertia_cm / OZ_IN2,
+            "i_knob_oz_in2": _swung_inertia(beam) / OZ_IN2,
+            "modal_frequencies_hz": self.frequencies.tolist(),
+            "barrel_nodes_in": [node / INCH for node in self.nodes],
+            "peaks": {name: {"value": top, "z_in": at} for name, (top, at) in self.peaks.items()},
+            **{str(name): column.tolist() for name, column in self.table.items()},
+        }
+
+
+def profile(bat: str, *, swing: float = 0.0, reference_inertia: str | None = None) -> Profiled:
+    """Return the profile of a free bat under standard game conditions (the paper's Fig. 2).
+
+    Parameters
+    ----------
+    bat
+        Name in the catalog or path of a .toml file.
+    swing
+        Exponent n of Eq. (14): 0, all bats swung alike, to 0.5, the same energy into each.
+    reference_inertia
+        I0 of Eq. (14), as `read_inertia` takes it; that of the game conditions by default.
+
+    Raises
+    ------
+    InputError
+        Unknown bat, a file that cannot be used, an exponent outside 0 to 0.5, an inertia
+        that cannot be read.
+    """
+    return profiles(bat, swings=(swing,), reference_inertia=reference_inertia)[0]
+
+
+def profiles(
+    bat: str, *, swings: Sequence[float], reference_inertia: str | None = None
+) -> list[Profiled]:
+    """Return the profile of one bat for each exponent of the swing law, as `profile` does."""
+    for swing in swings:
+        if not 0 <= swing <= 0.5:
+            raise InputError("", "swing", swing, "allowed: 0 to 0.5")
+    game = catalog.load("conditions", CONDITIONS, GameConditions).spec
+    ball = catalog.load("balls", game.ball, BallSpec).spec
+    inertia_0 = read_inertia(reference_inertia) if reference_inertia else game.reference_inertia
+    spec = catalog.load_bat(bat).spec
+    beam, model = beam_of(spec.body), ModalModel.of(spec.body, Free())
+    z = np.arange(FIRST_IN, LAST_IN + STEP_IN / 2, STEP_IN) * INCH
+    recoil = np.asarray(recoil_factor_free(ball.mass, beam.mass, beam.inertia_cm, z - beam.z_cm))
+    found = []
+    for swing in swings:
+        law = PowerLawSwing(angular_speed_0=game.angular_speed, inertia_0=inertia_0, exponent=swing)
+        moving = np.asarray(bat_speed(law.angular_speed(_swung_inertia(beam)), beam.length, z))
+        scenes = Scenes.with_ball(ball, impact_position=z, relative_speed=game.pitch_speed + moving)
+        efficiency = model.collide(scenes).collision_efficiency
+        found.append(
+            Profiled(
+                bat=spec,
+                beam=beam,
+                frequencies=model.modes.bending_frequencies,
+                nodes=barrel_nodes(model.modes),
+                swing=swing,
+                reference_inertia=inertia_0,
+                z=z,
+                ball_restitution=scenes.ball_restitution,
+                restitution=np.asarray(restitution_from_efficiency(efficiency, recoil)),
+                recoil_factor=recoil,
+                collision_efficiency=efficiency,
+                bat_speed=moving,
+                batted_speed=np.asarray(batted_speed(efficiency, game.pitch_speed, moving)),
+            )
+        )
+    return found
+
+
+def read_inertia(text: str) -> float:
+    """Return a moment of inertia [kg m^2] given as a bat's name or as a number with its unit.
+
+    Of a bat it is that about the point it is swung about, 1 in from the knob.
+
+    Raises
+    ------
+    InputError
+        No unit, a unit of something else, a number that is not positive, an unknown bat.
+    """
+    number, _, unit = text.strip().partition(" ")
+    try:
+        value = float(number)
+    except ValueError:
+        return _swung_inertia(beam_of(catalog.load_bat(text).spec.body))
+    units = DIMENSIONS["inertia"]
+    if unit.strip() not in units:
+        allowed = f"allowed: a bat, or a number with its unit ({', '.join(units)})"
+        raise InputError("", "reference inertia", text, allowed)
+    if not 0 < value < inf:
+        raise InputError("", "reference inertia", text, "allowed: above 0")
+    return to_si(value, unit.strip(), "inertia")
+
+
+def save_profile(profiled: Profiled, folder: Path) -> None:
+    """Write ``profile.csv`` and ``profile.png`` into a new folder."""
+    with new_folder(folder) as draft:
+        profiled.table.to_csv(draft / "profile.csv", index=False)
+        draw_profile(profiled.table, profiled.bat.title, draft / "profile.png")
+
+
+def _swung_inertia(beam: Beam) -> float:
+    return beam.inertia(beam.length - KNOB_OFFSET)

@@ -1,0 +1,154 @@
+"""Which procedure misranks which pair of bats: a cell each, by shape, colour and number."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from virtual_lab.output.style import STYLE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["draw_critique"]
+
+Row = Mapping[str, Any]
+MARKS = {  # verdict: marker, face, edge, ink of the number
+    "as the field": ("o", "#56b4e9", "#0072b2", "black"),
+    "by chance": ("D", "#f0e442", "#8a7f00", "black"),
+    "other way round": ("s", "#b34a00", "black", "white"),
+    "tie": ("_", "0.5", "0.5", "0.5"),
+    "no result": ("x", "0.5", "0.5", "0.5"),
+}
+SIZES = {"D": 14}  # points; a square on its corner is wider
+WORDS = {
+    "as the field": "ranks as the field does, 95 % sure",
+    "by chance": "noise decides",
+    "other way round": "ranks the other way round, 95 % sure",
+    "tie": "no order in the field",
+    "no result": "gives no result",
+}
+TITLE = "Does the test rank two bats as the field does?"
+NUMBER = "Number: probability, per cent, that one laboratory ranks them the other way round."
+FIELD = (
+    "$\\Delta v_f$: greatest batted-ball speed in the field, first bat less second, "
+    "bats swung by $I^{-n}$."
+)
+METRICS_IN_MATH = {"e": "$e$", "v_f": "$v_f$"}
+CELL = 0.32  # in
+RIGHT, ABOVE, BELOW = 0.1, 1.05, 1.6  # in, around the panels
+LETTER = 0.06  # in, of a bat's name
+GAP = 0.62  # in, between panels: the field's own differences stand there
+
+
+def draw_critique(pairs: Sequence[Row], path: Path) -> None:
+    """Draw a panel an exponent n of the swing: pairs of bats down, procedures across.
+
+    The number in a cell is the probability, in per cent, that a laboratory which tests both bats
+    ranks them the other way round than the field does.
+
+    Parameters
+    ----------
+    pairs
+        Rows with first, second, n, v_f_mph, procedure, metric, own_n, probability, verdict.
+    path
+        PNG file to write.
+    """
+    from matplotlib import style
+    from matplotlib.figure import Figure
+
+    swings = list(dict.fromkeys(row["n"] for row in pairs))
+    bats = list(dict.fromkeys((row["first"], row["second"]) for row in pairs))
+    procedures = {row["procedure"]: _said(row) for row in pairs}
+    left_of_all = GAP + LETTER * max(len(_named(pair)) for pair in bats)
+    panel = CELL * len(procedures), CELL * len(bats)
+    width = left_of_all + RIGHT + GAP * (len(swings) - 1) + panel[0] * len(swings)
+    height = ABOVE + BELOW + panel[1]
+    with style.context(STYLE, after_reset=True):
+        figure = Figure(figsize=(width, height), dpi=150)
+        for i, n in enumerate(swings):
+            left = left_of_all + i * (panel[0] + GAP)
+            box = (left / width, BELOW / height, panel[0] / width, panel[1] / height)
+            axes = figure.add_axes(box)
+            own = [row for row in pairs if row["n"] == n]
+            _panel(axes, own, bats, procedures)
+            axes.set_title(f"$n={n:g}$", pad=12, loc="center")
+            if i == 0:
+                axes.set_yticks(range(len(bats)), [_named(pair) for pair in bats])
+                axes.tick_params(axis="y", pad=30)
+        for text, below, size in ((TITLE, 0.2, 10), (NUMBER, 0.41, 7.5), (FIELD, 0.56, 7.5)):
+            figure.text(0.08 / width, 1 - below / height, text, fontsize=size, va="center")
+        used = {row["verdict"] for row in pairs}
+        handles = [_handle(verdict) for verdict in MARKS if verdict in used]
+        figure.legend(handles=handles, loc="lower center", ncols=len(handles), handletextpad=0.3)
+        figure.savefig(path)
+
+
+def _panel(
+    axes: Axes, rows: Sequence[Row], bats: list[tuple[str, str]], procedures: dict[str, str]
+) -> None:
+    for row in rows:
+        x, y = list(procedures).index(row["procedure"]), bats.index((row["first"], row["second"]))
+        marker, face, edge, ink = MARKS[row["verdict"]]
+        lined = marker in "_x"
+        axes.plot(
+            x,
+            y,
+            marker,
+            markersize=8 if lined else SIZES.get(marker, 17),
+            markerfacecolor=face,
+            markeredgecolor=edge,
+            markeredgewidth=0.8,
+            zorder=2,
+        )
+        if row["probability"] is not None:
+            percent = _percent(row["probability"])
+            axes.text(x, y, percent, ha="center", va="center", fontsize=6.5, color=ink, zorder=3)
+    for y, pair in enumerate(bats):
+        apart = next(row["v_f_mph"] for row in rows if (row["first"], row["second"]) == pair)
+        axes.text(-0.62, y, f"{apart:+.1f}".replace("-", "−"), ha="right", va="center", fontsize=7)
+    axes.text(-0.62, -0.62, "$\\Delta v_f$, mph", ha="right", va="bottom", fontsize=6.5)
+    axes.set_xlim(-0.5, len(procedures) - 0.5)
+    axes.set_ylim(len(bats) - 0.5, -0.5)
+    axes.set_xticks(
+        range(len(procedures)), procedures.values(), rotation=55, ha="right", rotation_mode="anchor"
+    )
+    axes.set_yticks([])
+    axes.tick_params(length=0)
+    axes.spines[:].set_visible(False)
+    for edge_at in range(len(bats) + 1):
+        axes.axhline(edge_at - 0.5, color="0.85", linewidth=0.5, zorder=1)
+
+
+def _named(pair: tuple[str, str]) -> str:
+    return " – ".join(pair)
+
+
+def _said(row: Row) -> str:
+    own = "" if row["own_n"] is None else f", $n={row['own_n']:g}$"
+    return f"{row['procedure']} ({METRICS_IN_MATH.get(row['metric'], row['metric'])}{own})"
+
+
+def _handle(verdict: str) -> Any:
+    from matplotlib.lines import Line2D
+
+    marker, face, edge, _ = MARKS[verdict]
+    return Line2D(
+        [],
+        [],
+        linestyle="",
+        marker=marker,
+        markersize=7,
+        label=WORDS[verdict],
+        markerfacecolor=face,
+        markeredgecolor=edge,
+    )
+
+
+def _percent(probability: float) -> str:
+    """Return per cent; what rounds to none or all is said as less or more."""
+    percent = 100 * probability
+    if percent < 0.5:
+        return "<1"
+    return ">99" if percent > 99.5 else f"{percent:.0f}"

@@ -1,0 +1,101 @@
+"""Control charts as PNG: the days, the limits, and where they were broken first."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.output.style import STYLE
+from virtual_lab.studies.control_charts import CUSUM_LIMIT, EWMA_LIMIT, RANGE_LIMIT, RULES, Charted
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["draw_control_chart"]
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+SIZE = (7.2, 8.0)  # in
+BASELINE = "0.93"
+LIMIT = {"color": "black", "linestyle": "--", "linewidth": 0.7}
+FIRST = "#d55e00"
+SIGHT = 5  # limits
+
+
+def draw_control_chart(values: Array, charted: Charted, label: str, path: Path) -> None:
+    """Draw the days, their moving range, their moving average and their cumulative sums.
+
+    Parameters
+    ----------
+    values
+        Every day's, those of the baseline first, (day,).
+    charted
+        The days after the baseline.
+    label
+        Of the values.
+    path
+        PNG file to write.
+    """
+    from matplotlib import style
+    from matplotlib.figure import Figure
+
+    base, first = charted.baseline, charted.baseline_days
+    days = np.arange(1, values.size + 1)
+    later = days[first:]
+    words = [run.words for run in RULES.values()]
+    shewhart = [flags for name, flags in charted.alarms.items() if name in words]
+    with style.context(STYLE, after_reset=True):
+        figure = Figure(figsize=SIZE, dpi=150, layout="constrained")
+        panels = figure.subplots(4, 1, sharex=True, height_ratios=(3, 2, 2, 2))
+        panels[0].plot(days, values, ".-", color="black", linewidth=0.6)
+        for width, dash in ((0, "-"), (1, ":"), (2, ":"), (3, "--")):
+            for side in {width, -width}:
+                panels[0].axhline(
+                    base.centre + side * base.sigma, color="black", linewidth=0.6, linestyle=dash
+                )
+        every = np.logical_or.reduce(shewhart) if shewhart else np.zeros(later.size, dtype=bool)
+        _mark(panels[0], later, values[first:], every)
+        panels[0].set_ylabel(label)
+        panels[0].set_title(f"individual values, limits of {first} days: 1, 2 and 3 σ")
+        panels[1].plot(later, charted.ranges, ".-", color="black", linewidth=0.6)
+        panels[1].axhline(RANGE_LIMIT, **LIMIT)
+        _mark(panels[1], later, charted.ranges, charted.alarms["moving range"])
+        panels[1].set_title("moving range, σ")
+        panels[2].plot(later, charted.average, ".-", color="black", linewidth=0.6)
+        for limit in (EWMA_LIMIT, -EWMA_LIMIT):
+            panels[2].axhline(limit, **LIMIT)
+        _mark(panels[2], later, charted.average, charted.alarms["moving average (EWMA)"])
+        _keep_in_sight(panels[2], EWMA_LIMIT, charted.average.min(), charted.average.max())
+        panels[2].set_title("exponentially weighted moving average, σ")
+        for sums, side in ((charted.sum_up, 1), (charted.sum_down, -1)):
+            panels[3].plot(later, side * sums, ".-", color="black", linewidth=0.6)
+            panels[3].axhline(side * CUSUM_LIMIT, **LIMIT)
+        down = charted.sum_down > charted.sum_up
+        worse = np.where(down, -charted.sum_down, charted.sum_up)
+        _mark(panels[3], later, worse, charted.alarms["cumulative sum (CUSUM)"])
+        _keep_in_sight(panels[3], CUSUM_LIMIT, -charted.sum_down.max(), charted.sum_up.max())
+        panels[3].set_title("cumulative sums up and down, σ")
+        for axes in panels:
+            axes.axvspan(0.5, first + 0.5, facecolor=BASELINE, edgecolor="none", zorder=0)
+        panels[3].set(xlabel="day", xlim=(0.5, values.size + 0.5))
+        figure.savefig(path)
+
+
+def _mark(axes: Axes, days: NDArray[np.int_], values: Array, alarms: Flags) -> None:
+    """Ring the days that alarm, and name the first."""
+    if not alarms.any():
+        axes.set_title("no alarm", loc="right")
+        return
+    axes.plot(days[alarms], values[alarms], "o", color=FIRST, fillstyle="none", markersize=6)
+    first = days[alarms][0]
+    axes.axvline(first, color=FIRST, linewidth=0.8)
+    axes.set_title(f"first alarm: day {first}", loc="right", color=FIRST)
+
+
+def _keep_in_sight(axes: Axes, limit: float, low: float, high: float) -> None:
+    """Let what ran far away leave the panel, or the limits would be one line."""
+    edges = np.clip([1.1 * min(low, -limit), 1.1 * max(high, limit)], -SIGHT * limit, SIGHT * limit)
+    axes.set_ylim(*edges)

@@ -1,0 +1,86 @@
+"""What the studies of faults and of procedures print in a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from virtual_lab.output.tables import number, table_text
+
+__all__ = ["critique_text", "faults_text"]
+
+
+def faults_text(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return which faults were caught by what, and the biases they left beside those predicted."""
+    cells = [
+        {
+            "procedure": row["procedure"],
+            "fault": row["fault"],
+            "predicted": row["prediction"],
+            "caught": f"{row['caught']:.0%} ({row['low']:.0%} to {row['high']:.0%})",
+            "by": row["by"],
+            "bias of e_A": _bias_text(row, "e_A"),
+            "bias of the metric": _bias_text(row, "metric"),
+            "came out": "as predicted" if row["as_predicted"] else "NOT as predicted",
+        }
+        for row in rows
+    ]
+    return table_text(cells)
+
+
+def _bias_text(row: Mapping[str, Any], what: str) -> str:
+    if row[f"{what}_bias"] is None:
+        return ""
+    measured = f"{row[f'{what}_bias']:+.5f} ± {row[f'{what}_bias_se']:.5f}"
+    if row[f"{what}_z"] is None:
+        return measured
+    return f"{measured}, predicted {row[f'{what}_predicted']:+.5f}, z {row[f'{what}_z']:+.1f}"
+
+
+def critique_text(metrics: Sequence[Mapping[str, Any]], pairs: Sequence[Mapping[str, Any]]) -> str:
+    """Return how each procedure places each bat, beside the field, and which pairs it misranks."""
+    fields = [key for key in metrics[0] if key.startswith("v_f_mph_n")]
+    tables: dict[str, dict[str, str]] = {}
+    for row in metrics:
+        line = tables.setdefault(row["bat"], {"bat": row["bat"]})
+        for key in fields:
+            rank = 1 + sum(other > row[key] for other in {each[key] for each in metrics})
+            line[f"v_f, n = {key.removeprefix('v_f_mph_n')}"] = f"{row[key]:.1f} ({rank})"
+        rivals = [each["value"] for each in metrics if each["procedure"] == row["procedure"]]
+        line[row["procedure"]] = _placed(row, [value for value in rivals if value is not None])
+    balls = {row["procedure"]: row["ball"] for row in metrics}
+    fired = "; ".join(f"{name} fires {ball}" for name, ball in balls.items())
+    found: dict[tuple[str, str, str], dict[str, str]] = {}
+    for row in pairs:
+        pair, swing = f"{row['first']} - {row['second']}", f"n = {row['n']:g}"
+        empty = {"pair": pair, "procedure": "the field", "error-free": "", "mean": "", "sd": ""}
+        field = found.setdefault((row["first"], row["second"], ""), empty)
+        field[swing] = f"{row['v_f_mph']:+.2f} mph"
+        line = found.setdefault(
+            (row["first"], row["second"], row["procedure"]),
+            {
+                "pair": "",
+                "procedure": f"{row['procedure']}, {row['metric']}",
+                "error-free": number(row["difference"], "+.4f"),
+                "mean": number(row["mean"], "+.4f"),
+                "sd": number(row["sd"], ".4f"),
+            },
+        )
+        line[swing] = row["verdict"]
+        if row["probability"] is not None:
+            line[swing] += f" {row['probability']:.3f} ({row['wrong']} of {row['laboratories']})"
+    return (
+        "error-free laboratory, place among the bats in brackets\n"
+        f"{table_text(list(tables.values()))}\n{fired}\n\n"
+        "first bat less second; probability of the other order than the field's, and laboratories "
+        f"that found it\n{table_text(list(found.values()))}"
+    )
+
+
+def _placed(row: Mapping[str, Any], rivals: Sequence[float]) -> str:
+    """Return an error-free metric with its rank among those of all bats."""
+    if row["value"] is None:
+        return "no result"
+    places = 2 if row["unit"] == "mph" else 4
+    rank = 1 + sum(other > row["value"] for other in rivals)
+    return f"{row['metric']} {row['value']:.{places}f} ({rank})"

@@ -1,0 +1,241 @@
+"""A bat's angle frame by frame, from the pictures across its edges, and how fast it recoils.
+
+Across each point of its outline a frame shows what the picture at rest shows there, shifted by as
+much as the edge has moved, and brighter or darker as lamps flicker. The shifts are those of a bat
+that turned; their scatter about it tells how surely. A bat that bends rings on besides, and the
+line through the angles passes it by only as far as the ring averages out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import inf
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.errors import InputError
+from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.video.bat.outline import (
+    Between,
+    Outline,
+    normal_pixels,
+    pixels_of,
+    shifts_of,
+)
+from virtual_lab.video.clips.calibration_file import CameraModel
+
+__all__ = ["BatAngles", "Recoil", "bat_angles", "recoil_of"]
+
+Array = NDArray[np.float64]
+
+TURNS = 6  # repetitions of a frame's fit, at most
+SETTLED = 0.002  # pixels: a step of the farthest point smaller than that ends it
+CATCH = 4.0  # pixels: an edge that moved farther is not caught
+LEAST = 12  # points that a frame must show
+CLEAR = 4.0  # pixels kept between the ball and an edge's pixels
+WILD = 4.0  # robust standard deviations of the shifts
+CAUGHT = 0.5  # of the points a frame shows, at least
+SMALL = 1e-5  # rad or m, over which a lever is told
+FEW = 3  # frames of a recoil, at least
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BatAngles:
+    """How far a bat has turned since it was at rest, (frame,); NaN where it is not seen."""
+
+    angle: Array  # from X toward Y [rad]
+    u: Array  # of a frame's own noise; the outline's, about half of it, is common to all
+    points: NDArray[np.intp]  # of its outline that a frame shows
+    shift: Array  # how far it moved across, to its left [m]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recoil:
+    """A bat that rests until it is struck and then turns at a constant rate."""
+
+    rate: Estimate  # [rad/s]
+    contact: Estimate  # when the turn began [s]
+    rest: float  # angle before [rad]
+    chi_square: float  # a degree of freedom
+    frames: int  # after contact
+
+
+def bat_angles(
+    frames: Iterable[tuple[float, NDArray[Any], tuple[float, float]]],
+    outline: Outline,
+    camera: CameraModel | None = None,
+    balls: Array | None = None,
+    *,
+    pivoted: bool = False,
+) -> BatAngles:
+    """Return a bat's angle in each frame.
+
+    Parameters
+    ----------
+    frames
+        Time [s], grey values (row, column) and the pixel (x, y) of the first of them, in order:
+        whole frames start at (0, 0), windows anywhere. Read once.
+    outline
+        The bat at rest, in axes of the plane.
+    camera
+        The one the outline was found with.
+    balls
+        What hides the bat: x, y and radius [pixels], half the blur in it; NaN: nothing,
+        (frame, 3).
+    pivoted
+        Whether it turns about the outline's pivot, as exactly as that is known: a pivot one
+        per cent nearer makes angles one per cent larger. Otherwise it may move across, too, and
+        its edges must be long in the picture.
+    """
+    found: list[tuple[float, float, int, float]] = []
+    last: tuple[float, Array] | None = None
+    rate = np.zeros(2)
+    for number, (time, grey, corner) in enumerate(frames):
+        ball = None if balls is None or not np.isfinite(balls[number]).all() else balls[number]
+        start = last[1] + rate * (time - last[0]) if last else np.zeros(2)
+        pose, u, points = _pose(grey, np.array(corner), outline, camera, ball, start, pivoted)
+        found.append((float(pose[0]), u, points, float(pose[1])))
+        if points:
+            if last and time > last[0]:
+                rate = (pose - last[1]) / (time - last[0])
+            last = (time, pose)
+    table = np.array(found, dtype=np.float64).reshape(-1, 4)
+    return BatAngles(
+        angle=table[:, 0],
+        u=table[:, 1],
+        points=table[:, 2].astype(np.intp),
+        shift=table[:, 3],
+    )
+
+
+def _pose(
+    grey: NDArray[Any],
+    corner: Array,
+    outline: Outline,
+    camera: CameraModel | None,
+    ball: Array | None,
+    start: Array,
+    pivoted: bool,
+) -> tuple[Array, float, int]:
+    """Return a frame's angle and shift, the angle's u, and how many points tell them."""
+    lost = (np.full(2, np.nan), np.nan, 0)
+    pose, between = start.copy(), None
+    size = np.array([grey.shape[1], grey.shape[0]])
+    for _ in range(TURNS):
+        places, normals = outline.turned(*pose)
+        along = normal_pixels(places, normals, camera) - corner
+        ends = along[:, [0, -1]]
+        used = np.asarray(((ends > 1) & (ends < size - 2)).all(axis=(1, 2)))
+        if ball is not None:
+            away = np.hypot(*np.moveaxis(along + corner - ball[:2], -1, 0)).min(axis=1)
+            used &= away > ball[2] + CLEAR
+        if used.sum() < LEAST:
+            return lost
+        between = between or Between.of(grey, along[used])
+        shift, weight = shifts_of(between.at(along[used]), outline, used)
+        levers = _levers(outline, pose, used, along[used, 1] - along[used, 0], camera)
+        moves = levers[:, :1] if pivoted else levers
+        if np.bincount(outline.side[used], minlength=2).min() >= LEAST:
+            # a bat that seems wider, as a brighter one does
+            moves = np.concatenate([moves, np.ones((len(moves), 1))], axis=1)
+        good = (weight > 0) & (np.abs(shift) < CATCH)
+        if good.sum() < max(LEAST, CAUGHT * used.sum()):
+            return lost
+        step, variance, good = _solve(moves, shift, weight, good)
+        count = levers.shape[1] - pivoted
+        pose[:count] += step[:count]
+        if np.abs(levers[:, :count] @ step[:count]).max() < SETTLED:
+            return pose, float(np.sqrt(variance)), int(good.sum())
+    return lost
+
+
+def _levers(
+    outline: Outline, pose: Array, used: NDArray[np.bool_], way: Array, camera: CameraModel | None
+) -> Array:
+    """Return how far edges move along their normals by angle and shift, (point, 2) [pixels]."""
+    small = np.array([SMALL, SMALL if camera else 1.0])
+    moved = []
+    for step in np.diag(small):
+        ahead, behind = (
+            pixels_of(outline.turned(*pose + sign * step)[0][used], camera) for sign in (1, -1)
+        )
+        moved.append(((ahead - behind) * way).sum(axis=1))
+    return np.asarray(np.stack(moved, axis=1) / (2 * small))
+
+
+def _solve(
+    design: Array, shift: Array, weight: Array, good: NDArray[np.bool_]
+) -> tuple[Array, float, NDArray[np.bool_]]:
+    """Return weighted least squares, the first number's variance, and the points kept."""
+    for _ in range(3):
+        root = np.sqrt(weight[good])
+        whole = design[good] * root[:, None]
+        inverse = np.linalg.inv(whole.T @ whole)
+        solved = inverse @ (whole.T @ (shift[good] * root))
+        rest = (shift - design @ solved) * np.sqrt(weight)
+        usual = 1.4826 * float(np.median(np.abs(rest[good])))
+        kept = good & (np.abs(rest) <= WILD * usual)
+        if kept.sum() < LEAST or np.array_equal(kept, good):
+            break
+        good = kept
+    variance = float((rest[good] ** 2).sum()) / (int(good.sum()) - design.shape[1])
+    return np.asarray(solved, np.float64), variance * float(inverse[0, 0]), good
+
+
+def recoil_of(
+    times: Array, found: BatAngles, contact: float, contact_u: float = inf, lasts: float = 0.0
+) -> Recoil:
+    """Return how fast a bat turns after contact: at rest until it, at a constant rate from it on.
+
+    Parameters
+    ----------
+    times
+        Of the frames, (frame,) [s].
+    found
+        The bat's angles in them.
+    contact
+        When the turn begins [s]; a push that lasts counts from its middle, by impulse.
+    contact_u
+        Standard uncertainty of it; infinite: the line after it tells, two frames before it at
+        least.
+    lasts
+        Frames so near to the contact belong to neither side [s].
+
+    Raises
+    ------
+    InputError
+        Fewer than three frames show the bat after contact, or none before it.
+    """
+    seen = np.isfinite(found.angle) & (np.abs(times - contact) > lasts)
+    after, before = seen & (times > contact), seen & (times < contact)
+    for name, some, least in (("after", after, FEW), ("before", before, 1)):
+        if some.sum() < least:
+            allowed = f"at least {least} must show the bat"
+            raise InputError("", f"frames {name} contact", int(some.sum()), allowed)
+    t, angle, u = times[seen] - contact, found.angle[seen], found.u[seen]
+    late = after[seen]
+    # rest, rate, and rate times how late the turn began
+    design = np.stack([np.ones_like(t), np.where(late, t, 0.0), np.where(late, -1.0, 0.0)], axis=1)
+    whole, right = design / u[:, None], angle / u
+    rate = float(np.linalg.lstsq(whole, right, rcond=None)[0][1])
+    if np.isfinite(contact_u):
+        prior = np.array([[0.0, 0.0, 1 / max(abs(rate) * contact_u, 1e-12)]])
+        whole, right = np.concatenate([whole, prior]), np.append(right, 0.0)
+    covariance = np.linalg.inv(whole.T @ whole)
+    solved = covariance @ (whole.T @ right)
+    free = len(right) - 3
+    chi = float(((right - whole @ solved) ** 2).sum()) / free if free > 0 else 1.0
+    covariance = covariance * max(chi, 1.0)
+    rest, rate, late_by = map(float, solved)
+    slope = np.array([-late_by / rate**2, 1 / rate])
+    late_u = float(np.sqrt(slope @ covariance[1:, 1:] @ slope))
+    return Recoil(
+        rate=Estimate(value=rate, u=float(np.sqrt(covariance[1, 1])), evaluation="A"),
+        contact=Estimate(value=float(contact) + late_by / rate, u=late_u, evaluation="A"),
+        rest=rest,
+        chi_square=chi,
+        frames=int(late.sum()),
+    )

@@ -1,0 +1,123 @@
+"""The bat in a clip through which a ball was followed: its angle by frame and its recoil."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.errors import InputError
+from virtual_lab.video.bat.angles import BatAngles, Recoil, bat_angles, recoil_of
+from virtual_lab.video.bat.outline import Outline, find_outline
+from virtual_lab.video.clips.calibration_file import ClipCalibration
+from virtual_lab.video.track.tracking import Tracked
+
+__all__ = ["BatFound", "BatSeen", "bat_document", "find_bat", "recoil_in"]
+
+Array = NDArray[np.float64]
+
+LASTS = 1e-3  # s about the contact: the bat is being pushed
+MARGIN = 8.0  # pixels about the ball that tell nothing of what is behind it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BatFound:
+    """A bat in a clip; arrays over all its frames."""
+
+    times: Array  # (frame,) [s]
+    outline: Outline  # at rest
+    angles: BatAngles
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BatSeen:
+    """A bat through a clip; arrays over all its frames."""
+
+    times: Array  # (frame,) [s]
+    angles: BatAngles
+    recoil: Recoil
+
+
+def find_bat(tracked: Tracked, calibration: ClipCalibration) -> BatFound | None:
+    """Return the bat that [bat] in a clip's calibration speaks of, None without.
+
+    Raises
+    ------
+    InputError
+        No bat where it should be.
+    """
+    place, camera = calibration.bat, calibration.camera
+    if place is None or camera is None:
+        return None
+    contact = tracked.legs.flight_in.time
+    times, balls = tracked.clip.times, _balls(tracked)
+    rest = _at_rest(tracked, times < contact - max(LASTS, tracked.exposure), balls)
+    outline = find_outline(rest, place.pivot_m, place.toward_m, place.widest_m, camera)
+
+    def frames() -> Iterator[tuple[float, NDArray[Any], tuple[float, float]]]:
+        for time, frame in zip(times, tracked.clip.frames(), strict=True):
+            yield float(time), frame, (0.0, 0.0)
+
+    angles = bat_angles(frames(), outline, camera, balls, pivoted=place.pivoted)
+    return BatFound(times=times, outline=outline, angles=angles)
+
+
+def recoil_in(tracked: Tracked, bat: BatFound) -> BatSeen:
+    """Return how a bat in a clip recoils from the ball.
+
+    Raises
+    ------
+    InputError
+        No contact in the clip, too few frames that show the bat.
+    """
+    if tracked.legs.flight_out is None:
+        where = str(tracked.clip.source.path)
+        raise InputError(where, "bat", None, "the ball is not seen to leave it: no recoil to read")
+    contact = tracked.legs.flight_in.time
+    return BatSeen(
+        times=bat.times,
+        angles=bat.angles,
+        recoil=recoil_of(bat.times, bat.angles, contact, lasts=LASTS),
+    )
+
+
+def bat_document(found: BatSeen) -> dict[str, Any]:
+    """Return it as JSON has it."""
+    recoil = found.recoil
+    return {
+        "rate_rad_per_s": {"value": recoil.rate.value, "u": recoil.rate.u},
+        "turn_began_s": {"value": recoil.contact.value, "u": recoil.contact.u},
+        "chi_square": recoil.chi_square,
+        "frames": {"seen": int((found.angles.points > 0).sum()), "after": recoil.frames},
+    }
+
+
+def _balls(tracked: Tracked) -> Array:
+    """Return the ball's place and reach in every frame of a clip, (frame, 3) [pixels]."""
+    located = tracked.located
+    reach = located.radius + np.hypot(located.blur_x, located.blur_y) / 2 + 1
+    balls = np.full((tracked.clip.count, 3), np.nan)
+    balls[tracked.frames] = np.stack([located.x, located.y, reach], axis=1)
+    return balls
+
+
+def _at_rest(tracked: Tracked, before: NDArray[np.bool_], balls: Array) -> NDArray[np.float32]:
+    """Return the mean of the frames before contact, the ball left out."""
+    rows, columns = tracked.clip.shape
+    total, count = np.zeros((rows, columns)), np.zeros((rows, columns), np.int32)
+    for number, frame in tracked.clip.chosen(np.flatnonzero(before)):
+        free = np.ones((rows, columns), bool)
+        x, y, reach = balls[number]
+        if np.isfinite(reach):
+            far = reach + MARGIN
+            top, left = max(0, int(y - far)), max(0, int(x - far))
+            part = np.s_[top : int(y + far) + 2, left : int(x + far) + 2]
+            row, column = np.ogrid[:rows, :columns]
+            free[part] = np.hypot(column[:, part[1]] - x, row[part[0]] - y) > far
+        total += np.where(free, frame, 0)
+        count += free
+    mean = total / np.maximum(count, 1)
+    return np.where(count > 0, mean, tracked.background).astype(np.float32)

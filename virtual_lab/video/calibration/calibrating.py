@@ -1,0 +1,263 @@
+"""A camera calibrated with pictures of a board: lens, pose, the scale in a plane, each with its u.
+
+In one of the pictures, the plane view, the board lies in the plane that lengths are measured in,
+or parallel to it. Axes are the board's there: from its middle, X along the line of the board that
+is nearest to the picture's right, Y down, Z away from the camera. What was found of the corners
+has one covariance for lens and pose together, for they are wrong together: a focal length that is
+too long with a camera that is too high leaves the scale as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.errors import InputError
+from virtual_lab.relations.board import Board
+from virtual_lab.units import DEGREE
+from virtual_lab.video.calibration.board_finding import Seen, find_board
+from virtual_lab.video.calibration.camera_fit import Solved, solve
+from virtual_lab.video.calibration.plane import on_plane
+from virtual_lab.video.clips.calibration_file import CameraFit, CameraModel
+
+__all__ = ["Calibrated", "Plan", "calibrate", "lengths_of"]
+
+Array = NDArray[np.float64]
+
+VIEWS = 3  # with a board, at least
+MANY = 6  # of them leave little to chance
+ASKEW = 8 * DEGREE  # between two views at least: parallel boards do not tell the focal length
+VAGUE = 0.02  # relative u of the focal length: more is no calibration
+ROUGH, POOR = 0.3, 1.5  # pixels rms: a warning, no calibration
+OFF = 3.0  # times the median of the views' rms: a view that does not fit
+COVERED = 0.4  # of the picture, within the outermost corners
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """What is known of the board and of the plane."""
+
+    board: Board
+    square_u: float = 0.0  # of every square's side alike [m]
+    height: float = 0.0  # of the ball's plane over the plane view's board, toward the camera [m]
+    height_u: float = 0.0  # [m]
+    plane: str | None = None  # name of the plane view; the first picture with a board
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibrated:
+    """A calibrated camera and what speaks for it."""
+
+    model: CameraModel
+    solved: Solved
+    views: tuple[str, ...]  # pictures that show the board
+    plane: int  # which of them is the plane view
+    length_u: Array  # relative, of lengths across and down the middle of the plane, (2,)
+    warnings: tuple[str, ...]
+
+
+def calibrate(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -> Calibrated:
+    """Return the camera that took some pictures.
+
+    Parameters
+    ----------
+    pictures
+        Name and grey values (row, column) of each, all of one camera; read once.
+    plan
+        What is known of the board and of the plane.
+
+    Raises
+    ------
+    InputError
+        Pictures of several sizes, fewer than three with a board, none in the plane view, boards
+        all parallel, residuals that no lens leaves.
+    """
+    names, seen, without, size = _found(pictures, plan.board)
+    plane = _plane_view(names, without, plan)
+    if len(seen) < VIEWS:
+        many = f"{plan.board.columns}x{plan.board.rows} squares, not inner corners"
+        allowed = f"at least {VIEWS} must show the board (is it {many}?)"
+        raise InputError("", "pictures with a board", len(seen), allowed)
+    solved = solve(plan.board.corners(), seen, size, plane)
+    _require_sound(solved)
+    rotation, translation = _turned(solved.rotations[plane], solved.translations[plane])
+    model = _model(solved, size, rotation, translation, plan)
+    shares = _length_u(solved, model)
+    relative = float(np.hypot(shares.max(), plan.square_u / plan.board.square))
+    return Calibrated(
+        model=replace(model, relative_scale_u=relative),
+        solved=solved,
+        views=names,
+        plane=plane,
+        length_u=shares,
+        warnings=_warnings(solved, seen, names, without, size, plan),
+    )
+
+
+def lengths_of(model: CameraModel) -> Array:
+    """Return the lengths in the plane that half the picture's width and height show, (2,) [m]."""
+    wide, high = model.image_size
+    middle = np.array([(wide - 1) / 2, (high - 1) / 2])
+    reach = np.array([[wide / 4, 0.0], [0.0, high / 4]])
+    ends = on_plane(np.concatenate([middle - reach, middle + reach]), model, None)
+    return np.asarray(np.hypot(*(ends[2:] - ends[:2]).T))
+
+
+def _found(
+    pictures: Iterable[tuple[str, NDArray[Any]]], board: Board
+) -> tuple[tuple[str, ...], list[Seen], tuple[str, ...], tuple[int, int]]:
+    """Return the pictures with a board, their corners, those without, and width and height."""
+    names: list[str] = []
+    seen: list[Seen] = []
+    without: list[str] = []
+    size: tuple[int, int] | None = None
+    for name, picture in pictures:
+        own = (picture.shape[1], picture.shape[0])
+        size = size or own
+        if own != size:
+            allowed = f"the first is {size[0]} x {size[1]}: all must be one camera's"
+            raise InputError(name, "size", f"{own[0]} x {own[1]}", allowed)
+        found = find_board(picture, board)
+        if found is None:
+            without.append(name)
+        else:
+            names.append(name)
+            seen.append(found)
+    if size is None:
+        raise InputError("", "pictures", 0, f"at least {VIEWS} of a board")
+    return tuple(names), seen, tuple(without), size
+
+
+def _plane_view(names: tuple[str, ...], without: tuple[str, ...], plan: Plan) -> int:
+    if plan.plane is None:
+        return 0
+    for number, name in enumerate(names):
+        if plan.plane in (name, Path(name).name):
+            return number
+    if any(plan.plane in (name, Path(name).name) for name in without):
+        raise InputError(plan.plane, "plane view", None, "no board was found in it")
+    raise InputError("", "--plane", plan.plane, f"allowed: {', '.join(names + without)}")
+
+
+def _require_sound(solved: Solved) -> None:
+    normals = solved.rotations[:, :, 2]
+    apart = float(np.arccos(np.clip(np.abs(normals @ normals.T), 0, 1)).max())
+    if apart < ASKEW:
+        allowed = f"hold it askew in some, by {ASKEW / DEGREE:g} deg at least, better 30"
+        raise InputError("", "angle between boards", f"{apart / DEGREE:.2g} deg", allowed)
+    if solved.rms > POOR:
+        allowed = f"less than {POOR:g} (another board, or pictures of several cameras?)"
+        raise InputError("", "residuals, pixels", f"{solved.rms:.2g}", allowed)
+    vague = float((solved.u[:2] / solved.values[:2]).max())
+    if not vague < VAGUE:
+        allowed = f"less than {VAGUE:g}: more pictures, more askew"
+        raise InputError("", "relative u of the focal length", f"{vague:.2g}", allowed)
+
+
+def _turned(rotation: Array, translation: Array) -> tuple[Array, Array]:
+    """Return a pose by axes as the module has them: quarter turns of the board's own."""
+    facing = np.diag([1.0, np.sign(rotation[2, 2]), np.sign(rotation[2, 2])])
+    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    turns = [rotation @ facing @ np.linalg.matrix_power(quarter, n) for n in range(4)]
+    return max(turns, key=lambda each: float(each[0, 0])), translation
+
+
+def _model(
+    solved: Solved, size: tuple[int, int], rotation: Array, translation: Array, plan: Plan
+) -> CameraModel:
+    import cv2
+
+    fx, fy, cx, cy = map(float, solved.values[:4])
+    u = list(map(float, solved.u))
+    bent = len(solved.distortion)
+    turn = tuple(map(float, cv2.Rodrigues(rotation)[0].ravel()))
+    fit = CameraFit(
+        board=plan.board.source,
+        views=len(solved.rotations),
+        corners=len(solved.residuals),
+        rms_px=solved.rms,
+        focal_u_px=(u[0], u[1]),
+        centre_u_px=(u[2], u[3]),
+        distortion_u=(*u[4 : 4 + bent], *[0.0] * (5 - bent)),
+        rotation_u=(u[-6], u[-5], u[-4]),
+        translation_u_m=(u[-3], u[-2], u[-1]),
+    )
+    return CameraModel(
+        image_size=size,
+        matrix=((fx, 0.0, cx), (0.0, fy, cy), (0.0, 0.0, 1.0)),
+        distortion=(*map(float, solved.distortion), *[0.0] * (5 - bent)),
+        rotation=(turn[0], turn[1], turn[2]),
+        translation_m=(float(translation[0]), float(translation[1]), float(translation[2])),
+        plane_height_m=0.0 - plan.height,  # never -0.0
+        plane_height_u_m=plan.height_u,
+        fit=fit,
+    )
+
+
+def _length_u(solved: Solved, model: CameraModel) -> Array:
+    """Return the relative u of `lengths_of`, from the covariance of lens and pose."""
+    import cv2
+
+    rotation = cv2.Rodrigues(np.array(model.rotation))[0]
+
+    def logs(step: Array) -> Array:
+        values = solved.values + step[: len(solved.values)]
+        fx, fy, cx, cy = map(float, values[:4])
+        bent = (*map(float, values[4:]), *[0.0] * (9 - len(values)))
+        turn = cv2.Rodrigues(step[-6:-3])[0] @ rotation
+        x, y, z = map(float, np.array(model.translation_m) + step[-3:])
+        vector = cv2.Rodrigues(turn)[0].ravel()
+        moved = replace(
+            model,
+            matrix=((fx, 0.0, cx), (0.0, fy, cy), (0.0, 0.0, 1.0)),
+            distortion=bent,
+            rotation=(float(vector[0]), float(vector[1]), float(vector[2])),
+            translation_m=(x, y, z),
+        )
+        return np.log(lengths_of(moved))
+
+    steps = np.diag(solved.u)
+    slopes = np.array([(logs(each) - logs(-each)) / 2 for each in steps]) / solved.u[:, None]
+    return np.asarray(np.sqrt(np.einsum("il,ij,jl->l", slopes, solved.covariance, slopes)))
+
+
+def _warnings(
+    solved: Solved,
+    seen: list[Seen],
+    names: tuple[str, ...],
+    without: tuple[str, ...],
+    size: tuple[int, int],
+    plan: Plan,
+) -> tuple[str, ...]:
+    import cv2
+
+    found = []
+    if without:
+        found.append(f"no board was found in {', '.join(without)}")
+    if len(seen) < MANY:
+        found.append(f"only {len(seen)} pictures show the board: {MANY} or more are better")
+    if solved.rms > ROUGH:
+        found.append(f"residuals of {solved.rms:.2g} pixels are large: is the board flat?")
+    usual = float(np.median(solved.view_rms))
+    for name, rms, lost in zip(names, solved.view_rms, solved.left_out, strict=True):
+        if rms > OFF * usual:
+            found.append(f"{name} does not fit the others: residuals of {rms:.2g} pixels")
+        if lost:
+            found.append(f"{name}: corners far off were left out, {lost} of them")
+    hull = cv2.convexHull(np.concatenate([each.places for each in seen]).astype(np.float32))
+    share = cv2.contourArea(hull) / (size[0] * size[1])
+    if share < COVERED:
+        found.append(
+            f"the boards reach over {100 * share:.0f} % of the picture: beyond them the lens's "
+            "distortion is not known"
+        )
+    if plan.square_u == 0:
+        found.append("the squares' side is taken as exact: say how sure it is with --square-u")
+    if plan.height_u == 0:
+        found.append("the ball's plane is taken as exactly known: see --height-u")
+    return tuple(found)

@@ -1,0 +1,169 @@
+"""Lens and poses fitted to a board's corners by OpenCV, and their joint covariance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.errors import InputError
+from virtual_lab.video.calibration.board_finding import Seen
+
+__all__ = ["Solved", "solve"]
+
+Array = NDArray[np.float64]
+
+SURE = 3.0  # standard uncertainties: a sixth power of the radius smaller than that is left out
+WILD = 6.0  # robust standard deviations: corners farther off are left out
+ROUNDS = 8  # of leaving out
+LEAST = 6  # corners of a view
+POSE = 6  # numbers a view
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Solved:
+    """What fits all views; values are fx, fy, cx, cy, k1, k2, p1, p2 and, where it shows, k3."""
+
+    values: Array
+    rotations: Array  # (view, 3, 3) from the board's axes to the camera's
+    translations: Array  # (view, 3) [m]
+    covariance: Array  # of values, then turn [rad] and shift [m] of the plane view's pose
+    view: NDArray[np.intp]  # of each corner
+    places: Array  # (corner, 2) [pixels]
+    residuals: Array  # (corner, 2) [pixels]
+    left_out: NDArray[np.intp]  # corners, (view,)
+
+    @property
+    def distortion(self) -> Array:
+        """OpenCV's coefficients, four or five."""
+        return self.values[4:]
+
+    @property
+    def u(self) -> Array:
+        """Standard uncertainties of what the covariance is of."""
+        return np.asarray(np.sqrt(np.diagonal(self.covariance)))
+
+    @property
+    def rms(self) -> float:
+        """Of the residuals, each way [pixels]."""
+        return float(np.sqrt(np.mean(self.residuals**2)))
+
+    @property
+    def view_rms(self) -> Array:
+        """Of each view's residuals, each way [pixels]."""
+        squares = (self.residuals**2).mean(axis=1)
+        return np.asarray(np.sqrt(np.bincount(self.view, squares) / np.bincount(self.view)))
+
+
+def solve(corners: Array, seen: list[Seen], size: tuple[int, int], plane: int) -> Solved:
+    """Return lens and poses.
+
+    Parameters
+    ----------
+    corners
+        All of the board's, (corner, 3) [m].
+    seen
+        Which of them were seen, and where, view by view.
+    size
+        Width and height of the pictures.
+    plane
+        View whose pose is in the covariance.
+
+    Raises
+    ------
+    InputError
+        OpenCV finds no camera for them.
+    """
+    count = np.array([len(each.ids) for each in seen])
+    whole = _fit(corners, seen, size, plane)
+    for _ in range(ROUNDS):
+        off = np.hypot(*whole.residuals.T)
+        usual = 1.4826 / 1.177 * float(np.median(off))  # Rayleigh's median
+        # one wild corner bends the lens for others: the worst leave first
+        wild = off > max(WILD * usual, 0.5 * float(off.max()))
+        if not wild.any():
+            break
+        kept = np.split(~wild, np.cumsum([len(each.ids) for each in seen])[:-1])
+        seen = [
+            Seen(ids=each.ids[good], places=each.places[good], u=each.u[good])
+            for each, good in zip(seen, kept, strict=True)
+        ]
+        if min(len(each.ids) for each in seen) < LEAST:
+            why = "one of the pictures fits no lens that fits the others"
+            raise InputError("", "camera", None, why)
+        whole = _fit(corners, seen, size, plane)
+    return replace(whole, left_out=count - np.array([len(each.ids) for each in seen]))
+
+
+def _fit(corners: Array, seen: list[Seen], size: tuple[int, int], plane: int) -> Solved:
+    full = _fit_with(corners, seen, size, plane, bent=5)
+    if abs(full.values[8]) > SURE * full.u[8]:
+        return full
+    return _fit_with(corners, seen, size, plane, bent=4)
+
+
+def _fit_with(
+    corners: Array, seen: list[Seen], size: tuple[int, int], plane: int, bent: int
+) -> Solved:
+    import cv2
+
+    flags = cv2.CALIB_FIX_K3 if bent == 4 else 0
+    known = [corners[each.ids] for each in seen]
+    try:
+        _, matrix, distortion, turns, shifts = cv2.calibrateCamera(
+            [each.astype(np.float32) for each in known],
+            [each.places.astype(np.float32) for each in seen],
+            size,
+            np.eye(3),
+            np.zeros(5),
+            flags=flags,
+            criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-12),
+        )
+    except cv2.error as fault:
+        why = "OpenCV finds none that fits: are the views all alike, or of another board?"
+        raise InputError("", "camera", None, why) from fault
+    design, rest = [], []
+    for view, (points, each) in enumerate(zip(known, seen, strict=True)):
+        drawn, slopes = cv2.projectPoints(points, turns[view], shifts[view], matrix, distortion)
+        slopes = _local(np.asarray(slopes, np.float64), np.asarray(turns[view], np.float64))
+        row = np.zeros((len(slopes), 4 + bent + POSE * len(seen)))
+        row[:, : 4 + bent] = slopes[:, POSE : POSE + 4 + bent]
+        start = 4 + bent + POSE * view
+        row[:, start : start + POSE] = slopes[:, :POSE]
+        design.append(row)
+        rest.append(each.places - drawn.reshape(-1, 2))
+    residuals = np.concatenate(rest)
+    whole = np.concatenate(design)
+    scale = np.linalg.norm(whole, axis=0)
+    free = max(residuals.size - whole.shape[1], 1)
+    normal = whole / scale
+    inverse = np.linalg.pinv(normal.T @ normal, hermitian=True) / np.outer(scale, scale)
+    first = 4 + bent + POSE * plane
+    kept = np.r_[: 4 + bent, first : first + POSE]
+    return Solved(
+        values=np.concatenate(
+            [matrix[[0, 1, 0, 1], [0, 1, 2, 2]], np.asarray(distortion).ravel()[:bent]]
+        ),
+        rotations=np.stack([cv2.Rodrigues(turn)[0] for turn in turns]),
+        translations=np.stack([np.asarray(shift).ravel() for shift in shifts]),
+        covariance=inverse[np.ix_(kept, kept)] * float((residuals**2).sum()) / free,
+        view=np.repeat(np.arange(len(seen)), [len(each.ids) for each in seen]),
+        places=np.concatenate([each.places for each in seen]),
+        residuals=residuals,
+        left_out=np.zeros(len(seen), np.intp),
+    )
+
+
+def _local(slopes: Array, turn: Array) -> Array:
+    """Return slopes by a small turn after the pose's own, in place of those by its vector."""
+    import cv2
+
+    rotation, by_vector = cv2.Rodrigues(turn)
+    # rows: the vector's three numbers; columns: the matrix's nine, row by row
+    change = np.asarray(by_vector).reshape(3, 3, 3) @ rotation.T
+    local = np.stack([change[:, 2, 1], change[:, 0, 2], change[:, 1, 0]], axis=1)  # (3, axis)
+    out = slopes.copy()
+    # d/dvector = local @ d/dturn
+    out[:, :3] = np.linalg.solve(local, slopes[:, :3].T).T
+    return np.asarray(out)

@@ -1,0 +1,147 @@
+"""From pixels to metres in the plane the ball moves in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.errors import InputError
+from virtual_lab.video.clips.calibration_file import CameraModel, ClipCalibration
+from virtual_lab.video.locate.located import Located
+
+__all__ = ["RIM", "Plane", "distance_of", "on_plane", "plane_of", "relative_u_of"]
+
+Array = NDArray[np.float64]
+
+RADIUS_U = 0.05  # pixels, of a plain ball's radius: the model of its edge
+RIM = 3.0  # a pattern's effect on the radius over that on the place: rims are darker all round
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plane:
+    """What a picture measures."""
+
+    places: Array  # (frame, 2) [m]
+    metres_per_pixel: float  # at the ball's middle place
+    relative_u: float  # standard uncertainty of every length
+    source: str  # what sets the scale
+    sizes: Array  # how large a ball in the plane looks in each frame, by its place, (frame,)
+    sense: float = 1.0  # -1 where Y runs up the picture and X to its right
+
+
+def plane_of(found: Located, calibration: ClipCalibration, where: str) -> Plane:
+    """Return a ball's places in metres.
+
+    A calibrated camera goes before metres_per_pixel, that before the ball's diameter.
+    """
+    pixels = np.stack([found.x, found.y], axis=1)
+    if calibration.camera:
+        places = on_plane(pixels, calibration.camera, calibration.ball_diameter_m)
+        middle = np.nanmedian(pixels, axis=0)
+        around = middle + np.array([[-0.5, 0.0], [0.5, 0.0], [0.0, -0.5], [0.0, 0.5]])
+        left, right, up, down = on_plane(around, calibration.camera, None)
+        stretch = float(np.linalg.det([right - left, down - up]))
+        scale = float(np.sqrt(abs(stretch)))
+        return Plane(
+            places=places,
+            metres_per_pixel=scale,
+            relative_u=relative_u_of(calibration.camera),
+            source="camera",
+            sizes=_sizes(pixels, places, calibration.camera),
+            sense=float(np.sign(stretch)),
+        )
+    alike = np.ones(len(pixels))
+    if calibration.metres_per_pixel:
+        scale = calibration.metres_per_pixel
+        return Plane(
+            places=pixels * scale,
+            metres_per_pixel=scale,
+            relative_u=calibration.metres_per_pixel_u / scale,
+            source="file",
+            sizes=alike,
+        )
+    diameter = calibration.ball_diameter_m
+    whole = found.flags == 0
+    if diameter is None or not whole.any():
+        allowed = "no frame shows the whole ball well, and nothing else sets the scale"
+        raise InputError(where, "scale", None, allowed)
+    radius = float(np.median(found.radius[whole]))
+    pattern = 0.0 if found.pattern_u is None else float(np.median(found.pattern_u[whole]))
+    scale = diameter / (2 * radius)
+    radius_u = np.hypot(RADIUS_U, RIM * pattern)
+    relative = float(np.hypot(calibration.ball_diameter_m_u / diameter, radius_u / radius))
+    return Plane(
+        places=pixels * scale,
+        metres_per_pixel=scale,
+        relative_u=relative,
+        source="ball",
+        sizes=alike,
+    )
+
+
+def distance_of(camera: CameraModel) -> float:
+    """Return how far the camera is from the ball's plane [m]."""
+    import cv2
+
+    rotation = cv2.Rodrigues(np.array(camera.rotation))[0]
+    eye = -rotation.T @ np.array(camera.translation_m)
+    return abs(float(eye[2]) - camera.plane_height_m)
+
+
+def relative_u_of(camera: CameraModel) -> float:
+    """Return the relative u of lengths in the ball's plane: its height's share of the distance."""
+    return float(np.hypot(camera.relative_scale_u, camera.plane_height_u_m / distance_of(camera)))
+
+
+def on_plane(pixels: Array, camera: CameraModel, diameter: float | None) -> Array:
+    """Return where the rays of pixels meet the ball's plane, (n, 2) [m].
+
+    A sphere's picture is an ellipse whose centre lies farther out than the centre's own picture,
+    by 1 / (1 - r²/Z²): with the diameter known this is undone.
+    """
+    import cv2
+
+    rays = _rays(pixels, camera)
+    rotation = cv2.Rodrigues(np.array(camera.rotation))[0]
+    shift = np.array(camera.translation_m)
+    eye = -rotation.T @ shift
+    if diameter:
+        depth = float((rotation @ [0, 0, camera.plane_height_m] + shift)[2])
+        rays[:, :2] *= 1 - (diameter / 2 / depth) ** 2
+    world = rays @ rotation
+    reach = (camera.plane_height_m - eye[2]) / world[:, 2]
+    return np.asarray((eye + reach[:, None] * world)[:, :2])
+
+
+def _rays(pixels: Array, camera: CameraModel) -> Array:
+    """Return the directions of pixels in axes of the camera, (n, 3), 1 along its own."""
+    import cv2
+
+    matrix, distortion = np.array(camera.matrix), np.array(camera.distortion)
+    good = np.isfinite(pixels).all(axis=1)
+    rays = np.full((len(pixels), 3), np.nan)
+    undistorted = cv2.undistortPoints(pixels[good].reshape(-1, 1, 2), matrix, distortion)
+    rays[good] = np.concatenate([undistorted[:, 0], np.ones((int(good.sum()), 1))], axis=1)
+    return rays
+
+
+def _sizes(pixels: Array, places: Array, camera: CameraModel) -> Array:
+    """Return how large a small sphere in the plane looks at pixels, relative to the median.
+
+    Its radius is r / (D cos^1.5 b √J) for a sphere at the distance D, seen at b off the axis,
+    where a pixel covers J of the plane z = 1: wider off the axis, and as the lens bends.
+    """
+    import cv2
+
+    rotation = cv2.Rodrigues(np.array(camera.rotation))[0]
+    eye = -rotation.T @ np.array(camera.translation_m)
+    height = np.full(len(places), camera.plane_height_m)
+    far = np.linalg.norm(np.column_stack([places, height]) - eye, axis=1)
+    half = np.array([[0.5, 0.0], [0.0, 0.5]])
+    across, down = ((_rays(pixels + h, camera) - _rays(pixels - h, camera))[:, :2] for h in half)
+    covered = np.abs(across[:, 0] * down[:, 1] - across[:, 1] * down[:, 0])
+    off = np.linalg.norm(_rays(pixels, camera), axis=1)  # 1 / cos b
+    size = off**1.5 / (far * np.sqrt(covered))
+    return np.asarray(size / np.nanmedian(size))

@@ -1,0 +1,120 @@
+"""What a user knows of a clip's camera, from a TOML file: scale, frame rate, exposure, ball."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated
+
+from annotated_types import Ge, Gt, Len
+
+from virtual_lab.catalog.specs import Spec
+from virtual_lab.catalog.validation import validate
+from virtual_lab.errors import InputError
+from virtual_lab.files import read_toml
+
+__all__ = ["BatPlace", "CameraFit", "CameraModel", "ClipCalibration", "read_calibration"]
+
+Positive = Annotated[float, Gt(0)]
+Uncertainty = Annotated[float, Ge(0)]
+Pair = tuple[float, float]
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraFit(Spec):
+    """How a camera was calibrated; standard uncertainties of each number on its own."""
+
+    board: str
+    views: Annotated[int, Gt(0)]
+    corners: Annotated[int, Gt(0)]
+    rms_px: Uncertainty  # of the residuals, each way
+    focal_u_px: tuple[Uncertainty, Uncertainty]
+    centre_u_px: tuple[Uncertainty, Uncertainty]
+    distortion_u: Annotated[tuple[Uncertainty, ...], Len(4, 14)]
+    rotation_u: tuple[Uncertainty, Uncertainty, Uncertainty]  # about the camera's axes [rad]
+    translation_u_m: tuple[Uncertainty, Uncertainty, Uncertainty]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraModel(Spec):
+    """A calibrated camera, OpenCV's convention; the ball moves in the plane Z = plane_height_m."""
+
+    image_size: tuple[Annotated[int, Gt(0)], Annotated[int, Gt(0)]]  # width, height [pixels]
+    matrix: tuple[Triple, Triple, Triple]
+    distortion: Annotated[tuple[float, ...], Len(4, 14)]
+    rotation: Triple  # Rodrigues vector, world to camera [rad]
+    translation_m: Triple
+    plane_height_m: float = 0.0
+    plane_height_u_m: Uncertainty = 0.0
+    relative_scale_u: Uncertainty = 0.0  # of every length in the plane, were its height exact
+    fit: CameraFit | None = None
+
+    def __post_init__(self) -> None:
+        if len(self.distortion) not in {4, 5, 8, 12, 14}:
+            raise ValueError(
+                f"distortion has 4, 5, 8, 12 or 14 numbers, not {len(self.distortion)}"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BatPlace(Spec):
+    """Where a bat stands at rest, in axes of the camera's plane [m]."""
+
+    pivot_m: Pair  # what it turns about, roughly; it may lie out of the picture
+    toward_m: Pair  # another point of its axis, to a third of its width
+    widest_m: Positive  # more than half its greatest width, less than to the next thing
+    pivoted: bool = False  # whether it turns about pivot_m exactly
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClipCalibration(Spec):
+    """Keys of the file, SI; a key with _u is the standard uncertainty of the one without."""
+
+    metres_per_pixel: Positive | None = None  # in the plane the ball moves in
+    metres_per_pixel_u: Uncertainty = 0.0
+    frames_per_second: Positive | None = None
+    frames_per_second_u: Uncertainty = 0.0
+    exposure_s: Annotated[float, Ge(0)] | None = None  # absent: read off the ball's blur
+    ball_diameter_m: Positive | None = None
+    ball_diameter_m_u: Uncertainty = 0.0
+    timestamps: str | None = None  # CSV beside this file: seconds, one a frame
+    drag_per_m: Annotated[float, Ge(0)] = 0.0  # κ of dv/dx = -κ v
+    drag_per_m_u: Uncertainty = 0.0
+    gravity_mps2: Pair = (0.0, 0.0)  # along the image's x and y, or the camera's plane's [m/s²]
+    camera: CameraModel | None = None  # instead of metres_per_pixel
+    bat: BatPlace | None = None  # whose recoil is wanted, too
+
+    def __post_init__(self) -> None:
+        if self.camera and self.metres_per_pixel:
+            raise ValueError("metres_per_pixel and [camera] both set the scale: give one")
+        if self.bat and not self.camera:
+            raise ValueError("[bat] is in metres of the plane of [camera]: give that, too")
+        if self.timestamps is not None and self.frames_per_second_u:
+            raise ValueError("frames_per_second_u says nothing where timestamps are given")
+        step = 1 / self.frames_per_second if self.frames_per_second else None
+        if step and self.exposure_s and self.exposure_s > step * (1 + 1e-9):
+            raise ValueError(f"exposure_s is longer than a frame, {step:.4g} s")
+
+
+def read_calibration(path: Path | None, *, ball_diameter: float | None = None) -> ClipCalibration:
+    """Return the calibration in a file, `path` None: of an unknown camera.
+
+    Parameters
+    ----------
+    path
+        TOML file; a relative name of `timestamps` counts from its folder.
+    ball_diameter
+        Diameter [m] that replaces the file's, with no uncertainty of its own.
+    """
+    found = ClipCalibration()
+    if path:
+        found = validate(read_toml(path), str(path), ClipCalibration)
+        if found.timestamps is not None:
+            found = replace(found, timestamps=str(path.parent / found.timestamps))
+    if ball_diameter is not None and ball_diameter != found.ball_diameter_m:
+        found = replace(found, ball_diameter_m=ball_diameter, ball_diameter_m_u=0.0)
+    if not (found.metres_per_pixel or found.camera or found.ball_diameter_m):
+        allowed = "give metres_per_pixel, [camera] or the ball's diameter"
+        raise InputError(str(path or ""), "scale", None, f"no length is known: {allowed}")
+    return found

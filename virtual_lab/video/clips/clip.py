@@ -1,0 +1,102 @@
+"""A clip opened: read through once, its frames counted, timed and sampled for the background."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.errors import InputError
+from virtual_lab.video.clips.calibration_file import ClipCalibration
+from virtual_lab.video.clips.reading import Frame, Source, open_source
+from virtual_lab.video.clips.timing import frame_times
+
+__all__ = ["Clip", "open_clip"]
+
+SAMPLES = 32  # frames kept to learn the background from
+KEPT = 512e6  # B: a shorter clip is decoded once and stays in memory
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Clip:
+    """Frames, of a long clip read anew whenever they are asked for; what one look at all told."""
+
+    source: Source
+    times: NDArray[np.float64]  # (frame,) [s]
+    shape: tuple[int, int]  # rows, columns
+    full_scale: float  # greatest grey value its bits can hold [DN]
+    samples: Frame  # (sample, row, column)
+    sampled: NDArray[np.intp]  # frames the samples are
+    warnings: tuple[str, ...]
+
+    @property
+    def count(self) -> int:
+        """How many frames there are."""
+        return len(self.times)
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield every frame."""
+        for frame, _ in self.source.frames():
+            yield frame
+
+    def chosen(self, wanted: NDArray[np.intp]) -> Iterator[tuple[int, Frame]]:
+        """Yield the frames of some numbers, in order, and read no further than the last."""
+        left = set(map(int, wanted))
+        if not left:
+            return
+        last = max(left)
+        for number, frame in enumerate(self.frames()):
+            if number in left:
+                yield number, frame
+            if number == last:
+                return
+
+
+def open_clip(path: Path, calibration: ClipCalibration) -> Clip:
+    """Return a clip after reading it once.
+
+    Raises
+    ------
+    InputError
+        No clip, a file cut short, no frames, frames of several sizes, time stamps that do not
+        fit, or frames of another size than the calibrated camera's.
+    """
+    source = open_source(path)
+    every = max(1, -(-source.declared // SAMPLES))
+    stamps: list[float] = []
+    samples: list[Frame] = []
+    kept: list[tuple[Frame, float]] = []
+    brightest = 0
+    for number, (frame, stamp) in enumerate(source.frames()):
+        if number == 0:
+            _require_size(frame, path, calibration)
+        if number % every == 0:
+            samples.append(frame)
+        if source.declared * frame.nbytes <= KEPT:
+            kept.append((frame, stamp))
+        brightest = max(brightest, int(frame.max()))
+        stamps.append(stamp)
+    times, warnings = frame_times(source, np.array(stamps), calibration)
+    stack = np.stack(samples)
+    bits = max(8, brightest.bit_length())
+    return Clip(
+        source=replace(source, read=lambda: iter(kept)) if kept else source,
+        times=times,
+        shape=(stack.shape[1], stack.shape[2]),
+        full_scale=float(2**bits - 1),
+        samples=stack,
+        sampled=np.arange(len(samples)) * every,
+        warnings=warnings,
+    )
+
+
+def _require_size(frame: Frame, path: Path, calibration: ClipCalibration) -> None:
+    camera = calibration.camera
+    if camera and camera.image_size != (frame.shape[1], frame.shape[0]):
+        found = f"{frame.shape[1]} x {frame.shape[0]}"
+        wide, high = camera.image_size
+        allowed = f"the calibrated camera's are {wide} x {high}: is it another camera's?"
+        raise InputError(str(path), "frames", found, allowed)

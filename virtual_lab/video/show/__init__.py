@@ -1,0 +1,1 @@
+"""Tracks, bats and calibrations as text, pictures and films."""

@@ -1,0 +1,107 @@
+"""What `virtual-lab calibrate` prints, and the file that `track` reads."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from virtual_lab.output.rounding import with_uncertainty
+from virtual_lab.video.calibration.calibrating import Calibrated, lengths_of
+from virtual_lab.video.calibration.plane import relative_u_of
+from virtual_lab.video.clips.calibration_file import CameraFit
+
+__all__ = ["calibration_document", "calibration_text", "calibration_toml"]
+
+NOTES = {
+    "matrix": "pixels",
+    "rotation": "from axes of the plane view to the camera's, rad",
+    "plane_height_m": "of the ball's plane: minus what it is above the board, Z goes down into it",
+    "relative_scale_u": "of lengths in that plane, were its height exact",
+}
+HEAD = """\
+# Written by virtual-lab calibrate. X is to the right in the plane view, Y down, Z away from the
+# camera, from the board's middle. Add here, above the tables: frames_per_second, exposure_s,
+# ball_diameter_m, timestamps, drag_per_m, each with its _u.
+
+[camera]
+"""
+
+
+def calibration_toml(found: Calibrated) -> str:
+    """Return the calibration file."""
+    known = asdict(found.model)
+    fit = known.pop("fit")
+    lines = [_entry(key, value) for key, value in known.items()]
+    lines += ["", "[camera.fit]", *(_entry(key, value) for key, value in fit.items())]
+    return HEAD + "\n".join(lines) + "\n"
+
+
+def calibration_document(found: Calibrated) -> dict[str, Any]:
+    """Return the calibration as JSON has it."""
+    across, down = lengths_of(found.model) / (np.array(found.model.image_size) / 2)
+    return {
+        "camera": asdict(found.model),
+        "metres_per_pixel": {"across": float(across), "down": float(down)},
+        "plane_view": found.views[found.plane],
+        "views": dict(zip(found.views, map(float, found.solved.view_rms), strict=True)),
+        "corners_left_out": int(found.solved.left_out.sum()),
+        "warnings": list(found.warnings),
+    }
+
+
+def calibration_text(found: Calibrated) -> str:
+    """Return the calibration in a few lines."""
+    model, fit = found.model, _fit_of(found)
+    (fx, _, cx), (_, fy, cy), _ = model.matrix
+    across, down = 1e3 * lengths_of(model) / (np.array(model.image_size) / 2)
+    k1, k2, p1, p2, k3 = (
+        with_uncertainty(value, u)
+        for value, u in zip(model.distortion, fit.distortion_u, strict=True)
+    )
+    far = float(np.linalg.norm(model.translation_m))
+    lines = [
+        f"{fit.board}: {fit.views} pictures, {fit.corners} corners, residuals "
+        f"{fit.rms_px:.2g} pixels rms",
+        _line(
+            "focal length, pixels",
+            with_uncertainty(fx, fit.focal_u_px[0]),
+            with_uncertainty(fy, fit.focal_u_px[1]),
+        ),
+        _line(
+            "centre, pixels",
+            with_uncertainty(cx, fit.centre_u_px[0]),
+            with_uncertainty(cy, fit.centre_u_px[1]),
+        ),
+        _line("k1, k2", k1, k2),
+        _line("p1, p2", p1, p2),
+        *([_line("k3", k3)] if fit.distortion_u[4] else []),
+        _line("scale across and down, mm a pixel", f"{across:.6f}", f"{down:.6f}"),
+        _line("relative u of lengths", f"{relative_u_of(model):.1e}", "the plane's height in it"),
+        _line("without it", f"{model.relative_scale_u:.1e}"),
+        _line("camera to board, m", with_uncertainty(far, fit.translation_u_m[2])),
+        _line("plane view", Path(found.views[found.plane]).name),
+    ]
+    return "\n".join(lines + [f"  warning: {each}" for each in found.warnings])
+
+
+def _fit_of(found: Calibrated) -> CameraFit:
+    assert found.model.fit is not None
+    return found.model.fit
+
+
+def _line(name: str, *values: str) -> str:
+    return f"  {name:<34}{', '.join(values)}"
+
+
+def _entry(key: str, value: Any) -> str:
+    note = f"  # {NOTES[key]}" if key in NOTES else ""
+    return f"{key} = {_toml(value)}{note}"
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_toml, value))}]"
+    return f'"{value}"' if isinstance(value, str) else repr(value)

@@ -1,0 +1,242 @@
+"""Where a ball's way breaks: its flight in, the contact, its flight out, and frames that are lost.
+
+A frame during whose exposure the ball was struck belongs to neither flight; nor does one that
+shows the ball pressed against what it struck, which its neighbours' line tells.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.video.track.lines import Air, Flight, fit_flight, straight
+
+__all__ = ["Legs", "Places", "split"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+LEAST = 3  # frames of a flight
+WILD = 8.0  # robust standard deviations of the residuals: a frame this far off is left out
+STRUCK = 4.0  # standard uncertainties: a frame next to the contact this far off is in it
+TOUCHED = 0.34  # of a flight's frames: no contact is seen in more
+TURNED = 6.0  # standard uncertainties that the velocity must change by for a contact
+CHANGED = 0.03  # of the speed, likewise
+JUMPED = 6.0  # standard uncertainties of a step in the line
+WHOLE = 0.2  # of a frame's way: a step this near to whole frames' is that of lost frames
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Places:
+    """Where the ball was, frame by frame, in metres."""
+
+    t: Array  # (frame,) [s]
+    places: Array  # (frame, 2)
+    u: Array  # (frame,) from noise
+    pattern_u: float
+    exposure: float  # [s]
+
+    def of(self, used: Mask) -> Places:
+        """Return some of the frames."""
+        return replace(self, t=self.t[used], places=self.places[used], u=self.u[used])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Legs:
+    """The flights of a clip; masks are (frame,) of the places given."""
+
+    flight_in: Flight
+    flight_out: Flight | None  # None: no contact was seen
+    used_in: Mask
+    used_out: Mask
+    wild: Mask  # far off both lines
+    struck: Mask  # in contact
+    lost: dict[int, int]  # frame: how many frames are missing before it
+    stepped: dict[int, float]  # frame: a step in the line that no lost frames make [m]
+
+
+def split(seen: Places, air: Air, *, stamped: bool) -> Legs:
+    """Return the flights in and out of a clip in which the ball is seen three times or more.
+
+    Parameters
+    ----------
+    seen
+        Where the ball was; NaN where it was not found.
+    air
+        Drag and gravity.
+    stamped
+        Whether every frame has a time stamp of its own: then a step in the line is no lost frame.
+    """
+    legs = _legs(seen, air)
+    steps = _steps(seen, air, legs)
+    lost = {} if stamped else {frame: n for frame, (n, _) in steps.items() if n}
+    stepped = {frame: step for frame, (_, step) in steps.items() if frame not in lost}
+    if lost:
+        later = seen.t.copy()
+        for frame, missing in lost.items():
+            later[frame:] += missing * float(np.median(np.diff(seen.t)))
+        legs = _legs(replace(seen, t=later), air)
+    return replace(legs, lost=lost, stepped=stepped)
+
+
+def _legs(seen: Places, air: Air) -> Legs:
+    """Return the flights, without those frames that belong to neither."""
+    usable = np.isfinite(seen.places).all(axis=1) & np.isfinite(seen.u)
+    wild = np.zeros_like(usable)
+    for _ in range(4):
+        first, second = _broken(seen, air, usable & ~wild)
+        far = (_far(seen, air, first) | _far(seen, air, second)) & ~wild
+        if not far.any():
+            break
+        wild |= far
+    if not second.any():
+        moment = float(seen.t[first].max())
+        flight = _fit(seen, air, first, moment, rough=False)
+        none = np.zeros_like(wild)
+        return Legs(
+            flight_in=flight,
+            flight_out=None,
+            used_in=first,
+            used_out=none,
+            wild=wild,
+            struck=none,
+            lost={},
+            stepped={},
+        )
+    for _ in range(3):
+        start = float(seen.t[second].min())
+        moment = _meeting(_fit(seen, air, first, start), _fit(seen, air, second, start))
+        during = np.abs(seen.t - moment) <= seen.exposure / 2
+        first = _clear(seen, air, first & ~during, moment)
+        second = _clear(seen, air, second & ~during, moment)
+    flights = (_fit(seen, air, each, moment, rough=False) for each in (first, second))
+    flight_in, flight_out = flights
+    between = (seen.t > seen.t[first].max()) & (seen.t < seen.t[second].min())
+    return Legs(
+        flight_in=flight_in,
+        flight_out=flight_out,
+        used_in=first,
+        used_out=second,
+        wild=wild & ~between,
+        struck=usable & between,
+        lost={},
+        stepped={},
+    )
+
+
+def _broken(seen: Places, air: Air, used: Mask) -> tuple[Mask, Mask]:
+    """Return the frames before and after the break that two straight lines show best.
+
+    None is after it where the ball's velocity does not change by more than its uncertainty.
+    """
+    frames = np.flatnonzero(used)
+    none = np.zeros_like(used)
+    level = straight(seen.t, seen.places, air)
+    breaks = range(LEAST, len(frames) - LEAST + 1)
+    if not breaks:
+        return used, none
+    costs = [_misfit(seen, level, frames[:k]) + _misfit(seen, level, frames[k:]) for k in breaks]
+    k = breaks[int(np.argmin(costs))]
+    first, second = none.copy(), none.copy()
+    first[frames[:k]], second[frames[k:]] = True, True
+    before, after = (_fit(seen, air, each, float(seen.t[frames[k]])) for each in (first, second))
+    change = float(np.hypot(*(after.velocity - before.velocity)))
+    u = float(np.hypot(before.speed_u, after.speed_u))
+    if change < max(TURNED * u, CHANGED * before.speed):
+        return used, none
+    return first, second
+
+
+def _misfit(seen: Places, level: Array, frames: NDArray[np.intp]) -> float:
+    """Return the weighted sum of squares of some frames about a line."""
+    t, weight = seen.t[frames], 1 / seen.u[frames] ** 2
+    off = t - np.average(t, weights=weight)
+    places = level[frames] - np.average(level[frames], axis=0, weights=weight)
+    slope = (weight * off) @ places / float(weight @ off**2)
+    return float(weight @ ((places - np.outer(off, slope)) ** 2).sum(axis=1))
+
+
+def _far(seen: Places, air: Air, used: Mask) -> Mask:
+    """Return the frames far off the line through them: at most a quarter, the farthest."""
+    wild = np.zeros_like(used)
+    if used.sum() < 2 * LEAST:
+        return wild
+    flight = _fit(seen, air, used, float(seen.t[used].max()))
+    off = np.hypot(*flight.residuals.T)
+    usual = max(float(np.median(off)), float(np.median(seen.u[used])), seen.pattern_u)
+    worst = np.argsort(-off, kind="stable")[: int(used.sum()) // 4]
+    frames = np.flatnonzero(used)[worst]
+    wild[frames[off[worst] > WILD * usual]] = True
+    return wild
+
+
+def _meeting(before: Flight, after: Flight) -> float:
+    """Return when two flights told for one moment are nearest to each other [s]."""
+    apart, change = after.place - before.place, after.velocity - before.velocity
+    return before.time - float(apart @ change) / float(change @ change)
+
+
+def _clear(seen: Places, air: Air, used: Mask, moment: float) -> Mask:
+    """Return the frames of a flight without those next to the contact that its line denies."""
+    used = used.copy()
+    kept = max(LEAST, (1 - TOUCHED) * used.sum())
+    while used.sum() > kept:
+        frames = np.flatnonzero(used)
+        next_to = frames[np.argmin(np.abs(seen.t[frames] - moment))]
+        others = used.copy()
+        others[next_to] = False
+        flight = _fit(seen, air, others, float(seen.t[next_to]))
+        off = float(np.hypot(*(seen.places[next_to] - flight.place)))
+        scatter = float(np.sqrt(np.mean(flight.residuals**2)))
+        own = max(float(seen.u[next_to]), seen.pattern_u, scatter)
+        if off <= STRUCK * np.hypot(own, np.sqrt(flight.covariance[0, 0])):
+            break
+        used = others
+    return used
+
+
+def _steps(seen: Places, air: Air, legs: Legs) -> dict[int, tuple[int, float]]:
+    """Return the frames before which a line steps along its way: missing frames, and metres.
+
+    The lost frames are 0 where the step is no whole number of frames' way.
+    """
+    found = {}
+    step = float(np.median(np.diff(seen.t)))
+    for used, flight in ((legs.used_in, legs.flight_in), (legs.used_out, legs.flight_out)):
+        if flight is None or used.sum() < 2 * LEAST:
+            continue
+        frames = np.flatnonzero(used)
+        level = straight(seen.t[frames], seen.places[frames], air)
+        along = level @ flight.velocity / flight.speed
+        best = max(
+            (_step(seen, frames, along, k) for k in range(2, len(frames) - 1)),
+            key=lambda each: abs(each[1]) / each[2],
+        )
+        k, size, u, speed = best
+        if abs(size) < JUMPED * u or abs(size) < WHOLE * speed * step:
+            continue
+        missing = round(size / (speed * step))
+        whole = missing > 0 and abs(size / (speed * step) - missing) < WHOLE
+        found[int(frames[k])] = (missing if whole else 0, size)
+    return found
+
+
+def _step(
+    seen: Places, frames: NDArray[np.intp], along: Array, k: int
+) -> tuple[int, float, float, float]:
+    """Return k, the step before the k-th frame, its u, and the speed beside it."""
+    t = seen.t[frames] - seen.t[frames].mean()
+    design = np.stack([np.ones_like(t), t, (np.arange(len(t)) >= k).astype(float)], axis=1)
+    solver = np.linalg.pinv(design)
+    _, speed, size = solver @ along
+    left = along - design @ solver @ along
+    spread = np.sqrt(float(left @ left) / max(1, len(t) - 3))
+    u = max(spread, float(np.median(seen.u[frames]))) * float(np.sqrt(solver[2] @ solver[2]))
+    return k, float(size), u, float(speed)
+
+
+def _fit(seen: Places, air: Air, used: Mask, moment: float, *, rough: bool = True) -> Flight:
+    part = seen.of(used)
+    return fit_flight(part.t, part.places, part.u, part.pattern_u, air, moment, rough=rough)
