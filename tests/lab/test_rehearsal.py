@@ -12,7 +12,9 @@ from virtual_lab.measurement.reduction.shot_algebra import BatProperties
 from virtual_lab.streams import Streams
 from virtual_lab.units import INCH
 
-BESR = catalog.load("procedures", "ncaa-besr", Procedure).spec
+MODIFIED = catalog.load("procedures", "ncaa-modified", Procedure).spec
+# a scan for the greatest BESR itself: of a parabola all is known
+BESR = replace(MODIFIED, metric="besr", speed_limit=None)
 F1881 = catalog.load("procedures", "astm-f1881", Procedure).spec
 BAT = BatProperties(
     mass=np.array(0.9),
@@ -41,7 +43,7 @@ def rehearsal(procedure: Procedure, *, turn_rate: float = 0.0) -> Rehearsal:
 @pytest.mark.parametrize("procedure", [BESR, F1881])
 def test_without_straying_nothing_is_missed(procedure: Procedure) -> None:
     error = rehearsal(procedure).error(Straying(0.0, 0.0), Streams(1), 0)
-    assert error == pytest.approx(0, abs=1e-12)
+    assert error == pytest.approx(0, abs=1e-10)
 
 
 def test_hits_beside_a_place_cost_half_the_curvature() -> None:

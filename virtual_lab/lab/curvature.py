@@ -7,8 +7,7 @@ from typing import cast
 import numpy as np
 
 from virtual_lab.lab.laboratory import Laboratory
-from virtual_lab.lab.measurand import results_along
-from virtual_lab.measurement.procedure import metric_of
+from virtual_lab.lab.measurand import true_curve
 from virtual_lab.simulation.rig import ImpactStation, Stage
 
 __all__ = ["curvatures"]
@@ -21,6 +20,6 @@ def curvatures(laboratory: Laboratory, place: float) -> dict[str, float]:
     places = place + STEP * np.array([-1.0, 0.0, 1.0])
     station = cast("ImpactStation", laboratory.stations[Stage.IMPACT])
     procedure = laboratory.rules.spec
-    curve, bat = results_along(station, laboratory.specimen, procedure, places)
-    values = curve.quantities | {"metric": metric_of(procedure)(curve, bat)}
+    curve = true_curve(station, laboratory.specimen, procedure, places)
+    values = curve.quantities | {"metric": curve.metric()}
     return {name: float(np.diff(row, 2)[0]) / STEP**2 for name, row in values.items()}

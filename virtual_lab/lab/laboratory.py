@@ -172,8 +172,8 @@ class Laboratory:
             say("compiling the collision kernel, which happens once and takes about five seconds")
         rounds: list[Play] = []
         orders: list[Order] = []
-        fired, valid, metric = np.zeros(0), np.zeros(0, dtype=bool), np.zeros(0)
-        while (asked := next_places(procedure, percussion, fired, valid, metric)).size:
+        fired, valid, sought = np.zeros(0), np.zeros(0, dtype=bool), np.zeros(0)
+        while (asked := next_places(procedure, percussion, fired, valid, sought)).size:
             places = to_set(asked, exact=ideal)
             say(f"impact rig: round {len(rounds) + 1}, {_said(places)}")
             order = replace(
@@ -187,7 +187,7 @@ class Laboratory:
             session = with_records(session, Stage.IMPACT, rounds)
             reduced = reduce_session(session)
             fired, valid = reduced.readings.place, reduced.judgement.valid
-            metric = reduced.shot_metric
+            sought = reduced.sought.value
         rungs = {"collision": self.collision.report(), "motion": _motion_report(self.motion)}
         session = replace(session, simulation={**session.simulation, "rungs": rungs})
         return Tested(

@@ -18,18 +18,20 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from virtual_lab.lab.laboratory import Laboratory, Tested
-from virtual_lab.lab.measurand import results_along
+from virtual_lab.lab.measurand import true_curve
+from virtual_lab.lab.true_metric import scan_result
 from virtual_lab.measurement.procedure import (
     Curve,
     Procedure,
-    exact_result,
+    Sought,
     metric_of,
     next_places,
     outcome_of,
+    sought_of,
     to_set,
 )
+from virtual_lab.measurement.reduction.kinematics import restitution_from_efficiency
 from virtual_lab.measurement.reduction.shot_algebra import BatProperties
-from virtual_lab.relations.kinematics import restitution_from_efficiency
 from virtual_lab.simulation.rig import ImpactStation, Stage
 from virtual_lab.streams import Draws
 
@@ -66,9 +68,17 @@ class Rehearsal:
         low, high = (scan.low, scan.high) if scan else (percussion, percussion)
         places = np.arange(low - BESIDE, high + BESIDE + STEP, STEP)
         station = cast("ImpactStation", laboratory.stations[Stage.IMPACT])
-        curve, bat = results_along(station, laboratory.specimen, procedure, places)
+        curve = true_curve(station, laboratory.specimen, procedure, places)
         known = [curve.collision_efficiency, curve.recoil_factor, curve.ball_restitution]
         spline = CubicSpline(places, known, axis=1)
+        beam = curve.beam
+        bat = BatProperties(
+            mass=np.array(beam.mass),
+            length=np.array(beam.length),
+            z_cm=np.array(beam.z_cm),
+            inertia_cm=np.array(beam.inertia_cm),
+            barrel_radius=np.array(np.nan),
+        )
         turn_rate = float(procedure.turn_rate(bat.length))
         return cls(
             procedure=procedure,
@@ -113,17 +123,22 @@ class Rehearsal:
         """Return by how much the result of rehearsal `number` misses that of the exact curve."""
         rules = self.procedure
         beside, noise = draws.normal("rehearsal", (2, rules.attempts), number)
-        place, metric = np.zeros(0), np.zeros(0)
-        valid = np.zeros(0, dtype=bool)
-        while (asked := next_places(rules, self.percussion, place, valid, metric)).size:
+        place, metric, valid = np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool)
+        sought = self._sought(place, metric)
+        while (asked := next_places(rules, self.percussion, place, valid, sought.value)).size:
             more = slice(place.size, place.size + asked.size)
             places = to_set(asked, exact=False)
             seen = self.metric(places, straying.along * beside[more])
             place = np.append(place, places)
             metric = np.append(metric, seen + straying.scatter * noise[more])
+            sought = self._sought(place, metric)
             valid = np.ones(place.size, dtype=bool)
-        found = float(metric @ outcome_of(rules, place, valid, metric).weights)
-        return found - exact_result(rules, place, valid, self.metric(place))
+        found = float(metric @ outcome_of(rules, place, valid, metric, sought).weights)
+        exact = self.metric(place)
+        return found - scan_result(rules, place, valid, self._sought(place, exact).value, exact)
+
+    def _sought(self, place: Array, metric: Array) -> Sought:
+        return sought_of(self.procedure, metric, place, self.bat)
 
     def bias(self, straying: Straying, draws: Draws, times: int) -> tuple[float, float]:
         """Return the mean error over so many rehearsals, and its standard error."""

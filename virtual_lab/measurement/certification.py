@@ -104,7 +104,8 @@ def evaluate(session: Session, reduced: Reduced) -> Certification:
         shared = propagate(lambda x: _weighted(reduced, x), reduced.constants)
         used, groups = outcome.used, np.round(where, 6)
         for name, hits in values.items():
-            part = scatter(hits[used], outcome.weights[used], groups[used])
+            effects = outcome.effects if name == "metric" else outcome.weights
+            part = scatter(hits[used], effects[used], groups[used])
             value = float(hits[used] @ outcome.weights[used])
             quantities[name] = combine(value, [*shared[name], part])
         metric = quantities.pop("metric")
@@ -155,6 +156,6 @@ def _evidence(session: Session, reduced: Reduced) -> Evidence:
 
 def _weighted(reduced: Reduced, x: Mapping[str, Array]) -> dict[str, Array]:
     used, shots = reduced.outcome.used, reduced.results(x)
-    weights = reduced.outcome.weights[used]
+    weights, effects = reduced.outcome.weights[used], reduced.outcome.effects[used]
     sums = {name: getattr(shots, field)[..., used] @ weights for name, field in QUANTITIES.items()}
-    return sums | {"metric": reduced.metric(x, shots)[..., used] @ weights}
+    return sums | {"metric": reduced.metric(x, shots)[..., used] @ effects}

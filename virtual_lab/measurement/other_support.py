@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from virtual_lab.measurement.procedure import Outcome, Procedure
+from virtual_lab.measurement.reduction.kinematics import restitution_from_efficiency
 from virtual_lab.measurement.reduction.shot_algebra import BatProperties, ShotResults, recoil_factor
-from virtual_lab.relations.kinematics import restitution_from_efficiency
 
 __all__ = ["OtherSupport", "other_support"]
 

@@ -17,10 +17,12 @@ from virtual_lab.measurement.procedure import (
     Judgement,
     Outcome,
     Procedure,
+    Sought,
     aimed_place,
     judge,
     metric_of,
     outcome_of,
+    sought_of,
 )
 from virtual_lab.measurement.reduction.flights import Flown, timed
 from virtual_lab.measurement.reduction.observations import (
@@ -75,6 +77,7 @@ class Reduced:
     percussion: float  # centre of percussion of the bat as measured [m]
     shots: ShotResults
     shot_metric: Array  # (shot,)
+    sought: Sought  # by a scan, (shot,)
     judgement: Judgement
     outcome: Outcome
 
@@ -114,6 +117,7 @@ def reduce_session(session: Session) -> Reduced:
     shots = results(best)
     shot_metric = metric(best, shots)
     bat = bat_properties(best)
+    sought = sought_of(rules, shot_metric, readings.place, bat)
     measured = {name: float(getattr(bat, name)) for name in BAT_PROPERTIES}
     percussion = aimed_place(measured, rules.pivot_from_knob)
     turn_rate = float(rules.turn_rate(measured["length"]))
@@ -129,8 +133,9 @@ def reduce_session(session: Session) -> Reduced:
         percussion=percussion,
         shots=shots,
         shot_metric=shot_metric,
+        sought=sought,
         judgement=judgement,
-        outcome=outcome_of(rules, readings.place, judgement.valid, shot_metric),
+        outcome=outcome_of(rules, readings.place, judgement.valid, shot_metric, sought),
     )
 
 

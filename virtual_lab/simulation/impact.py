@@ -1,4 +1,4 @@
-"""What machines that fire at bats share: scenes, tilted hits, the error-free answer."""
+"""What machines that fire at bats share: scenes, tilted hits, what really happens."""
 
 from __future__ import annotations
 
@@ -7,24 +7,30 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.relations.kinematics import (
-    efficiency_off_axis,
-    offset_angle,
-    recoil_factor_free,
-    recoil_factor_pivoted,
-)
+from virtual_lab.catalog.specs import BatBody
+from virtual_lab.simulation.collision.patch import PATCH, patch_shape
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.instruments import Rung
-from virtual_lab.simulation.physics.beam import beam_of
+from virtual_lab.simulation.physics.ball import Event, PowerLaw
+from virtual_lab.simulation.physics.modes import modes_of
 from virtual_lab.simulation.physics.section import outer_diameter
-from virtual_lab.simulation.physics.supports import Pinned, Support
+from virtual_lab.simulation.physics.supports import Free, Pinned, Support
 from virtual_lab.simulation.rig import Order, Specimen
-from virtual_lab.simulation.truth import TrueOutcome
+from virtual_lab.simulation.truth import TrueOutcome, TrueRecoil
 
-__all__ = ["CONTACT_TIME", "contact_angle", "error_free", "scenes_of", "struck", "thrown_back"]
+__all__ = [
+    "CONTACT_TIME",
+    "contact_angle",
+    "error_free",
+    "scenes_of",
+    "struck",
+    "thrown_back",
+    "wall_restitution",
+]
 
 Array = NDArray[np.float64]
 CONTACT_TIME = 0.7e-3  # s, where no record is fine enough to tell
+WORK_POINTS = 64  # of Gauss's rule: exact to rounding for the powers of any ball
 
 
 def scenes_of(
@@ -45,7 +51,7 @@ def scenes_of(
 def contact_angle(specimen: Specimen, place: Array, across: Array) -> Array:
     """Return the angle between the line of fire and the line of centres [rad], (shot,)."""
     barrel = outer_diameter(specimen.bat.body.profile, place) / 2
-    return np.asarray(offset_angle(across, specimen.balls.spec.radius, barrel))
+    return np.arcsin(across / (specimen.balls.spec.radius + barrel))
 
 
 def struck(
@@ -73,34 +79,71 @@ def thrown_back(
     A smooth ball keeps its speed along the barrel's surface; in the bat's frame it comes back
     with e_A of the speed across it.
     """
-    back = relative_speed * np.asarray(efficiency_off_axis(efficiency, tilt)) + bat_speed
-    up = relative_speed * (1 + efficiency) * np.sin(2 * tilt) / 2
+    across, along = relative_speed * np.cos(tilt), relative_speed * np.sin(tilt)
+    back = efficiency * across * np.cos(tilt) - along * np.sin(tilt) + bat_speed
+    up = efficiency * across * np.sin(tilt) + along * np.cos(tilt)
     return back, np.asarray(up / np.where(back == 0, np.nan, back))
 
 
 def error_free(
     order: Order, specimen: Specimen, support: Support, pivot_from_knob: float
 ) -> TrueOutcome:
-    """Return what an error-free test would find at the order's places and nominal speeds.
+    """Return what really happens at the order's places and nominal speeds to the lot's mean ball.
 
-    The lot's mean ball meets the bat on an axis exactly `pivot_from_knob` [m] from its knob.
+    One collision on the rig's own support gives the impulse; what it does to a rigid bat, free
+    or on an axis exactly `pivot_from_knob` [m] from its knob, gives e and r. No equation that
+    the reduction uses is used here.
     """
     ball, body = specimen.balls.mean_ball(), specimen.bat.body
-    beam = beam_of(body)
-    axis = beam.length - pivot_from_knob
+    axis = body.length - pivot_from_knob
     speed = order.speed + order.turn_rate * (axis - order.place)
     first = np.zeros(order.place.shape, dtype=int)
     e0 = ball.restitution_at(first, speed)
     scenes = scenes_of(replace(specimen, balls=ball), first, order.place, speed, e0)
-    model = specimen.collision(body, support)
+    efficiency = specimen.collision.true_efficiency(body, support, scenes)
+    impulse = scenes.ball_mass * speed * (1 + efficiency)
     return TrueOutcome(
-        collision_efficiency=model.collide(scenes).collision_efficiency,
-        recoil_pivoted=np.asarray(
-            recoil_factor_pivoted(ball.mass, beam.inertia(axis), axis - order.place)
-        ),
-        recoil_free=np.asarray(
-            recoil_factor_free(ball.mass, beam.mass, beam.inertia_cm, order.place - beam.z_cm)
-        ),
-        ball_restitution=e0,
         relative_speed=speed,
+        collision_efficiency=efficiency,
+        ball_restitution=wall_restitution(scenes),
+        free=_recoil(body, Free(), scenes, impulse),
+        pivoted=_recoil(body, Pinned(axis), scenes, impulse),
     )
+
+
+def _recoil(body: BatBody, support: Support, scenes: Scenes, impulse: Array) -> TrueRecoil:
+    """Return e and r of the bat that moves as a rigid one, by its unit-mass rigid modes."""
+    modes = modes_of(replace(body, hoop=None), support, 0)
+    place, speed = scenes.impact_position, scenes.relative_speed
+    yielding = np.sum(patch_shape(modes, place, PATCH) ** 2, axis=1)  # 1 / effective mass
+    bat_speed = impulse * yielding
+    ball_speed = impulse / scenes.ball_mass - speed
+    return TrueRecoil(
+        restitution=(ball_speed + bat_speed) / speed,
+        recoil_factor=scenes.ball_mass * bat_speed / impulse,
+    )
+
+
+def wall_restitution(scenes: Scenes) -> Array:
+    """Return e0 of the balls of scenes, (n,): the ball law followed in and out of a rigid wall.
+
+    The speed back is what is left of the work that the force does, by Gauss's rule over the
+    compression.
+    """
+    x, weights = np.polynomial.legendre.leggauss(WORK_POINTS)
+    share, width = ((1 + x) / 2) ** 4, ((1 + x) / 2) ** 3 * weights  # crowded where powers begin
+    each, back = np.unique(
+        [scenes.stiffness, scenes.exponent, scenes.ball_restitution], axis=1, return_inverse=True
+    )
+    found = np.empty(each.shape[1])
+    for number, (stiffness, exponent, restitution) in enumerate(each.T):
+        law = PowerLaw.of(
+            stiffness=stiffness, exponent=exponent, restitution=restitution, speed=1.0
+        )
+        loading = law.branch(Event.TOUCH, 0.0, None)
+        unloading = law.branch(Event.TURN, 1.0, loading)
+        work_in, work_out = (
+            float(width @ [branch.force(u, 0.0) for u in share]) for branch in (loading, unloading)
+        )
+        found[number] = np.sqrt(work_out / work_in)
+    return found[back]

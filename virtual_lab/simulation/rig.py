@@ -96,6 +96,10 @@ class CollisionChoice(Protocol):
         """Return e_A of scenes nothing else is wanted of, (n,)."""
         ...
 
+    def true_efficiency(self, body: BatBody, support: Support, scenes: Scenes) -> Array:
+        """Return e_A of the scenes that the truth rests on, (n,): never by the rigid rung."""
+        ...
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Specimen:

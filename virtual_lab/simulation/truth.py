@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from virtual_lab.catalog.specs import BallSpec, BatBody, BatSpec
 from virtual_lab.streams import Draws
 
-__all__ = ["Sealed", "TrueBalls", "TrueBat", "TrueOutcome", "draw_balls", "draw_bat"]
+__all__ = ["Sealed", "TrueBalls", "TrueBat", "TrueOutcome", "TrueRecoil", "draw_balls", "draw_bat"]
 
 Array = NDArray[np.float64]
 
@@ -74,14 +74,22 @@ class TrueBalls:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TrueOutcome:
-    """What an error-free measurement would give at each place, arrays (place,)."""
+class TrueRecoil:
+    """A collision as seen by one support's rigid bat, arrays (place,)."""
 
-    collision_efficiency: Array
-    recoil_pivoted: Array  # r about the pivot, exactly where it should be
-    recoil_free: Array  # r of the free bat
-    ball_restitution: Array  # of the lot's mean ball at the relative speed
+    restitution: Array
+    recoil_factor: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrueOutcome:
+    """What really happens at each place, arrays (place,)."""
+
     relative_speed: Array  # [m/s]
+    collision_efficiency: Array
+    ball_restitution: Array  # of the lot's mean ball at the relative speed
+    free: TrueRecoil
+    pivoted: TrueRecoil  # on an axis exactly where it should be
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

@@ -6,10 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from virtual_lab import catalog
-from virtual_lab.measurement.procedure import Procedure, exact_result, outcome_of
+from virtual_lab.lab.true_metric import scan_result
+from virtual_lab.measurement.procedure import Procedure, Sought, outcome_of
 from virtual_lab.streams import Streams
 
-RULES = catalog.load("procedures", "ncaa-besr", Procedure).spec
+BESR = catalog.load("procedures", "ncaa-besr", Procedure).spec
+RULES = catalog.load("procedures", "ncaa-modified", Procedure).spec
 BBCOR = catalog.load("procedures", "bbcor", Procedure).spec
 F1881 = catalog.load("procedures", "astm-f1881", Procedure).spec
 INCH, TOP = 0.0254, 6.1 * 0.0254
@@ -40,7 +42,7 @@ def test_a_cubic_without_noise_is_read_at_its_very_top(
     assert outcome.weights @ metric == pytest.approx(0.7, abs=1e-12)
     # the weights read any other cubic at that place too, such as the places themselves
     assert outcome.weights @ PLACES**3 == pytest.approx(top**3, rel=1e-7)
-    assert exact_result(RULES, PLACES, ALL, metric) == pytest.approx(0.7, abs=1e-12)
+    assert scan_result(RULES, PLACES, ALL, metric, metric) == pytest.approx(0.7, abs=1e-10)
 
 
 def test_invalid_and_surplus_hits_have_no_weight() -> None:
@@ -86,3 +88,38 @@ def test_noise_lifts_a_fitted_top_as_predicted(sigma: float, curvature: float) -
     error = found.std() / np.sqrt(RUNS)
     assert by_hand > 3 * error  # else the test would say nothing
     assert abs(found.mean() - by_hand) < 4 * error + 0.15 * by_hand  # third order: σ²
+
+
+def speed_of(besr: np.ndarray, place: np.ndarray) -> Sought:
+    """v_f of 70 mph against a bat that turns at 28 in: Eq. (3) with e_A = BESR - 1/2 [mph]."""
+    bat = 66 * (28 - place / INCH) / 22
+    return Sought(value=(besr - 0.5) * 70 + (besr + 0.5) * bat, gain=70 + bat)
+
+
+def test_besr_is_read_where_the_speed_is_greatest() -> None:
+    """A BESR that rises toward the handle is read where v_f, not itself, has its top."""
+    besr = 0.7 + 0.4 * (PLACES - TOP) - 15 * (PLACES - TOP) ** 2
+    fine = np.linspace(5 * INCH, 7 * INCH, 200_001)
+    exact = 0.7 + 0.4 * (fine - TOP) - 15 * (fine - TOP) ** 2
+    best = np.argmax(speed_of(exact, fine).value)
+    outcome = outcome_of(BESR, PLACES, ALL, besr, speed_of(besr, PLACES))
+    assert outcome.place == pytest.approx(fine[best], abs=2e-6)
+    assert outcome.weights @ besr == pytest.approx(exact[best], abs=1e-6)
+    assert outcome.weights.sum() == pytest.approx(1, abs=1e-10)
+
+
+def test_effects_are_those_of_moving_each_hit() -> None:
+    """By central differences: a hit moves the result, and also the place it is read at."""
+    noise = 0.004 * Streams(12).normal("noise", PLACES.size)
+    besr = 0.7 + 0.4 * (PLACES - TOP) - 15 * (PLACES - TOP) ** 2 + noise
+
+    def result(hits: np.ndarray) -> float:
+        return float(outcome_of(BESR, PLACES, ALL, hits, speed_of(hits, PLACES)).weights @ hits)
+
+    outcome = outcome_of(BESR, PLACES, ALL, besr, speed_of(besr, PLACES))
+    steps = 1e-5 * np.eye(PLACES.size)
+    moved = [(result(besr + step) - result(besr - step)) / 2e-5 for step in steps]
+    assert outcome.effects == pytest.approx(moved, abs=1e-6)
+    assert np.abs(outcome.effects - outcome.weights).max() > 0.01
+    alone = outcome_of(RULES, PLACES, ALL, besr)
+    assert np.array_equal(alone.effects, alone.weights)

@@ -8,7 +8,7 @@ import pytest
 
 from tests.simulation.collision.scenes import usual
 from virtual_lab.catalog import load_bat
-from virtual_lab.relations import kinematics
+from virtual_lab.measurement.reduction import kinematics
 from virtual_lab.relations.swing import KNOB_OFFSET, PowerLawSwing, bat_speed
 from virtual_lab.simulation.collision.modal import BENDING_MODES, ModalModel
 from virtual_lab.simulation.physics.beam import beam_of

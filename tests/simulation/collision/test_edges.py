@@ -13,7 +13,7 @@ from tests.simulation.physics.bodies import rod
 from virtual_lab.catalog import load_bat
 from virtual_lab.catalog.specs import BatBody, HoopMode
 from virtual_lab.errors import InputError
-from virtual_lab.relations.kinematics import energy_fractions
+from virtual_lab.measurement.reduction.kinematics import energy_fractions
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.reference import ReferenceModel
 from virtual_lab.simulation.collision.rigid import RigidModel

@@ -8,7 +8,7 @@ import pytest
 from tests.simulation.collision.scenes import scattered, usual
 from virtual_lab.catalog import load_bat
 from virtual_lab.catalog.specs import BatBody, Lump
-from virtual_lab.relations import kinematics
+from virtual_lab.measurement.reduction import kinematics
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.physics.supports import Clamped, Free, Pinned, Support

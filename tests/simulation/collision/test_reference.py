@@ -9,7 +9,7 @@ from tests.simulation.collision.scenes import scattered, usual
 from tests.simulation.physics.bodies import rigid_rod
 from virtual_lab.catalog import load_bat
 from virtual_lab.catalog.specs import BatBody
-from virtual_lab.relations.kinematics import efficiency_from_restitution
+from virtual_lab.measurement.reduction.kinematics import efficiency_from_restitution
 from virtual_lab.simulation.collision import reference as rung
 from virtual_lab.simulation.collision.ladder import MODAL_ERROR
 from virtual_lab.simulation.collision.modal import ModalModel

@@ -18,8 +18,8 @@ from tests.simulation.motion.scenes import (
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.fidelity.motion_reference import reference
+from virtual_lab.measurement.reduction.kinematics import efficiency_off_axis, offset_angle
 from virtual_lab.relations.flight import speed_after, time_before
-from virtual_lab.relations.kinematics import efficiency_off_axis, offset_angle
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.motion import play
 from virtual_lab.simulation.motion.outcome import Outcome

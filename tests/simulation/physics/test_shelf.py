@@ -8,7 +8,10 @@ import pytest
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.lab import certify_bat
-from virtual_lab.relations.kinematics import recoil_factor_pivoted, restitution_from_efficiency
+from virtual_lab.measurement.reduction.kinematics import (
+    recoil_factor_pivoted,
+    restitution_from_efficiency,
+)
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.physics.ball import wall_contact

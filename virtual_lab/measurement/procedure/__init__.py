@@ -3,11 +3,10 @@
 from virtual_lab.measurement.procedure.choice import shortfall
 from virtual_lab.measurement.procedure.eligibility import Finding, findings
 from virtual_lab.measurement.procedure.judge import Judgement, judge
-from virtual_lab.measurement.procedure.metric import Curve, metric_of
+from virtual_lab.measurement.procedure.metric import Curve, Sought, metric_of, sought_of
 from virtual_lab.measurement.procedure.outcome import (
     Outcome,
     Verdict,
-    exact_result,
     outcome_of,
     verdict,
 )
@@ -20,16 +19,17 @@ __all__ = [
     "Judgement",
     "Outcome",
     "Procedure",
+    "Sought",
     "Verdict",
     "Windows",
     "aimed_place",
-    "exact_result",
     "findings",
     "judge",
     "metric_of",
     "next_places",
     "outcome_of",
     "shortfall",
+    "sought_of",
     "to_set",
     "verdict",
 ]

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from virtual_lab.measurement.procedure.rules import Procedure
+from virtual_lab.measurement.reduction.kinematics import parallel_axis
 from virtual_lab.measurement.reduction.shot_algebra import BatProperties
-from virtual_lab.relations.kinematics import parallel_axis
 from virtual_lab.units import INCH, OUNCE, OZ_IN2
 
 __all__ = ["Finding", "findings"]

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.measurement.procedure.rules import BallCorrection, Game, Procedure
-from virtual_lab.measurement.reduction.shot_algebra import BatProperties, ShotResults
-from virtual_lab.relations.kinematics import (
+from virtual_lab.measurement.reduction.kinematics import (
     bat_performance_factor,
     batted_speed,
     besr,
@@ -18,8 +18,9 @@ from virtual_lab.relations.kinematics import (
     parallel_axis,
     restitution_of_standard_ball,
 )
+from virtual_lab.measurement.reduction.shot_algebra import BatProperties, ShotResults
 
-__all__ = ["Curve", "metric_of"]
+__all__ = ["Curve", "Sought", "metric_of", "sought_of"]
 
 Array = NDArray[np.float64]
 
@@ -86,6 +87,22 @@ def metric_of(
         return np.asarray(batted_speed(e_A, pitch, bat_speed))
 
     return metric
+
+
+class Sought(NamedTuple):
+    """What a scan looks for the greatest value of, and what a change of the metric adds to it."""
+
+    value: Array
+    gain: Array
+
+
+def sought_of(procedure: Procedure, metric: Array, place: Array, bat: BatProperties) -> Sought:
+    """Return what the scan seeks at each shot, from its metric and its `place` [m], (..., shot)."""
+    if procedure.scan is None or procedure.scan.seeks == "metric":
+        return Sought(metric, np.ones_like(metric))
+    pitch, bat_speed = field_speeds(procedure, place, bat)
+    efficiency = metric - besr(0.0)
+    return Sought(np.asarray(batted_speed(efficiency, pitch, bat_speed)), pitch + bat_speed)
 
 
 def field_speeds(procedure: Procedure, place: Array, bat: BatProperties) -> tuple[float, Array]:

@@ -1,8 +1,9 @@
 """From hits to a result: which hits weigh how much, the place they speak of, and the verdict.
 
 A result is a weighted sum of the hits. At a fixed place all weigh the same. On a scan they are
-those of the top of a curve fitted about the best place: at a maximum the place does not
-matter to first order, so the weights carry every quantity and its uncertainty there.
+those of the top of a curve fitted about the best place. Where the metric itself has its maximum
+there, the place does not matter to first order; where something else has, such as v_f, the hits
+also move the place, and with it the result.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
+from virtual_lab.measurement.procedure.metric import Sought
 from virtual_lab.measurement.procedure.rules import Procedure, Scan
 from virtual_lab.measurement.procedure.schedule import (
     SETTING_STEP,
@@ -26,7 +28,6 @@ __all__ = [
     "Outcome",
     "Verdict",
     "complete_places",
-    "exact_result",
     "neighbours",
     "outcome_of",
     "verdict",
@@ -52,6 +53,9 @@ class Outcome:
     """How the hits make the result."""
 
     weights: Array  # (shot,), they add to 1; NaN where nothing can be said
+    effects: (
+        Array  # (shot,), of the result per unit of a hit's metric: weights and the place's part
+    )
     place: float  # that the result speaks of, from the tip [m]
     reason: str  # why the test gives no result; empty where it does
 
@@ -61,7 +65,13 @@ class Outcome:
         return np.asarray(self.weights != 0) & np.isfinite(self.weights)
 
 
-def outcome_of(procedure: Procedure, place: Array, valid: Bools, metric: Array) -> Outcome:
+def outcome_of(
+    procedure: Procedure,
+    place: Array,
+    valid: Bools,
+    metric: Array,
+    sought: Sought | None = None,
+) -> Outcome:
     """Return the weights of the hits.
 
     Parameters
@@ -70,26 +80,17 @@ def outcome_of(procedure: Procedure, place: Array, valid: Bools, metric: Array) 
         Its counts and its scan.
     place, valid, metric
         Of the shots in the order they were fired, (shot,).
+    sought
+        What a scan seeks, of the same shots; None: the metric.
     """
+    sought = sought or Sought(metric, np.ones_like(metric))
     if valid.sum() < 2:
         return _nothing(len(place), "fewer than two hits were valid")
     if procedure.scan is None:
         few = valid.sum() < procedure.valid_hits
         reason = f"{valid.sum()} valid hits of {procedure.valid_hits}" if few else ""
-        return Outcome(weights=valid / valid.sum(), place=float(place[valid].mean()), reason=reason)
-    return _of_scan(procedure, procedure.scan, place, valid, metric)
-
-
-def exact_result(procedure: Procedure, place: Array, valid: Bools, metric: Array) -> float:
-    """Return what the rules make of an exact curve at the places that were visited.
-
-    `metric` is free of error, (shot,). Of a scan that fires again at its best place it is the
-    greatest value at the places complete; otherwise what `outcome_of` makes of it.
-    """
-    if procedure.scan is not None and procedure.scan.final_hits:
-        places = complete_places(procedure, place, valid)
-        return float(metric[np.isin(np.round(place, 6), places)].max())
-    return float(metric @ outcome_of(procedure, place, valid, metric).weights)
+        return _mean(valid, place, reason)
+    return _of_scan(procedure, procedure.scan, place, valid, metric, sought)
 
 
 def complete_places(procedure: Procedure, place: Array, valid: Bools) -> Array:
@@ -100,14 +101,14 @@ def complete_places(procedure: Procedure, place: Array, valid: Bools) -> Array:
 
 
 def _of_scan(
-    procedure: Procedure, scan: Scan, place: Array, valid: Bools, metric: Array
+    procedure: Procedure, scan: Scan, place: Array, valid: Bools, metric: Array, sought: Sought
 ) -> Outcome:
     counted = scan_hits(procedure, place, valid)
     complete = complete_places(procedure, place, valid)
     few = f"{procedure.valid_hits} valid hits at {complete.size} places, 3 make a scan"
     if not complete.size:
         return _nothing(len(place), few)
-    best = best_place(procedure, complete, place, valid, metric)
+    best = best_place(procedure, complete, place, valid, sought.value)
     if complete.size < 3 and not _at_an_end(scan, best):
         return _nothing(len(place), few)
     beside = neighbours(scan, complete, best)
@@ -119,13 +120,11 @@ def _of_scan(
             reason = reason or f"{fresh.size} of {scan.final_hits} hits at the best place"
         if fresh.size == 0:
             return _nothing(len(place), reason)
-        weights = np.zeros(len(place))
-        weights[fresh] = 1 / fresh.size
-        return Outcome(weights=weights, place=float(place[fresh].mean()), reason=reason)
+        return _mean(np.isin(np.arange(len(place)), fresh), place, reason)
     near = counted & np.isin(np.round(place, 6), complete)
     near &= np.abs(place - best) < scan.fit_half_width + 2 * SETTING_STEP
-    weights, top = _top_of_curve(place, near, metric, scan.fit_half_width)
-    return Outcome(weights=weights, place=top, reason=reason)
+    weights, effects, top = _top_of_curve(scan, place, near, metric, sought)
+    return Outcome(weights=weights, effects=effects, place=top, reason=reason)
 
 
 def neighbours(scan: Scan, complete: Array, best: float) -> Array:
@@ -141,23 +140,38 @@ def _at_an_end(scan: Scan, place: float) -> bool:
     return place - step < scan.low or place + step > scan.high
 
 
+def _mean(hits: Bools, place: Array, reason: str) -> Outcome:
+    weights = hits / hits.sum()
+    return Outcome(weights=weights, effects=weights, place=float(place[hits].mean()), reason=reason)
+
+
 def _top_of_curve(
-    place: Array, near: Bools, metric: Array, half_width: float
-) -> tuple[Array, float]:
-    """Return what the hits `near` weigh in the top of the polynomial fitted to them, and where."""
+    scan: Scan, place: Array, near: Bools, metric: Array, sought: Sought
+) -> tuple[Array, Array, float]:
+    """Return weights and effects of the hits `near`, and the top of the curve that is sought.
+
+    One polynomial is fitted to what is sought, another to the metric, which is read where the
+    first has its top z: that moves by ``-b'(z) / f''(z)`` with a hit, b its share in the fit.
+    """
     middle = place[near].mean()
-    unit = (place[near] - middle) / half_width
+    unit = (place[near] - middle) / scan.fit_half_width
     degree = min(DEGREE, len(np.unique(np.round(unit, 6))) - 1)
     solved = np.linalg.pinv(np.vander(unit, degree + 1, increasing=True))
-    fitted = Polynomial(solved @ metric[near])
+    fitted = Polynomial(solved @ sought.value[near])
     turn = _turn(fitted)
     candidates = np.array([unit.min(), unit.max()])
     if unit.min() < turn < unit.max():
         candidates = np.append(candidates, turn)
     top = float(candidates[np.argmax(fitted(candidates))])
+    powers = np.arange(degree + 1)
     weights = np.zeros(len(place))
-    weights[near] = top ** np.arange(degree + 1) @ solved
-    return weights, middle + top * half_width
+    weights[near] = top**powers @ solved
+    effects = weights.copy()
+    if scan.seeks == "batted_speed" and top == turn:
+        slopes = powers[1:] * top ** powers[:-1] @ solved[1:]
+        moved = -slopes * sought.gain[near] / fitted.deriv(2)(top)
+        effects[near] += slopes @ metric[near] * moved
+    return weights, effects, middle + top * scan.fit_half_width
 
 
 def _turn(cubic: Polynomial) -> float:
@@ -172,7 +186,8 @@ def _turn(cubic: Polynomial) -> float:
 
 
 def _nothing(shots: int, reason: str) -> Outcome:
-    return Outcome(weights=np.full(shots, np.nan), place=np.nan, reason=reason)
+    nothing = np.full(shots, np.nan)
+    return Outcome(weights=nothing, effects=nothing, place=np.nan, reason=reason)
 
 
 def verdict(procedure: Procedure, value: float, *, complete: bool, eligible: bool) -> Verdict:

@@ -91,6 +91,8 @@ class Scan(Spec):
     coarse_hits: Annotated[int, Gt(0), Dimension("number")]
     fit_half_width: Length  # of the curve's piece that is fitted about the best place
     final_hits: Annotated[int, Ge(0), Dimension("number")]  # 0: the top of the fitted curve
+    # what has its greatest value at the best place: the metric, or v_f at the test's own speeds
+    seeks: Literal["metric", "batted_speed"] = "metric"
     # how far below its top the metric's curve still counts as near it; None: no width is told
     width_drop: Annotated[float | None, Dimension("number")] = None
 
@@ -219,8 +221,18 @@ class Procedure(Spec):
             raise ValueError(f"a speed_limit for the metric {self.metric}, which is no speed")
         if self.limit is not None and self.metric == "batted_speed":
             raise ValueError("the limit of a batted_speed is a speed_limit")
+        self._require_what_is_sought()
         if self.scan is not None and self.scan.width_drop and self.metric == "batted_speed":
             raise ValueError("scan.width_drop is a number, and a batted_speed is none")
+
+    def _require_what_is_sought(self) -> None:
+        scan = self.scan
+        if scan is None or scan.seeks == "metric":
+            return
+        if self.metric != "besr" or self.game is not None or self.correction is not None:
+            raise ValueError("scan.seeks = 'batted_speed' is for the metric besr as tested")
+        if scan.final_hits or scan.width_drop:
+            raise ValueError("scan.seeks = 'batted_speed' takes the top of the fitted curve")
 
     @property
     def most(self) -> float | None:

@@ -1,4 +1,4 @@
-"""Where to hit: the centre of percussion, or a scan that closes in on the greatest metric.
+"""Where to hit: the centre of percussion, or a scan that closes in on the best place.
 
 The operator asks again after every round what is still to fire. All is worked out from the
 shots there are, so a reduction of the records finds the same places for the same reasons.
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.measurement.procedure.rules import SETTING_STEP, Procedure, Scan
-from virtual_lab.relations.kinematics import centre_of_percussion
+from virtual_lab.measurement.reduction.kinematics import centre_of_percussion
 
 __all__ = [
     "SETTING_STEP",
@@ -44,7 +44,7 @@ def to_set(places: Array, *, exact: bool) -> Array:
 
 
 def next_places(
-    procedure: Procedure, percussion: float, place: Array, valid: Bools, metric: Array
+    procedure: Procedure, percussion: float, place: Array, valid: Bools, sought: Array
 ) -> Array:
     """Return the places to fire at next [m], one a shot; none when the test is complete.
 
@@ -54,26 +54,26 @@ def next_places(
         Its counts and its scan.
     percussion
         Centre of percussion of the bat as measured [m].
-    place, valid, metric
+    place, valid, sought
         Of the shots fired so far, in order, (shot,).
     """
     if procedure.scan is None:
         missing = np.full(max(procedure.valid_hits - int(valid.sum()), 0), percussion)
     else:
-        missing = _scan(procedure, procedure.scan, place, valid, metric)
+        missing = _scan(procedure, procedure.scan, place, valid, sought)
     return missing[: max(procedure.attempts - len(place), 0)]
 
 
-def _scan(procedure: Procedure, scan: Scan, place: Array, valid: Bools, metric: Array) -> Array:
+def _scan(procedure: Procedure, scan: Scan, place: Array, valid: Bools, sought: Array) -> Array:
     coarse = np.arange(scan.low, scan.high + ROUNDING, scan.coarse_step)
-    coarse = _hopeful(coarse, scan.coarse_hits, place, metric)
+    coarse = _hopeful(coarse, scan.coarse_hits, place, sought)
     lacking = _lacking(coarse, scan.coarse_hits, place, valid)
     if lacking.size or not coarse.size:
         return lacking
-    means = [metric[valid & same_place(place, at)][: scan.coarse_hits].mean() for at in coarse]
+    means = [sought[valid & same_place(place, at)][: scan.coarse_hits].mean() for at in coarse]
     middle = float(coarse[int(np.argmax(means))])
     fine = _grid(scan, middle)
-    fine = _hopeful(fine, procedure.valid_hits, place, metric)
+    fine = _hopeful(fine, procedure.valid_hits, place, sought)
     reaches = (scan.fine_step,) if scan.final_hits else (scan.fine_step, scan.fit_half_width)
     settled = False
     while not settled:
@@ -86,7 +86,7 @@ def _scan(procedure: Procedure, scan: Scan, place: Array, valid: Bools, metric: 
             complete = [at for at in fine if _hits(place, valid, at) >= procedure.valid_hits]
             if not complete:
                 return np.zeros(0)
-            best = best_place(procedure, complete, place, valid, metric)
+            best = best_place(procedure, complete, place, valid, sought)
             settled = best == middle
             if not settled:
                 middle = best
@@ -102,22 +102,22 @@ def _grid(scan: Scan, middle: float) -> Array:
     return np.asarray(middle + scan.fine_step * np.arange(-below, above + 1))
 
 
-def _hopeful(places: Array, hits: int, place: Array, metric: Array) -> Array:
+def _hopeful(places: Array, hits: int, place: Array, sought: Array) -> Array:
     """Return the places but those that as many balls as would do did not come back from.
 
     There the bat gives next to nothing back: such a place is not the greatest, whatever it is.
     """
-    lost = [int((same_place(place, at) & ~np.isfinite(metric)).sum()) for at in places]
-    back = [int((same_place(place, at) & np.isfinite(metric)).sum()) for at in places]
+    lost = [int((same_place(place, at) & ~np.isfinite(sought)).sum()) for at in places]
+    back = [int((same_place(place, at) & np.isfinite(sought)).sum()) for at in places]
     return places[(np.array(lost) < hits) | (np.array(back) > np.array(lost))]
 
 
 def best_place(
-    procedure: Procedure, among: Iterable[float], place: Array, valid: Bools, metric: Array
+    procedure: Procedure, among: Iterable[float], place: Array, valid: Bools, sought: Array
 ) -> float:
-    """Return the place [m] of the greatest mean metric, over the scan's own hits there."""
+    """Return the place [m] where the mean of what is sought is greatest, over the scan's hits."""
     counted = scan_hits(procedure, place, valid)
-    means = {at: metric[counted & same_place(place, at)].mean() for at in among}
+    means = {at: sought[counted & same_place(place, at)].mean() for at in among}
     return max(means, key=means.__getitem__)
 
 

@@ -16,13 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.measurement.reduction.flights import Flights, Flown, flights
-from virtual_lab.measurement.reduction.observations import (
-    SLOPE_REPEATABILITY,
-    BallReadings,
-    ImpactReadings,
-)
-from virtual_lab.relations.flight import drag_rate
-from virtual_lab.relations.kinematics import (
+from virtual_lab.measurement.reduction.kinematics import (
     bat_performance_factor,
     efficiency_from_restitution,
     parallel_axis,
@@ -31,6 +25,12 @@ from virtual_lab.relations.kinematics import (
     recoil_factor_pivoted,
     restitution_from_efficiency,
 )
+from virtual_lab.measurement.reduction.observations import (
+    SLOPE_REPEATABILITY,
+    BallReadings,
+    ImpactReadings,
+)
+from virtual_lab.relations.flight import drag_rate
 from virtual_lab.relations.pendulum import inertia_from_period, mean_amplitude_factor
 
 __all__ = [

@@ -202,6 +202,20 @@ class Ladder:
             ready = self.fitted[key] = (wide, choice)
         return ready[1].efficiency(scenes)
 
+    def true_efficiency(
+        self, body: BatBody, support: Support, scenes: Scenes
+    ) -> NDArray[np.float64]:
+        """Return e_A of the scenes that the truth rests on, whatever rung the shots take.
+
+        By the modal rung, or the reference where that was asked for; where a surrogate serves
+        many laboratories, by the one that serves their shots.
+        """
+        if self.expected and self.rung is None:
+            return self.efficiency(body, support, scenes)
+        if self.rung == "reference":
+            return self(body, support).collide(scenes).collision_efficiency
+        return ModalModel.of(body, support).collide(scenes).collision_efficiency
+
     def report(self) -> dict[str, str | float]:
         """Return the rung first taken, its error in e_A, and why."""
         for choice in self.taken.values():

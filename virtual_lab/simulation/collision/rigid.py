@@ -8,7 +8,6 @@ from typing import Self
 import numpy as np
 
 from virtual_lab.catalog.specs import BatBody
-from virtual_lab.relations.kinematics import efficiency_from_restitution, energy_fractions
 from virtual_lab.simulation.collision.scene import Collisions, EnergySplit, Scenes
 from virtual_lab.simulation.physics.ball import wall_contact
 from virtual_lab.simulation.physics.modes import Modes, modes_of
@@ -31,14 +30,14 @@ class RigidModel:
         return cls(modes=modes_of(stiff, support, 0))
 
     def collide(self, scenes: Scenes) -> Collisions:
-        """Return what the scenes come to. Eqs. (6), (7) and (10) with e = e0."""
+        """Return the outcome of the scenes: the ball leaves the bat at e0 of the closing speed."""
         scenes.require_on(self.modes.length)
         shape = self.modes.shape(scenes.impact_position)
         mass, speed, e0 = scenes.ball_mass, scenes.relative_speed, scenes.ball_restitution
         r = mass * np.sum(shape**2, axis=1)
-        e_A = np.asarray(efficiency_from_restitution(e0, r))
-        impulse = mass * speed * (1 + e_A)
-        shares = energy_fractions(e0, r)
+        impulse = mass * speed * (1 + e0) / (1 + r)
+        e_A = impulse / (mass * speed) - 1
+        bat = impulse**2 * r / (mass * speed) ** 2
         contact = wall_contact(mass / (1 + r), speed, scenes.stiffness, scenes.exponent, e0)
         nothing = np.zeros(len(scenes))
         return Collisions(
@@ -52,10 +51,10 @@ class RigidModel:
             reloads=np.zeros(len(scenes), dtype=np.int64),
             redone=np.zeros(len(scenes), dtype=np.int64),
             energy=EnergySplit(
-                ball=np.asarray(shares.ball),
-                rigid=np.asarray(shares.bat),
+                ball=e_A**2,
+                rigid=bat,
                 bending=nothing,
                 hoop=nothing,
-                hysteresis=np.asarray(shares.dissipated),
+                hysteresis=1 - e_A**2 - bat,
             ),
         )

@@ -14,7 +14,7 @@ import numpy as np
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
-from virtual_lab.relations.kinematics import (
+from virtual_lab.measurement.reduction.kinematics import (
     bat_performance_factor,
     batted_speed,
     recoil_factor_free,

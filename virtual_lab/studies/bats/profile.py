@@ -19,7 +19,7 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec, BatSpec, Dimension, Spec
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder
-from virtual_lab.relations.kinematics import (
+from virtual_lab.measurement.reduction.kinematics import (
     bat_performance_factor,
     batted_speed,
     recoil_factor_free,

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from virtual_lab.relations import kinematics as k
+from virtual_lab.measurement.reduction import kinematics as k
 from virtual_lab.units import INCH, OUNCE, OZ_IN2
 
 M, Z_CM, I_CM = 31 * OUNCE, 11.3 * INCH, 2539 * OZ_IN2

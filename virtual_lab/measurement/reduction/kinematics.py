@@ -1,4 +1,4 @@
-"""Closed forms of the ball-bat collision that the truth and the reduction both use.
+"""Closed forms of the ball-bat collision, for the reduction and for studies; the truth uses none.
 
 Symbols: ``e_A`` collision efficiency, ``e`` restitution of ball and bat, ``e0`` of the ball
 on a rigid wall, ``r`` recoil factor, ``m`` ball mass, ``M`` bat mass. Every function

@@ -1,0 +1,97 @@
+"""What really happens, against the equations of the paper written out here."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.rigs.conformance import _Modal
+from virtual_lab import catalog
+from virtual_lab.catalog.specs import BallSpec
+from virtual_lab.simulation.collision.scene import Scenes
+from virtual_lab.simulation.impact import error_free, thrown_back, wall_restitution
+from virtual_lab.simulation.physics.ball import wall_contact
+from virtual_lab.simulation.physics.beam import beam_of
+from virtual_lab.simulation.physics.supports import Pinned
+from virtual_lab.simulation.rig import Order, Specimen
+from virtual_lab.simulation.truth import TrueOutcome, draw_balls, draw_bat
+from virtual_lab.streams import Quiet
+
+INCH = 0.0254
+PLACES = np.array([0.2, 1.0, 4.0, 6.0, 8.0, 12.0, 18.0]) * INCH
+FROM_KNOB = 6 * INCH
+
+
+def specimen_of(bat: str) -> Specimen:
+    ball = catalog.load("balls", "baseball-2003", BallSpec).spec
+    return Specimen(
+        bat=draw_bat(catalog.load_bat(bat).spec, Quiet()),
+        balls=draw_balls(ball, 3, Quiet()),
+        collision=_Modal(),
+    )
+
+
+def truth_of(specimen: Specimen) -> TrueOutcome:
+    order = Order(
+        ball=np.zeros(PLACES.size, dtype=int), speed=np.full(PLACES.size, 40.0), place=PLACES
+    )
+    support = Pinned(specimen.bat.body.length - FROM_KNOB)
+    return error_free(order, specimen, support, FROM_KNOB)
+
+
+@pytest.mark.parametrize("bat", ["r161", "ea70", "barrel-loaded", "knob-loaded"])
+def test_the_rigid_modes_give_equations_6_8_and_9(bat: str) -> None:
+    """R by (8) and (9) from the beam's mass and inertia, e by (6); both from one impulse."""
+    specimen = specimen_of(bat)
+    true, beam = truth_of(specimen), beam_of(specimen.bat.body)
+    m, M, I = specimen.balls.spec.mass, beam.mass, beam.inertia_cm  # noqa: E741
+    axis = beam.length - FROM_KNOB
+    free = m * (1 / M + (PLACES - beam.z_cm) ** 2 / I)
+    pivoted = m * (PLACES - axis) ** 2 / (I + M * (beam.z_cm - axis) ** 2)
+    assert true.free.recoil_factor == pytest.approx(free, rel=1e-12)
+    assert true.pivoted.recoil_factor == pytest.approx(pivoted, rel=1e-12)
+    for r, rigid in ((free, true.free), (pivoted, true.pivoted)):
+        by_equation_6 = true.collision_efficiency * (1 + r) + r
+        assert rigid.restitution == pytest.approx(by_equation_6, rel=1e-12)
+
+
+def test_a_hoop_mode_does_not_recoil() -> None:
+    """A shell that rings takes speed from the ball; its own motion is no recoil of the bat."""
+    specimen = specimen_of("ea70")
+    bare = replace(specimen.bat, body=replace(specimen.bat.body, hoop=None))
+    with_shell, without = truth_of(specimen), truth_of(replace(specimen, bat=bare))
+    assert with_shell.free.recoil_factor == pytest.approx(without.free.recoil_factor, rel=1e-12)
+    assert np.abs(with_shell.collision_efficiency - without.collision_efficiency).max() > 0.01
+
+
+@pytest.mark.parametrize(("exponent", "stiffness"), [(1.0, 3.5e6), (1.5, 1e8), (2.0, 1e9)])
+def test_a_ball_followed_off_a_wall_has_its_restitution(exponent: float, stiffness: float) -> None:
+    scenes = Scenes.of(
+        impact_position=0.15,
+        relative_speed=[20.0, 40.0, 60.0, 60.0],
+        ball_mass=0.145,
+        ball_restitution=[0.3, 0.5, 0.55, 0.99],
+        stiffness=stiffness,
+        exponent=exponent,
+    )
+    assert wall_restitution(scenes) == pytest.approx(scenes.ball_restitution, rel=1e-13)
+
+
+def test_a_wall_contact_of_the_same_law_returns_that_speed() -> None:
+    """The closed form's expansion, followed back in time, is a compression at e0 of the speed."""
+    contact = wall_contact(*(np.array(x) for x in (0.145, 50.0, 3.5e6, 1.0, 0.5)))
+    work = 3.5e6 * contact.compression**2 / 2
+    assert work == pytest.approx(0.145 * 50.0**2 / 2, rel=1e-12)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.05, 0.4])
+def test_a_tilted_hit_keeps_the_speed_along_the_surface(tilt: float) -> None:
+    """In the bat's frame: e_A of the speed across the surface comes back, the rest goes on."""
+    efficiency, speed = np.array([0.2, -0.1]), 40.0
+    back, slope = thrown_back(efficiency, np.array(tilt), np.array(speed), 3.0)
+    normal = np.array([-np.cos(tilt), np.sin(tilt)])  # from bat to ball; the ball comes along +x
+    surface = np.array([np.sin(tilt), np.cos(tilt)])
+    for e, x, rise in zip(efficiency, back, slope, strict=True):
+        velocity = e * speed * np.cos(tilt) * normal + speed * np.sin(tilt) * surface
+        assert -velocity[0] + 3.0 == pytest.approx(x, rel=1e-12)
+        assert velocity[1] / x == pytest.approx(rise, rel=1e-12)
