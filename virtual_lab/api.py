@@ -119,6 +119,7 @@ def certify(
     motion: str = Motion.CLOSED_FORM.value,
     faults: Sequence[str] = (),
     control_bat: str | None = None,
+    correction: str | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> Certificate:
     """Take a bat through a procedure and return its certificate.
@@ -145,6 +146,9 @@ def certify(
     control_bat
         Name or path of a bat whose e is known, for rules that correct their balls by one: it is
         tested first, with the same balls.
+    correction
+        ``METHOD:E0``, such as ``trampoline:0.5``: convert the result to a standard ball where the
+        rules do not; the certificate marks it as assumed.
     say
         Told what goes on, a sentence at a time.
 
@@ -163,6 +167,7 @@ def certify(
         motion=motion,
         faults=faults,
         control_bat=control_bat,
+        correction=correction,
         say=say,
     )
     return _certificate(tested)

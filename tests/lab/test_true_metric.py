@@ -15,13 +15,16 @@ from scipy.optimize import minimize_scalar
 
 from tests.conftest import Play
 from virtual_lab import catalog
-from virtual_lab.lab import open_laboratory
+from virtual_lab.certificate.document import certificate
+from virtual_lab.errors import InputError
+from virtual_lab.lab import certify_bat, open_laboratory
 from virtual_lab.lab.measurand import CONTINUOUS, true_curve
 from virtual_lab.lab.true_metric import TrueCurve
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.procedure.rules import BallCorrection
 from virtual_lab.measurement.reduction import shot_algebra
 from virtual_lab.simulation.rig import ImpactStation, Reality, Stage
+from virtual_lab.studies.bats.profile import profile
 
 INCH, MPH, OUNCE = 0.0254, 0.44704, 0.028349523125
 BASEBALL = ("r161", "ea70", "barrel-loaded", "knob-loaded")
@@ -119,6 +122,17 @@ def test_besr_is_that_of_the_greatest_speed(bat: str, played: Play) -> None:
     assert curve.collision_efficiency.max() + 0.5 > true["metric"] + 0.01
 
 
+@pytest.mark.parametrize("bat", BASEBALL)
+def test_the_proposal_is_the_field(bat: str, played: Play) -> None:
+    """Its exact result against the bat struck in the field by the standard ball: 0.1 mph.
+
+    A ball of 0.45 corrected as for a rigid shell made aluminium bats 1.3 to 1.45 mph too fast.
+    """
+    true = played(bat, Reality.IDEAL, procedure="proposed").sealed.measurand
+    field = profile(bat, swing=0.3).peaks["v_f_mph"].value * MPH
+    assert true[CONTINUOUS] / MPH == pytest.approx(field / MPH, abs=0.1)
+
+
 @pytest.mark.parametrize(("procedure", "bat"), [("astm-f1881", "r161"), ("asa", "softball-34")])
 def test_fixed_places_say_what_the_paper_does(procedure: str, bat: str, played: Play) -> None:
     """BPF at the centre of percussion; v_f of e_A there, at bat speeds that go with M^-1/4."""
@@ -197,3 +211,27 @@ def test_besr_of_another_place_shows(monkeypatch: pytest.MonkeyPatch) -> None:
     right = laboratory.run(lambda _: None).sealed.measurand["metric"]
     assert tested.certification.metric is not None
     assert abs(tested.certification.metric.value - right) > 5e-3
+
+
+def test_a_conversion_the_rules_do_not_ask_for_is_assumed() -> None:
+    """Bbcor normalises nothing; asked for, the certificate says which and that it is assumed."""
+    plain = certify_bat("ea70", procedure="bbcor", reality=Reality.IDEAL)
+    asked = certify_bat(
+        "ea70", procedure="bbcor", reality=Reality.IDEAL, correction="trampoline:0.5"
+    )
+    document = certificate(asked.certification)
+    assert document["ball_correction"]["method"] == "trampoline"
+    keys = {row["key"]: row["source"] for row in document["unverified"]}
+    assert keys["correction.standard"] == "assumed"
+    e, e0 = (plain.sealed.measurand[name] for name in ("restitution", "ball_restitution"))
+    assert asked.certification.metric is not None
+    converted = sqrt(1 - (1 - e**2) * 0.75 / (1 - e0**2))
+    assert asked.certification.metric.value == pytest.approx(converted, rel=1e-9)
+
+
+@pytest.mark.parametrize("asked", ["trampoline", "trampoline:1.2", "none:0.5", "ratio:x", ""])
+def test_a_conversion_that_is_none_is_refused(asked: str) -> None:
+    with pytest.raises(InputError, match=r"trampoline:0\.5"):
+        open_laboratory("r161", procedure="bbcor", seed=1, correction=asked)
+    with pytest.raises(InputError, match=r"has a \[correction\]: trampoline"):
+        open_laboratory("r161", procedure="proposed", seed=1, correction="ratio:0.5")

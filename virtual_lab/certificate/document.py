@@ -15,6 +15,7 @@ from virtual_lab.measurement.certification import QUANTITIES, Certification
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.procedure.peak_width import Width
 from virtual_lab.measurement.session_reduction import CONTROL
+from virtual_lab.measurement.swing_range import SwingResult
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.uncertainty.budget import Budget
 from virtual_lab.units import INCH, MPH
@@ -70,7 +71,7 @@ def certificate(certification: Certification, *, truth_digest: str | None = None
             "degrees_of_freedom": _finite(metric.dof) if metric else None,
             "u_type_a": metric.u_type_a if metric else None,
             "u_type_b": metric.u_type_b if metric else None,
-            "unit": METRICS[procedure.metric].unit,
+            "unit": METRICS[procedure.metric].si_unit,
             "limit": procedure.most,
             "place_in": certification.outcome.place / INCH if metric else None,
         },
@@ -94,6 +95,7 @@ def certificate(certification: Certification, *, truth_digest: str | None = None
         if isfinite(certification.outcome.place)
         else None,
         "width_m": _width(certification.width),
+        "swing_range": [_swing(result) for result in certification.swings],
         "places": place_rows(certification) if procedure.scan else [],
         "findings": [asdict(finding) for finding in certification.findings],
         "flags": [asdict(flag) for flag in certification.flags],
@@ -145,6 +147,17 @@ def _width(width: Width | None) -> dict[str, Any] | None:
         "at_least": not whole,
         "from_in": width.span.low / INCH,
         "to_in": width.span.high / INCH,
+    }
+
+
+def _swing(result: SwingResult) -> dict[str, Any]:
+    """Return v_f for one exponent of the swing law, in SI units as the metric."""
+    return {
+        "exponent": result.exponent,
+        "value": result.budget.value,
+        "u": result.budget.u,
+        "interval_95": list(result.budget.interval_95),
+        "place_in": result.place / INCH,
     }
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["encoder_figure", "hits_figure"]
+__all__ = ["encoder_figure", "hits_figure", "swings_figure"]
 
 Array = NDArray[np.float64]
 
@@ -55,6 +55,32 @@ def hits_figure(certification: Certification) -> str:
     description = f"{fired} shots, {valid} valid; {most}"
     height = 2.3 if certification.procedure.scan else 1.5
     return _svg(draw, height, "hits", f"{printed.symbol} of every hit", description)
+
+
+def swings_figure(certification: Certification) -> str:
+    """Return the metric over the exponent of the swing law, with its 95 % intervals, as SVG."""
+    printed = METRICS[certification.procedure.metric]
+    unit_si, results = printed.unit_si, certification.swings
+    exponents = np.array([result.exponent for result in results])
+    values = np.array([result.budget.value for result in results]) / unit_si
+    intervals = np.array([result.budget.interval_95 for result in results]) / unit_si
+    game = certification.procedure.game
+    assert game is not None
+
+    def draw(figure: Figure) -> None:
+        axes = figure.add_subplot()
+        axes.fill_between(
+            exponents, *intervals.T, facecolor=BAND, edgecolor="none", label="95 % interval"
+        )
+        axes.plot(exponents, values, "o-", color="black", markersize=3, label=printed.symbol)
+        axes.axvline(
+            game.exponent, color="black", linewidth=0.6, linestyle=":", label="judged by this n"
+        )
+        axes.set(xlabel="exponent n of the swing law", xticks=exponents)
+        _finish(axes, printed, "")
+
+    description = f"{printed.symbol} for exponents {exponents.min():g} to {exponents.max():g}"
+    return _svg(draw, 1.7, "swings", f"{printed.symbol} over the swing law", description)
 
 
 def encoder_figure(certification: Certification) -> str:

@@ -51,7 +51,7 @@ def certificate_page(document: dict[str, Any], certification: Certification) -> 
     """
     from markupsafe import Markup
 
-    from virtual_lab.certificate.figures import encoder_figure, hits_figure
+    from virtual_lab.certificate.figures import encoder_figure, hits_figure, swings_figure
 
     ring = document["ring"] or NO_RING
     return template(PACKAGE, "certificate.html").render(
@@ -64,6 +64,8 @@ def certificate_page(document: dict[str, Any], certification: Certification) -> 
         width=_width(document["width_m"]),
         correction=_correction(document["ball_correction"]),
         shots=_shots(certification),
+        swings=_swings(document),
+        swings_figure=Markup(swings_figure(certification)) if certification.swings else None,
         budget=_budget(document),
         rebound=_rebound(document, certification),
         witness=witness_rows(document["second_witness"]),
@@ -84,6 +86,25 @@ def _number_of(document: Mapping[str, Any]) -> str:
     """Return the first digits of the SHA-256 of ``certificate.json``, so anyone can check it."""
     text = json.dumps(document, indent=2, allow_nan=False) + "\n"
     return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+def _swings(document: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Return the metric for each exponent of the swing law, in print."""
+    unit_si = METRICS[document["metric"]["name"]].unit_si
+    rows = []
+    for row in document["swing_range"]:
+        places = decimals(row["u"] / unit_si)
+        low, high = (bound / unit_si for bound in row["interval_95"])
+        rows.append(
+            {
+                "exponent": f"{row['exponent']:g}",
+                "value": _number(row["value"] / unit_si, places),
+                "u": _number(row["u"] / unit_si, places),
+                "interval": f"{_number(low, places)} to {_number(high, places)}",
+                "place": f"{row['place_in']:.2f}",
+            }
+        )
+    return rows
 
 
 def _counted(certification: Certification) -> bool:

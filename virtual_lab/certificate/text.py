@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from virtual_lab.certificate.camera import witness_text
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.rounding import with_uncertainty
+from virtual_lab.output.tables import table_text
 from virtual_lab.units import INCH
 
 __all__ = ["certificate_text"]
@@ -40,6 +41,7 @@ def certificate_text(document: Mapping[str, Any]) -> str:
         place = document["impact_position_in"]
         lines.append(f"  at {document['v_rel_mph']:.2f} mph, {place:.2f} in from the tip")
         lines += _width_lines(document["width_m"])
+        lines += _swing_lines(metric, document["swing_range"])
         lines += _control_lines(document["ball_correction"])
         lines += witness_text(document["second_witness"])
     if document["incomplete"]:
@@ -87,6 +89,25 @@ def _width_lines(width: Mapping[str, Any] | None) -> list[str]:
     )
     where = f"{width['from_in']:.2f} to {width['to_in']:.2f} in from the tip"
     return [f"  {stated} in wide within {width['drop']:g} of the curve's top, {where}"]
+
+
+def _swing_lines(metric: Mapping[str, Any], results: Sequence[Mapping[str, Any]]) -> list[str]:
+    if not results:
+        return []
+    printed = METRICS[metric["name"]]
+    rows = [
+        {
+            "n": f"{row['exponent']:g}",
+            f"{printed.symbol}, {printed.unit}": with_uncertainty(
+                row["value"] / printed.unit_si, row["u"] / printed.unit_si
+            ),
+            "best place, in": f"{row['place_in']:.2f}",
+        }
+        for row in results
+    ]
+    return ["  for other exponents n of the swing law:"] + [
+        f"    {line}" for line in table_text(rows).splitlines()
+    ]
 
 
 def _control_lines(correction: Mapping[str, Any] | None) -> list[str]:

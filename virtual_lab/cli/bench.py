@@ -67,6 +67,11 @@ from virtual_lab.cli.shared import json_option, names, print_json, rigs, teller
     shell_complete=names("bats"),
 )
 @click.option(
+    "--correction",
+    metavar="METHOD:E0",
+    help="Convert to a standard ball where the rules do not: e.g. trampoline:0.5 (assumed).",
+)
+@click.option(
     "--film",
     is_flag=True,
     help="Keep the first shot in whole frames too, for 'track'; needs --rig filmed-cannon.",
@@ -84,6 +89,7 @@ def certify(
     motion: str,
     faults: tuple[str, ...],
     control_bat: str | None,
+    correction: str | None,
     film: bool,
     as_json: bool,
 ) -> None:
@@ -110,6 +116,7 @@ def certify(
         motion=motion,
         faults=faults,
         control_bat=control_bat,
+        correction=correction,
         say=teller(),
     )
     certificate.save(target, film=film)

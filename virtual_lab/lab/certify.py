@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from virtual_lab import catalog
+from virtual_lab.catalog import Entry
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
 from virtual_lab.lab.control import with_control
@@ -17,6 +18,8 @@ from virtual_lab.simulation.faults import Day
 from virtual_lab.simulation.rig import Motion, Reality
 
 __all__ = ["certify_bat", "open_laboratory"]
+
+METHODS = ("ratio", "trampoline")  # of converting a result to a standard ball
 
 
 def certify_bat(
@@ -31,6 +34,7 @@ def certify_bat(
     faults: Sequence[str] = (),
     test: int | None = None,
     control_bat: str | None = None,
+    correction: str | None = None,
     say: Say = lambda _: None,
 ) -> Tested:
     """Take a bat through a procedure.
@@ -57,6 +61,8 @@ def certify_bat(
         its own bat, balls, readings and hits. None: its only one.
     control_bat
         Whose e is known, for rules that correct by one: it is tested first, with the same balls.
+    correction
+        ``METHOD:E0`` by which to convert to a standard ball where the rules do not.
     say
         Told what goes on, a sentence at a time.
 
@@ -75,6 +81,7 @@ def certify_bat(
         motion=motion,
         faults=faults,
         test=test,
+        correction=correction,
     )
     laboratory, control = with_control(laboratory, control_bat, say)
     return replace(laboratory.run(say), control=control)
@@ -91,6 +98,7 @@ def open_laboratory(
     motion: str = Motion.CLOSED_FORM.value,
     faults: Sequence[str] = (),
     test: int | None = None,
+    correction: str | None = None,
 ) -> Laboratory:
     """Return the laboratory that takes a bat through a procedure; parameters of `certify_bat`.
 
@@ -104,6 +112,8 @@ def open_laboratory(
     if seed is not None and seed < 0:
         raise InputError("", "seed", seed, "allowed: whole numbers from 0")
     rules = catalog.load("procedures", procedure, Procedure)
+    if correction is not None:
+        rules = _with_correction(rules, correction)
     return Laboratory.open(
         bat=catalog.load_bat(bat).spec,
         ball=catalog.load("balls", rules.spec.ball, BallSpec).spec,
@@ -119,3 +129,21 @@ def open_laboratory(
         | catalog.unverified("balls", rules.spec.ball)
         | unverified_rigs((BENCH_RIG, BALL_RIG, rig or rules.spec.rig)),
     )
+
+
+def _with_correction(rules: Entry[Procedure], asked: str) -> Entry[Procedure]:
+    """Return the rules with a conversion ``METHOD:E0``; `InputError` where they have one."""
+    if rules.spec.correction is not None:
+        allowed = f"{rules.spec.name} has a [correction]: {rules.spec.correction.method}"
+        raise InputError("", "correction", asked, allowed)
+    method, _, standard = asked.partition(":")
+    try:
+        value = float(standard)
+    except ValueError:
+        value = 0.0
+    if method not in METHODS or not 0 < value < 1:
+        allowed = f"allowed: {' or '.join(METHODS)}, a colon and an e0 below 1: trampoline:0.5"
+        raise InputError("", "correction", asked, allowed)
+    number = f'{{ value = {value!r}, unit = "1", source = "assumed", verified = false }}'
+    table = f'[correction]  # asked for by the operator\nmethod = "{method}"\nstandard = {number}\n'
+    return catalog.read(f"{rules.text}\n{table}", f"procedures/{rules.spec.name}", Procedure)

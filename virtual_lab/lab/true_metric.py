@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.simulation.physics.beam import Beam
@@ -19,6 +20,7 @@ __all__ = ["TrueCurve", "scan_result"]
 
 Array = NDArray[np.float64]
 DEGREE = 3  # of the curve that a scan is judged by
+POINTS = 64  # between which a fitted curve turns at most once
 SETTING = 1e-3  # m, two steps in which an operator sets a place
 
 
@@ -131,8 +133,8 @@ def scan_result(
     near = np.abs(at - at[best]) < scan.fit_half_width + SETTING
     degree = min(DEGREE, int(near.sum()) - 1)
     curve, value = (Polynomial.fit(at[near], own[near], degree) for own in (looked, wanted))
-    low, high = curve.domain
-    turns = np.asarray(curve.deriv().roots())
-    turns = turns[np.abs(turns.imag) < 1e-9].real
-    candidates = np.concatenate([[low, high], turns[(turns > low) & (turns < high)]])
+    slope, along = curve.deriv(), np.linspace(curve.domain[0], curve.domain[1], POINTS)
+    falls = np.flatnonzero(np.diff(np.sign(slope(along))) < 0)
+    turns = [brentq(slope, along[i], along[i + 1], xtol=1e-14) for i in falls]
+    candidates = np.array([*curve.domain, *turns])
     return float(value(candidates[np.argmax(curve(candidates))]))

@@ -30,6 +30,7 @@ from virtual_lab.measurement.procedure.peak_width import Width, width_of
 from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import ShotResults
 from virtual_lab.measurement.session_reduction import Reduced, measure_bat, reduce_session
+from virtual_lab.measurement.swing_range import SwingResult, swing_range
 from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.budget import Budget, combine, propagate, scatter, type_a
 
@@ -67,6 +68,7 @@ class Certification:
     metric: Budget | None  # None where too few hits were valid to give one
     quantities: Mapping[str, Budget]  # by the keys of QUANTITIES; {} without a metric
     width: Width | None  # None too where the rules ask for none
+    swings: tuple[SwingResult, ...]  # where the rules name several swing laws
     other: OtherSupport | None
     second_witness: SecondWitness | None  # where a camera watched the hits
     findings: tuple[Finding, ...]  # what the rules ask of a bat before it is hit
@@ -127,6 +129,7 @@ def evaluate(session: Session, reduced: Reduced) -> Certification:
         metric=metric,
         quantities=quantities,
         width=width_of(procedure, where, valid, reduced.shot_metric) if metric else None,
+        swings=swing_range(reduced) if metric else (),
         other=other_support(procedure, shots, reduced.bat, outcome) if metric else None,
         second_witness=second_witness(session, reduced),
         findings=found,

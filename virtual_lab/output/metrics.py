@@ -17,12 +17,13 @@ class Printed:
     symbol: str  # letter and, after an underscore, its index
     unit: str
     unit_si: float
+    si_unit: str
     places: int  # decimals of a limit
 
 
 METRICS = {
-    "bat_performance_factor": Printed("Bat performance factor", "BPF", "", 1.0, 3),
-    "besr": Printed("Ball exit speed ratio", "BESR", "", 1.0, 3),
-    "restitution": Printed("Restitution of ball and bat", "e", "", 1.0, 3),
-    "batted_speed": Printed("Batted-ball speed", "v_f", "mph", MPH, 1),
+    "bat_performance_factor": Printed("Bat performance factor", "BPF", "", 1.0, "", 3),
+    "besr": Printed("Ball exit speed ratio", "BESR", "", 1.0, "", 3),
+    "restitution": Printed("Restitution of ball and bat", "e", "", 1.0, "", 3),
+    "batted_speed": Printed("Batted-ball speed", "v_f", "mph", MPH, "m/s", 1),
 }

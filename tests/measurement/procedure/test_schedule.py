@@ -11,6 +11,7 @@ from virtual_lab import catalog
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import Procedure, next_places, outcome_of, to_set
 from virtual_lab.measurement.procedure.rules import Scan
+from virtual_lab.measurement.procedure.schedule import final_hits
 
 BBCOR = catalog.load("procedures", "bbcor", Procedure).spec
 BESR = catalog.load("procedures", "ncaa-besr", Procedure).spec
@@ -183,3 +184,18 @@ def test_more_coarse_hits_than_a_place_takes_are_refused() -> None:
     assert changed != text
     with pytest.raises(InputError, match="coarse_hits"):
         catalog.read(changed, "mine.toml", Procedure)
+
+
+def test_an_invalid_shot_begins_consecutive_hits_again() -> None:
+    """Six in a row at the best place: after four hits and a miss six more are asked for."""
+    rules = catalog.load("procedures", "bbcor", Procedure).spec
+    assert rules.scan is not None
+    assert rules.scan.consecutive
+    best, scanned = 0.15, np.full(rules.valid_hits, 0.15)
+    place = np.concatenate([scanned, np.full(5, best)])
+    valid = np.array([True] * rules.valid_hits + [True] * 4 + [False])
+    assert final_hits(rules, rules.scan, best, place, valid).size == 0
+    more = np.append(valid, [True, True]), np.append(place, [best, best])
+    assert final_hits(rules, rules.scan, best, more[1], more[0]).tolist() == [11, 12]
+    loose = replace(rules.scan, consecutive=False)
+    assert final_hits(rules, loose, best, place, valid).tolist() == [6, 7, 8, 9]

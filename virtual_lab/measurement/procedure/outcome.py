@@ -20,7 +20,7 @@ from virtual_lab.measurement.procedure.rules import Procedure, Scan
 from virtual_lab.measurement.procedure.schedule import (
     SETTING_STEP,
     best_place,
-    same_place,
+    final_hits,
     scan_hits,
 )
 
@@ -115,9 +115,11 @@ def _of_scan(
     bracketed = bool((beside < best).any() and (beside > best).any())
     reason = "" if bracketed else f"no maximum between {scan.low:g} and {scan.high:g} m"
     if scan.final_hits:
-        fresh = np.flatnonzero(valid & ~counted & same_place(place, best))[-scan.final_hits :]
+        fresh = final_hits(procedure, scan, best, place, valid)[-scan.final_hits :]
         if fresh.size < scan.final_hits:
-            reason = reason or f"{fresh.size} of {scan.final_hits} hits at the best place"
+            in_a_row = "consecutive " if scan.consecutive else ""
+            few = f"{fresh.size} of {scan.final_hits} {in_a_row}hits at the best place"
+            reason = reason or few
         if fresh.size == 0:
             return _nothing(len(place), reason)
         return _mean(np.isin(np.arange(len(place)), fresh), place, reason)

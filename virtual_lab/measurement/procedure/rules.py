@@ -91,6 +91,7 @@ class Scan(Spec):
     coarse_hits: Annotated[int, Gt(0), Dimension("number")]
     fit_half_width: Length  # of the curve's piece that is fitted about the best place
     final_hits: Annotated[int, Ge(0), Dimension("number")]  # 0: the top of the fitted curve
+    consecutive: bool = False  # an invalid shot among the final hits begins them again
     # what has its greatest value at the best place: the metric, or v_f at the test's own speeds
     seeks: Literal["metric", "batted_speed"] = "metric"
     # how far below its top the metric's curve still counts as near it; None: no width is told
@@ -124,6 +125,8 @@ class Game(Spec):
     pitch_speed: Speed
     scales_with: Literal["inertia", "mass"]  # inertia about the axis of the swing
     exponent: Annotated[float, Ge(0), Dimension("number")]
+    # others for which the certificate gives the result too
+    exponents: Annotated[tuple[float, ...], Dimension("number")] = ()
     reference_inertia: Annotated[float | None, Dimension("inertia")] = None
     reference_mass: Annotated[float | None, Dimension("mass")] = None
     axis_from_knob: Annotated[float | None, Dimension("length")] = None

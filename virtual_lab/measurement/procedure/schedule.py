@@ -18,6 +18,7 @@ __all__ = [
     "SETTING_STEP",
     "aimed_place",
     "best_place",
+    "final_hits",
     "next_places",
     "same_place",
     "scan_hits",
@@ -91,8 +92,8 @@ def _scan(procedure: Procedure, scan: Scan, place: Array, valid: Bools, sought: 
             if not settled:
                 middle = best
                 break
-    fresh = valid & same_place(place, middle) & ~scan_hits(procedure, place, valid)
-    return np.full(max(scan.final_hits - int(fresh.sum()), 0), middle)
+    fresh = final_hits(procedure, scan, middle, place, valid)
+    return np.full(max(scan.final_hits - fresh.size, 0), middle)
 
 
 def _grid(scan: Scan, middle: float) -> Array:
@@ -128,6 +129,21 @@ def scan_hits(procedure: Procedure, place: Array, valid: Bools) -> Bools:
         here = np.flatnonzero(valid & same_place(place, at))
         chosen[here[: procedure.valid_hits]] = True
     return chosen
+
+
+def final_hits(
+    procedure: Procedure, scan: Scan, best: float, place: Array, valid: Bools
+) -> NDArray[np.intp]:
+    """Return the numbers of the fresh hits at the best place [m] that count, in order.
+
+    Where the rules ask for consecutive ones, those since the last invalid shot there.
+    """
+    here = same_place(place, best) & ~scan_hits(procedure, place, valid)
+    shots = np.flatnonzero(here)
+    if scan.consecutive:
+        failed = np.flatnonzero(~valid[shots])
+        return shots[failed[-1] + 1 :] if failed.size else shots
+    return shots[valid[shots]]
 
 
 def same_place(place: Array, at: float) -> Bools:

@@ -1,0 +1,37 @@
+"""One test carried to a range of swing laws, against a test judged by each of them."""
+
+from dataclasses import replace
+
+import pytest
+
+from virtual_lab.lab import open_laboratory
+from virtual_lab.measurement.certification import certify_session
+from virtual_lab.records.session import Session
+
+
+def with_exponent(session: Session, exponent: float) -> Session:
+    """Return a session whose rules are those of another exponent."""
+    old = "exponent = { value = 0.3,"
+    assert old in session.procedure_text
+    text = session.procedure_text.replace(old, f"exponent = {{ value = {exponent},")
+    return replace(session, procedure_text=text)
+
+
+def test_each_exponent_is_what_its_own_rules_would_give() -> None:
+    """From the same records: value, place and u of the certificate that those rules would make."""
+    tested = open_laboratory("ea70", procedure="proposed", seed=4).run(lambda _: None)
+    results = tested.certification.swings
+    assert [result.exponent for result in results] == [0.0, 0.1, 0.2, 0.3, 0.4, 0.5]
+    for result in results[:: len(results) - 1]:
+        own = certify_session(with_exponent(tested.certification.session, result.exponent))
+        assert own.metric is not None
+        assert result.budget.value == pytest.approx(own.metric.value, rel=1e-12)
+        assert result.budget.u == pytest.approx(own.metric.u, rel=1e-9)
+        assert result.place == pytest.approx(own.outcome.place, rel=1e-12)
+    speeds = [result.budget.value for result in results]
+    assert speeds == sorted(speeds)  # lighter than the reference: it gains with n
+
+
+def test_rules_that_name_none_give_none() -> None:
+    tested = open_laboratory("r161", procedure="ncaa-modified", seed=4).run(lambda _: None)
+    assert tested.certification.swings == ()
