@@ -26,6 +26,7 @@ from virtual_lab.measurement.procedure import (
     metric_of,
     next_places,
     outcome_of,
+    shortfall,
     to_set,
 )
 from virtual_lab.measurement.reduction.shot_algebra import BatProperties
@@ -123,6 +124,7 @@ class Rehearsal:
             metric = np.append(metric, seen + straying.scatter * noise[more])
             valid = np.ones(place.size, dtype=bool)
         found = float(metric @ outcome_of(rules, place, valid, metric).weights)
+        found += shortfall(rules, place, valid, metric).mean
         return found - exact_result(rules, place, valid, self.metric(place))
 
     def bias(self, straying: Straying, draws: Draws, times: int) -> tuple[float, float]:

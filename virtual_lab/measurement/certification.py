@@ -25,13 +25,14 @@ from virtual_lab.measurement.procedure import (
     findings,
     shortfall,
     verdict,
+    with_choice,
 )
 from virtual_lab.measurement.procedure.peak_width import Width, width_of
 from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import ShotResults
 from virtual_lab.measurement.session_reduction import Reduced, measure_bat, reduce_session
 from virtual_lab.records.session import Session
-from virtual_lab.uncertainty.budget import Budget, combine, propagate, scatter, type_a
+from virtual_lab.uncertainty.budget import Budget, Variants, combine, scatter
 
 __all__ = [
     "QUANTITIES",
@@ -99,19 +100,14 @@ def evaluate(session: Session, reduced: Reduced) -> Certification:
     quantities: dict[str, Budget] = {}
     metric = None
     if np.isfinite(outcome.weights).all():
-        values = {name: getattr(shots, field) for name, field in QUANTITIES.items()}
-        values["metric"] = reduced.shot_metric
-        shared = propagate(lambda x: _weighted(reduced, x), reduced.constants)
-        used, groups = outcome.used, np.round(where, 6)
-        for name, hits in values.items():
-            part = scatter(hits[used], outcome.weights[used], groups[used])
-            value = float(hits[used] @ outcome.weights[used])
-            quantities[name] = combine(value, [*shared[name], part])
-        metric = quantities.pop("metric")
-        lost = shortfall(procedure, where, valid, reduced.shot_metric).rms
-        if lost > 0:
-            choice = type_a("choice of the place", outcome.place, lost)
-            metric = combine(metric.value, [*metric.components, choice])
+        variants = Variants.of(reduced.constants)
+        weights, places = outcome.weights[outcome.used], np.round(where, 6)[outcome.used]
+        for name, hits in _hits(reduced, variants.columns).items():
+            shared, effects = variants.components(hits @ weights), variants.effects(hits)
+            part = scatter(hits[0], weights, places, effects)
+            quantities[name] = combine(float(hits[0] @ weights), [*shared, part])
+        lost = shortfall(procedure, where, valid, reduced.shot_metric)
+        metric = with_choice(quantities.pop("metric"), lost)
     found = findings(procedure, reduced.bat)
     return Certification(
         session=session,
@@ -153,8 +149,8 @@ def _evidence(session: Session, reduced: Reduced) -> Evidence:
     )
 
 
-def _weighted(reduced: Reduced, x: Mapping[str, Array]) -> dict[str, Array]:
+def _hits(reduced: Reduced, x: Mapping[str, Array]) -> dict[str, Array]:
+    """Return quantities and metric of the hits that the result rests on, (k, hit)."""
     used, shots = reduced.outcome.used, reduced.results(x)
-    weights = reduced.outcome.weights[used]
-    sums = {name: getattr(shots, field)[..., used] @ weights for name, field in QUANTITIES.items()}
-    return sums | {"metric": reduced.metric(x, shots)[..., used] @ weights}
+    found = {name: getattr(shots, field)[..., used] for name, field in QUANTITIES.items()}
+    return found | {"metric": reduced.metric(x, shots)[..., used]}

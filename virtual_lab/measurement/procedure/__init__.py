@@ -1,6 +1,6 @@
 """A test procedure: what to ask of a rig, where to hit, which hits count, metric and verdict."""
 
-from virtual_lab.measurement.procedure.choice import shortfall
+from virtual_lab.measurement.procedure.choice import CHOICE, shortfall, with_choice
 from virtual_lab.measurement.procedure.eligibility import Finding, findings
 from virtual_lab.measurement.procedure.judge import Judgement, judge
 from virtual_lab.measurement.procedure.metric import Curve, metric_of
@@ -15,6 +15,7 @@ from virtual_lab.measurement.procedure.rules import Procedure, Windows
 from virtual_lab.measurement.procedure.schedule import aimed_place, next_places, to_set
 
 __all__ = [
+    "CHOICE",
     "Curve",
     "Finding",
     "Judgement",
@@ -32,4 +33,5 @@ __all__ = [
     "shortfall",
     "to_set",
     "verdict",
+    "with_choice",
 ]

@@ -20,6 +20,7 @@ from virtual_lab.measurement.reduction.observations import (
     SLOPE_REPEATABILITY,
     BallReadings,
     ImpactReadings,
+    restitution_names,
 )
 from virtual_lab.relations.flight import drag_rate
 from virtual_lab.relations.kinematics import (
@@ -148,7 +149,11 @@ def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
     slope = _slope(x, readings, given)
     hits = given - slope * (seen.speed_in - nominal)
     restitution = np.stack(
-        [hits[..., readings.ball == ball].mean(axis=-1) for ball in range(len(readings.mass))],
+        [
+            hits[..., readings.ball == ball].mean(axis=-1)
+            + np.reshape(x[error], np.shape(x[error])[:-1])
+            for ball, error in enumerate(restitution_names(len(readings.mass)))
+        ],
         axis=-1,
     )
     return MeasuredBalls(
@@ -222,7 +227,7 @@ def shot_results(
     nominal = asked.ball_speed + asked.turn_rate(bat.length) * (
         bat.length - asked.pivot_from_knob - readings.place
     )
-    lot = balls.restitution.mean(axis=-1, keepdims=True) + x["balls.repeatability"]
+    lot = balls.restitution.mean(axis=-1, keepdims=True)
     lot_e0 = lot + balls.slope * (nominal - balls.speed)
     lot_mass = balls.mass.mean(axis=-1, keepdims=True)
     lot_recoil = recoil_factor(asked.recoil, bat, lot_mass, readings.place, asked.pivot_from_knob)
