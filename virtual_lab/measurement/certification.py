@@ -32,7 +32,7 @@ from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import ShotResults
 from virtual_lab.measurement.session_reduction import Reduced, measure_bat, reduce_session
 from virtual_lab.records.session import Session
-from virtual_lab.uncertainty.budget import Budget, Variants, combine, scatter
+from virtual_lab.uncertainty.budget import Budget, Variants, mean_of_hits
 
 __all__ = [
     "QUANTITIES",
@@ -103,9 +103,7 @@ def evaluate(session: Session, reduced: Reduced) -> Certification:
         variants = Variants.of(reduced.constants)
         weights, places = outcome.weights[outcome.used], np.round(where, 6)[outcome.used]
         for name, hits in _hits(reduced, variants.columns).items():
-            shared, effects = variants.components(hits @ weights), variants.effects(hits)
-            part = scatter(hits[0], weights, places, effects)
-            quantities[name] = combine(float(hits[0] @ weights), [*shared, part])
+            quantities[name] = mean_of_hits(variants, hits, weights, places)
         lost = shortfall(procedure, where, valid, reduced.shot_metric)
         metric = with_choice(quantities.pop("metric"), lost)
     found = findings(procedure, reduced.bat)

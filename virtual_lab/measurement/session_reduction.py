@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from math import hypot
 from typing import Protocol
 
 import numpy as np
@@ -33,6 +34,8 @@ from virtual_lab.measurement.reduction.observations import (
     observe_impact,
 )
 from virtual_lab.measurement.reduction.shot_algebra import (
+    PLACE_SLOPE,
+    SLOPE_ERROR,
     BatProperties,
     ShotResults,
     bat_properties,
@@ -51,6 +54,7 @@ BAT_PROPERTIES = ("mass", "length", "z_cm", "inertia_cm")
 POSITIVE = ("span", "clock", "scale", "counts_per_turn", "gravity", "radius", "pitch")
 PIVOT_TOLERANCE = 5e-3  # m, a rig this far off is another rig
 CONTROL = "control.restitution_ratio"
+ALONG = "impact.cannon.along"
 
 
 class Results(Protocol):
@@ -97,6 +101,7 @@ def reduce_session(session: Session) -> Reduced:
     _require_rig(session, rules)
     ball_readings, readings = observe_balls(session), observe_impact(session)
     constants = _constants(session) | ball_constants(ball_readings)
+    constants |= _place_constants(rules, constants.get(ALONG))
     if "impact.gates.height_0" not in constants:
         constants["impact.aim.across_square"] = across_constant(session.records["impact"])
 
@@ -160,6 +165,20 @@ def measure_bat(session: Session) -> dict[str, Budget]:
     return {
         name: combine(float(best[name][0]), components)
         for name, components in propagate(properties, constants).items()
+    }
+
+
+def _place_constants(rules: Procedure, along: Estimate | None) -> dict[str, Estimate]:
+    """Return the slope of e_A that the rules know of, and what its uncertainty makes of e_A.
+
+    The aim is near 0, so the product of the two uncertainties counts (GUM 5.1.2, note).
+    """
+    if along is None or not (rules.place_slope or rules.place_slope_u):
+        return {}
+    error = rules.place_slope_u * hypot(along.value, along.u)
+    return {
+        PLACE_SLOPE: Estimate(value=rules.place_slope),
+        SLOPE_ERROR: Estimate(value=0.0, u=error),
     }
 
 

@@ -27,6 +27,7 @@ __all__ = [
     "combine",
     "effective_dof",
     "interval_95",
+    "mean_of_hits",
     "propagate",
     "scatter",
     "type_a",
@@ -160,6 +161,20 @@ def combine(value: float, components: Sequence[Component]) -> Budget:
         shift=sum(part.shift for part in every),
         components=tuple(every),
     )
+
+
+def mean_of_hits(variants: Variants, hits: Array, weights: Array, places: Array) -> Budget:
+    """Return the budget of a weighted sum of hits: constants first, then what is left of scatter.
+
+    Parameters
+    ----------
+    variants, hits
+        Constants, and what a model makes of their columns, (k, hit).
+    weights, places
+        What each hit weighs in the result, and the place each was taken at, (hit,).
+    """
+    own = scatter(hits[0], weights, places, variants.effects(hits))
+    return combine(float(hits[0] @ weights), [*variants.components(hits @ weights), own])
 
 
 def _pooled(components: Sequence[Component]) -> list[Component]:

@@ -19,7 +19,7 @@ from virtual_lab.measurement.reduction.shot_algebra import ShotResults, drag_of
 from virtual_lab.measurement.session_reduction import Reduced, constants_known
 from virtual_lab.records import ClipRecord, TrackRecord
 from virtual_lab.records.session import Session
-from virtual_lab.uncertainty.budget import Budget, Component, Variants, combine, scatter
+from virtual_lab.uncertainty.budget import Budget, Component, Variants, mean_of_hits, scatter
 from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["COMPARED", "SecondWitness", "Told", "second_witness"]
@@ -182,11 +182,9 @@ def _told(variants: Variants, hits: Mapping[str, Array], weights: Array, places:
     """
 
     def mixed(gates: float, video: float) -> Budget:
-        values = gates * hits[GATES] + video * hits[VIDEO]
-        shared = variants.components(values @ weights)
         # what is new in every shot, as noise of frames and of heights, is in the hits' own scatter
-        own = scatter(values[0], weights, places, variants.effects(values))
-        return combine(float(values[0] @ weights), [*shared, own])
+        values = gates * hits[GATES] + video * hits[VIDEO]
+        return mean_of_hits(variants, values, weights, places)
 
     parts = {who: variants.components(values @ weights) for who, values in hits.items()}
     apart = hits[VIDEO] - hits[GATES]

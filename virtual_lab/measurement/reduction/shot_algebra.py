@@ -35,6 +35,8 @@ from virtual_lab.relations.kinematics import (
 from virtual_lab.relations.pendulum import inertia_from_period, mean_amplitude_factor
 
 __all__ = [
+    "PLACE_SLOPE",
+    "SLOPE_ERROR",
     "Asked",
     "BatProperties",
     "MeasuredBalls",
@@ -48,6 +50,8 @@ __all__ = [
 
 Array = NDArray[np.float64]
 Constants = Mapping[str, Array]
+PLACE_SLOPE = "procedure.place_slope"  # de_A/dz [1/m]
+SLOPE_ERROR = "procedure.place_slope_error"  # what the slope's own error makes of e_A
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,10 +87,10 @@ class ShotResults:
     rebound_speed: Array  # of the ball, along the line of fire [m/s]
     rebound_slope: Array  # height the ball gains a metre as it comes back
     ball_mass: Array  # [kg]
-    place: Array  # struck as far as is known, from the barrel tip [m]
+    place: Array  # that e_A is of, as far as is known, from the barrel tip [m]
     recoil_factor: Array  # of the support the procedure names
     ball_restitution: Array  # of the ball, at the shot's own relative speed
-    collision_efficiency: Array  # freed of the offset across the bat
+    collision_efficiency: Array  # freed of the offset across the bat, at the place asked for
     restitution: Array
     bat_performance_factor: Array
     window_ball_restitution: Array  # of the ball, at the speed the procedure judges balls at
@@ -216,7 +220,10 @@ def shot_results(
     turning = parallel_axis(bat.inertia_cm, bat.mass, _axis(x, bat) - bat.z_cm)
     momentum = rebound_speed_from_recoil(turning, rate, mass, lever, seen.speed_in)
     recoiled = squarely(momentum / seen.speed_in)
-    efficiency = recoiled if asked.reads == "recoil" else rebound
+    struck = recoiled if asked.reads == "recoil" else rebound
+    beside = x.get(PLACE_SLOPE, 0.0) * _along(x) + x.get(SLOPE_ERROR, 0.0)
+    efficiency = np.asarray(struck - beside)
+    at = readings.place + (0.0 if PLACE_SLOPE in x else _along(x))
     # the recoil factor is that of the axis and place asked for: e_A hardly knows where they are,
     # so what a misplaced axis or ball spoils is the angular momentum above and nothing here
     recoil = recoil_factor(asked.recoil, bat, mass, readings.place, asked.pivot_from_knob)
@@ -242,7 +249,7 @@ def shot_results(
         rebound_speed=seen.speed_out,
         rebound_slope=seen.slope_out,
         ball_mass=mass,
-        place=np.broadcast_to(readings.place + _along(x) + abreast - lever, shape),
+        place=np.broadcast_to(at + abreast - lever, shape),
         recoil_factor=np.broadcast_to(recoil, shape),
         ball_restitution=e0,
         collision_efficiency=efficiency,
