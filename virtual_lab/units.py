@@ -24,6 +24,7 @@ DIMENSIONS: dict[str, dict[str, float]] = {
     "moment": {"kg m": 1.0, "oz in": OUNCE * INCH},
     "speed": {"m/s": 1.0, "mph": MPH},
     "slope of speed": {"s/m": 1.0, "1/mph": 1 / MPH},
+    "slope of length": {"1/m": 1.0, "1/in": 1 / INCH},
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
     "frequency": {"Hz": 1.0, "kHz": 1e3},
     "angle": {"rad": 1.0, "mrad": 1e-3, "deg": DEGREE},

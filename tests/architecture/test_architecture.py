@@ -2,7 +2,6 @@
 
 import ast
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -130,16 +129,12 @@ def test_rooms_and_floors_are_few(imports: dict[str, set[str]]) -> None:
 
 @pytest.mark.parametrize("module", ["virtual_lab", "virtual_lab.cli"])
 def test_import_is_light(module: str) -> None:
-    """Seconds before the first word: self times of -X importtime, less than 0.3 s in all."""
-    code = f"import sys; import {module}; print(*sorted(sys.modules))"
-    done = python("-X", "importtime", "-c", code)
+    """What takes seconds to load waits until it is used."""
+    done = python("-c", f"import sys; import {module}; print(*sorted(sys.modules))")
     assert done.returncode == 0, done.stderr
     loaded = set(done.stdout.split())
     assert module in loaded
     assert loaded & HEAVY == set()
-    rows = re.findall(r"import time:\s+(\d+) \|", done.stderr)
-    assert len(rows) > 10
-    assert sum(map(int, rows)) < 300_000  # microseconds
 
 
 def draws_of_its_own(tree: ast.AST) -> Iterator[int]:

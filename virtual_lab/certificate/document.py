@@ -12,7 +12,7 @@ import numpy as np
 from virtual_lab.certificate.camera import witness_document
 from virtual_lab.certificate.tables import budget_rows, place_rows
 from virtual_lab.measurement.certification import QUANTITIES, Certification
-from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.measurement.procedure import CHOICE, Procedure
 from virtual_lab.measurement.procedure.peak_width import Width
 from virtual_lab.measurement.session_reduction import CONTROL
 from virtual_lab.measurement.swing_range import SwingResult
@@ -27,6 +27,7 @@ DECISION_RULE = (
     "PASS where the value is at most the limit (simple acceptance); "
     "marginal where the limit lies within the 95 % interval"
 )
+LAW_SPREAD = 0.045  # of r161's peak e over the laws of the ball: virtual-lab sensitivity r161
 SIMULATED = "SIMULATED: no real bat was tested and no accredited laboratory issued this."
 
 
@@ -58,6 +59,7 @@ def certificate(certification: Certification, *, truth_digest: str | None = None
         "ball": {
             "name": session.ball,
             "ball_restitution_is": "the mean of the lot, every ball measured",
+            "set_aside": [asdict(ball) for ball in certification.set_aside],
         },
         "rigs": dict(session.rigs),
         "laboratory": session.laboratory,
@@ -114,6 +116,8 @@ def certificate(certification: Certification, *, truth_digest: str | None = None
         }
         if recoil
         else None,
+        "choice": _choice(metric),
+        "conditional_on": conditional_on(certification),
         "budget": budget_rows(metric) if metric else [],
         "unverified": [
             {
@@ -130,6 +134,28 @@ def certificate(certification: Certification, *, truth_digest: str | None = None
         },
     }
     return document
+
+
+def conditional_on(certification: Certification) -> str:
+    """Return in a sentence what the result and its uncertainty take for granted."""
+    unverified = len(certification.unverified)
+    values = "1 of its values is" if unverified == 1 else f"{unverified} of its values are"
+    model = (
+        "the model of the collision (the force law of the ball alone moves the peak e of a bat "
+        f"by {LAW_SPREAD:g}) and on "
+        if certification.session.simulation
+        else ""
+    )
+    return (
+        f"The result and its uncertainty are conditional on {model}the procedure as it is known "
+        f"here ({values} unverified)."
+    )
+
+
+def _choice(metric: Budget | None) -> dict[str, float] | None:
+    """Return by how much the value is raised for the place chosen by a scan, None where by none."""
+    chosen = [part for part in metric.components if part.name == CHOICE] if metric else []
+    return {"correction": chosen[0].value, "u": chosen[0].u} if chosen else None
 
 
 def _estimate(budget: Budget | None) -> dict[str, float | None]:

@@ -63,6 +63,7 @@ def certificate_page(document: dict[str, Any], certification: Certification) -> 
         bat=_bat(document["bat"]),
         width=_width(document["width_m"]),
         correction=_correction(document["ball_correction"]),
+        choice=_choice(document),
         shots=_shots(certification),
         swings=_swings(document),
         swings_figure=Markup(swings_figure(certification)) if certification.swings else None,
@@ -202,6 +203,15 @@ def _correction(correction: Mapping[str, Any] | None) -> str:
         f"divided by {known['value']} (u = {known['u']}), what the control bat gave with this "
         f"lot of balls over the {standard:g} it is known by"
     )
+
+
+def _choice(document: Mapping[str, Any]) -> str:
+    """Return by how much the value is raised for the place chosen by a scan, with its unit."""
+    if document["choice"] is None:
+        return ""
+    printed = METRICS[document["metric"]["name"]]
+    unit = f" {printed.unit}" if printed.unit else ""
+    return f"{_digits(document['choice']['correction'] / printed.unit_si)}{unit}"
 
 
 def _width(width: Mapping[str, Any] | None) -> dict[str, str] | None:

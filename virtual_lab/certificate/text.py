@@ -40,6 +40,7 @@ def certificate_text(document: Mapping[str, Any]) -> str:
         ]
         place = document["impact_position_in"]
         lines.append(f"  at {document['v_rel_mph']:.2f} mph, {place:.2f} in from the tip")
+        lines += _choice_lines(document)
         lines += _width_lines(document["width_m"])
         lines += _swing_lines(metric, document["swing_range"])
         lines += _control_lines(document["ball_correction"])
@@ -55,8 +56,11 @@ def certificate_text(document: Mapping[str, Any]) -> str:
         f"  {document['valid_hits']} valid hits, {len(document['rejected_hits'])} rejected"
     )
     lines += [f"    shot {hit['shot']}: {hit['reason']}" for hit in document["rejected_hits"]]
-    if document["unverified"]:
-        lines.append(f"  rests on {len(document['unverified'])} unverified values of the procedure")
+    lines += [
+        f"  ball {each['ball']} set aside: {each['reason']}"
+        for each in document["ball"]["set_aside"]
+    ]
+    lines.append(f"  {document['conditional_on']}")
     if document["statement"]:
         lines.append(f"  {document['statement']}")
     return "\n".join(lines)
@@ -78,6 +82,14 @@ def _metric_line(metric: Mapping[str, Any]) -> str:
         f"{printed.symbol:4} {with_uncertainty(value, u)}{unit}"
         f"   95 % interval {low:.{places}f} to {high:.{places}f}, {most}"
     )
+
+
+def _choice_lines(document: Mapping[str, Any]) -> list[str]:
+    if document["choice"] is None:
+        return []
+    unit_si = METRICS[document["metric"]["name"]].unit_si
+    raised = document["choice"]["correction"] / unit_si
+    return [f"  raised by {raised:.2g}: what the place chosen lacks on average of the best one"]
 
 
 def _width_lines(width: Mapping[str, Any] | None) -> list[str]:

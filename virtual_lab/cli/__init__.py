@@ -22,6 +22,7 @@ from virtual_lab.cli.study import (
     daily,
     faults,
     sensitivity,
+    slope,
 )
 from virtual_lab.cli.track import track
 from virtual_lab.errors import InputError
@@ -104,6 +105,7 @@ for command in (
     bias,
     faults,
     sensitivity,
+    slope,
     critique,
     percussion,
     convergence,

@@ -20,15 +20,27 @@ Rows = list[dict[str, Any]]
 @click.option("--laboratories", type=click.IntRange(min=2), default=1000, show_default=True)
 @click.option("--first-seed", type=click.IntRange(min=0), default=1, show_default=True)
 @click.option("--summed", is_flag=True, help="The bat as drawn, instruments that write sums.")
+@click.option(
+    "--effects",
+    is_flag=True,
+    help="Not coverage but the effect of every term of the budget, stated and realised.",
+)
 @json_option
 def coverage(
-    bat: str, procedure: str, laboratories: int, first_seed: int, summed: bool, as_json: bool
+    bat: str,
+    procedure: str,
+    laboratories: int,
+    first_seed: int,
+    summed: bool,
+    effects: bool,
+    as_json: bool,
 ) -> None:
     """Certify BAT in many laboratories and count the 95 % intervals that hold the truth."""
     from virtual_lab.output.tables import table_text
-    from virtual_lab.studies.coverage import coverage as run
+    from virtual_lab.studies import coverage as intervals
+    from virtual_lab.studies import effects as terms
 
-    rows = run(
+    rows = (terms.effects if effects else intervals.coverage)(
         bat,
         procedure=procedure,
         laboratories=laboratories,
@@ -119,6 +131,24 @@ def bias(procedure: str, as_json: bool) -> None:
         print_json(rows)
     else:
         click.echo(table_text(rows))
+
+
+@click.command()
+@click.argument("bats", nargs=-1, metavar="[BAT]...", shell_complete=names("bats"))
+@click.option(
+    "--procedure", default="astm-f1881", show_default=True, shell_complete=names("procedures")
+)
+@json_option
+def slope(bats: tuple[str, ...], procedure: str, as_json: bool) -> None:
+    """Show how e_A changes along the barrel where a procedure hits BATS (or those of baseball)."""
+    from virtual_lab.output.tables import table_text
+    from virtual_lab.studies.place_slope import place_slopes
+
+    rows = place_slopes(bats, procedure=procedure)
+    if as_json:
+        print_json(rows)
+    else:
+        click.echo(table_text([row | {"place_in": row["place_in"] or ""} for row in rows]))
 
 
 @click.command()

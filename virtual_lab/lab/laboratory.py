@@ -25,7 +25,13 @@ from virtual_lab.lab.measurand import measurand
 from virtual_lab.lab.naming import ball_constants, constant_name, with_records
 from virtual_lab.measurement.certification import Certification, evaluate
 from virtual_lab.measurement.procedure import Procedure, aimed_place, next_places, to_set
-from virtual_lab.measurement.session_reduction import CONTROL, Reduced, measure_bat, reduce_session
+from virtual_lab.measurement.session_reduction import (
+    CONTROL,
+    Reduced,
+    measure_bat,
+    measure_lot,
+    reduce_session,
+)
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
 from virtual_lab.simulation.collision.modal import kernel_is_compiled
@@ -177,7 +183,7 @@ class Laboratory:
             places = to_set(asked, exact=ideal)
             say(f"impact rig: round {len(rounds) + 1}, {_said(places)}")
             order = replace(
-                self._order(np.arange(fired.size, fired.size + places.size), places),
+                aged._order(np.arange(fired.size, fired.size + places.size), places),
                 turn_rate=turn_rate,
                 block=len(rounds),
                 motion=self.motion,
@@ -211,12 +217,16 @@ class Laboratory:
         wall = self._play(Stage.BALLS, order)
         session = with_records(self.session, Stage.BENCH, [bench])
         session = with_records(session, Stage.BALLS, [wall])
-        return replace(self._with_balls_as_found(order, wall), session=session), bench, wall
+        found = self._with_balls_as_found(order, wall)
+        lot = replace(found.specimen.balls, used=measure_lot(session).used)
+        specimen = replace(found.specimen, balls=lot)
+        return replace(found, session=session, specimen=specimen), bench, wall
 
     def _order(self, shot: NDArray[np.int_], place: Array | float) -> Order:
-        """Return an order of shots that take the balls in turn."""
+        """Return an order of shots that take the balls in turn, but for those set aside."""
+        used = np.arange(self.rules.spec.balls)[self.specimen.balls.used]
         return Order(
-            ball=shot % self.rules.spec.balls,
+            ball=used[shot % used.size],
             speed=np.full(shot.shape, self.rules.spec.ball_speed),
             place=np.broadcast_to(np.asarray(place, dtype=float), shot.shape),
             rung=self.instruments,

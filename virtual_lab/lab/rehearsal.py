@@ -27,6 +27,7 @@ from virtual_lab.measurement.procedure import (
     metric_of,
     next_places,
     outcome_of,
+    shortfall,
     sought_of,
     to_set,
 )
@@ -134,6 +135,7 @@ class Rehearsal:
             sought = self._sought(place, metric)
             valid = np.ones(place.size, dtype=bool)
         found = float(metric @ outcome_of(rules, place, valid, metric, sought).weights)
+        found += shortfall(rules, place, valid, metric).mean
         exact = self.metric(place)
         return found - scan_result(rules, place, valid, self._sought(place, exact).value, exact)
 

@@ -21,10 +21,12 @@ from virtual_lab.measurement.procedure import (
     Judgement,
     Outcome,
     Procedure,
+    SetAside,
     Verdict,
     findings,
     shortfall,
     verdict,
+    with_choice,
 )
 from virtual_lab.measurement.procedure.peak_width import Width, width_of
 from virtual_lab.measurement.reduction.observations import ImpactReadings
@@ -32,7 +34,7 @@ from virtual_lab.measurement.reduction.shot_algebra import ShotResults
 from virtual_lab.measurement.session_reduction import Reduced, measure_bat, reduce_session
 from virtual_lab.measurement.swing_range import SwingResult, swing_range
 from virtual_lab.records.session import Session
-from virtual_lab.uncertainty.budget import Budget, combine, propagate, scatter, type_a
+from virtual_lab.uncertainty.budget import Budget, Variants, mean_of_hits
 
 __all__ = [
     "QUANTITIES",
@@ -71,6 +73,7 @@ class Certification:
     swings: tuple[SwingResult, ...]  # where the rules name several swing laws
     other: OtherSupport | None
     second_witness: SecondWitness | None  # where a camera watched the hits
+    set_aside: tuple[SetAside, ...]  # balls that the rules do not admit
     findings: tuple[Finding, ...]  # what the rules ask of a bat before it is hit
     flags: tuple[Flag, ...]  # what does not hang together in the records
     verdict: Verdict
@@ -101,20 +104,14 @@ def evaluate(session: Session, reduced: Reduced) -> Certification:
     quantities: dict[str, Budget] = {}
     metric = None
     if np.isfinite(outcome.weights).all():
-        values = {name: getattr(shots, field) for name, field in QUANTITIES.items()}
-        values["metric"] = reduced.shot_metric
-        shared = propagate(lambda x: _weighted(reduced, x), reduced.constants)
-        used, groups = outcome.used, np.round(where, 6)
-        for name, hits in values.items():
-            effects = outcome.effects if name == "metric" else outcome.weights
-            part = scatter(hits[used], effects[used], groups[used])
-            value = float(hits[used] @ outcome.weights[used])
-            quantities[name] = combine(value, [*shared[name], part])
-        metric = quantities.pop("metric")
-        lost = shortfall(procedure, where, valid, reduced.shot_metric).rms
-        if lost > 0:
-            choice = type_a("choice of the place", outcome.place, lost)
-            metric = combine(metric.value, [*metric.components, choice])
+        variants, used = Variants.of(reduced.constants), outcome.used
+        weights, effects = outcome.weights[used], outcome.effects[used]
+        places = np.round(where, 6)[used]
+        for name, hits in _hits(reduced, variants.columns).items():
+            own = effects if name == "metric" else weights
+            quantities[name] = mean_of_hits(variants, hits, weights, places, own)
+        lost = shortfall(procedure, where, valid, reduced.shot_metric)
+        metric = with_choice(quantities.pop("metric"), lost)
     found = findings(procedure, reduced.bat)
     return Certification(
         session=session,
@@ -132,6 +129,7 @@ def evaluate(session: Session, reduced: Reduced) -> Certification:
         swings=swing_range(reduced) if metric else (),
         other=other_support(procedure, shots, reduced.bat, outcome) if metric else None,
         second_witness=second_witness(session, reduced),
+        set_aside=reduced.lot.set_aside,
         findings=found,
         flags=flags(_evidence(session, reduced)),
         verdict=verdict(
@@ -157,8 +155,8 @@ def _evidence(session: Session, reduced: Reduced) -> Evidence:
     )
 
 
-def _weighted(reduced: Reduced, x: Mapping[str, Array]) -> dict[str, Array]:
+def _hits(reduced: Reduced, x: Mapping[str, Array]) -> dict[str, Array]:
+    """Return quantities and metric of the hits that the result rests on, (k, hit)."""
     used, shots = reduced.outcome.used, reduced.results(x)
-    weights, effects = reduced.outcome.weights[used], reduced.outcome.effects[used]
-    sums = {name: getattr(shots, field)[..., used] @ weights for name, field in QUANTITIES.items()}
-    return sums | {"metric": reduced.metric(x, shots)[..., used] @ effects}
+    found = {name: getattr(shots, field)[..., used] for name, field in QUANTITIES.items()}
+    return found | {"metric": reduced.metric(x, shots)[..., used]}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from math import hypot
 from typing import Protocol
 
 import numpy as np
@@ -15,11 +16,13 @@ from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import (
     Curve,
     Judgement,
+    Lot,
     Outcome,
     Procedure,
     Sought,
     aimed_place,
     judge,
+    lot_of,
     metric_of,
     outcome_of,
     sought_of,
@@ -35,6 +38,8 @@ from virtual_lab.measurement.reduction.observations import (
     observe_impact,
 )
 from virtual_lab.measurement.reduction.shot_algebra import (
+    PLACE_SLOPE,
+    SLOPE_ERROR,
     BatProperties,
     ShotResults,
     bat_properties,
@@ -45,7 +50,15 @@ from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.budget import Budget, combine, propagate
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["CONTROL", "Reduced", "Results", "constants_known", "measure_bat", "reduce_session"]
+__all__ = [
+    "CONTROL",
+    "Reduced",
+    "Results",
+    "constants_known",
+    "measure_bat",
+    "measure_lot",
+    "reduce_session",
+]
 
 Array = NDArray[np.float64]
 
@@ -53,6 +66,7 @@ BAT_PROPERTIES = ("mass", "length", "z_cm", "inertia_cm")
 POSITIVE = ("span", "clock", "scale", "counts_per_turn", "gravity", "radius", "pitch")
 PIVOT_TOLERANCE = 5e-3  # m, a rig this far off is another rig
 CONTROL = "control.restitution_ratio"
+ALONG = "impact.cannon.along"
 
 
 class Results(Protocol):
@@ -72,6 +86,7 @@ class Reduced:
     results: Results  # of any values of the constants
     metric: Callable[[Mapping[str, Array], ShotResults], Array]  # of them and their shots
     balls: BallReadings
+    lot: Lot
     readings: ImpactReadings
     bat: BatProperties
     percussion: float  # centre of percussion of the bat as measured [m]
@@ -100,20 +115,23 @@ def reduce_session(session: Session) -> Reduced:
     _require_rig(session, rules)
     ball_readings, readings = observe_balls(session), observe_impact(session)
     constants = _constants(session) | ball_constants(ball_readings)
+    constants |= _place_constants(rules, constants.get(ALONG))
     if "impact.gates.height_0" not in constants:
         constants["impact.aim.across_square"] = across_constant(session.records["impact"])
 
     by_gates = timed("impact", readings.passages)
 
+    best = {name: np.array(known.value) for name, known in constants.items()}
+    lot = lot_of(rules, measured_balls(best, ball_readings))
+
     def results(x: Mapping[str, Array], flown: Flown = by_gates) -> ShotResults:
         balls = measured_balls(x, ball_readings)
-        return shot_results(x, bat_properties(x), balls, readings, rules.asked, flown)
+        return shot_results(x, bat_properties(x), balls, readings, rules.asked, flown, lot.used)
 
     def metric(x: Mapping[str, Array], shots: ShotResults) -> Array:
         of = metric_of(rules, control=x[CONTROL] if rules.controlled else 1.0)
         return of(Curve.measured(shots), bat_properties(x))
 
-    best = {name: np.array(known.value) for name, known in constants.items()}
     shots = results(best)
     shot_metric = metric(best, shots)
     bat = bat_properties(best)
@@ -128,6 +146,7 @@ def reduce_session(session: Session) -> Reduced:
         results=results,
         metric=metric,
         balls=ball_readings,
+        lot=lot,
         readings=readings,
         bat=bat,
         percussion=percussion,
@@ -153,6 +172,16 @@ def _require_rig(session: Session, procedure: Procedure) -> None:
 
 
 @constants_known()
+def measure_lot(session: Session) -> Lot:
+    """Return which balls the rules admit, of a session whose bat is still to be hit."""
+    rules = read(session.procedure_text, "procedure.toml", Procedure).spec
+    readings = observe_balls(session)
+    constants = _constants(session) | ball_constants(readings)
+    best = {name: np.array(known.value) for name, known in constants.items()}
+    return lot_of(rules, measured_balls(best, readings))
+
+
+@constants_known()
 def measure_bat(session: Session) -> dict[str, Budget]:
     """Return the bat's measured inertial properties with their uncertainties [SI]."""
     constants = _constants(session)
@@ -165,6 +194,20 @@ def measure_bat(session: Session) -> dict[str, Budget]:
     return {
         name: combine(float(best[name][0]), components)
         for name, components in propagate(properties, constants).items()
+    }
+
+
+def _place_constants(rules: Procedure, along: Estimate | None) -> dict[str, Estimate]:
+    """Return the slope of e_A that the rules know of, and what its uncertainty makes of e_A.
+
+    The aim is near 0, so the product of the two uncertainties counts (GUM 5.1.2, note).
+    """
+    if along is None or not (rules.place_slope or rules.place_slope_u):
+        return {}
+    error = rules.place_slope_u * hypot(along.value, along.u)
+    return {
+        PLACE_SLOPE: Estimate(value=rules.place_slope),
+        SLOPE_ERROR: Estimate(value=0.0, u=error),
     }
 
 

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.measurement.procedure import Curve, Outcome, Procedure, metric_of, outcome_of
 from virtual_lab.measurement.reduction.shot_algebra import bat_properties
 from virtual_lab.measurement.session_reduction import Reduced
-from virtual_lab.uncertainty.budget import Budget, combine, propagate, scatter
+from virtual_lab.uncertainty.budget import Budget, Variants, mean_of_hits
 
 __all__ = ["SwingResult", "swing_range"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,28 +34,20 @@ def swing_range(reduced: Reduced) -> tuple[SwingResult, ...]:
         return ()
     place, valid = reduced.readings.place, reduced.judgement.valid
     curve = Curve.measured(reduced.shots)
-    others: dict[float, tuple[Procedure, Outcome, Array]] = {}
+    others: dict[float, tuple[Procedure, Outcome]] = {}
     for exponent in rules.game.exponents:
         other = replace(rules, game=replace(rules.game, exponent=exponent))
         hits = metric_of(other)(curve, reduced.bat)
-        others[exponent] = other, outcome_of(other, place, valid, hits), hits
-    if not all(np.isfinite(outcome.weights).all() for _, outcome, _ in others.values()):
+        others[exponent] = other, outcome_of(other, place, valid, hits)
+    if not all(np.isfinite(outcome.weights).all() for _, outcome in others.values()):
         return ()
 
-    def results(x: Mapping[str, Array]) -> dict[str, Array]:
-        own, bat = Curve.measured(reduced.results(x)), bat_properties(x)
-        return {
-            str(exponent): metric_of(other)(own, bat)[..., outcome.used]
-            @ outcome.weights[outcome.used]
-            for exponent, (other, outcome, _) in others.items()
-        }
-
-    shared = propagate(results, reduced.constants)
+    variants = Variants.of(reduced.constants)
+    moved, bat = Curve.measured(reduced.results(variants.columns)), bat_properties(variants.columns)
     found = []
-    for exponent, (_, outcome, hits) in others.items():
+    for exponent, (other, outcome) in others.items():
         used = outcome.used
-        value = float(hits[used] @ outcome.weights[used])
-        part = scatter(hits[used], outcome.weights[used], np.round(place[used], 6))
-        budget = combine(value, [*shared[str(exponent)], part])
+        hits, places = metric_of(other)(moved, bat)[..., used], np.round(place[used], 6)
+        budget = mean_of_hits(variants, hits, outcome.weights[used], places)
         found.append(SwingResult(exponent=exponent, place=outcome.place, budget=budget))
     return tuple(found)

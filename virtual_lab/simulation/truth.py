@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
+from types import EllipsisType
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,7 @@ class TrueBalls:
     spec: BallSpec
     mass: Array
     restitution: Array
+    used: NDArray[np.bool_] | EllipsisType = ...  # those the laboratory did not set aside
 
     def restitution_at(self, ball: NDArray[np.int_], speed: Array) -> Array:
         """Return the ball-wall restitution of the balls indexed by `ball` at `speed` [m/s]."""
@@ -68,8 +70,9 @@ class TrueBalls:
         """Return a lot of one: the mean ball of this lot, the one a measurand speaks of."""
         return replace(
             self,
-            mass=self.mass.mean(keepdims=True),
-            restitution=self.restitution.mean(keepdims=True),
+            mass=self.mass[self.used].mean(keepdims=True),
+            restitution=self.restitution[self.used].mean(keepdims=True),
+            used=...,
         )
 
 
@@ -123,6 +126,7 @@ class Sealed:
             "balls": {
                 "mass": self.balls.mass.tolist(),
                 "restitution": self.balls.restitution.tolist(),
+                "used": np.arange(self.balls.mass.size)[self.balls.used].tolist(),
                 "spec": asdict(self.balls.spec),
             },
             "constants": dict(self.constants),

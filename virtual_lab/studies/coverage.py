@@ -7,7 +7,7 @@ balls really strike; and, of a metric found by a scan, what a rehearsal of the s
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from math import sqrt
 from typing import Any
 
@@ -21,7 +21,7 @@ from virtual_lab.measurement.certification import QUANTITIES, Certification
 from virtual_lab.records import AimMarks
 from virtual_lab.streams import Streams
 
-__all__ = ["coverage"]
+__all__ = ["coverage", "tests"]
 
 Array = NDArray[np.float64]
 
@@ -47,7 +47,9 @@ def coverage(
     -------
     list of dict
         A row a quantity, the metric first: `laboratories` with a result, `invalid`, `coverage`
-        with its Clopper-Pearson 95 % interval `low` to `high`, mean and standard deviation of
+        with its Clopper-Pearson 95 % interval `low` to `high`, how often the truth lay `above`
+        and `below` the interval, the coverage of the thirds of laboratories with the least, the
+        middle and the greatest u (`thirds`), mean and standard deviation of
         the error in standard uncertainties (the mean with its standard error), the root mean
         squares of the error and of the stated u (their ratio is 1 for an honest uncertainty,
         above 1 for one that is too small), and `bias`, the mean error, with its standard error
@@ -58,8 +60,6 @@ def coverage(
     InputError
         Unknown names, or fewer than 2 laboratories.
     """
-    if laboratories < 2:
-        raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
     names = ("metric", *QUANTITIES)
     shared = Campaign.of(bat, procedure)
     found: dict[str, list[tuple[float, ...]]] = {name: [] for name in names}
@@ -67,13 +67,8 @@ def coverage(
     bends: dict[str, float] = {}
     rehearsal = None
     invalid = 0
-    seeds = range(first_seed, first_seed + laboratories)
-    tests = (
-        shared.run(laboratories, first_seed)
-        if summed
-        else (certify_bat(bat, procedure=procedure, seed=seed) for seed in seeds)
-    )
-    for number, tested in enumerate(tests, start=1):
+    played = tests(bat, procedure, laboratories, first_seed, summed=summed)
+    for number, tested in enumerate(played, start=1):
         certification = tested.certification
         if certification.verdict.value == "INVALID":
             invalid += 1
@@ -101,6 +96,25 @@ def coverage(
     ]
 
 
+def tests(
+    bat: str, procedure: str, laboratories: int, first_seed: int, *, summed: bool
+) -> Iterator[Tested]:
+    """Yield the tests of one bat design in laboratories of successive seeds.
+
+    Raises
+    ------
+    InputError
+        Unknown names, or fewer than 2 laboratories.
+    """
+    if laboratories < 2:
+        raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
+    if summed:
+        yield from Campaign.of(bat, procedure).run(laboratories, first_seed)
+    else:
+        for seed in range(first_seed, first_seed + laboratories):
+            yield certify_bat(bat, procedure=procedure, seed=seed)
+
+
 def _marks(certification: Certification) -> AimMarks:
     """Return the marks on the witness paper, which tell how the aim strays."""
     marks = certification.session.records["impact"]["aim"]
@@ -119,16 +133,19 @@ def _scatter(certification: Certification) -> float:
 
 
 def _result(tested: Tested, name: str, beside: float) -> tuple[float, ...]:
-    """Return whether the interval held the truth, error, u and the error to be expected."""
+    """Return on which side the truth was missed, error, u and the error to be expected."""
     certification, true = tested.certification, tested.sealed.measurand[name]
     budget = certification.metric if name == "metric" else certification.quantities[name]
     assert budget is not None
     low, high = budget.interval_95
-    return float(low <= true <= high), budget.value - true, budget.u, budget.shift + beside
+    missed = float(true > high) - float(true < low)
+    return missed, budget.value - true, budget.u, budget.shift + beside
 
 
 def _row(found: Array) -> dict[str, Any]:
-    held, error, u, expected = found.T
+    missed, error, u, expected = found.T
+    held = missed == 0
+    thirds = np.array_split(held[np.argsort(u, kind="stable")], 3)
     count = binomtest(int(held.sum()), held.size).proportion_ci(0.95, "exact")
     z = error / u
     return {
@@ -136,6 +153,9 @@ def _row(found: Array) -> dict[str, Any]:
         "coverage": float(held.mean()),
         "low": float(count.low),
         "high": float(count.high),
+        "above": float((missed > 0).mean()),
+        "below": float((missed < 0).mean()),
+        "thirds": [float(third.mean()) if third.size else None for third in thirds],
         "mean_z": float(z.mean()),
         "mean_z_se": float(z.std(ddof=1)) / sqrt(z.size),
         "sd_z": float(z.std(ddof=1)),

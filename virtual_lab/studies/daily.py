@@ -287,7 +287,8 @@ def _constants(known: Mapping[str, Estimate], spec: BallSpec) -> dict[str, Array
     }
     scale = {"bench.scale.zero": 0.0, "bench.scale.span": 1.0}
     ball = {"ball.radius": spec.radius, "ball.restitution_slope": spec.restitution.slope}
-    return {name: np.array(value) for name, value in (named | scale | ball).items()}
+    error = {"balls.restitution_0": 0.0}
+    return {name: np.array(value) for name, value in (named | scale | ball | error).items()}
 
 
 def _overnight(balls: TrueBalls, speed: Array) -> TrueBalls:

@@ -3,7 +3,8 @@
 The model is called once with a column of variants of every constant (the estimates, then each
 one up, then each one down), so sensitivities come from the computation itself, shared
 constants act on everything they touch, and their effects are never averaged away. Scatter
-between hits enters as one type A component of the mean.
+between hits enters as one type A component of the mean: what remains of it when the constants
+that move one hit otherwise than the next are taken off.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ __all__ = [
     "combine",
     "effective_dof",
     "interval_95",
+    "mean_of_hits",
     "propagate",
     "scatter",
     "type_a",
@@ -46,6 +48,8 @@ class Component:
     sensitivity: float  # of the result, per unit of the component
     contribution: float  # |sensitivity| u, in units of the result
     shift: float = 0.0  # of the result's mean by curvature, u² f''/2 (GUM F.2.4.4, note 2)
+    pool: str = ""  # that of its estimate
+    parts: tuple[Component, ...] = ()  # of a pool's line, what it sums up
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +81,9 @@ class Variants:
         """Return them; constants without uncertainty are moved by nothing."""
         uncertain = {name: known for name, known in constants.items() if known.u > 0}
         n = len(uncertain)
-        columns = {name: np.full((2 * n + 1, 1), known.value) for name, known in constants.items()}
+        columns = {
+            name: np.full((2 * n + 1, 1), known.value, float) for name, known in constants.items()
+        }
         for index, (name, known) in enumerate(uncertain.items()):
             columns[name][1 + index] += known.u
             columns[name][1 + n + index] -= known.u
@@ -86,7 +92,7 @@ class Variants:
     def components(self, values: Array) -> list[Component]:
         """Return what each constant contributes to an output of shape (k,)."""
         up, down = self._moved(values)
-        effects, shifts = (up - down) / 2, (up + down) / 2 - values[0]
+        effects, shifts = self.effects(values), (up + down) / 2 - values[0]
         return [
             Component(
                 name=name,
@@ -97,6 +103,7 @@ class Variants:
                 sensitivity=float(effect / known.u),
                 contribution=abs(float(effect)),
                 shift=float(shift),
+                pool=known.pool,
             )
             for (name, known), effect, shift in zip(
                 self.uncertain.items(), effects, shifts, strict=True
@@ -105,8 +112,15 @@ class Variants:
 
     def u(self, values: Array) -> Array:
         """Return the standard uncertainties of a row of results, (n,), from outputs (k, n)."""
+        return np.asarray(np.sqrt(np.sum(self.effects(values) ** 2, axis=0)))
+
+    def effects(self, values: Array) -> Array:
+        """Return what one standard uncertainty of each constant does to outputs, (constant, ...).
+
+        `values` are the outputs of the columns, (k, ...).
+        """
         up, down = self._moved(values)
-        return np.asarray(np.sqrt(np.sum((up - down) ** 2, axis=0)) / 2)
+        return np.asarray((up - down) / 2)
 
     def _moved(self, values: Array) -> tuple[Array, Array]:
         n = len(self.uncertain)
@@ -133,8 +147,8 @@ def propagate(
 
 
 def combine(value: float, components: Sequence[Component]) -> Budget:
-    """Return the budget of a result with its components."""
-    every = sorted(components, key=lambda part: -part.contribution)
+    """Return the budget of a result with its components, those of a pool as one line."""
+    every = sorted(_pooled(components), key=lambda part: -part.contribution)
     u = _root_sum([part.contribution for part in every])
     dof = effective_dof(every)
     return Budget(
@@ -149,7 +163,56 @@ def combine(value: float, components: Sequence[Component]) -> Budget:
     )
 
 
-def scatter(hits: Array, weights: Array, groups: Array) -> Component:
+def mean_of_hits(
+    variants: Variants, hits: Array, weights: Array, places: Array, effects: Array | None = None
+) -> Budget:
+    """Return the budget of a weighted sum of hits: constants, then the scatter that remains.
+
+    Parameters
+    ----------
+    variants, hits
+        Constants, and what a model makes of their columns, (k, hit).
+    weights, places
+        What each hit weighs in the result, and the place each was taken at, (hit,).
+    effects
+        What a change of each hit does to the result, (hit,), where that is not its weight.
+    """
+    effects = weights if effects is None else effects
+    own = scatter(hits[0], effects, places, variants.effects(hits))
+    return combine(float(hits[0] @ weights), [*variants.components(hits @ effects), own])
+
+
+def _pooled(components: Sequence[Component]) -> list[Component]:
+    """Return the components, each pool as one line: root sum of squares, the pool's own dof.
+
+    Its u is the root mean square of its parts' and its sensitivity positive.
+    """
+    lines = [part for part in components if not part.pool or part.parts]
+    pools: dict[str, list[Component]] = {}
+    for part in components:
+        if part.pool and not part.parts:
+            pools.setdefault(part.pool, []).append(part)
+    for name, parts in pools.items():
+        u = _root_sum([part.u for part in parts]) / sqrt(len(parts))
+        contribution = _root_sum([part.contribution for part in parts])
+        lines.append(
+            Component(
+                name=name,
+                value=sum(part.value for part in parts) / len(parts),
+                u=u,
+                evaluation=parts[0].evaluation,
+                dof=parts[0].dof,
+                sensitivity=contribution / u,
+                contribution=contribution,
+                shift=sum(part.shift for part in parts),
+                pool=name,
+                parts=tuple(parts),
+            )
+        )
+    return lines
+
+
+def scatter(hits: Array, weights: Array, groups: Array, effects: Array | None = None) -> Component:
     """Return the type A component of a weighted sum of hits, by their scatter at each place.
 
     Parameters
@@ -158,18 +221,36 @@ def scatter(hits: Array, weights: Array, groups: Array) -> Component:
         Shape (n,): values, what each weighs in the result, and the place each was taken at.
         Every place has its own variance, as aim matters more where the bat changes quickly; a
         place of a single hit has that of the others, pooled.
+    effects
+        Shape (m, n): what one standard uncertainty of each constant in the same budget does to
+        each hit. What that makes the hits of a place scatter on average is taken off the
+        variance of the place, never below 0: it is in the budget already, with its sign.
     """
     _, place = np.unique(groups, return_inverse=True)
     many = np.bincount(place)
     off = hits - (np.bincount(place, hits) / many)[place]
     squares, freedom = np.bincount(place, off**2), many - 1
     pooled = float(squares.sum()) / max(int(freedom.sum()), 1)
-    variance = np.where(freedom > 0, squares / np.maximum(freedom, 1), pooled)
-    parts = np.bincount(place, weights**2) * variance
-    known = np.sum(parts[freedom > 0] ** 2 / freedom[freedom > 0])
-    total = float(parts.sum())
-    dof = total**2 / float(known) if known > 0 else inf
+    seen = np.where(freedom > 0, squares / np.maximum(freedom, 1), pooled)
+    square = np.bincount(place, weights**2)
+    # a variance is as uncertain as before when a known part of it is taken off
+    uncertain = (square * seen)[freedom > 0] ** 2 / freedom[freedom > 0]
+    total = float(square @ np.maximum(seen - _explained(effects, place, freedom), 0.0))
+    dof = total**2 / float(uncertain.sum()) if total > 0 and uncertain.sum() > 0 else inf
     return type_a("hits", float(hits @ weights), sqrt(total), dof=dof)
+
+
+def _explained(effects: Array | None, place: NDArray[np.int_], freedom: NDArray[np.int_]) -> Array:
+    """Return the mean variance within each place that constants make, (place,).
+
+    A place of a single hit has that of the others, pooled.
+    """
+    if effects is None or not len(effects):
+        return np.zeros(freedom.size)
+    means = np.stack([np.bincount(place, row) for row in effects]) / (freedom + 1)
+    squares = np.bincount(place, np.sum((effects - means[:, place]) ** 2, axis=0))
+    pooled = float(squares.sum()) / max(int(freedom.sum()), 1)
+    return np.where(freedom > 0, squares / np.maximum(freedom, 1), pooled)
 
 
 def type_a(name: str, value: float, u: float, *, dof: float = inf) -> Component:

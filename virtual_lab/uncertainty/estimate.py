@@ -14,13 +14,18 @@ __all__ = ["Estimate", "mean_of_readings"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
-    """Value, standard uncertainty `u` (both SI), degrees of freedom, evaluation type (GUM)."""
+    """Value, standard uncertainty `u` (both SI), degrees of freedom, evaluation type (GUM).
+
+    Independent estimates of one `pool` have their u from one and the same scatter; a budget
+    shows them as one line of that name.
+    """
 
     value: float
     u: float = 0.0
     dof: float = inf
     evaluation: Literal["A", "B"] = "B"
     source: str = ""
+    pool: str = ""
 
     def __post_init__(self) -> None:
         if not isfinite(self.value):

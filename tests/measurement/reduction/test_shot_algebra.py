@@ -145,7 +145,6 @@ def constants(**changes: float) -> dict[str, np.ndarray]:
         "impact.aim.across_square": 0.0,
         "ball.radius": R_BALL,
         "ball.restitution_slope": 0.0,
-        "balls.repeatability": 0.0,
     }
     return {key: np.array(value) for key, value in (known | changes).items()}
 

@@ -19,7 +19,7 @@ from virtual_lab.measurement.reduction.shot_algebra import ShotResults, drag_of
 from virtual_lab.measurement.session_reduction import Reduced, constants_known
 from virtual_lab.records import ClipRecord, TrackRecord
 from virtual_lab.records.session import Session
-from virtual_lab.uncertainty.budget import Budget, Component, Variants, combine, scatter
+from virtual_lab.uncertainty.budget import Budget, Component, Variants, mean_of_hits, scatter
 from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["COMPARED", "SecondWitness", "Told", "second_witness"]
@@ -87,12 +87,8 @@ def second_witness(session: Session, reduced: Reduced) -> SecondWitness | None:
         share = weights[used] / weights[used].sum()
         place = np.round(reduced.readings.place, 6)[used]
         for name, field in COMPARED.items():
-            hits = {who: getattr(found.results[who], field)[used] for who in (GATES, VIDEO)}
-            parts = {
-                who: variants.components(getattr(moved.results[who], field)[:, used] @ share)
-                for who in hits
-            }
-            told[name] = _told(hits, parts, share, place)
+            hits = {who: getattr(moved.results[who], field)[:, used] for who in (GATES, VIDEO)}
+            told[name] = _told(variants, hits, share, place)
     return SecondWitness(
         told=told,
         hits=int(used.sum()),
@@ -179,24 +175,20 @@ def _shots_u(
     }
 
 
-def _told(
-    hits: Mapping[str, Array],
-    parts: Mapping[str, list[Component]],
-    weights: Array,
-    places: Array,
-) -> Told:
-    """Return a quantity by both witnesses, joined, and their difference."""
+def _told(variants: Variants, hits: Mapping[str, Array], weights: Array, places: Array) -> Told:
+    """Return a quantity by both witnesses, joined, and their difference.
+
+    `hits` are those of the variants, (k, hit).
+    """
 
     def mixed(gates: float, video: float) -> Budget:
-        values = gates * hits[GATES] + video * hits[VIDEO]
-        shared = [
-            _blend(one, other, gates, video)
-            for one, other in zip(parts[GATES], parts[VIDEO], strict=True)
-        ]
         # what is new in every shot, as noise of frames and of heights, is in the hits' own scatter
-        return combine(float(values @ weights), [*shared, scatter(values, weights, places)])
+        values = gates * hits[GATES] + video * hits[VIDEO]
+        return mean_of_hits(variants, values, weights, places)
 
-    share = _share(parts, scatter(hits[VIDEO] - hits[GATES], weights, places))
+    parts = {who: variants.components(values @ weights) for who, values in hits.items()}
+    apart = hits[VIDEO] - hits[GATES]
+    share = _share(parts, scatter(apart[0], weights, places, variants.effects(apart)))
     return Told(
         gates=mixed(1.0, 0.0),
         video=mixed(0.0, 1.0),
@@ -219,17 +211,3 @@ def _share(parts: Mapping[str, list[Component]], apart: Component) -> float:
     if total == 0:
         return 0.5
     return float(np.clip((noise / 2 - gates @ off) / total, 0.0, 1.0))
-
-
-def _blend(one: Component, other: Component, gates: float, video: float) -> Component:
-    sensitivity = gates * one.sensitivity + video * other.sensitivity
-    return Component(
-        name=one.name,
-        value=one.value,
-        u=one.u,
-        evaluation=one.evaluation,
-        dof=one.dof,
-        sensitivity=sensitivity,
-        contribution=abs(sensitivity) * one.u,
-        shift=gates * one.shift + video * other.shift,
-    )

@@ -10,7 +10,7 @@ import numpy as np
 
 from virtual_lab.measurement.diagnostics.evidence import Evidence
 from virtual_lab.measurement.diagnostics.flag import FALSE_ALARMS, Flag, chance, type_a
-from virtual_lab.units import OUNCE
+from virtual_lab.measurement.procedure import lot_of
 
 __all__ = ["bat_shape", "lot_rules", "pendulum_swing", "wall_drift"]
 
@@ -18,6 +18,7 @@ BALANCE = (0.25, 0.55)  # of the length, from the tip: any bat, and a plain cyli
 GYRATION = (0.20, 0.36)  # radius of gyration about the balance point, of the length: any bat
 DECAY_U = 0.4  # relative, of the loss of amplitude: two readings a few of their steps apart
 LEAST_E0 = 1e-5
+LOT_MARGIN = 5e-3  # of e0 beyond the rules: more than a sound lot's balls scatter
 FLAT = 1e-9  # rad²
 MASSES = (0.4, 20.0)  # kg, from a child's bat to the steel cylinder of a morning's check
 
@@ -74,19 +75,18 @@ def pendulum_swing(seen: Evidence) -> Iterator[Flag]:
 
 
 def lot_rules(seen: Evidence) -> Iterator[Flag]:
-    """Name the balls of the lot that the rules do not admit."""
+    """Name balls far outside what the rules admit, and balls not admitted that were fired."""
     windows, balls = seen.procedure.windows, seen.measured_balls
     at = balls.restitution + balls.slope * (windows.ball_restitution_speed - balls.speed)
-    for ball, (mass, e0) in enumerate(zip(balls.mass, at, strict=True)):
-        if not windows.ball_mass_low <= mass <= windows.ball_mass_high:
-            yield Flag(
-                name="lot-rules",
-                sentence=f"ball {ball} of the lot has {mass / OUNCE:.3f} oz, against the rules",
-            )
-        if not windows.ball_restitution_low <= e0 <= windows.ball_restitution_high:
-            yield Flag(
-                name="lot-rules", sentence=f"ball {ball} of the lot has e0 {e0:.4f}, against them"
-            )
+    low, high = windows.ball_restitution_low, windows.ball_restitution_high
+    for each in lot_of(seen.procedure, balls).set_aside:
+        if each.ball in seen.readings.ball:
+            sentence = f"ball {each.ball}, which the rules do not admit, was fired: {each.reason}"
+        elif not low - LOT_MARGIN <= at[each.ball] <= high + LOT_MARGIN:
+            sentence = f"ball {each.ball} of the lot has {each.reason}: worn, or of another kind"
+        else:
+            continue
+        yield Flag(name="lot-rules", sentence=sentence)
 
 
 def wall_drift(seen: Evidence) -> Iterator[Flag]:

@@ -1,8 +1,9 @@
 """A test procedure: what to ask of a rig, where to hit, which hits count, metric and verdict."""
 
-from virtual_lab.measurement.procedure.choice import shortfall
+from virtual_lab.measurement.procedure.choice import CHOICE, shortfall, with_choice
 from virtual_lab.measurement.procedure.eligibility import Finding, findings
 from virtual_lab.measurement.procedure.judge import Judgement, judge
+from virtual_lab.measurement.procedure.lot import Lot, SetAside, lot_of
 from virtual_lab.measurement.procedure.metric import Curve, Sought, metric_of, sought_of
 from virtual_lab.measurement.procedure.outcome import (
     Outcome,
@@ -14,17 +15,21 @@ from virtual_lab.measurement.procedure.rules import Procedure, Windows
 from virtual_lab.measurement.procedure.schedule import aimed_place, next_places, to_set
 
 __all__ = [
+    "CHOICE",
     "Curve",
     "Finding",
     "Judgement",
+    "Lot",
     "Outcome",
     "Procedure",
+    "SetAside",
     "Sought",
     "Verdict",
     "Windows",
     "aimed_place",
     "findings",
     "judge",
+    "lot_of",
     "metric_of",
     "next_places",
     "outcome_of",
@@ -32,4 +37,5 @@ __all__ = [
     "sought_of",
     "to_set",
     "verdict",
+    "with_choice",
 ]

@@ -1,4 +1,8 @@
-"""What choosing a place costs: fresh hits at a scan's best place, when a neighbour is better."""
+"""What choosing a place costs: fresh hits at a scan's best place, when a neighbour is better.
+
+The result is the greatest value of the places, and the fresh hits give that of the place chosen,
+which is lower on average: the result is corrected by the mean, and what remains is uncertain.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +16,13 @@ from scipy.special import ndtr
 from virtual_lab.measurement.procedure.outcome import complete_places, neighbours
 from virtual_lab.measurement.procedure.rules import Procedure
 from virtual_lab.measurement.procedure.schedule import best_place, same_place, scan_hits
+from virtual_lab.uncertainty.budget import Budget, combine, type_a
 
-__all__ = ["Shortfall", "shortfall"]
+__all__ = ["CHOICE", "Shortfall", "shortfall", "with_choice"]
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+CHOICE = "choice of the place"  # its line in a budget
 
 
 class Shortfall(NamedTuple):
@@ -24,6 +30,11 @@ class Shortfall(NamedTuple):
 
     mean: float
     rms: float
+
+    @property
+    def u(self) -> float:
+        """Standard uncertainty that remains when the mean is corrected for."""
+        return sqrt(max(self.rms**2 - self.mean**2, 0.0))
 
 
 def shortfall(procedure: Procedure, place: Array, valid: Bools, metric: Array) -> Shortfall:
@@ -50,6 +61,14 @@ def shortfall(procedure: Procedure, place: Array, valid: Bools, metric: Array) -
         means.append(u * (behind * ndtr(behind) + density))
         squares.append(u**2 * ((1 + behind**2) * ndtr(behind) + behind * density))
     return Shortfall(float(sum(means)), sqrt(float(sum(squares))))
+
+
+def with_choice(metric: Budget, lost: Shortfall) -> Budget:
+    """Return the result at a chosen place as that of the best one; the same where none is lost."""
+    if not lost.rms > 0:
+        return metric
+    choice = type_a(CHOICE, lost.mean, lost.u)
+    return combine(metric.value + lost.mean, [*metric.components, choice])
 
 
 def _within(place: Array, metric: Array) -> float:

@@ -196,6 +196,9 @@ class Procedure(Spec):
     bat_speed: Annotated[float | None, Dimension("speed")] = None  # 6 in from the tip; at rest
     limit: Annotated[float | None, Dimension("number")] = None
     speed_limit: Annotated[float | None, Dimension("speed")] = None  # of a batted ball
+    # of e_A along the barrel at the place of a test at one place, over the bats it is made for
+    place_slope: Annotated[float, Dimension("slope of length")] = 0.0
+    place_slope_u: Annotated[float, Ge(0), Dimension("slope of length")] = 0.0
     scan: Scan | None = None
     game: Game | None = None
     correction: BallCorrection | None = None
@@ -211,6 +214,8 @@ class Procedure(Spec):
             raise ValueError(f"{self.attempts} attempts; allowed: up to {MOST_ATTEMPTS}")
         if (self.place == "scan") != (self.scan is not None):
             raise ValueError("place = 'scan' and a table [scan] belong together")
+        if self.scan is not None and (self.place_slope or self.place_slope_u):
+            raise ValueError("a place_slope is for a test at one place, and a scan has many")
         if self.scan is not None and self.scan.coarse_hits > self.valid_hits:
             raise ValueError(
                 f"{self.scan.coarse_hits} coarse_hits of a scan are more than the "

@@ -46,9 +46,11 @@ __all__ = [
     "bench_constants",
     "observe_balls",
     "observe_impact",
+    "restitution_names",
 ]
 
 Array = NDArray[np.float64]
+REPEATABILITY = "balls.repeatability"
 SLOPE_REPEATABILITY = "balls.slope_repeatability"
 TICK_EVENNESS = 1e-3  # of a step; the search for rings takes them as even
 READ_WITH = (  # property, channel, instrument
@@ -167,11 +169,11 @@ def _reach(session: Session, log: ShotLog, speed: Array) -> Array:
 
 
 def ball_constants(readings: BallReadings) -> dict[str, Estimate]:
-    """Return type A constants of the lot: 0 ± what its mean e0 scatters, and e0's slope.
+    """Return type A constants: 0 ± u of each ball's mean e0, and of e0's slope.
 
-    The scatter is that within each ball and speed, pooled; how the balls differ is no
-    uncertainty of a lot measured whole. That of the slope [s/m] is there where the wall was hit
-    at two speeds or more.
+    The scatter is that within each ball and speed, pooled over all wall hits; how the balls
+    differ is no uncertainty of a lot measured whole. That of the slope [s/m] is there where the
+    wall was hit at two speeds or more.
     """
     ratio = readings.passages.duration_in / readings.passages.duration_out
     balls = len(readings.mass)
@@ -189,15 +191,21 @@ def ball_constants(readings: BallReadings) -> dict[str, Estimate]:
     dof = float(ratio.size - balls - sloped)
     scatter = float(np.sum(rest**2)) / dof
     constants = {
-        "balls.repeatability": Estimate(
-            value=0.0, u=sqrt(scatter / ratio.size), dof=dof, evaluation="A"
+        name: Estimate(
+            value=0.0, u=sqrt(scatter / number), dof=dof, evaluation="A", pool=REPEATABILITY
         )
+        for name, number in zip(restitution_names(balls), hits, strict=True)
     }
     if sloped:
         constants[SLOPE_REPEATABILITY] = Estimate(
             value=0.0, u=sqrt(scatter / width), dof=dof, evaluation="A"
         )
     return constants
+
+
+def restitution_names(balls: int) -> list[str]:
+    """Return the names of the constants that hold the error of each ball's mean e0."""
+    return [f"balls.restitution_{ball}" for ball in range(balls)]
 
 
 def across_constant(records: Mapping[str, Record]) -> Estimate:

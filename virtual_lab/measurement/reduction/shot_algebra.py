@@ -29,11 +29,14 @@ from virtual_lab.measurement.reduction.observations import (
     SLOPE_REPEATABILITY,
     BallReadings,
     ImpactReadings,
+    restitution_names,
 )
 from virtual_lab.relations.flight import drag_rate
 from virtual_lab.relations.pendulum import inertia_from_period, mean_amplitude_factor
 
 __all__ = [
+    "PLACE_SLOPE",
+    "SLOPE_ERROR",
     "Asked",
     "BatProperties",
     "MeasuredBalls",
@@ -47,6 +50,9 @@ __all__ = [
 
 Array = NDArray[np.float64]
 Constants = Mapping[str, Array]
+ALL = slice(None)
+PLACE_SLOPE = "procedure.place_slope"  # de_A/dz [1/m]
+SLOPE_ERROR = "procedure.place_slope_error"  # what the slope's own error makes of e_A
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,10 +88,10 @@ class ShotResults:
     rebound_speed: Array  # of the ball, along the line of fire [m/s]
     rebound_slope: Array  # height the ball gains a metre as it comes back
     ball_mass: Array  # [kg]
-    place: Array  # struck as far as is known, from the barrel tip [m]
+    place: Array  # that e_A is of, as far as is known, from the barrel tip [m]
     recoil_factor: Array  # of the support the procedure names
     ball_restitution: Array  # of the ball, at the shot's own relative speed
-    collision_efficiency: Array  # freed of the offset across the bat
+    collision_efficiency: Array  # freed of the offset across the bat, at the place asked for
     restitution: Array
     bat_performance_factor: Array
     window_ball_restitution: Array  # of the ball, at the speed the procedure judges balls at
@@ -148,7 +154,11 @@ def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
     slope = _slope(x, readings, given)
     hits = given - slope * (seen.speed_in - nominal)
     restitution = np.stack(
-        [hits[..., readings.ball == ball].mean(axis=-1) for ball in range(len(readings.mass))],
+        [
+            hits[..., readings.ball == ball].mean(axis=-1)
+            + np.reshape(x[error], np.shape(x[error])[:-1])
+            for ball, error in enumerate(restitution_names(len(readings.mass)))
+        ],
         axis=-1,
     )
     return MeasuredBalls(
@@ -179,10 +189,12 @@ def shot_results(
     readings: ImpactReadings,
     asked: Asked,
     flown: Flown,
+    used: NDArray[np.bool_] | slice = ALL,
 ) -> ShotResults:
     """Return e_A by Eq. (2) or by angular momentum, e by Eq. (6), BPF by Eq. (5).
 
-    `flown` tells the balls' flights: what the gates saw of them, or somebody else.
+    `flown` gives the balls' flights: as the gates saw them, or another instrument. `used` are the
+    balls whose mean is the lot's.
     """
     mass = balls.mass[..., readings.ball]
     seen = flown(x, drag_of(x, mass))
@@ -211,7 +223,10 @@ def shot_results(
     turning = parallel_axis(bat.inertia_cm, bat.mass, _axis(x, bat) - bat.z_cm)
     momentum = rebound_speed_from_recoil(turning, rate, mass, lever, seen.speed_in)
     recoiled = squarely(momentum / seen.speed_in)
-    efficiency = recoiled if asked.reads == "recoil" else rebound
+    struck = recoiled if asked.reads == "recoil" else rebound
+    beside = x.get(PLACE_SLOPE, 0.0) * _along(x) + x.get(SLOPE_ERROR, 0.0)
+    efficiency = np.asarray(struck - beside)
+    at = readings.place + (0.0 if PLACE_SLOPE in x else _along(x))
     # the recoil factor is that of the axis and place asked for: e_A hardly knows where they are,
     # so what a misplaced axis or ball spoils is the angular momentum above and nothing here
     recoil = recoil_factor(asked.recoil, bat, mass, readings.place, asked.pivot_from_knob)
@@ -222,9 +237,9 @@ def shot_results(
     nominal = asked.ball_speed + asked.turn_rate(bat.length) * (
         bat.length - asked.pivot_from_knob - readings.place
     )
-    lot = balls.restitution.mean(axis=-1, keepdims=True) + x["balls.repeatability"]
+    lot = balls.restitution[..., used].mean(axis=-1, keepdims=True)
     lot_e0 = lot + balls.slope * (nominal - balls.speed)
-    lot_mass = balls.mass.mean(axis=-1, keepdims=True)
+    lot_mass = balls.mass[..., used].mean(axis=-1, keepdims=True)
     lot_recoil = recoil_factor(asked.recoil, bat, lot_mass, readings.place, asked.pivot_from_knob)
     lot_restitution = factor * lot_e0
     shape = np.shape(factor)
@@ -237,7 +252,7 @@ def shot_results(
         rebound_speed=seen.speed_out,
         rebound_slope=seen.slope_out,
         ball_mass=mass,
-        place=np.broadcast_to(readings.place + _along(x) + abreast - lever, shape),
+        place=np.broadcast_to(at + abreast - lever, shape),
         recoil_factor=np.broadcast_to(recoil, shape),
         ball_restitution=e0,
         collision_efficiency=efficiency,

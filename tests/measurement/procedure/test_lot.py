@@ -1,0 +1,78 @@
+"""Balls that the rules do not admit: named, not fired, and no part of the lot's mean."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from virtual_lab import catalog
+from virtual_lab.certificate.document import certificate
+from virtual_lab.certificate.text import certificate_text
+from virtual_lab.lab import open_laboratory
+from virtual_lab.lab.laboratory import Laboratory
+from virtual_lab.measurement.procedure import Procedure, lot_of
+from virtual_lab.measurement.reduction.shot_algebra import MeasuredBalls
+
+OUNCE, MPH = 0.028349523125, 0.44704
+RULES = catalog.load("procedures", "astm-f1881", Procedure).spec
+
+
+def balls(**changed: Any) -> MeasuredBalls:
+    """Three good balls, measured at 136 mph; e0 falls by 0.001 a mph."""
+    good = {
+        "mass": np.full(3, 5.125 * OUNCE),
+        "restitution": np.full(3, 0.474),
+        "speed": 136 * MPH,
+        "slope": np.array(-0.001 / MPH),
+    }
+    return MeasuredBalls(**good | changed)
+
+
+def test_e0_is_judged_at_the_speed_of_the_rules() -> None:
+    """0.474 at 136 mph is 0.55 at 60 mph, within 0.525 to 0.555; 0.48 is 0.556."""
+    assert lot_of(RULES, balls()).set_aside == ()
+    lot = lot_of(RULES, balls(restitution=np.array([0.474, 0.480, 0.474])))
+    assert lot.used.tolist() == [True, False, True]
+    (ball,) = lot.set_aside
+    assert ball.ball == 1
+    assert ball.reason == "e0 0.5560 at 60 mph, allowed 0.525 to 0.555"
+
+
+def test_a_heavy_ball_is_set_aside() -> None:
+    mass = np.array([5.125, 5.125, 5.30]) * OUNCE
+    (ball,) = lot_of(RULES, balls(mass=mass)).set_aside
+    assert (ball.ball, ball.reason) == (2, "5.300 oz, allowed 5.000 to 5.250 oz")
+
+
+def test_where_no_ball_is_admitted_every_shot_is_rejected_later() -> None:
+    lot = lot_of(RULES, balls(restitution=np.full(3, 0.5)))
+    assert lot.used.all()
+    assert len(lot.set_aside) == 3
+
+
+@pytest.fixture(scope="module")
+def lively() -> Laboratory:
+    """Return a laboratory whose balls 3 and 7 are livelier than the rules admit."""
+    laboratory = open_laboratory("r161", procedure="astm-f1881", seed=5)
+    lot = laboratory.specimen.balls
+    e0 = np.where(np.isin(np.arange(12), [3, 7]), 0.5585, np.minimum(lot.restitution, 0.552))
+    specimen = replace(laboratory.specimen, balls=replace(lot, restitution=e0))
+    return replace(laboratory, specimen=specimen)
+
+
+def test_they_are_not_fired_and_the_certificate_says_so(lively: Laboratory) -> None:
+    tested = lively.run(lambda _: None)
+    found = tested.certification
+    assert {each.ball for each in found.set_aside} == {3, 7}
+    assert not set(found.readings.ball) & {3, 7}
+    document = certificate(found)
+    assert [each["ball"] for each in document["ball"]["set_aside"]] == [3, 7]
+    assert "ball 3 set aside: e0 0.55" in certificate_text(document)
+    assert not [flag for flag in found.flags if flag.name == "lot-rules"]
+    # the lot's e0, measured and true, is the mean of the other ten
+    e0, true = found.quantities["ball_restitution"], tested.sealed
+    kept = np.delete(true.balls.restitution, [3, 7]).mean()
+    assert true.measurand["ball_restitution"] == pytest.approx(kept, abs=1e-4)
+    assert e0.value == pytest.approx(kept, abs=5 * e0.u)
+    assert abs(true.balls.restitution.mean() - kept) > 5e-4

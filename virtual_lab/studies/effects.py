@@ -1,0 +1,243 @@
+"""The realised effect of every term of a budget, beside the stated one.
+
+A constant's error in one laboratory is what its certificate says less what it really is. Over
+many laboratories the errors of the metric are regressed on the errors of all constants at once:
+each coefficient, times the constant's u, is the effect that one standard uncertainty really has,
+and the budget states it as sensitivity times u. What the regression leaves is the hits'.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.errors import InputError
+from virtual_lab.lab import Tested
+from virtual_lab.measurement.procedure import CHOICE
+from virtual_lab.measurement.reduction.observations import (
+    REPEATABILITY,
+    SLOPE_REPEATABILITY,
+    bench_constants,
+    observe_balls,
+    restitution_names,
+)
+from virtual_lab.measurement.reduction.shot_algebra import SLOPE_ERROR, measured_balls
+from virtual_lab.measurement.session_reduction import ALONG
+from virtual_lab.relations.pendulum import mean_amplitude_factor
+from virtual_lab.simulation.physics.section import outer_diameter
+from virtual_lab.studies.coverage import tests
+from virtual_lab.uncertainty.budget import Component
+from virtual_lab.units import INCH
+
+__all__ = ["effects"]
+
+Array = NDArray[np.float64]
+ACROSS = "impact.aim.across_square"
+HITS = "hits"
+BARREL_PLACE = np.array(6 * INCH)  # where the bench takes the barrel's radius, from the tip
+LEAST = 4  # laboratories a term
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Case:
+    """One laboratory: its error, its budget, and how far its inputs were off."""
+
+    error: float  # of the metric, that of the choice of a place apart
+    choice: float  # error that the choice of a place left; NaN where it cannot be known apart
+    components: Mapping[str, Component]
+    off: Mapping[str, float]  # certificate less truth, by constant
+    across: Array  # where the balls struck across the bat, less the mean aim [m]
+
+
+def effects(
+    bat: str,
+    *,
+    procedure: str = "astm-f1881",
+    laboratories: int = 1000,
+    first_seed: int = 1,
+    summed: bool = False,
+    say: Callable[[str], None] = lambda _: None,
+) -> list[dict[str, Any]]:
+    """Return a row a term of the metric's budget, largest first; parameters as `coverage`.
+
+    Returns
+    -------
+    list of dict
+        `term`; `stated`, its effect by the budget, with its sign (SI, mean over laboratories);
+        `realised`, the effect found, with its standard error `se`; `apart`, their difference in
+        standard errors; the number of `laboratories`. The pooled balls and `hits` have no sign:
+        theirs are root mean squares. `realised` is None of what the sealed truth does not hold.
+
+    Raises
+    ------
+    InputError
+        Unknown names, or too few laboratories for the number of terms.
+    """
+    cases: list[_Case] = []
+    for number, tested in enumerate(
+        tests(bat, procedure, laboratories, first_seed, summed=summed), start=1
+    ):
+        if tested.certification.verdict.value != "INVALID":
+            cases.append(_case(tested))
+        if number % 100 == 0:
+            say(f"{number} of {laboratories} laboratories")
+    names = list(dict.fromkeys(name for case in cases for name in case.components))
+    if len(cases) < LEAST * len(names) or not cases:
+        allowed = f"allowed: {LEAST} and more with a result for each of {len(names)} terms"
+        raise InputError("", "laboratories", len(cases), allowed)
+    regressors = {name: _errors_of(name, cases) for name in names}
+    known = {name: errors for name, errors in regressors.items() if errors is not None}
+    found, found_se, left = _regressed(np.array([case.error for case in cases]), known)
+    rows = []
+    for name in names:
+        stated = _stated(name, cases)
+        realised, se = found.get(name), found_se.get(name)
+        if name == HITS:
+            realised, se = left, left / sqrt(2 * (len(cases) - len(known) - 1))
+        elif name == CHOICE:
+            realised, se = _spread(np.array([case.choice for case in cases]))
+        elif name == SLOPE_ERROR and ALONG in found:
+            # one bat has one slope: what the sheet's differs by, the effect of the aim shows
+            realised, se = found[ALONG] - _stated(ALONG, cases), found_se[ALONG]
+        rows.append(
+            {
+                "bat": bat,
+                "procedure": procedure,
+                "term": name,
+                "stated": stated,
+                "realised": realised,
+                "se": se,
+                "apart": (realised - stated) / se if realised is not None and se else None,
+                "laboratories": len(cases),
+            }
+        )
+    return sorted(rows, key=lambda row: -abs(row["stated"]))
+
+
+def _case(tested: Tested) -> _Case:
+    certification, sealed = tested.certification, tested.sealed
+    budget = certification.metric
+    assert budget is not None
+    components = {part.name: part for part in budget.components}
+    error, choice = budget.value - sealed.measurand["metric"], 0.0
+    if CHOICE in components:
+        correction = certification.procedure.correction
+        alike = correction is None or correction.method == "none"
+        here = sealed.measurand.get(certification.procedure.metric) if alike else None
+        choice = np.nan
+        if here is not None:
+            choice = here + components[CHOICE].value - sealed.measurand["metric"]
+            error -= choice
+    across = sealed.shots["across"] - sealed.constants["impact.cannon.across"]
+    return _Case(error=error, choice=choice, components=components, off=_off(tested), across=across)
+
+
+def _off(tested: Tested) -> dict[str, float]:
+    """Return what each uncertain constant was off: as the laboratory had it less as it was."""
+    session, true = tested.certification.session, dict(tested.sealed.constants)
+    known = {name: one.value for name, one in session.calibration.items()}
+    off = {name: known[name] - value for name, value in true.items() if name in known}
+    return off | _readings_off(tested, true) | _balls_off(tested, known | true)
+
+
+def _readings_off(tested: Tested, true: Mapping[str, float]) -> dict[str, float]:
+    """Return the errors of the bench's mean readings; the instruments' own are apart."""
+    found = {name: one.value for name, one in bench_constants(tested.certification.session).items()}
+    bat, body = tested.sealed.bat_properties, tested.sealed.bat.body
+    lever = float(bat["length"] - true["bench.pendulum.pivot_from_knob"] - bat["z_cm"])
+    turning = float(bat["inertia_cm"] + bat["mass"] * lever**2)
+    swung = turning + true["bench.pendulum.clamp_inertia"]
+    moment = float(bat["mass"]) * lever + true["bench.pendulum.clamp_moment"]
+    first, last = found["bat.first_amplitude"], found["bat.last_amplitude"]
+    swings, offset = int(found["bat.swings"]), true["bench.pendulum.amplitude_offset"]
+    faster = mean_amplitude_factor(np.array(first), np.array(last), swings) / mean_amplitude_factor(
+        np.array(first - offset), np.array(last - offset), swings
+    )
+    period = 2 * np.pi * sqrt(swung / (moment * true["bench.pendulum.gravity"]))
+    radius = float(outer_diameter(body.profile, BARREL_PLACE)) / 2
+    exact = {
+        "bat.mass": float(bat["mass"]) * true["bench.scale.span"] + true["bench.scale.zero"],
+        "bat.length": float(bat["length"]) + true["bench.rule.offset"],
+        "bat.balance": float(bat["z_cm"]) + true["bench.stand.offset"],
+        "bat.barrel_radius": radius + true["bench.rule.offset"],
+        "bat.period": period * true["bench.pendulum.clock"] / float(faster),
+    }
+    return {name: found[name] - value for name, value in exact.items()}
+
+
+def _balls_off(tested: Tested, constants: Mapping[str, float]) -> dict[str, float]:
+    """Return what scatter makes of each ball's mean e0 and of its slope: calibrations are true."""
+    readings, lot = observe_balls(tested.certification.session), tested.sealed.balls
+    names = restitution_names(len(readings.mass))
+    x = {name: np.array(value) for name, value in constants.items()}
+    x |= dict.fromkeys([*names, SLOPE_REPEATABILITY], np.array(0.0))
+    sloped = bool(np.ptp(readings.nominal_speed) > 0)
+    if not sloped:
+        del x[SLOPE_REPEATABILITY]
+    found = measured_balls(x, readings)
+    exact = lot.restitution_at(np.arange(len(names)), np.full(len(names), found.speed))
+    off = dict(zip(names, (found.restitution - exact).tolist(), strict=True))
+    if sloped:
+        off[SLOPE_REPEATABILITY] = float(np.squeeze(found.slope)) - lot.spec.restitution.slope
+    return off
+
+
+def _errors_of(name: str, cases: list[_Case]) -> Array | None:
+    """Return a term's standardised errors, (case,), None where the truth does not hold them."""
+    if name == REPEATABILITY:
+        parts = [case.components[name].parts if name in case.components else () for case in cases]
+        moved = [
+            sum(part.sensitivity * case.off[part.name] for part in each)
+            for each, case in zip(parts, cases, strict=True)
+        ]
+        return np.asarray(np.array(moved) / _stated(name, cases))
+    if name == ACROSS:
+        square = float(np.mean(np.concatenate([case.across for case in cases]) ** 2))
+        off = [case.components[name].value - square for case in cases]
+    elif all(name in case.off for case in cases):
+        off = [case.off[name] for case in cases]
+    else:
+        return None
+    u = sqrt(float(np.mean([case.components[name].u ** 2 for case in cases])))
+    return np.asarray(np.array(off) / u)
+
+
+def _stated(name: str, cases: list[_Case]) -> float:
+    """Return the mean effect by the budgets; of what has no sign the root mean square."""
+    every = [case.components[name] for case in cases if name in case.components]
+    if name in (REPEATABILITY, HITS, CHOICE):
+        return sqrt(sum(part.contribution**2 for part in every) / len(cases))
+    u = sqrt(sum(part.u**2 for part in every) / len(every))
+    return u * sum(part.sensitivity for part in every) / len(cases)
+
+
+def _regressed(
+    error: Array, known: Mapping[str, Array]
+) -> tuple[dict[str, float], dict[str, float], float]:
+    """Return each term's coefficient, their standard errors, and the deviation that is left."""
+    design = np.column_stack([np.ones(error.size), *known.values()])
+    inverse = np.linalg.pinv(design)
+    coefficients = inverse @ error
+    rest = error - design @ coefficients
+    left = sqrt(float(rest @ rest) / (error.size - design.shape[1]))
+    se = left * np.linalg.norm(inverse, axis=1)
+    return (
+        dict(zip(known, coefficients[1:].tolist(), strict=True)),
+        dict(zip(known, se[1:].tolist(), strict=True)),
+        left,
+    )
+
+
+def _spread(values: Array) -> tuple[float | None, float | None]:
+    """Return the root mean square and its standard error, whatever the distribution."""
+    values = values[np.isfinite(values)]
+    if values.size < 2:
+        return None, None
+    square = values**2
+    root = sqrt(float(square.mean()))
+    return root, float(square.std(ddof=1)) / sqrt(values.size) / (2 * root) if root else None

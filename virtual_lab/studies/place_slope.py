@@ -1,0 +1,64 @@
+"""How e_A changes along the barrel at the place of a test: what a procedure's sheet says of it."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import numpy as np
+
+from virtual_lab.errors import InputError
+from virtual_lab.lab import open_laboratory
+from virtual_lab.lab.measurand import true_curve
+from virtual_lab.measurement.procedure import aimed_place
+from virtual_lab.simulation.physics.beam import beam_of
+from virtual_lab.simulation.rig import ImpactStation, Reality, Stage
+from virtual_lab.units import INCH
+
+__all__ = ["place_slopes"]
+
+STEP = 4e-3  # m, to either side
+BATS = ("r161", "ea70", "barrel-loaded", "knob-loaded")  # of baseball
+
+
+def place_slopes(bats: tuple[str, ...] = (), *, procedure: str) -> list[dict[str, Any]]:
+    """Return de_A/dz at the centre of percussion, a row a bat, then their mean and deviation.
+
+    Each bat is its drawing, met by the procedure's nominal ball at its speed. Without names the
+    bats are those of the paper's Table I.
+
+    Raises
+    ------
+    InputError
+        Unknown names, a single bat, or a procedure that scans the barrel.
+    """
+    bats = bats or BATS
+    if len(bats) < 2:
+        raise InputError("", "bats", len(bats), "a deviation needs 2 and more")
+    rows = [_slope(bat, procedure) for bat in bats]
+    slopes = [row["slope_per_in"] for row in rows]
+    return [
+        *rows,
+        {"bat": "mean", "place_in": None, "slope_per_in": float(np.mean(slopes))},
+        {"bat": "deviation", "place_in": None, "slope_per_in": float(np.std(slopes, ddof=1))},
+    ]
+
+
+def _slope(bat: str, procedure: str) -> dict[str, Any]:
+    laboratory = open_laboratory(
+        bat, procedure=procedure, seed=0, reality=Reality.IDEAL, rung="modal"
+    )
+    rules, specimen = laboratory.rules.spec, laboratory.specimen
+    if rules.scan is not None:
+        raise InputError("", "procedure", procedure, "allowed: one that tests at one place")
+    beam = beam_of(specimen.bat.body)
+    known = {name: getattr(beam, name) for name in ("mass", "length", "z_cm", "inertia_cm")}
+    place = aimed_place(known, rules.pivot_from_knob)
+    station = cast("ImpactStation", laboratory.stations[Stage.IMPACT])
+    ends = place + STEP * np.array([-1.0, 1.0])
+    curve = true_curve(station, specimen, rules, ends)
+    rise = float(np.diff(curve.collision_efficiency)[0])
+    return {
+        "bat": bat,
+        "place_in": place / INCH,
+        "slope_per_in": rise / (2 * STEP) * INCH,
+    }
