@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import hashlib
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -38,12 +37,19 @@ def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp
 
 
 @pytest.fixture(scope="module")
-def tested(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the output folder of one test, as the program leaves it."""
+def piped(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, bytes, bytes]:
+    """Return the output folder of one test by a program of its own, its stdout and stderr."""
     folder = tmp_path_factory.mktemp("cli") / "r161"
-    words = ["certify", "r161", "--seed", "7041776", "--out", str(folder)]
-    subprocess.run([sys.executable, "-m", "virtual_lab", *words], check=True, capture_output=True)
-    return folder
+    words = ["certify", "r161", "--seed", "7041776", "--out", str(folder), "--json"]
+    command = [sys.executable, "-m", "virtual_lab", *words]
+    done = subprocess.run(command, check=True, capture_output=True)
+    return folder, done.stdout, done.stderr
+
+
+@pytest.fixture(scope="module")
+def tested(piped: tuple[Path, bytes, bytes]) -> Path:
+    """Return the output folder of one test, as the program leaves it."""
+    return piped[0]
 
 
 def test_certify_writes_all_it_promises(tested: Path) -> None:
@@ -381,11 +387,10 @@ def test_a_reader_that_has_had_enough_is_no_fault(
     assert run("list")[0] == 0
 
 
-def test_no_progress_in_a_pipe(tmp_path: Path) -> None:
-    words = [sys.executable, "-m", "virtual_lab", "certify", "r161", "--ideal", "--json"]
-    done = subprocess.run(words, capture_output=True, cwd=tmp_path, env=os.environ, check=True)
-    assert done.stderr == b""
-    assert json.loads(done.stdout)["verdict"] == "PASS"
+def test_no_progress_in_a_pipe(piped: tuple[Path, bytes, bytes]) -> None:
+    _, stdout, stderr = piped
+    assert stderr == b""
+    assert json.loads(stdout)["verdict"] == "PASS"
 
 
 def test_faults_of_a_day(run: Run, tmp_path: Path) -> None:

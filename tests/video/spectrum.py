@@ -5,12 +5,14 @@ it. Sampling folds it: higher orders are added up until the lens has swallowed t
 knows the code under test.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import j1
 
 Floats = NDArray[np.float64]
-ORDERS = 3  # foldings each way; a lens of 0.5 px leaves 3e-27 of the fourth
+LEAST = 60.0  # foldings of which the lens leaves less than exp(-60) are left out
 
 
 def disc(
@@ -24,15 +26,37 @@ def disc(
     """Return each pixel's share of a disc, (size, size), exact but for images a field apart."""
     first = np.fft.fftfreq(size)
     total = np.zeros((size, size), complex)
-    for order_y in range(-ORDERS, ORDERS + 1):
-        for order_x in range(-ORDERS, ORDERS + 1):
-            fx, fy = first[None, :] + order_x, first[:, None] + order_y
-            f = np.hypot(fx, fy)
-            safe = np.where(f == 0, 1, f)
-            spectrum = np.where(
-                f == 0, np.pi * radius**2, radius * j1(2 * np.pi * radius * f) / safe
-            )
-            spectrum = spectrum * np.exp(-2 * (np.pi * lens * f) ** 2)
-            spectrum = spectrum * np.sinc(fx) * np.sinc(fy) * np.sinc(fx * blur[0] + fy * blur[1])
-            total += spectrum * np.exp(-2j * np.pi * (fx * x + fy * y))
+    for order_x, order_y, spectrum in folded(size, radius, lens, blur):
+        along, across = (
+            np.exp(-2j * np.pi * (first + order) * place)
+            for order, place in ((order_x, x), (order_y, y))
+        )
+        total += spectrum * along * across[:, None]
     return np.fft.ifft2(total).real
+
+
+@lru_cache(maxsize=4)
+def folded(
+    size: int, radius: float, lens: float, blur: tuple[float, float]
+) -> list[tuple[int, int, Floats]]:
+    """Return the spectrum of a disc at the origin by its orders of folding."""
+    first, most = np.fft.fftfreq(size), int(0.5 + np.sqrt(LEAST / 2) / (np.pi * lens))
+    orders = range(-most, most + 1)
+    return [
+        (order_x, order_y, centred(first + order_x, (first + order_y)[:, None], radius, lens, blur))
+        for order_y in orders
+        for order_x in orders
+        if sum(max(abs(o) - 0.5, 0) ** 2 for o in (order_x, order_y)) * (np.pi * lens) ** 2
+        < LEAST / 2
+    ]
+
+
+def centred(
+    fx: Floats, fy: Floats, radius: float, lens: float, blur: tuple[float, float]
+) -> Floats:
+    """Return the spectrum of a disc at the origin [pixel^2] over frequencies [1/pixel]."""
+    f = np.hypot(fx, fy)
+    safe = np.where(f == 0, 1, f)
+    spectrum = np.where(f == 0, np.pi * radius**2, radius * j1(2 * np.pi * radius * f) / safe)
+    spectrum *= np.exp(-2 * (np.pi * lens * f) ** 2) * np.sinc(fx) * np.sinc(fy)
+    return spectrum * np.sinc(fx * blur[0] + fy * blur[1])

@@ -29,6 +29,7 @@ WOOD, ALUMINIUM = load_bat("r161").spec.body, load_bat("ea70").spec.body
 FREE = Free()
 BODIES = pytest.mark.parametrize("body", [WOOD, ALUMINIUM], ids=["wood", "aluminium"])
 FEW_MODES = 8  # of scenes the reference follows too, which is slow
+LONGEST_STEP = 0.5  # of the reference [rad of the highest mode], as in test_reference
 
 
 @lru_cache
@@ -54,7 +55,7 @@ def holds(body: BatBody, scenes: Scenes, support: Support = FREE) -> Collisions:
 def holds_to_the_reference(body: BatBody, scenes: Scenes, support: Support = FREE) -> None:
     modes = modes_of(body, support, FEW_MODES)
     found = ModalModel(modes=modes, stiff=modes.above(FEW_MODES)).collide(scenes)
-    truth = ReferenceModel(modes=modes).collide(scenes)
+    truth = ReferenceModel(modes=modes, longest_step=LONGEST_STEP).collide(scenes)
     assert found.collision_efficiency == pytest.approx(truth.collision_efficiency, abs=1e-6)
     assert np.array_equal(found.contacts, truth.contacts)
 
@@ -160,7 +161,8 @@ def test_a_touch_after_a_release_that_grazes() -> None:
     # the last of the slowest pick: those that no finer step made sure
     hard = grazing[found.redone[grazing] == 3][:3]
     bare = replace(model, stiff=model.stiff.above(model.stiff.count))
-    truth = ReferenceModel(modes=model.modes).collide(many.part(hard))
+    reference = ReferenceModel(modes=model.modes, longest_step=LONGEST_STEP)
+    truth = reference.collide(many.part(hard))
     assert bare.collide(many.part(hard)).collision_efficiency == pytest.approx(
         truth.collision_efficiency, abs=1e-6
     )

@@ -161,8 +161,13 @@ class Bar:
         return np.broadcast_to((columns >= self.first) & (columns < self.last), self.shape)
 
 
-def behind_a_bar(at: Path) -> tuple[Film, Tracked, Refined]:
+Barred = tuple[Film, Tracked, Refined]
+
+
+@pytest.fixture(scope="module")
+def barred(tmp_path_factory: pytest.TempPathFactory) -> Barred:
     """Return a plain ball that a bar, as wide as a bat, hides up to a third of at its contact."""
+    at = tmp_path_factory.mktemp("barred")
     film = Film(velocity_in=(6.0, 0.7), velocity_out=(-3.0, 1.0), before=30.4, count=78)
     rng = np.random.default_rng(8)
     frames = [frame.copy() for frame in film.frames()]
@@ -178,9 +183,9 @@ def behind_a_bar(at: Path) -> tuple[Film, Tracked, Refined]:
     )
 
 
-def test_a_plain_ball_behind_a_bar(tmp_path: Path) -> None:
+def test_a_plain_ball_behind_a_bar(barred: Barred) -> None:
     """Places to 0.03 px and 5 u, where without the mask some are missing or off by more."""
-    film, plain, locator = behind_a_bar(tmp_path)
+    film, plain, locator = barred
     known = replace(KNOWN, exposure_s=film.shutter / RATE)
     found = track_covered(plain, known, locator, Bar(228, 258, film.shape))
     x, y = (each[found.frames] for each in film.places())
@@ -205,6 +210,6 @@ def test_a_plain_ball_behind_a_bar(tmp_path: Path) -> None:
         assert abs(mine.value - exact) < min(4 * mine.u, 1.02 * abs(plainly.value - exact))
 
 
-def test_nothing_changes_where_nothing_is_hidden(tmp_path: Path) -> None:
-    film, plain, locator = behind_a_bar(tmp_path)
+def test_nothing_changes_where_nothing_is_hidden(barred: Barred) -> None:
+    film, plain, locator = barred
     assert track_covered(plain, KNOWN, locator, Bar(0, 0, film.shape)) is plain

@@ -64,6 +64,7 @@ class ReferenceModel:
                 _Scene(
                     shape=shapes[i],
                     angular=self.modes.angular_frequencies,
+                    stiffness=-(self.modes.angular_frequencies**2),
                     mass=float(scenes.ball_mass[i]),
                     speed=float(scenes.relative_speed[i]),
                     law=self.law(
@@ -172,6 +173,7 @@ class _Scene:
     mass: float
     speed: float
     law: BallLaw
+    stiffness: Floats  # acceleration of a mode over its displacement [1/s^2]
 
     @property
     def sizes(self) -> Floats:
@@ -188,11 +190,16 @@ class _Scene:
         return self.compression(y[len(self.shape) + 1 : -1])
 
     def derivative(self, y: Floats, branch: Branch) -> Floats:
-        u, rate = self.compression(y), self.rate(y)
-        force = branch.force(u, rate) if u > 0 else 0.0
-        n = len(self.shape)
-        bat = self.shape * force - self.angular**2 * y[:n]
-        return np.concatenate((y[n + 1 : -1], bat, [-force / self.mass, force * rate]))
+        n, rates = len(self.shape), np.zeros(y.size)
+        u = self.compression(y)
+        rates[: n + 1] = y[n + 1 : -1]
+        np.multiply(self.stiffness, y[:n], out=rates[n + 1 : -2])
+        if u > 0:
+            rate = self.rate(y)
+            force = branch.force(u, rate)
+            rates[n + 1 : -2] += self.shape * force
+            rates[-2], rates[-1] = -force / self.mass, force * rate
+        return rates
 
     def out_of_reach(self, run: _Run) -> float:
         """Return a time [s] after which ball and ringing bat cannot meet any more."""

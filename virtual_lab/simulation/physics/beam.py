@@ -111,9 +111,12 @@ def beam_of(
     return Beam(mesh=mesh, mass_matrix=mass, stiffness_matrix=stiffness)
 
 
+_gauss_points = lru_cache(np.polynomial.legendre.leggauss)
+
+
 def _assemble(mesh: Mesh, body: BatBody) -> tuple[Floats, Floats]:
     reference = reference_element(mesh.order)
-    x, gauss = np.polynomial.legendre.leggauss(mesh.order + EXTRA_POINTS)
+    x, gauss = _gauss_points(mesh.order + EXTRA_POINTS)
     half = np.diff(mesh.boundaries)[:, None] / 2
     z = mesh.boundaries[:-1, None] + half * (1 + x)
     N = reference.basis(x)
