@@ -60,8 +60,8 @@ def draw_profile(table: pd.DataFrame, title: str, path: Path) -> None:
 def draw_comparison(curves: pd.DataFrame, path: Path) -> None:
     """Draw BPF, e_A and v_f of several bats one above the other (the paper's Figs. 3 and 4).
 
-    BPF and e_A are those of the first exponent n: with the standard ball, whose restitution
-    is the same at every speed, they do not depend on it.
+    BPF and e_A are those of the first exponent n: with a ball whose restitution is the same at
+    every speed, as the standard one's, they do not depend on it.
 
     Parameters
     ----------
@@ -72,6 +72,7 @@ def draw_comparison(curves: pd.DataFrame, path: Path) -> None:
     """
     from matplotlib import style
     from matplotlib.figure import Figure
+    from pandas import isna
 
     shown = curves[curves["z_in"].between(*SHOWN_IN)]
     bats, exponents = shown["bat"].unique(), shown["n"].unique()
@@ -80,7 +81,10 @@ def draw_comparison(curves: pd.DataFrame, path: Path) -> None:
         panels = figure.subplots(3, 1, sharex=True)
         for i, bat in enumerate(bats):
             for j, n in enumerate(exponents):
-                own = shown[(shown["bat"] == bat) & (shown["n"] == n)]
+                # pandas has NaN for the law of constant energy, which equals nothing
+                same = shown["n"].isna() if isna(n) else shown["n"] == n
+                own = shown[(shown["bat"] == bat) & same]
+                swung = "constant energy" if isna(n) else f"$n={n:g}$"
                 look = {
                     "color": COLOURS[i % len(COLOURS)],
                     # each bat has the line styles to itself, as far as they go
@@ -89,7 +93,7 @@ def draw_comparison(curves: pd.DataFrame, path: Path) -> None:
                 if j == 0:
                     panels[0].plot(own["z_in"], own["BPF"], label=bat, **look)
                     panels[1].plot(own["z_in"], own["e_A"], label=bat, **look)
-                panels[2].plot(own["z_in"], own["v_f_mph"], label=f"{bat}, $n={n:g}$", **look)
+                panels[2].plot(own["z_in"], own["v_f_mph"], label=f"{bat}, {swung}", **look)
         for axes, label in zip(panels, ("BPF", "$e_A$", "$v_f$, mph"), strict=True):
             axes.set_ylabel(label)
             axes.grid(True, linewidth=0.3)
