@@ -21,6 +21,7 @@ from virtual_lab.cli.study import (
     critique,
     daily,
     faults,
+    paper,
     sensitivity,
 )
 from virtual_lab.cli.track import track
@@ -106,6 +107,7 @@ for command in (
     sensitivity,
     critique,
     percussion,
+    paper,
     convergence,
     chart,
     stability,

@@ -265,3 +265,27 @@ def daily(out: Path | None, as_json: bool, **asked: Any) -> None:
             f"{words}\n{table_text(rows)}\n{target / picture}" for words, rows, picture in checks
         ]
         click.echo("\n\n".join(parts))
+
+
+@click.command()
+@click.option(
+    "--out", type=click.Path(path_type=Path), help="New folder for the CSV, the page and the PNG."
+)
+@json_option
+def paper(out: Path | None, as_json: bool) -> None:
+    """Hold every number, figure and claim of the paper against what is found here."""
+    from virtual_lab.files import check_new_folder
+    from virtual_lab.studies.paper import paper as run
+    from virtual_lab.studies.paper import save_paper
+    from virtual_lab.studies.paper.text import paper_text
+
+    if out:
+        check_new_folder(out)
+    found = run(say=teller())
+    if out:
+        save_paper(found, out)
+    if as_json:
+        print_json(found.document)
+    else:
+        page = f"\n\n{out / 'paper.html'}" if out else ""
+        click.echo(f"{paper_text(found.rows)}{page}")

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,7 +17,7 @@ from annotated_types import Gt
 from numpy.typing import NDArray
 
 from virtual_lab import catalog
-from virtual_lab.catalog.specs import BallSpec, BatSpec, Dimension, Spec
+from virtual_lab.catalog.specs import BallSpec, BatBody, BatSpec, Dimension, Spec
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder
 from virtual_lab.relations.kinematics import (
@@ -48,6 +49,7 @@ __all__ = [
     "GameConditions",
     "Profiled",
     "chosen_swings",
+    "free_model",
     "profile",
     "profiles",
     "read_inertia",
@@ -214,7 +216,7 @@ def profiles(
     game = catalog.load("conditions", CONDITIONS, GameConditions).spec
     spec = catalog.load_bat(bat).spec
     struck = catalog.load("balls", ball or game.ball_of(spec), BallSpec).spec
-    beam, model = beam_of(spec.body), ModalModel.of(spec.body, Free())
+    beam, model = beam_of(spec.body), free_model(spec.body)
     z = np.arange(FIRST_IN, LAST_IN + STEP_IN / 2, STEP_IN) * INCH
     recoil = np.asarray(recoil_factor_free(struck.mass, beam.mass, beam.inertia_cm, z - beam.z_cm))
     found = []
@@ -246,6 +248,12 @@ def profiles(
             )
         )
     return found
+
+
+@lru_cache(maxsize=16)
+def free_model(body: BatBody) -> ModalModel:
+    """Return the model of a free bat, each made once."""
+    return ModalModel.of(body, Free())
 
 
 def chosen_swings(
