@@ -431,6 +431,15 @@ def test_the_study_of_faults(run: Run, tmp_path: Path) -> None:
     assert [row["fault"] for row in json.loads(out)] == ["none", "aim-along"]
 
 
+def test_paper_says_of_every_claim_that_it_holds(run: Run) -> None:
+    code, out, _ = run("paper", "--json")
+    assert code == 0
+    document = json.loads(out)
+    assert document["hold"] == document["claims"] == len(document["rows"]) > 200
+    keys = {"section", "where", "says", "paper", "found", "deviation", "low", "high", "holds"}
+    assert keys <= set(document["rows"][0])
+
+
 def test_critique_prints_its_tables_and_writes_its_folder(run: Run, tmp_path: Path) -> None:
     asked = ("critique", "barrel-loaded", "knob-loaded", "--procedure", "astm-f1881")
     code, out, _ = run(*asked, "--swing", "0", "--laboratories", "2", "--out", "two", "--json")

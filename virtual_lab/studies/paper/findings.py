@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from virtual_lab.files import new_folder
-from virtual_lab.studies.paper import examples, metrics, models, procedures
+from virtual_lab.studies.paper import conclusions, examples, metrics, models, procedures
 from virtual_lab.studies.paper.claim import Claim, Row
 from virtual_lab.studies.paper.page import draw_page, write_page
 
@@ -19,6 +19,7 @@ CLAIMS: tuple[Claim, ...] = (
     *models.CLAIMS,
     *examples.CLAIMS,
     *procedures.CLAIMS,
+    *conclusions.CLAIMS,
 )
 
 

@@ -24,8 +24,8 @@ ROOM = 0.22  # of a panel's height, for its legend below the curves
 TITLE = "Characterizing the performance of baseball bats: the paper and the virtual laboratory"
 WORDS = (
     "Figs. 2 to 4 of the paper of 2003 as this laboratory computes them, and the numbers and "
-    "claims of its Secs. II to VI: what it says, what we find, how far apart, and how far they may be. "
-    "Where the paper gives a number, the tolerance is about that number."
+    "claims of its Secs. II to VI: what it says, what we find, how far apart, and how far apart "
+    "they may be, with the reason."
 )
 PAIRS = (
     ("Fig. 3: wood and aluminium", WOOD, ALUMINIUM),
@@ -63,4 +63,5 @@ def draw_page() -> Figure:
 
 def write_page(rows: Sequence[Row], figure: Figure, path: Path) -> None:
     """Write figure and table as one HTML page that needs nothing but itself."""
-    path.write_text(chart_page(TITLE, WORDS, figure, cells(rows)), encoding="utf-8")
+    table = [cell | {"reason": row.claim.why} for cell, row in zip(cells(rows), rows, strict=True)]
+    path.write_text(chart_page(TITLE, WORDS, figure, table), encoding="utf-8")

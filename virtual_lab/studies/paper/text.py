@@ -9,6 +9,8 @@ from virtual_lab.studies.paper.claim import Row
 
 __all__ = ["cells", "paper_text"]
 
+ROUNDING = 1e-12  # a deviation below is none
+
 
 def paper_text(rows: Sequence[Row]) -> str:
     """Return one table of all claims, and how many hold."""
@@ -42,4 +44,6 @@ def _number(value: float) -> str:
 
 
 def _signed(value: float) -> str:
+    if abs(value) < ROUNDING:
+        return "0"
     return f"{'-' if value < 0 else '+'}{_number(abs(value))}"
