@@ -17,7 +17,16 @@ from annotated_types import Gt, MaxLen
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from virtual_lab.catalog.specs import BatBody, Dimension, HoopMode, Lump, Material, Profile, Spec, Sport
+from virtual_lab.catalog.specs import (
+    BatBody,
+    Dimension,
+    HoopMode,
+    Lump,
+    Material,
+    Profile,
+    Spec,
+    Sport,
+)
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.physics.modes import barrel_nodes, modes_of
