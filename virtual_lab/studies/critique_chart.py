@@ -38,6 +38,7 @@ FIELD = (
 )
 METRICS_IN_MATH = {"e": "$e$", "v_f": "$v_f$"}
 CELL = 0.32  # in
+LEAST_WIDTH = 7.2  # in: the sentences above and the legend below
 RIGHT, ABOVE, BELOW = 0.1, 1.05, 1.6  # in, around the panels
 LETTER = 0.06  # in, of a bat's name
 GAP = 0.62  # in, between panels: the field's own differences stand there
@@ -65,7 +66,8 @@ def draw_critique(pairs: Sequence[Row], path: Path) -> None:
     field = FIELD.replace("{swing}", SWINGS[swings[0] is not None])
     left_of_all = GAP + LETTER * max(len(_named(pair)) for pair in bats)
     panel = CELL * len(procedures), CELL * len(bats)
-    width = left_of_all + RIGHT + GAP * (len(swings) - 1) + panel[0] * len(swings)
+    panels = GAP * (len(swings) - 1) + panel[0] * len(swings)
+    width = max(left_of_all + RIGHT + panels, LEAST_WIDTH)
     height = ABOVE + BELOW + panel[1]
     with style.context(STYLE, after_reset=True):
         figure = Figure(figsize=(width, height), dpi=150)
