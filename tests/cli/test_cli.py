@@ -150,12 +150,23 @@ def test_profile_has_the_promised_keys(run: Run) -> None:
     assert len(lengths) == 1
 
 
+def test_profile_names_its_ball_and_takes_the_other_swing_law(run: Run) -> None:
+    code, out, _ = run("profile", "r161", "--swing-law", "energy", "--ball", "baseball-2003")
+    assert code == 0
+    assert "struck by baseball-2003, swing: constant energy" in out
+
+
 def test_profile_and_compare_write_their_folders(run: Run, tmp_path: Path) -> None:
     assert run("profile", "r161", "--out", "one")[0] == 0
     assert sorted(path.name for path in (tmp_path / "one").iterdir()) == [
         "profile.csv",
         "profile.png",
     ]
+    law = ("--swing-law", "energy", "--out", "three")
+    code, out, _ = run("compare", "r161", "softball-34", *law)
+    assert code == 0
+    assert "r161 struck by game-2003; softball-34 struck by softball-slowpitch" in out
+    assert (tmp_path / "three" / "compare.png").is_file()
     code, out, _ = run("compare", "r161", "ea70", "--swing", "0.5", "--out", "two", "--json")
     document = json.loads(out)
     assert code == 0
@@ -305,6 +316,9 @@ def test_a_laboratorys_mornings(run: Run, tmp_path: Path) -> None:
         (["show", "r162"], "did you mean r161?"),
         (["profile", "r161", "--swing", "3"], "0 to 0.5"),
         (["profile", "r161", "--reference-inertia", "17000"], "with its unit"),
+        (["profile", "r161", "--swing-law", "energy", "--swing", "0.3"], "no exponent"),
+        (["compare", "r161", "ea70", "--swing-law", "energy", "--swing", "0"], "no exponent"),
+        (["profile", "r161", "--ball", "bat"], "known: baseball-2003"),
         (["compare", "r161"], "two and more"),
         (["compare", "r161", "ea7"], "did you mean ea70?"),
         (["compare", "r161", "r161"], "its own name"),
@@ -420,6 +434,15 @@ def test_the_study_of_faults(run: Run, tmp_path: Path) -> None:
     assert (tmp_path / "table" / "faults.csv").exists()
     code, out, _ = run("faults", "aim-along", *words, "--json")
     assert [row["fault"] for row in json.loads(out)] == ["none", "aim-along"]
+
+
+def test_paper_says_of_every_claim_that_it_holds(run: Run) -> None:
+    code, out, _ = run("paper", "--json")
+    assert code == 0
+    document = json.loads(out)
+    assert document["hold"] == document["claims"] == len(document["rows"]) > 200
+    keys = {"section", "where", "says", "paper", "found", "deviation", "low", "high", "holds"}
+    assert keys <= set(document["rows"][0])
 
 
 def test_critique_prints_its_tables_and_writes_its_folder(run: Run, tmp_path: Path) -> None:

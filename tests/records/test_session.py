@@ -32,6 +32,8 @@ EXAMPLE = Session(
     bat="r161",
     ball="baseball-2003",
     date="2026-11-20",
+    bat_sport="softball",
+    ball_sport="baseball",
     laboratory="Übungslabor",
     customer="Ashwood & Sons",
     rigs={"impact": "astm-pivot"},
@@ -67,7 +69,8 @@ def test_what_is_no_record_comes_back_too(tmp_path: Path) -> None:
     """Names, rigs, the procedure's very text, what is said of the simulation."""
     save_session(EXAMPLE, tmp_path)
     loaded = load_session(tmp_path)
-    named = ("bat", "ball", "date", "laboratory", "customer", "rigs")
+    sports = ("bat_sport", "ball_sport")
+    named = ("bat", "ball", *sports, "date", "laboratory", "customer", "rigs")
     for field in (*named, "procedure_text", "calibration", "simulation"):
         assert getattr(loaded, field) == getattr(EXAMPLE, field)
     assert {stage: set(found) for stage, found in loaded.records.items()} == {

@@ -20,7 +20,7 @@ def test_power_law(exponent: float, ratio: float) -> None:
 
 
 def test_energy_law_lies_between_the_ends_of_the_power_law() -> None:
-    heavy = EnergySwing(angular_speed_0=45, inertia_0=1.0, inertia_batter=1e9)
-    alone = EnergySwing(angular_speed_0=45, inertia_0=1.0, inertia_batter=0.0)
+    heavy = EnergySwing(angular_speed_0=45, inertia_0=1.0, inertia_batter=1e9, axis_beyond_knob=0.5)
+    alone = EnergySwing(angular_speed_0=45, inertia_0=1.0, inertia_batter=0.0, axis_beyond_knob=0.5)
     assert heavy.angular_speed(2.0) == pytest.approx(45)
     assert alone.angular_speed(2.0) == pytest.approx(45 * 2**-0.5)

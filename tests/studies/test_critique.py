@@ -34,6 +34,7 @@ def made_up(*measured: tuple[float, float], field: float = 3.0) -> Critique:
     return Critique(
         bats=("a", "b"),
         swings=(0.0,),
+        balls={"a": "ball", "b": "ball"},
         field=np.array([[100.0 + field, 100.0]]),
         ranked=(
             Ranked(
@@ -85,15 +86,30 @@ def test_metrics_stand_beside_the_field(paper: Critique) -> None:
         assert each["laboratories"] == 2
 
 
-def test_only_balls_of_the_fields_game_are_asked_for() -> None:
-    """A softball is a quarter heavier; the baseballs of two sheets are one game."""
-    assert study._of_this_game() == [
+def test_only_procedures_of_the_fields_sport_are_asked_for() -> None:
+    assert study._of_this_game({"baseball"}) == [
         "astm-f1881",
         "bbcor",
         "ncaa-besr",
         "ncaa-modified",
         "proposed",
     ]
+    assert study._of_this_game({"softball"}) == ["asa"]
+    assert len(study._of_this_game({"baseball", "softball"})) == 6
+    assert len(study._of_this_game({None})) == 6
+
+
+def test_the_field_may_swing_with_constant_energy(tmp_path: Path) -> None:
+    """The pivot test prefers the bat that loses in the field under this law too."""
+    found = critique(BATS[2:], procedures=("astm-f1881",), swings=(None,), laboratories=2)
+    (pair,) = found.pairs
+    assert pair["v_f_mph"] > 2
+    assert -0.01 < pair["difference"] < 0
+    said = critique_text(found.metrics, found.pairs, found.balls)
+    assert "v_f, constant energy" in said
+    assert "in the field struck by game-2003" in said
+    assert "v_f_mph_energy" in found.metrics[0]
+    save_critique(found, tmp_path / "out")
 
 
 def test_probability_is_the_normal_laws() -> None:
@@ -131,7 +147,7 @@ def test_verdicts(field: float, differences: list[float], verdict: str) -> None:
 
 def test_a_procedure_without_a_result_is_said_to_have_none(tmp_path: Path) -> None:
     found = made_up((nan, 1.0), (nan, 2.0))
-    said = critique_text(found.metrics, found.pairs)
+    said = critique_text(found.metrics, found.pairs, found.balls)
     assert "no result" in said
     save_critique(found, tmp_path / "out")
     pairs = pd.read_csv(tmp_path / "out" / "pairs.csv")
@@ -140,7 +156,7 @@ def test_a_procedure_without_a_result_is_said_to_have_none(tmp_path: Path) -> No
 
 def test_the_text_ranks_from_the_greatest_down() -> None:
     found = made_up((90.0, 91.0), (90.1, 91.3))
-    said = critique_text(found.metrics, found.pairs)
+    said = critique_text(found.metrics, found.pairs, found.balls)
     assert "103.0 (1)" in said
     assert "v_f 90.00 (2)" in said
     assert "+3.00 mph" in said

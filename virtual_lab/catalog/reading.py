@@ -213,6 +213,7 @@ def _modified(base: BatSpec, change: ModifiedBat, where: str) -> BatSpec:
         title=change.title,
         body=body,
         spread=change.spread or base.spread,
+        sport=base.sport,
         published=change.published,
     )
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isfinite
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt, MinLen
@@ -38,6 +38,7 @@ __all__ = [
     "PublishedBat",
     "RestitutionLine",
     "Spec",
+    "Sport",
 ]
 
 QUANTITY_KEYS = frozenset({"value", "unit", "source", "verified", "note"})
@@ -94,6 +95,7 @@ class Spec:
 
 Length = Annotated[float, Dimension("length")]
 PositiveLength = Annotated[float, Gt(0), Dimension("length")]
+Sport = Literal["baseball", "softball"]  # whose bat, ball or procedure it is
 Spread = Annotated[float, Ge(0)]
 SpreadNumber = Annotated[float, Ge(0), Dimension("number")]
 PositiveNumber = Annotated[float, Gt(0), Dimension("number")]
@@ -219,6 +221,7 @@ class BatSpec(Spec):
     title: str
     body: BatBody
     spread: BatSpread
+    sport: Sport | None = None  # None: of no sport, or not known
     published: PublishedBat | None = None
 
 
@@ -267,4 +270,5 @@ class BallSpec(Spec):
     exponent: Annotated[float, Ge(1), Dimension("number")]
     restitution: RestitutionLine
     spread: BallSpread
+    sport: Sport | None = None  # None: not known
     ageing: BallAgeing | None = None

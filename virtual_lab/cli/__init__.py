@@ -21,6 +21,7 @@ from virtual_lab.cli.study import (
     critique,
     daily,
     faults,
+    paper,
     sensitivity,
     slope,
 )
@@ -108,6 +109,7 @@ for command in (
     slope,
     critique,
     percussion,
+    paper,
     convergence,
     chart,
     stability,

@@ -9,7 +9,16 @@ from typing import Any
 
 import click
 
-__all__ = ["inertia_option", "json_option", "names", "print_json", "rigs", "teller"]
+__all__ = [
+    "ball_option",
+    "inertia_option",
+    "json_option",
+    "law_option",
+    "names",
+    "print_json",
+    "rigs",
+    "teller",
+]
 
 json_option = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout.")
 
@@ -49,4 +58,18 @@ inertia_option = click.option(
     metavar="BAT|'NUMBER UNIT'",
     shell_complete=names("bats"),
     help="I0 of the swing law: a bat's own, or e.g. '17000 oz in^2', the paper's (default).",
+)
+
+law_option = click.option(
+    "--swing-law",
+    type=click.Choice(["power", "energy"]),
+    default="power",
+    show_default=True,
+    help="Swing by I^-n, or with the same energy into bat and batter.",
+)
+
+ball_option = click.option(
+    "--ball",
+    shell_complete=names("balls"),
+    help="Ball in the field  [default: the game conditions' own, of the bat's sport]",
 )

@@ -6,7 +6,15 @@ from pathlib import Path
 
 import click
 
-from virtual_lab.cli.shared import inertia_option, json_option, names, print_json, teller
+from virtual_lab.cli.shared import (
+    ball_option,
+    inertia_option,
+    json_option,
+    law_option,
+    names,
+    print_json,
+    teller,
+)
 from virtual_lab.errors import InputError
 from virtual_lab.files import check_new_folder
 from virtual_lab.units import INCH
@@ -60,27 +68,30 @@ out_option = click.option(
 
 @click.command()
 @click.argument("bat", shell_complete=names("bats"))
-@click.option(
-    "--swing",
-    type=float,
-    default=0.0,
-    show_default=True,
-    help="Exponent n of the swing law, 0 to 0.5.",
-)
+@law_option
+@click.option("--swing", type=float, help="Exponent n of the power law, 0 to 0.5  [default: 0]")
 @inertia_option
+@ball_option
 @out_option
 @json_option
 def profile(
-    bat: str, swing: float, reference_inertia: str | None, out: Path | None, as_json: bool
+    bat: str,
+    swing_law: str,
+    swing: float | None,
+    reference_inertia: str | None,
+    ball: str | None,
+    out: Path | None,
+    as_json: bool,
 ) -> None:
     """Show e, r, e_A and v_f of BAT along its barrel, its modal frequencies and nodes."""
+    from virtual_lab.studies.bats.profile import chosen_swings, save_profile
     from virtual_lab.studies.bats.profile import profile as run
-    from virtual_lab.studies.bats.profile import save_profile
     from virtual_lab.studies.bats.text import profile_text
 
     if out:
         check_new_folder(out)
-    profiled = run(bat, swing=swing, reference_inertia=reference_inertia)
+    (exponent,) = chosen_swings(swing_law, () if swing is None else (swing,), (0.0,))
+    profiled = run(bat, swing=exponent, reference_inertia=reference_inertia, ball=ball)
     if out:
         save_profile(profiled, out)
     if as_json:
@@ -91,39 +102,43 @@ def profile(
 
 @click.command()
 @click.argument("bats", nargs=-1, required=True, metavar="BAT BAT...", shell_complete=names("bats"))
+@law_option
 @click.option(
     "--swing",
     "swings",
     type=float,
     multiple=True,
-    default=(0.0, 0.5),
-    show_default=True,
-    help="Exponent n of the swing law, 0 to 0.5; may be given several times.",
+    help="Exponent n of the power law, 0 to 0.5; may be given several times  [default: 0, 0.5]",
 )
 @inertia_option
+@ball_option
 @out_option
 @json_option
 def compare(
     bats: tuple[str, ...],
+    swing_law: str,
     swings: tuple[float, ...],
     reference_inertia: str | None,
+    ball: str | None,
     out: Path | None,
     as_json: bool,
 ) -> None:
     """Compare BATs along the barrel: peaks of e, BPF, e_A and v_f, and what sets them apart."""
+    from virtual_lab.studies.bats.compare import SWINGS, save_comparison
     from virtual_lab.studies.bats.compare import compare as run
-    from virtual_lab.studies.bats.compare import save_comparison
+    from virtual_lab.studies.bats.profile import chosen_swings
     from virtual_lab.studies.bats.text import comparison_text
 
     if out:
         check_new_folder(out)
-    compared = run(bats, swings=swings, reference_inertia=reference_inertia)
+    exponents = chosen_swings(swing_law, swings, SWINGS)
+    compared = run(bats, swings=exponents, reference_inertia=reference_inertia, ball=ball)
     if out:
         save_comparison(compared, out)
     if as_json:
         print_json(compared.document)
     else:
-        click.echo(comparison_text(compared.peaks, compared.differences))
+        click.echo(comparison_text(compared.peaks, compared.differences, compared.balls))
 
 
 @click.command("fit-bat")

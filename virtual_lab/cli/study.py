@@ -7,7 +7,15 @@ from typing import Any
 
 import click
 
-from virtual_lab.cli.shared import inertia_option, json_option, names, print_json, teller
+from virtual_lab.cli.shared import (
+    ball_option,
+    inertia_option,
+    json_option,
+    law_option,
+    names,
+    print_json,
+    teller,
+)
 
 Rows = list[dict[str, Any]]
 
@@ -173,41 +181,50 @@ def sensitivity(bat: str, as_json: bool) -> None:
     "procedures",
     multiple=True,
     shell_complete=names("procedures"),
-    help="May be given several times  [default: all that fire the field's kind of ball]",
+    help="May be given several times  [default: all of the sport of the field's balls]",
 )
+@law_option
 @click.option(
     "--swing",
     "swings",
     type=float,
     multiple=True,
-    default=(0.0, 0.3, 0.5),
-    show_default=True,
-    help="Exponent n of the swing law in the field; may be given several times.",
+    help="Exponent n of the power law in the field; may be given several times"
+    "  [default: 0, 0.3, 0.5]",
 )
 @inertia_option
+@ball_option
 @click.option("--laboratories", type=click.IntRange(min=2), default=20, show_default=True)
 @click.option("--first-seed", type=click.IntRange(min=0), default=1, show_default=True)
 @click.option(
     "--out", type=click.Path(path_type=Path), help="New folder for the CSV and the picture."
 )
 @json_option
-def critique(bats: tuple[str, ...], out: Path | None, as_json: bool, **asked: Any) -> None:
+def critique(
+    bats: tuple[str, ...],
+    swing_law: str,
+    swings: tuple[float, ...],
+    out: Path | None,
+    as_json: bool,
+    **asked: Any,
+) -> None:
     """Show which test procedures rank BATs as the field does, and which do not."""
     from virtual_lab.files import check_new_folder
+    from virtual_lab.studies.bats.profile import chosen_swings
+    from virtual_lab.studies.critique import SWINGS, save_critique
     from virtual_lab.studies.critique import critique as run
-    from virtual_lab.studies.critique import save_critique
     from virtual_lab.studies.text import critique_text
 
     if out:
         check_new_folder(out)
-    found = run(bats, say=teller(), **asked)
+    found = run(bats, swings=chosen_swings(swing_law, swings, SWINGS), say=teller(), **asked)
     if out:
         save_critique(found, out)
     if as_json:
         print_json(found.document)
     else:
         picture = f"\n\n{out / 'critique.png'}" if out else ""
-        click.echo(f"{critique_text(found.metrics, found.pairs)}{picture}")
+        click.echo(f"{critique_text(found.metrics, found.pairs, found.balls)}{picture}")
 
 
 @click.command()
@@ -278,3 +295,27 @@ def daily(out: Path | None, as_json: bool, **asked: Any) -> None:
             f"{words}\n{table_text(rows)}\n{target / picture}" for words, rows, picture in checks
         ]
         click.echo("\n\n".join(parts))
+
+
+@click.command()
+@click.option(
+    "--out", type=click.Path(path_type=Path), help="New folder for the CSV, the page and the PNG."
+)
+@json_option
+def paper(out: Path | None, as_json: bool) -> None:
+    """Hold every number, figure and claim of the paper against what is found here."""
+    from virtual_lab.files import check_new_folder
+    from virtual_lab.studies.paper import paper as run
+    from virtual_lab.studies.paper import save_paper
+    from virtual_lab.studies.paper.text import paper_text
+
+    if out:
+        check_new_folder(out)
+    found = run(say=teller())
+    if out:
+        save_paper(found, out)
+    if as_json:
+        print_json(found.document)
+    else:
+        page = f"\n\n{out / 'paper.html'}" if out else ""
+        click.echo(f"{paper_text(found.rows)}{page}")

@@ -62,7 +62,9 @@ def with_control(
         laboratory,
         draws=own,
         specimen=replace(laboratory.specimen, bat=draw_bat(bat, own)),
-        session=replace(_told(laboratory.session, UNCORRECTED), bat=bat.name),
+        session=replace(
+            _told(laboratory.session, UNCORRECTED), bat=bat.name, bat_sport=bat.sport or ""
+        ),
     ).run(say)
     if not tested.certification.quantities:
         reason = tested.certification.outcome.reason

@@ -153,6 +153,8 @@ class Laboratory:
             session=Session(
                 bat=bat.name,
                 ball=ball.name,
+                bat_sport=bat.sport or "",
+                ball_sport=ball.sport or "",
                 date=datetime.date.today().isoformat(),
                 rigs={stage.value: name for stage, name in rigs.items()},
                 procedure_text=rules.text,

@@ -26,7 +26,12 @@ from virtual_lab.uncertainty.estimate import Estimate
 __all__ = ["SCHEMA", "Session", "load_session", "save_session"]
 
 SCHEMA = 1
-PARTIES = ("laboratory", "customer")  # left out where the records do not name them
+OPTIONAL = (  # left out where the records do not say
+    "bat_sport",
+    "ball_sport",
+    "laboratory",
+    "customer",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,6 +45,8 @@ class Session:
     calibration: Mapping[str, Estimate]  # "stage.instrument.constant"
     records: Mapping[str, Mapping[str, Record]]  # stage: channel: record
     date: str = ""  # of the test, as the laboratory writes dates
+    bat_sport: str = ""  # what the bat is marked for, as its data sheet says; "": not known
+    ball_sport: str = ""
     laboratory: str = ""
     customer: str = ""
     simulation: Mapping[str, Any]  # rungs, reality and seed commitment; {} for a real laboratory
@@ -66,7 +73,7 @@ def save_session(session: Session, folder: Path) -> None:
         "bat": session.bat,
         "ball": session.ball,
         "date": session.date,
-        **{key: getattr(session, key) for key in PARTIES if getattr(session, key)},
+        **{key: getattr(session, key) for key in OPTIONAL if getattr(session, key)},
         "rigs": dict(session.rigs),
         "simulation": dict(session.simulation),
         "channels": channels,
@@ -124,7 +131,7 @@ def load_session(folder: Path) -> Session:
             for stage, channels in document["channels"].items()
         },
         date=str(document.get("date", "")),
-        **{key: str(document.get(key, "")) for key in PARTIES},
+        **{key: str(document.get(key, "")) for key in OPTIONAL},
         simulation=document.get("simulation", {}),
     )
 

@@ -17,7 +17,17 @@ KNOB_OFFSET = INCH  # the bat turns about a point this far from its knob end [m]
 
 
 class SwingLaw(Protocol):
-    """Angular speed of the swing from the bat's inertia."""
+    """Angular speed of the swing from the bat's inertia about the law's axis."""
+
+    @property
+    def inertia_0(self) -> float:
+        """Inertia of the bat that is swung at the law's angular speed [kg m^2]."""
+        ...
+
+    @property
+    def axis_beyond_knob(self) -> float:
+        """How far beyond the knob end that axis lies [m]; below 0 it lies on the bat."""
+        ...
 
     def angular_speed(self, inertia: Floats) -> Floats:
         """Return the angular speed [rad/s] for an inertia about the law's axis [kg m^2]."""
@@ -32,6 +42,11 @@ class PowerLawSwing:
     inertia_0: float  # [kg m^2]
     exponent: float
 
+    @property
+    def axis_beyond_knob(self) -> float:
+        """The point of turning, which lies on the handle [m]."""
+        return -KNOB_OFFSET
+
     def angular_speed(self, inertia: Floats) -> Floats:
         """Return the angular speed [rad/s] for an inertia about the swing point [kg m^2]."""
         return self.angular_speed_0 * (self.inertia_0 / inertia) ** self.exponent
@@ -39,11 +54,15 @@ class PowerLawSwing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EnergySwing:
-    """The same energy into bat and batter, both about the vertical axis of the body."""
+    """``omega = omega0 ((I0 + I_batter) / (I + I_batter))^(1/2)``, the paper's Sec. III B.
+
+    The same energy goes into bat and batter, both about the vertical axis of the batter's body.
+    """
 
     angular_speed_0: float  # [rad/s] with the bat of inertia_0
     inertia_0: float  # of the bat, about the body's axis [kg m^2]
     inertia_batter: float  # [kg m^2]
+    axis_beyond_knob: float  # of the knob end from the body's axis [m]
 
     def angular_speed(self, inertia: Floats) -> Floats:
         """Return the angular speed [rad/s] for an inertia about the body's axis [kg m^2]."""

@@ -9,7 +9,7 @@ are each test's own. That made bats differ from the drawing is part of what a ra
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from itertools import combinations
 from math import nan
@@ -22,7 +22,7 @@ from scipy.special import ndtr
 from scipy.stats import binomtest
 
 from virtual_lab import catalog
-from virtual_lab.catalog.specs import BallSpec
+from virtual_lab.catalog.specs import Sport
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder
 from virtual_lab.lab import certify_bat
@@ -30,16 +30,22 @@ from virtual_lab.measurement.procedure import Procedure, Verdict
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.simulation.rig import Reality
 from virtual_lab.studies.bats.compare import compare
-from virtual_lab.studies.bats.profile import CONDITIONS, GameConditions
 from virtual_lab.studies.critique_chart import draw_critique
 
-__all__ = ["FIELD_TIE_MPH", "SURE", "Critique", "critique", "misranking", "save_critique"]
+__all__ = [
+    "FIELD_TIE_MPH",
+    "SURE",
+    "SWINGS",
+    "Critique",
+    "critique",
+    "misranking",
+    "save_critique",
+]
 
 Array = NDArray[np.float64]
 SWINGS = (0.0, 0.3, 0.5)
 FIELD_TIE_MPH = 0.1  # bats less than this apart in the field have no order there
 SURE = 0.95  # a ranking that comes out one way this often is that procedure's
-SAME_GAME = 0.1  # relative: within it a ball is of the field's game, a softball is not
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +66,8 @@ class Critique:
     """Procedures beside the field."""
 
     bats: tuple[str, ...]
-    swings: tuple[float, ...]  # exponents n of the swing law
+    swings: tuple[float | None, ...]  # exponents n of the swing law; None: constant energy
+    balls: Mapping[str, str]  # in the field, of each bat
     field: Array  # greatest v_f [mph], (swing, bat)
     ranked: tuple[Ranked, ...]
 
@@ -79,7 +86,7 @@ class Critique:
                 "mean": _or_none(_mean(each.measured[:, i])),
                 "sd": _or_none(_sd(each.measured[:, i])),
             }
-            | {f"v_f_mph_n{n:g}": float(self.field[j, i]) for j, n in enumerate(self.swings)}
+            | {_field_key(n): float(self.field[j, i]) for j, n in enumerate(self.swings)}
             for each in self.ranked
             for i, bat in enumerate(self.bats)
         ]
@@ -112,15 +119,21 @@ class Critique:
     @property
     def document(self) -> dict[str, Any]:
         """All of it for JSON."""
-        return {"field_tie_mph": FIELD_TIE_MPH, "metrics": self.metrics, "pairs": self.pairs}
+        return {
+            "field_tie_mph": FIELD_TIE_MPH,
+            "field_balls": dict(self.balls),
+            "metrics": self.metrics,
+            "pairs": self.pairs,
+        }
 
 
 def critique(
     bats: Sequence[str],
     *,
     procedures: Sequence[str] = (),
-    swings: Sequence[float] = SWINGS,
+    swings: Sequence[float | None] = SWINGS,
     reference_inertia: str | None = None,
+    ball: str | None = None,
     laboratories: int = 20,
     first_seed: int = 1,
     say: Callable[[str], None] = lambda _: None,
@@ -132,9 +145,9 @@ def critique(
     bats
         At least two: names in the catalog or paths of .toml files.
     procedures
-        Likewise; by default all of the catalog whose ball is of the field's game. One named
+        Likewise; by default all of the catalog of the sport of the field's balls. One named
         here is played with its own ball, whatever that is.
-    swings, reference_inertia
+    swings, reference_inertia, ball
         Of the field, as `virtual_lab.studies.bats.compare.compare` takes them; a procedure has its
         own.
     laboratories, first_seed
@@ -149,11 +162,11 @@ def critique(
     """
     if laboratories < 2:
         raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
-    compared = compare(bats, swings=swings, reference_inertia=reference_inertia)
+    compared = compare(bats, swings=swings, reference_inertia=reference_inertia, ball=ball)
     exponents = tuple(dict.fromkeys(swings))
     top = [row["v_f_mph"] for row in compared.peaks]  # bat by bat, n by n
     ranked = []
-    for procedure in procedures or _of_this_game():
+    for procedure in procedures or _of_this_game(compared.sports):
         rules = catalog.load("procedures", procedure, Procedure).spec
         printed = METRICS[rules.metric]
         exact = [_result(bat, procedure, seed=0, reality=Reality.IDEAL) for bat in bats]
@@ -176,6 +189,7 @@ def critique(
     return Critique(
         bats=tuple(catalog.load_bat(bat).spec.name for bat in bats),
         swings=exponents,
+        balls=compared.balls,
         field=np.reshape(top, (len(bats), len(exponents))).T,
         ranked=tuple(ranked),
     )
@@ -238,17 +252,20 @@ def save_critique(found: Critique, folder: Path) -> None:
         draw_critique(found.pairs, draft / "critique.png")
 
 
-def _of_this_game() -> list[str]:
-    """Return the catalog's procedures whose ball weighs what the field's does."""
-    game = catalog.load("conditions", CONDITIONS, GameConditions).spec
-    mass = catalog.load("balls", game.ball, BallSpec).spec.mass
+def _of_this_game(sports: Set[Sport | None]) -> list[str]:
+    """Return the catalog's procedures of the field's sports; all where one is not known."""
+    found = catalog.names("procedures")
+    if None in sports:
+        return list(found)
+    return [
+        name
+        for name in found
+        if catalog.load("procedures", name, Procedure).spec.sport in {*sports, None}
+    ]
 
-    def fires(procedure: str) -> float:
-        ball = catalog.load("procedures", procedure, Procedure).spec.ball
-        return catalog.load("balls", ball, BallSpec).spec.mass
 
-    names = catalog.names("procedures")
-    return [name for name in names if abs(fires(name) / mass - 1) < SAME_GAME]
+def _field_key(exponent: float | None) -> str:
+    return "v_f_mph_energy" if exponent is None else f"v_f_mph_n{exponent:g}"
 
 
 def _own_exponent(rules: Procedure) -> float | None:

@@ -31,12 +31,14 @@ WORDS = {
 }
 TITLE = "Does the test rank two bats as the field does?"
 NUMBER = "Number: probability, per cent, that one laboratory ranks them the other way round."
+SWINGS = {True: "$I^{-n}$", False: "constant energy of bat and batter"}  # by whether there is an n
 FIELD = (
     "$\\Delta v_f$: greatest batted-ball speed in the field, first bat less second, "
-    "bats swung by $I^{-n}$."
+    "bats swung by {swing}."
 )
 METRICS_IN_MATH = {"e": "$e$", "v_f": "$v_f$"}
 CELL = 0.32  # in
+LEAST_WIDTH = 7.2  # in: the sentences above and the legend below
 RIGHT, ABOVE, BELOW = 0.1, 1.05, 1.6  # in, around the panels
 LETTER = 0.06  # in, of a bat's name
 GAP = 0.62  # in, between panels: the field's own differences stand there
@@ -61,9 +63,11 @@ def draw_critique(pairs: Sequence[Row], path: Path) -> None:
     swings = list(dict.fromkeys(row["n"] for row in pairs))
     bats = list(dict.fromkeys((row["first"], row["second"]) for row in pairs))
     procedures = {row["procedure"]: _said(row) for row in pairs}
+    field = FIELD.replace("{swing}", SWINGS[swings[0] is not None])
     left_of_all = GAP + LETTER * max(len(_named(pair)) for pair in bats)
     panel = CELL * len(procedures), CELL * len(bats)
-    width = left_of_all + RIGHT + GAP * (len(swings) - 1) + panel[0] * len(swings)
+    panels = GAP * (len(swings) - 1) + panel[0] * len(swings)
+    width = max(left_of_all + RIGHT + panels, LEAST_WIDTH)
     height = ABOVE + BELOW + panel[1]
     with style.context(STYLE, after_reset=True):
         figure = Figure(figsize=(width, height), dpi=150)
@@ -73,11 +77,11 @@ def draw_critique(pairs: Sequence[Row], path: Path) -> None:
             axes = figure.add_axes(box)
             own = [row for row in pairs if row["n"] == n]
             _panel(axes, own, bats, procedures)
-            axes.set_title(f"$n={n:g}$", pad=12, loc="center")
+            axes.set_title("constant energy" if n is None else f"$n={n:g}$", pad=12, loc="center")
             if i == 0:
                 axes.set_yticks(range(len(bats)), [_named(pair) for pair in bats])
                 axes.tick_params(axis="y", pad=30)
-        for text, below, size in ((TITLE, 0.2, 10), (NUMBER, 0.41, 7.5), (FIELD, 0.56, 7.5)):
+        for text, below, size in ((TITLE, 0.2, 10), (NUMBER, 0.41, 7.5), (field, 0.56, 7.5)):
             figure.text(0.08 / width, 1 - below / height, text, fontsize=size, va="center")
         used = {row["verdict"] for row in pairs}
         handles = [_handle(verdict) for verdict in MARKS if verdict in used]

@@ -57,6 +57,8 @@ def _form(session: Session, procedure: str) -> Iterator[str]:
     for key in ("customer", "date", "bat"):
         yield f'{key} = "{BLANK}"'
     yield f'ball = "{session.ball}"'
+    for key in ("bat_sport", "ball_sport"):
+        yield f'{key} = "{getattr(session, key)}"  # baseball, softball, or nothing'
     yield f'procedure = "{procedure}"'
     yield "index_from = 0  # where shots, balls, readings and the rest are counted from; or 1"
     yield ""

@@ -6,8 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from virtual_lab.output.tables import number, table_text
+from virtual_lab.studies.bats.text import balls_text, swing_text
 
 __all__ = ["critique_text", "faults_text"]
+
+FIELD = "v_f_mph_"  # begins the keys of the field's speeds
 
 
 def faults_text(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -37,22 +40,29 @@ def _bias_text(row: Mapping[str, Any], what: str) -> str:
     return f"{measured}, predicted {row[f'{what}_predicted']:+.5f}, z {row[f'{what}_z']:+.1f}"
 
 
-def critique_text(metrics: Sequence[Mapping[str, Any]], pairs: Sequence[Mapping[str, Any]]) -> str:
+def critique_text(
+    metrics: Sequence[Mapping[str, Any]],
+    pairs: Sequence[Mapping[str, Any]],
+    balls: Mapping[str, str],
+) -> str:
     """Return how each procedure places each bat, beside the field, and which pairs it misranks."""
-    fields = [key for key in metrics[0] if key.startswith("v_f_mph_n")]
+    fields = [key for key in metrics[0] if key.startswith(FIELD)]
     tables: dict[str, dict[str, str]] = {}
     for row in metrics:
         line = tables.setdefault(row["bat"], {"bat": row["bat"]})
         for key in fields:
             rank = 1 + sum(other > row[key] for other in {each[key] for each in metrics})
-            line[f"v_f, n = {key.removeprefix('v_f_mph_n')}"] = f"{row[key]:.1f} ({rank})"
+            swing = key.removeprefix(FIELD)
+            swing = f"n = {swing[1:]}" if swing.startswith("n") else "constant energy"
+            line[f"v_f, {swing}"] = f"{row[key]:.1f} ({rank})"
         rivals = [each["value"] for each in metrics if each["procedure"] == row["procedure"]]
         line[row["procedure"]] = _placed(row, [value for value in rivals if value is not None])
-    balls = {row["procedure"]: row["ball"] for row in metrics}
-    fired = "; ".join(f"{name} fires {ball}" for name, ball in balls.items())
+    tested = {row["procedure"]: row["ball"] for row in metrics}
+    fires = [f"{name} fires {ball}" for name, ball in tested.items()]
+    fired = "; ".join([f"in the field {balls_text(balls)}", *fires])
     found: dict[tuple[str, str, str], dict[str, str]] = {}
     for row in pairs:
-        pair, swing = f"{row['first']} - {row['second']}", f"n = {row['n']:g}"
+        pair, swing = f"{row['first']} - {row['second']}", swing_text(row["n"])
         empty = {"pair": pair, "procedure": "the field", "error-free": "", "mean": "", "sd": ""}
         field = found.setdefault((row["first"], row["second"], ""), empty)
         field[swing] = f"{row['v_f_mph']:+.2f} mph"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -10,6 +12,7 @@ from virtual_lab.certificate.document import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.certificate.text import certificate_text
 from virtual_lab.lab import certify_bat
+from virtual_lab.measurement.certification import certify_session
 from virtual_lab.measurement.diagnostics.flag import chance, type_a
 from virtual_lab.simulation.rig import Reality
 
@@ -72,6 +75,30 @@ def test_a_flag_stands_on_every_certificate() -> None:
     assert flag["name"] == "aim"
     assert flag["sentence"] in certificate_text(document)
     assert flag["sentence"] in certificate_page(document, found.certification)
+
+
+def test_a_softball_bat_under_a_baseball_procedure_is_flagged() -> None:
+    """As the session says it, without truth; the steel cylinder is of no sport."""
+    found = certify_bat("softball-34", procedure="astm-f1881", seed=0, reality=Reality.IDEAL)
+    (flag,) = found.certification.flags
+    assert flag.name == "sports"
+    assert "bat is of softball, the ball is of baseball, the procedure is of" in flag.sentence
+    document = certificate(found.certification)
+    assert document["flags"] == [{"name": "sports", "sentence": flag.sentence}]
+    assert flag.sentence in certificate_text(document)
+    assert flag.sentence in certificate_page(document, found.certification)
+    unknown = replace(found.certification.session, bat_sport="")
+    assert certify_session(unknown).flags == ()
+    swapped = replace(found.certification.session, bat_sport="baseball", ball_sport="softball")
+    assert "ball is of softball" in certify_session(swapped).flags[0].sentence
+
+
+@pytest.mark.parametrize(
+    ("bat", "procedure"), [("softball-34", "asa"), ("check-cylinder", "astm-f1881")]
+)
+def test_a_bat_of_the_same_sport_or_of_none_is_not(bat: str, procedure: str) -> None:
+    found = certify_bat(bat, procedure=procedure, seed=0, reality=Reality.IDEAL).certification
+    assert found.flags == ()
 
 
 def test_a_sentence_tells_the_size_of_what_is_wrong() -> None:

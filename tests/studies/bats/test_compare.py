@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from tests.simulation.collision.scenes import usual
+from virtual_lab import catalog
 from virtual_lab.catalog import load_bat
 from virtual_lab.errors import InputError
 from virtual_lab.relations.peaks import peak
@@ -14,7 +15,7 @@ from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.physics.supports import Free
 from virtual_lab.studies.bats.compare import Compared, compare, save_comparison
-from virtual_lab.studies.bats.profile import profile, read_inertia
+from virtual_lab.studies.bats.profile import GameConditions, profile, read_inertia
 from virtual_lab.units import INCH, MPH, OZ_IN2
 
 
@@ -77,6 +78,57 @@ def test_bat_speed_follows_the_swing_law_by_hand() -> None:
     expected = 45 * np.sqrt(18000 * OZ_IN2 / inertia) * 27 * INCH / MPH
     at = swung.table.set_index("z_in")["v_bat_mph"]
     assert at.iloc[np.abs(at.index - 6).argmin()] == pytest.approx(expected, rel=1e-12)
+
+
+def test_constant_energy_by_hand() -> None:
+    """45 rad/s times the square root of the inertias' ratio, each about 20 in beyond the knob."""
+    beam = beam_of(load_bat("knob-loaded").spec.body)
+    own = beam.mass * (54 * INCH - beam.z_cm) ** 2 + beam.inertia_cm
+    omega = 45 * np.sqrt((58900 * OZ_IN2 + 0.72) / (own + 0.72))
+    swung = profile("knob-loaded", swing=None)
+    assert swung.bat_speed == pytest.approx(omega * (33 * INCH - swung.z), rel=1e-12)
+    assert swung.document["swing_law"] == "energy"
+    assert swung.document["swing_exponent"] is None
+
+
+def test_constant_energy_is_the_exponent_that_swings_were_measured_to_have() -> None:
+    """Omega goes as I_knob^-0.3 among bats of one shape, 15 to 20 thousand oz in²: the paper's."""
+    game = catalog.load("conditions", "standard-2003", GameConditions).spec
+    law, about_knob = game.swing(None), np.linspace(1.5e4, 2.0e4, 11) * OZ_IN2
+    beam = beam_of(load_bat("r161").spec.body)
+    scale = about_knob / beam.inertia(33 * INCH)
+    omega = law.angular_speed(scale * beam.inertia(54 * INCH))
+    slope = np.polyfit(np.log(about_knob), np.log(omega), 1)[0]
+    assert slope == pytest.approx(-0.3, abs=0.005)
+    assert np.interp(1.7e4 * OZ_IN2, about_knob, omega) == pytest.approx(45, rel=3e-3)
+
+
+def test_the_papers_conclusions_hold_under_constant_energy() -> None:
+    """Sec. III B: none of them "depend substantially on which model is used"."""
+    tops = {
+        row["bat"]: row
+        for row in compare(["r161", "ea70", "barrel-loaded", "knob-loaded"], swings=(None,)).peaks
+    }
+    lead = tops["ea70"]["v_f_mph"] - tops["r161"]["v_f_mph"]
+    assert 1 < lead < 6  # "closer to 3 mph", and between the limits of n = 0 and n = 0.5
+    assert tops["barrel-loaded"]["v_f_mph"] > tops["knob-loaded"]["v_f_mph"] + 1
+    assert tops["barrel-loaded"]["BPF"] == pytest.approx(tops["knob-loaded"]["BPF"], rel=0.02)
+    # BPF alone misranks: the knob-loaded bat's stands far above wood's, its v_f hardly does
+    assert tops["knob-loaded"]["BPF"] > 1.05 * tops["r161"]["BPF"]
+    assert tops["knob-loaded"]["v_f_mph"] < tops["ea70"]["v_f_mph"] - 1
+    wood = tops["r161"]
+    assert wood["v_f_mph_at_in"] < wood["e_A_at_in"] - 0.4
+
+
+def test_the_ball_is_that_of_the_bats_sport_or_the_one_asked_for() -> None:
+    assert profile("softball-34").document["ball"] == "softball-slowpitch"
+    assert profile("check-cylinder").document["ball"] == "game-2003"
+    mixed = compare(["r161", "softball-34"])
+    assert mixed.balls == {"r161": "game-2003", "softball-34": "softball-slowpitch"}
+    asked = profile("r161", ball="baseball-2003")
+    assert asked.document["ball"] == "baseball-2003"
+    fast = (90 * MPH + asked.bat_speed) / MPH
+    assert asked.ball_restitution == pytest.approx(0.55 - 0.001 * (fast - 60))
 
 
 @pytest.mark.parametrize(

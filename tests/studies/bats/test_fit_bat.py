@@ -14,6 +14,7 @@ MEASURED = """
 name = "mine"
 title = "Mine \\"A\\""
 template = "wood"
+sport = "softball"
 length = { value = 34, unit = "in", source = "rule", verified = true }
 mass = { value = 31, unit = "oz", source = "scale", verified = true }
 z_cm = { value = 11.3, unit = "in", source = "stand", verified = true }
@@ -43,6 +44,7 @@ def test_the_file_reads_back_as_the_bat_that_was_measured(
     found = (beam.length, beam.mass, beam.z_cm, beam.inertia(33 * INCH))
     assert found == pytest.approx((34 * INCH, 31 * OUNCE, 11.3 * INCH, 17137 * OZ_IN2), rel=1e-5)
     assert spec.title == 'Mine "A"'
+    assert spec.sport == "softball"
     assert "peak e_A" in target.read_text()
     with pytest.raises(InputError, match="cannot be written"):
         write_bat(fitted, target, source.name)

@@ -12,7 +12,7 @@ from virtual_lab.measurement.diagnostics.evidence import Evidence
 from virtual_lab.measurement.diagnostics.flag import FALSE_ALARMS, Flag, chance, type_a
 from virtual_lab.measurement.procedure import lot_of
 
-__all__ = ["bat_shape", "lot_rules", "pendulum_swing", "wall_drift"]
+__all__ = ["bat_shape", "lot_rules", "pendulum_swing", "sports", "wall_drift"]
 
 BALANCE = (0.25, 0.55)  # of the length, from the tip: any bat, and a plain cylinder
 GYRATION = (0.20, 0.36)  # radius of gyration about the balance point, of the length: any bat
@@ -21,6 +21,20 @@ LEAST_E0 = 1e-5
 LOT_MARGIN = 5e-3  # of e0 beyond the rules: more than a sound lot's balls scatter
 FLAT = 1e-9  # rad²
 MASSES = (0.4, 20.0)  # kg, from a child's bat to the steel cylinder of a morning's check
+
+
+def sports(seen: Evidence) -> Iterator[Flag]:
+    """Hold the sports that bat, balls and rules are of against one another, as far as known."""
+    session = seen.session
+    known = {
+        "the bat": session.bat_sport,
+        "the ball": session.ball_sport,
+        "the procedure": seen.procedure.sport,
+    }
+    found = {what: sport for what, sport in known.items() if sport}
+    if len(set(found.values())) > 1:
+        said = ", ".join(f"{what} is of {sport}" for what, sport in found.items())
+        yield Flag(name="sports", sentence=f"{said}: the result holds for no game")
 
 
 def bat_shape(seen: Evidence) -> Iterator[Flag]:

@@ -8,6 +8,7 @@ from virtual_lab.measurement.diagnostics.bench import (
     bat_shape,
     lot_rules,
     pendulum_swing,
+    sports,
     wall_drift,
 )
 from virtual_lab.measurement.diagnostics.chords import chords
@@ -25,6 +26,7 @@ from virtual_lab.measurement.diagnostics.impact import (
 __all__ = ["CHECKS", "flags"]
 
 CHECKS: Mapping[str, Callable[[Evidence], Iterator[Flag]]] = {
+    "sports": sports,
     "bat-shape": bat_shape,
     "pendulum-swing": pendulum_swing,
     "lot-rules": lot_rules,

@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Lt, MinLen
 from numpy.typing import ArrayLike, NDArray
 
-from virtual_lab.catalog.specs import Dimension, Spec
+from virtual_lab.catalog.specs import Dimension, Spec, Sport
 from virtual_lab.measurement.reduction.shot_algebra import Asked
 from virtual_lab.units import INCH
 
@@ -193,6 +193,7 @@ class Procedure(Spec):
     wall_hits: Count  # of each ball at each speed
     wall_speeds: Annotated[tuple[float, ...], MinLen(1), Dimension("speed")]
     windows: Windows
+    sport: Sport | None = None  # None: of any bat and ball
     bat_speed: Annotated[float | None, Dimension("speed")] = None  # 6 in from the tip; at rest
     limit: Annotated[float | None, Dimension("number")] = None
     speed_limit: Annotated[float | None, Dimension("speed")] = None  # of a batted ball

@@ -6,10 +6,10 @@ import datetime
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from virtual_lab import catalog
-from virtual_lab.catalog.specs import Spec
+from virtual_lab.catalog.specs import Spec, Sport
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError
 from virtual_lab.files import read_toml
@@ -34,6 +34,8 @@ class LaboratoryForm(Spec):
     calibration: Mapping[str, Any]  # "stage.instrument.constant"
     channels: Mapping[str, Mapping[str, Any]]  # stage: channel
     date: str | datetime.date = ""
+    bat_sport: Sport | Literal[""] = ""
+    ball_sport: Sport | Literal[""] = ""
     laboratory: str = ""
     customer: str = ""
     index_from: FirstIndex = 0
@@ -54,6 +56,8 @@ def load_laboratory(folder: Path) -> Session:
         bat=form.bat,
         ball=form.ball,
         date=str(form.date),
+        bat_sport=form.bat_sport,
+        ball_sport=form.ball_sport,
         laboratory=form.laboratory,
         customer=form.customer,
         rigs=form.rigs,

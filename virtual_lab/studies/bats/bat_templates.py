@@ -17,7 +17,16 @@ from annotated_types import Gt, MaxLen
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from virtual_lab.catalog.specs import BatBody, Dimension, HoopMode, Lump, Material, Profile, Spec
+from virtual_lab.catalog.specs import (
+    BatBody,
+    Dimension,
+    HoopMode,
+    Lump,
+    Material,
+    Profile,
+    Spec,
+    Sport,
+)
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.physics.modes import barrel_nodes, modes_of
@@ -46,6 +55,7 @@ class BatMeasurements(Spec):
     name: str
     title: str
     template: Literal["wood", "hollow"]
+    sport: Sport | None = None
     length: PositiveLength
     mass: Annotated[float, Gt(0), Dimension("mass")]
     z_cm: PositiveLength  # the balance point

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from virtual_lab.catalog.specs import Sport
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder
 from virtual_lab.studies.bats.curves import draw_comparison
@@ -19,14 +20,14 @@ from virtual_lab.units import OZ_IN2
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Compared", "compare", "save_comparison"]
+__all__ = ["SWINGS", "Compared", "compare", "save_comparison"]
 
 SWINGS = (0.0, 0.5)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Compared:
-    """The profiles of some bats, for each exponent n of the swing law."""
+    """The profiles of some bats, for each exponent n of the swing law (None: constant energy)."""
 
     profiles: tuple[Profiled, ...]  # bat by bat, n by n
 
@@ -68,10 +69,22 @@ class Compared:
         ]
 
     @property
+    def balls(self) -> dict[str, str]:
+        """The ball that each bat meets."""
+        return {each.bat.name: each.ball.name for each in self.profiles}
+
+    @property
+    def sports(self) -> set[Sport | None]:
+        """The sports of these balls; None for one that is not known."""
+        return {each.ball.sport for each in self.profiles}
+
+    @property
     def document(self) -> dict[str, Any]:
         """All of it for JSON."""
         return {
             "reference_inertia_oz_in2": self.profiles[0].reference_inertia / OZ_IN2,
+            "balls": self.balls,
+            "swing_law": self.profiles[0].document["swing_law"],
             "peaks": self.peaks,
             "differences": self.differences,
             "profiles": [each.document for each in self.profiles],
@@ -81,8 +94,9 @@ class Compared:
 def compare(
     bats: Sequence[str],
     *,
-    swings: Sequence[float] = SWINGS,
+    swings: Sequence[float | None] = SWINGS,
     reference_inertia: str | None = None,
+    ball: str | None = None,
 ) -> Compared:
     """Return free bats side by side.
 
@@ -91,10 +105,13 @@ def compare(
     bats
         At least two: names in the catalog or paths of .toml files.
     swings
-        Exponents n of the swing law, Eq. (14).
+        Exponents n of the swing law, Eq. (14); None for the law of constant energy.
     reference_inertia
-        I0 of Eq. (14), as `virtual_lab.studies.bats.profile.read_inertia` takes it. The paper takes
+        I0 of the law, as `virtual_lab.studies.bats.profile.read_inertia` takes it. The paper takes
         1.7e4 oz in² (the default), and for its two loaded bats that of the barrel-loaded one.
+    ball
+        Name in the catalog or path of a .toml file; by default each bat meets the game
+        conditions' own of its sport.
 
     Raises
     ------
@@ -106,7 +123,10 @@ def compare(
     if not swings:
         raise InputError("", "swing", "none", "allowed: one and more, each 0 to 0.5")
     exponents = tuple(dict.fromkeys(swings))
-    found = [profiles(bat, swings=exponents, reference_inertia=reference_inertia) for bat in bats]
+    found = [
+        profiles(bat, swings=exponents, reference_inertia=reference_inertia, ball=ball)
+        for bat in bats
+    ]
     names = [each[0].bat.name for each in found]
     for name in names:
         if names.count(name) > 1:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from virtual_lab.output.style import STYLE
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
 
-__all__ = ["draw_comparison", "draw_profile"]
+__all__ = ["draw_comparison", "draw_profile", "plot_comparison", "plot_profile"]
 
 SHOWN_IN = (1.0, 12.0)  # the last inch at the tip and the taper are in the CSV
 COLOURS = ("black", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
@@ -34,34 +36,39 @@ def draw_profile(table: pd.DataFrame, title: str, path: Path) -> None:
     from matplotlib import style
     from matplotlib.figure import Figure
 
-    shown = table[table["z_in"].between(*SHOWN_IN)]
-    z = shown["z_in"]
     with style.context(STYLE, after_reset=True):
         figure = Figure(figsize=SIZE, dpi=150, layout="constrained")
         above, below = figure.subplots(2, 1, sharex=True)
-        for column, label, dash in (("e", "$e$", "-"), ("r", "$r$", ":"), ("e_A", "$e_A$", "--")):
-            above.plot(z, shown[column], dash, color="black", label=label)
-        above.set_ylabel("$e$, $r$, $e_A$")
+        plot_profile(above, below, table)
         above.set_title(title)
-        for column, label, dash in (("v_bat_mph", "$v_{bat}$", ":"), ("v_f_mph", "$v_f$", "-")):
-            below.plot(z, shown[column], dash, color="black", label=label)
-        beside = below.twinx()
-        beside.spines["right"].set_visible(True)
-        beside.plot(z, shown["e_A"], "--", color="black")
-        below.plot([], [], "--", color="black", label="$e_A$ (right scale)")
-        beside.set_ylabel("$e_A$")
-        below.set(xlabel=PLACE, ylabel="speed, mph", xlim=SHOWN_IN)
-        for axes in (above, below):
-            axes.grid(True, linewidth=0.3)
-            axes.legend(loc="lower center", ncols=3)
         figure.savefig(path)
+
+
+def plot_profile(above: Axes, below: Axes, table: pd.DataFrame) -> None:
+    """Plot e, r, e_A into one panel and e_A, v_bat, v_f into another; `table` as above."""
+    shown = table[table["z_in"].between(*SHOWN_IN)]
+    z = shown["z_in"]
+    for column, label, dash in (("e", "$e$", "-"), ("r", "$r$", ":"), ("e_A", "$e_A$", "--")):
+        above.plot(z, shown[column], dash, color="black", label=label)
+    above.set_ylabel("$e$, $r$, $e_A$")
+    for column, label, dash in (("v_bat_mph", "$v_{bat}$", ":"), ("v_f_mph", "$v_f$", "-")):
+        below.plot(z, shown[column], dash, color="black", label=label)
+    beside = below.twinx()
+    beside.spines["right"].set_visible(True)
+    beside.plot(z, shown["e_A"], "--", color="black")
+    below.plot([], [], "--", color="black", label="$e_A$ (right scale)")
+    beside.set_ylabel("$e_A$")
+    below.set(xlabel=PLACE, ylabel="speed, mph", xlim=SHOWN_IN)
+    for axes in (above, below):
+        axes.grid(True, linewidth=0.3)
+        axes.legend(loc="lower center", ncols=3)
 
 
 def draw_comparison(curves: pd.DataFrame, path: Path) -> None:
     """Draw BPF, e_A and v_f of several bats one above the other (the paper's Figs. 3 and 4).
 
-    BPF and e_A are those of the first exponent n: with the standard ball, whose restitution
-    is the same at every speed, they do not depend on it.
+    BPF and e_A are those of the first exponent n: with a ball whose restitution is the same at
+    every speed, as the standard one's, they do not depend on it.
 
     Parameters
     ----------
@@ -73,27 +80,37 @@ def draw_comparison(curves: pd.DataFrame, path: Path) -> None:
     from matplotlib import style
     from matplotlib.figure import Figure
 
-    shown = curves[curves["z_in"].between(*SHOWN_IN)]
-    bats, exponents = shown["bat"].unique(), shown["n"].unique()
     with style.context(STYLE, after_reset=True):
         figure = Figure(figsize=(7.2, 8.0), dpi=150, layout="constrained")
         panels = figure.subplots(3, 1, sharex=True)
-        for i, bat in enumerate(bats):
-            for j, n in enumerate(exponents):
-                own = shown[(shown["bat"] == bat) & (shown["n"] == n)]
-                look = {
-                    "color": COLOURS[i % len(COLOURS)],
-                    # each bat has the line styles to itself, as far as they go
-                    "linestyle": DASHES[(i + j) % len(DASHES)],
-                }
-                if j == 0:
-                    panels[0].plot(own["z_in"], own["BPF"], label=bat, **look)
-                    panels[1].plot(own["z_in"], own["e_A"], label=bat, **look)
-                panels[2].plot(own["z_in"], own["v_f_mph"], label=f"{bat}, $n={n:g}$", **look)
-        for axes, label in zip(panels, ("BPF", "$e_A$", "$v_f$, mph"), strict=True):
-            axes.set_ylabel(label)
-            axes.grid(True, linewidth=0.3)
+        plot_comparison(panels, curves)
         for axes in (panels[0], panels[2]):
             axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
-        panels[2].set(xlabel=PLACE, xlim=SHOWN_IN)
         figure.savefig(path)
+
+
+def plot_comparison(panels: Sequence[Axes], curves: pd.DataFrame) -> None:
+    """Plot BPF, e_A and v_f into three panels, top down; `curves` as above."""
+    from pandas import isna
+
+    shown = curves[curves["z_in"].between(*SHOWN_IN)]
+    bats, exponents = shown["bat"].unique(), shown["n"].unique()
+    for i, bat in enumerate(bats):
+        for j, n in enumerate(exponents):
+            # pandas has NaN for the law of constant energy, which equals nothing
+            same = shown["n"].isna() if isna(n) else shown["n"] == n
+            own = shown[(shown["bat"] == bat) & same]
+            swung = "constant energy" if isna(n) else f"$n={n:g}$"
+            look: dict[str, Any] = {
+                "color": COLOURS[i % len(COLOURS)],
+                # each bat has the line styles to itself, as far as they go
+                "linestyle": DASHES[(i + j) % len(DASHES)],
+            }
+            if j == 0:
+                panels[0].plot(own["z_in"], own["BPF"], label=bat, **look)
+                panels[1].plot(own["z_in"], own["e_A"], label=bat, **look)
+            panels[2].plot(own["z_in"], own["v_f_mph"], label=f"{bat}, {swung}", **look)
+    for axes, label in zip(panels, ("BPF", "$e_A$", "$v_f$, mph"), strict=True):
+        axes.set_ylabel(label)
+        axes.grid(True, linewidth=0.3)
+    panels[2].set(xlabel=PLACE, xlim=SHOWN_IN)

@@ -77,6 +77,7 @@ class FittedBat:
             ),
             f"name = {_text(name)}",
             f"title = {_text(self.measured.title)}",
+            *([f"sport = {_text(self.measured.sport)}"] if self.measured.sport else []),
             "",
             "[body.profile]",
             _line("z", body.profile.z, "m", source),

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,7 +17,7 @@ from annotated_types import Gt
 from numpy.typing import NDArray
 
 from virtual_lab import catalog
-from virtual_lab.catalog.specs import BallSpec, BatSpec, Dimension, Spec
+from virtual_lab.catalog.specs import BallSpec, BatBody, BatSpec, Dimension, Spec
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder
 from virtual_lab.measurement.reduction.kinematics import (
@@ -26,7 +27,13 @@ from virtual_lab.measurement.reduction.kinematics import (
     restitution_from_efficiency,
 )
 from virtual_lab.relations.peaks import Peak, peak
-from virtual_lab.relations.swing import KNOB_OFFSET, PowerLawSwing, bat_speed
+from virtual_lab.relations.swing import (
+    KNOB_OFFSET,
+    EnergySwing,
+    PowerLawSwing,
+    SwingLaw,
+    bat_speed,
+)
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.physics.beam import Beam, beam_of
@@ -38,12 +45,30 @@ from virtual_lab.units import DIMENSIONS, INCH, MPH, OUNCE, OZ_IN2, to_si
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["GameConditions", "Profiled", "profile", "profiles", "read_inertia", "save_profile"]
+__all__ = [
+    "GameConditions",
+    "Profiled",
+    "chosen_swings",
+    "free_model",
+    "profile",
+    "profiles",
+    "read_inertia",
+    "save_profile",
+]
 
 Array = NDArray[np.float64]
 CONDITIONS = "standard-2003"
 FIRST_IN, LAST_IN, STEP_IN = 0.5, 16.0, 0.25
 PEAKED = ("e", "BPF", "e_A", "v_f_mph")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EnergySwingSpec(Spec):
+    """Numbers of the swing law of constant energy; inertias about the batter's vertical axis."""
+
+    knob_from_axis: Annotated[float, Gt(0), Dimension("length")]
+    batter_inertia: Annotated[float, Gt(0), Dimension("inertia")]
+    reference_inertia: Annotated[float, Gt(0), Dimension("inertia")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,9 +78,33 @@ class GameConditions(Spec):
     name: str
     title: str
     ball: str
+    softball: str  # in the place of `ball` for a softball bat
     pitch_speed: Annotated[float, Gt(0), Dimension("speed")]
     angular_speed: Annotated[float, Gt(0), Dimension("angular speed")]
     reference_inertia: Annotated[float, Gt(0), Dimension("inertia")]
+    energy_swing: EnergySwingSpec
+
+    def ball_of(self, bat: BatSpec) -> str:
+        """Return the name of the ball that a bat of its sport meets."""
+        return self.softball if bat.sport == "softball" else self.ball
+
+    def swing(self, exponent: float | None, reference_inertia: float | None = None) -> SwingLaw:
+        """Return the law of the swing: by Eq. (14), or that of constant energy for None.
+
+        `reference_inertia` is about the law's axis [kg m^2], these conditions' own by default.
+        """
+        if exponent is not None:
+            return PowerLawSwing(
+                angular_speed_0=self.angular_speed,
+                inertia_0=reference_inertia or self.reference_inertia,
+                exponent=exponent,
+            )
+        return EnergySwing(
+            angular_speed_0=self.angular_speed,
+            inertia_0=reference_inertia or self.energy_swing.reference_inertia,
+            inertia_batter=self.energy_swing.batter_inertia,
+            axis_beyond_knob=self.energy_swing.knob_from_axis,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,8 +115,9 @@ class Profiled:
     beam: Beam
     frequencies: Array  # bending, free bat [Hz]
     nodes: tuple[float, ...]  # of the first two bending modes, in the barrel [m]
-    swing: float
-    reference_inertia: float  # I0 of the swing law [kg m^2]
+    ball: BallSpec
+    swing: float | None  # exponent n of the swing law; None: the law of constant energy
+    reference_inertia: float  # I0 of the swing law, about its axis [kg m^2]
     z: Array  # [m]
     ball_restitution: Array
     restitution: Array
@@ -106,12 +156,14 @@ class Profiled:
         beam = self.beam
         return {
             "bat": self.bat.name,
+            "ball": self.ball.name,
+            "swing_law": "energy" if self.swing is None else "power",
             "swing_exponent": self.swing,
             "reference_inertia_oz_in2": self.reference_inertia / OZ_IN2,
             "mass_oz": beam.mass / OUNCE,
             "z_cm_in": beam.z_cm / INCH,
             "i_cm_oz_in2": beam.inertia_cm / OZ_IN2,
-            "i_knob_oz_in2": _swung_inertia(beam) / OZ_IN2,
+            "i_knob_oz_in2": _inertia(beam, -KNOB_OFFSET) / OZ_IN2,
             "modal_frequencies_hz": self.frequencies.tolist(),
             "barrel_nodes_in": [node / INCH for node in self.nodes],
             "peaks": {name: {"value": top, "z_in": at} for name, (top, at) in self.peaks.items()},
@@ -119,7 +171,13 @@ class Profiled:
         }
 
 
-def profile(bat: str, *, swing: float = 0.0, reference_inertia: str | None = None) -> Profiled:
+def profile(
+    bat: str,
+    *,
+    swing: float | None = 0.0,
+    reference_inertia: str | None = None,
+    ball: str | None = None,
+) -> Profiled:
     """Return the profile of a free bat under standard game conditions (the paper's Fig. 2).
 
     Parameters
@@ -127,38 +185,49 @@ def profile(bat: str, *, swing: float = 0.0, reference_inertia: str | None = Non
     bat
         Name in the catalog or path of a .toml file.
     swing
-        Exponent n of Eq. (14): 0, all bats swung alike, to 0.5, the same energy into each.
+        Exponent n of Eq. (14): 0, all bats swung alike, to 0.5, the same energy into each; None
+        for the other law, the same energy into bat and batter.
     reference_inertia
-        I0 of Eq. (14), as `read_inertia` takes it; that of the game conditions by default.
+        I0 of the law, as `read_inertia` takes it; that of the game conditions by default.
+    ball
+        Name in the catalog or path of a .toml file; by default the game conditions' own of the
+        bat's sport.
 
     Raises
     ------
     InputError
-        Unknown bat, a file that cannot be used, an exponent outside 0 to 0.5, an inertia
+        Unknown bat or ball, a file that cannot be used, an exponent outside 0 to 0.5, an inertia
         that cannot be read.
     """
-    return profiles(bat, swings=(swing,), reference_inertia=reference_inertia)[0]
+    return profiles(bat, swings=(swing,), reference_inertia=reference_inertia, ball=ball)[0]
 
 
 def profiles(
-    bat: str, *, swings: Sequence[float], reference_inertia: str | None = None
+    bat: str,
+    *,
+    swings: Sequence[float | None],
+    reference_inertia: str | None = None,
+    ball: str | None = None,
 ) -> list[Profiled]:
     """Return the profile of one bat for each exponent of the swing law, as `profile` does."""
     for swing in swings:
-        if not 0 <= swing <= 0.5:
+        if swing is not None and not 0 <= swing <= 0.5:
             raise InputError("", "swing", swing, "allowed: 0 to 0.5")
     game = catalog.load("conditions", CONDITIONS, GameConditions).spec
-    ball = catalog.load("balls", game.ball, BallSpec).spec
-    inertia_0 = read_inertia(reference_inertia) if reference_inertia else game.reference_inertia
     spec = catalog.load_bat(bat).spec
-    beam, model = beam_of(spec.body), ModalModel.of(spec.body, Free())
+    struck = catalog.load("balls", ball or game.ball_of(spec), BallSpec).spec
+    beam, model = beam_of(spec.body), free_model(spec.body)
     z = np.arange(FIRST_IN, LAST_IN + STEP_IN / 2, STEP_IN) * INCH
-    recoil = np.asarray(recoil_factor_free(ball.mass, beam.mass, beam.inertia_cm, z - beam.z_cm))
+    recoil = np.asarray(recoil_factor_free(struck.mass, beam.mass, beam.inertia_cm, z - beam.z_cm))
     found = []
     for swing in swings:
-        law = PowerLawSwing(angular_speed_0=game.angular_speed, inertia_0=inertia_0, exponent=swing)
-        moving = np.asarray(bat_speed(law.angular_speed(_swung_inertia(beam)), beam.length, z))
-        scenes = Scenes.with_ball(ball, impact_position=z, relative_speed=game.pitch_speed + moving)
+        axis = game.swing(swing).axis_beyond_knob
+        asked = read_inertia(reference_inertia, axis) if reference_inertia else None
+        law = game.swing(swing, asked)
+        moving = np.asarray(bat_speed(law.angular_speed(_inertia(beam, axis)), beam.length, z))
+        scenes = Scenes.with_ball(
+            struck, impact_position=z, relative_speed=game.pitch_speed + moving
+        )
         efficiency = model.collide(scenes).collision_efficiency
         found.append(
             Profiled(
@@ -166,8 +235,9 @@ def profiles(
                 beam=beam,
                 frequencies=model.modes.bending_frequencies,
                 nodes=barrel_nodes(model.modes),
+                ball=struck,
                 swing=swing,
-                reference_inertia=inertia_0,
+                reference_inertia=law.inertia_0,
                 z=z,
                 ball_restitution=scenes.ball_restitution,
                 restitution=np.asarray(restitution_from_efficiency(efficiency, recoil)),
@@ -180,10 +250,34 @@ def profiles(
     return found
 
 
-def read_inertia(text: str) -> float:
+@lru_cache(maxsize=16)
+def free_model(body: BatBody) -> ModalModel:
+    """Return the model of a free bat, each made once."""
+    return ModalModel.of(body, Free())
+
+
+def chosen_swings(
+    law: str, swings: Sequence[float], usual: Sequence[float]
+) -> tuple[float | None, ...]:
+    """Return the exponents that a swing law and a user's own choice come to, each once.
+
+    Raises `InputError` for another law than ``power`` or ``energy``, and for exponents of the
+    latter, which has none.
+    """
+    if law == "power":
+        return tuple(dict.fromkeys(swings or usual))
+    if law != "energy":
+        raise InputError("", "swing law", law, "allowed: power, energy")
+    if swings:
+        raise InputError("", "swing", swings[0], "the energy law has no exponent; leave it out")
+    return (None,)
+
+
+def read_inertia(text: str, axis_beyond_knob: float = -KNOB_OFFSET) -> float:
     """Return a moment of inertia [kg m^2] given as a bat's name or as a number with its unit.
 
-    Of a bat it is that about the point it is swung about, 1 in from the knob.
+    Of a bat it is that about an axis `axis_beyond_knob` [m], by default the point it is swung
+    about, 1 in from the knob.
 
     Raises
     ------
@@ -194,7 +288,7 @@ def read_inertia(text: str) -> float:
     try:
         value = float(number)
     except ValueError:
-        return _swung_inertia(beam_of(catalog.load_bat(text).spec.body))
+        return _inertia(beam_of(catalog.load_bat(text).spec.body), axis_beyond_knob)
     units = DIMENSIONS["inertia"]
     if unit.strip() not in units:
         allowed = f"allowed: a bat, or a number with its unit ({', '.join(units)})"
@@ -211,5 +305,5 @@ def save_profile(profiled: Profiled, folder: Path) -> None:
         draw_profile(profiled.table, profiled.bat.title, draft / "profile.png")
 
 
-def _swung_inertia(beam: Beam) -> float:
-    return beam.inertia(beam.length - KNOB_OFFSET)
+def _inertia(beam: Beam, axis_beyond_knob: float) -> float:
+    return beam.inertia(beam.length + axis_beyond_knob)

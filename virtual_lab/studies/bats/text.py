@@ -9,7 +9,13 @@ from virtual_lab.catalog.specs import PublishedBat
 from virtual_lab.output.tables import number, table_text
 from virtual_lab.units import INCH, OUNCE, OZ_IN2
 
-__all__ = ["comparison_text", "profile_text", "sensitivity_text"]
+__all__ = [
+    "balls_text",
+    "comparison_text",
+    "profile_text",
+    "sensitivity_text",
+    "swing_text",
+]
 
 
 def profile_text(document: Mapping[str, Any], published: PublishedBat | None) -> str:
@@ -37,26 +43,46 @@ def profile_text(document: Mapping[str, Any], published: PublishedBat | None) ->
         {name: f"{document[name][i]:{form}}" for name, form in zip(columns, forms, strict=True)}
         for i in range(len(document["z_in"]))
     ]
-    return f"{table_text(rows)}\n\n{table_text(curve)}"
+    swung = swing_text(document["swing_exponent"])
+    return (
+        f"{table_text(rows)}\n\nstruck by {document['ball']}, swing: {swung}\n{table_text(curve)}"
+    )
+
+
+def swing_text(exponent: float | None) -> str:
+    """Return which law of the swing it is."""
+    return "constant energy" if exponent is None else f"n = {exponent:g}"
+
+
+def balls_text(balls: Mapping[str, str]) -> str:
+    """Return which ball each bat meets, in one sentence where it is the same one."""
+    if len(set(balls.values())) == 1:
+        return f"struck by {next(iter(balls.values()))}"
+    return "; ".join(f"{bat} struck by {ball}" for bat, ball in balls.items())
 
 
 def comparison_text(
-    peaks: Sequence[Mapping[str, Any]], differences: Sequence[Mapping[str, Any]]
+    peaks: Sequence[Mapping[str, Any]],
+    differences: Sequence[Mapping[str, Any]],
+    balls: Mapping[str, str],
 ) -> str:
     """Return the peaks of several bats, and how far they lie from those of the first."""
     forms = {"e": ".4f", "BPF": ".4f", "e_A": ".4f", "v_f_mph": ".2f"}
     tops = [
-        {"bat": row["bat"], "n": f"{row['n']:g}"}
+        {"bat": row["bat"], "swing": swing_text(row["n"])}
         | {name: f"{row[name]:{form}} @ {row[f'{name}_at_in']:.2f}" for name, form in forms.items()}
         for row in peaks
     ]
     apart = [
-        {"bat": f"{row['bat']} against {row['against']}", "n": f"{row['n']:g}"}
+        {"bat": f"{row['bat']} against {row['against']}", "swing": swing_text(row["n"])}
         | {name: f"{row[f'{name}_percent']:+.1f} %" for name in ("e", "BPF", "e_A")}
         | {"v_f": f"{row['v_f_mph']:+.2f} mph"}
         for row in differences
     ]
-    return f"peak @ inches from the tip\n{table_text(tops)}\n\n{table_text(apart)}"
+    return (
+        f"peak @ inches from the tip, {balls_text(balls)}\n"
+        f"{table_text(tops)}\n\n{table_text(apart)}"
+    )
 
 
 def sensitivity_text(rows: Sequence[Mapping[str, Any]]) -> str:

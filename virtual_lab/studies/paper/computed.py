@@ -1,0 +1,212 @@
+"""What the paper's claims are computed from: bats, balls, collisions, each once.
+
+Places are in inches and speeds in mph here, as in the paper; a bat is named as in the catalog.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from virtual_lab import catalog
+from virtual_lab.catalog.specs import BallSpec, BatBody
+from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.measurement.reduction.kinematics import (
+    batted_speed,
+    centre_of_percussion,
+    recoil_factor_free,
+    recoil_factor_pivoted,
+    restitution_from_efficiency,
+)
+from virtual_lab.relations.peaks import Peak, peak
+from virtual_lab.simulation.collision.modal import BENDING_MODES, ModalModel
+from virtual_lab.simulation.collision.scene import Collisions, Scenes
+from virtual_lab.simulation.physics.beam import Beam, beam_of
+from virtual_lab.simulation.physics.supports import Clamped, Free, Pinned, Support
+from virtual_lab.studies.bats.profile import (
+    CONDITIONS,
+    GameConditions,
+    Profiled,
+    free_model,
+    profiles,
+)
+from virtual_lab.units import INCH, MPH
+
+__all__ = [
+    "ALUMINIUM",
+    "BALL",
+    "BARREL",
+    "BATS",
+    "GAME_BALL",
+    "KNOB",
+    "SWINGS",
+    "WOOD",
+    "Z",
+    "ball",
+    "beam",
+    "body",
+    "game",
+    "lead",
+    "model",
+    "nominal",
+    "percussion",
+    "profiled",
+    "recoil",
+    "restitution",
+    "rules",
+    "struck",
+    "support",
+    "thinned",
+    "top",
+    "top_of",
+]
+
+Array = NDArray[np.float64]
+WOOD, ALUMINIUM, BARREL, KNOB = BATS = ("r161", "ea70", "barrel-loaded", "knob-loaded")
+SWINGS: tuple[float | None, ...] = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, None)  # None: constant energy
+GAME_BALL, BALL = "game-2003", "baseball-2003"  # e0 the same at every speed, and falling
+Z = np.arange(3.0, 8.01, 0.25)  # where a bat is struck
+SOFT = 1e6  # N/m, of a yielding pivot
+
+
+@lru_cache
+def game() -> GameConditions:
+    return catalog.load("conditions", CONDITIONS, GameConditions).spec
+
+
+@lru_cache
+def ball(name: str = GAME_BALL) -> BallSpec:
+    return catalog.load("balls", name, BallSpec).spec
+
+
+@lru_cache
+def rules(procedure: str) -> Procedure:
+    return catalog.load("procedures", procedure, Procedure).spec
+
+
+@lru_cache
+def body(bat: str) -> BatBody:
+    return catalog.load_bat(bat).spec.body
+
+
+@lru_cache
+def beam(bat: str) -> Beam:
+    return beam_of(body(bat))
+
+
+@lru_cache
+def profiled(bat: str) -> dict[float | None, Profiled]:
+    """Return the profiles under standard game conditions, one for each of `SWINGS`.
+
+    I0 of the loaded bats is that of the barrel-loaded one, as the paper takes it.
+    """
+    reference = BARREL if bat in (BARREL, KNOB) else None
+    found = profiles(bat, swings=SWINGS, reference_inertia=reference)
+    return dict(zip(SWINGS, found, strict=True))
+
+
+@lru_cache
+def top(bat: str, what: str, swing: float | None = 0.0) -> Peak:
+    """Return the greatest e, BPF, e_A or v_f_mph of a bat in the standard game."""
+    return profiled(bat)[swing].peaks[what]
+
+
+def lead(first: str, second: str, swing: float | None = 0.0) -> float:
+    """Return the greatest v_f of a bat less that of another [mph]."""
+    return top(first, "v_f_mph", swing).value - top(second, "v_f_mph", swing).value
+
+
+def support(name: str) -> Support:
+    """Return a support: the pivot of the tests, the clamped handle, hands as a stiff spring."""
+    supports: dict[str, Support] = {
+        "free": Free(),
+        "pivoted": Pinned(28 * INCH),
+        "clamped": Clamped(33 * INCH),
+        "held": Pinned(31 * INCH, SOFT),
+    }
+    return supports[name]
+
+
+@lru_cache
+def model(bat: str, held: str = "free", modes: int = BENDING_MODES) -> ModalModel:
+    if held == "free" and modes == BENDING_MODES:
+        return free_model(body(bat))
+    return ModalModel.of(body(bat), support(held), modes)
+
+
+def struck(
+    bat: str | ModalModel,
+    z: ArrayLike,
+    *,
+    held: str = "free",
+    speed: ArrayLike = 160.0,
+    with_ball: str = GAME_BALL,
+) -> Collisions:
+    """Return collisions at places, at a relative speed each or at one."""
+    places = np.atleast_1d(np.asarray(z, dtype=float))
+    scenes = Scenes.with_ball(
+        ball(with_ball),
+        impact_position=places * INCH,
+        relative_speed=np.broadcast_to(np.asarray(speed, dtype=float), places.shape) * MPH,
+    )
+    return (model(bat, held) if isinstance(bat, str) else bat).collide(scenes)
+
+
+def recoil(bat: str, z: ArrayLike, held: str = "free") -> Array:
+    """Return r of a free, pivoted or clamped bat."""
+    own, place, mass = beam(bat), np.asarray(z, dtype=float) * INCH, ball().mass
+    if held == "clamped":
+        return np.zeros_like(place)
+    if held == "pivoted":
+        axis = own.length - 6 * INCH
+        return np.asarray(recoil_factor_pivoted(mass, own.inertia(axis), axis - place))
+    return np.asarray(recoil_factor_free(mass, own.mass, own.inertia_cm, place - own.z_cm))
+
+
+def restitution(
+    bat: str, z: ArrayLike, held: str = "free", speed: float = 160.0, with_ball: str = GAME_BALL
+) -> Array:
+    """Return e by Eq. (6)."""
+    found = struck(bat, z, held=held, speed=speed, with_ball=with_ball).collision_efficiency
+    return np.asarray(restitution_from_efficiency(found, recoil(bat, z, held)))
+
+
+def percussion(bat: str) -> float:
+    """Return the centre of percussion of the pivot 6 in from the knob."""
+    own = beam(bat)
+    pivot = own.length - 6 * INCH
+    return float(centre_of_percussion(own.z_cm, own.inertia_cm, own.mass, pivot)) / INCH
+
+
+def top_of(z: ArrayLike, e_A: ArrayLike, pitch: float, bat_speed: ArrayLike) -> Peak:
+    """Return the greatest v_f [mph] of a curve of e_A, by Eq. (3)."""
+    speeds = batted_speed(np.asarray(e_A), pitch, np.asarray(bat_speed))
+    return peak(np.asarray(z, dtype=float), np.asarray(speeds))
+
+
+def nominal(bat: str, z: ArrayLike, swing: float | None = 0.0) -> Array:
+    """Return the bat's speed in the standard game [mph]."""
+    own = profiled(bat)[swing]
+    return np.asarray(np.interp(np.asarray(z, dtype=float), own.z / INCH, own.bat_speed / MPH))
+
+
+def thinned(bat: str, factor: float) -> BatBody:
+    """Return a body with a thinner shell, its hoop mode softer and lighter as a shell's is.
+
+    The frequency of a shell that bends goes as its thickness, and so does the mass.
+    """
+    own = body(bat)
+    assert own.profile.wall is not None
+    assert own.hoop is not None
+    return replace(
+        own,
+        profile=replace(own.profile, wall=tuple(factor * wall for wall in own.profile.wall)),
+        hoop=replace(
+            own.hoop,
+            frequency=factor * own.hoop.frequency,
+            modal_mass=factor * own.hoop.modal_mass,
+        ),
+    )

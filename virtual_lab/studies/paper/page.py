@@ -1,0 +1,67 @@
+"""The paper's Figs. 2 to 4 on one page, as this library computes them, with the table of claims."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from virtual_lab.output.chart_page import chart_page
+from virtual_lab.output.style import STYLE
+from virtual_lab.studies.bats.compare import Compared
+from virtual_lab.studies.bats.curves import plot_comparison, plot_profile
+from virtual_lab.studies.paper.claim import Row
+from virtual_lab.studies.paper.computed import ALUMINIUM, BARREL, KNOB, WOOD, profiled
+from virtual_lab.studies.paper.text import cells
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["draw_page", "write_page"]
+
+SIZE = (12.6, 6.6)  # in
+ROOM = 0.22  # of a panel's height, for its legend below the curves
+TITLE = "Characterizing the performance of baseball bats: the paper and the virtual laboratory"
+WORDS = (
+    "Figs. 2 to 4 of the paper of 2003 as this laboratory computes them, and the numbers and "
+    "claims of its Secs. II to VI: what it says, what we find, how far apart, and how far apart "
+    "they may be, with the reason."
+)
+PAIRS = (
+    ("Fig. 3: wood and aluminium", WOOD, ALUMINIUM),
+    ("Fig. 4: barrel- and knob-loaded", BARREL, KNOB),
+)
+
+
+def draw_page() -> Figure:
+    """Return Fig. 2 beside Figs. 3 and 4, each bat swung with n = 0 and 0.5."""
+    from matplotlib import style
+    from matplotlib.figure import Figure
+
+    with style.context(STYLE, after_reset=True):
+        figure = Figure(figsize=SIZE, dpi=150, layout="constrained")
+        grid = figure.add_gridspec(1, 3, wspace=0.03)
+        parts = [figure.add_subfigure(grid[0, column]) for column in range(3)]
+        above, below = parts[0].subplots(2, 1, sharex=True)
+        plot_profile(above, below, profiled(WOOD)[0.0].table)
+        above.set_title("Fig. 2: wood, swung at 45 rad/s")
+        bare = []
+        for part, (title, first, second) in zip(parts[1:], PAIRS, strict=True):
+            swung = tuple(profiled(bat)[n] for bat in (first, second) for n in (0.0, 0.5))
+            top, middle, bottom = panels = part.subplots(3, 1, sharex=True)
+            plot_comparison(panels, Compared(profiles=swung).curves)
+            top.set_title(title)
+            for axes in (top, bottom):
+                axes.legend(loc="lower center", ncols=2)
+            bare.append(middle)
+        for axes in figure.axes:
+            if axes not in bare:
+                low, high = axes.get_ylim()
+                axes.set_ylim(low - ROOM * (high - low), high)
+    return figure
+
+
+def write_page(rows: Sequence[Row], figure: Figure, path: Path) -> None:
+    """Write figure and table as one HTML page that needs nothing but itself."""
+    table = [cell | {"reason": row.claim.why} for cell, row in zip(cells(rows), rows, strict=True)]
+    path.write_text(chart_page(TITLE, WORDS, figure, table), encoding="utf-8")
