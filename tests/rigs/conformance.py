@@ -71,20 +71,20 @@ class Bench:
             bat=draw_bat(bat, draws), balls=draw_balls(ball, SHOTS, draws), collision=_Modal()
         )
 
-    def order(self, shots: int = SHOTS, block: int = 0) -> Order:
-        """Ask for the first `shots` balls of the lot, one each."""
+    def order(self, shots: int = SHOTS, first: int = 0) -> Order:
+        """Ask for the first `shots` balls of the lot, one each, as shots `first` and up."""
         return Order(
+            slot=first + np.arange(shots),
             ball=np.arange(shots),
             speed=np.full(shots, SPEED),
             place=np.full(shots, PLACE),
             turn_rate=TURN_RATE if "swing" in self.rig.channels else 0.0,
-            block=block,
         )
 
-    def play(self, *, seed: int = SEED, shots: int = SHOTS, block: int = 0) -> Play:
+    def play(self, *, seed: int = SEED, shots: int = SHOTS, first: int = 0) -> Play:
         """Commission anew and play: two calls share nothing but their arguments."""
         draws = Streams(seed)
-        return self.rig.commission(draws).play(self.order(shots, block), self.specimen, draws)
+        return self.rig.commission(draws).play(self.order(shots, first), self.specimen, draws)
 
 
 def same(left: Mapping[str, Record], right: Mapping[str, Record]) -> bool:
@@ -156,10 +156,10 @@ def other_seed_other_records(bench: Bench) -> None:
     assert not same(bench.play().records, bench.play(seed=SEED + 1).records)
 
 
-def other_block_other_noise(bench: Bench) -> None:
-    """Shots of another block scatter anew. A bench, which has no shots, may ignore blocks."""
+def other_shots_other_noise(bench: Bench) -> None:
+    """Shots of other numbers have other noise. A bench has no shots."""
     if bench.rig.stage is not Stage.BENCH:
-        assert not same(bench.play().records, bench.play(block=1).records)
+        assert not same(bench.play().records, bench.play(first=SHOTS).records)
 
 
 def fewer_shots_same_shapes(bench: Bench) -> None:
@@ -281,7 +281,7 @@ CHECKS: tuple[Callable[[Bench], None], ...] = (
     records_survive_the_disk,
     same_seed_same_records,
     other_seed_other_records,
-    other_block_other_noise,
+    other_shots_other_noise,
     fewer_shots_same_shapes,
     true_constants_are_known_ones,
     quiet_laboratory_is_nominal,

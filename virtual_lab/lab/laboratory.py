@@ -179,7 +179,6 @@ class Laboratory:
             order = replace(
                 self._order(np.arange(fired.size, fired.size + places.size), places),
                 turn_rate=turn_rate,
-                block=len(rounds),
                 motion=self.motion,
             )
             orders.append(order)
@@ -216,6 +215,7 @@ class Laboratory:
     def _order(self, shot: NDArray[np.int_], place: Array | float) -> Order:
         """Return an order of shots that take the balls in turn."""
         return Order(
+            slot=shot,
             ball=shot % self.rules.spec.balls,
             speed=np.full(shot.shape, self.rules.spec.ball_speed),
             place=np.broadcast_to(np.asarray(place, dtype=float), shot.shape),
@@ -228,6 +228,7 @@ class Laboratory:
         speeds = np.tile(procedure.wall_speeds, procedure.wall_hits)
         ball = balls.repeat(speeds.size)
         return Order(
+            slot=np.arange(ball.size),
             ball=ball,
             speed=np.tile(speeds, balls.size),
             place=np.zeros(ball.shape),

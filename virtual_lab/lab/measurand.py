@@ -64,6 +64,7 @@ def results_along(
     """Return what an error-free test finds at `places` [m], and the bat's true properties."""
     beam = beam_of(specimen.bat.body)
     order = Order(
+        slot=np.arange(places.size),
         ball=np.zeros(places.shape, dtype=int),
         speed=np.full(places.shape, procedure.ball_speed),
         place=places,

@@ -40,7 +40,7 @@ def timed(course: Course) -> Flights:
 
 
 def seen_by(camera, course: Course, rung: Rung, draws=None, bat=None) -> Sightings:
-    record, _ = camera.watch(course, draws or Quiet(), "clip", 0, rung, bat)
+    record, _ = camera.watch(course, draws or Quiet(), "clip", np.arange(3), rung, bat)
     return sight(record, camera.calibration(), 0.0365)
 
 
@@ -199,7 +199,7 @@ def test_a_rebound_the_gates_missed_gives_none() -> None:
 def test_bad_windows_are_named() -> None:
     """Pixels or background that are missing, windows outside the frame."""
     camera, course = camera_of(spec_of("camera-overhead"), Quiet()), course_of()
-    record, _ = camera.watch(course, Quiet(), "clip", 0)
+    record, _ = camera.watch(course, Quiet(), "clip", np.arange(3))
     assert isinstance(record, ClipRecord)
     known = camera.calibration()
     with pytest.raises(InputError, match="pixels"):

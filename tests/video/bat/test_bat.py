@@ -45,7 +45,7 @@ def films(camera: Camera, bat: Bat, angles: Array, seed: int) -> list[NDArray[np
     for number, angle in enumerate(angles):
         light = still[None].copy()
         camera.put(bat, np.array([angle]), corner, light)
-        grey = camera.sensor.expose(light, corner, Streams(seed), f"film.{number}", 0, 2.5e-5)
+        grey = camera.sensor.expose(light, corner, Streams(seed), f"film.{number}", None, 2.5e-5)
         frames.append(grey[0])
     return frames
 
@@ -98,7 +98,7 @@ def test_windows_about_the_ball_show_enough_of_it() -> None:
     spec = spec_of("camera-overhead", window=224, frames_in=6, frames_out=18, empty_frames=16)
     camera, course = camera_of(spec, Streams(2)), course_of()
     bat = bat_of(course)
-    record, truth = camera.watch(course, Streams(4), "clip", 0, bat=bat)
+    record, truth = camera.watch(course, Streams(4), "clip", np.arange(3), bat=bat)
     assert record.background is not None
     assert record.pixels is not None
     outline = outline_in(camera, record.background, bat)

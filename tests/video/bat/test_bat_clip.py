@@ -50,7 +50,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     camera, course = camera_of(spec, Streams(3)), course_of()
     bat = bat_of(course)
     assert set(bat.rate) == {RATE}
-    frames = list(whole_frames(camera, course, Streams(4), "film", 0, bat))
+    frames = list(whole_frames(camera, course, Streams(4), "film", np.arange(3), bat))
     np.save(at / "clip.npy", np.stack([frame for _, frame in frames]))
     stamps = "".join(f"{stamp!r}\n" for stamp, _ in frames)
     (at / "clip.csv").write_text(f"time_s\n{stamps}")

@@ -61,7 +61,7 @@ def test_a_stitched_ball_that_spins_is_tracked_better_than_in_a_hurry(tmp_path: 
     course = replace(
         course, passage=flight, leaving=course.contact, spin_in=spin[0], spin_out=spin[1]
     )
-    stamps, frames = zip(*whole_frames(camera, course, draws, "film"), strict=True)
+    stamps, frames = zip(*whole_frames(camera, course, draws, "film", np.arange(3)), strict=True)
     np.save(tmp_path / "clip.npy", np.stack(frames))
     (tmp_path / "stamps.csv").write_text("\n".join(map(repr, stamps)))
     lens = camera.lens

@@ -59,7 +59,7 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> Clip:
     course = replace(course, passage=flight)
     bat = bat_of(course)
     bat = replace(bat, pivot=(bat.pivot[0] - DEEP, bat.pivot[1]))
-    frames = list(whole_frames(camera, course, Streams(4), "film", 0, bat))
+    frames = list(whole_frames(camera, course, Streams(4), "film", np.arange(3), bat))
     np.save(at / "clip.npy", np.stack([frame for _, frame in frames]))
     (at / "clip.csv").write_text("time_s\n" + "".join(f"{stamp!r}\n" for stamp, _ in frames))
     text = calibration(camera, bat)
