@@ -13,7 +13,7 @@ documents.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from math import inf
 from pathlib import Path
@@ -26,6 +26,7 @@ from virtual_lab.records import RECORD_TYPES, Record
 from virtual_lab.records.session import Session, load_session, save_session
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import CollisionModel, Scenes
+from virtual_lab.simulation.instruments import Rung
 from virtual_lab.simulation.physics.supports import Support
 from virtual_lab.simulation.rig import ImpactStation, Order, Play, Rig, Specimen, Stage, Station
 from virtual_lab.simulation.truth import TrueOutcome, draw_balls, draw_bat
@@ -162,6 +163,44 @@ def other_shots_other_noise(bench: Bench) -> None:
         assert not same(bench.play().records, bench.play(first=SHOTS).records)
 
 
+def a_shot_hangs_on_its_number_alone(bench: Bench) -> None:
+    """Give each shot the bits it had when it is fired in another order, or in another round.
+
+    On either rung of the instruments; what is read once a laboratory stays as it was too.
+    """
+    draws = Streams(SEED)
+    station = bench.rig.commission(draws)
+    for rung in Rung:
+        order = replace(bench.order(), rung=rung)
+        whole = station.play(order, bench.specimen, draws)
+        for rows in ([2, 0, 3, 1], [1], [3, 2]):
+            part = station.play(_rows_of(order, rows), bench.specimen, draws)
+            assert part.records.keys() == whole.records.keys()
+            for channel, record in part.records.items():
+                first = whole.records[channel]
+                for field, axes in _axes_of(record).items():
+                    own, all_of = getattr(record, field), getattr(first, field)
+                    grows = axes[0] == "shot" or channel == "ball-mass"
+                    expected = all_of[rows] if grows else all_of
+                    assert np.array_equal(own, expected, equal_nan=True), f"{channel}.{field}"
+            for name, values in part.truth.items():
+                first = whole.truth[name]
+                expected = first if bench.rig.stage is Stage.BENCH else first[rows]
+                assert np.array_equal(values, expected, equal_nan=True), name
+
+
+def _rows_of(order: Order, rows: list[int]) -> Order:
+    own = {name: getattr(order, name)[rows] for name in ("slot", "ball", "speed", "place")}
+    return replace(order, **own)
+
+
+def _axes_of(record: Record) -> dict[str, tuple[str, ...]]:
+    """Return the axes of all that a record holds, columns and what is attached."""
+    columns = {field: column.axes for field, column in record.columns.items()}
+    there = {name: axes for name, axes in record.attached.items() if len(getattr(record, name))}
+    return columns | there
+
+
 def fewer_shots_same_shapes(bench: Bench) -> None:
     """Only the shot axis knows how many shots there were (and the items of a bench)."""
     many, few = bench.play(), bench.play(shots=FEWER)
@@ -282,6 +321,7 @@ CHECKS: tuple[Callable[[Bench], None], ...] = (
     same_seed_same_records,
     other_seed_other_records,
     other_shots_other_noise,
+    a_shot_hangs_on_its_number_alone,
     fewer_shots_same_shapes,
     true_constants_are_known_ones,
     quiet_laboratory_is_nominal,

@@ -302,7 +302,7 @@ def test_heights_scatter_as_they_say(slope: float) -> None:
     def seen(spec: LightBoardSpec, seed: int) -> Passages:
         boards = LightBoards.commission(spec, Streams(seed), "b")
         meeting = np.full(n, CONTACT), np.full(n, LEAVING)
-        record = boards.watch(passage, *meeting, Streams(seed), "b", FIRST)
+        record = boards.watch(passage, *meeting, Streams(seed), "b", np.arange(n))
         return passages(record, lowest=LOWEST, pitch=PITCH)
 
     every = [seen(noisy, seed) for seed in range(150)]

@@ -16,6 +16,7 @@ from annotated_types import Ge, Gt, Lt, MinLen
 from numpy.typing import NDArray
 
 from virtual_lab.catalog.specs import Dimension, Spec
+from virtual_lab.errors import InputError
 from virtual_lab.records import BoardRecord, PassageRecord
 from virtual_lab.simulation.instruments import Rung
 from virtual_lab.simulation.instruments.board_sums import gain_table
@@ -152,6 +153,8 @@ class LightBoards:
         rung: Rung = Rung.FULL,
     ) -> BoardRecord | PassageRecord:
         """Record balls that reach the target at `contact` and leave it at `leaving` [s]."""
+        if slots.shape != contact.shape:
+            raise InputError("", "slots", slots.shape, f"allowed: one a shot, {contact.shape}")
         record = self._edges if rung is Rung.FULL else self._sums
         return record(passage, contact, leaving, draws, name, slots)
 
