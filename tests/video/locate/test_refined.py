@@ -79,7 +79,9 @@ def test_a_stitched_ball_that_spins_is_tracked_better_than_in_a_hurry(tmp_path: 
         timestamps=str(tmp_path / "stamps.csv"),
         drag_per_m=0.0069,
     )
-    shown = take(spec, lens, camera.clock, course, camera.plane, draws, "film", 0, whole=True)
+    shown = take(
+        spec, lens, camera.clock, course, camera.plane, draws, "film", np.arange(3), whole=True
+    )
     true = shown.outlines.middle[shown.shot == 0]
     scatter, found = {}, {}
     for name, locator in (("quick", quick), ("refined", Refined())):

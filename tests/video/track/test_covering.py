@@ -66,7 +66,15 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> Clip:
     (at / "cal.toml").write_text(f"drag_per_m = {DRAG}\n{text}")
     (at / "bare.toml").write_text(f"drag_per_m = {DRAG}\n{text[: text.index('[bat]')]}")
     shown = take(
-        spec, camera.lens, camera.clock, course, camera.plane, Streams(4), "film", 0, whole=True
+        spec,
+        camera.lens,
+        camera.clock,
+        course,
+        camera.plane,
+        Streams(4),
+        "film",
+        np.arange(3),
+        whole=True,
     )
     own = shown.shot == 0
     middle, radius = shown.outlines.middle[own], shown.outlines.radius[own]
