@@ -111,7 +111,7 @@ def test_a_ball_behind_a_bat_is_located_by_the_rest_of_it(clip: Clip) -> None:
     knowing, found = followed(clip, "cal.toml")
     bare, before = followed(clip, "bare.toml")
     partly = np.flatnonzero(clip.hidden > 0.1)
-    assert len(partly) > 8
+    assert len(partly) >= 8
     assert clip.hidden.max() > 0.35
 
     def off(rows: dict[int, dict[str, str]], frame: int) -> Array:
