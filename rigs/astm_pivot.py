@@ -150,9 +150,9 @@ class AstmPivotStation:
 
     def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
         """Fire at the bat; every shot finds it at rest and is timed from its trigger."""
-        balls, body, block = specimen.balls, specimen.bat.body, order.block
-        launch = self.cannon.fire(order.speed, draws, "astm-pivot.launch", block)
-        e0 = balls.draw_hits(order.ball, launch.speed, draws, "astm-pivot.hit", block)
+        balls, body, slots = specimen.balls, specimen.bat.body, order.slot
+        launch = self.cannon.fire(order.speed, draws, "astm-pivot.launch", slots)
+        e0 = balls.draw_hits(order.ball, launch.speed, draws, "astm-pivot.hit", slots)
         place = order.place + launch.along
         tilt = contact_angle(specimen, place, launch.across)
         scenes = scenes_of(specimen, order.ball, place, launch.speed * np.cos(tilt), e0)
@@ -183,16 +183,16 @@ class AstmPivotStation:
             rate = self._rate(scenes, efficiency, tilt, specimen)
             span = self.encoder.spec.duration - leaving - GAP
             encoder: Record = self.encoder.sum_up(
-                rate / self.gates.clock, draws, "astm-pivot.encoder", block, span=span, gap=GAP
+                rate / self.gates.clock, draws, "astm-pivot.encoder", slots, span=span, gap=GAP
             )
         else:
             turn = self._recoil(specimen, model, collisions, tilt, contact, leaving)
-            encoder = self.encoder.read(turn, len(contact), draws, "astm-pivot.encoder", block)
+            encoder = self.encoder.read(turn, draws, "astm-pivot.encoder", slots)
         return Play(
             records={
                 "log": order.log(),
                 "gates": self.gates.watch(
-                    passage, contact, leaving, draws, "astm-pivot.gates", block, order.rung
+                    passage, contact, leaving, draws, "astm-pivot.gates", slots, order.rung
                 ),
                 "encoder": encoder,
                 "aim": self.cannon.mark(draws, "astm-pivot.aim"),

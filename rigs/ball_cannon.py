@@ -125,9 +125,9 @@ class BallCannonStation:
 
     def fly(self, order: Order, specimen: Specimen, draws: Draws) -> Flown:
         """Fire at the bat at rest: return what the balls do."""
-        balls, block = specimen.balls, order.block
-        launch = self.cannon.fire(order.speed, draws, "ball-cannon.launch", block)
-        e0 = balls.draw_hits(order.ball, launch.speed, draws, "ball-cannon.hit", block)
+        balls, slots = specimen.balls, order.slot
+        launch = self.cannon.fire(order.speed, draws, "ball-cannon.launch", slots)
+        e0 = balls.draw_hits(order.ball, launch.speed, draws, "ball-cannon.hit", slots)
         place = order.place + launch.along
         across = launch.across - self.holder.height
         tilt = contact_angle(specimen, place, across)
@@ -167,7 +167,7 @@ class BallCannonStation:
             flown.leaving,
             draws,
             "ball-cannon.gates",
-            order.block,
+            order.slot,
             order.rung,
         )
         return Play(

@@ -97,9 +97,9 @@ class BallWallStation:
     def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
         """Fire the balls that `order` names at the wall; its places mean nothing here."""
         balls = specimen.balls
-        launch = self.cannon.fire(order.speed, draws, "ball-wall.launch", order.block)
+        launch = self.cannon.fire(order.speed, draws, "ball-wall.launch", order.slot)
         loss = self._loss(order, specimen, launch.speed)
-        hit = balls.draw_hits(order.ball, launch.speed, draws, "ball-wall.hit", order.block, loss)
+        hit = balls.draw_hits(order.ball, launch.speed, draws, "ball-wall.hit", order.slot, loss)
         back = self.wall_restitution * hit
         passage = Passage(
             speed_in=launch.speed,
@@ -117,7 +117,7 @@ class BallWallStation:
             exponent=np.full(hit.shape, balls.spec.exponent),
         ).time
         record = self.gates.watch(
-            passage, contact, contact + touching, draws, "ball-wall.gates", order.block, order.rung
+            passage, contact, contact + touching, draws, "ball-wall.gates", order.slot, order.rung
         )
         log = order.log()
         return Play(
@@ -130,7 +130,10 @@ class BallWallStation:
         ageing = specimen.balls.spec.ageing
         if ageing is None or self.ideal:
             return np.zeros(speed.shape)
-        return loss_of_restitution(ageing, order.ball, speed, self.rest)
+        turn = np.argsort(order.slot, kind="stable")
+        loss = np.empty(speed.shape)
+        loss[turn] = loss_of_restitution(ageing, order.ball[turn], speed[turn], self.rest)
+        return loss
 
 
 RIG = BallWall()

@@ -108,7 +108,11 @@ class BenchStation:
             records={
                 "bat-mass": self.scale.weigh(beam.mass, repeats, draws, "bench.bat-mass"),
                 "ball-mass": self.scale.weigh(
-                    specimen.balls.mass[order.ball], repeats, draws, "bench.ball-mass"
+                    specimen.balls.mass[order.ball],
+                    repeats,
+                    draws,
+                    "bench.ball-mass",
+                    order.ball,
                 ),
                 "length": self.rule.measure(beam.length, repeats, draws, "bench.length"),
                 "barrel-radius": self.rule.measure(

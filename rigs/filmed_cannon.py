@@ -88,14 +88,14 @@ class FilmedCannonStation(BallCannonStation):
         flown = self.fly(order, specimen, draws)
         timed = self.timed(flown, order, draws)
         course, bat = self.scene(flown, order, specimen, draws)
-        seen, truth = self.camera.watch(course, draws, CLIP, order.block, order.rung, bat)
+        seen, truth = self.camera.watch(course, draws, CLIP, order.slot, order.rung, bat)
         return Play(records={**timed.records, "camera": seen}, truth={**timed.truth, **truth})
 
     def film(self, order: Order, specimen: Specimen, draws: Draws, folder: Path) -> None:
         """Film the first shot of an order, as `play` plays it, in whole frames."""
         flown = self.fly(order, specimen, draws)
         course, bat = self.scene(flown, order, specimen, draws)
-        frames = whole_frames(self.camera, course, draws, CLIP, order.block, bat)
+        frames = whole_frames(self.camera, course, draws, CLIP, order.slot, bat)
         write_films(folder / "shot-0", frames, self.camera.spec)
 
     def scene(
@@ -103,7 +103,6 @@ class FilmedCannonStation(BallCannonStation):
     ) -> tuple[Course, Bat]:
         """Return what is before the camera, in its axes: balls and bat."""
         body, radius = specimen.bat.body, flown.passage.radius
-        shots = len(order.ball)
 
         def touching(place: float | np.ndarray, across: float | np.ndarray) -> np.ndarray:
             reach = outer_diameter(body.profile, np.asarray(place)) / 2 + radius
@@ -117,9 +116,9 @@ class FilmedCannonStation(BallCannonStation):
             contact=flown.contact,
             leaving=flown.leaving,
             along=self.spec.over - flown.place,
-            spin_in=self._spin("in", self.spec.spin_in, shots, order, draws),
-            spin_out=self._spin("out", self.spec.spin_out, shots, order, draws),
-            stand=self._spin("stand", np.pi, shots, order, draws),
+            spin_in=self._spin("in", self.spec.spin_in, order, draws),
+            spin_out=self._spin("out", self.spec.spin_out, order, draws),
+            stand=self._spin("stand", np.pi, order, draws),
         )
         beam = beam_of(body)
         mass, lever = specimen.balls.mass[order.ball], axis - flown.place
@@ -135,8 +134,8 @@ class FilmedCannonStation(BallCannonStation):
         return course, bat
 
     @staticmethod
-    def _spin(name: str, scatter: float, shots: int, order: Order, draws: Draws) -> np.ndarray:
-        drawn = draws.normal(f"filmed-cannon.spin.{name}", (shots, 3), order.block)
+    def _spin(name: str, scatter: float, order: Order, draws: Draws) -> np.ndarray:
+        drawn = draws.normal(f"filmed-cannon.spin.{name}", 3, order.slot)
         return np.asarray(scatter * drawn)
 
 

@@ -144,8 +144,8 @@ class NcaaSwingStation:
 
     def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
         """Fire at the turning bat; the ball is timed in and out, the shaft up to contact."""
-        balls, body, block = specimen.balls, specimen.bat.body, order.block
-        launch = self.cannon.fire(order.speed, draws, "ncaa-swing.launch", block)
+        balls, body, slots = specimen.balls, specimen.bat.body, order.slot
+        launch = self.cannon.fire(order.speed, draws, "ncaa-swing.launch", slots)
         swing = self._swing(order, draws)
         axis = body.length - self.holder.from_knob
         # the ball flies at a set distance from the axis and meets a slanting bat farther out
@@ -156,7 +156,7 @@ class NcaaSwingStation:
         across = launch.across - self.holder.height
         tilt = contact_angle(specimen, axis - lever, across)
         closing = launch.speed * cosine + bat_speed
-        e0 = balls.draw_hits(order.ball, closing, draws, "ncaa-swing.hit", block)
+        e0 = balls.draw_hits(order.ball, closing, draws, "ncaa-swing.hit", slots)
         scenes = scenes_of(specimen, order.ball, axis - lever, closing * np.cos(tilt), e0)
         efficiency, contact_time = struck(
             specimen, order.rung, scenes, self.holder.from_knob, self.holder.spec.from_knob
@@ -180,7 +180,7 @@ class NcaaSwingStation:
             records={
                 "log": order.log(),
                 "gates": self.gates.watch(
-                    passage, contact, leaving, draws, "ncaa-swing.gates", block, order.rung
+                    passage, contact, leaving, draws, "ncaa-swing.gates", slots, order.rung
                 ),
                 "swing": self._count(order, swing, contact, draws),
                 "aim": self.cannon.mark(draws, "ncaa-swing.aim"),
@@ -205,10 +205,10 @@ class NcaaSwingStation:
         return error_free(order, specimen, support, from_knob)
 
     def _swing(self, order: Order, draws: Draws) -> _Swing:
-        drive, shots = self.drive, len(order.place)
-        scatter, late = draws.normal("ncaa-swing.drive", (2, shots), order.block)
+        drive = self.drive
+        scatter, late = draws.normal("ncaa-swing.drive", 2, order.slot).T
         even = order.turn_rate * (1 + drive.speed_scatter * scatter)
-        phase = tau * draws.uniform("ncaa-swing.ripple", shots, order.block)
+        phase = tau * draws.uniform("ncaa-swing.ripple", slots=order.slot)
         return _Swing(
             angle=even * drive.timing_scatter * late,
             rate=even * (1 + drive.ripple * np.cos(phase)),
@@ -218,11 +218,11 @@ class NcaaSwingStation:
 
     def _count(self, order: Order, swing: _Swing, contact: Array, draws: Draws) -> Record:
         """Record the shaft; the recorder's ticks are the boards' clock. It stops at contact."""
-        name, block = "ncaa-swing.encoder", order.block
+        name, slots = "ncaa-swing.encoder", order.slot
         if order.rung is Rung.SUMMED:
             rate = swing.rate / self.gates.clock
             return self.encoder.sum_up(
-                rate, draws, name, block, span=contact - GAP, gap=GAP, angle=swing.angle
+                rate, draws, name, slots, span=contact - GAP, gap=GAP, angle=swing.angle
             )
         ticks = self.encoder.spec.sample_times() / self.gates.clock
         turned = tau * self.drive.ripple_frequency
@@ -234,7 +234,7 @@ class NcaaSwingStation:
             droop, ripple = self.drive.droop / 2, self.drive.ripple / turned
             return np.asarray(angle + even * (since * (1 + droop * since) + ripple * wave))
 
-        return self.encoder.read(turn, len(contact), draws, name, block)
+        return self.encoder.read(turn, draws, name, slots)
 
 
 RIG = NcaaSwing()

@@ -1,111 +1,224 @@
-"""Random streams: known answers, independence, silence, and the commitment to a seed."""
+"""Random numbers: known answers, independence, silence, and the commitment to a seed."""
 
 import hashlib
 from math import sqrt
+from struct import unpack
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
+from scipy.special import ndtri
 
+from virtual_lab.errors import InputError
+from virtual_lab.philox import fill
 from virtual_lab.streams import Quiet, Streams, commitment
 
 NAMES = st.text(min_size=1, max_size=20)
 SEEDS = st.integers(0, 2**128)
-UNIFORM = [-0.3416412646067073, 0.22645349268755988, 0.36871685880759497]
-NORMAL = [0.14407005175868343, -2.5716284159917735, 0.20309342430394695]
+WORDS = st.integers(0, 2**32 - 1)
 COMMITMENT = "3076cf22759f6d8e5b10a51e798f9d9a70deb65546b5c95096962772c3e592f4"
+# philox4x32 10 of kat_vectors in the Random123 library: counter, key, answer
+KNOWN = (
+    ("00000000 00000000 00000000 00000000", "00000000 00000000",
+     "6627e8d5 e169c58d bc57ac4c 9b00dbd8"),
+    ("ffffffff ffffffff ffffffff ffffffff", "ffffffff ffffffff",
+     "408f276d 41c83b0e a20bc7c6 6d5451fd"),
+    ("243f6a88 85a308d3 13198a2e 03707344", "a4093822 299f31d0",
+     "d16cfe09 94fdcceb 5001e420 24126ea1"),
+)  # fmt: skip
 
 
-def test_known_answers() -> None:
-    """Written down on the day of release: what a seed gives must never change again."""
-    draws = Streams(20030101)
-    assert draws.uniform("gates.start", 3).tolist() == UNIFORM
-    assert draws.normal("gates.jitter", 3, 7).tolist() == NORMAL
+def _words(text: str) -> tuple[int, ...]:
+    return tuple(int(word, 16) for word in text.split())
 
 
-@given(seed=SEEDS, name=NAMES, block=st.integers(0, 2**32 - 1))
-def test_a_stream_is_numpys_own_by_seed_name_and_block(seed: int, name: str, block: int) -> None:
-    """design.md: SeedSequence(seed, spawn_key=(crc32(name), block)); CRC-32 bit by bit here."""
-    sequence = np.random.SeedSequence(seed, spawn_key=(_crc32(name.encode()), block))
-    expected = np.random.Generator(np.random.PCG64DXSM(sequence)).standard_normal((2, 3))
-    assert np.array_equal(Streams(seed).normal(name, (2, 3), block), expected)
+def philox(counter: tuple[int, ...], key: tuple[int, ...]) -> tuple[int, ...]:
+    """Philox4x32-10 in whole numbers of Python, after Salmon et al., SC11, section 4.3."""
+    a, b, c, d = counter
+    x, y = key
+    for _ in range(10):
+        p, q = a * 0xD2511F53, c * 0xCD9E8D57
+        a, b, c, d = q >> 32 ^ b ^ x, q % 2**32, p >> 32 ^ d ^ y, p % 2**32
+        x, y = (x + 0x9E3779B9) % 2**32, (y + 0xBB67AE85) % 2**32
+    return a, b, c, d
 
 
-def test_many_numbers_are_numpys_own_too() -> None:
-    """Bit for bit, over lengths that end runs of bits anywhere; the longest passes 4 sigma."""
-    for seed, shape in enumerate([(4096,), (3, 5461), (16_320,), (50_001,), (2, 3, 250_000)]):
-        sequence = np.random.SeedSequence(seed, spawn_key=(_crc32(b"hit"), 0))
-        expected = np.random.Generator(np.random.PCG64DXSM(sequence)).standard_normal(shape)
-        assert np.array_equal(Streams(seed).normal("hit", shape), expected)
-    assert np.abs(expected).max() > 4
+def key_of(seed: int, branch: tuple[int, ...], name: str) -> tuple[int, ...]:
+    owner = "/".join([str(seed), *map(str, branch), name])
+    return unpack("<3I", hashlib.blake2b(owner.encode(), digest_size=12).digest())
 
 
-def _crc32(data: bytes) -> int:
-    """CRC-32 of IEEE 802.3, polynomial 0xEDB88320 reflected."""
-    crc = 0xFFFFFFFF
-    for byte in data:
-        crc ^= byte
-        for _ in range(8):
-            crc = crc >> 1 ^ 0xEDB88320 * (crc & 1)
-    return crc ^ 0xFFFFFFFF
+def uniform_of(seed: int, branch: tuple[int, ...], name: str, slot: int, index: int) -> float:
+    """Return one number between -1/2 and 1/2, from its counter alone."""
+    *key, tag = key_of(seed, branch, name)
+    words = philox((index // 2, slot, 0, tag), tuple(key))
+    low, high = words[2 * (index % 2) :][:2]
+    return ((high << 32 | low) >> 12) * 2.0**-52 - 0.5 + 2.0**-53
 
 
-@given(seed=SEEDS, name=NAMES, other=NAMES, block=st.integers(0, 1000))
-def test_order_does_not_matter(seed: int, name: str, other: str, block: int) -> None:
+@pytest.mark.parametrize(("counter", "key", "answer"), KNOWN)
+def test_the_oracle_gives_the_known_answers(counter: str, key: str, answer: str) -> None:
+    """Those published with Random123."""
+    assert philox(_words(counter), _words(key)) == _words(answer)
+
+
+@given(
+    seed=SEEDS,
+    branch=st.lists(st.integers(0, 2**40), max_size=2),
+    name=NAMES,
+    slots=st.lists(WORDS, min_size=1, max_size=5),
+    each=st.integers(1, 7),
+)
+def test_every_number_is_that_of_its_counter(
+    seed: int, branch: list[int], name: str, slots: list[int], each: int
+) -> None:
+    """Seed, branch and name by key, slot and index by counter; nothing else comes into it."""
+    own = tuple(branch)
+    found = Streams(seed, own).uniform(name, each, np.array(slots))
+    expected = [[uniform_of(seed, own, name, slot, i) for i in range(each)] for slot in slots]
+    assert found.tolist() == expected
+
+
+@pytest.mark.parametrize("each", [1, 2, 3, 255, 256, 257, 511, 512, 513, 1537])
+def test_many_numbers_are_counted_alike(each: int) -> None:
+    """Across the chunks of the compiled code: every slot alone, and sampled against the oracle."""
+    slots = np.array([5, 0, 2**32 - 1, 7, 7, 300])
+    found = Streams(3).uniform("many", each, slots)
+    for row, slot in zip(found, slots, strict=True):
+        assert np.array_equal(row, Streams(3).uniform("many", each, np.array([slot]))[0])
+        for index in (0, each // 2, each - 1):
+            assert row[index] == uniform_of(3, (), "many", int(slot), index)
+
+
+def test_slots_by_the_thousand() -> None:
+    """Odd and even numbers a slot: a row hangs on its slot, wherever it stands."""
+    slots = np.random.default_rng(1).permutation(5000)
+    for each in (1, 2, 5, 6):
+        found = Streams(4).normal("a", each, slots)
+        in_turn = Streams(4).normal("a", each, np.arange(5000))
+        assert np.array_equal(found, in_turn[slots])
+        assert np.array_equal(in_turn[::7], Streams(4).normal("a", each, np.arange(0, 5000, 7)))
+
+
+def test_normal_numbers_are_the_quantiles_of_the_uniform_ones() -> None:
+    """The inverse normal of scipy, of the same numbers: 2e-15 of each, over 400 000."""
+    n = 400_000
+    uniform, normal = Streams(6).uniform("x", n), Streams(6).normal("x", n)
+    exact = -np.sign(uniform) * ndtri(0.5 - np.abs(uniform))
+    assert np.abs(normal / exact - 1).max() < 2e-15
+    assert np.abs(normal).max() > 4.5
+
+
+def test_the_farthest_tails() -> None:
+    """Down to 2^-53, which one number in 5e15 meets: by the kernel's own steps, against scipy."""
+    from virtual_lab import philox as compiled
+
+    tail = 2.0 ** -np.arange(4.0, 54.0)
+    numbers = np.concatenate([0.5 - tail, tail - 0.5])
+    exact = np.concatenate([-ndtri(tail), ndtri(tail)])
+    size = numbers.size
+    compiled._normal(numbers, np.empty(size), np.empty(size + 1), np.empty(size + 1, np.int64))
+    assert np.abs(numbers / exact - 1).max() < 2e-15
+    assert exact.max() > 8.2
+
+
+def test_words_at_the_ends_stay_between_the_halves() -> None:
+    """Numbers are odd multiples of 2^-53: never 0, and as far above -1/2 as below 1/2."""
+    n = 200_000
+    steps = Streams(8).uniform("x", n) * 2.0**53
+    assert np.all(steps % 2 == 1)
+    assert np.abs(steps).max() < 2.0**52
+
+
+@pytest.mark.parametrize("slots", [[-1], [0, 2**32], [3, -7]])
+def test_slots_that_cannot_be_counted_are_refused(slots: list[int]) -> None:
+    with pytest.raises(InputError, match="allowed as slots"):
+        Streams(1).normal("a", 2, np.array(slots))
+    assert not fill((0, 0, 0), np.array(slots), 2, True, np.empty(2 * len(slots)))
+
+
+@given(seed=SEEDS, name=NAMES, other=NAMES, slot=WORDS)
+def test_order_does_not_matter(seed: int, name: str, other: str, slot: int) -> None:
     """What was asked before, and of whom, changes nothing."""
-    first = Streams(seed).normal(name, 4, block)
+    slots = np.array([slot])
+    first = Streams(seed).normal(name, 4, slots)
     draws = Streams(seed)
     draws.uniform(other, 100)
-    draws.normal(name, 1, block)
-    assert np.array_equal(draws.normal(name, 4, block), first)
+    draws.normal(name, 1, slots)
+    assert np.array_equal(draws.normal(name, 4, slots), first)
 
 
-def test_more_shots_keep_the_first_ones() -> None:
-    """A vector drawn longer starts the same (a property of PCG64 streams)."""
+def test_without_slots_numbers_are_those_of_slot_0() -> None:
     draws = Streams(5)
-    assert np.array_equal(draws.normal("a", 1000)[:10], draws.normal("a", 10))
+    assert np.array_equal(draws.normal("a", (2, 3)), draws.normal("a", (2, 3), np.array([0]))[0])
+    assert np.array_equal(draws.normal("a", 1000)[:11], draws.normal("a", 11))
 
 
 @pytest.mark.parametrize(
     "pair",
     [
-        (("a", 0, 1), ("b", 0, 1)),
-        (("a", 0, 1), ("a", 1, 1)),
-        (("a", 0, 1), ("a", 0, 2)),
-        (("a", 0, 2**64), ("a", 0, 2**64 + 1)),
+        ((1, (), "a", 0), (1, (), "b", 0)),
+        ((1, (), "a", 0), (1, (), "a", 1)),
+        ((1, (), "a", 0), (2, (), "a", 0)),
+        ((2**127, (), "a", 0), (2**127 + 1, (), "a", 0)),
+        ((7, (), "a", 0), (7, (0,), "a", 0)),
+        ((7, (0,), "a", 0), (7, (1,), "a", 0)),
     ],
 )
 def test_streams_are_uncorrelated(pair: tuple) -> None:
-    """N = 100 000 pairs, fixed seed: |r| < 4/√n (6e-5 by chance)."""
+    """Seeds, branches, names and slots: N = 100 000 pairs, fixed seed, |r| < 4/√n (6e-5 by chance).
+
+    Squares and products of neighbours too, which a linear relation alone would not show.
+    """
     n = 100_000
-    x, y = (Streams(seed).normal(name, n, block) for name, block, seed in pair)
-    assert abs(np.corrcoef(x, y)[0, 1]) < 4 / sqrt(n)
+    x, y = (
+        Streams(seed, branch).normal(name, n, np.array([slot]))[0]
+        for seed, branch, name, slot in pair
+    )
     assert not np.any(x == y)
+    for left, right in ((x, y), (x**2, y**2), (x[1:], y[:-1]), (x[1:] * x[:-1], y[1:] * y[:-1])):
+        assert abs(np.corrcoef(left, right)[0, 1]) < 4 / sqrt(n)
+
+
+def test_numbers_of_one_slot_and_of_one_index_are_uncorrelated() -> None:
+    """Along the index and along the slots, lags 1 to 8: |r| < 4.5/√n (7e-6 each by chance)."""
+    n = 100_000
+    rows = Streams(2).normal("a", n), Streams(2).normal("a", slots=np.arange(n))
+    for x in rows:
+        for lag in range(1, 9):
+            assert abs(np.corrcoef(x[lag:], x[:-lag])[0, 1]) < 4.5 / sqrt(n)
 
 
 def test_distributions_are_the_standard_ones() -> None:
-    """Kolmogorov-Smirnov against the exact laws, n = 20 000, p > 1e-3 at a fixed seed."""
-    draws = Streams(77)
-    assert stats.kstest(draws.normal("n", 20_000), "norm").pvalue > 1e-3
-    assert stats.kstest(draws.uniform("u", 20_000), "uniform", (-0.5, 1)).pvalue > 1e-3
+    """Kolmogorov-Smirnov against the exact laws, n = 200 000, p > 1e-3 at a fixed seed."""
+    draws, slots = Streams(77), np.arange(50_000)
+    for normal in (draws.normal("n", 200_000), draws.normal("n", 4, slots).ravel()):
+        assert stats.kstest(normal, "norm").pvalue > 1e-3
+    assert stats.kstest(draws.uniform("u", 200_000), "uniform", (-0.5, 1)).pvalue > 1e-3
+    bits = np.unpackbits(((draws.uniform("u", 100_000) + 0.5) * 256).astype(np.uint8)[:, None], 1)
+    ones = bits.sum(axis=0, dtype=int)
+    assert np.abs(ones - 50_000).max() < 4.5 * sqrt(25_000)
 
 
 def test_shapes() -> None:
-    """A number where nothing is asked, an array where a shape is."""
+    """A number where nothing is asked, an array where a shape is; a leading axis of slots."""
     for draws in (Streams(1), Quiet()):
         for draw in (draws.normal, draws.uniform):
             assert np.shape(draw("x")) == ()
             assert np.shape(draw("x", 3)) == (3,)
             assert np.shape(draw("x", (2, 0))) == (2, 0)
+            assert np.shape(draw("x", slots=np.arange(4))) == (4,)
+            assert np.shape(draw("x", 3, np.arange(4))) == (4, 3)
+            assert np.shape(draw("x", (3, 1), np.arange(0))) == (0, 3, 1)
 
 
-@given(name=NAMES, block=st.integers(0, 1000))
-def test_quiet_is_zero(name: str, block: int) -> None:
+@given(name=NAMES, slot=WORDS)
+def test_quiet_is_zero(name: str, slot: int) -> None:
     """The mean of a standard normal and of a uniform about zero is 0."""
-    assert not Quiet().normal(name, (3, 2), block).any()
-    assert not Quiet().uniform(name, 5, block).any()
+    assert not Quiet().normal(name, (3, 2), np.array([slot])).any()
+    assert not Quiet().uniform(name, 5).any()
 
 
 def test_commitment_known_answer() -> None:
@@ -120,14 +233,3 @@ def test_commitment_binds(a: int, b: int, salt: bytes) -> None:
     assert (commitment(salt, a) == commitment(salt, b)) == (a == b)
     flipped = bytes([salt[0] ^ 1]) + salt[1:]
     assert commitment(flipped, a) != commitment(salt, a)
-
-
-def test_branches_share_nothing_with_each_other_or_the_trunk() -> None:
-    """What numpy gives for the longer spawn key; the trunk's own numbers stay as they were."""
-    trunk, first, second = Streams(7), Streams(7, (0,)), Streams(7, (1,))
-    drawn = [draws.normal("hit", 1000, 2) for draws in (trunk, first, second)]
-    apart = np.corrcoef(drawn)[np.triu_indices(3, 1)]
-    assert np.abs(apart).max() < 4 / sqrt(1000)
-    sequence = np.random.SeedSequence(7, spawn_key=(_crc32(b"hit"), 2, 1))
-    expected = np.random.Generator(np.random.PCG64DXSM(sequence)).standard_normal(1000)
-    assert np.array_equal(drawn[2], expected)

@@ -1,4 +1,7 @@
-"""Random numbers by (seed, name, block): the same bits whoever asks, in whatever order.
+"""Random numbers by (seed, branch, name) and by (slot, index): the same bits whoever asks.
+
+A slot is the number of a shot in its laboratory, or of a reading. A number hangs on nothing that
+was drawn before it or beside it: not on rounds, batches or the order of actions.
 
 Everything random in a laboratory is drawn through `Draws`. `Streams` draws; `Quiet` answers
 every request with the middle of the distribution, which turns any rig into its noise-free
@@ -8,66 +11,86 @@ self without a line of the rig knowing.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache, lru_cache
 from math import prod
-from typing import Protocol
-from zlib import crc32
+from struct import unpack
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Draws", "Quiet", "Streams", "commitment"]
+from virtual_lab.errors import InputError
+
+__all__ = ["Draws", "Quiet", "Slots", "Streams", "commitment"]
 
 Array = NDArray[np.float64]
-MANY = 4096  # numbers, which are worth compiled code
+Slots = NDArray[np.int_]
+KEYS = 4096  # that are kept: those of some laboratories
+SLOT_0 = np.zeros(1, dtype=np.int64)
 
 
 class Draws(Protocol):
-    """Standardised random numbers, one independent stream for each (name, block)."""
+    """Standardised random numbers, independent by name, slot and index within the slot.
 
-    def normal(self, name: str, shape: int | tuple[int, ...] = (), block: int = 0) -> Array:
+    With `slots` (n,), whole numbers from 0, the numbers are (n, *shape) and each row depends on
+    its own slot alone; without, they are those of slot 0, of `shape`.
+    """
+
+    def normal(
+        self, name: str, shape: int | tuple[int, ...] = (), slots: Slots | None = None
+    ) -> Array:
         """Return standard normal numbers."""
         ...
 
-    def uniform(self, name: str, shape: int | tuple[int, ...] = (), block: int = 0) -> Array:
+    def uniform(
+        self, name: str, shape: int | tuple[int, ...] = (), slots: Slots | None = None
+    ) -> Array:
         """Return uniform numbers of zero mean between -1/2 and 1/2."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Streams:
-    """Independent streams of one seed; no stream depends on what the others gave.
+    """The numbers of one seed, a whole number of any size.
 
-    Each `branch` of a seed has streams of its own: what one laboratory draws anew for each of
+    Each `branch` of a seed has numbers of its own: what one laboratory draws anew for each of
     its tests.
     """
 
     seed: int
     branch: tuple[int, ...] = ()
 
-    def _bits(self, name: str, block: int) -> np.random.PCG64DXSM:
-        key = (crc32(name.encode()), block, *self.branch)
-        return np.random.PCG64DXSM(np.random.SeedSequence(self.seed, spawn_key=key))
+    def normal(
+        self, name: str, shape: int | tuple[int, ...] = (), slots: Slots | None = None
+    ) -> Array:
+        return self._numbers(name, shape, slots, True)
 
-    def normal(self, name: str, shape: int | tuple[int, ...] = (), block: int = 0) -> Array:
-        bits = self._bits(name, block)
-        count = prod(np.atleast_1d(shape).tolist())
-        if count < MANY:
-            return np.asarray(np.random.Generator(bits).standard_normal(shape))
-        from virtual_lab.ziggurat import normal_numbers
+    def uniform(
+        self, name: str, shape: int | tuple[int, ...] = (), slots: Slots | None = None
+    ) -> Array:
+        return self._numbers(name, shape, slots, False)
 
-        return normal_numbers(bits.random_raw, count).reshape(shape)
-
-    def uniform(self, name: str, shape: int | tuple[int, ...] = (), block: int = 0) -> Array:
-        return np.asarray(np.random.Generator(self._bits(name, block)).random(shape) - 0.5)
+    def _numbers(
+        self, name: str, shape: int | tuple[int, ...], slots: Slots | None, normal: bool
+    ) -> Array:
+        each = shape if isinstance(shape, int) else prod(shape)
+        rows = SLOT_0 if slots is None else np.ascontiguousarray(slots, dtype=np.int64)
+        out = np.empty(rows.size * each)
+        if not _kernel()(_key(self.seed, self.branch, name), rows, each, normal, out):
+            raise InputError("draws", name, slots, "allowed as slots: 0 to 2^32 - 1")
+        return out.reshape(_laid(shape, slots))
 
 
 @dataclass(frozen=True, slots=True)
 class Quiet:
     """No randomness: every draw is the mean of its distribution."""
 
-    def normal(self, name: str, shape: int | tuple[int, ...] = (), block: int = 0) -> Array:
-        return np.zeros(shape)
+    def normal(
+        self, name: str, shape: int | tuple[int, ...] = (), slots: Slots | None = None
+    ) -> Array:
+        return np.zeros(_laid(shape, slots))
 
     uniform = normal
 
@@ -75,3 +98,24 @@ class Quiet:
 def commitment(salt: bytes, seed: int) -> str:
     """Return SHA-256(salt‖seed) in hexadecimal: binds a record to a seed without telling it."""
     return hashlib.sha256(salt + str(seed).encode()).hexdigest()
+
+
+def _laid(shape: int | tuple[int, ...], slots: Slots | None) -> tuple[int, ...]:
+    own = (shape,) if isinstance(shape, int) else shape
+    return own if slots is None else (len(slots), *own)
+
+
+@lru_cache(KEYS)
+def _key(seed: int, branch: tuple[int, ...], name: str) -> tuple[int, int, int]:
+    """Return three words of 32 bits: BLAKE2b of what the numbers belong to."""
+    owner = "/".join(map(str, (seed, *branch, name)))
+    digest = hashlib.blake2b(owner.encode(), digest_size=12).digest()
+    words: tuple[int, int, int] = unpack("<3I", digest)
+    return words
+
+
+@cache
+def _kernel() -> Callable[..., Any]:
+    from virtual_lab.philox import fill
+
+    return fill

@@ -105,7 +105,10 @@ def _frames(name: str) -> Callable[[], object]:
     def work() -> object:
         return [
             grey[0, 0]
-            for _, grey in islice(whole_frames(camera, course, Streams(2), "f", 0, bat), FRAMES)
+            for _, grey in islice(
+                whole_frames(camera, course, Streams(2), "f", np.arange(3), bat),
+                FRAMES,
+            )
         ]
 
     return work

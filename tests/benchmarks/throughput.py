@@ -73,6 +73,7 @@ def _play(procedure: str, rung: Rung, shots: int) -> Work:
     rules = reduced.procedure.spec
     metric = metric_of(rules)
     order = Order(
+        slot=np.arange(shots),
         ball=np.arange(shots) % rules.balls,
         speed=np.full(shots, rules.ball_speed),
         place=np.full(shots, reduced.outcome.place),
@@ -81,11 +82,11 @@ def _play(procedure: str, rung: Rung, shots: int) -> Work:
     )
     station = laboratory.stations[Stage.IMPACT]
 
-    blocks = count()
+    firsts = count(step=shots)
 
     def work() -> object:
         play = station.play(
-            replace(order, block=next(blocks)), laboratory.specimen, laboratory.draws
+            replace(order, slot=next(firsts) + order.slot), laboratory.specimen, laboratory.draws
         )
         records = {**session.records, "impact": play.records}
         readings = observe_impact(replace(session, records=records))

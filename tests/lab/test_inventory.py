@@ -48,7 +48,9 @@ def test_curtains_lose_a_ball_that_is_slower_than_the_sheet_says(name: str) -> N
     for gate, row in enumerate(said["at_gates"]):
         speeds = row["speed_mph"] * MPH * np.array([0.999, 1.001])
         contact = np.full(2, 0.1)
-        record = gates.watch(balls(speeds), contact, contact, Quiet(), "g", 0, Rung.SUMMED)
+        record = gates.watch(
+            balls(speeds), contact, contact, Quiet(), "g", np.arange(speeds.size), Rung.SUMMED
+        )
         assert np.isnan(record.times[:, 1, gate]).tolist() == [True, False]
     assert said["told_mph"] == said["at_gates"][0]["speed_mph"]
 
@@ -63,7 +65,9 @@ def test_boards_see_a_ball_that_is_as_fast_as_the_sheet_says(name: str, rung: Ru
     for board, row in enumerate(said["at_gates"]):
         speeds = row["speed_mph"] * MPH * np.array([0.5, 1.001])
         contact = np.full(2, 0.1)
-        record = boards.watch(balls(speeds), contact, contact, Quiet(), "b", 0, rung)
+        record = boards.watch(
+            balls(speeds), contact, contact, Quiet(), "b", np.arange(speeds.size), rung
+        )
         times = passages(record, lowest=spec.lowest, pitch=spec.pitch).times
         assert np.isnan(times[:, 1, board]).tolist() == [True, False]
     assert said["told_mph"] == said["at_gates"][-2]["speed_mph"]

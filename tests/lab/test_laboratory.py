@@ -245,7 +245,8 @@ def test_one_instruments_noise_is_its_own(
 ) -> None:
     """Taken away from one instrument, it changes that channel and no bit of any other."""
     draws, specimen = Streams(5), _specimen()
-    order = Order(ball=np.arange(4), speed=np.full(4, 26.8224), place=np.full(4, 0.16))
+    turns = np.arange(4)
+    order = Order(slot=turns, ball=turns, speed=np.full(4, 26.8224), place=np.full(4, 0.16))
     station = find_rig(rig, stage).commission(draws)
     part = getattr(station, instrument)
     quiet = replace(part, spec=replace(part.spec, **{noise: type(getattr(part.spec, noise))(0)}))

@@ -13,7 +13,7 @@ documents.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property, lru_cache
 from math import inf
 from pathlib import Path
@@ -26,6 +26,7 @@ from virtual_lab.records import RECORD_TYPES, Record
 from virtual_lab.records.session import Session, load_session, save_session
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import CollisionModel, Scenes
+from virtual_lab.simulation.instruments import Rung
 from virtual_lab.simulation.physics.supports import Support
 from virtual_lab.simulation.rig import ImpactStation, Order, Play, Rig, Specimen, Stage, Station
 from virtual_lab.simulation.truth import TrueOutcome, draw_balls, draw_bat
@@ -73,20 +74,20 @@ class Bench:
             bat=draw_bat(bat, draws), balls=draw_balls(ball, SHOTS, draws), collision=_Modal()
         )
 
-    def order(self, shots: int = SHOTS, block: int = 0) -> Order:
-        """Ask for the first `shots` balls of the lot, one each."""
+    def order(self, shots: int = SHOTS, first: int = 0) -> Order:
+        """Ask for the first `shots` balls of the lot, one each, as shots `first` and up."""
         return Order(
+            slot=first + np.arange(shots),
             ball=np.arange(shots),
             speed=np.full(shots, SPEED),
             place=np.full(shots, PLACE),
             turn_rate=TURN_RATE if "swing" in self.rig.channels else 0.0,
-            block=block,
         )
 
-    def play(self, *, seed: int = SEED, shots: int = SHOTS, block: int = 0) -> Play:
+    def play(self, *, seed: int = SEED, shots: int = SHOTS, first: int = 0) -> Play:
         """Commission anew and play: two calls share nothing but their arguments."""
         draws = Streams(seed)
-        return self.rig.commission(draws).play(self.order(shots, block), self.specimen, draws)
+        return self.rig.commission(draws).play(self.order(shots, first), self.specimen, draws)
 
 
 def same(left: Mapping[str, Record], right: Mapping[str, Record]) -> bool:
@@ -158,10 +159,48 @@ def other_seed_other_records(bench: Bench) -> None:
     assert not same(bench.play().records, bench.play(seed=SEED + 1).records)
 
 
-def other_block_other_noise(bench: Bench) -> None:
-    """Shots of another block scatter anew. A bench, which has no shots, may ignore blocks."""
+def other_shots_other_noise(bench: Bench) -> None:
+    """Shots of other numbers have other noise. A bench has no shots."""
     if bench.rig.stage is not Stage.BENCH:
-        assert not same(bench.play().records, bench.play(block=1).records)
+        assert not same(bench.play().records, bench.play(first=SHOTS).records)
+
+
+def a_shot_hangs_on_its_number_alone(bench: Bench) -> None:
+    """Give each shot the bits it had when it is fired in another order, or in another round.
+
+    On either rung of the instruments; what is read once a laboratory stays as it was too.
+    """
+    draws = Streams(SEED)
+    station = bench.rig.commission(draws)
+    for rung in Rung:
+        order = replace(bench.order(), rung=rung)
+        whole = station.play(order, bench.specimen, draws)
+        for rows in ([2, 0, 3, 1], [1], [3, 2]):
+            part = station.play(_rows_of(order, rows), bench.specimen, draws)
+            assert part.records.keys() == whole.records.keys()
+            for channel, record in part.records.items():
+                first = whole.records[channel]
+                for field, axes in _axes_of(record).items():
+                    own, all_of = getattr(record, field), getattr(first, field)
+                    grows = axes[0] == "shot" or channel == "ball-mass"
+                    expected = all_of[rows] if grows else all_of
+                    assert np.array_equal(own, expected, equal_nan=True), f"{channel}.{field}"
+            for name, values in part.truth.items():
+                first = whole.truth[name]
+                expected = first if bench.rig.stage is Stage.BENCH else first[rows]
+                assert np.array_equal(values, expected, equal_nan=True), name
+
+
+def _rows_of(order: Order, rows: list[int]) -> Order:
+    own = {name: getattr(order, name)[rows] for name in ("slot", "ball", "speed", "place")}
+    return replace(order, **own)
+
+
+def _axes_of(record: Record) -> dict[str, tuple[str, ...]]:
+    """Return the axes of all that a record holds, columns and what is attached."""
+    columns = {field: column.axes for field, column in record.columns.items()}
+    there = {name: axes for name, axes in record.attached.items() if len(getattr(record, name))}
+    return columns | there
 
 
 def fewer_shots_same_shapes(bench: Bench) -> None:
@@ -291,7 +330,8 @@ CHECKS: tuple[Callable[[Bench], None], ...] = (
     records_survive_the_disk,
     same_seed_same_records,
     other_seed_other_records,
-    other_block_other_noise,
+    other_shots_other_noise,
+    a_shot_hangs_on_its_number_alone,
     fewer_shots_same_shapes,
     true_constants_are_known_ones,
     quiet_laboratory_is_nominal,

@@ -31,7 +31,7 @@ def play(reality: Reality, ageing: BallAgeing | None = AGEING, wall: float | Non
     if wall is not None:
         station = station.with_wall(wall)
         assert station.true_constants["wall.restitution"] == wall
-    order = Order(ball=TURNS, speed=np.full(6, SPEED), place=np.zeros(6))
+    order = Order(slot=np.arange(6), ball=TURNS, speed=np.full(6, SPEED), place=np.zeros(6))
     return station.play(order, specimen, draws)
 
 

@@ -65,6 +65,7 @@ class Leaky:
         conformance.attributes,
         conformance.records_are_as_declared,
         conformance.same_seed_same_records,
+        conformance.a_shot_hangs_on_its_number_alone,
         conformance.true_constants_are_known_ones,
         conformance.quiet_laboratory_is_nominal,
         conformance.ideal_rig_has_no_uncertainty,

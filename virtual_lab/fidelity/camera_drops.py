@@ -38,7 +38,9 @@ def _cell(count: int, error: float) -> dict[str, Any]:
         x = np.where(t < 0, STEP * t, BACK * t)
         places = np.stack([x, 0.1 * t], axis=1)
         kept = np.delete(np.arange(t.size), np.arange(first, first + count))
-        seen = places[kept] + error * draws.normal(f"{name}: places", (kept.size, 2), k)
+        seen = (
+            places[kept] + error * draws.normal(f"{name}: places", (kept.size, 2), np.array([k]))[0]
+        )
         legs = split(
             Places(
                 t=np.arange(kept.size, dtype=float),

@@ -24,7 +24,7 @@ from virtual_lab.fidelity.camera_scenes import (
 from virtual_lab.simulation.instruments.camera.ball import Light, axes_of, render_balls
 from virtual_lab.simulation.instruments.camera.sensor import Sensor
 from virtual_lab.simulation.instruments.camera.spec import BallLook, CameraSpec, SensorSpec
-from virtual_lab.streams import Streams
+from virtual_lab.streams import Slots, Streams
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.reading import Source
 from virtual_lab.video.locate.located import Located
@@ -50,18 +50,17 @@ def pictures(case: Case, seed: int = 1, block: int = 0) -> Batch:
     """Return the pictures of a case; each block has noise, places and patterns of its own."""
     draws, side = Streams(seed), case.side
     count, middle = case.phases * case.repeats, (side - 1) / 2
+    slots = block * count + np.arange(count)
     steps = np.repeat(np.arange(case.phases), case.repeats)
     own = middle - 0.5 + np.stack([steps / case.phases, (0.37 * steps) % 1], axis=1)
-    mean, behind, mask = _means(case, own, draws, block)
-    burn = case.exposure * (1 + 2 * case.flicker * draws.uniform("flicker", count, block))
+    mean, behind, mask = _means(case, own, draws, slots)
+    burn = case.exposure * (1 + 2 * case.flicker * draws.uniform("flicker", slots=slots))
     mean, behind = mean * burn[:, None, None], behind * case.exposure
-    pixels, samples, empty = _exposed(case, mean, behind, draws, block)
-    for picture, places in zip(
-        pixels, draws.uniform("hot", (count, case.hot), block) + 0.5, strict=True
-    ):
+    pixels, samples, empty = _exposed(case, mean, behind, draws, slots, block)
+    for picture, places in zip(pixels, draws.uniform("hot", case.hot, slots) + 0.5, strict=True):
         picture.flat[(places * picture.size).astype(int)] = FULL_SCALE
     columns = int(middle + case.radius * (1 - 2 * case.cut)) + 1 if case.cut else side
-    corners = _corners(case, draws, count, (side, columns), block)
+    corners = _corners(case, draws, (side, columns), slots)
     seen = Regions(
         pixels=np.ascontiguousarray(pixels[..., :columns]),
         background=np.ascontiguousarray(empty[..., :columns], np.float32),
@@ -84,7 +83,7 @@ def pictures(case: Case, seed: int = 1, block: int = 0) -> Batch:
     given = Given(
         clip=_clip(samples),
         seen=seen,
-        start=_start(case, x, y, draws, block),
+        start=_start(case, x, y, draws, slots),
         noise=case.noise,
         lens=LENS,
         mask=mask if case.pose_known else None,
@@ -99,7 +98,7 @@ def pictures(case: Case, seed: int = 1, block: int = 0) -> Batch:
 
 
 def _means(
-    case: Case, own: Array, draws: Streams, block: int
+    case: Case, own: Array, draws: Streams, slots: Slots
 ) -> tuple[Array, Array, NDArray[np.bool_] | None]:
     """Return mean grey values with the ball at `own` places, those without it, and the mask."""
     side, count = case.side, len(own)
@@ -112,7 +111,7 @@ def _means(
         sigma=LENS,
         look=BallLook(albedo=ALBEDO, seam_contrast=SEAM if case.stitched else 0.0),
         light=_light(case.light),
-        orientation=axes_of(2 * draws.normal("axes", (count, 3), block)),
+        orientation=axes_of(2 * draws.normal("axes", 3, slots)),
         turn=SURFACE_TURN,
     )
     ball, level = case.levels
@@ -137,7 +136,7 @@ def _light(name: str) -> Light:
 
 
 def _exposed(
-    case: Case, mean: Array, behind: Array, draws: Streams, block: int
+    case: Case, mean: Array, behind: Array, draws: Streams, slots: Slots, block: int
 ) -> tuple[NDArray[Any], NDArray[np.uint8], Array]:
     """Return grey values of means [DN], those of empty pictures, and the mean of many of these."""
     noise, side = case.noise, mean.shape[1]
@@ -158,34 +157,35 @@ def _exposed(
     )
     sensor = Sensor.commission(spec, draws, "sensor")
 
-    def grey(mean: Array, name: str) -> NDArray[np.uint8]:
+    def grey(mean: Array, name: str, slots: Slots) -> NDArray[np.uint8]:
         corners = np.zeros((len(mean), 2), np.int64)
-        seen = sensor.expose(mean / noise.gain, corners, draws, name, block)
+        seen = sensor.expose(mean / noise.gain, corners, draws, name, slots)
         return np.asarray(seen, np.uint8)
 
-    samples = grey(np.broadcast_to(behind, (EMPTY, side, side)), "samples")
+    empty = block * EMPTY + np.arange(EMPTY)
+    samples = grey(np.broadcast_to(behind, (EMPTY, side, side)), "samples", empty)
     if case.quiet:
         return mean, samples, np.broadcast_to(behind, mean.shape)
     spread = np.sqrt(noise.variance(behind) / EMPTY)
     return (
-        grey(mean, "pictures"),
+        grey(mean, "pictures", slots),
         samples,
-        behind + spread * draws.normal("empty", mean.shape, block),
+        behind + spread * draws.normal("empty", mean.shape[1:], slots),
     )
 
 
-def _corners(case: Case, draws: Streams, count: int, shape: tuple[int, int], block: int) -> Array:
+def _corners(case: Case, draws: Streams, shape: tuple[int, int], slots: Slots) -> Array:
     """Return where regions begin in the frame; those of a ball that is cut end with it."""
     room = np.array([FRAME[1] - shape[1], FRAME[0] - shape[0]])
-    share = draws.uniform("corners", (count, 2), block) + 0.5
+    share = draws.uniform("corners", 2, slots) + 0.5
     corners: Array = np.floor(share * (room + 1))
     if case.cut:
         corners[:, 0] = room[0]
     return corners
 
 
-def _start(case: Case, x: Array, y: Array, draws: Streams, block: int) -> Located:
-    off = 2 * case.start_off * draws.uniform("start", (2, x.size), block)
+def _start(case: Case, x: Array, y: Array, draws: Streams, slots: Slots) -> Located:
+    off = 2 * case.start_off * draws.uniform("start", 2, slots).T
     unknown = np.full(x.size, np.nan)
     return Located(
         x=x + off[0],

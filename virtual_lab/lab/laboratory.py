@@ -187,7 +187,6 @@ class Laboratory:
             order = replace(
                 aged._order(np.arange(fired.size, fired.size + places.size), places),
                 turn_rate=turn_rate,
-                block=len(rounds),
                 motion=self.motion,
             )
             orders.append(order)
@@ -228,6 +227,7 @@ class Laboratory:
         """Return an order of shots that take the balls in turn, but for those set aside."""
         used = np.arange(self.rules.spec.balls)[self.specimen.balls.used]
         return Order(
+            slot=shot,
             ball=used[shot % used.size],
             speed=np.full(shot.shape, self.rules.spec.ball_speed),
             place=np.broadcast_to(np.asarray(place, dtype=float), shot.shape),
@@ -240,6 +240,7 @@ class Laboratory:
         speeds = np.tile(procedure.wall_speeds, procedure.wall_hits)
         ball = balls.repeat(speeds.size)
         return Order(
+            slot=np.arange(ball.size),
             ball=ball,
             speed=np.tile(speeds, balls.size),
             place=np.zeros(ball.shape),

@@ -81,6 +81,7 @@ def true_curve(
     """Return what really happens at `places` [m] at the procedure's nominal speeds."""
     beam = beam_of(specimen.bat.body)
     order = Order(
+        slot=np.arange(places.size),
         ball=np.zeros(places.shape, dtype=int),
         speed=np.full(places.shape, procedure.ball_speed),
         place=places,

@@ -123,7 +123,7 @@ class Rehearsal:
     def error(self, straying: Straying, draws: Draws, number: int) -> float:
         """Return by how much the result of rehearsal `number` misses that of the exact curve."""
         rules = self.procedure
-        beside, noise = draws.normal("rehearsal", (2, rules.attempts), number)
+        beside, noise = draws.normal("rehearsal", (2, rules.attempts), np.array([number]))[0]
         place, metric, valid = np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool)
         sought = self._sought(place, metric)
         while (asked := next_places(rules, self.percussion, place, valid, sought.value)).size:

@@ -24,7 +24,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.records import Record, ShotLog
 from virtual_lab.simulation.instruments import Rung
 from virtual_lab.simulation.truth import TrueBalls, TrueBat, TrueOutcome
-from virtual_lab.streams import Draws, Quiet, Streams
+from virtual_lab.streams import Draws, Quiet, Slots, Streams
 from virtual_lab.uncertainty.estimate import Estimate
 
 if TYPE_CHECKING:
@@ -114,14 +114,15 @@ class Specimen:
 class Order:
     """What the operator asks for: a ball, a nominal speed [m/s] and a set place [m] a shot.
 
+    `slot` is each shot's number in its laboratory, to which all that is random of it belongs.
     A rig that swings its bat turns it at `turn_rate` [rad/s]; others leave it at rest.
     """
 
+    slot: Slots
     ball: NDArray[np.int_]
     speed: Array
     place: Array
     turn_rate: float = 0.0
-    block: int = 0
     rung: Rung = Rung.FULL
     motion: Motion = Motion.CLOSED_FORM
 

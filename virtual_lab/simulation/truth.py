@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.catalog.specs import BallSpec, BatBody, BatSpec
-from virtual_lab.streams import Draws
+from virtual_lab.streams import Draws, Slots
 
 __all__ = ["Sealed", "TrueBalls", "TrueBat", "TrueOutcome", "TrueRecoil", "draw_balls", "draw_bat"]
 
@@ -49,14 +49,14 @@ class TrueBalls:
         speed: Array,
         draws: Draws,
         name: str,
-        block: int,
+        slots: Slots,
         loss: Array | float = 0.0,
     ) -> Array:
         """Return the restitution of these very hits: a ball's seams fall otherwise each time.
 
         `loss` is what earlier hits have taken off it, (shot,).
         """
-        scatter = self.spec.spread.hit_restitution * draws.normal(name, ball.shape, block)
+        scatter = self.spec.spread.hit_restitution * draws.normal(name, slots=slots)
         e0 = self.restitution_at(ball, speed) - loss + scatter
         return np.clip(e0, self.spec.restitution.floor, 1.0)
 

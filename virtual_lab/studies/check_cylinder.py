@@ -27,7 +27,7 @@ __all__ = ["check_cylinder"]
 
 Array = NDArray[np.float64]
 CYLINDER, BALL, PROCEDURE = "check-cylinder", "check-ball", "astm-f1881"
-FIRST_BLOCK = 10_000  # beyond any round of the test that sets the laboratory up
+FIRST_SLOT = 1_000_000  # beyond any shot of the test that sets the laboratory up
 
 
 def check_cylinder(
@@ -40,7 +40,7 @@ def check_cylinder(
     days, hits
         Sessions, and hits in each.
     seed
-        Of the laboratory; session by session its draws are a block each.
+        Of the laboratory, which numbers its hits through the sessions.
     faults, since
         What goes wrong at the impact rig, and the first day of that, counted from 1. Faults may
         edit every edge and count, so with any of them instruments write in full, which takes
@@ -67,6 +67,7 @@ def check_cylinder(
     )
     session = laboratory.run(lambda _: None).certification.session
     order = Order(
+        slot=np.arange(hits),
         ball=np.zeros(hits, dtype=int),
         speed=np.full(hits, rules.spec.ball_speed),
         place=np.full(hits, reduce_session(session).readings.place[0]),
@@ -76,10 +77,8 @@ def check_cylinder(
     for number in range(1, days + 1):
         day = wrong if number >= since else Day()
         station = day.station(stage, laboratory.stations[stage])
-        block = FIRST_BLOCK + number
-        play = day.play(
-            stage, station, replace(order, block=block), laboratory.specimen, laboratory.draws
-        )
+        today = replace(order, slot=FIRST_SLOT + number * hits + order.slot)
+        play = day.play(stage, station, today, laboratory.specimen, laboratory.draws)
         records = {**session.records, stage.value: play.records}
         found = reduce_session(replace(session, records=records))
         valid = found.judgement.valid

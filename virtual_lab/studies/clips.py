@@ -84,6 +84,7 @@ def _clip(laboratory: Laboratory, rung: Rung) -> Array:
     ready, _, _ = laboratory.measured(lambda _: None)
     rules, stage = ready.rules.spec, Stage.IMPACT
     order = Order(
+        slot=np.zeros(1, dtype=int),
         ball=np.zeros(1, dtype=int),
         speed=np.full(1, rules.ball_speed),
         place=np.full(1, PLACE),

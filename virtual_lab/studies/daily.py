@@ -147,7 +147,7 @@ def daily(
     rules
         Western Electric rules to judge by, of 1 to 4.
     seed
-        Of the laboratory; day by day its draws are a block each.
+        Of the laboratory; which numbers its hits through the days.
 
     Raises
     ------
@@ -245,11 +245,12 @@ def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
     bat = draw_bat(catalog.load_bat(NO_BAT).spec, draws)
     balls = draw_balls(spec, 1, draws)
     first = np.zeros(hits, dtype=int)
-    order = Order(ball=first, speed=np.full(hits, SPEED), place=np.zeros(hits))
+    turns = np.arange(hits)
+    order = Order(slot=turns, ball=first, speed=np.full(hits, SPEED), place=np.zeros(hits))
     values = []
     for day, gives in enumerate(wall):
         play = station.with_wall(float(gives)).play(
-            replace(order, block=day),
+            replace(order, slot=day * hits + turns),
             Specimen(
                 bat=bat,
                 balls=balls,

@@ -126,8 +126,8 @@ def test_each_shot_scatters_with_its_heights_as_it_says(
     level = np.zeros(passages.heights.shape)
     still, unsure = told(level, 0.0), told(level, sigma)
     noisy = [
-        quantities(told(sigma * Streams(7).normal("heights", level.shape, block), 0.0))
-        for block in range(times)
+        quantities(told(sigma * row, 0.0))
+        for row in Streams(7).normal("heights", level.shape, np.arange(times))
     ]
     valid = certification.judgement.valid
     for name, best in quantities(still).items():

@@ -16,6 +16,7 @@ from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoa
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.streams import Quiet, Streams
 
+FIRST = np.zeros(1, dtype=int)  # the first shot alone
 DISTANCES = (0.50, 0.35, 0.20)  # m
 LOWEST, PITCH, BEAMS, RADIUS, GRAVITY = -0.150, 0.008, 34, 0.0366, 9.80665
 DRAG = 0.00697  # 1/m, a baseball's
@@ -131,7 +132,7 @@ def test_the_boards_write_the_edges_of_a_flown_ball(flight: dict[str, float]) ->
         slope_out=np.array([flight.get("slope_out", 0.0)]),
     )
     boards = LightBoards.commission(spec, Quiet(), "b")
-    written = boards.watch(passage, np.array([CONTACT]), np.array([LEAVING]), Quiet(), "b", 0)
+    written = boards.watch(passage, np.array([CONTACT]), np.array([LEAVING]), Quiet(), "b", FIRST)
     flown_edges = record_of(**flight).times
     both = np.isfinite(written.times) & np.isfinite(flown_edges)
     # a beam that the ball just grazes may be broken in one and not in the other
@@ -264,7 +265,7 @@ def test_ideal_boards_have_no_misfit() -> None:
         height=np.array([2.7e-3]),
         slope_out=np.array([0.2]),
     )
-    record = boards.watch(straight, np.array([CONTACT]), np.array([LEAVING]), Quiet(), "b", 0)
+    record = boards.watch(straight, np.array([CONTACT]), np.array([LEAVING]), Quiet(), "b", FIRST)
     seen = passages(record, lowest=LOWEST, pitch=PITCH)
     assert np.abs(seen.misfit).max() < 1e-15
     found = flights(KNOWN | {"bench.pendulum.gravity": np.array(0.0)}, "impact", seen, np.zeros(1))
@@ -301,7 +302,7 @@ def test_heights_scatter_as_they_say(slope: float) -> None:
     def seen(spec: LightBoardSpec, seed: int) -> Passages:
         boards = LightBoards.commission(spec, Streams(seed), "b")
         meeting = np.full(n, CONTACT), np.full(n, LEAVING)
-        record = boards.watch(passage, *meeting, Streams(seed), "b", 0)
+        record = boards.watch(passage, *meeting, Streams(seed), "b", np.arange(n))
         return passages(record, lowest=LOWEST, pitch=PITCH)
 
     every = [seen(noisy, seed) for seed in range(150)]

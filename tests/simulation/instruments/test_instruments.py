@@ -195,7 +195,7 @@ def test_cannon_scatters_as_its_sheet_says() -> None:
     """50 000 shots: mean and standard deviation of speed and both offsets."""
     spec, n = spec_of("ball-cannon"), 50_000
     cannon = Cannon.commission(spec, Streams(6), "c")
-    launch = cannon.fire(np.full(n, 26.8224), Streams(7), "f", 0)
+    launch = cannon.fire(np.full(n, 26.8224), Streams(7), "f", np.arange(n))
     for values, centre, scatter in (
         (launch.speed, 26.8224, 0.4 * 0.44704),
         (launch.along, cannon.along, 1.5e-3),
@@ -236,6 +236,7 @@ def test_drag_rate_by_hand() -> None:
     assert still.drag(0.0366, np.array([0.145]))[0] == 0
 
 
+FIRST = np.zeros(1, dtype=int)  # the first shot alone
 GATES = LightGateSpec(
     kind="light-gate",
     title="",
@@ -262,7 +263,7 @@ def passage(n: int = 1, **changes) -> Passage:
 def test_ideal_gates_without_air() -> None:
     """Distance over speed: front edge of the ball breaks, rear edge clears, both ways."""
     gates = LightGates.commission(GATES.ideal(), Streams(1), "g")
-    record = gates.watch(passage(), np.array([0.1]), np.array([0.101]), Streams(2), "g", 0)
+    record = gates.watch(passage(), np.array([0.1]), np.array([0.101]), Streams(2), "g", FIRST)
     radius = 0.0366
     for gate, distance in enumerate((0.6, 0.4, 0.2)):
         into = [0.1 - (distance + radius) / 30, 0.1 - (distance - radius) / 30]
@@ -276,7 +277,7 @@ def test_gates_with_air() -> None:
     """dv/dx = -κ v gives v = v0 e^(-κx): time back 0.4 m from contact, (e^(κx) - 1)/(κ v0)."""
     gates = LightGates.commission(GATES.ideal(), Quiet(), "g")
     drag = np.array([0.02])
-    record = gates.watch(passage(drag=drag), np.array([0.1]), np.array([0.1]), Quiet(), "g", 0)
+    record = gates.watch(passage(drag=drag), np.array([0.1]), np.array([0.1]), Quiet(), "g", FIRST)
     x = 0.4 - 0.0366
     assert record.times[0, 1, 1, 0] - 0.1 == pytest.approx(
         (np.exp(0.02 * x) - 1) / (0.02 * 6), rel=1e-12
@@ -293,7 +294,7 @@ def test_gates_show_jitter_clock_and_ticks() -> None:
     n = 20_000
     gates = LightGates.commission(GATES, Streams(9), "g")
     contact = np.full(n, 0.1)
-    record = gates.watch(passage(n), contact, contact, Streams(10), "g", 0)
+    record = gates.watch(passage(n), contact, contact, Streams(10), "g", np.arange(n))
     steps = record.times / 1e-6
     assert np.abs(steps - np.rint(steps)).max() < 1e-4
     # between two edges the start phase is common: twice the jitter, and rounding of both
@@ -324,7 +325,7 @@ def test_gates_show_jitter_clock_and_ticks() -> None:
 def test_which_rebounds_the_curtains_see(changes: dict, seen: bool) -> None:
     """Heights worked by hand against a half height of 50 mm; the way in is always seen."""
     gates = LightGates.commission(GATES.ideal(), Quiet(), "g")
-    record = gates.watch(passage(**changes), np.array([0.1]), np.array([0.1]), Quiet(), "g", 0)
+    record = gates.watch(passage(**changes), np.array([0.1]), np.array([0.1]), Quiet(), "g", FIRST)
     assert np.isfinite(record.times[0, 0]).all()
     assert np.isfinite(record.times[0, 1, 0]).all() == seen
 
@@ -343,7 +344,7 @@ def test_encoder_counts() -> None:
     """A turn of 1 rad is scale x 4000/2π counts, less than one count off at any rest phase."""
     encoder = Encoder.commission(ENCODER, Streams(11), "e")
     angle = np.linspace(0, 1, 500)[None, :].repeat(200, axis=0)
-    record = encoder.read(lambda part: angle[part].copy(), len(angle), Streams(12), "e", 0)
+    record = encoder.read(lambda part: angle[part].copy(), Streams(12), "e", np.arange(len(angle)))
     assert record.times.tolist() == (np.arange(500) / 1000).tolist()
     assert np.array_equal(record.counts, np.rint(record.counts))
     exact = encoder.scale * 4000 / (2 * pi) * angle
@@ -359,7 +360,9 @@ def test_ideal_encoder_shows_the_angle() -> None:
     """Real numbers, scale 1."""
     encoder = Encoder.commission(ENCODER.ideal(), Streams(11), "e")
     angle = np.linspace(0, 1, 500)[None, :]
-    counts = encoder.read(lambda part: angle[part].copy(), len(angle), Quiet(), "e", 0).counts
+    counts = encoder.read(
+        lambda part: angle[part].copy(), Quiet(), "e", np.arange(len(angle))
+    ).counts
     assert counts == pytest.approx(4000 / (2 * pi) * angle, rel=1e-14)
     assert not encoder.spec.sees_ring
     assert not encoder.spec.whole_counts
@@ -409,10 +412,12 @@ def test_pendulum_decay_is_as_the_sheet_says() -> None:
 @pytest.mark.parametrize(
     ("name", "act"),
     [
-        ("ball-cannon", lambda c, d: c.fire(np.full(5, 26.0), d, "n", 0).speed),
+        ("ball-cannon", lambda c, d: c.fire(np.full(5, 26.0), d, "n", np.arange(5)).speed),
         (
             "pivot-gates",
-            lambda g, d: g.watch(passage(5), np.full(5, 0.1), np.full(5, 0.1), d, "n", 0).times,
+            lambda g, d: (
+                g.watch(passage(5), np.full(5, 0.1), np.full(5, 0.1), d, "n", np.arange(5)).times
+            ),
         ),
         ("lab-scale", lambda s, d: s.weigh(0.9, 5, d, "n").readings),
         ("steel-rule", lambda r, d: r.measure(0.9, 5, d, "n").readings),

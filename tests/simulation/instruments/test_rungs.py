@@ -63,7 +63,9 @@ def errors(name: str, speed_in: float, speed_out: float, rise: float, rung: Rung
         boards = LightBoards.commission(spec, draws, "b")
         passage = balls(speed_in, speed_out, draws, rise)
         contact = boards.arrival(passage)
-        record = boards.watch(passage, contact, contact + 7e-4, draws, "b", 0, rung)
+        record = boards.watch(
+            passage, contact, contact + 7e-4, draws, "b", np.arange(contact.size), rung
+        )
         seen = passages(record, lowest=spec.lowest, pitch=spec.pitch)
         flight = flights(known, "impact", seen, passage.drag)
         found.append(
@@ -161,7 +163,9 @@ def test_gates_that_sum_up_scatter_as_their_edges_do() -> None:
     contact = gates.arrival(passage)
     scatter = []
     for rung in Rung:
-        record = gates.watch(passage, contact, contact, Streams(2), "g", 0, rung)
+        record = gates.watch(
+            passage, contact, contact, Streams(2), "g", np.arange(contact.size), rung
+        )
         seen = passages(record)
         scatter.append([seen.duration_in.std(), seen.duration_out.std()])
     assert scatter[1] == pytest.approx(scatter[0], rel=4 * sqrt(2) / sqrt(2 * n))
@@ -186,6 +190,7 @@ def specimen(bat: str, draws: Streams) -> Specimen:
 
 def order(shots: int, speed: float, place: float, rung: Rung, turn_rate: float = 0.0) -> Order:
     return Order(
+        slot=np.arange(shots),
         ball=np.arange(shots) % 12,
         speed=np.full(shots, speed),
         place=np.full(shots, place),

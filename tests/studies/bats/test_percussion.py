@@ -67,7 +67,7 @@ def test_a_loose_bat_turns_as_a_free_one_until_its_journal_bears(place: float) -
     fixed = laboratory.stations[Stage.IMPACT]
     one = np.zeros(1, dtype=int)
     speed = laboratory.rules.spec.ball_speed
-    order = Order(ball=one, speed=np.array([speed]), place=np.array([place * INCH]))
+    order = Order(slot=one, ball=one, speed=np.array([speed]), place=np.array([place * INCH]))
     fine = altered(fixed, "pivot", friction=0.0, clearance=0.0)
     fine = altered(fine, "encoder", spec=laboratory_spec(fine))
     counts, truth = [], {}

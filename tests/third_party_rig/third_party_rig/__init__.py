@@ -82,11 +82,9 @@ class SpeedGunStation:
 
     def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
         """Fire at the bat at rest and time the ball through every curtain, both ways."""
-        name, block, balls = SpeedGunPivot.name, order.block, specimen.balls
-        speed = order.speed + self.scatter * draws.normal(
-            f"{name}.launch", order.speed.shape, block
-        )
-        e0 = balls.draw_hits(order.ball, speed, draws, f"{name}.hit", block)
+        name, slots, balls = SpeedGunPivot.name, order.slot, specimen.balls
+        speed = order.speed + self.scatter * draws.normal(f"{name}.launch", slots=slots)
+        e0 = balls.draw_hits(order.ball, speed, draws, f"{name}.hit", slots)
         mass = balls.mass[order.ball]
         model = specimen.collision(specimen.bat.body, _support(specimen))
         hit = model.collide(scenes_of(specimen, order.ball, order.place, speed, e0))
@@ -102,7 +100,7 @@ class SpeedGunStation:
         return Play(
             records={
                 "log": ShotLog(ball=order.ball, nominal_speed=order.speed, place=order.place),
-                "gates": self.gates.watch(passage, contact, leaving, draws, f"{name}.gates", block),
+                "gates": self.gates.watch(passage, contact, leaving, draws, f"{name}.gates", slots),
             },
             truth={"speed": speed, "collision_efficiency": hit.collision_efficiency},
         )

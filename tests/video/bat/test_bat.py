@@ -45,7 +45,7 @@ def films(camera: Camera, bat: Bat, angles: Array, seed: int) -> list[NDArray[np
     for number, angle in enumerate(angles):
         light = still[None].copy()
         camera.put(bat, np.array([angle]), corner, light)
-        grey = camera.sensor.expose(light, corner, Streams(seed), f"film.{number}", 0, 2.5e-5)
+        grey = camera.sensor.expose(light, corner, Streams(seed), f"film.{number}", None, 2.5e-5)
         frames.append(grey[0])
     return frames
 
@@ -55,7 +55,7 @@ def filmed() -> tuple[Camera, Bat, Outline, Array, Array, list[NDArray[np.generi
     """Return a bat at rest for 8 frames, turning at 12 rad/s for 24: 0.06 rad, 40 px at its tip."""
     camera, bat = small_camera(3), bat_of(course_of())
     camera = replace(camera, spec=replace(camera.spec, empty_frames=32))
-    outline = outline_in(camera, camera.empty(Streams(4), "empty", 0, bat), bat)
+    outline = outline_in(camera, camera.empty(Streams(4), "empty", bat), bat)
     times = (np.arange(32) - 7.5) / 5000
     angles = 12.0 * np.maximum(times, 0.0)
     return camera, bat, outline, times, angles, films(camera, bat, angles, 5)
@@ -81,7 +81,7 @@ def test_angles_and_recoil_of_a_rendered_bat(filmed, pivoted: bool, least: float
 def test_a_misplaced_pivot_hurts_only_who_trusts_it(filmed) -> None:
     """10 mm nearer: levers of 0.23 to 0.75 m are too short, so angles come out 2 % too large."""
     camera, bat, _, times, _, frames = filmed
-    rest = camera.empty(Streams(4), "empty", 0, bat)
+    rest = camera.empty(Streams(4), "empty", bat)
     wrong = outline_in(camera, rest, bat, off=0.01)
     taken = [(t, grey, CORNER) for t, grey in zip(times, frames, strict=True)]
     free = recoil_of(times, bat_angles(taken, wrong, model_of(camera)), 0.0)
@@ -98,7 +98,7 @@ def test_windows_about_the_ball_show_enough_of_it() -> None:
     spec = spec_of("camera-overhead", window=224, frames_in=6, frames_out=18, empty_frames=16)
     camera, course = camera_of(spec, Streams(2)), course_of()
     bat = bat_of(course)
-    record, truth = camera.watch(course, Streams(4), "clip", 0, bat=bat)
+    record, truth = camera.watch(course, Streams(4), "clip", np.arange(3), bat=bat)
     assert record.background is not None
     assert record.pixels is not None
     outline = outline_in(camera, record.background, bat)

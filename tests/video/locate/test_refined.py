@@ -61,7 +61,7 @@ def test_a_stitched_ball_that_spins_is_tracked_better_than_in_a_hurry(tmp_path: 
     course = replace(
         course, passage=flight, leaving=course.contact, spin_in=spin[0], spin_out=spin[1]
     )
-    stamps, frames = zip(*whole_frames(camera, course, draws, "film"), strict=True)
+    stamps, frames = zip(*whole_frames(camera, course, draws, "film", np.arange(3)), strict=True)
     np.save(tmp_path / "clip.npy", np.stack(frames))
     (tmp_path / "stamps.csv").write_text("\n".join(map(repr, stamps)))
     lens = camera.lens
@@ -79,7 +79,9 @@ def test_a_stitched_ball_that_spins_is_tracked_better_than_in_a_hurry(tmp_path: 
         timestamps=str(tmp_path / "stamps.csv"),
         drag_per_m=0.0069,
     )
-    shown = take(spec, lens, camera.clock, course, camera.plane, draws, "film", 0, whole=True)
+    shown = take(
+        spec, lens, camera.clock, course, camera.plane, draws, "film", np.arange(3), whole=True
+    )
     true = shown.outlines.middle[shown.shot == 0]
     scatter, found = {}, {}
     for name, locator in (("quick", quick), ("refined", Refined())):

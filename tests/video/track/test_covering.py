@@ -59,14 +59,22 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> Clip:
     course = replace(course, passage=flight)
     bat = bat_of(course)
     bat = replace(bat, pivot=(bat.pivot[0] - DEEP, bat.pivot[1]))
-    frames = list(whole_frames(camera, course, Streams(4), "film", 0, bat))
+    frames = list(whole_frames(camera, course, Streams(4), "film", np.arange(3), bat))
     np.save(at / "clip.npy", np.stack([frame for _, frame in frames]))
     (at / "clip.csv").write_text("time_s\n" + "".join(f"{stamp!r}\n" for stamp, _ in frames))
     text = calibration(camera, bat)
     (at / "cal.toml").write_text(f"drag_per_m = {DRAG}\n{text}")
     (at / "bare.toml").write_text(f"drag_per_m = {DRAG}\n{text[: text.index('[bat]')]}")
     shown = take(
-        spec, camera.lens, camera.clock, course, camera.plane, Streams(4), "film", 0, whole=True
+        spec,
+        camera.lens,
+        camera.clock,
+        course,
+        camera.plane,
+        Streams(4),
+        "film",
+        np.arange(3),
+        whole=True,
     )
     own = shown.shot == 0
     middle, radius = shown.outlines.middle[own], shown.outlines.radius[own]
@@ -103,7 +111,7 @@ def test_a_ball_behind_a_bat_is_located_by_the_rest_of_it(clip: Clip) -> None:
     knowing, found = followed(clip, "cal.toml")
     bare, before = followed(clip, "bare.toml")
     partly = np.flatnonzero(clip.hidden > 0.1)
-    assert len(partly) > 8
+    assert len(partly) >= 8
     assert clip.hidden.max() > 0.35
 
     def off(rows: dict[int, dict[str, str]], frame: int) -> Array:

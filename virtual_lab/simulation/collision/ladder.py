@@ -38,10 +38,6 @@ SHARE = 0.1  # of the standard uncertainty that a model's error may take
 # point) and close to the pivot it grows to 2e-3.
 MODAL_ERROR = 1.1e-4
 SURROGATE_TOLERANCE = SHARE * MODAL_ERROR
-WORTH_BUILDING = 5_000  # scenes that cost the modal rung what a surrogate costs to build
-ROOM = 0.3  # of its width, that a surrogate reaches beyond the first scenes on each side
-ROOM_FOR_FEW = 2.0  # the same, where the first scenes were few
-PROBES = 64  # of many scenes, those that the rigid rung is tried on
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,19 +112,16 @@ class EfficiencyChoice:
 def choose_efficiency(
     body: BatBody,
     support: Support,
-    scenes: Scenes,
+    probe: Scenes,
+    box: Box,
     *,
     standard_uncertainty: float,
-    box: Box | None = None,
-    expected: int = 0,
 ) -> EfficiencyChoice:
-    """Return the cheapest way to e_A of these scenes, nothing else of them being needed.
+    """Return the cheapest way to e_A of many scenes, nothing else of them being needed.
 
-    As `choose`, with the surrogate between rigid and modal: where there are scenes enough to
-    pay for building it, all of one ball, none of which re-loads. It is built over `box`, that
-    of the scenes by default; `expected` counts scenes still to come.
+    As `choose`, with the surrogate between rigid and modal: it is built over `box`, unless a
+    scene in there re-loads. A scene outside the box goes to the modal rung, alone.
     """
-    probe = scenes.part(slice(None, None, -(-len(scenes) // PROBES)))
     choice = choose(body, support, probe, standard_uncertainty=standard_uncertainty)
     plain = EfficiencyChoice(
         efficiency=lambda given: choice.model.collide(given).collision_efficiency,
@@ -137,16 +130,25 @@ def choose_efficiency(
         reason=choice.reason,
     )
     error, allowed = MODAL_ERROR + SURROGATE_TOLERANCE, SHARE * standard_uncertainty
-    if plain.rung != "modal" or len(scenes) + expected < WORTH_BUILDING or error > allowed:
+    if plain.rung != "modal" or error > allowed:
         return plain
     try:
-        surrogate = surrogate_of(
-            body, support, box or Box.about(scenes), tolerance=SURROGATE_TOLERANCE
-        )
+        surrogate = surrogate_of(body, support, box, tolerance=SURROGATE_TOLERANCE)
     except InputError as refused:
         return replace(plain, reason=f"{plain.reason}; no surrogate: {refused}")
+
+    def efficiency(scenes: Scenes) -> NDArray[np.float64]:
+        inside = box.inside(scenes)
+        if inside.all():
+            return surrogate.efficiency(scenes)
+        found = np.empty(len(scenes))
+        for some, way in ((inside, surrogate.efficiency), (~inside, plain.efficiency)):
+            if some.any():
+                found[some] = way(scenes.part(some))
+        return found
+
     return EfficiencyChoice(
-        efficiency=surrogate.efficiency,
+        efficiency=efficiency,
         rung=surrogate.rung,
         error=error,
         reason=f"surrogate is the cheapest good enough: {_error(error, allowed)}",
@@ -162,16 +164,17 @@ def _check(rung: str | None, uncertainty: float | None) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ladder:
-    """The collision for the scenes of one test: chosen once for each bat and support."""
+    """The collision for the scenes of one test: chosen once for each bat and support.
+
+    What it answers depends on a scene alone: not on the scenes beside it or before it.
+    """
 
     probe: Scenes
     standard_uncertainty: float | None  # of the e_A that the test is to yield; None: modal
     rung: str | None = None
-    expected: int = 0  # scenes to come in small batches, which together pay for a surrogate
+    box: Box | None = None  # about scenes so many that a surrogate is worth building
     taken: dict[tuple[BatBody, Support], Choice] = field(default_factory=dict)
-    fitted: dict[tuple[BatBody, Support], tuple[Box, EfficiencyChoice]] = field(
-        default_factory=dict
-    )
+    fitted: dict[tuple[BatBody, Support], EfficiencyChoice] = field(default_factory=dict)
 
     def __call__(self, body: BatBody, support: Support) -> CollisionModel:
         """Return the model for a bat under a support."""
@@ -188,19 +191,14 @@ class Ladder:
 
     def efficiency(self, body: BatBody, support: Support, scenes: Scenes) -> NDArray[np.float64]:
         """Return e_A alone of scenes of a bat under a support, by the cheapest way there is."""
-        u = self.standard_uncertainty
-        if self.rung is not None or u is None or len(scenes) + self.expected < WORTH_BUILDING:
+        u, key = self.standard_uncertainty, (body, support)
+        if self.rung is not None or u is None or self.box is None:
             return self(body, support).collide(scenes).collision_efficiency
-        key, box = (body, support), Box.about(scenes)
-        ready = self.fitted.get(key)
-        if ready is None or not ready[0].holds(box):
-            wide = box.widened(ROOM if len(scenes) > PROBES else ROOM_FOR_FEW)
-            wide = wide.joined(ready[0]) if ready else wide
-            choice = choose_efficiency(
-                body, support, scenes, standard_uncertainty=u, box=wide, expected=self.expected
+        if key not in self.fitted:
+            self.fitted[key] = choose_efficiency(
+                body, support, self.probe, self.box, standard_uncertainty=u
             )
-            ready = self.fitted[key] = (wide, choice)
-        return ready[1].efficiency(scenes)
+        return self.fitted[key].efficiency(scenes)
 
     def true_efficiency(
         self, body: BatBody, support: Support, scenes: Scenes
@@ -210,7 +208,7 @@ class Ladder:
         By the modal rung, or the reference where that was asked for; where a surrogate serves
         many laboratories, by the one that serves their shots.
         """
-        if self.expected and self.rung is None:
+        if self.box is not None and self.rung is None:
             return self.efficiency(body, support, scenes)
         if self.rung == "reference":
             return self(body, support).collide(scenes).collision_efficiency
@@ -220,7 +218,7 @@ class Ladder:
         """Return the rung first taken, its error in e_A, and why."""
         for choice in self.taken.values():
             return {"rung": choice.model.rung, "error": choice.error, "reason": choice.reason}
-        fitted = next(choice for _, choice in self.fitted.values())
+        fitted = next(iter(self.fitted.values()))
         return {"rung": fitted.rung, "error": fitted.error, "reason": fitted.reason}
 
 

@@ -8,9 +8,9 @@ only: a rig that needs the bat's ring afterwards takes the modal rung.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,6 @@ Floats = NDArray[np.float64]
 AXES = ("impact_position", "relative_speed", "ball_restitution", "ball_mass")
 LINE_NODES = 48  # of the cuts along each axis that say how many it needs
 LINE_SHARE = 0.1  # of the tolerance that a cut may miss
-PLACE_ROOM = 0.015  # m
 LEAST_NODES = 3
 LEAST_SIDE = 1e-3  # of a box, over its value: equal values still need some width
 MOST_NODES = 12_000
@@ -77,40 +76,14 @@ class Box:
         box.require_law(scenes)
         return box
 
-    def holds(self, other: Box) -> bool:
-        """Return whether another box lies within this one, of the same force law."""
-        return (self.stiffness, self.exponent) == (other.stiffness, other.exponent) and all(
-            getattr(self, axis)[0] <= getattr(other, axis)[0]
-            and getattr(other, axis)[1] <= getattr(self, axis)[1]
-            for axis in AXES
-        )
-
-    def joined(self, other: Box) -> Box:
-        """Return the least box about this one and another."""
-
-        def side(axis: str) -> tuple[float, float]:
-            (low, high), (least, most) = getattr(self, axis), getattr(other, axis)
-            return min(low, least), max(high, most)
-
-        sides: dict[str, Any] = {axis: side(axis) for axis in AXES}
-        return replace(self, **sides)
-
-    def widened(self, room: float) -> Box:
-        """Return the box with each side longer by `room` of itself at either end.
-
-        Places are widened by no more than `PLACE_ROOM`: toward tip and handle balls hit twice.
-        """
-
-        def wide(axis: str) -> tuple[float, float]:
+    def inside(self, scenes: Scenes) -> NDArray[np.bool_]:
+        """Return which scenes lie in the box, to rounding, (n,)."""
+        inside = np.ones(len(scenes), dtype=bool)
+        for axis in AXES:
             low, high = getattr(self, axis)
-            more = room * (high - low)
-            if axis == "impact_position":
-                more = min(more, PLACE_ROOM)
-            most = 1.0 if axis == "ball_restitution" else inf
-            return max(low - more, low / 2), min(high + more, most)
-
-        sides: dict[str, Any] = {axis: wide(axis) for axis in AXES}
-        return replace(self, **sides)
+            values, rounding = getattr(scenes, axis), 1e-12 * (high - low)
+            inside &= (values >= low - rounding) & (values <= high + rounding)
+        return inside
 
     def unit(self, scenes: Scenes) -> Floats:
         """Return the scenes' places in the box, each variable from -1 to 1, shape (4, n).
@@ -118,14 +91,11 @@ class Box:
         Raises `InputError` where a scene lies outside or is of another ball.
         """
         self.require_law(scenes)
-        rows = []
+        inside, rows = self.inside(scenes), []
         for axis in AXES:
             low, high = getattr(self, axis)
             values = getattr(scenes, axis)
-            rounding = 1e-12 * (high - low)
-            outside = (values < low - rounding) | (values > high + rounding)
-            if outside.any():
-                bad = float(values[outside][0])
+            if not inside.all() and not low <= (bad := float(values[~inside][0])) <= high:
                 raise InputError("surrogate", axis, bad, f"allowed: {low:g} to {high:g}, its box")
             rows.append(_to_unit(axis, np.clip(values, low, high), low, high))
         return np.stack(rows)

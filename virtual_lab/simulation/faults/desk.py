@@ -156,11 +156,11 @@ class BallOutOfRound(Sound):
         speed = play.truth["speed"]
         back = play.truth.get("rebound_speed", play.truth.get("ball_restitution", 0) * speed)
         speeds = np.stack([speed, np.abs(back)], axis=1)[:, :, None, None]
-        shape = (*times.shape[:3], 2)
-        turn = tau * draws.uniform(f"fault.{self.name}.{stage.value}", shape, order.block)
+        shape = (*times.shape[1:3], 2)
+        turn = tau * draws.uniform(f"fault.{self.name}.{stage.value}", shape, order.slot)
         late = self.depth * np.sin(turn) * np.array([-1.0, 1.0]) / speeds
         beams = times.ndim - late.ndim
-        times += late.reshape(*shape[:3], *(1,) * beams, 2)
+        times += late.reshape(*late.shape[:3], *(1,) * beams, 2)
         return edited(play, "gates", times=times)
 
 
@@ -185,7 +185,7 @@ class BatCracked(Sound):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordsSwapped(Sound):
-    """The gate records of two shots of the first round were filed under each other's number."""
+    """The gate records of two shots of one round were filed under each other's number."""
 
     name: ClassVar[str] = "records-swapped"
     shots: tuple[int, int] = (1, 4)
@@ -193,12 +193,12 @@ class RecordsSwapped(Sound):
     def records(
         self, stage: Stage, station: Station, order: Order, play: Play, draws: Draws
     ) -> Records:
-        if stage is not Stage.IMPACT or order.block or len(order.place) <= max(self.shots):
+        first, second = (np.flatnonzero(order.slot == shot) for shot in self.shots)
+        if stage is not Stage.IMPACT or not (first.size and second.size):
             return play.records
         record: Any = play.records["gates"]
-        first, second = self.shots
         filed = np.arange(len(order.place))
-        filed[[first, second]] = second, first
+        filed[first], filed[second] = second, first
         return edited(play, "gates", times=record.times[filed])
 
 

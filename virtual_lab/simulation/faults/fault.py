@@ -84,6 +84,6 @@ def edited(play: Play, channel: str, **arrays: Any) -> Mapping[str, Record]:
     return {**play.records, channel: replace(record, **arrays)}
 
 
-def some(share: float, shots: int, draws: Draws, name: str, block: int) -> NDArray[np.bool_]:
+def some(share: float, order: Order, draws: Draws, name: str) -> NDArray[np.bool_]:
     """Return which shots a fault that comes and goes strikes, a `share` of them, (shot,)."""
-    return np.asarray(draws.uniform(f"fault.{name}", shots, block) + 0.5 < share)
+    return np.asarray(draws.uniform(f"fault.{name}", slots=order.slot) + 0.5 < share)

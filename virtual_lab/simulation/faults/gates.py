@@ -63,7 +63,7 @@ class GateMisses(Sound):
         if stage is not Stage.IMPACT:
             return play.records
         times = _times(play).copy()
-        times[1::2, INBOUND, NEAR] = np.nan
+        times[order.slot % 2 == 1, INBOUND, NEAR] = np.nan
         return edited(play, "gates", times=times)
 
 
@@ -81,7 +81,7 @@ class GateDoubles(Sound):
         if stage is not Stage.IMPACT:
             return play.records
         times = _times(play).copy()
-        struck = some(self.share, len(times), draws, self.name, order.block)
+        struck = some(self.share, order, draws, self.name)
         times[struck, INBOUND, NEAR, ..., CLEARED] += self.late
         return edited(play, "gates", times=times)
 
@@ -106,7 +106,7 @@ class SabotTrip(Sound):
         if stage is not Stage.IMPACT or isinstance(play.records["gates"], BoardRecord):
             return play.records  # boards play their own scraps
         times = _times(play).copy()
-        struck = some(self.share, len(times), draws, self.name, order.block)
+        struck = some(self.share, order, draws, self.name)
         times[struck, INBOUND, FAR, BROKE] -= self.ahead / play.truth["speed"][struck]
         return edited(play, "gates", times=times)
 
@@ -126,7 +126,7 @@ class WallDrift(Sound):
         times = _times(play).copy()
         back = times[:, OUTBOUND]
         start = back[:, NEAR, BROKE][:, None, None]
-        faster = (1 + np.linspace(0.0, self.drift, len(times)))[:, None, None]
+        faster = (1 + self.drift * order.slot / max(order.slot.max(), 1))[:, None, None]
         times[:, OUTBOUND] = start + (back - start) / faster
         return edited(play, "gates", times=times)
 

@@ -114,9 +114,9 @@ class EncoderSlip(Sound):
         if stage is not Stage.IMPACT:
             return play.records
         counts = _encoded(play).counts
-        shots, samples = counts.shape
-        struck = some(self.share, shots, draws, self.name, order.block)
-        when = draws.uniform(f"fault.{self.name}.when", shots, order.block)
+        samples = counts.shape[1]
+        struck = some(self.share, order, draws, self.name)
+        when = draws.uniform(f"fault.{self.name}.when", slots=order.slot)
         slipped = np.arange(samples) > samples * (0.6 + 0.6 * when)[:, None]
         return edited(play, "encoder", counts=counts - self.lost * (slipped & struck[:, None]))
 
@@ -156,7 +156,7 @@ class BatNotAtRest(Sound):
         if stage is not Stage.IMPACT:
             return play.records
         record = _encoded(play)
-        way = np.where(some(0.5, len(record.counts), draws, self.name, order.block), 1.0, -1.0)
+        way = np.where(some(0.5, order, draws, self.name), 1.0, -1.0)
         turned = _of(station, "encoder").spec.counts_per_turn / tau * self.rate * record.times
         counts = record.counts + np.round(way[:, None] * turned)
         return edited(play, "encoder", counts=counts)

@@ -13,7 +13,7 @@ from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.errors import InputError
 from virtual_lab.records import AimMarks
 from virtual_lab.simulation.instruments.indicator import quantise
-from virtual_lab.streams import Draws
+from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import MPH
 
@@ -84,8 +84,8 @@ class Cannon:
         """Return the true misalignments, to be sealed."""
         return {"along": self.along, "across": self.across}
 
-    def fire(self, speed: Array, draws: Draws, name: str, block: int) -> Launch:
-        """Fire shots asked to reach the target at `speed` [m/s], shape (shot,).
+    def fire(self, speed: Array, draws: Draws, name: str, slots: Slots) -> Launch:
+        """Fire shots, `slots` by number, asked to reach the target at `speed` [m/s], (shot,).
 
         Raises `InputError` where the cannon is not that strong.
         """
@@ -93,7 +93,7 @@ class Cannon:
             asked, most = float(np.max(speed)) / MPH, self.spec.fastest / MPH
             allowed = f"{self.spec.title} fires up to {most:.4g} mph"
             raise InputError("procedure.toml", "ball_speed", f"{asked:.4g} mph", allowed)
-        scatter = draws.normal(name, (4, len(speed)), block)
+        scatter = draws.normal(name, 4, slots).T
         return Launch(
             speed=speed + self.spec.speed_scatter * scatter[0],
             along=self.along + self.spec.along_scatter * scatter[1],
@@ -103,7 +103,8 @@ class Cannon:
 
     def mark(self, draws: Draws, name: str) -> AimMarks:
         """Fire at a witness paper before the test and read the marks with a rule."""
-        launch = self.fire(np.full(self.spec.marks, np.nan), draws, name, 0)
+        marks = np.arange(self.spec.marks)
+        launch = self.fire(np.full(marks.size, np.nan), draws, name, marks)
         return AimMarks(
             along=quantise(launch.along, self.spec.mark_resolution),
             across=quantise(launch.across, self.spec.mark_resolution),

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import EncoderRecord, RateRecord
-from virtual_lab.streams import Draws
+from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["Encoder", "EncoderSpec"]
@@ -75,7 +75,7 @@ class Encoder:
         rate: Array,
         draws: Draws,
         name: str,
-        block: int,
+        slots: Slots,
         *,
         span: Array,
         gap: float,
@@ -92,7 +92,7 @@ class Encoder:
         at = 1 + 2 * gap / span
         slopes = 3 + 5 * (3 * at) ** 2 + 7 * (7.5 * at**2 - 1.5) ** 2
         u = count * np.sqrt(slopes / (span * spec.sample_rate)) * 2 / span
-        noise = u * draws.normal(f"{name}.sums", rate.shape, block)
+        noise = u * draws.normal(f"{name}.sums", slots=slots)
         swung = angle is not None
         return RateRecord(
             rate=per_angle * rate + noise,
@@ -102,7 +102,7 @@ class Encoder:
         )
 
     def read(
-        self, turn: Callable[[slice], Array], shots: int, draws: Draws, name: str, block: int
+        self, turn: Callable[[slice], Array], draws: Draws, name: str, slots: Slots
     ) -> EncoderRecord:
         """Count a turn from a rest angle of any phase.
 
@@ -111,7 +111,8 @@ class Encoder:
         """
         spec, per_angle = self.spec, self.scale * self.spec.counts_per_turn / tau
         times = spec.sample_times()
-        rest = draws.uniform(f"{name}.rest", (shots, 1), block)
+        shots = slots.size
+        rest = draws.uniform(f"{name}.rest", 1, slots)
         counts = np.empty((shots, times.size))
         for first in range(0, shots, FEW):
             part = slice(first, first + FEW)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from virtual_lab.streams import Draws
+from virtual_lab.streams import Draws, Slots
 
 __all__ = ["indicate", "quantise"]
 
@@ -27,9 +27,14 @@ def indicate(
     repeats: int,
     draws: Draws,
     name: str,
-    block: int = 0,
+    items: Slots | None = None,
 ) -> Array:
-    """Return readings of shape (item, repeat) of the true values, shape (item,)."""
+    """Return readings of shape (item, repeat) of the true values, shape (item,).
+
+    A reading's noise belongs to its item's number in `items`, (item,), in turn without them, and
+    to the repeat.
+    """
     values = np.atleast_1d(np.asarray(true, dtype=float))
-    noise = repeatability * draws.normal(name, (values.size, repeats), block)
+    items = np.arange(values.size) if items is None else items
+    noise = repeatability * draws.normal(name, repeats, items)
     return quantise(values[:, None] + offset + noise, resolution)

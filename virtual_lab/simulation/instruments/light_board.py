@@ -16,12 +16,13 @@ from annotated_types import Ge, Gt, Lt, MinLen
 from numpy.typing import NDArray
 
 from virtual_lab.catalog.specs import Dimension, Spec
+from virtual_lab.errors import InputError
 from virtual_lab.records import BoardRecord, PassageRecord
 from virtual_lab.simulation.instruments import Rung
 from virtual_lab.simulation.instruments.board_sums import gain_table
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.simulation.instruments.passage import Passage
-from virtual_lab.streams import Draws
+from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
 
 if TYPE_CHECKING:
@@ -148,12 +149,14 @@ class LightBoards:
         leaving: Array,
         draws: Draws,
         name: str,
-        block: int,
+        slots: Slots,
         rung: Rung = Rung.FULL,
     ) -> BoardRecord | PassageRecord:
         """Record balls that reach the target at `contact` and leave it at `leaving` [s]."""
+        if slots.shape != contact.shape:
+            raise InputError("", "slots", slots.shape, f"allowed: one a shot, {contact.shape}")
         record = self._edges if rung is Rung.FULL else self._sums
-        return record(passage, contact, leaving, draws, name, block)
+        return record(passage, contact, leaving, draws, name, slots)
 
     def _edges(
         self,
@@ -162,17 +165,17 @@ class LightBoards:
         leaving: Array,
         draws: Draws,
         name: str,
-        block: int,
+        slots: Slots,
     ) -> BoardRecord:
         from virtual_lab.simulation.instruments.board_kernel import write_edges
 
         spec, ways = self.spec, (0, 1)
-        shape = (len(contact), len(ways), len(self.distances), spec.beams, 2)
-        records = spec.edge_jitter * draws.normal(f"{name}.jitter", shape, block)
-        records += spec.tick * draws.uniform(f"{name}.start", (len(contact), 1, 1, 1, 1), block)
-        scraps, late = self._scraps(passage, contact, draws, name, block)
+        shape = (len(ways), len(self.distances), spec.beams, 2)
+        records = spec.edge_jitter * draws.normal(f"{name}.jitter", shape, slots)
+        records += spec.tick * draws.uniform(f"{name}.start", (1, 1, 1, 1), slots)
+        scraps, late = self._scraps(passage, contact, draws, name, slots)
         scrapped = quantise(records[scraps] + self.clock * late, spec.tick)
-        by_way = records.reshape(*shape[:3], -1)
+        by_way = records.reshape(*records.shape[:3], -1)
         for way, start in zip(ways, (contact, leaving), strict=True):
             flown = passage.way(out=bool(way))
             reach = passage.radius + self.trips
@@ -188,7 +191,7 @@ class LightBoards:
         leaving: Array,
         draws: Draws,
         name: str,
-        block: int,
+        slots: Slots,
     ) -> PassageRecord:
         """Sum each board up: time and height of the ball's centre.
 
@@ -203,8 +206,8 @@ class LightBoards:
         gains = gain_table(passage.radius / spec.pitch)
         gains = gains * np.array([[edge], [edge], [spec.trip_spread]])
         # way by way, whole shots side by side; what starts as noise ends as records
-        shape = (2, 2, len(self.distances), len(contact))
-        records = draws.normal(f"{name}.sums", shape, block).transpose(1, 0, 2, 3)
+        noise = draws.normal(f"{name}.sums", (2, 2, len(self.distances)), slots)
+        records = np.ascontiguousarray(np.moveaxis(noise, 0, -1))
         for start, way, out in zip((contact, leaving), records, (False, True), strict=True):
             sum_up(way, passage.way(out=out), start, out, self._boards(passage), gains)
         records.setflags(write=False)
@@ -228,14 +231,14 @@ class LightBoards:
         )
 
     def _scraps(
-        self, passage: Passage, contact: Array, draws: Draws, name: str, block: int
+        self, passage: Passage, contact: Array, draws: Draws, name: str, slots: Slots
     ) -> tuple[tuple[Any, ...], Array]:
         """Return which edges a scrap of the sabot makes, ahead of the ball, and when [s].
 
         It breaks some beams of the first board.
         """
         spec = self.spec
-        share = draws.uniform(f"{name}.sabot", (2, len(contact)), block) + 0.5
+        share = draws.uniform(f"{name}.sabot", 2, slots).T + 0.5
         tripped = np.flatnonzero(share[0] < spec.sabot_rate)
         ahead = self.distances[None, 0] + passage.radius + SCRAP_AHEAD
         early = (contact - passage.inbound(ahead)[0])[tripped]

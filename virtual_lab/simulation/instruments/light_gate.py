@@ -20,7 +20,7 @@ from virtual_lab.records import GateRecord, PassageRecord
 from virtual_lab.simulation.instruments import Rung
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.simulation.instruments.passage import Passage
-from virtual_lab.streams import Draws
+from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["LightGateSpec", "LightGates"]
@@ -109,12 +109,12 @@ class LightGates:
         leaving: Array,
         draws: Draws,
         name: str,
-        block: int,
+        slots: Slots,
         rung: Rung = Rung.FULL,
     ) -> GateRecord | PassageRecord:
         """Record balls that reach the target at `contact` and leave it at `leaving` [s]."""
         record = self._edges if rung is Rung.FULL else self._sums
-        return record(passage, contact, leaving, draws, name, block)
+        return record(passage, contact, leaving, draws, name, slots)
 
     def _edges(
         self,
@@ -123,7 +123,7 @@ class LightGates:
         leaving: Array,
         draws: Draws,
         name: str,
-        block: int,
+        slots: Slots,
     ) -> GateRecord:
         edge = passage.radius * np.array([1.0, -1.0])
         before, _ = passage.inbound((self.distances[:, None] + edge)[None])
@@ -131,7 +131,7 @@ class LightGates:
         inbound = contact[:, None, None] - before
         outbound = leaving[:, None, None] + self._seen(after, height)
         times = np.stack([inbound, outbound], axis=1)
-        return GateRecord(times=self._time(times, self.spec.edge_jitter, draws, name, block))
+        return GateRecord(times=self._time(times, self.spec.edge_jitter, draws, name, slots))
 
     def _sums(
         self,
@@ -140,7 +140,7 @@ class LightGates:
         leaving: Array,
         draws: Draws,
         name: str,
-        block: int,
+        slots: Slots,
     ) -> PassageRecord:
         """Sum each gate up: a passage with the noise of two edges."""
         distances = self.distances[None]
@@ -150,13 +150,13 @@ class LightGates:
         outbound = leaving[:, None] + self._seen(after, height)
         times = np.stack([inbound, outbound], axis=1)
         jitter = sqrt((self.spec.edge_jitter**2 + self.spec.tick**2 / 12) / 2)
-        noise = jitter * draws.normal(f"{name}.sums", times.shape, block)
+        noise = jitter * draws.normal(f"{name}.sums", times.shape[1:], slots)
         return PassageRecord(times=self.clock * times + noise, heights=np.full(times.shape, np.nan))
 
     def _seen(self, time: Array, height: Array) -> Array:
         return np.where(np.abs(height) < self.spec.half_height, time, np.nan)
 
-    def _time(self, times: Array, jitter: float, draws: Draws, name: str, block: int) -> Array:
-        start = self.spec.tick * draws.uniform(f"{name}.start", (len(times), 1, 1, 1), block)
-        noise = jitter * draws.normal(f"{name}.jitter", times.shape, block)
+    def _time(self, times: Array, jitter: float, draws: Draws, name: str, slots: Slots) -> Array:
+        start = self.spec.tick * draws.uniform(f"{name}.start", (1, 1, 1), slots)
+        noise = jitter * draws.normal(f"{name}.jitter", times.shape[1:], slots)
         return quantise(self.clock * times + start + noise, self.spec.tick)

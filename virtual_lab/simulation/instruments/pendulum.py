@@ -101,8 +101,9 @@ class Pendulum:
         middle = np.sqrt(amplitude[:, :-1] * amplitude[:, 1:])
         swings = period * amplitude_factor(middle)
         passages = np.concatenate([np.zeros((releases, 1)), swings.cumsum(axis=1)], axis=1)
-        start = spec.timer_resolution * draws.uniform(f"{name}.start", (releases, 1))
-        jitter = spec.timer_jitter * draws.normal(f"{name}.jitter", passages.shape)
+        slots = np.arange(releases)
+        start = spec.timer_resolution * draws.uniform(f"{name}.start", 1, slots)
+        jitter = spec.timer_jitter * draws.normal(f"{name}.jitter", spec.swings + 1, slots)
         shown = amplitude[:, [0, -1]] + true["amplitude_offset"]
         ends = quantise(shown, spec.amplitude_resolution)
         return PendulumRecord(

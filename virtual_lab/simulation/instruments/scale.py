@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import MassReadings
 from virtual_lab.simulation.instruments.indicator import indicate
-from virtual_lab.streams import Draws
+from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["Scale", "ScaleSpec"]
@@ -61,8 +61,15 @@ class Scale:
         """Return the true constants, to be sealed."""
         return {"zero": self.zero, "span": self.span}
 
-    def weigh(self, mass: ArrayLike, repeats: int, draws: Draws, name: str) -> MassReadings:
-        """Weigh items of true `mass` [kg], shape (item,), `repeats` times each."""
+    def weigh(
+        self,
+        mass: ArrayLike,
+        repeats: int,
+        draws: Draws,
+        name: str,
+        items: Slots | None = None,
+    ) -> MassReadings:
+        """Weigh `items` of true `mass` [kg], shape (item,), `repeats` times each."""
         return MassReadings(
             readings=indicate(
                 self.span * np.atleast_1d(np.asarray(mass, dtype=float)),
@@ -72,5 +79,6 @@ class Scale:
                 repeats=repeats,
                 draws=draws,
                 name=name,
+                items=items,
             )
         )

@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 PROCEDURE = "astm-f1881"
 PLACES_IN = np.arange(2.0, 12.01, 1.0)
 BESIDE_IN = (-0.01, 0.0, 0.01)  # of the centre of percussion, where play is taken up late
-FIRST_BLOCK = 1000  # of random numbers, beyond any round of a test
+FIRST_SLOT = 1_000_000  # beyond any shot of a test
 PLAIN = {"friction": 0.09}  # thirty times the roller bearing's
 LOOSE = {"clearance": 0.2e-3}  # m
 READINGS = {"recoil": "recoil_efficiency", "rebound": "rebound_efficiency"}
@@ -79,15 +79,15 @@ class _Stand:
         return replace(self, laboratory=laboratory)
 
     def fire(
-        self, place: float, shots: int, block: int, **bearing: float
+        self, place: float, shots: int, number: int, **bearing: float
     ) -> tuple[Reduced, Array, Array]:
-        """Return the reduced shots at a place [m], their true e_A and their time of contact."""
+        """Return the reduced shots at a place [m], their true e_A and time of contact."""
         laboratory, stage = self.laboratory, Stage.IMPACT
         order = Order(
+            slot=FIRST_SLOT + number * shots + np.arange(shots),
             ball=np.arange(shots) % laboratory.rules.spec.balls,
             speed=np.full(shots, laboratory.rules.spec.ball_speed),
             place=np.full(shots, place),
-            block=FIRST_BLOCK + block,
         )
         station = altered(laboratory.stations[stage], "pivot", **bearing)
         play = station.play(order, laboratory.specimen, laboratory.draws)
@@ -148,8 +148,8 @@ def percussion(
     for seed in range(first_seed, first_seed + laboratories):
         say(f"laboratory {seed - first_seed + 1} of {laboratories}")
         stand = _Stand.of(bat, seed, Reality.REAL)
-        for block, place in enumerate(places):
-            found[block].append(_read(stand, float(place), shots, block))
+        for number, place in enumerate(places):
+            found[number].append(_read(stand, float(place), shots, number))
     for row, read in zip(rows, found, strict=True):
         row |= {"seen": float(np.mean([each["seen"] for each in read]))}
         for name in READINGS:
@@ -220,9 +220,9 @@ def _ring(still: _Stand, place: float) -> float:
     return float(np.linalg.norm(modes.rotation(axis)[bends] * swing))
 
 
-def _read(stand: _Stand, place: float, shots: int, block: int) -> dict[str, float]:
+def _read(stand: _Stand, place: float, shots: int, number: int) -> dict[str, float]:
     """Return errors and stated u of the means of a laboratory's shots at a place."""
-    reduced, true, _ = stand.fire(place, shots, block)
+    reduced, true, _ = stand.fire(place, shots, number)
     row = {"seen": float(np.isfinite(reduced.shots.rebound_efficiency).mean())}
     for name, field in READINGS.items():
         hits = getattr(reduced.shots, field)

@@ -50,7 +50,7 @@ def camera(spec: CameraSpec = SPEC) -> Camera:
 
 def test_windows_show_the_ball_where_it_was() -> None:
     """The middle of what hides the background, by first moments, lies where the outline does."""
-    clip, truth = camera(SPEC.ideal()).watch(course(2), Streams(2), "clip", 0)
+    clip, truth = camera(SPEC.ideal()).watch(course(2), Streams(2), "clip", np.arange(2))
     assert isinstance(clip, ClipRecord)
     assert clip.pixels is not None
     assert clip.background is not None
@@ -73,7 +73,9 @@ def test_windows_show_the_ball_where_it_was() -> None:
 
 
 def test_frames_come_at_the_cameras_rate_and_the_ball_at_its_speed() -> None:
-    track, truth = camera(SPEC.ideal()).watch(course(3), Streams(3), "track", 0, Rung.SUMMED)
+    track, truth = camera(SPEC.ideal()).watch(
+        course(3), Streams(3), "track", np.arange(3), Rung.SUMMED
+    )
     assert isinstance(track, TrackRecord)
     steps = np.diff(track.times, axis=1)
     assert steps[np.isfinite(steps)] == pytest.approx(1 / SPEC.clock.frame_rate, rel=1e-9)
@@ -86,7 +88,7 @@ def test_frames_come_at_the_cameras_rate_and_the_ball_at_its_speed() -> None:
 
 
 def test_places_stray_from_the_truth_by_the_uncertainty_stated() -> None:
-    track, truth = camera().watch(course(200), Streams(4), "track", 0, Rung.SUMMED)
+    track, truth = camera().watch(course(200), Streams(4), "track", np.arange(200), Rung.SUMMED)
     assert isinstance(track, TrackRecord)
     off = (track.x - truth["frame_outline"][..., 0]) / track.u
     off = off[np.isfinite(off)]
@@ -95,7 +97,7 @@ def test_places_stray_from_the_truth_by_the_uncertainty_stated() -> None:
 
 def test_a_frame_lost_leaves_a_gap_in_the_time_stamps() -> None:
     leaky = replace(SPEC.ideal(), clock=replace(SPEC.clock.ideal(), drop_rate=0.2))
-    track, _ = camera(leaky).watch(course(20), Streams(5), "track", 0, Rung.SUMMED)
+    track, _ = camera(leaky).watch(course(20), Streams(5), "track", np.arange(20), Rung.SUMMED)
     steps = np.diff(track.times, axis=1) * SPEC.clock.frame_rate
     steps = steps[np.isfinite(steps)]
     assert steps == pytest.approx(np.rint(steps), abs=1e-6)
@@ -103,7 +105,7 @@ def test_a_frame_lost_leaves_a_gap_in_the_time_stamps() -> None:
 
 
 def test_a_film_keeps_every_frame_and_its_time(tmp_path: Path) -> None:
-    seen = list(islice(whole_frames(camera(), course(1), Streams(6), "film"), 6))
+    seen = list(islice(whole_frames(camera(), course(1), Streams(6), "film", np.arange(1)), 6))
     rate = SPEC.clock.frame_rate
     assert write_film(tmp_path / "film.mp4", seen, rate) == len(seen)
     reader = cv2.VideoCapture(str(tmp_path / "film.mp4"), cv2.CAP_FFMPEG)

@@ -7,6 +7,7 @@ import pytest
 
 from tests.simulation.instruments.camera.scenes import (
     QUIET,
+    SHOTS,
     TOUCHED,
     bat_of,
     camera_of,
@@ -27,7 +28,7 @@ def test_frames_show_the_ball_where_the_flight_had_it() -> None:
     """Gates' own closed forms: the time at which a ball passes where a frame saw it."""
     course = course_of()
     camera = camera_of(spec_of("camera-overhead"), Streams(1))
-    record, truth = camera.watch(course, QUIET, "c", 0, Rung.SUMMED)
+    record, truth = camera.watch(course, QUIET, "c", np.arange(SHOTS), Rung.SUMMED)
     x, z = truth["frame_position"][..., 0], truth["frame_position"][..., 2]
     before = truth["frame_time"] < course.contact[:, None]
     after = truth["frame_time"] > course.leaving[:, None]
@@ -64,7 +65,7 @@ def test_frames_that_get_lost_leave_a_gap_in_time() -> None:
     """A fifth of 96 frames: they are not there, and the times of the others tell."""
     clock = replace(spec_of("camera-overhead").clock, drop_rate=0.2)
     camera = camera_of(spec_of("camera-overhead", clock=clock), Streams(2))
-    record, truth = camera.watch(course_of(), Streams(3), "c", 0, Rung.SUMMED)
+    record, truth = camera.watch(course_of(), Streams(3), "c", np.arange(SHOTS), Rung.SUMMED)
     there = np.isfinite(record.times)
     assert 5 < (~there).sum() < 40
     assert np.array_equal(there, np.isfinite(truth["frame_time"]))
@@ -82,7 +83,7 @@ def test_sums_are_as_uncertain_as_pixels_allow() -> None:
     """
     spec = replace(spec_of("camera-backlit"), ball=PLAIN)
     camera = camera_of(spec, QUIET)
-    record, truth = camera.watch(course_of(), QUIET, "c", 0, Rung.SUMMED)
+    record, truth = camera.watch(course_of(), QUIET, "c", np.arange(SHOTS), Rung.SUMMED)
     radius, blur = truth["frame_radius"][0, 0], truth["frame_blur"][0, 0]
     behind, white = background(spec)[400, 640], spec.light.ball * spec.exposed
 
@@ -101,7 +102,7 @@ def test_sums_are_as_uncertain_as_pixels_allow() -> None:
     bounds = [1 / np.sqrt((slope**2 / variance).sum()) for slope in slopes]
     mean = float(np.sqrt(np.mean(np.square(bounds))))
     assert record.u[0, 0] == pytest.approx(1.1 * mean, rel=0.1)
-    noisy, truth = camera.watch(course_of(), Streams(4), "c", 0, Rung.SUMMED)
+    noisy, truth = camera.watch(course_of(), Streams(4), "c", np.arange(SHOTS), Rung.SUMMED)
     pulls = (np.stack([noisy.x, noisy.y], axis=-1) - truth["frame_outline"]) / noisy.u[..., None]
     pulls = pulls[np.isfinite(pulls)]
     assert pulls.std() == pytest.approx(1, abs=4 / np.sqrt(2 * pulls.size))
@@ -131,7 +132,8 @@ def test_the_same_seed_is_the_same_clip_and_another_is_not() -> None:
     camera = camera_of(spec_of("camera-side-lit"), Streams(1))
     course = course_of()
     one, two, other = (
-        camera.watch(course, Streams(seed), "c", 0, bat=bat_of(course))[0] for seed in (7, 7, 8)
+        camera.watch(course, Streams(seed), "c", np.arange(SHOTS), bat=bat_of(course))[0]
+        for seed in (7, 7, 8)
     )
     assert np.array_equal(one.pixels, two.pixels)
     assert np.array_equal(one.background, two.background)

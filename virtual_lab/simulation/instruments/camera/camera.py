@@ -19,7 +19,7 @@ from virtual_lab.simulation.instruments.camera.scene import Bat, background, fli
 from virtual_lab.simulation.instruments.camera.sensor import Sensor
 from virtual_lab.simulation.instruments.camera.shots import Frames, take
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
-from virtual_lab.streams import Draws
+from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["Camera"]
@@ -94,7 +94,7 @@ class Camera:
         course: Course,
         draws: Draws,
         name: str,
-        block: int,
+        slots: Slots,
         rung: Rung = Rung.FULL,
         bat: Bat | None = None,
     ) -> tuple[ClipRecord | TrackRecord, dict[str, Array]]:
@@ -102,10 +102,10 @@ class Camera:
 
         The truth is of every frame, (shot, frame, …), NaN where there is none: see `Frames`.
         """
-        frames = take(self.spec, self.lens, self.clock, course, self.plane, draws, name, block)
+        frames = take(self.spec, self.lens, self.clock, course, self.plane, draws, name, slots)
         if rung is Rung.FULL:
-            return self._clip(frames, draws, name, block, bat), frames.truth()
-        return self._track(frames, draws, name, block), frames.truth()
+            return self._clip(frames, draws, name, slots, bat), frames.truth()
+        return self._track(frames, draws, name, slots), frames.truth()
 
     def render(
         self, frames: Frames, corners: NDArray[np.int64], behind: Pixels, bat: Bat | None
@@ -161,15 +161,20 @@ class Camera:
         )
 
     def _clip(
-        self, frames: Frames, draws: Draws, name: str, block: int, bat: Bat | None
+        self,
+        frames: Frames,
+        draws: Draws,
+        name: str,
+        slots: Slots,
+        bat: Bat | None,
     ) -> ClipRecord:
         spec = self.spec
         most = np.array([spec.sensor.columns, spec.sensor.rows]) - spec.window
         corners = np.rint(frames.outlines.middle - spec.window / 2).astype(np.int64)
         corners = np.clip(corners, 0, most)
-        still = background(spec)
+        still, numbers = background(spec), frames.numbers(slots)
         pixels: list[NDArray[Any]] = []
-        for number, start in enumerate(range(0, len(corners), CHUNK)):
+        for start in range(0, len(corners), CHUNK):
             part = slice(start, start + CHUNK)
             behind = windows(still, corners[part], spec.window)
             electrons = self.render(frames.part(part), corners[part], behind, bat)
@@ -178,8 +183,8 @@ class Camera:
                     electrons,
                     corners[part],
                     draws,
-                    f"{name}.{number}",
-                    block,
+                    f"{name}.window",
+                    numbers[part],
                     spec.clock.exposure,
                 )
             )
@@ -189,22 +194,22 @@ class Camera:
             left=frames.laid(corners[:, 0].astype(np.float64)),
             top=frames.laid(corners[:, 1].astype(np.float64)),
             pixels=frames.laid(whole),
-            background=self.empty(draws, f"{name}.empty", block, bat),
+            background=self.empty(draws, f"{name}.empty", bat),
         )
 
-    def empty(self, draws: Draws, name: str, block: int, bat: Bat | None = None) -> Pixels:
+    def empty(self, draws: Draws, name: str, bat: Bat | None = None) -> Pixels:
         """Return the mean of the frames taken before the shots, (row, column), noise and all."""
         spec = self.spec
         behind = background(spec)[None]
         if bat is not None:
             self.put(bat, np.zeros(1), np.zeros((1, 2), np.int64), behind)
-        phases = draws.uniform(f"{name}.flicker", spec.empty_frames, block)
+        phases = draws.uniform(f"{name}.flicker", spec.empty_frames)
         burn = float(flicker(spec, np.zeros(spec.empty_frames), phases).mean())
         return self.sensor.mean_of(
-            behind[0] * np.float32(burn), spec.empty_frames, draws, name, block, spec.clock.exposure
+            behind[0] * np.float32(burn), spec.empty_frames, draws, name, spec.clock.exposure
         )
 
-    def _track(self, frames: Frames, draws: Draws, name: str, block: int) -> TrackRecord:
+    def _track(self, frames: Frames, draws: Draws, name: str, slots: Slots) -> TrackRecord:
         """Write places as a tracker would: the least uncertainty there can be, times a little.
 
         Of an edge of contrast C in noise of variance V the Cramér-Rao bound of a disc is
@@ -222,7 +227,7 @@ class Camera:
         still = 2 * sqrt((spec.blur**2 + 1 / 12) / pi)
         wide = np.hypot(still, np.linalg.norm(frames.blur, axis=1) / 4)
         u = TRACKED * np.sqrt(noise * wide / frames.outlines.radius) / abs(ball - behind)
-        off = u[:, None] * draws.normal(f"{name}.sums", (len(u), 2), block)
+        off = u[:, None] * draws.normal(f"{name}.sums", 2, frames.numbers(slots))
         x, y = (frames.outlines.middle + off).T
         return TrackRecord(
             times=frames.laid(frames.stamp),

@@ -16,7 +16,7 @@ from virtual_lab.simulation.instruments.camera.course import Course
 from virtual_lab.simulation.instruments.camera.scene import Bat, background
 from virtual_lab.simulation.instruments.camera.shots import take
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
-from virtual_lab.streams import Draws
+from virtual_lab.streams import Draws, Slots
 
 __all__ = ["whole_frames", "write_film", "write_films", "write_preview"]
 
@@ -26,7 +26,12 @@ PREVIEW_WIDTH = 480  # pixels
 
 
 def whole_frames(
-    camera: Camera, course: Course, draws: Draws, name: str, block: int = 0, bat: Bat | None = None
+    camera: Camera,
+    course: Course,
+    draws: Draws,
+    name: str,
+    slots: Slots,
+    bat: Bat | None = None,
 ) -> Iterator[tuple[float, Frame]]:
     """Yield time stamp [s] and grey values (row, column) of the first shot's frames in turn.
 
@@ -34,9 +39,9 @@ def whole_frames(
     """
     spec = camera.spec
     frames = take(
-        spec, camera.lens, camera.clock, course, camera.plane, draws, name, block, whole=True
+        spec, camera.lens, camera.clock, course, camera.plane, draws, name, slots, whole=True
     )
-    still = background(spec)
+    still, numbers = background(spec), frames.numbers(slots)
     corner = np.zeros((1, 2), np.int64)
     for number in np.flatnonzero(frames.shot == 0):
         one = frames.part(slice(number, number + 1))
@@ -52,8 +57,9 @@ def whole_frames(
         if pasted.size:
             window = camera.render(one, np.array([[left, top]]), pasted, bat)
             electrons[top : top + reach, left : left + reach] = window[0]
+        own = numbers[number : number + 1]
         grey = camera.sensor.expose(
-            electrons[None], corner, draws, f"{name}.{number}", block, spec.clock.exposure
+            electrons[None], corner, draws, f"{name}.whole", own, spec.clock.exposure
         )
         yield float(one.stamp[0]), grey[0]
 

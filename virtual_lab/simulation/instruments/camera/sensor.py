@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from virtual_lab.simulation.instruments.camera.spec import SensorSpec
-from virtual_lab.streams import Draws
+from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["Sensor"]
@@ -61,7 +61,7 @@ class Sensor:
         corners: ArrayLike,
         draws: Draws,
         name: str,
-        block: int = 0,
+        slots: Slots | None = None,
         exposure: float = 0.0,
     ) -> NDArray[Any]:
         """Return grey values of regions, (region, row, column).
@@ -74,6 +74,8 @@ class Sensor:
             What light frees in each pixel on average, (region, row, column) [e].
         corners
             Each region's first pixel (x, y) in the frame, (region, 2), whole numbers.
+        slots
+            The regions' numbers, to which their noise belongs, (region,); in turn without.
         exposure
             What dark current flows for [s].
         """
@@ -83,6 +85,7 @@ class Sensor:
         light = np.ascontiguousarray(electrons, dtype=np.float32)
         places = np.ascontiguousarray(corners, dtype=np.int64)
         means = np.empty_like(light)
+        slots = np.arange(len(light)) if slots is None else slots
         dim = expect(light, places, self.response, spec.dark_current * exposure, means)
         kind = np.float32 if not spec.whole_counts else np.uint8 if spec.bits <= 8 else np.uint16
         out: NDArray[Any] = np.empty(light.shape, kind)
@@ -90,8 +93,8 @@ class Sensor:
             means,
             places,
             self.offset,
-            draws.normal(f"{name}.noise", light.shape, block),
-            draws.uniform(f"{name}.shot", dim, block),
+            draws.normal(f"{name}.noise", light.shape[1:], slots),
+            draws.uniform(f"{name}.shot", light.shape[1:] if dim else (0, 0), slots),
             spec.read_noise,
             spec.full_well,
             self.gain,
@@ -108,7 +111,6 @@ class Sensor:
         count: int,
         draws: Draws,
         name: str,
-        block: int = 0,
         exposure: float = 0.0,
     ) -> Pixels:
         """Return the mean of grey values of `count` whole frames of one scene, (row, column).
@@ -122,6 +124,6 @@ class Sensor:
         variance = self.gain**2 * (gathered + np.float32(spec.read_noise**2))
         if spec.whole_counts:
             variance += np.float32(1 / 12)
-        noise = draws.normal(name, electrons.shape, block).astype(np.float32)
+        noise = draws.normal(name, electrons.shape).astype(np.float32)
         grey = self.gain * held + spec.black_level + np.sqrt(variance / count) * noise
         return np.asarray(np.clip(grey, 0.0, spec.full_scale), np.float32)

@@ -23,8 +23,8 @@ INVERSE = 1 / np.maximum(np.arange(MOST), 1)  # a product is quicker than a quot
 @njit(**FAST)
 def expect(
     electrons: Pixels, corners: NDArray[np.int64], response: Pixels, dark: float, out: Pixels
-) -> int:
-    """Fill `out` (region, row, column) with what each pixel gathers; return how many are dim.
+) -> bool:
+    """Fill `out` (region, row, column) with what each pixel gathers; return whether any is dim.
 
     `response` is the sensor's map, to which `corners` (region, 2), columns and rows, point;
     beyond the sensor all pixels are alike.
@@ -42,7 +42,7 @@ def expect(
                 mean = np.float32(max(mean, np.float32(0)) + dark)
                 out[r, i, j] = mean
                 dim += 1 if mean < DIM else 0
-    return dim
+    return dim > 0
 
 
 @njit(**FAST)
@@ -72,11 +72,10 @@ def read_out(
     top: float,
     out: Any,
 ) -> None:
-    """Fill `out` (region, row, column) with grey values; `uniform` has one number a dim pixel.
+    """Fill `out` (region, row, column) with grey values; `uniform` is as large if any is dim.
 
     Numbers of exactly 0 are the middle of their distributions: they leave the mean as it is.
     """
-    dim = 0
     rows, columns = offset.shape
     for r in range(len(means)):
         left, above = corners[r, 0], corners[r, 1]
@@ -86,8 +85,7 @@ def read_out(
                 if mean >= DIM:
                     value = min(mean + sqrt(mean + read * read) * normal[r, i, j], full_well)
                 else:
-                    share = uniform[dim]
-                    dim += 1
+                    share = uniform[r, i, j]
                     value = mean if share == 0 else _poisson(mean, share + 0.5)
                     value += read * normal[r, i, j]
                 row, column = above + i, left + j

@@ -12,7 +12,7 @@ from virtual_lab.simulation.instruments.camera.course import Course
 from virtual_lab.simulation.instruments.camera.lens import Outlines, TrueLens
 from virtual_lab.simulation.instruments.camera.scene import flicker
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
-from virtual_lab.streams import Draws
+from virtual_lab.streams import Draws, Slots
 
 __all__ = ["Frames", "take"]
 
@@ -61,6 +61,10 @@ class Frames:
             brightness=self.brightness[some],
         )
 
+    def numbers(self, slots: Slots) -> Slots:
+        """Return each frame's number in its laboratory, (n,), from its shot's in `slots`."""
+        return np.asarray(slots[self.shot] * self.layout[1] + self.number)
+
     def laid(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return values (n, …) by shot and frame, NaN (0 in whole numbers) where there is none."""
         blank = np.nan if np.issubdtype(values.dtype, np.floating) else 0
@@ -89,7 +93,7 @@ def take(
     plane: float,
     draws: Draws,
     name: str,
-    block: int,
+    slots: Slots,
     *,
     whole: bool = False,
 ) -> Frames:
@@ -100,12 +104,12 @@ def take(
     """
     lift = np.array([0.0, 0.0, plane])
     shots, rate, exposure = len(course.contact), spec.clock.frame_rate, spec.clock.exposure
-    phase = draws.uniform(f"{name}.phase", shots, block)
+    phase = draws.uniform(f"{name}.phase", slots=slots)
     first = np.ceil(course.contact * rate * clock - phase) - spec.frames_in
     count = spec.frames_in + spec.frames_out
     stamps = (first[:, None] + np.arange(count) + phase[:, None]) / rate
     times = stamps / clock
-    lost = draws.uniform(f"{name}.lost", (shots, count), block) + 0.5 < spec.clock.drop_rate
+    lost = draws.uniform(f"{name}.lost", count, slots) + 0.5 < spec.clock.drop_rate
     shot = np.repeat(np.arange(shots), count)
     position = course.at(shot, times.ravel())
     image = lens.drawn(lens.seen(position + lift))
@@ -121,7 +125,7 @@ def take(
         [lens.drawn(lens.seen(course.at(row, when) + lift)) for when in points.T],
         axis=1,
     )
-    jitter = spec.clock.jitter * draws.normal(f"{name}.jitter", (shots, count), block)
+    jitter = spec.clock.jitter * draws.normal(f"{name}.jitter", count, slots)
     axes, spin = course.axes(row, time)
     shown = position.reshape(shots, count, 3)[row, column]
     return Frames(
@@ -136,5 +140,5 @@ def take(
         axes=axes,
         turn=spin * exposure,
         outlines=lens.outlines(shown + lift, course.passage.radius),
-        brightness=flicker(spec, time, draws.uniform(f"{name}.flicker", shots, block)[row]),
+        brightness=flicker(spec, time, draws.uniform(f"{name}.flicker", slots=slots)[row]),
     )

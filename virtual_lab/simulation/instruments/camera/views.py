@@ -49,7 +49,7 @@ def board_views(
         albedo = _drawn(camera.lens, board, turned, place, rays, float(blur))
         electrons = LIT * spec.sensor.full_well / PAPER * albedo
         grey = camera.sensor.expose(
-            electrons[None], [[0, 0]], draws, f"{name}.{view}", 0, spec.clock.exposure
+            electrons[None], [[0, 0]], draws, f"{name}.view", np.array([view]), spec.clock.exposure
         )
         yield grey[0], board.corners() @ turned.T + place
 

@@ -1,0 +1,171 @@
+"""Many laboratories: what one gives hangs on its seed alone, and its scenes lie in the box."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field, replace
+from functools import cache
+from multiprocessing import get_context
+
+import numpy as np
+import pytest
+
+from virtual_lab import catalog, lab
+from virtual_lab.lab.campaign import Campaign
+from virtual_lab.simulation.collision.scene import Scenes
+from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.physics.beam import beam_of
+from virtual_lab.simulation.physics.supports import Pinned
+from virtual_lab.simulation.rig import Order, Stage
+
+BATS = {"asa": "softball-34"}  # the others are tests of baseball bats
+PROCEDURES = catalog.names("procedures")
+SIDE = 0.712  # m, a pivot somewhere on the bat
+Bits = dict[int, str]
+
+
+def bits(tested: lab.Tested) -> str:
+    """Return a hash of metric, u, every record and all that was true."""
+    metric = tested.certification.metric
+    digest = hashlib.sha256(repr((metric.value, metric.u, metric.dof) if metric else None).encode())
+    for stage, records in sorted(tested.certification.session.records.items()):
+        for channel, record in sorted(records.items()):
+            for name in record.columns:
+                digest.update(f"{stage}.{channel}.{name}".encode())
+                digest.update(np.ascontiguousarray(getattr(record, name)).tobytes())
+    sealed = tested.sealed
+    for name, values in sorted({**sealed.shots, **sealed.wall_hits}.items()):
+        digest.update(name.encode() + np.ascontiguousarray(values).tobytes())
+    digest.update(repr((dict(sealed.constants), dict(sealed.measurand))).encode())
+    return digest.hexdigest()
+
+
+def played(procedure: str, seeds: Iterable[int]) -> Bits:
+    """Return the bits of laboratories of a campaign of their own, played in turn."""
+    campaign = Campaign.of(BATS.get(procedure, "r161"), procedure)
+    return {seed: bits(campaign.laboratory(seed).run(lambda _: None)) for seed in seeds}
+
+
+def run(procedure: str, laboratories: int, first_seed: int) -> Bits:
+    campaign = Campaign.of(BATS.get(procedure, "r161"), procedure)
+    tests = campaign.run(laboratories, first_seed)
+    return {first_seed + number: bits(tested) for number, tested in enumerate(tests)}
+
+
+@cache
+def of_64() -> Bits:
+    return run("astm-f1881", 64, 1)
+
+
+def test_a_laboratory_is_the_same_alone_and_among_37_or_64() -> None:
+    """From any first seed: metric, u, records and truth, bit for bit."""
+    of_37 = run("astm-f1881", 37, 20)
+    assert of_37 == {seed: of_64()[seed] for seed in of_37 if seed <= 64}
+    assert len(set(of_64().values())) == 64
+    for seed in (1, 33, 56):
+        assert played("astm-f1881", [seed]) == {seed: of_64()[seed]}
+
+
+def test_two_processes_give_what_one_gives() -> None:
+    """Started by the test, half of the seeds each, one of them backward."""
+    halves = range(1, 9), range(16, 8, -1)
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        found = [pool.submit(played, "astm-f1881", half) for half in halves]
+        both = found[0].result() | found[1].result()
+    assert both == {seed: of_64()[seed] for seed in both}
+
+
+@pytest.mark.parametrize("procedure", ["asa", "bbcor", "ncaa-besr"])
+def test_what_ran_before_changes_nothing(procedure: str) -> None:
+    """Other laboratories, and scenes far from any of a test, before the one looked at."""
+    (alone,) = played(procedure, [3]).values()
+    campaign = Campaign.of(BATS.get(procedure, "r161"), procedure)
+    body, box = campaign.bat.body, campaign.collision.box
+    assert box is not None
+    far = Scenes.of(
+        impact_position=np.linspace(0.04, 0.3, 200),
+        relative_speed=np.linspace(15.0, 80.0, 200),
+        ball_mass=np.mean(box.ball_mass),
+        ball_restitution=0.5,
+        stiffness=box.stiffness,
+        exponent=box.exponent,
+    )
+    for from_knob in (campaign.rules.spec.pivot_from_knob, body.length - SIDE):
+        campaign.collision.efficiency(body, Pinned(body.length - from_knob), far)
+    for seed in (8, 5):
+        campaign.laboratory(seed).run(lambda _: None)
+    assert bits(campaign.laboratory(3).run(lambda _: None)) == alone
+
+
+@dataclass
+class Watching:
+    """The collision of a campaign, and the scenes it was asked for."""
+
+    campaign: Campaign
+    seen: list[Scenes] = field(default_factory=list)
+
+    def __call__(self, body, support):
+        return self.campaign.collision(body, support)
+
+    def efficiency(self, body, support, scenes: Scenes) -> np.ndarray:
+        self.seen.append(scenes)
+        return self.campaign.collision.efficiency(body, support, scenes)
+
+
+@pytest.mark.parametrize("procedure", PROCEDURES)
+def test_scenes_of_a_test_lie_in_its_box(procedure: str) -> None:
+    """Of 20 000 shots, to both ends of the places that a procedure knows, none is outside.
+
+    And the box is no wider than it must be: the shots fill four tenths of each of its sides.
+    """
+    campaign = Campaign.of(BATS.get(procedure, "r161"), procedure)
+    box, shots = campaign.collision.box, 20_000
+    assert box is not None
+    laboratory, rules = campaign.laboratory(1), campaign.rules.spec
+    ready, _, _ = laboratory.measured(lambda _: None)
+    ends = (rules.scan.low, rules.scan.high) if rules.scan else (np.mean(box.impact_position),) * 2
+    slots, watching = np.arange(shots), Watching(campaign)
+    order = Order(
+        slot=slots,
+        ball=slots % rules.balls,
+        speed=np.full(shots, rules.ball_speed),
+        place=np.where(slots % 2, *ends),
+        turn_rate=float(rules.turn_rate(beam_of(campaign.bat.body).length)),
+        rung=Rung.SUMMED,
+    )
+    specimen = replace(ready.specimen, collision=watching)
+    laboratory.stations[Stage.IMPACT].play(order, specimen, laboratory.draws)
+    (scenes,) = watching.seen
+    assert box.inside(scenes).all()
+    for axis in ("impact_position", "relative_speed", "ball_restitution"):
+        low, high = getattr(box, axis)
+        assert np.ptp(getattr(scenes, axis)) > 0.4 * (high - low), axis
+
+
+@pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor", "ncaa-besr"])
+def test_summed_and_full_records_share_their_truth(procedure: str) -> None:
+    """Speed, place, e0 of every shot and the true constants, bit for bit; balls and bat too."""
+    laboratory = Campaign.of("r161", procedure).laboratory(4)
+    rules, slots = laboratory.rules.spec, np.arange(24)
+    truths, constants, balls = [], [], []
+    for rung in Rung:
+        ready, bench, wall = replace(laboratory, instruments=rung).measured(lambda _: None)
+        order = Order(
+            slot=slots,
+            ball=slots % rules.balls,
+            speed=np.full(slots.size, rules.ball_speed),
+            place=np.linspace(0.13, 0.17, slots.size),
+            turn_rate=float(rules.turn_rate(float(bench.truth["length"]))),
+            rung=rung,
+        )
+        station = ready.stations[Stage.IMPACT]
+        play = station.play(order, ready.specimen, ready.draws)
+        names = ("speed", "place", "across", "ball_restitution")
+        truths.append([play.truth[name] for name in names] + [*wall.truth.values()])
+        constants.append([dict(each.true_constants) for each in ready.stations.values()])
+        balls.append([ready.specimen.balls.mass, ready.specimen.balls.restitution])
+    assert constants[0] == constants[1]
+    for one, other in zip(truths[0] + balls[0], truths[1] + balls[1], strict=True):
+        assert np.array_equal(one, other)
