@@ -220,9 +220,9 @@ def shot_results(
     beside = x.get(PLACE_SLOPE, 0.0) * _along(x) + x.get(SLOPE_ERROR, 0.0)
     efficiency = np.asarray(struck - beside)
     at = readings.place + (0.0 if PLACE_SLOPE in x else _along(x))
-    # the recoil factor is that of the axis asked for, as e_A hardly knows where it is: what a
-    # misplaced one spoils is the angular momentum above; its place is that e_A is of
-    recoil = recoil_factor(asked.recoil, bat, mass, at, asked.pivot_from_knob)
+    # the recoil factor is that of the axis and place asked for: e_A hardly knows where they are,
+    # so what a misplaced axis or ball spoils is the angular momentum above and nothing here
+    recoil = recoil_factor(asked.recoil, bat, mass, readings.place, asked.pivot_from_knob)
     restitution = restitution_from_efficiency(efficiency, recoil)
     own = balls.restitution[..., readings.ball]
     e0 = own + balls.slope * (relative_speed - balls.speed)
@@ -233,7 +233,7 @@ def shot_results(
     lot = balls.restitution.mean(axis=-1, keepdims=True)
     lot_e0 = lot + balls.slope * (nominal - balls.speed)
     lot_mass = balls.mass.mean(axis=-1, keepdims=True)
-    lot_recoil = recoil_factor(asked.recoil, bat, lot_mass, at, asked.pivot_from_knob)
+    lot_recoil = recoil_factor(asked.recoil, bat, lot_mass, readings.place, asked.pivot_from_knob)
     lot_restitution = factor * lot_e0
     shape = np.shape(factor)
     return ShotResults(
