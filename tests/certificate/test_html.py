@@ -279,3 +279,57 @@ def test_a_width_cut_off_at_an_end_is_at_least_so_much() -> None:
     least = f"at least {width['value'] / 0.0254:.2f} in"
     assert least in words(certificate_page(document, flat))
     assert f"{least} wide" in certificate_text(document)
+
+
+@pytest.mark.parametrize("name", ["pass", "scan with fresh hits"])
+def test_a_result_says_what_it_is_conditional_on(name: str) -> None:
+    """In JSON, text and page; records of a real laboratory rest on no model of a collision."""
+    document = certificate(case(name))
+    sentence = document["conditional_on"]
+    number = len(document["unverified"])
+    assert "the force law of the ball alone moves the peak e of a bat by 0.045" in sentence
+    assert f"the procedure as it is known here ({number} of its values are unverified)" in sentence
+    assert sentence in words(page(name))
+    assert sentence in certificate_text(document)
+    real = certificate(case("real laboratory"))["conditional_on"]
+    assert "force law" not in real
+    assert "the procedure as it is known here" in real
+
+
+def test_a_place_chosen_raises_the_result_and_says_so() -> None:
+    """By what its neighbours may be better: the value is the fresh hits' mean and that."""
+    chosen = scanned("bbcor")
+    document = certificate(chosen)
+    mean = chosen.shot_metric[chosen.outcome.used].mean()
+    raised = document["choice"]["correction"]
+    assert raised > 0
+    assert document["metric"]["value"] == pytest.approx(mean + raised, rel=1e-12)
+    (line,) = (row for row in document["budget"] if row["component"] == "choice of the place")
+    assert line["contribution"] == pytest.approx(document["choice"]["u"])
+    assert "raised by" in words(page("scan with fresh hits"))
+    assert "raised by" in certificate_text(document)
+    assert certificate(certified())["choice"] is None
+    assert "raised by" not in words(page("pass"))
+
+
+@pytest.mark.parametrize("name", ["pass", "scan with fresh hits"])
+def test_twelve_balls_are_one_line_of_the_budget(name: str) -> None:
+    rows = [row["component"] for row in certificate(case(name))["budget"]]
+    assert rows.count("balls.repeatability") == 1
+    assert not [row for row in rows if row.startswith("balls.restitution")]
+
+
+def test_the_slope_at_the_aim_is_in_the_budget() -> None:
+    """BPF = (e_A (1 + r) + r)/e0: its u is (1 + r)/e0 times slope u times the aim's 0.3 mm.
+
+    And the aim's own effect is less by the slope than it is without one.
+    """
+    budget = {part.name: part for part in certified().metric.components}
+    quantities = certified().quantities
+    per_e_a = (1 + quantities["recoil_factor"].value) / quantities["ball_restitution"].value
+    slope, slope_u = 0.005 / 0.0254, 0.013 / 0.0254
+    line, along = budget["procedure.place_slope_error"], budget["impact.cannon.along"]
+    assert line.contribution == pytest.approx(per_e_a * slope_u * 0.3e-3, rel=0.02)
+    level = again(("place_slope = { value = 0.005", "place_slope = { value = 0.0"))
+    plain = {part.name: part for part in level.metric.components}["impact.cannon.along"]
+    assert plain.sensitivity - along.sensitivity == pytest.approx(per_e_a * slope, rel=0.02)

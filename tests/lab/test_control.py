@@ -12,7 +12,7 @@ from virtual_lab.certificate.html import certificate_page
 from virtual_lab.certificate.text import certificate_text
 from virtual_lab.errors import InputError
 from virtual_lab.lab import certify_bat
-from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.measurement.procedure import CHOICE, Procedure
 from virtual_lab.measurement.session_reduction import CONTROL
 from virtual_lab.simulation.rig import Reality
 
@@ -78,9 +78,10 @@ def test_the_constant_is_the_control_bats_e_with_its_uncertainty(rules: str) -> 
     assert (ratio.value, ratio.u, ratio.dof) == (e.value / STANDARD, e.u / STANDARD, e.dof)
     metric, alone = found.certification.metric, found.certification.quantities["restitution"]
     assert metric is not None
-    part = {each.name: each for each in metric.components}[CONTROL]
-    assert part.contribution == pytest.approx(metric.value * ratio.u / ratio.value, rel=1e-4)
-    assert metric.value == pytest.approx(alone.value / ratio.value, rel=1e-9)
+    parts = {each.name: each for each in metric.components}
+    fresh = metric.value - parts[CHOICE].value
+    assert parts[CONTROL].contribution == pytest.approx(fresh * ratio.u / ratio.value, rel=1e-4)
+    assert fresh == pytest.approx(alone.value / ratio.value, rel=1e-9)
     true = found.control.sealed.measurand["restitution"] / STANDARD
     assert found.sealed.constants[CONTROL] == true
     assert abs(ratio.value - true) < 4 * ratio.u

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from math import sqrt
 
+import numpy as np
 import pytest
 
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
+from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.studies.bias import bias
 from virtual_lab.studies.coverage import coverage
+from virtual_lab.studies.effects import effects
+from virtual_lab.studies.place_slope import place_slopes
 from virtual_lab.studies.score import score
+from virtual_lab.units import INCH
 
 LABORATORIES = 80
 
@@ -36,7 +41,57 @@ def test_coverage_in_a_few_laboratories(bat: str, procedure: str) -> None:
         assert abs(row["mean_z"]) < 4 * 1.3 / sqrt(LABORATORIES)
         assert 0.65 < row["sd_z"] < 1.35 * (1.3 if procedure == "bbcor" else 1.0)
         assert row["low"] < row["coverage"] < row["high"] or row["coverage"] == 1
+        assert row["coverage"] + row["above"] + row["below"] == pytest.approx(1)
+        many = np.array([len(part) for part in np.array_split(np.arange(row["laboratories"]), 3)])
+        assert many @ row["thirds"] / many.sum() == pytest.approx(row["coverage"])
         assert abs(row["bias"] - row["expected"]) < 4 * row["bias_se"]
+
+
+def test_effects_of_every_term() -> None:
+    """The reduced form of ``coverage softball-34 --procedure asa --summed --effects``.
+
+    Each term within 4.5 standard errors of the one stated (30 terms of 100 dof: by chance 1 in
+    1000), and the greatest beyond 2 of none, so that a lost sign would show.
+    """
+    rows = effects("softball-34", procedure="asa", laboratories=130, summed=True)
+    terms = {row["term"]: row for row in rows}
+    for name, row in terms.items():
+        print(name, row["stated"], row["realised"], row["se"])
+        assert row["realised"] is not None, name
+        # the sheet's slope is that of all softball bats: the aim's effect may be apart by its u
+        stated = terms["procedure.place_slope_error"]["stated"]
+        slack = 2 * abs(stated) if name == "impact.cannon.along" else 0.0
+        if name != "procedure.place_slope_error":
+            assert abs(row["realised"] - row["stated"]) < 4.5 * row["se"] + slack, name
+    assert [abs(row["stated"]) for row in rows] == sorted(
+        (abs(row["stated"]) for row in rows), reverse=True
+    )
+    for name in ("bench.stand.offset", "bat.balance", "hall.air.drag_coefficient"):
+        assert abs(terms[name]["realised"]) > 2 * terms[name]["se"]
+    assert terms["balls.repeatability"]["realised"] > 2 * terms["balls.repeatability"]["se"]
+
+
+def test_effects_need_laboratories() -> None:
+    with pytest.raises(InputError, match="4 and more with a result for each of"):
+        effects("r161", laboratories=5, summed=True)
+
+
+@pytest.mark.parametrize(
+    ("procedure", "bats"), [("astm-f1881", ()), ("asa", ("softball-34", "softball-wood-34"))]
+)
+def test_the_slope_on_a_procedures_sheet(procedure: str, bats: tuple[str, ...]) -> None:
+    """As ``virtual-lab slope`` gives it, to the rounding on the sheet, and u at least that."""
+    *_, mean, deviation = place_slopes(bats, procedure=procedure)
+    sheet = catalog.load("procedures", procedure, Procedure).spec
+    assert sheet.place_slope * INCH == pytest.approx(mean["slope_per_in"], abs=6e-4)
+    assert sheet.place_slope_u * INCH == pytest.approx(deviation["slope_per_in"], abs=6e-4)
+
+
+def test_a_slope_of_no_place() -> None:
+    with pytest.raises(InputError, match="2 and more"):
+        place_slopes(("r161",), procedure="astm-f1881")
+    with pytest.raises(InputError, match="at one place"):
+        place_slopes(procedure="bbcor")
 
 
 def test_coverage_with_every_edge_and_count() -> None:

@@ -143,6 +143,62 @@ def test_every_place_has_its_own_scatter() -> None:
     assert found.value == pytest.approx(hits @ weights, rel=1e-12)
 
 
+def test_scatter_that_constants_explain_is_taken_off() -> None:
+    """Two constants move two hits of a place each by ±1 and ±2: variance (2 + 8)/3 of it, alike.
+
+    The dof are those of the whole variance: (4 s²_left/s²)² of them is what is left to know.
+    """
+    hits, weights = np.array([0.0, 4.0, 1.0, 3.0]), np.full(4, 0.25)
+    moved = np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 2.0, -2.0]])
+    whole, left = 10 / 3, 10 / 3 - 10 / 3
+    assert scatter(hits, weights, np.zeros(4), moved).contribution == pytest.approx(left, abs=1e-7)
+    half = scatter(hits, weights, np.zeros(4), moved / sqrt(2))
+    assert half.contribution**2 == pytest.approx(whole / 2 / 4, rel=1e-12)
+    assert half.dof == pytest.approx(3 / 4, rel=1e-12)
+    # what moves all hits alike explains no scatter, and more than there is leaves none
+    alike = scatter(hits, weights, np.zeros(4), np.full((1, 4), 5.0))
+    assert alike == scatter(hits, weights, np.zeros(4))
+    assert scatter(hits, weights, np.zeros(4), 9 * moved).contribution == 0
+    # a place of a single hit: the other place's, of the scatter and of what explains it
+    alone = scatter(
+        np.append(hits, 9.0),
+        np.full(5, 0.2),
+        np.array([0, 0, 0, 0, 1]),
+        np.pad(moved / 2, (0, 1))[:2],
+    )
+    assert alone.contribution**2 == pytest.approx(0.2 * 0.75 * whole, rel=1e-12)
+
+
+def test_a_pool_is_one_line() -> None:
+    """Three independent means by one scatter of 9 dof: √(Σ c²) with 9, not 27; others apart."""
+    constants = {
+        f"b{k}": Estimate(value=0.0, u=0.1 * (k + 1), dof=9, evaluation="A", pool="means")
+        for k in range(3)
+    } | {"other": Estimate(value=1.0, u=0.2)}
+
+    def model(x):
+        return {"y": (x["b0"] - 2 * x["b1"] + x["b2"] + x["other"])[:, 0]}
+
+    budget = combine(1.0, propagate(model, constants)["y"])
+    lines = {part.name: part for part in budget.components}
+    assert lines.keys() == {"means", "other"}
+    square = 0.1**2 + 0.4**2 + 0.3**2
+    assert lines["means"].contribution == pytest.approx(sqrt(square), rel=1e-12)
+    assert lines["means"].dof == 9
+    assert lines["means"].u == pytest.approx(sqrt((0.01 + 0.04 + 0.09) / 3), rel=1e-12)
+    assert [part.sensitivity for part in lines["means"].parts] == pytest.approx([1, -2, 1])
+    assert budget.u == pytest.approx(sqrt(square + 0.04), rel=1e-12)
+    assert budget.dof == pytest.approx(9 * (budget.u**2 / square) ** 2, rel=1e-12)
+    # to combine once more, as with the choice of a place, changes nothing
+    assert combine(1.0, budget.components) == budget
+
+
+def test_a_whole_number_is_a_value() -> None:
+    """JCGM 100 H.1's d0 is 215: as an int it is moved by its u like any other."""
+    parts = propagate(lambda x: {"y": x["d0"][:, 0]}, {"d0": Estimate(value=215, u=5.8)})["y"]
+    assert parts[0].contribution == pytest.approx(5.8, rel=1e-12)
+
+
 @pytest.mark.parametrize(("dof", "factor"), [(1, 12.71), (5, 2.57), (16, 2.12), (50, 2.01)])
 def test_interval_is_students(dof: float, factor: float) -> None:
     """JCGM 100:2008, table G.2, column 95 %."""

@@ -70,8 +70,11 @@ def effects(
     list of dict
         `term`; `stated`, its effect by the budget, with its sign (SI, mean over laboratories);
         `realised`, the effect found, with its standard error `se`; `apart`, their difference in
-        standard errors; the number of `laboratories`. The pooled balls and `hits` have no sign:
-        theirs are root mean squares. `realised` is None of what the sealed truth does not hold.
+        standard errors; the number of `laboratories`. The pooled balls, `hits` and the choice of
+        a place have no sign: theirs are root mean squares. `realised` is None of what the sealed
+        truth does not hold. The slope along the barrel is one bat's, and its uncertainty that
+        over many bats: `realised` is what this bat's slope makes of the aim beside the sheet's,
+        one draw of what is `stated`, so `apart` is None; it tells why the aim's effect is apart.
 
     Raises
     ------
@@ -112,7 +115,7 @@ def effects(
                 "stated": stated,
                 "realised": realised,
                 "se": se,
-                "apart": (realised - stated) / se if realised is not None and se else None,
+                "apart": _apart(name, stated, realised, se),
                 "laboratories": len(cases),
             }
         )
@@ -231,6 +234,13 @@ def _regressed(
         dict(zip(known, se[1:].tolist(), strict=True)),
         left,
     )
+
+
+def _apart(name: str, stated: float, realised: float | None, se: float | None) -> float | None:
+    """Return by how many standard errors an effect is not the one stated, where that says much."""
+    if name == SLOPE_ERROR or realised is None or not se:
+        return None
+    return (realised - stated) / se
 
 
 def _spread(values: Array) -> tuple[float | None, float | None]:

@@ -247,8 +247,9 @@ def _explained(effects: Array | None, place: NDArray[np.int_], freedom: NDArray[
     """
     if effects is None or not len(effects):
         return np.zeros(freedom.size)
-    means = np.stack([np.bincount(place, row) for row in effects]) / (freedom + 1)
-    squares = np.bincount(place, np.sum((effects - means[:, place]) ** 2, axis=0))
+    here = place[:, None] == np.arange(freedom.size)
+    means = effects @ here / (freedom + 1)
+    squares = np.sum((effects - means[:, place]) ** 2, axis=0) @ here
     pooled = float(squares.sum()) / max(int(freedom.sum()), 1)
     return np.where(freedom > 0, squares / np.maximum(freedom, 1), pooled)
 

@@ -207,6 +207,7 @@ def test_aimed_place_is_set_in_half_millimetres() -> None:
         ("attempts = { value = 12,", "attempts = { value = 100000,", "up to 1000"),
         ("attempts = { value = 12,", "attempts = { value = 3,", "cannot give"),
         ("speed = { value = 60,", "speed = { value = 1000000,", "less than 100"),
+        ("place_slope_u = { value = 0.013", "place_slope_u = { value = -1", "place_slope_u"),
     ],
 )
 def test_rules_that_no_test_can_meet_are_refused(old: str, new: str, said: str) -> None:
@@ -214,3 +215,10 @@ def test_rules_that_no_test_can_meet_are_refused(old: str, new: str, said: str) 
     assert old in text
     with pytest.raises(InputError, match=said):
         catalog.read(text.replace(old, new), "mine.toml", Procedure)
+
+
+def test_a_scan_has_no_slope_of_its_place() -> None:
+    text = catalog.load("procedures", "bbcor", Procedure).text
+    slope = 'place_slope = { value = 0.01, unit = "1/in", source = "x", verified = false }\n'
+    with pytest.raises(InputError, match="a test at one place"):
+        catalog.read(text.replace("[scan]", slope + "\n[scan]", 1), "mine.toml", Procedure)

@@ -224,6 +224,23 @@ def test_offset_across_the_bat() -> None:
     assert e_A * (1 - sine2) - sine2 == pytest.approx(seen, rel=1e-11)
 
 
+def test_e_a_is_carried_to_the_place_asked_for() -> None:
+    """Struck 2 mm beside it, at the lever that has, where e_A grows by 0.5 a metre: less 0.001."""
+    along = {"impact.cannon.along": 2e-3}
+    beside = worked(constants(**along))
+    got = worked(constants(**along, **{"procedure.place_slope": 0.5}))
+    lever = B - 2e-3
+    struck = I_P * OMEGA / (M * lever) / V - 1
+    assert beside.collision_efficiency[0] == pytest.approx(struck, rel=1e-11)
+    assert got.collision_efficiency[0] == pytest.approx(struck - 1e-3, rel=1e-11)
+    assert beside.place[0] - got.place[0] == pytest.approx(2e-3, rel=1e-9)
+    error = worked(constants(**{"procedure.place_slope_error": 3e-4}))
+    straight = worked(constants())
+    assert straight.collision_efficiency[0] - error.collision_efficiency[0] == pytest.approx(3e-4)
+    # the check by the ball's rebound compares what was struck
+    assert got.recoil_efficiency[0] == beside.recoil_efficiency[0]
+
+
 def test_a_fast_clock_cancels_in_nothing_but_ratios() -> None:
     """A clock 1 % fast shows longer times: v and ω are both 1 % higher than shown, e_A stays."""
     plain, fast = worked(constants()), worked(constants(**{"impact.gates.clock": 1.01}))

@@ -153,14 +153,10 @@ def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
     nominal, given = float(readings.nominal_speed.mean()), seen.speed_out / seen.speed_in
     slope = _slope(x, readings, given)
     hits = given - slope * (seen.speed_in - nominal)
-    restitution = np.stack(
-        [
-            hits[..., readings.ball == ball].mean(axis=-1)
-            + np.reshape(x[error], np.shape(x[error])[:-1])
-            for ball, error in enumerate(restitution_names(len(readings.mass)))
-        ],
-        axis=-1,
-    )
+    which = readings.ball[:, None] == np.arange(len(readings.mass))
+    errors = [x[error] for error in restitution_names(len(readings.mass))]
+    scattered = np.stack([np.reshape(each, np.shape(each)[:-1]) for each in errors], axis=-1)
+    restitution = hits @ (which / which.sum(axis=0)) + scattered
     return MeasuredBalls(
         mass=np.broadcast_to(mass, restitution.shape),
         restitution=restitution,
