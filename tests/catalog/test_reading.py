@@ -21,6 +21,7 @@ from virtual_lab.simulation.instruments.air import AirSpec
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.simulation.instruments.cannon import CannonSpec
 from virtual_lab.simulation.instruments.encoder import EncoderSpec
+from virtual_lab.simulation.instruments.gravity import GravitySpec
 from virtual_lab.simulation.instruments.light_board import LightBoardSpec
 from virtual_lab.simulation.instruments.light_gate import LightGateSpec
 from virtual_lab.simulation.instruments.pendulum import PendulumSpec
@@ -36,6 +37,7 @@ INSTRUMENTS = {
     "camera": CameraSpec,
     "cannon": CannonSpec,
     "encoder": EncoderSpec,
+    "gravity": GravitySpec,
     "light-board": LightBoardSpec,
     "light-gate": LightGateSpec,
     "pendulum": PendulumSpec,

@@ -25,7 +25,7 @@ KNOWN = {
     **{f"impact.gates.distance_{i}": np.array(d) for i, d in enumerate(DISTANCES)},
     **{f"impact.gates.height_{i}": np.array(0.0) for i in range(3)},
     "impact.gates.clock": np.array(1.0),
-    "bench.pendulum.gravity": np.array(GRAVITY),
+    "hall.gravity": np.array(GRAVITY),
 }
 
 
@@ -267,7 +267,7 @@ def test_ideal_boards_have_no_misfit() -> None:
     record = boards.watch(straight, np.array([CONTACT]), np.array([LEAVING]), Quiet(), "b", 0)
     seen = passages(record, lowest=LOWEST, pitch=PITCH)
     assert np.abs(seen.misfit).max() < 1e-15
-    found = flights(KNOWN | {"bench.pendulum.gravity": np.array(0.0)}, "impact", seen, np.zeros(1))
+    found = flights(KNOWN | {"hall.gravity": np.array(0.0)}, "impact", seen, np.zeros(1))
     assert found.speed_in == pytest.approx(60.8, rel=1e-12)
     assert found.speed_out == pytest.approx(12.0, rel=1e-12)
     assert found.offset == pytest.approx(2.7e-3, rel=1e-9)

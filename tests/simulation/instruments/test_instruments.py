@@ -6,7 +6,7 @@ unless said otherwise.
 
 from dataclasses import replace
 from importlib.resources import files
-from math import isclose, log, pi, sqrt
+from math import inf, isclose, log, pi, sqrt
 
 import numpy as np
 import pytest
@@ -23,6 +23,7 @@ from virtual_lab.simulation.instruments.camera.camera import Camera
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
 from virtual_lab.simulation.instruments.encoder import Encoder, EncoderSpec
+from virtual_lab.simulation.instruments.gravity import Gravity
 from virtual_lab.simulation.instruments.indicator import indicate, quantise
 from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
@@ -37,6 +38,7 @@ MAKERS = {
     "camera": Camera,
     "cannon": Cannon,
     "encoder": Encoder,
+    "gravity": Gravity,
     "light-board": LightBoards,
     "light-gate": LightGates,
     "pendulum": Pendulum,
@@ -76,30 +78,40 @@ def test_calibration_and_errors_name_the_same_constants(name: str) -> None:
 
 @pytest.mark.parametrize("name", KIND)
 def test_ideal_is_ideal(name: str) -> None:
-    """No uncertainty in any calibration, no error in any constant, whatever is drawn."""
+    """No uncertainty in any certificate, true constants as it states them, whatever is drawn."""
     instrument = MAKERS[KIND[name]].commission(spec_of(name).ideal(), Streams(1), name)
     known = instrument.calibration()
     assert all(estimate.u == 0 for estimate in known.values())
-    for key, value in instrument.errors().items():
-        assert value == (known[key].value if key in known else 0.0)
+    stated = known | dict(instrument.stated)
+    assert all(value == stated[key].value for key, value in instrument.errors().items())
 
 
 @pytest.mark.parametrize("name", KIND)
 def test_true_constants_scatter_as_the_calibration_says(name: str) -> None:
-    """400 laboratories: z-scores of every constant are standard normal (KS, p > 1e-4)."""
+    """400 laboratories: (true - stated)/u of every constant is Student's t of ν (KS, p > 1e-4).
+
+    And the stated u is honest of itself: the mean of u² is σ², to 4.5 standard errors √(2/400ν).
+    """
     scores: dict[str, list[float]] = {}
+    squares: dict[str, list[float]] = {}
     spec = spec_of(name)
     if isinstance(spec, CameraSpec):  # maps of a million pixels hold no constant
         spec = replace(spec, window=8, sensor=replace(spec.sensor, columns=8, rows=8))
+    sheet = MAKERS[KIND[name]].commission(spec, Quiet(), name).calibration()
     for seed in range(400):
         instrument = MAKERS[KIND[name]].commission(spec, Streams(seed), name)
         true = instrument.errors()
         for key, known in instrument.calibration().items():
+            assert (known.value, known.dof) == (sheet[key].value, sheet[key].dof)
             if known.u > 0:
                 scores.setdefault(key, []).append((true[key] - known.value) / known.u)
+                squares.setdefault(key, []).append((known.u / sheet[key].u) ** 2)
     assert scores
     for key, values in scores.items():
-        assert stats.kstest(values, "norm").pvalue > 1e-4, key
+        dof = sheet[key].dof
+        law = stats.norm if dof == inf else stats.t(dof)
+        assert stats.kstest(values, law.cdf).pvalue > 1e-4, key
+        assert abs(np.mean(squares[key]) - 1) <= 4.5 * sqrt(2 / (400 * dof)), key
     if len(scores) > 1:
         correlation = np.corrcoef(list(scores.values()))
         np.fill_diagonal(correlation, 0.0)

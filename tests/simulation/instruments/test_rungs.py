@@ -53,7 +53,7 @@ def errors(name: str, speed_in: float, speed_out: float, rise: float, rung: Rung
     """Return errors of the four quantities of a flight, (quantity, shot), distances known."""
     spec = catalog.load("instruments", name, LightBoardSpec).spec
     spec = replace(spec, distance_u=0.0, height_u=0.0, clock_u=0.0, sabot_rate=0.0, **changes)
-    known = {"impact.gates.clock": np.array(1.0), "bench.pendulum.gravity": np.array(GRAVITY)}
+    known = {"impact.gates.clock": np.array(1.0), "hall.gravity": np.array(GRAVITY)}
     for index, distance in enumerate(spec.distances):
         known[f"impact.gates.distance_{index}"] = np.array(distance)
         known[f"impact.gates.height_{index}"] = np.array(0.0)

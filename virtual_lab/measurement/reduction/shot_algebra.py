@@ -136,7 +136,7 @@ def _inertia_cm(x: Constants, mass: Array, length: Array, z_cm: Array) -> Array:
         / mean_amplitude_factor(first - offset, last - offset, swings)
     )
     moment = mass * lever + x["bench.pendulum.clamp_moment"]
-    both = inertia_from_period(period, moment, x["bench.pendulum.gravity"])
+    both = inertia_from_period(period, moment, x["hall.gravity"])
     return both - x["bench.pendulum.clamp_inertia"] - parallel_axis(0.0, mass, lever)
 
 
@@ -186,7 +186,7 @@ def shot_results(
     """
     mass = balls.mass[..., readings.ball]
     seen = flown(x, drag_of(x, mass))
-    abreast = bat.length - x["impact.pivot.from_knob"] - readings.place - _along(x)
+    abreast = bat.length - x["impact.pivot.from_knob"] - _struck(x, readings)
     swing_rate, slant = np.zeros(()), np.zeros(())
     if readings.swing:
         swing_rate = _turn(x, "swing", readings.swing.rate * x["impact.gates.clock"])
@@ -237,7 +237,7 @@ def shot_results(
         rebound_speed=seen.speed_out,
         rebound_slope=seen.slope_out,
         ball_mass=mass,
-        place=np.broadcast_to(readings.place + _along(x) + abreast - lever, shape),
+        place=np.broadcast_to(_struck(x, readings) + abreast - lever, shape),
         recoil_factor=np.broadcast_to(recoil, shape),
         ball_restitution=e0,
         collision_efficiency=efficiency,
@@ -276,8 +276,9 @@ def _axis(x: Constants, bat: BatProperties) -> Array:
     return np.asarray(bat.length - x["impact.pivot.from_knob"])
 
 
-def _along(x: Constants) -> Array | float:
-    return x.get("impact.cannon.along", 0.0)
+def _struck(x: Constants, readings: ImpactReadings) -> Array:
+    """Return where balls strike by how the cannon points, which `place` takes at its best value."""
+    return readings.place + x.get("impact.cannon.along", readings.along) - readings.along
 
 
 def _turn(x: Constants, encoder: str, counts: Array) -> Array:
