@@ -164,7 +164,6 @@ class AstmPivotStation:
             "gates": self.gates,
             "encoder": self.encoder,
             "air": self.air,
-            "hall": self.hall,
         }
 
     def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:

@@ -87,11 +87,11 @@ class BallWallStation:
     @property
     def true_constants(self) -> dict[str, float]:
         wall = {"wall.restitution": self.wall_restitution}
-        return wall | errors_of(self._instruments) | errors_of({"cannon": self.cannon})
+        return wall | errors_of(self._instruments)
 
     @property
     def _instruments(self) -> dict[str, Instrument]:
-        return {"gates": self.gates, "air": self.air, "hall": self.hall}
+        return {"gates": self.gates, "air": self.air}
 
     def with_wall(self, restitution: float) -> BallWallStation:
         """Return the rig on a wall that gives back `restitution` of what a rigid one would."""

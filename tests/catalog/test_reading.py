@@ -269,8 +269,8 @@ def test_a_bad_bat_file(old: str, new: str, key: str, value: str | None, allowed
             "limit is 0; it must be greater than 0",
         ),
         ("procedures", RULES, "[windows]", "[widows]", "windows", "missing"),
-        ("instruments", GATES, "[0.55, 0.25]", "[0.25, 0.55]", "file", "must fall"),
-        ("instruments", GATES, "[0.55, 0.25]", "[0.55]", "distances", "at least 2"),
+        ("instruments", GATES, "[0.5502, 0.2499]", "[0.2499, 0.5502]", "file", "must fall"),
+        ("instruments", GATES, "[0.5502, 0.2499]", "[0.5502]", "distances", "at least 2"),
         ("instruments", GATES, "value = 20,", "value = -20,", "clock_u", "equal to 0"),
     ],
 )

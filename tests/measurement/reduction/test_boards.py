@@ -29,6 +29,12 @@ KNOWN = {
 }
 
 
+def nominal_boards() -> LightBoardSpec:
+    """Return the boards of the catalog where they nominally stand, by a clock that runs true."""
+    spec = catalog.load("instruments", "light-boards", LightBoardSpec).spec
+    return replace(spec, distances=DISTANCES, heights=(), clock_fast=0.0)
+
+
 def flown(speed: float, height: float, slope: float, drag: float, way: int) -> np.ndarray:
     """Return the edges of every beam, (board, beam, edge) [s] from contact; NaN: passes by.
 
@@ -118,7 +124,7 @@ def test_speeds_offset_and_slope_of_a_flown_ball(flight: dict[str, float]) -> No
 @pytest.mark.parametrize("flight", FLIGHTS)
 def test_the_boards_write_the_edges_of_a_flown_ball(flight: dict[str, float]) -> None:
     """The instrument's straight piece of flight at each board: off by its bend, in micrometres."""
-    spec = catalog.load("instruments", "light-boards", LightBoardSpec).spec.ideal()
+    spec = nominal_boards().ideal()
     assert (spec.distances, spec.lowest, spec.pitch) == (DISTANCES, LOWEST, PITCH)
     passage = Passage(
         speed_in=np.array([flight["speed_in"]]),
@@ -253,7 +259,7 @@ def test_a_shot_is_reduced_as_if_alone() -> None:
 
 def test_ideal_boards_have_no_misfit() -> None:
     """Straight flight without air or gravity: parabola and line are exact, the misfit nothing."""
-    spec = catalog.load("instruments", "light-boards", LightBoardSpec).spec.ideal()
+    spec = nominal_boards().ideal()
     boards = LightBoards.commission(spec, Quiet(), "b")
     straight = Passage(
         speed_in=np.array([60.8]),

@@ -57,7 +57,7 @@ class LightBoardSpec(Spec):
     distance_dof: Freedom = inf
     heights: Annotated[tuple[float, ...], Dimension("length")] = ()  # zeros; none: all at the line
     height_dof: Freedom = inf
-    clock: Annotated[float, Gt(0), Dimension("number")] = 1.0
+    clock_fast: Annotated[float, Gt(-1), Dimension("number")] = 0.0  # shown over true time, less 1
 
     def __post_init__(self) -> None:
         if (
@@ -99,7 +99,7 @@ class LightBoardSpec(Spec):
 
     def certificate(self) -> dict[str, Estimate]:
         """Return places and heights of the boards, and the clock: shown time = clock x time."""
-        stated = {"clock": certified(self.clock, self.clock_u)}
+        stated = {"clock": certified(1 + self.clock_fast, self.clock_u)}
         heights = self.heights or (0.0,) * len(self.distances)
         for index, (distance, height) in enumerate(zip(self.distances, heights, strict=True)):
             stated[f"distance_{index}"] = certified(distance, self.distance_u, self.distance_dof)

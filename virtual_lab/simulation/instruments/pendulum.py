@@ -43,7 +43,7 @@ class PendulumSpec(Spec):
     clamp_inertia_u: Annotated[float, Ge(0), Dimension("inertia")]
     clamp_moment: Annotated[float, Ge(0), Dimension("moment")]
     clamp_moment_u: Annotated[float, Ge(0), Dimension("moment")]
-    timer_clock: Annotated[float, Gt(0), Dimension("number")] = 1.0
+    timer_fast: Annotated[float, Gt(-1), Dimension("number")] = 0.0  # shown over true time, less 1
     amplitude_offset: Annotated[float, Dimension("angle")] = 0.0
     amplitude_dof: Freedom = inf
     pivot_dof: Freedom = inf
@@ -67,7 +67,7 @@ class PendulumSpec(Spec):
     def certificate(self) -> dict[str, Estimate]:
         """Return what is known of the timer, the marks of the amplitude, the axis and the clamp."""
         return {
-            "clock": certified(self.timer_clock, self.timer_clock_u),
+            "clock": certified(1 + self.timer_fast, self.timer_clock_u),
             "amplitude_offset": certified(
                 self.amplitude_offset, self.amplitude_u, self.amplitude_dof
             ),

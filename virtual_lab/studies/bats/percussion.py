@@ -20,10 +20,11 @@ from virtual_lab.files import new_folder
 from virtual_lab.lab import open_laboratory
 from virtual_lab.lab.laboratory import Laboratory
 from virtual_lab.measurement.procedure import aimed_place
+from virtual_lab.measurement.reduction.observations import along_of
 from virtual_lab.measurement.reduction.shot_algebra import ShotResults
 from virtual_lab.measurement.session_reduction import Reduced, reduce_session
 from virtual_lab.records.session import Session
-from virtual_lab.simulation.faults.fault import altered
+from virtual_lab.simulation.faults.fault import other_sheet
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.physics.supports import Pinned
 from virtual_lab.simulation.rig import Order, Reality, Stage
@@ -86,10 +87,10 @@ class _Stand:
         order = Order(
             ball=np.arange(shots) % laboratory.rules.spec.balls,
             speed=np.full(shots, laboratory.rules.spec.ball_speed),
-            place=np.full(shots, place),
+            place=np.full(shots, place - along_of(self.session)),
             block=FIRST_BLOCK + block,
         )
-        station = altered(laboratory.stations[stage], "pivot", **bearing)
+        station = other_sheet(laboratory.stations[stage], "pivot", **bearing)
         play = station.play(order, laboratory.specimen, laboratory.draws)
         records = {**self.session.records, stage.value: play.records}
         reduced = reduce_session(replace(self.session, records=records))

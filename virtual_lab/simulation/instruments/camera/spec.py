@@ -130,7 +130,9 @@ class ClockSpec(Spec):
     frame_rate: Annotated[float, Ge(500), Le(100_000), Dimension("frequency")]
     exposure: Annotated[float, Gt(0), Dimension("time")]
     clock_u: SpreadNumber
-    clock: PositiveNumber = 1.0  # its seconds a true second
+    clock_fast: Annotated[float, Gt(-1), Dimension("number")] = (
+        0.0  # its seconds a true one, less 1
+    )
     jitter: Time  # of a time stamp about the frame's time
     drop_rate: Annotated[float, Ge(0), Lt(1), Dimension("number")]  # share of frames lost
 
@@ -211,7 +213,7 @@ class CameraSpec(Spec):
         focal = lens.focal_length / pixel
         stated = {
             "focal": certified(focal, focal * lens.focal_length_u),
-            "clock": certified(self.clock.clock, self.clock.clock_u),
+            "clock": certified(1 + self.clock.clock_fast, self.clock.clock_u),
             "plane": certified(pose.plane, pose.plane_u),
         }
         sides = self.sensor.columns, self.sensor.rows
