@@ -74,8 +74,7 @@ class _Stand:
     def counting_finely(self) -> _Stand:
         """Return the same with an encoder of no counts: one count would hide what is sought."""
         stations: Any = self.laboratory.stations
-        spec = replace(stations[Stage.IMPACT].encoder.spec, whole_counts=False)
-        impact = altered(stations[Stage.IMPACT], "encoder", spec=spec)
+        impact = other_sheet(stations[Stage.IMPACT], "encoder", whole_counts=False)
         laboratory = replace(self.laboratory, stations={**stations, Stage.IMPACT: impact})
         return replace(self, laboratory=laboratory)
 
