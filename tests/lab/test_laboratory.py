@@ -70,13 +70,20 @@ def test_ideal_laboratory_recovers_the_truth(procedure: str, bat: str, played: P
 
 
 def test_noise_free_laboratory(played: Play, capsys: pytest.CaptureFixture[str]) -> None:
-    """Ring, counts, air, friction and the operator's steps kept: e_A within 1e-3."""
-    rows = []
+    """Ring, counts, air, friction and the operator's steps kept: e_A within 1e-3.
+
+    Or within three standard uncertainties of one shot's rate where an encoder's counts are read:
+    without noise they are rounded alike at every shot, so six shots are one draw of that.
+    """
+    rows, allowed = [], []
     for procedure, bat in EACH:
         tested = played(bat, Reality.NOISE_FREE, procedure=procedure)
         metric, true = tested.certification.metric, tested.sealed.measurand
         assert metric is not None
         found = tested.certification.quantities
+        recoil = tested.certification.readings.recoil
+        counted = 0.0 if recoil is None else float(np.nanmax(recoil.rate_u / recoil.rate))
+        allowed.append(max(1e-3, 3 * counted * (1 + found["collision_efficiency"].value)))
         rows.append(
             [
                 f"{procedure:14}{bat:18}",
@@ -88,8 +95,8 @@ def test_noise_free_laboratory(played: Play, capsys: pytest.CaptureFixture[str])
         print(f"\nbias, noise-free: metric (relative), {', '.join(RECOVERED)}")
         for name, *bias in rows:
             print(name + "".join(f"{value:+12.1e}" for value in bias))
-    for name, *bias in rows:
-        assert abs(bias[1 + RECOVERED.index("collision_efficiency")]) < 1e-3, name
+    for (name, *bias), most in zip(rows, allowed, strict=True):
+        assert abs(bias[1 + RECOVERED.index("collision_efficiency")]) < most, name
         assert abs(bias[0]) < 2e-3, name
 
 
