@@ -30,6 +30,11 @@ BATS = catalog.names("bats")
 BASEBALL = ["r161", "ea70", "barrel-loaded", "knob-loaded"]
 RECOVERED = ("bat_performance_factor", "restitution", "collision_efficiency", "recoil_factor")
 SEEDS = range(40)
+RIGS = [
+    ("bench", Stage.BENCH),
+    ("ball-wall", Stage.BALLS),
+    *((name, Stage.IMPACT) for name in ("astm-pivot", "ball-cannon", "ncaa-swing")),
+]
 
 
 def numbers(certification: Certification) -> dict[str, tuple[float, ...]]:
@@ -341,11 +346,16 @@ def test_a_rig_with_its_axis_elsewhere_is_refused(tmp_path: Path) -> None:
         certify_bat("r161", procedure=str(tmp_path / "mine.toml"), seed=1)
 
 
-def test_one_hall_has_one_air() -> None:
-    """Both rigs stand in it: the same constants, drawn once."""
-    sealed = certify_bat("r161", procedure="astm-f1881", seed=1).sealed
-    names = [name for name in sealed.constants if "air." in name]
-    assert names == ["hall.air.density", "hall.air.drag_coefficient"]
+def test_one_hall_has_one_air_and_one_gravity(played: Play) -> None:
+    """All rigs stand in it: the same constants, drawn once, for what swings and what falls."""
+    tested = played("r161", seed=1, procedure="bbcor")
+    hall = ["hall.air.density", "hall.air.drag_coefficient", "hall.gravity"]
+    for names in (tested.sealed.constants, tested.certification.session.calibration):
+        assert sorted(name for name in names if "air." in name or "gravity" in name) == hall
+    draws = Streams(5)
+    stations = [find_rig(name, stage).commission(draws) for name, stage in RIGS]
+    assert {station.hall.acceleration for station in stations} == {stations[0].hall.acceleration}
+    assert stations[0].hall.acceleration != stations[0].hall.stated["gravity"].value
 
 
 @pytest.mark.parametrize("times", ["reversed", "uneven", "constant"])
