@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Annotated, Self
 
 import numpy as np
@@ -29,8 +30,10 @@ from virtual_lab.simulation.instruments import (
     errors_of,
 )
 from virtual_lab.simulation.instruments.air import Air, AirSpec
+from virtual_lab.simulation.instruments.calibrated import Calibrated, Freedom, certified
 from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
 from virtual_lab.simulation.instruments.encoder import Encoder, EncoderSpec
+from virtual_lab.simulation.instruments.gravity import Gravity, GravitySpec
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.physics.beam import beam_of
@@ -40,7 +43,6 @@ from virtual_lab.simulation.rig import Motion, Order, Play, Specimen, Stage
 from virtual_lab.simulation.truth import TrueOutcome
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
-from virtual_lab.units import STANDARD_GRAVITY
 
 __all__ = ["RIG", "AstmPivot"]
 
@@ -52,26 +54,42 @@ GAP = 2.3e-3  # s, a recorder that sums up leaves out after contact: the blow's 
 class PivotSpec(Spec):
     """The bearing that holds the bat: its place, and the torques that slow the recoil."""
 
+    nominal_from_knob: Annotated[float, Gt(0), Dimension("length")]  # where the axis should be
     from_knob: Annotated[float, Gt(0), Dimension("length")]
-    place_u: Annotated[float, Ge(0), Dimension("length")]
+    from_knob_u: Annotated[float, Ge(0), Dimension("length")]
     constant_torque: Annotated[float, Ge(0), Dimension("torque")]
     viscous_torque: Annotated[float, Ge(0), Dimension("viscous torque")]
     air_torque: Annotated[float, Ge(0), Dimension("quadratic torque")]
     friction: Annotated[float, Ge(0), Dimension("number")]  # of the journal, under the blow
     journal_radius: Annotated[float, Ge(0), Dimension("length")]
     clearance: Annotated[float, Ge(0), Dimension("length")]  # that the journal moves either way
+    from_knob_dof: Freedom = inf
 
     def ideal(self) -> Self:
-        """Return the bearing that is where it should be and turns freely in no air."""
+        """Return the bearing that is where it was surveyed and turns freely in no air."""
         return replace(
             self,
-            place_u=0.0,
+            from_knob_u=0.0,
             constant_torque=0.0,
             viscous_torque=0.0,
             air_torque=0.0,
             friction=0.0,
             clearance=0.0,
         )
+
+    def certificate(self) -> dict[str, Estimate]:
+        """Return where the axis was surveyed to be."""
+        return {"from_knob": certified(self.from_knob, self.from_knob_u, self.from_knob_dof)}
+
+
+@dataclass(frozen=True, slots=True)
+class Pivot(Calibrated[PivotSpec]):
+    """The bearing of one laboratory."""
+
+    @property
+    def from_knob(self) -> float:
+        """The true distance of the axis from the knob [m]."""
+        return self.true["from_knob"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,6 +102,7 @@ class AstmPivotSpec(Spec):
     gates: str
     encoder: str
     air: str
+    gravity: str
     pivot: PivotSpec
 
 
@@ -106,15 +125,14 @@ class AstmPivot:
         outfitter = Outfitter(draws=draws, ideal=ideal)
         fit = outfitter.commission
         pivot = outfitter.as_asked(spec.pivot)
-        misplaced = pivot.place_u * float(draws.normal("astm-pivot.pivot.errors"))
         return AstmPivotStation(
-            pivot=pivot,
-            pivot_from_knob=pivot.from_knob + misplaced,
+            pivot=Pivot.commission(pivot, draws, "astm-pivot.pivot"),
             cannon=fit(Cannon.commission, CannonSpec, spec.cannon, "astm-pivot.cannon"),
             gates=fit(LightGates.commission, LightGateSpec, spec.gates, "astm-pivot.gates"),
             encoder=fit(Encoder.commission, EncoderSpec, spec.encoder, "astm-pivot.encoder"),
             air=fit(Air.commission, AirSpec, spec.air, "hall.air"),
-            gravity=0.0 if ideal else STANDARD_GRAVITY,
+            hall=fit(Gravity.commission, GravitySpec, spec.gravity, "hall.gravity"),
+            ideal=ideal,
         )
 
 
@@ -122,26 +140,26 @@ class AstmPivot:
 class AstmPivotStation:
     """The rig in one laboratory."""
 
-    pivot: PivotSpec
-    pivot_from_knob: float
+    pivot: Pivot
     cannon: Cannon
     gates: LightGates
     encoder: Encoder
     air: Air
-    gravity: float
+    hall: Gravity
+    ideal: bool
 
     @property
     def calibration(self) -> dict[str, Estimate]:
-        place = Estimate(value=self.pivot.from_knob, u=self.pivot.place_u)
-        return {"pivot.from_knob": place} | calibration_of(self._instruments)
+        return calibration_of(self._instruments)
 
     @property
     def true_constants(self) -> dict[str, float]:
-        return {"pivot.from_knob": self.pivot_from_knob} | errors_of(self._instruments)
+        return errors_of(self._instruments)
 
     @property
     def _instruments(self) -> dict[str, Instrument]:
         return {
+            "pivot": self.pivot,
             "cannon": self.cannon,
             "gates": self.gates,
             "encoder": self.encoder,
@@ -158,10 +176,14 @@ class AstmPivotStation:
         scenes = scenes_of(specimen, order.ball, place, launch.speed * np.cos(tilt), e0)
         if order.rung is Rung.SUMMED:
             efficiency, contact_time = struck(
-                specimen, order.rung, scenes, self.pivot_from_knob, self.pivot.from_knob
+                specimen,
+                order.rung,
+                scenes,
+                self.pivot.from_knob,
+                self.pivot.spec.nominal_from_knob,
             )
         else:
-            model = specimen.collision(body, Pinned(body.length - self.pivot_from_knob))
+            model = specimen.collision(body, Pinned(body.length - self.pivot.from_knob))
             collisions = model.collide(scenes)
             efficiency, contact_time = collisions.collision_efficiency, collisions.contact_time
         back, up = thrown_back(efficiency, tilt, launch.speed, 0.0)
@@ -170,12 +192,12 @@ class AstmPivotStation:
             speed_out=back,
             drag=self.air.drag(balls.spec.radius, balls.mass[order.ball]),
             radius=balls.spec.radius,
-            gravity=self.gravity,
+            gravity=0.0 if self.ideal else self.hall.acceleration,
             height=launch.across,
             slope_out=up,
         )
         passage = at_rest(
-            passage, order, specimen, self.pivot_from_knob, place, launch.across, efficiency
+            passage, order, specimen, self.pivot.from_knob, place, launch.across, efficiency
         )
         contact = self.gates.arrival(passage)
         leaving = contact + contact_time
@@ -209,14 +231,19 @@ class AstmPivotStation:
         )
 
     def outcome(self, order: Order, specimen: Specimen) -> TrueOutcome:
-        """Return what an error-free test would find, on an axis exactly where it should be."""
-        body, from_knob = specimen.bat.body, self.pivot.from_knob
-        return error_free(order, specimen, Pinned(body.length - from_knob), from_knob)
+        """Return what an error-free test would find, on an axis exactly where it should be.
+
+        An ideal laboratory is to show algebra alone, and e_A knows the axis to 1e-5: there it is
+        that of the bat where it was surveyed to hang.
+        """
+        nominal = self.pivot.spec.nominal_from_knob
+        hung = self.pivot.from_knob if self.ideal else nominal
+        return error_free(order, specimen, Pinned(specimen.bat.body.length - hung), nominal)
 
     def _rate(self, scenes: Scenes, efficiency: Array, tilt: Array, specimen: Specimen) -> Array:
         """Return the rate of the rigid bat as the ball leaves [rad/s], (shot,)."""
         body = specimen.bat.body
-        axis = body.length - self.pivot_from_knob
+        axis = body.length - self.pivot.from_knob
         impulse = scenes.ball_mass * scenes.relative_speed * (1 + efficiency) * np.cos(tilt)
         rate = impulse * (axis - scenes.impact_position) / beam_of(body).inertia(axis)
         return rate - self._rubbed(rate, impulse, body)
@@ -224,9 +251,14 @@ class AstmPivotStation:
     def _rubbed(self, rate: Array, impulse: Array, body: BatBody) -> Array:
         """Return the rate the bearing takes while the blow loads it; none at percussion [rad/s]."""
         beam = beam_of(body)
-        axis = beam.length - self.pivot_from_knob
+        axis = beam.length - self.pivot.from_knob
         reaction = np.abs(impulse - beam.mass * (axis - beam.z_cm) * rate)
-        lost = self.pivot.friction * self.pivot.journal_radius * reaction / beam.inertia(axis)
+        lost = (
+            self.pivot.spec.friction
+            * self.pivot.spec.journal_radius
+            * reaction
+            / beam.inertia(axis)
+        )
         return np.asarray(np.sign(rate) * np.minimum(lost, np.abs(rate)))
 
     def _loose(self, impulse: Array, rate: Array, body: BatBody) -> tuple[Array, float]:
@@ -238,11 +270,11 @@ class AstmPivotStation:
         taken not to bounce. (shot,) [rad/s], [rad].
         """
         beam = beam_of(body)
-        lever = beam.length - self.pivot_from_knob - beam.z_cm
+        lever = beam.length - self.pivot.from_knob - beam.z_cm
         reaction = impulse - beam.mass * lever * rate
         yields = 1 / beam.mass + lever**2 / beam.inertia_cm  # of the free bat, at the axis
-        length = beam.inertia(beam.length - self.pivot_from_knob) / (beam.mass * lever)
-        return -reaction * yields / length, self.pivot.clearance / length
+        length = beam.inertia(beam.length - self.pivot.from_knob) / (beam.mass * lever)
+        return -reaction * yields / length, self.pivot.spec.clearance / length
 
     def _recoil(
         self,
@@ -255,7 +287,7 @@ class AstmPivotStation:
     ) -> Callable[[slice], Array]:
         """Return what tells the true angles at the encoder [rad] of some shots, (shot, sample)."""
         body, modes = specimen.bat.body, model.modes
-        axis = body.length - self.pivot_from_knob
+        axis = body.length - self.pivot.from_knob
         turn = modes.rotation(axis) * np.cos(tilt)[:, None]
         inertia = beam_of(body).inertia(axis)
         # the recorder's ticks are the gates' clock, which runs a little fast or slow
@@ -269,9 +301,9 @@ class AstmPivotStation:
             rate,
             ticks,
             leaving,
-            constant=self.pivot.constant_torque / inertia,
-            linear=self.pivot.viscous_torque / inertia,
-            quadratic=self.pivot.air_torque / inertia,
+            constant=self.pivot.spec.constant_torque / inertia,
+            linear=self.pivot.spec.viscous_torque / inertia,
+            quadratic=self.pivot.spec.air_torque / inertia,
         )
         shots[:, 0] += start
         if self.encoder.spec.sees_ring:

@@ -22,6 +22,7 @@ from virtual_lab.simulation.impact import contact_angle, error_free, scenes_of, 
 from virtual_lab.simulation.instruments import Instrument, Outfitter, calibration_of, errors_of
 from virtual_lab.simulation.instruments.air import Air, AirSpec
 from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
+from virtual_lab.simulation.instruments.gravity import Gravity, GravitySpec
 from virtual_lab.simulation.instruments.holder import Holder, HolderSpec
 from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec
 from virtual_lab.simulation.instruments.passage import Passage
@@ -30,7 +31,6 @@ from virtual_lab.simulation.rig import Motion, Order, Play, Specimen, Stage
 from virtual_lab.simulation.truth import TrueOutcome
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
-from virtual_lab.units import STANDARD_GRAVITY
 
 __all__ = ["RIG", "BallCannon", "BallCannonSpec", "BallCannonStation", "Flown", "fitted"]
 
@@ -46,6 +46,7 @@ class BallCannonSpec(Spec):
     cannon: str
     gates: str
     air: str
+    gravity: str
     holder: HolderSpec
 
 
@@ -72,6 +73,8 @@ def fitted(spec: BallCannonSpec, outfitter: Outfitter) -> dict[str, Any]:
         "cannon": fit(Cannon.commission, CannonSpec, spec.cannon, "ball-cannon.cannon"),
         "gates": fit(LightBoards.commission, LightBoardSpec, spec.gates, "ball-cannon.gates"),
         "air": fit(Air.commission, AirSpec, spec.air, "hall.air"),
+        "hall": fit(Gravity.commission, GravitySpec, spec.gravity, "hall.gravity"),
+        "ideal": outfitter.ideal,
     }
 
 
@@ -101,6 +104,8 @@ class BallCannonStation:
     cannon: Cannon
     gates: LightBoards
     air: Air
+    hall: Gravity
+    ideal: bool
 
     @property
     def calibration(self) -> dict[str, Estimate]:
@@ -117,6 +122,7 @@ class BallCannonStation:
             "cannon": self.cannon,
             "gates": self.gates,
             "air": self.air,
+            "hall": self.hall,
         }
 
     def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
@@ -133,7 +139,7 @@ class BallCannonStation:
         tilt = contact_angle(specimen, place, across)
         scenes = scenes_of(specimen, order.ball, place, launch.speed * np.cos(tilt), e0)
         efficiency, contact_time = struck(
-            specimen, order.rung, scenes, self.holder.from_knob, self.holder.spec.from_knob
+            specimen, order.rung, scenes, self.holder.from_knob, self.holder.spec.nominal_from_knob
         )
         back, up = thrown_back(efficiency, tilt, launch.speed, 0.0)
         passage = Passage(
@@ -141,7 +147,7 @@ class BallCannonStation:
             speed_out=back,
             drag=self.air.drag(balls.spec.radius, balls.mass[order.ball]),
             radius=balls.spec.radius,
-            gravity=STANDARD_GRAVITY,
+            gravity=self.hall.acceleration,
             height=launch.across,
             slope_in=launch.slope,
             slope_out=up,
@@ -188,10 +194,14 @@ class BallCannonStation:
         )
 
     def outcome(self, order: Order, specimen: Specimen) -> TrueOutcome:
-        """Return what an error-free test would find, on an axis exactly where it should be."""
-        from_knob = self.holder.spec.from_knob
-        support = Pinned(specimen.bat.body.length - from_knob)
-        return error_free(order, specimen, support, from_knob)
+        """Return what an error-free test would find, on an axis exactly where it should be.
+
+        An ideal laboratory is to show algebra alone, and e_A knows the axis to 1e-5: there it is
+        that of the bat where it was surveyed to hang.
+        """
+        nominal = self.holder.spec.nominal_from_knob
+        hung = self.holder.from_knob if self.ideal else nominal
+        return error_free(order, specimen, Pinned(specimen.bat.body.length - hung), nominal)
 
 
 RIG = BallCannon()

@@ -16,6 +16,7 @@ from virtual_lab.records import GateRecord, Record, ShotLog
 from virtual_lab.simulation.instruments import Instrument, Outfitter, calibration_of, errors_of
 from virtual_lab.simulation.instruments.air import Air, AirSpec
 from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
+from virtual_lab.simulation.instruments.gravity import Gravity, GravitySpec
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.physics.ageing import loss_of_restitution
@@ -23,7 +24,6 @@ from virtual_lab.simulation.physics.ball import wall_contact
 from virtual_lab.simulation.rig import Order, Play, Specimen, Stage
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
-from virtual_lab.units import STANDARD_GRAVITY
 
 __all__ = ["RIG", "BallWall"]
 
@@ -39,6 +39,7 @@ class BallWallSpec(Spec):
     cannon: str
     gates: str
     air: str
+    gravity: str
     rest: Annotated[float, Ge(0), Dimension("time")]  # between two hits of one ball
     # of what a rigid wall would give back: 1 for one that stands fast
     wall_restitution: Annotated[float, Gt(0), Le(1), Dimension("number")]
@@ -60,6 +61,7 @@ class BallWall:
             cannon=fit(Cannon.commission, CannonSpec, spec.cannon, "ball-wall.cannon"),
             gates=fit(LightGates.commission, LightGateSpec, spec.gates, "ball-wall.gates"),
             air=fit(Air.commission, AirSpec, spec.air, "hall.air"),
+            hall=fit(Gravity.commission, GravitySpec, spec.gravity, "hall.gravity"),
             rest=spec.rest,
             wall_restitution=spec.wall_restitution,
             ideal=ideal,
@@ -73,6 +75,7 @@ class BallWallStation:
     cannon: Cannon
     gates: LightGates
     air: Air
+    hall: Gravity
     rest: float  # [s]
     wall_restitution: float
     ideal: bool
@@ -84,7 +87,7 @@ class BallWallStation:
     @property
     def true_constants(self) -> dict[str, float]:
         wall = {"wall.restitution": self.wall_restitution}
-        return wall | errors_of(self._instruments) | errors_of({"cannon": self.cannon})
+        return wall | errors_of(self._instruments)
 
     @property
     def _instruments(self) -> dict[str, Instrument]:
@@ -106,7 +109,7 @@ class BallWallStation:
             speed_out=back * launch.speed,
             drag=self.air.drag(balls.spec.radius, balls.mass[order.ball]),
             radius=balls.spec.radius,
-            gravity=0.0 if self.ideal else STANDARD_GRAVITY,
+            gravity=0.0 if self.ideal else self.hall.acceleration,
         )
         contact = self.gates.arrival(passage)
         touching = wall_contact(

@@ -13,6 +13,7 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import LengthReadings, MassReadings, PendulumRecord, Record
 from virtual_lab.simulation.instruments import Instrument, Outfitter, calibration_of, errors_of
+from virtual_lab.simulation.instruments.gravity import Gravity, GravitySpec
 from virtual_lab.simulation.instruments.pendulum import Pendulum, PendulumSpec
 from virtual_lab.simulation.instruments.rule import Rule, RuleSpec
 from virtual_lab.simulation.instruments.scale import Scale, ScaleSpec
@@ -39,6 +40,7 @@ class BenchSpec(Spec):
     rule: str
     stand: str
     pendulum: str
+    gravity: str
     repeats: Repeats
     releases: Repeats
 
@@ -68,6 +70,7 @@ class Bench:
             rule=fit(Rule.commission, RuleSpec, spec.rule, "bench.rule"),
             stand=fit(Rule.commission, RuleSpec, spec.stand, "bench.stand"),
             pendulum=fit(Pendulum.commission, PendulumSpec, spec.pendulum, "bench.pendulum"),
+            hall=fit(Gravity.commission, GravitySpec, spec.gravity, "hall.gravity"),
         )
 
 
@@ -80,6 +83,7 @@ class BenchStation:
     rule: Rule
     stand: Rule
     pendulum: Pendulum
+    hall: Gravity
 
     @property
     def calibration(self) -> dict[str, Estimate]:
@@ -96,12 +100,13 @@ class BenchStation:
             "rule": self.rule,
             "stand": self.stand,
             "pendulum": self.pendulum,
+            "hall": self.hall,
         }
 
     def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
         """Measure the bat and weigh the balls that `order` names."""
         beam = beam_of(specimen.bat.body)
-        axis = beam.length - self.pendulum.constants["pivot_from_knob"]
+        axis = beam.length - self.pendulum.true["pivot_from_knob"]
         moment = beam.mass * (axis - beam.z_cm)
         repeats = self.spec.repeats
         return Play(
@@ -125,6 +130,7 @@ class BenchStation:
                 "pendulum": self.pendulum.swing(
                     inertia=beam.inertia(axis),
                     moment=moment,
+                    gravity=self.hall.acceleration,
                     releases=self.spec.releases,
                     draws=draws,
                     name="bench.pendulum",

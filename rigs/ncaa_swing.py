@@ -30,6 +30,7 @@ from virtual_lab.simulation.instruments import (
 from virtual_lab.simulation.instruments.air import Air, AirSpec
 from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
 from virtual_lab.simulation.instruments.encoder import Encoder, EncoderSpec
+from virtual_lab.simulation.instruments.gravity import Gravity, GravitySpec
 from virtual_lab.simulation.instruments.holder import Holder, HolderSpec
 from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec
 from virtual_lab.simulation.instruments.passage import Passage
@@ -38,7 +39,6 @@ from virtual_lab.simulation.rig import Order, Play, Specimen, Stage
 from virtual_lab.simulation.truth import TrueOutcome
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
-from virtual_lab.units import STANDARD_GRAVITY
 
 __all__ = ["RIG", "NcaaSwing"]
 
@@ -71,6 +71,7 @@ class NcaaSwingSpec(Spec):
     gates: str
     encoder: str
     air: str
+    gravity: str
     drive: DriveSpec
     holder: HolderSpec
 
@@ -110,6 +111,7 @@ class NcaaSwing:
             gates=fit(LightBoards.commission, LightBoardSpec, spec.gates, "ncaa-swing.gates"),
             encoder=fit(Encoder.commission, EncoderSpec, spec.encoder, "ncaa-swing.encoder"),
             air=fit(Air.commission, AirSpec, spec.air, "hall.air"),
+            hall=fit(Gravity.commission, GravitySpec, spec.gravity, "hall.gravity"),
         )
 
 
@@ -123,6 +125,7 @@ class NcaaSwingStation:
     gates: LightBoards
     encoder: Encoder
     air: Air
+    hall: Gravity
 
     @property
     def calibration(self) -> dict[str, Estimate]:
@@ -140,6 +143,7 @@ class NcaaSwingStation:
             "gates": self.gates,
             "swing": self.encoder,
             "air": self.air,
+            "hall": self.hall,
         }
 
     def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
@@ -159,7 +163,7 @@ class NcaaSwingStation:
         e0 = balls.draw_hits(order.ball, closing, draws, "ncaa-swing.hit", slots)
         scenes = scenes_of(specimen, order.ball, axis - lever, closing * np.cos(tilt), e0)
         efficiency, contact_time = struck(
-            specimen, order.rung, scenes, self.holder.from_knob, self.holder.spec.from_knob
+            specimen, order.rung, scenes, self.holder.from_knob, self.holder.spec.nominal_from_knob
         )
         square, up = thrown_back(efficiency, tilt, closing, bat_speed)
         back = square * cosine - launch.speed * sine**2
@@ -168,7 +172,7 @@ class NcaaSwingStation:
             speed_out=back,
             drag=self.air.drag(balls.spec.radius, balls.mass[order.ball]),
             radius=balls.spec.radius,
-            gravity=STANDARD_GRAVITY,
+            gravity=self.hall.acceleration,
             height=launch.across,
             slope_in=launch.slope,
             slope_out=up,
@@ -200,7 +204,7 @@ class NcaaSwingStation:
 
     def outcome(self, order: Order, specimen: Specimen) -> TrueOutcome:
         """Return what an error-free test would find, on an axis exactly where it should be."""
-        from_knob = self.holder.spec.from_knob
+        from_knob = self.holder.spec.nominal_from_knob
         support = Pinned(specimen.bat.body.length - from_knob)
         return error_free(order, specimen, support, from_knob)
 

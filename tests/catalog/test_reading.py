@@ -21,6 +21,7 @@ from virtual_lab.simulation.instruments.air import AirSpec
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.simulation.instruments.cannon import CannonSpec
 from virtual_lab.simulation.instruments.encoder import EncoderSpec
+from virtual_lab.simulation.instruments.gravity import GravitySpec
 from virtual_lab.simulation.instruments.light_board import LightBoardSpec
 from virtual_lab.simulation.instruments.light_gate import LightGateSpec
 from virtual_lab.simulation.instruments.pendulum import PendulumSpec
@@ -36,6 +37,7 @@ INSTRUMENTS = {
     "camera": CameraSpec,
     "cannon": CannonSpec,
     "encoder": EncoderSpec,
+    "gravity": GravitySpec,
     "light-board": LightBoardSpec,
     "light-gate": LightGateSpec,
     "pendulum": PendulumSpec,
@@ -267,8 +269,8 @@ def test_a_bad_bat_file(old: str, new: str, key: str, value: str | None, allowed
             "limit is 0; it must be greater than 0",
         ),
         ("procedures", RULES, "[windows]", "[widows]", "windows", "missing"),
-        ("instruments", GATES, "[0.55, 0.25]", "[0.25, 0.55]", "file", "must fall"),
-        ("instruments", GATES, "[0.55, 0.25]", "[0.55]", "distances", "at least 2"),
+        ("instruments", GATES, "[0.5502, 0.2499]", "[0.2499, 0.5502]", "file", "must fall"),
+        ("instruments", GATES, "[0.5502, 0.2499]", "[0.5502]", "distances", "at least 2"),
         ("instruments", GATES, "value = 20,", "value = -20,", "clock_u", "equal to 0"),
     ],
 )

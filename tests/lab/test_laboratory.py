@@ -30,6 +30,11 @@ BATS = catalog.names("bats")
 BASEBALL = ["r161", "ea70", "barrel-loaded", "knob-loaded"]
 RECOVERED = ("bat_performance_factor", "restitution", "collision_efficiency", "recoil_factor")
 SEEDS = range(40)
+RIGS = [
+    ("bench", Stage.BENCH),
+    ("ball-wall", Stage.BALLS),
+    *((name, Stage.IMPACT) for name in ("astm-pivot", "ball-cannon", "ncaa-swing")),
+]
 
 
 def numbers(certification: Certification) -> dict[str, tuple[float, ...]]:
@@ -70,13 +75,20 @@ def test_ideal_laboratory_recovers_the_truth(procedure: str, bat: str, played: P
 
 
 def test_noise_free_laboratory(played: Play, capsys: pytest.CaptureFixture[str]) -> None:
-    """Ring, counts, air, friction and the operator's steps kept: e_A within 1e-3."""
-    rows = []
+    """Ring, counts, air, friction and the operator's steps kept: e_A within 1e-3.
+
+    Or within three standard uncertainties of one shot's rate where an encoder's counts are read:
+    without noise they are rounded alike at every shot, so six shots are one draw of that.
+    """
+    rows, allowed = [], []
     for procedure, bat in EACH:
         tested = played(bat, Reality.NOISE_FREE, procedure=procedure)
         metric, true = tested.certification.metric, tested.sealed.measurand
         assert metric is not None
         found = tested.certification.quantities
+        recoil = tested.certification.readings.recoil
+        counted = 0.0 if recoil is None else float(np.nanmax(recoil.rate_u / recoil.rate))
+        allowed.append(max(1e-3, 3 * counted * (1 + found["collision_efficiency"].value)))
         rows.append(
             [
                 f"{procedure:14}{bat:18}",
@@ -88,8 +100,8 @@ def test_noise_free_laboratory(played: Play, capsys: pytest.CaptureFixture[str])
         print(f"\nbias, noise-free: metric (relative), {', '.join(RECOVERED)}")
         for name, *bias in rows:
             print(name + "".join(f"{value:+12.1e}" for value in bias))
-    for name, *bias in rows:
-        assert abs(bias[1 + RECOVERED.index("collision_efficiency")]) < 1e-3, name
+    for (name, *bias), most in zip(rows, allowed, strict=True):
+        assert abs(bias[1 + RECOVERED.index("collision_efficiency")]) < most, name
         assert abs(bias[0]) < 2e-3, name
 
 
@@ -335,11 +347,16 @@ def test_a_rig_with_its_axis_elsewhere_is_refused(tmp_path: Path) -> None:
         certify_bat("r161", procedure=str(tmp_path / "mine.toml"), seed=1)
 
 
-def test_one_hall_has_one_air() -> None:
-    """Both rigs stand in it: the same constants, drawn once."""
-    sealed = certify_bat("r161", procedure="astm-f1881", seed=1).sealed
-    names = [name for name in sealed.constants if "air." in name]
-    assert names == ["hall.air.density", "hall.air.drag_coefficient"]
+def test_one_hall_has_one_air_and_one_gravity(played: Play) -> None:
+    """All rigs stand in it: the same constants, drawn once, for what swings and what falls."""
+    tested = played("r161", seed=1, procedure="bbcor")
+    hall = ["hall.air.density", "hall.air.drag_coefficient", "hall.gravity"]
+    for names in (tested.sealed.constants, tested.certification.session.calibration):
+        assert sorted(name for name in names if "air." in name or "gravity" in name) == hall
+    draws = Streams(5)
+    stations = [find_rig(name, stage).commission(draws) for name, stage in RIGS]
+    assert {station.hall.acceleration for station in stations} == {stations[0].hall.acceleration}
+    assert stations[0].hall.acceleration != stations[0].hall.stated["gravity"].value
 
 
 @pytest.mark.parametrize("times", ["reversed", "uneven", "constant"])

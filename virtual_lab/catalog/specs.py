@@ -233,6 +233,7 @@ class RestitutionLine(Spec):
     value: Annotated[float, Gt(0), Le(1), Dimension("number")]
     slope: Annotated[float, Le(0), Dimension("slope of speed")]
     floor: Annotated[float, Gt(0), Le(1), Dimension("number")]
+    slope_u: Annotated[float, Ge(0), Dimension("slope of speed")] = 0.0  # of a lot's own
 
     def at(self, speed: ArrayLike) -> NDArray[np.float64]:
         """Return e0 of the nominal ball at `speed` [m/s], of its shape."""
@@ -270,5 +271,6 @@ class BallSpec(Spec):
     exponent: Annotated[float, Ge(1), Dimension("number")]
     restitution: RestitutionLine
     spread: BallSpread
+    radius_u: Annotated[float, Ge(0), Dimension("length")] = 0.0  # of a lot's own
     sport: Sport | None = None  # None: not known
     ageing: BallAgeing | None = None

@@ -28,7 +28,7 @@ INPUTS = {  # name of a constant, of any stage: words, unit of print, SI times t
     "pendulum.pivot_from_knob": ("pendulum, axis to knob", "mm", 1e3),
     "pendulum.clamp_inertia": ("pendulum, inertia of the clamp", "g m²", 1e3),
     "pendulum.clamp_moment": ("pendulum, balance of the clamp", "g m", 1e3),
-    "pendulum.gravity": ("local gravity", "mm/s²", 1e3),
+    "hall.gravity": ("Hall: gravity", "mm/s²", 1e3),
     "gates.clock": ("light gates, clock rate", "ppm", 1e6),
     "air.density": ("air density", "kg/m³", 1.0),
     "air.drag_coefficient": ("drag coefficient of the ball", "", 1.0),

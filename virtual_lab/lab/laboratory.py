@@ -25,6 +25,7 @@ from virtual_lab.lab.measurand import measurand
 from virtual_lab.lab.naming import ball_constants, constant_name, with_records
 from virtual_lab.measurement.certification import Certification, evaluate
 from virtual_lab.measurement.procedure import Procedure, aimed_place, next_places, to_set
+from virtual_lab.measurement.reduction.observations import along_of
 from virtual_lab.measurement.session_reduction import (
     CONTROL,
     Reduced,
@@ -182,8 +183,9 @@ class Laboratory:
         orders: list[Order] = []
         fired, valid, sought = np.zeros(0), np.zeros(0, dtype=bool), np.zeros(0)
         while (asked := next_places(procedure, percussion, fired, valid, sought)).size:
-            places = to_set(asked, exact=ideal)
-            say(f"impact rig: round {len(rounds) + 1}, {_said(places)}")
+            # set so that balls strike where the rules ask, by what is known of the cannon
+            places = to_set(asked - along_of(session), exact=ideal)
+            say(f"impact rig: round {len(rounds) + 1}, {_said(asked)}")
             order = replace(
                 aged._order(np.arange(fired.size, fired.size + places.size), places),
                 turn_rate=turn_rate,

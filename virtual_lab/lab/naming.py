@@ -14,14 +14,19 @@ __all__ = ["ball_constants", "constant_name", "with_records"]
 
 
 def constant_name(stage: Stage, name: str) -> str:
-    """Return a constant's name in a session: all rigs stand in one hall and share its air."""
+    """Return a constant's name in a session: rigs of one hall share its air and its gravity."""
+    if name.startswith("hall."):
+        return name
     return f"hall.{name}" if name.startswith("air.") else f"{stage.value}.{name}"
 
 
 def ball_constants(ball: BallSpec) -> dict[str, Estimate]:
+    """Return what a laboratory knows of its lot before it measures a ball."""
     return {
-        "ball.radius": Estimate(value=ball.radius),
-        "ball.restitution_slope": Estimate(value=ball.restitution.slope),
+        "ball.radius": Estimate(value=ball.radius, u=ball.radius_u),
+        "ball.restitution_slope": Estimate(
+            value=ball.restitution.slope, u=ball.restitution.slope_u
+        ),
     }
 
 

@@ -31,7 +31,10 @@ class TrueBat:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrueBalls:
-    """A lot of balls, one entry a ball: mass [kg] and e0 at the reference speed, shape (ball,)."""
+    """A lot of balls, one entry a ball: mass [kg] and e0 at the reference speed, shape (ball,).
+
+    `spec` is the lot's: its radius and the slope of its e0 are the true ones.
+    """
 
     spec: BallSpec
     mass: Array
@@ -157,10 +160,16 @@ def draw_bat(spec: BatSpec, draws: Draws) -> TrueBat:
 
 
 def draw_balls(spec: BallSpec, number: int, draws: Draws) -> TrueBalls:
-    """Draw a lot of `number` balls."""
+    """Draw a lot of `number` balls, with a radius and a slope of e0 of its own."""
     mass, restitution = draws.normal("balls", (2, number))
+    wider, steeper = (float(error) for error in draws.normal("lot", 2))
+    line = spec.restitution
     return TrueBalls(
-        spec=spec,
+        spec=replace(
+            spec,
+            radius=spec.radius + spec.radius_u * wider,
+            restitution=replace(line, slope=line.slope + line.slope_u * steeper),
+        ),
         mass=spec.mass + spec.spread.mass * mass,
         restitution=np.minimum(spec.restitution.value + spec.spread.restitution * restitution, 1.0),
     )

@@ -18,6 +18,7 @@ from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
 from virtual_lab.lab.laboratory import Laboratory
 from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.measurement.reduction.observations import along_of
 from virtual_lab.measurement.session_reduction import reduce_session
 from virtual_lab.simulation.faults import Day
 from virtual_lab.simulation.instruments import Rung
@@ -70,7 +71,7 @@ def check_cylinder(
         slot=np.arange(hits),
         ball=np.zeros(hits, dtype=int),
         speed=np.full(hits, rules.spec.ball_speed),
-        place=np.full(hits, reduce_session(session).readings.place[0]),
+        place=np.full(hits, reduce_session(session).readings.place[0] - along_of(session)),
         rung=laboratory.instruments,
     )
     values = []

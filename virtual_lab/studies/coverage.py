@@ -77,7 +77,7 @@ def coverage(
             first = shared.laboratory(first_seed)
             bends = curvatures(first, certification.outcome.place)
             rehearsal = Rehearsal.of(first, tested) if first.rules.spec.scan else None
-        along = _marks(certification).along
+        along = _marks(certification).along - certification.readings.along
         strayed.append((float(np.var(along, ddof=1)), _scatter(certification)))
         for name in names:
             beside = 0.0 if rehearsal and name == "metric" else float(np.mean(along**2))

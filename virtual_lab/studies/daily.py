@@ -19,6 +19,7 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder
+from virtual_lab.lab.naming import constant_name
 from virtual_lab.measurement.reduction.gates import passages
 from virtual_lab.measurement.reduction.observations import BallReadings
 from virtual_lab.measurement.reduction.shot_algebra import measured_balls
@@ -282,10 +283,7 @@ def _measured(
 
 
 def _constants(known: Mapping[str, Estimate], spec: BallSpec) -> dict[str, Array]:
-    named = {
-        f"hall.{name}" if name.startswith("air.") else f"balls.{name}": estimate.value
-        for name, estimate in known.items()
-    }
+    named = {constant_name(Stage.BALLS, name): estimate.value for name, estimate in known.items()}
     scale = {"bench.scale.zero": 0.0, "bench.scale.span": 1.0}
     ball = {"ball.radius": spec.radius, "ball.restitution_slope": spec.restitution.slope}
     error = {"balls.restitution_0": 0.0}

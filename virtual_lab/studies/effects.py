@@ -161,7 +161,7 @@ def _readings_off(tested: Tested, true: Mapping[str, float]) -> dict[str, float]
     faster = mean_amplitude_factor(np.array(first), np.array(last), swings) / mean_amplitude_factor(
         np.array(first - offset), np.array(last - offset), swings
     )
-    period = 2 * np.pi * sqrt(swung / (moment * true["bench.pendulum.gravity"]))
+    period = 2 * np.pi * sqrt(swung / (moment * true["hall.gravity"]))
     radius = float(outer_diameter(body.profile, BARREL_PLACE)) / 2
     exact = {
         "bat.mass": float(bat["mass"]) * true["bench.scale.span"] + true["bench.scale.zero"],

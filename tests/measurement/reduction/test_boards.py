@@ -26,8 +26,14 @@ KNOWN = {
     **{f"impact.gates.distance_{i}": np.array(d) for i, d in enumerate(DISTANCES)},
     **{f"impact.gates.height_{i}": np.array(0.0) for i in range(3)},
     "impact.gates.clock": np.array(1.0),
-    "bench.pendulum.gravity": np.array(GRAVITY),
+    "hall.gravity": np.array(GRAVITY),
 }
+
+
+def nominal_boards() -> LightBoardSpec:
+    """Return the boards of the catalog where they nominally stand, by a clock that runs true."""
+    spec = catalog.load("instruments", "light-boards", LightBoardSpec).spec
+    return replace(spec, distances=DISTANCES, heights=(), clock_fast=0.0)
 
 
 def flown(speed: float, height: float, slope: float, drag: float, way: int) -> np.ndarray:
@@ -119,7 +125,7 @@ def test_speeds_offset_and_slope_of_a_flown_ball(flight: dict[str, float]) -> No
 @pytest.mark.parametrize("flight", FLIGHTS)
 def test_the_boards_write_the_edges_of_a_flown_ball(flight: dict[str, float]) -> None:
     """The instrument's straight piece of flight at each board: off by its bend, in micrometres."""
-    spec = catalog.load("instruments", "light-boards", LightBoardSpec).spec.ideal()
+    spec = nominal_boards().ideal()
     assert (spec.distances, spec.lowest, spec.pitch) == (DISTANCES, LOWEST, PITCH)
     passage = Passage(
         speed_in=np.array([flight["speed_in"]]),
@@ -254,7 +260,7 @@ def test_a_shot_is_reduced_as_if_alone() -> None:
 
 def test_ideal_boards_have_no_misfit() -> None:
     """Straight flight without air or gravity: parabola and line are exact, the misfit nothing."""
-    spec = catalog.load("instruments", "light-boards", LightBoardSpec).spec.ideal()
+    spec = nominal_boards().ideal()
     boards = LightBoards.commission(spec, Quiet(), "b")
     straight = Passage(
         speed_in=np.array([60.8]),
@@ -268,7 +274,7 @@ def test_ideal_boards_have_no_misfit() -> None:
     record = boards.watch(straight, np.array([CONTACT]), np.array([LEAVING]), Quiet(), "b", FIRST)
     seen = passages(record, lowest=LOWEST, pitch=PITCH)
     assert np.abs(seen.misfit).max() < 1e-15
-    found = flights(KNOWN | {"bench.pendulum.gravity": np.array(0.0)}, "impact", seen, np.zeros(1))
+    found = flights(KNOWN | {"hall.gravity": np.array(0.0)}, "impact", seen, np.zeros(1))
     assert found.speed_in == pytest.approx(60.8, rel=1e-12)
     assert found.speed_out == pytest.approx(12.0, rel=1e-12)
     assert found.offset == pytest.approx(2.7e-3, rel=1e-9)

@@ -63,14 +63,15 @@ def bench() -> Session:
     exact = {"scale.zero": ZERO, "scale.span": SPAN, "rule.offset": RULE, "stand.offset": STAND}
     exact |= {"scale.resolution": 0.0, "rule.resolution": 0.0, "stand.resolution": 0.0}
     exact |= {"pendulum.clock": CLOCK, "pendulum.amplitude_offset": AMPLITUDE}
-    exact |= {"pendulum.pivot_from_knob": PIVOT_FROM_KNOB, "pendulum.gravity": GRAVITY}
+    exact |= {"pendulum.pivot_from_knob": PIVOT_FROM_KNOB}
     exact |= {"pendulum.clamp_inertia": CLAMP_INERTIA, "pendulum.clamp_moment": CLAMP_MOMENT}
     return Session(
         bat="",
         ball="",
         rigs={},
         procedure_text="",
-        calibration={f"bench.{key}": Estimate(value=value) for key, value in exact.items()},
+        calibration={f"bench.{key}": Estimate(value=value) for key, value in exact.items()}
+        | {"hall.gravity": Estimate(value=GRAVITY)},
         records={
             "bench": {
                 "bat-mass": MassReadings(readings=np.full((1, 2), SPAN * MASS + ZERO)),

@@ -21,7 +21,7 @@ KEYS = {  # one of each dimension the form knows
     "angle": "bench.pendulum.amplitude_offset",
     "inertia": "bench.pendulum.clamp_inertia",
     "moment": "bench.pendulum.clamp_moment",
-    "acceleration": "bench.pendulum.gravity",
+    "acceleration": "hall.gravity",
     "density": "hall.air.density",
     "slope of speed": "ball.restitution_slope",
 }

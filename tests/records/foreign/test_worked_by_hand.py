@@ -227,7 +227,7 @@ def test_the_constants_are_those_of_the_form() -> None:
     """What is written above once more by hand stands in the laboratory's own form."""
     known = reduce(RECORDS).certification.session.calibration
     for key, value in {
-        "bench.pendulum.gravity": G,
+        "hall.gravity": G,
         "bench.pendulum.clamp_inertia": CLAMP_I,
         "bench.pendulum.clamp_moment": CLAMP_S,
         "balls.gates.distance_0": D_FAR,

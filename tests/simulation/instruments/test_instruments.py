@@ -6,7 +6,7 @@ unless said otherwise.
 
 from dataclasses import replace
 from importlib.resources import files
-from math import isclose, log, pi, sqrt
+from math import inf, isclose, log, pi, sqrt
 
 import numpy as np
 import pytest
@@ -23,6 +23,7 @@ from virtual_lab.simulation.instruments.camera.camera import Camera
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
 from virtual_lab.simulation.instruments.encoder import Encoder, EncoderSpec
+from virtual_lab.simulation.instruments.gravity import Gravity, GravitySpec
 from virtual_lab.simulation.instruments.indicator import indicate, quantise
 from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
@@ -37,6 +38,7 @@ MAKERS = {
     "camera": Camera,
     "cannon": Cannon,
     "encoder": Encoder,
+    "gravity": Gravity,
     "light-board": LightBoards,
     "light-gate": LightGates,
     "pendulum": Pendulum,
@@ -76,30 +78,40 @@ def test_calibration_and_errors_name_the_same_constants(name: str) -> None:
 
 @pytest.mark.parametrize("name", KIND)
 def test_ideal_is_ideal(name: str) -> None:
-    """No uncertainty in any calibration, no error in any constant, whatever is drawn."""
+    """No uncertainty in any certificate, true constants as it states them, whatever is drawn."""
     instrument = MAKERS[KIND[name]].commission(spec_of(name).ideal(), Streams(1), name)
     known = instrument.calibration()
     assert all(estimate.u == 0 for estimate in known.values())
-    for key, value in instrument.errors().items():
-        assert value == (known[key].value if key in known else 0.0)
+    stated = known | dict(instrument.stated)
+    assert all(value == stated[key].value for key, value in instrument.errors().items())
 
 
 @pytest.mark.parametrize("name", KIND)
 def test_true_constants_scatter_as_the_calibration_says(name: str) -> None:
-    """400 laboratories: z-scores of every constant are standard normal (KS, p > 1e-4)."""
+    """400 laboratories: (true - stated)/u of every constant is Student's t of ν (KS, p > 1e-4).
+
+    And the stated u is honest of itself: the mean of u² is σ², to 4.5 standard errors √(2/400ν).
+    """
     scores: dict[str, list[float]] = {}
+    squares: dict[str, list[float]] = {}
     spec = spec_of(name)
     if isinstance(spec, CameraSpec):  # maps of a million pixels hold no constant
         spec = replace(spec, window=8, sensor=replace(spec.sensor, columns=8, rows=8))
+    sheet = MAKERS[KIND[name]].commission(spec, Quiet(), name).calibration()
     for seed in range(400):
         instrument = MAKERS[KIND[name]].commission(spec, Streams(seed), name)
         true = instrument.errors()
         for key, known in instrument.calibration().items():
+            assert (known.value, known.dof) == (sheet[key].value, sheet[key].dof)
             if known.u > 0:
                 scores.setdefault(key, []).append((true[key] - known.value) / known.u)
+                squares.setdefault(key, []).append((known.u / sheet[key].u) ** 2)
     assert scores
     for key, values in scores.items():
-        assert stats.kstest(values, "norm").pvalue > 1e-4, key
+        dof = sheet[key].dof
+        law = stats.norm if dof == inf else stats.t(dof)
+        assert stats.kstest(values, law.cdf).pvalue > 1e-4, key
+        assert abs(np.mean(squares[key]) - 1) <= 4.5 * sqrt(2 / (400 * dof)), key
     if len(scores) > 1:
         correlation = np.corrcoef(list(scores.values()))
         np.fill_diagonal(correlation, 0.0)
@@ -182,13 +194,15 @@ def test_rule_reads_length_plus_offset() -> None:
 
 
 @pytest.mark.parametrize("maker", [Scale, Rule])
-def test_ideal_indicators_show_the_truth(maker) -> None:
-    """To the last bit, for there is nothing left to change it."""
+def test_ideal_indicators_show_what_their_certificate_says_of_the_truth(maker) -> None:
+    """Span x mass + zero, length + offset: nothing else is left."""
     name = {"Scale": "lab-scale", "Rule": "steel-rule"}[maker.__name__]
     ideal = maker.commission(spec_of(name).ideal(), Streams(1), "i")
     true = np.array([0.1452941176, 0.8788])
     act = ideal.weigh if maker is Scale else ideal.measure
-    assert np.array_equal(act(true, 3, Streams(2), "x").readings, np.stack([true] * 3, axis=1))
+    shown = true * 1.00015 + 0.1e-3 if maker is Scale else true + 0.5e-3
+    readings = act(true, 3, Streams(2), "x").readings
+    assert readings == pytest.approx(np.stack([shown] * 3, axis=1), rel=1e-15)
 
 
 def test_cannon_scatters_as_its_sheet_says() -> None:
@@ -376,21 +390,24 @@ def test_pendulum_period_is_the_elliptic_integral() -> None:
     stand = replace(STAND.ideal(), swings=8, amplitude_decay=0.01)
     inertia, moment = 0.25, 0.40
     record = Pendulum.commission(stand, Quiet(), "p").swing(
-        inertia=inertia, moment=moment, releases=2, draws=Quiet(), name="p"
+        inertia=inertia, moment=moment, gravity=9.79, releases=2, draws=Quiet(), name="p"
     )
     both, arm = inertia + stand.clamp_inertia, moment + stand.clamp_moment
     amplitude = stand.release_amplitude * 0.99 ** np.arange(9)
     middle = np.sqrt(amplitude[:8] * amplitude[1:])
-    periods = 4 * np.sqrt(both / (stand.gravity * arm)) * ellipk(np.sin(middle / 2) ** 2)
-    assert np.diff(record.times[0]) == pytest.approx(periods, rel=1e-8)
-    assert record.first_amplitude[0] == pytest.approx(amplitude[0], rel=1e-12)
-    assert record.last_amplitude[0] == pytest.approx(amplitude[8], rel=1e-12)
+    periods = 4 * np.sqrt(both / (9.79 * arm)) * ellipk(np.sin(middle / 2) ** 2)
+    shown = amplitude + stand.amplitude_offset
+    assert np.diff(record.times[0]) == pytest.approx((1 + stand.timer_fast) * periods, rel=1e-8)
+    assert record.first_amplitude[0] == pytest.approx(shown[0], rel=1e-12)
+    assert record.last_amplitude[0] == pytest.approx(shown[8], rel=1e-12)
 
 
 def test_pendulum_scatter_and_steps() -> None:
     """4000 releases: jitter of 50 µs and steps of 10 µs at each passage; 0.1° in the amplitudes."""
     pendulum = Pendulum.commission(STAND, Streams(3), "p")
-    record = pendulum.swing(inertia=0.25, moment=0.4, releases=4000, draws=Streams(4), name="p")
+    record = pendulum.swing(
+        inertia=0.25, moment=0.4, gravity=9.8, releases=4000, draws=Streams(4), name="p"
+    )
     steps = record.times / 10e-6
     assert np.abs(steps - np.rint(steps)).max() < 1e-4
     total = record.times[:, -1] - record.times[:, 0]
@@ -402,8 +419,9 @@ def test_pendulum_scatter_and_steps() -> None:
 
 def test_pendulum_decay_is_as_the_sheet_says() -> None:
     """0.5 % a swing over ten: ln(first/last) = -10 ln 0.995."""
-    record = Pendulum.commission(STAND.ideal(), Quiet(), "p").swing(
-        inertia=0.25, moment=0.4, releases=1, draws=Quiet(), name="p"
+    stand = replace(STAND.ideal(), amplitude_offset=0.0)
+    record = Pendulum.commission(stand, Quiet(), "p").swing(
+        inertia=0.25, moment=0.4, gravity=9.8, releases=1, draws=Quiet(), name="p"
     )
     ratio = float(record.first_amplitude[0] / record.last_amplitude[0])
     assert log(ratio) == pytest.approx(-10 * log(0.995), rel=1e-12)
@@ -423,7 +441,9 @@ def test_pendulum_decay_is_as_the_sheet_says() -> None:
         ("steel-rule", lambda r, d: r.measure(0.9, 5, d, "n").readings),
         (
             "pendulum",
-            lambda p, d: p.swing(inertia=0.2, moment=0.4, releases=5, draws=d, name="n").times,
+            lambda p, d: (
+                p.swing(inertia=0.2, moment=0.4, gravity=9.8, releases=5, draws=d, name="n").times
+            ),
         ),
     ],
 )
@@ -445,6 +465,7 @@ def test_specs_are_those_of_the_catalog() -> None:
         CameraSpec,
         CannonSpec,
         EncoderSpec,
+        GravitySpec,
         LightBoardSpec,
         LightGateSpec,
         PendulumSpec,

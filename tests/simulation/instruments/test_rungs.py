@@ -18,6 +18,7 @@ from virtual_lab.measurement.reduction.recoil import fit_recoil
 from virtual_lab.measurement.reduction.swing import fit_swing
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import Scenes
+from virtual_lab.simulation.faults.fault import other_sheet
 from virtual_lab.simulation.impact import contact_angle
 from virtual_lab.simulation.instruments import Rung
 from virtual_lab.simulation.instruments.board_kernel import rows_of_gains
@@ -53,10 +54,9 @@ def errors(name: str, speed_in: float, speed_out: float, rise: float, rung: Rung
     """Return errors of the four quantities of a flight, (quantity, shot), distances known."""
     spec = catalog.load("instruments", name, LightBoardSpec).spec
     spec = replace(spec, distance_u=0.0, height_u=0.0, clock_u=0.0, sabot_rate=0.0, **changes)
-    known = {"impact.gates.clock": np.array(1.0), "bench.pendulum.gravity": np.array(GRAVITY)}
-    for index, distance in enumerate(spec.distances):
-        known[f"impact.gates.distance_{index}"] = np.array(distance)
-        known[f"impact.gates.height_{index}"] = np.array(0.0)
+    known = {"hall.gravity": np.array(GRAVITY)}
+    for key, stated in spec.certificate().items():
+        known[f"impact.gates.{key}"] = np.array(stated.value)
     found = []
     for seed in range(LABS):
         draws = Streams(seed)
@@ -207,9 +207,9 @@ def test_recoil_summed_up_scatters_as_its_counts_do(bat: str, place: float) -> N
         draws = Streams(seed)
         struck = specimen(bat, draws)
         station = find_rig("astm-pivot", Stage.IMPACT).commission(draws)
-        station = replace(station, pivot=replace(station.pivot, friction=0.0))
+        station = other_sheet(station, "pivot", friction=0.0)
         beam = beam_of(struck.bat.body)
-        axis = beam.length - station.pivot_from_knob
+        axis = beam.length - station.pivot.from_knob
         for rung in Rung:
             asked = order(150, 26.8, place, rung)
             play = station.play(asked, struck, draws)

@@ -17,7 +17,6 @@ from virtual_lab.measurement.camera.windows import Sightings
 from virtual_lab.measurement.reduction.flights import Flights
 from virtual_lab.relations.flight import time_before
 from virtual_lab.relations.pinhole import looking_down, undistorted
-from virtual_lab.units import STANDARD_GRAVITY
 
 __all__ = ["Filmed", "FramesU", "filmed", "frames_u"]
 
@@ -58,7 +57,7 @@ def filmed(x: Constants, stage: str, seen: Sightings, drag: Array, timed: Flight
     ahead = -_places(first, stage, seen, level)[0][0]
     slope = np.where(seen.out, timed.slope_out[..., None], timed.slope_in[..., None])
     speed = np.where(seen.out, timed.speed_out[..., None], timed.speed_in[..., None])
-    fallen = STANDARD_GRAVITY / 2 * (ahead / speed) ** 2
+    fallen = x["hall.gravity"][..., None] / 2 * (ahead / speed) ** 2
     height = np.asarray(timed.offset)[..., None] + slope * ahead - fallen
     beyond, along = _places(x, stage, seen, height)
     ahead = -beyond

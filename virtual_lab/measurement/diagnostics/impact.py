@@ -82,8 +82,12 @@ def aim(seen: Evidence) -> Iterator[Flag]:
     marks = seen.session.records["impact"].get("aim")
     if not isinstance(marks, AimMarks):
         return
-    lined_up = seen.constants.get("impact.cannon.along", Estimate(value=0.0))
-    for way, off in (("along", marks.along), ("across", marks.across)):
+    nothing = Estimate(value=0.0)
+    lined_up = seen.constants.get("impact.cannon.along", nothing)
+    height = seen.constants.get("impact.pivot.height", nothing)
+    aimed = (("along", marks.along, lined_up), ("across", marks.across, height))
+    for way, marked, at in aimed:
+        off = marked - at.value
         if off.size < FEWEST:
             continue
         mean = float(off.mean())

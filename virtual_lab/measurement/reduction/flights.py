@@ -58,7 +58,7 @@ def flights(x: Mapping[str, Array], stage: str, seen: Passages, drag: Array) -> 
     tall = f"{stage}.gates.height_0" in x
     names = [f"{stage}.gates.clock", *(f"{stage}.gates.distance_{index}" for index in gates)]
     if tall:
-        names += ["bench.pendulum.gravity", *(f"{stage}.gates.height_{index}" for index in gates)]
+        names += ["hall.gravity", *(f"{stage}.gates.height_{index}" for index in gates)]
     known = np.stack(np.broadcast_arrays(*(x[name] for name in names)), axis=-1)
     shape = np.broadcast_shapes(known.shape[:-1], np.shape(drag), seen.times.shape[:1])
     sets = np.broadcast_to(known.reshape(-1, len(names)), (prod(shape[:-1]), len(names)))

@@ -42,6 +42,7 @@ __all__ = [
     "BallReadings",
     "ImpactReadings",
     "across_constant",
+    "along_of",
     "ball_constants",
     "bench_constants",
     "observe_balls",
@@ -77,10 +78,11 @@ class ImpactReadings:
 
     ball: NDArray[np.int_]
     nominal_speed: Array  # [m/s]
-    place: Array  # set with the rule, from the barrel tip [m]
+    place: Array  # aimed at: as set, with what the cannon is off, from the barrel tip [m]
     passages: Passages
     recoil: RateFit | None  # of a bat that was at rest, where an encoder watched it
     swing: RateFit | None  # of a bat that was swung
+    along: float = 0.0  # what the cannon is off, as `place` takes it [m]
 
 
 def bench_constants(session: Session) -> dict[str, Estimate]:
@@ -145,6 +147,7 @@ def observe_impact(session: Session) -> ImpactReadings:
             f"must be above {nearest:g} m, the nearest gate's",
         )
     contact = seen.times[:, 0, -1] + nearest * seen.duration_in / (farthest - nearest)
+    along = along_of(session)
     recoil = _rates(session, "encoder", contact, fit_recoil)
     speed = (farthest - nearest) / seen.duration_in
     swing = _rates(
@@ -153,7 +156,8 @@ def observe_impact(session: Session) -> ImpactReadings:
     return ImpactReadings(
         ball=log.ball.astype(int),
         nominal_speed=log.nominal_speed,
-        place=log.place,
+        place=log.place + along,
+        along=along,
         passages=seen,
         recoil=recoil,
         swing=swing,
@@ -165,7 +169,13 @@ def _reach(session: Session, log: ShotLog, speed: Array) -> Array:
     known = session.calibration
     axis = _repeated(session, "length").mean() - known["impact.pivot.from_knob"].value
     turn = 2 * np.pi / known["impact.swing.counts_per_turn"].value
-    return np.asarray(turn * (axis - log.place) / speed)
+    return np.asarray(turn * (axis - log.place - along_of(session)) / speed)
+
+
+def along_of(session: Session) -> float:
+    """Return how far along the bat balls strike beyond where they are set to [m]."""
+    known = session.calibration.get("impact.cannon.along")
+    return known.value if known else 0.0
 
 
 def ball_constants(readings: BallReadings) -> dict[str, Estimate]:

@@ -142,7 +142,7 @@ def _inertia_cm(x: Constants, mass: Array, length: Array, z_cm: Array) -> Array:
         / mean_amplitude_factor(first - offset, last - offset, swings)
     )
     moment = mass * lever + x["bench.pendulum.clamp_moment"]
-    both = inertia_from_period(period, moment, x["bench.pendulum.gravity"])
+    both = inertia_from_period(period, moment, x["hall.gravity"])
     return both - x["bench.pendulum.clamp_inertia"] - parallel_axis(0.0, mass, lever)
 
 
@@ -194,7 +194,7 @@ def shot_results(
     """
     mass = balls.mass[..., readings.ball]
     seen = flown(x, drag_of(x, mass))
-    abreast = bat.length - x["impact.pivot.from_knob"] - readings.place - _along(x)
+    abreast = bat.length - x["impact.pivot.from_knob"] - _struck(x, readings)
     swing_rate, slant = np.zeros(()), np.zeros(())
     if readings.swing:
         swing_rate = _turn(x, "swing", readings.swing.rate * x["impact.gates.clock"])
@@ -220,9 +220,10 @@ def shot_results(
     momentum = rebound_speed_from_recoil(turning, rate, mass, lever, seen.speed_in)
     recoiled = squarely(momentum / seen.speed_in)
     struck = recoiled if asked.reads == "recoil" else rebound
-    beside = x.get(PLACE_SLOPE, 0.0) * _along(x) + x.get(SLOPE_ERROR, 0.0)
+    off = _struck(x, readings) - readings.place
+    beside = x.get(PLACE_SLOPE, 0.0) * off + x.get(SLOPE_ERROR, 0.0)
     efficiency = np.asarray(struck - beside)
-    at = readings.place + (0.0 if PLACE_SLOPE in x else _along(x))
+    at = readings.place + (0.0 if PLACE_SLOPE in x else off)
     # the recoil factor is that of the axis and place asked for: e_A hardly knows where they are,
     # so what a misplaced axis or ball spoils is the angular momentum above and nothing here
     recoil = recoil_factor(asked.recoil, bat, mass, readings.place, asked.pivot_from_knob)
@@ -287,8 +288,9 @@ def _axis(x: Constants, bat: BatProperties) -> Array:
     return np.asarray(bat.length - x["impact.pivot.from_knob"])
 
 
-def _along(x: Constants) -> Array | float:
-    return x.get("impact.cannon.along", 0.0)
+def _struck(x: Constants, readings: ImpactReadings) -> Array:
+    """Return where balls strike by how the cannon points, which `place` takes at its best value."""
+    return readings.place + x.get("impact.cannon.along", readings.along) - readings.along
 
 
 def _turn(x: Constants, encoder: str, counts: Array) -> Array:

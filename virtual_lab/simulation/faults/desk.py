@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from virtual_lab.records import Record
-from virtual_lab.simulation.faults.fault import Fault, Sound, altered, edited
+from virtual_lab.simulation.faults.fault import Fault, Sound, altered, edited, other_sheet
 from virtual_lab.simulation.rig import Order, Play, Specimen, Stage, Station
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
@@ -33,7 +33,7 @@ class ScaleNotTared(Sound):
         if stage is not Stage.BENCH:
             return station
         bench: Any = station
-        return altered(station, "scale", zero=bench.scale.zero + self.dish)
+        return altered(station, "scale", zero=bench.scale.true["zero"] + self.dish)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,9 +78,7 @@ class PendulumWide(Sound):
     def station(self, stage: Stage, station: Station) -> Station:
         if stage is not Stage.BENCH:
             return station
-        bench: Any = station
-        spec = replace(bench.pendulum.spec, release_amplitude=self.released)
-        return altered(station, "pendulum", spec=spec)
+        return other_sheet(station, "pendulum", release_amplitude=self.released)
 
     def records(
         self, stage: Stage, station: Station, order: Order, play: Play, draws: Draws

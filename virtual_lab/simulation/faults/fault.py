@@ -18,7 +18,7 @@ from virtual_lab.simulation.rig import Order, Play, Specimen, Stage, Station
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["Fault", "Sound", "altered", "edited", "some"]
+__all__ = ["Fault", "Sound", "altered", "edited", "other_sheet", "some"]
 
 
 class Fault(Protocol):
@@ -71,10 +71,19 @@ class Sound:
         return known
 
 
-def altered(station: Station, part: str, **changes: Any) -> Station:
+def altered(station: Station, part: str, **true: float) -> Station:
     """Return a station with some true constants of one of its instruments changed."""
     whole: Any = station
-    changed: Station = replace(whole, **{part: replace(getattr(whole, part), **changes)})
+    changed: Station = replace(whole, **{part: getattr(whole, part).altered(**true)})
+    return changed
+
+
+def other_sheet(station: Station, part: str, **changes: Any) -> Station:
+    """Return a station one of whose instruments is not what its sheet says."""
+    whole: Any = station
+    instrument = getattr(whole, part)
+    spec = replace(instrument.spec, **changes)
+    changed: Station = replace(whole, **{part: replace(instrument, spec=spec)})
     return changed
 
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.records import BoardRecord, Record
-from virtual_lab.simulation.faults.fault import Fault, Sound, altered, edited, some
+from virtual_lab.simulation.faults.fault import Fault, Sound, altered, edited, other_sheet, some
 from virtual_lab.simulation.rig import Order, Play, Stage, Station
 from virtual_lab.streams import Draws
 
@@ -33,9 +33,9 @@ class GateMoved(Sound):
     def station(self, stage: Stage, station: Station) -> Station:
         if stage is not Stage.IMPACT:
             return station
-        moved = np.array(_gates(station).distances)
-        moved[NEAR] += self.shift
-        return altered(station, "gates", distances=moved)
+        distances = _gates(station).distances
+        near = {f"distance_{len(distances) - 1}": distances[NEAR] + self.shift}
+        return altered(station, "gates", **near)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,8 +97,7 @@ class SabotTrip(Sound):
     def station(self, stage: Stage, station: Station) -> Station:
         if stage is not Stage.IMPACT or not hasattr(_gates(station).spec, "sabot_rate"):
             return station
-        spec: Any = _gates(station).spec
-        return altered(station, "gates", spec=replace(spec, sabot_rate=self.share))
+        return other_sheet(station, "gates", sabot_rate=self.share)
 
     def records(
         self, stage: Stage, station: Station, order: Order, play: Play, draws: Draws

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from virtual_lab.records import Record
-from virtual_lab.simulation.faults.fault import Fault, Sound, altered, edited, some
+from virtual_lab.simulation.faults.fault import Fault, Sound, altered, edited, other_sheet, some
 from virtual_lab.simulation.rig import Order, Play, Stage, Station
 from virtual_lab.streams import Draws
 from virtual_lab.units import INCH, MPH
@@ -67,11 +67,8 @@ class PivotOff(Sound):
     def station(self, stage: Stage, station: Station) -> Station:
         if stage is not Stage.IMPACT:
             return station
-        whole: Any = station
-        if hasattr(whole, "holder"):
-            return altered(station, "holder", from_knob=whole.holder.from_knob + self.shift)
-        moved: Station = replace(whole, pivot_from_knob=whole.pivot_from_knob + self.shift)
-        return moved
+        part = "holder" if hasattr(station, "holder") else "pivot"
+        return altered(station, part, from_knob=_of(station, part).from_knob + self.shift)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +82,7 @@ class BearingFriction(Sound):
     def station(self, stage: Stage, station: Station) -> Station:
         if stage is not Stage.IMPACT:
             return station
-        return altered(station, "pivot", constant_torque=self.torque, friction=self.friction)
+        return other_sheet(station, "pivot", constant_torque=self.torque, friction=self.friction)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,8 +1,9 @@
-"""Instruments: a data sheet, errors drawn once a laboratory, noise drawn each shot.
+"""Instruments: a data sheet, constants drawn once a laboratory, noise drawn each shot.
 
 Each module holds a spec (what its file in ``data/instruments`` says), and the instrument as
-one laboratory has it: ``commission`` draws what calibration left, ``calibration()`` is what the
-laboratory knows, ``errors()`` what really is, and a verb of its own writes raw records.
+one laboratory has it, on the base in ``calibrated``: ``commission`` draws its constants about
+those of its certificate, ``calibration()`` is what the laboratory knows, ``errors()`` what really
+is, and a verb of its own writes raw records.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from annotated_types import Ge
 
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.relations.flight import Array, drag_rate
-from virtual_lab.streams import Draws
+from virtual_lab.simulation.instruments.calibrated import Calibrated, certified
 from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["Air", "AirSpec"]
@@ -19,7 +19,7 @@ Number = Annotated[float, Ge(0), Dimension("number")]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AirSpec(Spec):
-    """What the laboratory reckons with."""
+    """What was measured on the day."""
 
     kind: str
     title: str
@@ -32,36 +32,18 @@ class AirSpec(Spec):
         """Return no air at all."""
         return replace(self, density=0.0, density_u=0.0, drag_coefficient_u=0.0)
 
-
-@dataclass(frozen=True, slots=True)
-class Air:
-    """The air of one laboratory, drawn once."""
-
-    spec: AirSpec
-    density: float
-    drag_coefficient: float
-
-    @classmethod
-    def commission(cls, spec: AirSpec, draws: Draws, name: str) -> Self:
-        density, coefficient = draws.normal(f"{name}.errors", (2,))
-        return cls(
-            spec,
-            spec.density + spec.density_u * float(density),
-            spec.drag_coefficient + spec.drag_coefficient_u * float(coefficient),
-        )
-
-    def calibration(self) -> dict[str, Estimate]:
-        """Return what the laboratory reckons with."""
-        spec = self.spec
+    def certificate(self) -> dict[str, Estimate]:
+        """Return the constants of a ball's drag."""
         return {
-            "density": Estimate(value=spec.density, u=spec.density_u),
-            "drag_coefficient": Estimate(value=spec.drag_coefficient, u=spec.drag_coefficient_u),
+            "density": certified(self.density, self.density_u),
+            "drag_coefficient": certified(self.drag_coefficient, self.drag_coefficient_u),
         }
 
-    def errors(self) -> dict[str, float]:
-        """Return the true constants, to be sealed."""
-        return {"density": self.density, "drag_coefficient": self.drag_coefficient}
+
+@dataclass(frozen=True, slots=True)
+class Air(Calibrated[AirSpec]):
+    """The air of one laboratory."""
 
     def drag(self, radius: float, mass: Array) -> Array:
         """Return κ of balls of `radius` [m] and `mass` [kg], shape (shot,) [1/m]."""
-        return drag_rate(self.density, self.drag_coefficient, radius, mass)
+        return drag_rate(self.true["density"], self.true["drag_coefficient"], radius, mass)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated, Self
+from math import inf
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 from annotated_types import Ge, Gt
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.errors import InputError
 from virtual_lab.records import AimMarks
+from virtual_lab.simulation.instruments.calibrated import Calibrated, Freedom, certified
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
@@ -38,6 +40,9 @@ class CannonSpec(Spec):
     across_u: Distance
     marks: Annotated[int, Gt(1), Dimension("number")]
     mark_resolution: Distance
+    along: Annotated[float, Dimension("length")] = 0.0
+    along_dof: Freedom = inf
+    across: Annotated[float, Dimension("length")] = 0.0
 
     def ideal(self) -> Self:
         """Return the cannon that does as told."""
@@ -52,6 +57,13 @@ class CannonSpec(Spec):
             mark_resolution=0.0,
         )
 
+    def certificate(self) -> dict[str, Estimate]:
+        """Return how the cannon points: place hit = place set + along."""
+        return {
+            "along": certified(self.along, self.along_u, self.along_dof),
+            "across": certified(self.across, self.across_u),
+        }
+
 
 @dataclass(frozen=True, slots=True)
 class Launch:
@@ -64,25 +76,20 @@ class Launch:
 
 
 @dataclass(frozen=True, slots=True)
-class Cannon:
+class Cannon(Calibrated[CannonSpec]):
     """One cannon as lined up for a laboratory's test."""
 
-    spec: CannonSpec
-    along: float
-    across: float
+    unknown: ClassVar[frozenset[str]] = frozenset({"across"})
 
-    @classmethod
-    def commission(cls, spec: CannonSpec, draws: Draws, name: str) -> Self:
-        along, across = draws.normal(f"{name}.errors", (2,))
-        return cls(spec, spec.along_u * float(along), spec.across_u * float(across))
+    @property
+    def along(self) -> float:
+        """Where balls strike less where they were set to [m]."""
+        return self.true["along"]
 
-    def calibration(self) -> dict[str, Estimate]:
-        """Return what the laboratory knows: place hit = place set + along."""
-        return {"along": Estimate(value=0.0, u=self.spec.along_u)}
-
-    def errors(self) -> dict[str, float]:
-        """Return the true misalignments, to be sealed."""
-        return {"along": self.along, "across": self.across}
+    @property
+    def across(self) -> float:
+        """How far above the line of fire they strike [m]."""
+        return self.true["across"]
 
     def fire(self, speed: Array, draws: Draws, name: str, slots: Slots) -> Launch:
         """Fire shots, `slots` by number, asked to reach the target at `speed` [m/s], (shot,).

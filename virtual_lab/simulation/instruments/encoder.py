@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import sqrt, tau
+from math import inf, sqrt, tau
 from typing import Annotated, Self
 
 import numpy as np
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import EncoderRecord, RateRecord
+from virtual_lab.simulation.instruments.calibrated import Calibrated, Freedom, certified
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
 
@@ -36,6 +37,8 @@ class EncoderSpec(Spec):
     sample_rate: Annotated[float, Gt(0), Dimension("frequency")]
     duration: Annotated[float, Gt(0), Dimension("time")]
     scale_u: Annotated[float, Ge(0), Dimension("number")]
+    scale: Annotated[float, Gt(0), Dimension("number")] = 1.0
+    scale_dof: Freedom = inf
     whole_counts: bool = True
     sees_ring: bool = True
 
@@ -47,28 +50,22 @@ class EncoderSpec(Spec):
         """Return the recorder's ticks from the trigger on [s], shape (sample,)."""
         return np.arange(round(self.duration * self.sample_rate)) / self.sample_rate
 
+    def certificate(self) -> dict[str, Estimate]:
+        """Return the constant of counts = scale x counts_per_turn x angle / 2π."""
+        return {"scale": certified(self.scale, self.scale_u, self.scale_dof)}
+
 
 @dataclass(frozen=True, slots=True)
-class Encoder:
-    """The encoder of one laboratory, its true scale drawn once."""
+class Encoder(Calibrated[EncoderSpec]):
+    """The encoder of one laboratory."""
 
-    spec: EncoderSpec
-    scale: float
+    def exact(self) -> dict[str, Estimate]:
+        return {"counts_per_turn": Estimate(value=float(self.spec.counts_per_turn))}
 
-    @classmethod
-    def commission(cls, spec: EncoderSpec, draws: Draws, name: str) -> Self:
-        return cls(spec, 1 + spec.scale_u * float(draws.normal(f"{name}.errors")))
-
-    def calibration(self) -> dict[str, Estimate]:
-        """Return what the laboratory knows: counts = scale x counts_per_turn x angle / 2π."""
-        return {
-            "scale": Estimate(value=1.0, u=self.spec.scale_u),
-            "counts_per_turn": Estimate(value=float(self.spec.counts_per_turn)),
-        }
-
-    def errors(self) -> dict[str, float]:
-        """Return the true constants, to be sealed."""
-        return {"scale": self.scale}
+    @property
+    def scale(self) -> float:
+        """Angle shown over true angle."""
+        return self.true["scale"]
 
     def sum_up(
         self,

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Annotated, Self
 
 from annotated_types import Ge, Gt
 
 from virtual_lab.catalog.specs import Dimension, Spec
-from virtual_lab.streams import Draws
+from virtual_lab.simulation.instruments.calibrated import Calibrated, Freedom, certified
 from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["Holder", "HolderSpec"]
@@ -18,37 +19,36 @@ __all__ = ["Holder", "HolderSpec"]
 class HolderSpec(Spec):
     """As it was set up and surveyed."""
 
+    nominal_from_knob: Annotated[float, Gt(0), Dimension("length")]  # where the axis should be
     from_knob: Annotated[float, Gt(0), Dimension("length")]
-    place_u: Annotated[float, Ge(0), Dimension("length")]
-    height_u: Annotated[float, Ge(0), Dimension("length")]  # of the bat above the line of fire
+    from_knob_u: Annotated[float, Ge(0), Dimension("length")]
+    from_knob_dof: Freedom = inf
+    height: Annotated[float, Dimension("length")]  # of the bat above the line of fire
+    height_u: Annotated[float, Ge(0), Dimension("length")]
+    height_dof: Freedom = inf
 
     def ideal(self) -> Self:
-        """Return the holder that holds the bat exactly where it should be."""
-        return replace(self, place_u=0.0, height_u=0.0)
+        """Return the holder that holds the bat exactly where it was surveyed."""
+        return replace(self, from_knob_u=0.0, height_u=0.0)
+
+    def certificate(self) -> dict[str, Estimate]:
+        """Return what was surveyed: the axis from the knob, the bat above the line of fire."""
+        return {
+            "from_knob": certified(self.from_knob, self.from_knob_u, self.from_knob_dof),
+            "height": certified(self.height, self.height_u, self.height_dof),
+        }
 
 
 @dataclass(frozen=True, slots=True)
-class Holder:
-    """The holder of one laboratory, true places drawn once."""
+class Holder(Calibrated[HolderSpec]):
+    """The holder of one laboratory."""
 
-    spec: HolderSpec
-    from_knob: float
-    height: float
+    @property
+    def from_knob(self) -> float:
+        """The true distance of the axis from the knob [m]."""
+        return self.true["from_knob"]
 
-    @classmethod
-    def commission(cls, spec: HolderSpec, draws: Draws, name: str) -> Self:
-        place, height = draws.normal(f"{name}.errors", (2,))
-        return cls(
-            spec, spec.from_knob + spec.place_u * float(place), spec.height_u * float(height)
-        )
-
-    def calibration(self) -> dict[str, Estimate]:
-        """Return what the laboratory knows: the axis from the knob, the bat above the line."""
-        return {
-            "from_knob": Estimate(value=self.spec.from_knob, u=self.spec.place_u),
-            "height": Estimate(value=0.0, u=self.spec.height_u),
-        }
-
-    def errors(self) -> dict[str, float]:
-        """Return the true constants, to be sealed."""
-        return {"from_knob": self.from_knob, "height": self.height}
+    @property
+    def height(self) -> float:
+        """The true height of the bat above the line of fire [m]."""
+        return self.true["height"]

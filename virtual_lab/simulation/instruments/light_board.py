@@ -8,7 +8,7 @@ now and then a scrap of the sabot crosses the first board just ahead of the ball
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import sqrt
+from math import inf, sqrt
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import numpy as np
@@ -20,6 +20,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.records import BoardRecord, PassageRecord
 from virtual_lab.simulation.instruments import Rung
 from virtual_lab.simulation.instruments.board_sums import gain_table
+from virtual_lab.simulation.instruments.calibrated import Calibrated, Freedom, certified, drawn
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.streams import Draws, Slots
@@ -54,6 +55,10 @@ class LightBoardSpec(Spec):
     edge_jitter: Time
     clock_u: Number
     sabot_rate: Annotated[float, Ge(0), Lt(1), Dimension("number")]  # share of the shots
+    distance_dof: Freedom = inf
+    heights: Annotated[tuple[float, ...], Dimension("length")] = ()  # zeros; none: all at the line
+    height_dof: Freedom = inf
+    clock_fast: Annotated[float, Gt(-1), Dimension("number")] = 0.0  # shown over true time, less 1
 
     def __post_init__(self) -> None:
         if (
@@ -63,6 +68,8 @@ class LightBoardSpec(Spec):
             raise ValueError(
                 "distances must fall from the cannon's board to the target's, all above 0"
             )
+        if self.heights and len(self.heights) != len(self.distances):
+            raise ValueError(f"{len(self.heights)} heights of {len(self.distances)} boards")
         if not self.lowest < 0 < self.highest:
             raise ValueError(
                 f"beams from {self.lowest:g} to {self.highest:g} m: none at the line of fire"
@@ -91,49 +98,45 @@ class LightBoardSpec(Spec):
             sabot_rate=0.0,
         )
 
+    def certificate(self) -> dict[str, Estimate]:
+        """Return places and heights of the boards, and the clock: shown time = clock x time."""
+        stated = {"clock": certified(1 + self.clock_fast, self.clock_u)}
+        heights = self.heights or (0.0,) * len(self.distances)
+        for index, (distance, height) in enumerate(zip(self.distances, heights, strict=True)):
+            stated[f"distance_{index}"] = certified(distance, self.distance_u, self.distance_dof)
+            stated[f"height_{index}"] = certified(height, self.height_u, self.height_dof)
+        return stated
+
 
 @dataclass(frozen=True, slots=True)
-class LightBoards:
-    """The boards of one laboratory, true places, thresholds and clock drawn once."""
+class LightBoards(Calibrated[LightBoardSpec]):
+    """The boards of one laboratory; the thresholds of their beams no certificate tells."""
 
-    spec: LightBoardSpec
-    distances: Array  # (board,) [m]
-    heights: Array  # of the boards' zeros above the line of fire, (board,) [m]
     trips: Array  # what each beam adds to the ball's radius, (board, beam) [m]
-    clock: float
 
     @classmethod
     def commission(cls, spec: LightBoardSpec, draws: Draws, name: str) -> Self:
-        boards = len(spec.distances)
-        survey, level = draws.normal(f"{name}.places", (2, boards))
-        trips = draws.normal(f"{name}.trips", (boards, spec.beams))
-        return cls(
-            spec,
-            np.asarray(spec.distances) + spec.distance_u * survey,
-            spec.height_u * level,
-            spec.trip_spread * trips,
-            1 + spec.clock_u * float(draws.normal(f"{name}.clock")),
-        )
+        trips = draws.normal(f"{name}.trips", (len(spec.distances), spec.beams))
+        return cls(spec, *drawn(spec.certificate(), draws, name), spec.trip_spread * trips)
 
-    def calibration(self) -> dict[str, Estimate]:
-        """Return what the laboratory knows: places, heights and beams of the boards, the clock."""
+    def exact(self) -> dict[str, Estimate]:
         spec = self.spec
-        known = {
-            "clock": Estimate(value=1.0, u=spec.clock_u),
-            "lowest": Estimate(value=spec.lowest),
-            "pitch": Estimate(value=spec.pitch),
-        }
-        for index, distance in enumerate(spec.distances):
-            known[f"distance_{index}"] = Estimate(value=distance, u=spec.distance_u)
-            known[f"height_{index}"] = Estimate(value=0.0, u=spec.height_u)
-        return known
+        return {"lowest": Estimate(value=spec.lowest), "pitch": Estimate(value=spec.pitch)}
 
-    def errors(self) -> dict[str, float]:
-        """Return the true constants, to be sealed."""
-        true = {"clock": self.clock}
-        for index, (distance, height) in enumerate(zip(self.distances, self.heights, strict=True)):
-            true |= {f"distance_{index}": float(distance), f"height_{index}": float(height)}
-        return true
+    @property
+    def distances(self) -> Array:
+        """Their true places, (board,) [m]."""
+        return np.array([self.true[f"distance_{at}"] for at in range(len(self.spec.distances))])
+
+    @property
+    def heights(self) -> Array:
+        """True heights of the boards' zeros above the line of fire, (board,) [m]."""
+        return np.array([self.true[f"height_{at}"] for at in range(len(self.spec.distances))])
+
+    @property
+    def clock(self) -> float:
+        """Seconds shown a true second."""
+        return self.true["clock"]
 
     def arrival(self, passage: Passage) -> Array:
         """Return the true time from the trigger to contact [s], shape (shot,).

@@ -8,7 +8,7 @@ edges is the passage of the ball's centre, whatever part of the beam trips it.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import sqrt
+from math import inf, sqrt
 from typing import Annotated, Self
 
 import numpy as np
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import GateRecord, PassageRecord
 from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.instruments.calibrated import Calibrated, Freedom, certified
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.streams import Draws, Slots
@@ -44,6 +45,8 @@ class LightGateSpec(Spec):
     tick: Time
     edge_jitter: Time
     clock_u: Number
+    distance_dof: Freedom = inf
+    clock_fast: Annotated[float, Gt(-1), Dimension("number")] = 0.0  # shown over true time, less 1
 
     def __post_init__(self) -> None:
         if (
@@ -63,37 +66,27 @@ class LightGateSpec(Spec):
         """Return gates that stand where surveyed, with a perfect clock."""
         return replace(self, distance_u=0.0, tick=0.0, edge_jitter=0.0, clock_u=0.0)
 
+    def certificate(self) -> dict[str, Estimate]:
+        """Return a distance for each gate, and the clock: shown time = clock x time."""
+        return {
+            f"distance_{index}": certified(distance, self.distance_u, self.distance_dof)
+            for index, distance in enumerate(self.distances)
+        } | {"clock": certified(1 + self.clock_fast, self.clock_u)}
+
 
 @dataclass(frozen=True, slots=True)
-class LightGates:
-    """The curtains of one laboratory, true places and clock drawn once."""
+class LightGates(Calibrated[LightGateSpec]):
+    """The curtains of one laboratory."""
 
-    spec: LightGateSpec
-    distances: Array
-    clock: float
+    @property
+    def distances(self) -> Array:
+        """Their true places, (gate,) [m]."""
+        return np.array([self.true[f"distance_{at}"] for at in range(len(self.spec.distances))])
 
-    @classmethod
-    def commission(cls, spec: LightGateSpec, draws: Draws, name: str) -> Self:
-        survey = draws.normal(f"{name}.distances", (len(spec.distances),))
-        clock = float(draws.normal(f"{name}.clock"))
-        return cls(
-            spec,
-            np.asarray(spec.distances) + spec.distance_u * survey,
-            1 + spec.clock_u * clock,
-        )
-
-    def calibration(self) -> dict[str, Estimate]:
-        """Return what the laboratory knows: a distance for each gate, shown time = clock x time."""
-        known = {
-            f"distance_{index}": Estimate(value=distance, u=self.spec.distance_u)
-            for index, distance in enumerate(self.spec.distances)
-        }
-        return known | {"clock": Estimate(value=1.0, u=self.spec.clock_u)}
-
-    def errors(self) -> dict[str, float]:
-        """Return the true constants, to be sealed."""
-        true = {f"distance_{index}": float(d) for index, d in enumerate(self.distances)}
-        return true | {"clock": self.clock}
+    @property
+    def clock(self) -> float:
+        """Seconds shown a true second."""
+        return self.true["clock"]
 
     def arrival(self, passage: Passage) -> Array:
         """Return the true time from the trigger to contact [s], shape (shot,).

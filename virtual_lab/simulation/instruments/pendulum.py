@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Annotated, Self
 
 import numpy as np
@@ -11,6 +12,7 @@ from annotated_types import Ge, Gt
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import PendulumRecord
 from virtual_lab.relations.pendulum import amplitude_factor, small_period
+from virtual_lab.simulation.instruments.calibrated import Calibrated, Freedom, certified
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
@@ -23,7 +25,7 @@ Number = Annotated[float, Ge(0), Dimension("number")]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PendulumSpec(Spec):
-    """Data sheet and calibration of the stand, its clamp, its timer and its place on earth."""
+    """Data sheet and certificate of the stand, its clamp and its timer."""
 
     kind: str
     title: str
@@ -41,8 +43,12 @@ class PendulumSpec(Spec):
     clamp_inertia_u: Annotated[float, Ge(0), Dimension("inertia")]
     clamp_moment: Annotated[float, Ge(0), Dimension("moment")]
     clamp_moment_u: Annotated[float, Ge(0), Dimension("moment")]
-    gravity: Annotated[float, Gt(0), Dimension("acceleration")]
-    gravity_u: Annotated[float, Ge(0), Dimension("acceleration")]
+    timer_fast: Annotated[float, Gt(-1), Dimension("number")] = 0.0  # shown over true time, less 1
+    amplitude_offset: Annotated[float, Dimension("angle")] = 0.0
+    amplitude_dof: Freedom = inf
+    pivot_dof: Freedom = inf
+    clamp_inertia_dof: Freedom = inf
+    clamp_moment_dof: Freedom = inf
 
     def ideal(self) -> Self:
         """Return the stand whose every constant is known and whose timer has no steps."""
@@ -56,44 +62,46 @@ class PendulumSpec(Spec):
             pivot_u=0.0,
             clamp_inertia_u=0.0,
             clamp_moment_u=0.0,
-            gravity_u=0.0,
         )
+
+    def certificate(self) -> dict[str, Estimate]:
+        """Return what is known of the timer, the marks of the amplitude, the axis and the clamp."""
+        return {
+            "clock": certified(1 + self.timer_fast, self.timer_clock_u),
+            "amplitude_offset": certified(
+                self.amplitude_offset, self.amplitude_u, self.amplitude_dof
+            ),
+            "pivot_from_knob": certified(self.pivot_from_knob, self.pivot_u, self.pivot_dof),
+            "clamp_inertia": certified(
+                self.clamp_inertia, self.clamp_inertia_u, self.clamp_inertia_dof
+            ),
+            "clamp_moment": certified(
+                self.clamp_moment, self.clamp_moment_u, self.clamp_moment_dof
+            ),
+        }
 
 
 @dataclass(frozen=True, slots=True)
-class Pendulum:
-    """One stand with its true constants, drawn once a laboratory."""
-
-    spec: PendulumSpec
-    constants: dict[str, float]
-
-    @classmethod
-    def commission(cls, spec: PendulumSpec, draws: Draws, name: str) -> Self:
-        known = _calibration(spec)
-        errors = draws.normal(f"{name}.errors", (len(known),))
-        return cls(
-            spec,
-            {
-                key: estimate.value + estimate.u * float(error)
-                for (key, estimate), error in zip(known.items(), errors, strict=True)
-            },
-        )
-
-    def calibration(self) -> dict[str, Estimate]:
-        """Return what the laboratory knows of the stand."""
-        return _calibration(self.spec)
-
-    def errors(self) -> dict[str, float]:
-        """Return the true constants, to be sealed."""
-        return dict(self.constants)
+class Pendulum(Calibrated[PendulumSpec]):
+    """One stand."""
 
     def swing(
-        self, *, inertia: float, moment: float, releases: int, draws: Draws, name: str
+        self,
+        *,
+        inertia: float,
+        moment: float,
+        gravity: float,
+        releases: int,
+        draws: Draws,
+        name: str,
     ) -> PendulumRecord:
-        """Time `releases` of a bat of true `inertia` [kg m²] and `moment` M d [kg m]."""
-        spec, true = self.spec, self.constants
+        """Time `releases` of a bat of true `inertia` [kg m²] and `moment` M d [kg m].
+
+        `gravity` is that of the hall [m/s²].
+        """
+        spec, true = self.spec, self.true
         period = small_period(
-            inertia + true["clamp_inertia"], moment + true["clamp_moment"], true["gravity"]
+            inertia + true["clamp_inertia"], moment + true["clamp_moment"], gravity
         )
         decay = (1 - spec.amplitude_decay) ** np.arange(spec.swings + 1)
         amplitude = spec.release_amplitude * np.broadcast_to(decay, (releases, decay.size))
@@ -111,14 +119,3 @@ class Pendulum:
             first_amplitude=ends[:, 0],
             last_amplitude=ends[:, 1],
         )
-
-
-def _calibration(spec: PendulumSpec) -> dict[str, Estimate]:
-    return {
-        "clock": Estimate(value=1.0, u=spec.timer_clock_u),
-        "amplitude_offset": Estimate(value=0.0, u=spec.amplitude_u),
-        "pivot_from_knob": Estimate(value=spec.pivot_from_knob, u=spec.pivot_u),
-        "clamp_inertia": Estimate(value=spec.clamp_inertia, u=spec.clamp_inertia_u),
-        "clamp_moment": Estimate(value=spec.clamp_moment, u=spec.clamp_moment_u),
-        "gravity": Estimate(value=spec.gravity, u=spec.gravity_u),
-    }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Annotated, Self
 
 from annotated_types import Ge
@@ -10,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import LengthReadings
+from virtual_lab.simulation.instruments.calibrated import Calibrated, Freedom, certified
 from virtual_lab.simulation.instruments.indicator import indicate
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
@@ -28,40 +30,31 @@ class RuleSpec(Spec):
     resolution: Distance
     repeatability: Distance
     offset_u: Distance
+    offset: Annotated[float, Dimension("length")] = 0.0
+    offset_dof: Freedom = inf
 
     def ideal(self) -> Self:
         """Return the rule that shows the length."""
         return replace(self, resolution=0.0, repeatability=0.0, offset_u=0.0)
 
+    def certificate(self) -> dict[str, Estimate]:
+        """Return the constant of reading = length + offset."""
+        return {"offset": certified(self.offset, self.offset_u, self.offset_dof)}
+
 
 @dataclass(frozen=True, slots=True)
-class Rule:
-    """One rule or stand with the offset its calibration left, drawn once a laboratory."""
+class Rule(Calibrated[RuleSpec]):
+    """One rule or stand."""
 
-    spec: RuleSpec
-    offset: float
-
-    @classmethod
-    def commission(cls, spec: RuleSpec, draws: Draws, name: str) -> Self:
-        return cls(spec, spec.offset_u * float(draws.normal(f"{name}.errors")))
-
-    def calibration(self) -> dict[str, Estimate]:
-        """Return what the laboratory knows: reading = length + offset."""
-        return {
-            "offset": Estimate(value=0.0, u=self.spec.offset_u),
-            "resolution": Estimate(value=self.spec.resolution),
-        }
-
-    def errors(self) -> dict[str, float]:
-        """Return the true constants, to be sealed."""
-        return {"offset": self.offset}
+    def exact(self) -> dict[str, Estimate]:
+        return {"resolution": Estimate(value=self.spec.resolution)}
 
     def measure(self, length: ArrayLike, repeats: int, draws: Draws, name: str) -> LengthReadings:
         """Read true lengths [m], shape (item,), `repeats` times each."""
         return LengthReadings(
             readings=indicate(
                 length,
-                offset=self.offset,
+                offset=self.true["offset"],
                 repeatability=self.spec.repeatability,
                 resolution=self.spec.resolution,
                 repeats=repeats,

@@ -1,16 +1,18 @@
-"""A scale: zero and span errors from its calibration, steps and repeatability a reading."""
+"""A scale: zero and span as its certificate states them, steps and repeatability a reading."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Annotated, Self
 
 import numpy as np
-from annotated_types import Ge
+from annotated_types import Ge, Gt
 from numpy.typing import ArrayLike
 
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import MassReadings
+from virtual_lab.simulation.instruments.calibrated import Calibrated, Freedom, certified
 from virtual_lab.simulation.instruments.indicator import indicate
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
@@ -30,36 +32,29 @@ class ScaleSpec(Spec):
     repeatability: Mass
     zero_u: Mass
     span_u: Annotated[float, Ge(0), Dimension("number")]
+    zero: Annotated[float, Dimension("mass")] = 0.0
+    zero_dof: Freedom = inf
+    span: Annotated[float, Gt(0), Dimension("number")] = 1.0
+    span_dof: Freedom = inf
 
     def ideal(self) -> Self:
         """Return the scale that shows the mass."""
         return replace(self, resolution=0.0, repeatability=0.0, zero_u=0.0, span_u=0.0)
 
-
-@dataclass(frozen=True, slots=True)
-class Scale:
-    """One scale with the errors its calibration left, drawn once a laboratory."""
-
-    spec: ScaleSpec
-    zero: float
-    span: float
-
-    @classmethod
-    def commission(cls, spec: ScaleSpec, draws: Draws, name: str) -> Self:
-        zero, span = draws.normal(f"{name}.errors", (2,))
-        return cls(spec, spec.zero_u * float(zero), 1 + spec.span_u * float(span))
-
-    def calibration(self) -> dict[str, Estimate]:
-        """Return what the laboratory knows: reading = span x mass + zero."""
+    def certificate(self) -> dict[str, Estimate]:
+        """Return the constants of reading = span x mass + zero."""
         return {
-            "zero": Estimate(value=0.0, u=self.spec.zero_u),
-            "span": Estimate(value=1.0, u=self.spec.span_u),
-            "resolution": Estimate(value=self.spec.resolution),
+            "zero": certified(self.zero, self.zero_u, self.zero_dof),
+            "span": certified(self.span, self.span_u, self.span_dof),
         }
 
-    def errors(self) -> dict[str, float]:
-        """Return the true constants, to be sealed."""
-        return {"zero": self.zero, "span": self.span}
+
+@dataclass(frozen=True, slots=True)
+class Scale(Calibrated[ScaleSpec]):
+    """One scale."""
+
+    def exact(self) -> dict[str, Estimate]:
+        return {"resolution": Estimate(value=self.spec.resolution)}
 
     def weigh(
         self,
@@ -72,8 +67,8 @@ class Scale:
         """Weigh `items` of true `mass` [kg], shape (item,), `repeats` times each."""
         return MassReadings(
             readings=indicate(
-                self.span * np.atleast_1d(np.asarray(mass, dtype=float)),
-                offset=self.zero,
+                self.true["span"] * np.atleast_1d(np.asarray(mass, dtype=float)),
+                offset=self.true["zero"],
                 repeatability=self.spec.repeatability,
                 resolution=self.spec.resolution,
                 repeats=repeats,

@@ -20,10 +20,11 @@ from virtual_lab.files import new_folder
 from virtual_lab.lab import open_laboratory
 from virtual_lab.lab.laboratory import Laboratory
 from virtual_lab.measurement.procedure import aimed_place
+from virtual_lab.measurement.reduction.observations import along_of
 from virtual_lab.measurement.reduction.shot_algebra import ShotResults
 from virtual_lab.measurement.session_reduction import Reduced, reduce_session
 from virtual_lab.records.session import Session
-from virtual_lab.simulation.faults.fault import altered
+from virtual_lab.simulation.faults.fault import other_sheet
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.physics.supports import Pinned
 from virtual_lab.simulation.rig import Order, Reality, Stage
@@ -73,8 +74,7 @@ class _Stand:
     def counting_finely(self) -> _Stand:
         """Return the same with an encoder of no counts: one count would hide what is sought."""
         stations: Any = self.laboratory.stations
-        spec = replace(stations[Stage.IMPACT].encoder.spec, whole_counts=False)
-        impact = altered(stations[Stage.IMPACT], "encoder", spec=spec)
+        impact = other_sheet(stations[Stage.IMPACT], "encoder", whole_counts=False)
         laboratory = replace(self.laboratory, stations={**stations, Stage.IMPACT: impact})
         return replace(self, laboratory=laboratory)
 
@@ -87,9 +87,9 @@ class _Stand:
             slot=FIRST_SLOT + number * shots + np.arange(shots),
             ball=np.arange(shots) % laboratory.rules.spec.balls,
             speed=np.full(shots, laboratory.rules.spec.ball_speed),
-            place=np.full(shots, place),
+            place=np.full(shots, place - along_of(self.session)),
         )
-        station = altered(laboratory.stations[stage], "pivot", **bearing)
+        station = other_sheet(laboratory.stations[stage], "pivot", **bearing)
         play = station.play(order, laboratory.specimen, laboratory.draws)
         records = {**self.session.records, stage.value: play.records}
         reduced = reduce_session(replace(self.session, records=records))

@@ -1,7 +1,5 @@
 """The true lens against OpenCV's own projection and against closed forms of a sphere's outline."""
 
-from dataclasses import replace
-
 import cv2
 import numpy as np
 import pytest
@@ -9,6 +7,7 @@ import pytest
 from virtual_lab import catalog
 from virtual_lab.relations.pinhole import rotation
 from virtual_lab.simulation.instruments.camera.ball import render_balls
+from virtual_lab.simulation.instruments.camera.camera import Camera
 from virtual_lab.simulation.instruments.camera.lens import TrueLens
 from virtual_lab.simulation.instruments.camera.spec import BallLook, CameraSpec
 from virtual_lab.streams import Quiet, Streams
@@ -26,7 +25,7 @@ PLAIN = BallLook(albedo=1.0, seam_contrast=0.0)
 
 def test_projection_is_opencvs() -> None:
     """The same pose and distortion in `cv2.projectPoints`: 1e-9 px."""
-    lens = TrueLens.commission(SPEC, Streams(1), "lens")
+    lens = Camera.commission(SPEC, Streams(1), "lens").lens
     points = Streams(2).uniform("points", (50, 3)) * [0.8, 0.5, 0.2]
     turn = cv2.Rodrigues(lens.rotation)[0]
     matrix = np.array([[lens.focal, 0, lens.centre[0]], [0, lens.focal, lens.centre[1]], [0, 0, 1]])
@@ -38,7 +37,7 @@ def test_projection_is_opencvs() -> None:
 
 def test_x_runs_right_and_y_up() -> None:
     """Seen from above, the ball flies to the right and the bat's tip is at the top."""
-    lens = TrueLens.commission(SPEC, Quiet(), "lens")
+    lens = Camera.commission(SPEC, Quiet(), "lens").lens
     origin, ahead, tip = lens.drawn(lens.seen([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]))
     assert ahead[0] - origin[0] > 50
     assert tip[1] - origin[1] < -50
@@ -68,7 +67,7 @@ def test_a_rendered_sphere_lies_where_its_outline_is() -> None:
 
     The area of the polygon through 720 projected tangent points, and its centroid.
     """
-    lens = TrueLens.commission(replace(SPEC, lens=replace(SPEC.lens)), Streams(3), "lens")
+    lens = Camera.commission(SPEC, Streams(3), "lens").lens
     centre, radius = np.array([[0.22, 0.28, 0.01]]), 0.0365
     outline = lens.outlines(centre, radius)
     place = lens.seen(centre)[0]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi, sqrt
 from statistics import NormalDist
 from typing import Any, Self
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.records import ClipRecord, TrackRecord
 from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.instruments.calibrated import Calibrated, drawn
 from virtual_lab.simulation.instruments.camera.ball import Light, render_balls
 from virtual_lab.simulation.instruments.camera.course import Course
 from virtual_lab.simulation.instruments.camera.lens import TrueLens
@@ -31,63 +32,47 @@ EDGE = np.linspace(-3, 3, 31)  # across an edge, in standard deviations of its b
 TRACKED = 1.1  # times the least uncertainty there can be: a tracker's own
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Camera:
-    """Its true lens, pose, clock and sensor, drawn once."""
+@dataclass(frozen=True, slots=True)
+class Camera(Calibrated[CameraSpec]):
+    """Its true lens, pose, clock and sensor."""
 
-    spec: CameraSpec
-    lens: TrueLens
     sensor: Sensor
-    clock: float  # its seconds a true second
-    plane: float  # height of the rig's line of fire in the axes that were calibrated [m]
 
     @classmethod
     def commission(cls, spec: CameraSpec, draws: Draws, name: str) -> Self:
-        return cls(
-            spec=spec,
-            lens=TrueLens.commission(spec, draws, f"{name}.lens"),
-            sensor=Sensor.commission(spec.sensor, draws, f"{name}.sensor"),
-            clock=1 + spec.clock.clock_u * float(draws.normal(f"{name}.clock")),
-            plane=spec.pose.plane_u * float(draws.normal(f"{name}.plane")),
-        )
+        sensor = Sensor.commission(spec.sensor, draws, f"{name}.sensor")
+        return cls(spec, *drawn(spec.certificate(), draws, name), sensor)
 
-    def calibration(self) -> dict[str, Estimate]:
-        """Return what the laboratory knows, lengths on the sensor in pixels.
-
-        ``place`` is where the pinhole is in axes of the rig and ``tilt`` how the camera is turned
-        from looking straight down; ``plane`` is the height of the line of fire.
-        """
-        spec, pixel = self.spec, self.spec.sensor.pixel
-        lens, pose, clock = spec.lens, spec.pose, spec.clock
-        focal = lens.focal_length / pixel
-        middle = (spec.sensor.columns - 1) / 2, (spec.sensor.rows - 1) / 2
-        known = {
-            "focal": Estimate(value=focal, u=focal * lens.focal_length_u),
-            "clock": Estimate(value=1.0, u=clock.clock_u),
+    def exact(self) -> dict[str, Estimate]:
+        clock = self.spec.clock
+        return {
             "exposure": Estimate(value=clock.exposure),
             "jitter": Estimate(value=clock.jitter),
-            "blur": Estimate(value=spec.blur),
-            "plane": Estimate(value=0.0, u=pose.plane_u),
-        }
-        for axis, at in zip("xy", middle, strict=True):
-            known[f"centre_{axis}"] = Estimate(value=at, u=lens.centre_u / pixel)
-        names = ("k1", "k2", "p1", "p2", "k3")
-        for key, value, u in zip(names, lens.distortion, lens.distortion_u, strict=True):
-            known[key] = Estimate(value=value, u=u)
-        for axis, tilt, at in zip("xyz", pose.tilt, pose.place, strict=True):
-            known[f"tilt_{axis}"] = Estimate(value=tilt, u=pose.tilt_u)
-            known[f"place_{axis}"] = Estimate(value=at, u=pose.place_u)
-        return known | self.sensor.calibration()
+            "blur": Estimate(value=self.spec.blur),
+        } | self.sensor.calibration()
 
     def errors(self) -> dict[str, float]:
-        """Return the true constants, to be sealed."""
-        lens = self.lens
-        true = {"clock": self.clock, "plane": self.plane, "focal": lens.focal}
-        true |= dict(zip(("centre_x", "centre_y"), lens.centre.tolist(), strict=True))
-        true |= dict(zip(("k1", "k2", "p1", "p2", "k3"), lens.distortion.tolist(), strict=True))
-        for axis, tilt, at in zip("xyz", lens.tilt, lens.place, strict=True):
-            true |= {f"tilt_{axis}": float(tilt), f"place_{axis}": float(at)}
-        return true | self.sensor.errors()
+        return {**self.true, **self.sensor.errors()}
+
+    def altered(self, **true: float) -> Self:
+        own = {key: value for key, value in true.items() if key in self.true}
+        others = {key: value for key, value in true.items() if key not in own}
+        return replace(self, true={**self.true, **own}, sensor=self.sensor.altered(**others))
+
+    @property
+    def lens(self) -> TrueLens:
+        """The lens where it really hangs."""
+        return TrueLens.of(self.true)
+
+    @property
+    def clock(self) -> float:
+        """Its seconds a true second."""
+        return self.true["clock"]
+
+    @property
+    def plane(self) -> float:
+        """Height of the rig's line of fire in the axes that were calibrated [m]."""
+        return self.true["plane"]
 
     def watch(
         self,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Self
 
@@ -9,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from virtual_lab.relations.pinhole import looking_down, projected
-from virtual_lab.simulation.instruments.camera.spec import CameraSpec
-from virtual_lab.streams import Draws
+from virtual_lab.simulation.instruments.camera.spec import DISTORTION
 
 __all__ = ["Outlines", "TrueLens"]
 
@@ -58,21 +58,14 @@ class TrueLens:
     place: Array  # of the pinhole in axes of the rig, (3,) [m]
 
     @classmethod
-    def commission(cls, spec: CameraSpec, draws: Draws, name: str) -> Self:
-        """Draw what calibration left unknown."""
-        lens, pose, sensor = spec.lens, spec.pose, spec.sensor
-        focal = lens.focal_length / sensor.pixel
-        focal *= 1 + lens.focal_length_u * float(draws.normal(f"{name}.focal"))
-        off = lens.centre_u / sensor.pixel * draws.normal(f"{name}.centre", 2)
-        bend = np.asarray(lens.distortion_u) * draws.normal(f"{name}.distortion", 5)
-        tilt = np.asarray(pose.tilt) + pose.tilt_u * draws.normal(f"{name}.tilt", 3)
-        place = np.asarray(pose.place) + pose.place_u * draws.normal(f"{name}.place", 3)
+    def of(cls, true: Mapping[str, float]) -> Self:
+        """Return the lens of a camera with these true constants."""
         return cls(
-            focal=focal,
-            centre=np.array([sensor.columns - 1, sensor.rows - 1]) / 2 + off,
-            distortion=np.asarray(lens.distortion) + bend,
-            tilt=tilt,
-            place=place,
+            focal=true["focal"],
+            centre=np.array([true[f"centre_{axis}"] for axis in "xy"]),
+            distortion=np.array([true[key] for key in DISTORTION]),
+            tilt=np.array([true[f"tilt_{axis}"] for axis in "xyz"]),
+            place=np.array([true[f"place_{axis}"] for axis in "xyz"]),
         )
 
     @property

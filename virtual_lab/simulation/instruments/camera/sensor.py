@@ -13,6 +13,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from virtual_lab.simulation.instruments.calibrated import Calibrated, drawn
 from virtual_lab.simulation.instruments.camera.spec import SensorSpec
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
@@ -23,11 +24,9 @@ Pixels = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)
-class Sensor:
-    """The sensor of one camera, its gain and maps drawn once."""
+class Sensor(Calibrated[SensorSpec]):
+    """The sensor of one camera, its maps drawn once."""
 
-    spec: SensorSpec
-    gain: float  # grey values an electron
     response: Pixels  # of each pixel, (row, column), about 1
     offset: Pixels  # of each pixel, (row, column) [e]
 
@@ -36,24 +35,23 @@ class Sensor:
         shape = (spec.rows, spec.columns)
         response = 1 + spec.photo_response * draws.normal(f"{name}.response", shape)
         offset = spec.dark_signal * draws.normal(f"{name}.offset", shape)
-        gain = spec.gain * (1 + spec.gain_u * float(draws.normal(f"{name}.gain")))
-        return cls(spec, gain, response.astype(np.float32), offset.astype(np.float32))
+        certificate = drawn(spec.certificate(), draws, name)
+        return cls(spec, *certificate, response.astype(np.float32), offset.astype(np.float32))
 
-    def calibration(self) -> dict[str, Estimate]:
-        """Return what a photon transfer measurement told: gain, noise, black level, full scale."""
+    @property
+    def gain(self) -> float:
+        """Grey values an electron."""
+        return self.true["gain"]
+
+    def exact(self) -> dict[str, Estimate]:
         spec = self.spec
         return {
-            "gain": Estimate(value=spec.gain, u=spec.gain * spec.gain_u),
             "read_noise": Estimate(value=spec.read_noise),
             "photo_response": Estimate(value=spec.photo_response),
             "dark_signal": Estimate(value=spec.dark_signal),
             "black_level": Estimate(value=spec.black_level),
             "full_scale": Estimate(value=float(spec.full_scale)),
         }
-
-    def errors(self) -> dict[str, float]:
-        """Return the true constants, to be sealed."""
-        return {"gain": self.gain}
 
     def expose(
         self,

@@ -8,8 +8,11 @@ from typing import Annotated, Self
 from annotated_types import Ge, Gt, Le, Len, Lt
 
 from virtual_lab.catalog.specs import Dimension, PositiveLength, PositiveNumber, Spec, SpreadNumber
+from virtual_lab.simulation.instruments.calibrated import certified
+from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = [
+    "DISTORTION",
     "BallLook",
     "CameraSpec",
     "ClockSpec",
@@ -26,6 +29,7 @@ Rate = Annotated[float, Ge(0), Dimension("rate")]
 Number = Annotated[float, Dimension("number")]
 Share = Annotated[float, Ge(0), Le(1), Dimension("number")]
 Count = Annotated[int, Gt(0), Dimension("number")]
+DISTORTION = ("k1", "k2", "p1", "p2", "k3")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,6 +68,10 @@ class SensorSpec(Spec):
             whole_counts=False,
         )
 
+    def certificate(self) -> dict[str, Estimate]:
+        """Return what a photon transfer measurement found with an uncertainty."""
+        return {"gain": certified(self.gain, self.gain * self.gain_u)}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BallLook(Spec):
@@ -81,11 +89,13 @@ class BallLook(Spec):
 class LensSpec(Spec):
     """A lens as calibrated: a pinhole with distortion, and how it blurs."""
 
-    focal_length: PositiveLength  # times what its calibration left:
+    focal_length: PositiveLength
     focal_length_u: SpreadNumber  # relative
-    centre_u: LengthU  # of where its axis meets the sensor, on the sensor
+    centre_u: LengthU
     distortion: Annotated[tuple[float, ...], Len(5, 5), Dimension("number")]  # k1, k2, p1, p2, k3
     distortion_u: Annotated[tuple[float, ...], Len(5, 5), Dimension("number")]
+    # where the axis meets the sensor, from its middle, on the sensor
+    centre: Annotated[tuple[float, ...], Len(2, 2), Dimension("length")] = (0.0, 0.0)
     blur: PositiveLength  # standard deviation of a point's image, on the sensor
 
     def ideal(self) -> Self:
@@ -105,7 +115,8 @@ class PoseSpec(Spec):
     place_u: LengthU  # each way
     tilt: Annotated[tuple[float, ...], Len(3, 3), Dimension("angle")]  # about X, Y and Z
     tilt_u: Annotated[float, Ge(0), Dimension("angle")]
-    plane_u: LengthU  # of the height of the plane the calibration spoke of
+    plane_u: LengthU
+    plane: Annotated[float, Dimension("length")] = 0.0  # height of the line of fire, as calibrated
 
     def ideal(self) -> Self:
         """Return the pose known exactly."""
@@ -118,7 +129,10 @@ class ClockSpec(Spec):
 
     frame_rate: Annotated[float, Ge(500), Le(100_000), Dimension("frequency")]
     exposure: Annotated[float, Gt(0), Dimension("time")]
-    clock_u: SpreadNumber  # relative
+    clock_u: SpreadNumber
+    clock_fast: Annotated[float, Gt(-1), Dimension("number")] = (
+        0.0  # its seconds a true one, less 1
+    )
     jitter: Time  # of a time stamp about the frame's time
     drop_rate: Annotated[float, Ge(0), Lt(1), Dimension("number")]  # share of frames lost
 
@@ -188,6 +202,30 @@ class CameraSpec(Spec):
     def exposed(self) -> float:
         """Electrons for each photon a second that reaches a pixel [e s]."""
         return self.sensor.quantum_efficiency * self.clock.exposure
+
+    def certificate(self) -> dict[str, Estimate]:
+        """Return what its calibration found but for the sensor's, lengths on it in pixels.
+
+        ``place`` is where the pinhole is in axes of the rig and ``tilt`` how the camera is turned
+        from looking straight down; ``plane`` is the height of the line of fire.
+        """
+        lens, pose, pixel = self.lens, self.pose, self.sensor.pixel
+        focal = lens.focal_length / pixel
+        stated = {
+            "focal": certified(focal, focal * lens.focal_length_u),
+            "clock": certified(1 + self.clock.clock_fast, self.clock.clock_u),
+            "plane": certified(pose.plane, pose.plane_u),
+        }
+        sides = self.sensor.columns, self.sensor.rows
+        for axis, side, off in zip("xy", sides, lens.centre, strict=True):
+            middle = (side - 1) / 2 + off / pixel
+            stated[f"centre_{axis}"] = certified(middle, lens.centre_u / pixel)
+        for key, value, u in zip(DISTORTION, lens.distortion, lens.distortion_u, strict=True):
+            stated[key] = certified(value, u)
+        for axis, tilt, at in zip("xyz", pose.tilt, pose.place, strict=True):
+            stated[f"tilt_{axis}"] = certified(tilt, pose.tilt_u)
+            stated[f"place_{axis}"] = certified(at, pose.place_u)
+        return stated
 
     def ideal(self) -> Self:
         """Return a camera without errors or noise of its own, known exactly."""

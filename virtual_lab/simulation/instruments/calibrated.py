@@ -1,0 +1,95 @@
+"""A calibration certificate: what is known of an instrument's constants, and what is true.
+
+A sheet states each constant as its certificate does: a value, which differs from nominal, how far
+the true constant lies from it (σ), and the degrees of freedom ν that σ was found with. Of one
+instrument the true constant is off by σ N, and the uncertainty on its certificate is an estimate
+itself: u = σ √(χ²_ν / ν), so that (true - value) / u is Student's t of ν. Without randomness the
+true constants are the certificate's values, and u is σ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import inf
+from typing import Annotated, ClassVar, Generic, Protocol, Self, TypeVar
+
+import numpy as np
+from annotated_types import Gt
+from scipy.special import gammaincinv, ndtr
+
+from virtual_lab.catalog.specs import Dimension
+from virtual_lab.streams import Draws
+from virtual_lab.uncertainty.estimate import Estimate
+
+__all__ = ["Calibrated", "CalibratedSpec", "Freedom", "certified", "drawn"]
+
+Freedom = Annotated[float, Gt(0), Dimension("number")]  # degrees of freedom, inf where not stated
+
+
+class CalibratedSpec(Protocol):
+    """A sheet that states constants: by name, the certificate's value, σ as its u, and ν."""
+
+    def certificate(self) -> Mapping[str, Estimate]: ...
+
+
+S = TypeVar("S", bound=CalibratedSpec)
+
+
+def certified(value: float, sigma: float, dof: float = inf) -> Estimate:
+    """Return a constant as a sheet states it; one that is known exactly has no freedom to state."""
+    return Estimate(value=value, u=sigma, dof=dof if sigma else inf)
+
+
+def drawn(
+    sheet: Mapping[str, Estimate], draws: Draws, name: str
+) -> tuple[dict[str, Estimate], dict[str, float]]:
+    """Return what the certificate of one instrument states, and its true constants."""
+    errors, chances = draws.normal(f"{name}.errors", (2, len(sheet)))
+    stated, true = {}, {}
+    for (key, known), error, chance in zip(sheet.items(), errors, chances, strict=True):
+        stated[key] = known
+        # a quiet laboratory draws 0 exactly, which stands for σ itself and not for χ²'s median
+        if chance and known.dof < inf:
+            spread = 2 * gammaincinv(known.dof / 2, ndtr(chance)) / known.dof
+            stated[key] = replace(known, u=known.u * float(np.sqrt(spread)))
+        true[key] = known.value + known.u * float(error)
+    return stated, true
+
+
+@dataclass(frozen=True, slots=True)
+class Calibrated(Generic[S]):
+    """One instrument: its sheet, what its certificate states, and its true constants."""
+
+    unknown: ClassVar[frozenset[str]] = frozenset()  # constants no certificate tells
+
+    spec: S
+    stated: Mapping[str, Estimate]
+    true: Mapping[str, float]
+
+    @classmethod
+    def commission(cls, spec: S, draws: Draws, name: str) -> Self:
+        """Return an instrument of a sheet, its constants drawn under `name`."""
+        return cls(spec, *drawn(spec.certificate(), draws, name))
+
+    def exact(self) -> dict[str, Estimate]:
+        """Return what the sheet says beside the certificate, in which there is no error."""
+        return {}
+
+    def calibration(self) -> dict[str, Estimate]:
+        """Return what the laboratory knows of the instrument."""
+        known = {key: stated for key, stated in self.stated.items() if key not in self.unknown}
+        return known | self.exact()
+
+    def errors(self) -> dict[str, float]:
+        """Return the true constants, to be sealed."""
+        return dict(self.true)
+
+    def altered(self, **true: float) -> Self:
+        """Return the instrument with other true constants, of which its certificate knows nothing.
+
+        Raises `KeyError` where it has no such constant.
+        """
+        if strange := true.keys() - self.true.keys():
+            raise KeyError(min(strange))
+        return replace(self, true={**self.true, **true})
