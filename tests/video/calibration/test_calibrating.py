@@ -69,7 +69,8 @@ def test_corners_reach_what_pixels_allow(name: str) -> None:
     off = seen.places - true[order]
     assert np.sqrt(np.mean(off**2)) < 0.004
     assert np.abs(off.mean(axis=0)).max() < 0.0012
-    assert 0.85 < np.sqrt(np.mean((off / seen.u[:, None]) ** 2)) < 1.15
+    # four standard deviations of the root mean square of 208 numbers, 1/√416 each
+    assert 0.8 < np.sqrt(np.mean((off / seen.u[:, None]) ** 2)) < 1.2
     spec = camera.spec
     blur = np.hypot(spec.blur, 12**-0.5)
     white, black = (0.6 * spec.sensor.full_well * albedo / 0.9 for albedo in (0.9, 0.06))
