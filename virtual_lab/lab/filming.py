@@ -6,7 +6,7 @@ from collections.abc import Callable
 from math import hypot
 from pathlib import Path
 
-from virtual_lab.records import LengthReadings
+from virtual_lab.records import ClipRecord, LengthReadings
 from virtual_lab.records.session import Session
 from virtual_lab.relations.flight import drag_rate
 from virtual_lab.relations.pinhole import looking_down
@@ -76,6 +76,9 @@ def _calibration(session: Session, ball_mass: float) -> str:
     import numpy as np
 
     known = session.calibration
+    clip = session.records["impact"]["camera"]
+    assert isinstance(clip, ClipRecord)
+    assert clip.background is not None
 
     def of(name: str) -> Estimate:
         return known[f"impact.camera.{name}"]
@@ -98,7 +101,7 @@ def _calibration(session: Session, ball_mass: float) -> str:
         diameter=2 * radius,
         drag=drag,
         drag_u=drag * share,
-        size=[round(2 * value(f"centre_{axis}")) + 1 for axis in "xy"],
+        size=list(clip.background.shape[::-1]),
         focal=value("focal"),
         centre_x=value("centre_x"),
         centre_y=value("centre_y"),
