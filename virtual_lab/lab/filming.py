@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import hypot
 from pathlib import Path
+from typing import Any
 
 from virtual_lab.records import LengthReadings
 from virtual_lab.records.session import Session
@@ -61,17 +62,22 @@ def film_of(
     """
     if not isinstance(station, FilmingStation):
         return None
+    filming: Any = station
+    sensor = filming.camera.spec.sensor
 
     def film(folder: Path) -> None:
         station.film(order, specimen, draws, folder)
-        text = _calibration(session, specimen.balls.spec.mass)
+        text = _calibration(session, specimen.balls.spec.mass, (sensor.columns, sensor.rows))
         (folder / "calibration.toml").write_text(text, encoding="utf-8")
 
     return film
 
 
-def _calibration(session: Session, ball_mass: float) -> str:
-    """Return the calibration file of a session's camera, for a ball of `ball_mass` [kg]."""
+def _calibration(session: Session, ball_mass: float, size: tuple[int, int]) -> str:
+    """Return the calibration file of a session's camera, for a ball of `ball_mass` [kg].
+
+    `size` is the width and height of its pictures [px].
+    """
     import cv2
     import numpy as np
 
@@ -98,7 +104,7 @@ def _calibration(session: Session, ball_mass: float) -> str:
         diameter=2 * radius,
         drag=drag,
         drag_u=drag * share,
-        size=[round(2 * value(f"centre_{axis}")) + 1 for axis in "xy"],
+        size=list(size),
         focal=value("focal"),
         centre_x=value("centre_x"),
         centre_y=value("centre_y"),
