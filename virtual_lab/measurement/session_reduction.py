@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from math import hypot
 from typing import Protocol
 
 import numpy as np
@@ -200,11 +199,12 @@ def measure_bat(session: Session) -> dict[str, Budget]:
 def _place_constants(rules: Procedure, along: Estimate | None) -> dict[str, Estimate]:
     """Return the slope of e_A that the rules know of, and what its uncertainty makes of e_A.
 
-    The aim is near 0, so the product of the two uncertainties counts (GUM 5.1.2, note).
+    The place allows for the aim as it is known, so the product of the two uncertainties counts
+    (GUM 5.1.2, note).
     """
     if along is None or not (rules.place_slope or rules.place_slope_u):
         return {}
-    error = rules.place_slope_u * hypot(along.value, along.u)
+    error = rules.place_slope_u * along.u
     return {
         PLACE_SLOPE: Estimate(value=rules.place_slope),
         SLOPE_ERROR: Estimate(value=0.0, u=error),

@@ -142,7 +142,9 @@ def _case(tested: Tested) -> _Case:
 
 def _off(tested: Tested) -> dict[str, float]:
     """Return what each uncertain constant was off: as the laboratory had it less as it was."""
-    session, true = tested.certification.session, dict(tested.sealed.constants)
+    session, lot = tested.certification.session, tested.sealed.balls.spec
+    true = dict(tested.sealed.constants)
+    true |= {"ball.radius": lot.radius, "ball.restitution_slope": lot.restitution.slope}
     known = {name: one.value for name, one in session.calibration.items()}
     off = {name: known[name] - value for name, value in true.items() if name in known}
     return off | _readings_off(tested, true) | _balls_off(tested, known | true)

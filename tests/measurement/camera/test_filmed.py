@@ -23,7 +23,7 @@ OVER = 0.15  # m, place from the tip that the camera's Y = 0 is
 def constants(camera) -> dict[str, np.ndarray]:
     """Return the camera's constants as a reduction names them."""
     known = {f"{STAGE}.camera.{key}": each.value for key, each in camera.calibration().items()}
-    known |= {f"{STAGE}.camera.over": OVER, "ball.radius": 0.0365}
+    known |= {f"{STAGE}.camera.over": OVER, "ball.radius": 0.0365, "hall.gravity": 9.80665}
     return {name: np.array(value) for name, value in known.items()}
 
 
@@ -148,7 +148,8 @@ def test_uncertainty_of_a_line_in_closed_form() -> None:
     )
     x = constants(camera)
     scale = float(x["impact.camera.place_z"] / x["impact.camera.focal"])
-    by_hand = scale * sigma * np.sqrt(12 / (frames * (frames**2 - 1))) / dt
+    true_dt = dt / float(x["impact.camera.clock"])
+    by_hand = scale * sigma * np.sqrt(12 / (frames * (frames**2 - 1))) / true_dt
     one = np.ones(1)
     found = Filmed(
         flights=Flights(speed_in=one, speed_out=one, offset=one, slope_in=one, slope_out=one),
