@@ -147,7 +147,8 @@ def test_uncertainty_of_a_line_in_closed_form() -> None:
         out=times > times[0, frames - 1] + dt / 2,
     )
     x = constants(camera)
-    scale = float(x["impact.camera.place_z"] / x["impact.camera.focal"])
+    height = x["impact.camera.place_z"] - x["impact.camera.plane"]
+    scale = float(height / x["impact.camera.focal"])
     true_dt = dt / float(x["impact.camera.clock"])
     by_hand = scale * sigma * np.sqrt(12 / (frames * (frames**2 - 1))) / true_dt
     one = np.ones(1)
@@ -158,9 +159,10 @@ def test_uncertainty_of_a_line_in_closed_form() -> None:
         met=np.array([(frames - 1) / 2 * dt]),
     )
     u = frames_u(x, STAGE, seen, found)
-    assert u.speed_in[0] == pytest.approx(by_hand, rel=1e-9)
-    assert u.speed_out[0] == pytest.approx(by_hand, rel=1e-9)
-    assert u.place[0] == pytest.approx(scale * sigma / np.sqrt(frames), rel=1e-9)
+    # the camera hangs a few milliradians askew
+    assert u.speed_in[0] == pytest.approx(by_hand, rel=2e-5)
+    assert u.speed_out[0] == pytest.approx(by_hand, rel=2e-5)
+    assert u.place[0] == pytest.approx(scale * sigma / np.sqrt(frames), rel=2e-5)
     # an error alike in all frames leaves the slope, one that drifts with them does not
     slow = frames_u(x, STAGE, replace(seen, pattern_u=np.full_like(times, sigma)), found)
     assert slow.speed_in[0] > 2 * by_hand

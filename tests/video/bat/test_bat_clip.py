@@ -36,6 +36,7 @@ matrix = {[list(map(float, row)) for row in model.matrix]}
 distortion = {list(map(float, model.distortion))}
 rotation = {list(map(float, model.rotation))}
 translation_m = {list(map(float, model.translation_m))}
+plane_height_m = {-camera.plane!r}
 [bat]
 pivot_m = [{axis}, {pivot}]
 toward_m = [{axis}, 0.0]
