@@ -71,6 +71,7 @@ class Entry(Generic[T]):
     sheet: tuple[Datum, ...]
 
 
+@lru_cache
 def names(kind: str) -> tuple[str, ...]:
     """Return the names the shipped catalog holds of one kind, sorted."""
     folder = files("virtual_lab.data").joinpath(kind)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from virtual_lab.simulation.collision.patch import PATCH, patch_shape
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.instruments import Rung
 from virtual_lab.simulation.physics.ball import Event, PowerLaw
-from virtual_lab.simulation.physics.modes import modes_of
+from virtual_lab.simulation.physics.modes import Modes, modes_of
 from virtual_lab.simulation.physics.section import outer_diameter
 from virtual_lab.simulation.physics.supports import Free, Pinned, Support
 from virtual_lab.simulation.rig import Order, Specimen
@@ -111,9 +112,14 @@ def error_free(
     )
 
 
+@lru_cache(maxsize=64)
+def _rigid_modes(body: BatBody, support: Support) -> Modes:
+    return modes_of(replace(body, hoop=None), support, 0)
+
+
 def _recoil(body: BatBody, support: Support, scenes: Scenes, impulse: Array) -> TrueRecoil:
     """Return e and r of the bat that moves as a rigid one, by its unit-mass rigid modes."""
-    modes = modes_of(replace(body, hoop=None), support, 0)
+    modes = _rigid_modes(body, support)
     place, speed = scenes.impact_position, scenes.relative_speed
     yielding = np.sum(patch_shape(modes, place, PATCH) ** 2, axis=1)  # 1 / effective mass
     bat_speed = impulse * yielding
