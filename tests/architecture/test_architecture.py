@@ -114,6 +114,31 @@ def test_no_modules_import_each_other(imports: dict[str, set[str]]) -> None:
     assert len(list(TopologicalSorter(imports).static_order())) == len(imports)
 
 
+def test_the_wings_share_no_formula_of_a_result(imports: dict[str, set[str]]) -> None:
+    """Flight, pendulum, pinhole and calibration board: none that forms e, r, e0 or a metric.
+
+    So that a wrong formula on either side shows as an error of an ideal test.
+    """
+    of = {
+        wing: {
+            other
+            for module, others in imports.items()
+            if room(module) in rooms
+            for other in others
+            if room(other) == "relations"
+        }
+        for wing, rooms in (
+            ("truth", {"simulation", "rigs"}),
+            ("measured", {"measurement", "video"}),
+        )
+    }
+    shared = {name.removeprefix("virtual_lab.relations.") for name in of["truth"] & of["measured"]}
+    assert shared <= {"flight", "flight_kernel", "pendulum", "pinhole", "board"}
+    own = imports["virtual_lab.lab.true_metric"] | imports["virtual_lab.lab.measurand"]
+    functions = {name for name in own if ".measurement.reduction" in name or ".relations" in name}
+    assert functions == set()
+
+
 def test_rooms_and_floors_are_few(imports: dict[str, set[str]]) -> None:
     """26 rooms and 10 floors, the longest chain of rooms, at most; nine loose modules."""
     below: dict[str, set[str]] = {room(module): set() for module in imports}
