@@ -30,7 +30,7 @@ from virtual_lab.simulation.instruments import (
     errors_of,
 )
 from virtual_lab.simulation.instruments.air import Air, AirSpec
-from virtual_lab.simulation.instruments.calibrated import Calibrated, Freedom, certified
+from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, certified
 from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
 from virtual_lab.simulation.instruments.encoder import Encoder, EncoderSpec
 from virtual_lab.simulation.instruments.gravity import Gravity, GravitySpec
@@ -83,7 +83,7 @@ class PivotSpec(Spec):
 
 
 @dataclass(frozen=True, slots=True)
-class Pivot(Calibrated[PivotSpec]):
+class Pivot(CalibratedInstrument[PivotSpec]):
     """The bearing of one laboratory."""
 
     @property

@@ -93,7 +93,7 @@ def test_many_numbers_are_counted_alike(each: int) -> None:
 
 
 def test_slots_by_the_thousand() -> None:
-    """Odd and even numbers a slot: a row hangs on its slot, wherever it stands."""
+    """Odd and even numbers a slot: a row depends on its slot, wherever it stands."""
     slots = np.random.default_rng(1).permutation(5000)
     for each in (1, 2, 5, 6):
         found = Streams(4).normal("a", each, slots)

@@ -1,4 +1,4 @@
-"""Many laboratories: what one gives hangs on its seed alone, and its scenes lie in the box."""
+"""Many laboratories: what one gives depends on its seed alone, and its scenes lie in the box."""
 
 from __future__ import annotations
 

@@ -95,3 +95,14 @@ def test_a_tilted_hit_keeps_the_speed_along_the_surface(tilt: float) -> None:
         velocity = e * speed * np.cos(tilt) * normal + speed * np.sin(tilt) * surface
         assert -velocity[0] + 3.0 == pytest.approx(x, rel=1e-12)
         assert velocity[1] / x == pytest.approx(rise, rel=1e-12)
+
+
+@pytest.mark.parametrize(("sd", "loss"), [(0.03, 0.0003), (0.05, 0.0009), (0.10, 0.0037)])
+def test_hits_across_the_axis_cost_what_was_found_in_planning(sd: float, loss: float) -> None:
+    """The mean over a normal scatter [in], by Gauss and Hermite; ball 1.45 in, barrel 1.25 in."""
+    x, weight = np.polynomial.hermite_e.hermegauss(20)
+    tilt = np.arcsin(sd * x / (1.45 + 1.25))
+    back, _ = thrown_back(np.full(20, 0.2), tilt, np.ones(20), 0.0)
+    lost = 0.2 - float(weight @ back / weight.sum())
+    bpf = lost * (1 + 0.22) / 0.5  # by Eqs. (5) and (6), r 0.22 and e0 0.5
+    assert bpf == pytest.approx(loss, rel=0.15, abs=7e-5)

@@ -101,7 +101,7 @@ def test_a_scene_outside_the_box_goes_to_the_modal_rung_alone(
 def test_without_a_box_there_is_no_surrogate(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """However many scenes come at once: what a scene gives hangs on no other."""
+    """However many scenes come at once: what a scene gives depends on no other."""
     monkeypatch.setenv("VIRTUAL_LAB_CACHE", str(tmp_path))
     scenes = usual(np.linspace(4, 8, 6000))
     found = Ladder(probe=PROBE, standard_uncertainty=0.005).efficiency(WOOD, Free(), scenes)

@@ -23,9 +23,7 @@ __all__ = [
     "centre_of_percussion",
     "collision_efficiency",
     "efficiency_from_restitution",
-    "efficiency_off_axis",
     "energy_fractions",
-    "offset_angle",
     "parallel_axis",
     "rebound_speed_from_recoil",
     "recoil_factor_free",
@@ -140,20 +138,3 @@ def restitution_of_standard_ball(e: Floats, e0: Floats, standard: float) -> Floa
         stiffer = (1 - e**2) / (e**2 - e0**2)
         sprung = np.sqrt((standard**2 * stiffer + 1) / (stiffer + 1))
     return np.where(e > e0, sprung, e * standard / e0)
-
-
-def offset_angle(offset: Floats, ball_radius: Floats, bat_radius: Floats) -> Floats:
-    """Return the angle [rad] of the line of centres for a hit `offset` [m] across the axis."""
-    angle: Floats = np.arcsin(offset / (ball_radius + bat_radius))
-    return angle
-
-
-def efficiency_off_axis(e_A: Floats, angle: Floats) -> Floats:
-    """Return the e_A seen along the line of flight when the ball is struck at `angle` [rad].
-
-    Smooth ball: the normal part of its velocity is reversed times e_A, the part along the
-    surface stays, so the component back along the line of flight is
-    ``e_A cos^2 - sin^2``.
-    """
-    seen: Floats = e_A - (1 + e_A) * np.sin(angle) ** 2
-    return seen

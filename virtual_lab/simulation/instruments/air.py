@@ -9,7 +9,7 @@ from annotated_types import Ge
 
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.relations.flight import Array, drag_rate
-from virtual_lab.simulation.instruments.calibrated import Calibrated, certified
+from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, certified
 from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["Air", "AirSpec"]
@@ -41,7 +41,7 @@ class AirSpec(Spec):
 
 
 @dataclass(frozen=True, slots=True)
-class Air(Calibrated[AirSpec]):
+class Air(CalibratedInstrument[AirSpec]):
     """The air of one laboratory."""
 
     def drag(self, radius: float, mass: Array) -> Array:

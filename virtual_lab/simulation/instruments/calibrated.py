@@ -22,7 +22,7 @@ from virtual_lab.catalog.specs import Dimension
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["Calibrated", "CalibratedSpec", "Freedom", "certified", "drawn"]
+__all__ = ["CalibratedInstrument", "CalibratedSpec", "Freedom", "certified", "drawn"]
 
 Freedom = Annotated[float, Gt(0), Dimension("number")]  # degrees of freedom, inf where not stated
 
@@ -58,7 +58,7 @@ def drawn(
 
 
 @dataclass(frozen=True, slots=True)
-class Calibrated(Generic[S]):
+class CalibratedInstrument(Generic[S]):
     """One instrument: its sheet, what its certificate states, and its true constants."""
 
     unknown: ClassVar[frozenset[str]] = frozenset()  # constants no certificate tells

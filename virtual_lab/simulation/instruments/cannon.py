@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.errors import InputError
 from virtual_lab.records import AimMarks
-from virtual_lab.simulation.instruments.calibrated import Calibrated, Freedom, certified
+from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, certified
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
@@ -76,7 +76,7 @@ class Launch:
 
 
 @dataclass(frozen=True, slots=True)
-class Cannon(Calibrated[CannonSpec]):
+class Cannon(CalibratedInstrument[CannonSpec]):
     """One cannon as lined up for a laboratory's test."""
 
     unknown: ClassVar[frozenset[str]] = frozenset({"across"})

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import EncoderRecord, RateRecord
-from virtual_lab.simulation.instruments.calibrated import Calibrated, Freedom, certified
+from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, certified
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
 
@@ -56,7 +56,7 @@ class EncoderSpec(Spec):
 
 
 @dataclass(frozen=True, slots=True)
-class Encoder(Calibrated[EncoderSpec]):
+class Encoder(CalibratedInstrument[EncoderSpec]):
     """The encoder of one laboratory."""
 
     def exact(self) -> dict[str, Estimate]:

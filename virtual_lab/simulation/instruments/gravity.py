@@ -8,7 +8,7 @@ from typing import Annotated, Self
 from annotated_types import Ge, Gt
 
 from virtual_lab.catalog.specs import Dimension, Spec
-from virtual_lab.simulation.instruments.calibrated import Calibrated, certified
+from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, certified
 from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["Gravity", "GravitySpec"]
@@ -33,7 +33,7 @@ class GravitySpec(Spec):
 
 
 @dataclass(frozen=True, slots=True)
-class Gravity(Calibrated[GravitySpec]):
+class Gravity(CalibratedInstrument[GravitySpec]):
     """Gravity of one laboratory."""
 
     @property

@@ -9,7 +9,7 @@ from typing import Annotated, Self
 from annotated_types import Ge, Gt
 
 from virtual_lab.catalog.specs import Dimension, Spec
-from virtual_lab.simulation.instruments.calibrated import Calibrated, Freedom, certified
+from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, certified
 from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["Holder", "HolderSpec"]
@@ -40,7 +40,7 @@ class HolderSpec(Spec):
 
 
 @dataclass(frozen=True, slots=True)
-class Holder(Calibrated[HolderSpec]):
+class Holder(CalibratedInstrument[HolderSpec]):
     """The holder of one laboratory."""
 
     @property

@@ -20,7 +20,12 @@ from virtual_lab.errors import InputError
 from virtual_lab.records import BoardRecord, PassageRecord
 from virtual_lab.simulation.instruments import Rung
 from virtual_lab.simulation.instruments.board_sums import gain_table
-from virtual_lab.simulation.instruments.calibrated import Calibrated, Freedom, certified, drawn
+from virtual_lab.simulation.instruments.calibrated import (
+    CalibratedInstrument,
+    Freedom,
+    certified,
+    drawn,
+)
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.streams import Draws, Slots
@@ -109,7 +114,7 @@ class LightBoardSpec(Spec):
 
 
 @dataclass(frozen=True, slots=True)
-class LightBoards(Calibrated[LightBoardSpec]):
+class LightBoards(CalibratedInstrument[LightBoardSpec]):
     """The boards of one laboratory; the thresholds of their beams no certificate tells."""
 
     trips: Array  # what each beam adds to the ball's radius, (board, beam) [m]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import GateRecord, PassageRecord
 from virtual_lab.simulation.instruments import Rung
-from virtual_lab.simulation.instruments.calibrated import Calibrated, Freedom, certified
+from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, certified
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.streams import Draws, Slots
@@ -75,7 +75,7 @@ class LightGateSpec(Spec):
 
 
 @dataclass(frozen=True, slots=True)
-class LightGates(Calibrated[LightGateSpec]):
+class LightGates(CalibratedInstrument[LightGateSpec]):
     """The curtains of one laboratory."""
 
     @property

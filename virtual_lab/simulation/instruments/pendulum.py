@@ -12,7 +12,7 @@ from annotated_types import Ge, Gt
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import PendulumRecord
 from virtual_lab.relations.pendulum import amplitude_factor, small_period
-from virtual_lab.simulation.instruments.calibrated import Calibrated, Freedom, certified
+from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, certified
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
@@ -82,7 +82,7 @@ class PendulumSpec(Spec):
 
 
 @dataclass(frozen=True, slots=True)
-class Pendulum(Calibrated[PendulumSpec]):
+class Pendulum(CalibratedInstrument[PendulumSpec]):
     """One stand."""
 
     def swing(

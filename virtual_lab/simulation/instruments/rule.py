@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import LengthReadings
-from virtual_lab.simulation.instruments.calibrated import Calibrated, Freedom, certified
+from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, certified
 from virtual_lab.simulation.instruments.indicator import indicate
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
@@ -43,7 +43,7 @@ class RuleSpec(Spec):
 
 
 @dataclass(frozen=True, slots=True)
-class Rule(Calibrated[RuleSpec]):
+class Rule(CalibratedInstrument[RuleSpec]):
     """One rule or stand."""
 
     def exact(self) -> dict[str, Estimate]:

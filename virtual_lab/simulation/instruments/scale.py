@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import MassReadings
-from virtual_lab.simulation.instruments.calibrated import Calibrated, Freedom, certified
+from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, certified
 from virtual_lab.simulation.instruments.indicator import indicate
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
@@ -50,7 +50,7 @@ class ScaleSpec(Spec):
 
 
 @dataclass(frozen=True, slots=True)
-class Scale(Calibrated[ScaleSpec]):
+class Scale(CalibratedInstrument[ScaleSpec]):
     """One scale."""
 
     def exact(self) -> dict[str, Estimate]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.records import ClipRecord, TrackRecord
 from virtual_lab.simulation.instruments import Rung
-from virtual_lab.simulation.instruments.calibrated import Calibrated, drawn
+from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, drawn
 from virtual_lab.simulation.instruments.camera.ball import Light, render_balls
 from virtual_lab.simulation.instruments.camera.course import Course
 from virtual_lab.simulation.instruments.camera.lens import TrueLens
@@ -33,7 +33,7 @@ TRACKED = 1.1  # times the least uncertainty there can be: a tracker's own
 
 
 @dataclass(frozen=True, slots=True)
-class Camera(Calibrated[CameraSpec]):
+class Camera(CalibratedInstrument[CameraSpec]):
     """Its true lens, pose, clock and sensor."""
 
     sensor: Sensor

@@ -13,7 +13,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from virtual_lab.simulation.instruments.calibrated import Calibrated, drawn
+from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, drawn
 from virtual_lab.simulation.instruments.camera.spec import SensorSpec
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
@@ -24,7 +24,7 @@ Pixels = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)
-class Sensor(Calibrated[SensorSpec]):
+class Sensor(CalibratedInstrument[SensorSpec]):
     """The sensor of one camera, its maps drawn once."""
 
     response: Pixels  # of each pixel, (row, column), about 1
