@@ -89,7 +89,7 @@ class ShotResults:
     rebound_slope: Array  # height the ball gains a metre as it comes back
     ball_mass: Array  # [kg]
     place: Array  # that e_A is of, as far as is known, from the barrel tip [m]
-    recoil_factor: Array  # of the support the procedure names
+    recoil_factor: Array  # of the support the procedure names, at the place asked for
     ball_restitution: Array  # of the ball, at the shot's own relative speed
     collision_efficiency: Array  # freed of the offset across the bat, at the place asked for
     restitution: Array
@@ -224,10 +224,13 @@ def shot_results(
     beside = x.get(PLACE_SLOPE, 0.0) * off + x.get(SLOPE_ERROR, 0.0)
     efficiency = np.asarray(struck - beside)
     at = readings.place + (0.0 if PLACE_SLOPE in x else off)
-    # the recoil factor is that of the axis and place asked for: e_A hardly knows where they are,
-    # so what a misplaced axis or ball spoils is the angular momentum above and nothing here
-    recoil = recoil_factor(asked.recoil, bat, mass, readings.place, asked.pivot_from_knob)
-    restitution = restitution_from_efficiency(efficiency, recoil)
+
+    def recoil(ball: Array, where: Array) -> Array:
+        # about the axis asked for: e_A hardly knows where it is, so what a misplaced one spoils
+        # is the angular momentum above and nothing here
+        return recoil_factor(asked.recoil, bat, ball, where, asked.pivot_from_knob)
+
+    restitution = restitution_from_efficiency(efficiency, recoil(mass, at))
     own = balls.restitution[..., readings.ball]
     e0 = own + balls.slope * (relative_speed - balls.speed)
     factor = bat_performance_factor(restitution, e0)
@@ -237,7 +240,6 @@ def shot_results(
     lot = balls.restitution[..., used].mean(axis=-1, keepdims=True)
     lot_e0 = lot + balls.slope * (nominal - balls.speed)
     lot_mass = balls.mass[..., used].mean(axis=-1, keepdims=True)
-    lot_recoil = recoil_factor(asked.recoil, bat, lot_mass, readings.place, asked.pivot_from_knob)
     lot_restitution = factor * lot_e0
     shape = np.shape(factor)
     return ShotResults(
@@ -250,17 +252,17 @@ def shot_results(
         rebound_slope=seen.slope_out,
         ball_mass=mass,
         place=np.broadcast_to(at + abreast - lever, shape),
-        recoil_factor=np.broadcast_to(recoil, shape),
+        recoil_factor=np.broadcast_to(recoil(mass, readings.place), shape),
         ball_restitution=e0,
         collision_efficiency=efficiency,
         restitution=np.asarray(restitution),
         bat_performance_factor=np.asarray(factor),
         window_ball_restitution=own + balls.slope * (asked.window_speed - balls.speed),
         lot_ball_restitution=np.broadcast_to(lot_e0, shape),
-        lot_recoil_factor=np.broadcast_to(lot_recoil, shape),
+        lot_recoil_factor=np.broadcast_to(recoil(lot_mass, readings.place), shape),
         lot_restitution=np.asarray(lot_restitution),
         lot_collision_efficiency=np.asarray(
-            efficiency_from_restitution(lot_restitution, lot_recoil)
+            efficiency_from_restitution(lot_restitution, recoil(lot_mass, at))
         ),
         rebound_efficiency=np.broadcast_to(rebound, shape),
         recoil_efficiency=np.broadcast_to(recoiled, shape),
