@@ -14,7 +14,7 @@ from virtual_lab.units import INCH
 
 MODIFIED = catalog.load("procedures", "ncaa-modified", Procedure).spec
 # a scan for the greatest BESR itself: of a parabola all is known
-BESR = replace(MODIFIED, metric="besr", speed_limit=None)
+BESR = replace(MODIFIED, metric="besr", speed_limit=None, largest_u=0.008, largest_speed_u=None)
 F1881 = catalog.load("procedures", "astm-f1881", Procedure).spec
 BAT = BatProperties(
     mass=np.array(0.9),

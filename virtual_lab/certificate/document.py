@@ -102,6 +102,7 @@ def certificate(certification: Certification, *, truth_digest: str | None = None
         "findings": [asdict(finding) for finding in certification.findings],
         "flags": [asdict(flag) for flag in certification.flags],
         "incomplete": certification.outcome.reason,
+        "reasons": list(certification.reasons),
         "valid_hits": int(valid.sum()),
         "rejected_hits": [
             {"shot": shot, "reason": reason}

@@ -45,8 +45,7 @@ def certificate_text(document: Mapping[str, Any]) -> str:
         lines += _swing_lines(metric, document["swing_range"])
         lines += _control_lines(document["ball_correction"])
         lines += witness_text(document["second_witness"])
-    if document["incomplete"]:
-        lines.append(f"  incomplete: {document['incomplete']}")
+    lines += [f"  invalid: {reason}" for reason in document["reasons"]]
     lines += [
         f"  {'meets' if finding['met'] else 'FAILS'}: {finding['sentence']}"
         for finding in document["findings"]

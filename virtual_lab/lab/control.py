@@ -66,8 +66,8 @@ def with_control(
             _told(laboratory.session, UNCORRECTED), bat=bat.name, bat_sport=bat.sport or ""
         ),
     ).run(say)
-    if not tested.certification.quantities:
-        reason = tested.certification.outcome.reason
+    if tested.certification.reasons:
+        reason = "; ".join(tested.certification.reasons)
         raise InputError("", "control bat", control_bat, f"its own test gives no result: {reason}")
     e = tested.certification.quantities["restitution"]
     found = Estimate(

@@ -6,7 +6,7 @@ computation whether the records come from this laboratory's rigs or from a folde
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,6 +33,7 @@ from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import ShotResults
 from virtual_lab.measurement.session_reduction import Reduced, measure_bat, reduce_session
 from virtual_lab.measurement.swing_range import SwingResult, swing_range
+from virtual_lab.output.metrics import METRICS
 from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.budget import Budget, Variants, mean_of_hits
 
@@ -76,12 +77,13 @@ class Certification:
     set_aside: tuple[SetAside, ...]  # balls that the rules do not admit
     findings: tuple[Finding, ...]  # what the rules ask of a bat before it is hit
     flags: tuple[Flag, ...]  # what does not hang together in the records
+    reasons: tuple[str, ...]  # why the verdict is INVALID
     verdict: Verdict
 
     @property
     def marginal(self) -> bool:
-        """Whether the limit lies within the 95 % interval."""
-        if self.metric is None or self.procedure.most is None:
+        """Whether the limit lies within the 95 % interval of a test that decides."""
+        if self.reasons or self.metric is None or self.procedure.most is None:
             return False
         low, high = self.metric.interval_95
         return low <= self.procedure.most <= high
@@ -113,6 +115,8 @@ def evaluate(session: Session, reduced: Reduced) -> Certification:
         lost = shortfall(procedure, where, valid, reduced.shot_metric)
         metric = with_choice(quantities.pop("metric"), lost)
     found = findings(procedure, reduced.bat)
+    flagged = flags(_evidence(session, reduced))
+    reasons = tuple(_reasons(procedure, outcome, metric, flagged))
     return Certification(
         session=session,
         procedure=procedure,
@@ -131,14 +135,30 @@ def evaluate(session: Session, reduced: Reduced) -> Certification:
         second_witness=second_witness(session, reduced),
         set_aside=reduced.lot.set_aside,
         findings=found,
-        flags=flags(_evidence(session, reduced)),
+        flags=flagged,
+        reasons=reasons,
         verdict=verdict(
             procedure,
             metric.value if metric else np.nan,
-            complete=not outcome.reason,
+            sound=not reasons,
             eligible=all(finding.met for finding in found),
         ),
     )
+
+
+def _reasons(
+    procedure: Procedure, outcome: Outcome, metric: Budget | None, flagged: tuple[Flag, ...]
+) -> Iterator[str]:
+    """Tell why a test decides nothing; nothing where it does."""
+    if outcome.reason:
+        yield outcome.reason
+    if metric is not None and not metric.u <= procedure.most_u:
+        printed = METRICS[procedure.metric]
+        u, most = metric.u / printed.unit_si, procedure.most_u / printed.unit_si
+        yield f"u of {printed.symbol} is {u:.2g}, allowed up to {most:g} {printed.unit}".rstrip()
+    for flag in flagged:
+        if flag.invalidates:
+            yield f"by the flag {flag.name}"
 
 
 def _evidence(session: Session, reduced: Reduced) -> Evidence:

@@ -14,6 +14,7 @@ from virtual_lab.certificate.text import certificate_text
 from virtual_lab.lab import certify_bat
 from virtual_lab.measurement.certification import certify_session
 from virtual_lab.measurement.diagnostics.flag import chance, type_a
+from virtual_lab.records.session import Session
 from virtual_lab.simulation.rig import Reality
 
 
@@ -84,7 +85,8 @@ def test_a_softball_bat_under_a_baseball_procedure_is_flagged() -> None:
     assert flag.name == "sports"
     assert "bat is of softball, the ball is of baseball, the procedure is of" in flag.sentence
     document = certificate(found.certification)
-    assert document["flags"] == [{"name": "sports", "sentence": flag.sentence}]
+    said = {"name": "sports", "sentence": flag.sentence, "invalidates": False}
+    assert document["flags"] == [said]
     assert flag.sentence in certificate_text(document)
     assert flag.sentence in certificate_page(document, found.certification)
     unknown = replace(found.certification.session, bat_sport="")
@@ -99,6 +101,76 @@ def test_a_softball_bat_under_a_baseball_procedure_is_flagged() -> None:
 def test_a_bat_of_the_same_sport_or_of_none_is_not(bat: str, procedure: str) -> None:
     found = certify_bat(bat, procedure=procedure, seed=0, reality=Reality.IDEAL).certification
     assert found.flags == ()
+
+
+def changed(session: Session, stage: str, channel: str, **fields: object) -> Session:
+    """Return a session one of whose records reads otherwise."""
+    records = {name: dict(each) for name, each in session.records.items()}
+    records[stage][channel] = replace(records[stage][channel], **fields)
+    return replace(session, records=records)
+
+
+@pytest.fixture(scope="module")
+def sound() -> Session:
+    return certify_bat("r161", procedure="astm-f1881", seed=300).certification.session
+
+
+def test_gates_of_a_single_beam_are_no_fault(sound: Session) -> None:
+    """Each ball crosses the beam off its centre by its own few millimetres: chords, not edges."""
+    radius, rng = 36.5e-3, np.random.default_rng(5)
+    seen = sound
+    for stage in ("balls", "impact"):
+        times = seen.records[stage]["gates"].times
+        height = rng.normal(0, 6e-3, times.shape[:1])[:, None, None] + rng.normal(
+            0, 1e-3, times.shape[:3]
+        )
+        middle, chord = times.mean(axis=-1, keepdims=True), np.sqrt(1 - (height / radius) ** 2)
+        seen = changed(seen, stage, "gates", times=middle + (times - middle) * chord[..., None])
+    assert certify_session(seen).flags == ()
+
+
+def test_an_encoder_that_trembles_at_rest_too_is_no_fault(sound: Session) -> None:
+    counts = sound.records["impact"]["encoder"].counts
+    noise = np.rint(np.random.default_rng(6).normal(0, 1, counts.shape))
+    assert certify_session(changed(sound, "impact", "encoder", counts=counts + noise)).flags == ()
+
+
+def test_recoil_and_rebound_that_contradict_each_other_decide_nothing(sound: Session) -> None:
+    """Gates and encoder on separate triggers: 10 ms late."""
+    record = sound.records["impact"]["encoder"]
+    for late, verdict in ((0.0, "PASS"), (10e-3, "INVALID")):
+        late_one = changed(sound, "impact", "encoder", times=record.times + late)
+        found = certify_session(late_one)
+        assert found.verdict.value == verdict
+    assert found.reasons == ("by the flag recoil-and-rebound",)
+    assert not found.marginal
+    document = certificate(found)
+    assert document["verdict"] == "INVALID"
+    assert "invalid: by the flag recoil-and-rebound" in certificate_text(document)
+    assert "by the flag recoil-and-rebound" in certificate_page(document, found)
+
+
+def test_a_bat_of_an_impossible_density_decides_nothing(sound: Session) -> None:
+    """31 oz typed as grams: lighter than balsa."""
+    mass = sound.records["bench"]["bat-mass"]
+    light = certify_session(changed(sound, "bench", "bat-mass", readings=mass.readings * 0.0353))
+    assert "by the flag bat-shape" in light.reasons
+    (said,) = [flag.sentence for flag in light.flags if flag.name == "bat-shape"]
+    assert "kg/m³, possible 100 to 12000" in said
+
+
+def test_an_uncertainty_that_cannot_decide_gives_no_verdict(sound: Session) -> None:
+    """Asked of each: just below the largest u, and just above it."""
+    at = certify_session(sound).metric
+    assert at is not None
+    for factor, verdict in ((1.01, "PASS"), (0.99, "INVALID")):
+        largest = f"largest_u = {{ value = {factor * at.u}"
+        text = sound.procedure_text.replace("largest_u = { value = 0.02", largest)
+        assert text != sound.procedure_text
+        found = certify_session(replace(sound, procedure_text=text))
+        assert found.verdict.value == verdict
+    (reason,) = found.reasons
+    assert reason.startswith(f"u of BPF is {at.u:.2g}, allowed up to 0.00")
 
 
 def test_a_sentence_tells_the_size_of_what_is_wrong() -> None:

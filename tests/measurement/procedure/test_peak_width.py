@@ -97,7 +97,7 @@ def test_a_drop_of_nothing_or_of_a_speed_is_refused() -> None:
     with pytest.raises(ValueError, match="width_drop is 0; it must be greater"):
         replace(RULES.scan, width_drop=0.0)
     with pytest.raises(ValueError, match="width_drop is a number"):
-        replace(RULES, metric="batted_speed", limit=None)
+        replace(RULES, metric="batted_speed", limit=None, largest_u=None, largest_speed_u=0.4)
 
 
 def test_the_interval_holds_the_true_width_in_most_laboratories() -> None:

@@ -49,6 +49,7 @@ def shots(*changes: dict[str, float]) -> tuple[ShotResults, ImpactReadings]:
     recoil = RateFit(
         ring_frequency=np.zeros(0),
         ring_decay=np.zeros(0),
+        rest=np.zeros(n),
         residual=np.zeros(n),
         angle=np.full(n, nan),
         **{name: column(name, good) for name, good in COUNTS.items()},
@@ -156,13 +157,13 @@ def test_a_shot_that_missed_the_bat_is_rejected_not_raised() -> None:
 )
 def test_verdict(value: float, complete: bool, eligible: bool, expected: Verdict) -> None:
     """Limit 1.2 of the shipped procedure: at the limit is within it."""
-    assert verdict(RULES, float(value), complete=complete, eligible=eligible) is expected
+    assert verdict(RULES, float(value), sound=complete, eligible=eligible) is expected
 
 
 def test_without_a_limit_a_bat_is_measured() -> None:
     """The paper's own proposal sets none."""
     free = replace(RULES, limit=None)
-    assert verdict(free, 1.9, complete=True, eligible=True) is Verdict.MEASURED
+    assert verdict(free, 1.9, sound=True, eligible=True) is Verdict.MEASURED
 
 
 @pytest.mark.parametrize(("hits", "said"), [(5, "5 valid hits of 6"), (6, ""), (7, "")])

@@ -53,6 +53,7 @@ def why(
         "before": np.zeros(1),
         "ring_frequency": np.zeros(0),
         "ring_decay": np.zeros(0),
+        "rest": np.zeros(1),
         "residual": np.zeros(1),
     }
     turned = COUNTS * np.array([good["swing_rate"]])

@@ -173,6 +173,7 @@ def worked(x: dict[str, np.ndarray]):
         angle=np.zeros(1),
         ring_frequency=np.zeros(0),
         ring_decay=np.zeros(0),
+        rest=np.zeros(1),
         residual=np.zeros(1),
     )
     readings = ImpactReadings(

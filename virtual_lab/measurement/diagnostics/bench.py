@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import sqrt
+from math import pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ DECAY_U = 0.4  # relative, of the loss of amplitude: two readings a few of their
 LEAST_E0 = 1e-5
 LOT_MARGIN = 5e-3  # of e0 beyond the rules: more than a sound lot's balls scatter
 FLAT = 1e-9  # rad²
+DENSITY = (100.0, 12000.0)  # kg/m³ in a cylinder of the barrel's width: solid balsa, solid lead
 MASSES = (0.4, 20.0)  # kg, from a child's bat to the steel cylinder of a morning's check
 
 
@@ -38,9 +39,17 @@ def sports(seen: Evidence) -> Iterator[Flag]:
 
 
 def bat_shape(seen: Evidence) -> Iterator[Flag]:
-    """Hold balance, mass and radius of gyration against limits wide enough for all."""
+    """Hold density, balance, mass and radius of gyration against limits wide enough for all."""
     bat = seen.bat
     length, mass = float(bat.length), float(bat.mass)
+    density, (light, heavy) = mass / (pi * float(bat.barrel_radius) ** 2 * length), DENSITY
+    if not light <= density <= heavy:
+        yield Flag(
+            name="bat-shape",
+            sentence=f"mass over length and barrel is {density:.3g} kg/m³, "
+            f"possible {light:g} to {heavy:g}",
+            invalidates=True,
+        )
     square = float(bat.inertia_cm) / mass / length**2
     for words, value, (low, high), unit in (
         ("balance point", float(bat.z_cm) / length, BALANCE, " of the length from the tip"),

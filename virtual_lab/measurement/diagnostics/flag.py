@@ -27,6 +27,7 @@ class Flag:
 
     name: str
     sentence: str
+    invalidates: bool = False  # nothing can be said of the bat; else a remark
 
 
 def chance(value: float, components: Sequence[Component], *, least: float) -> tuple[float, float]:

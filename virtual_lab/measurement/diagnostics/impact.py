@@ -22,10 +22,11 @@ __all__ = ["aim", "ball_seen", "boards_in_line", "edges", "encoder_fit", "recoil
 
 Array = NDArray[np.float64]
 COUNTING = 1 / sqrt(12)  # rms of whole counts
-ENCODER_REST = 1.5  # times that, of one shot
+ENCODER_REST = 1.5  # times that and the noise at rest, of one shot
 LEAST_PLACE = 1e-5  # m
 LEAST_E_A = 1e-5
 FEWEST = 3  # shots that a mean and its scatter may rest on
+CONTRADICTION = 6.0  # standard uncertainties
 SPOILED = 0.1  # share of the shots that no scrap of a sabot explains
 
 
@@ -103,17 +104,18 @@ def aim(seen: Evidence) -> Iterator[Flag]:
 
 
 def encoder_fit(seen: Evidence) -> Iterator[Flag]:
-    """Hold what each shot's fit leaves of the recoil's counts against the noise of counting."""
+    """Hold what each shot's fit leaves of the counts against counting and the noise at rest."""
     fit = seen.readings.recoil
     if fit is None:
         return
-    rough = np.flatnonzero(fit.residual > ENCODER_REST * COUNTING)
+    known = np.hypot(COUNTING, np.nan_to_num(fit.rest))
+    rough = np.flatnonzero(fit.residual > ENCODER_REST * known)
     if rough.size:
         worst = int(rough[fit.residual[rough].argmax()])
         yield Flag(
             name="encoder-fit",
             sentence=f"{rough.size} of {fit.residual.size} shots leave more of the encoder's "
-            f"counts than counting explains, shot {worst} {fit.residual[worst]:.2f} rms",
+            f"counts than counting and noise at rest, shot {worst} {fit.residual[worst]:.2f} rms",
         )
 
 
@@ -137,6 +139,7 @@ def recoil_and_rebound(seen: Evidence) -> Iterator[Flag]:
             name="recoil-and-rebound",
             sentence=f"e_A by recoil less e_A by rebound is {mean:+.4f} in the mean, "
             f"{abs(mean) / u:.1f} standard uncertainties",
+            invalidates=abs(mean) > CONTRADICTION * u,
         )
 
 

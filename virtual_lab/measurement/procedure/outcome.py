@@ -192,9 +192,9 @@ def _nothing(shots: int, reason: str) -> Outcome:
     return Outcome(weights=nothing, effects=nothing, place=np.nan, reason=reason)
 
 
-def verdict(procedure: Procedure, value: float, *, complete: bool, eligible: bool) -> Verdict:
-    """Return PASS up to and including the limit, FAIL beyond, INVALID of an incomplete test."""
-    if not complete:
+def verdict(procedure: Procedure, value: float, *, sound: bool, eligible: bool) -> Verdict:
+    """Return PASS up to and including the limit, FAIL beyond, INVALID of an unsound test."""
+    if not sound:
         return Verdict.INVALID
     if not eligible:
         return Verdict.FAIL

@@ -197,6 +197,9 @@ class Procedure(Spec):
     bat_speed: Annotated[float | None, Dimension("speed")] = None  # 6 in from the tip; at rest
     limit: Annotated[float | None, Dimension("number")] = None
     speed_limit: Annotated[float | None, Dimension("speed")] = None  # of a batted ball
+    # standard uncertainty of the metric, beyond which a result decides nothing
+    largest_u: Annotated[float | None, Dimension("number")] = None
+    largest_speed_u: Annotated[float | None, Dimension("speed")] = None  # of a batted ball
     # of e_A along the barrel at the place of a test at one place, over the bats it is made for
     place_slope: Annotated[float, Dimension("slope of length")] = 0.0
     place_slope_u: Annotated[float, Ge(0), Dimension("slope of length")] = 0.0
@@ -206,7 +209,7 @@ class Procedure(Spec):
     eligibility: Eligibility | None = None
 
     def __post_init__(self) -> None:
-        _require_positive(self, "limit", "speed_limit", "bat_speed")
+        _require_positive(self, "limit", "speed_limit", "largest_u", "largest_speed_u", "bat_speed")
         if self.bat_speed is not None and self.bat_speed >= FASTEST:
             raise ValueError(f"bat_speed is {self.bat_speed:g} m/s; allowed: below {FASTEST:g}")
         if self.attempts < self.valid_hits:
@@ -224,15 +227,19 @@ class Procedure(Spec):
             )
         if self.reads == "recoil" and self.bat_speed is not None:
             raise ValueError("reads = 'recoil' is for a bat at rest, which has no bat_speed")
-        if self.limit is not None and self.speed_limit is not None:
-            raise ValueError("limit and speed_limit: a metric has one")
-        if self.speed_limit is not None and self.metric != "batted_speed":
-            raise ValueError(f"a speed_limit for the metric {self.metric}, which is no speed")
-        if self.limit is not None and self.metric == "batted_speed":
-            raise ValueError("the limit of a batted_speed is a speed_limit")
+        self._require_keys_of_the_metric()
         self._require_what_is_sought()
         if self.scan is not None and self.scan.width_drop and self.metric == "batted_speed":
             raise ValueError("scan.width_drop is a number, and a batted_speed is none")
+
+    def _require_keys_of_the_metric(self) -> None:
+        numbers, speeds = ("limit", "largest_u"), ("speed_limit", "largest_speed_u")
+        own, others = (speeds, numbers) if self.metric == "batted_speed" else (numbers, speeds)
+        for right, wrong in zip(own, others, strict=True):
+            if getattr(self, wrong) is not None:
+                raise ValueError(f"{wrong} is not for the metric {self.metric}: write {right}")
+        if getattr(self, own[1]) is None:
+            raise ValueError(f"{own[1]} is missing: beyond which u does a result decide nothing?")
 
     def _require_what_is_sought(self) -> None:
         scan = self.scan
@@ -247,6 +254,11 @@ class Procedure(Spec):
     def most(self) -> float | None:
         """The limit of the metric, SI; None where the rules set none."""
         return self.limit if self.speed_limit is None else self.speed_limit
+
+    @property
+    def most_u(self) -> float:
+        """The largest standard uncertainty of a metric that decides, SI."""
+        return self.largest_u or self.largest_speed_u or 0.0
 
     @property
     def controlled(self) -> bool:

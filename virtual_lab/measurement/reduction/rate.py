@@ -24,6 +24,7 @@ class RateFit:
     angle: Array  # at contact, of a bat that is swung, from square to the ball, (shot,) [counts]
     ring_frequency: Array  # (ring,) [Hz]
     ring_decay: Array  # (ring,) [1/s]
+    rest: Array  # rms noise at rest, before contact, NaN: it was not recorded, (shot,) [counts]
     residual: Array  # rms, (shot,) [counts]
 
 
@@ -38,6 +39,7 @@ def unseen(shots: int) -> RateFit:
         angle=none,
         ring_frequency=empty,
         ring_decay=empty,
+        rest=none,
         residual=none,
     )
 
@@ -51,5 +53,6 @@ def summed_up(record: RateRecord) -> RateFit:
         angle=record.angle,
         ring_frequency=np.zeros(0),
         ring_decay=np.zeros(0),
+        rest=np.full(record.rate.shape, np.nan),
         residual=np.full(record.rate.shape, np.nan),
     )

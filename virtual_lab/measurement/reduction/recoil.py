@@ -32,7 +32,8 @@ MAX_STEPS = 10
 SEARCHED = 48  # shots, which tell the rings to far below what one shot's noise hides
 FEW = 32  # shots that go together: their residuals stay in the cache
 CONVERGED = 1e-5  # of a frequency or decay in units of 1/record, far below what noise hides
-COUNTING_NOISE = 1e-3  # counts; below it there are no counts and nothing to tell apart
+FINEST = 1e-3  # counts, rms that is no ring where what is shown are no whole counts
+COUNTING = 1.02 / np.sqrt(12)  # the same where they are: counting alone, and a little more
 
 
 def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
@@ -59,7 +60,10 @@ def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
     origin, span = times[0], times[-1] - times[0]
     clock = (times - origin) / span
     # all shots ring alike, so a few of a large batch tell the frequencies
-    rings, basis = _find_rings(clock, counts[:SEARCHED].T, span)
+    whole = bool(np.array_equal(counts[:1], np.rint(counts[:1])))
+    rings, basis = _find_rings(
+        clock, counts[:SEARCHED].T, span, no_ring=COUNTING if whole else FINEST
+    )
     orthogonal, triangle = np.linalg.qr(basis)
     seen, square = np.empty((contact.size, basis.shape[1])), np.empty(contact.size)
     for first in range(0, contact.size, FEW):
@@ -73,24 +77,30 @@ def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
         row[:, power] = power * release ** (power - 1) / span
     freedom = len(times) - basis.shape[1] - len(rings)
     weight = np.linalg.solve(triangle.T, row.T)
+    before, rest = _at_rest(record, contact)
     return RateFit(
         rate=np.einsum("ps,sp->s", weight, seen),
         rate_u=np.sqrt(square / freedom * (weight**2).sum(axis=0)),
-        before=_rate_before(record, contact),
+        before=before,
         angle=np.full(contact.shape, np.nan),
         ring_frequency=rings[:, 0] / span,
         ring_decay=rings[:, 1] / span,
+        rest=rest,
         residual=np.sqrt(square / len(times)),
     )
 
 
-def _find_rings(clock: Array, counts: Array, span: float) -> tuple[Array, Array]:
-    """Add rings one by one while the residual still holds one; refine all after each."""
+def _find_rings(clock: Array, counts: Array, span: float, no_ring: float) -> tuple[Array, Array]:
+    """Add rings one by one while the residual still holds one; refine all after each.
+
+    Counting alone leaves lines too, of a residual whose rms is `no_ring` [counts].
+    """
     rings = np.empty((0, 2))  # frequency and decay in units of 1/span
     basis = _basis(clock, rings)
     while len(rings) < MAX_RINGS:
         _, residual = _project(basis, counts)
-        peak = _strongest(clock, residual)
+        small = np.sqrt((residual**2).mean()) < no_ring
+        peak = None if small else _strongest(clock, residual)
         if peak is None:
             break
         try:
@@ -106,8 +116,6 @@ def _find_rings(clock: Array, counts: Array, span: float) -> tuple[Array, Array]
 
 def _strongest(clock: Array, residual: Array) -> float | None:
     """Return the frequency of the residual's strongest line, None where none stands out."""
-    if np.sqrt((residual**2).mean()) < COUNTING_NOISE:
-        return None
     n = len(clock)
     spectrum = np.fft.rfft(np.hanning(n)[:, None] * residual, 4 * n, axis=0)
     power = (np.abs(spectrum) ** 2).sum(axis=1)
@@ -169,10 +177,17 @@ def _project(basis: Array, data: Array) -> tuple[Array, Array]:
     return np.linalg.solve(triangle, seen), data - orthogonal @ seen
 
 
-def _rate_before(record: EncoderRecord, contact: Array) -> Array:
-    """Return the straight-line rate before contact, (shot,): a bat at rest shows 0."""
+def _at_rest(record: EncoderRecord, contact: Array) -> tuple[Array, Array]:
+    """Return the straight-line rate before contact and the noise about it, (shot,) each.
+
+    A bat at rest shows the rate 0. NaN where too little was recorded.
+    """
     before = record.times < np.nanmin(contact) - SETTLE / 3
     if before.sum() < 3:
-        return np.full(contact.shape, np.nan)
+        nothing = np.full(contact.shape, np.nan)
+        return nothing, nothing
     since = record.times[before] - record.times[before].mean()
-    return np.asarray(record.counts[:, before] @ (since / np.sum(since**2)))
+    counts = record.counts[:, before]
+    rate = counts @ (since / np.sum(since**2))
+    left = counts - counts.mean(axis=1, keepdims=True) - rate[:, None] * since
+    return np.asarray(rate), np.asarray(np.sqrt((left**2).mean(axis=1)))

@@ -63,6 +63,7 @@ def fit_swing(record: EncoderRecord, contact: Array, reach: Array) -> RateFit:
         angle=angle,
         ring_frequency=np.zeros(0),
         ring_decay=np.zeros(0),
+        rest=np.full(contact.shape, np.nan),
         residual=residual,
     )
 
