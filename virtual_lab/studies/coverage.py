@@ -46,14 +46,15 @@ def coverage(
     Returns
     -------
     list of dict
-        A row a quantity, the metric first: `laboratories` with a result, `invalid`, `coverage`
-        with its Clopper-Pearson 95 % interval `low` to `high`, how often the truth lay `above`
-        and `below` the interval, the coverage of the thirds of laboratories with the least, the
-        middle and the greatest u (`thirds`), mean and standard deviation of
-        the error in standard uncertainties (the mean with its standard error), the root mean
-        squares of the error and of the stated u (their ratio is 1 for an honest uncertainty,
-        above 1 for one that is too small), and `bias`, the mean error, with its standard error
-        and the one `expected`, with its own where it comes from as many rehearsals.
+        A row a quantity, the metric first: `laboratories` with a result, `invalid`, the share of
+        all hits that the rules `rejected`, `coverage` with its Clopper-Pearson 95 % interval `low`
+        to `high`, how often the truth lay `above` and `below` the interval, the coverage of the
+        thirds of laboratories with the least, the middle and the greatest u (`thirds`), mean and
+        standard deviation of the error in standard uncertainties (the mean with its standard
+        error), the root mean squares of the error and of the stated u (their ratio is 1 for an
+        honest uncertainty, above 1 for one that is too small), and `bias`, the mean error, with
+        its standard error and the one `expected`, with its own where it comes from as many
+        rehearsals.
 
     Raises
     ------
@@ -66,10 +67,11 @@ def coverage(
     strayed: list[tuple[float, float]] = []
     bends: dict[str, float] = {}
     rehearsal = None
-    invalid = 0
+    invalid, hits = 0, []
     played = tests(bat, procedure, laboratories, first_seed, summed=summed)
     for number, tested in enumerate(played, start=1):
         certification = tested.certification
+        hits.append(certification.judgement.valid)
         if certification.verdict.value == "INVALID":
             invalid += 1
             continue
@@ -90,8 +92,16 @@ def coverage(
         bias, bias_se = rehearsal.bias(straying, Streams(first_seed), laboratories)
         rows["metric"]["expected"] += bias
         rows["metric"]["expected_se"] = bias_se
+    rejected = 1 - float(np.mean(np.concatenate(hits)))
     return [
-        {"bat": bat, "procedure": procedure, "quantity": name, "invalid": invalid} | row
+        {
+            "bat": bat,
+            "procedure": procedure,
+            "quantity": name,
+            "invalid": invalid,
+            "rejected": rejected,
+        }
+        | row
         for name, row in rows.items()
     ]
 
