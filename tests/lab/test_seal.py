@@ -1,0 +1,235 @@
+"""The seal on an output folder: what was altered is named, file and key, and nothing else is."""
+
+import hashlib
+import json
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.conftest import Play
+from virtual_lab.api import Certificate
+from virtual_lab.errors import InputError
+from virtual_lab.lab.seal import alterations, write_seal
+
+# top-level keys of certificate.json that hold something in this test, and one value under each
+EDITS: dict[str, tuple[str, Any]] = {
+    "schema": ("schema", 2),
+    "statement": ("statement", ""),
+    "procedure": ("procedure.edition", "ASTM F1881-23"),
+    "bat": ("bat.mass_kg.value", 0.8),
+    "ball": ("ball.name", "baseball-2004"),
+    "rigs": ("rigs.impact", "ball-cannon"),
+    "laboratory": ("laboratory", "Lowell"),
+    "customer": ("customer", "me"),
+    "date": ("date", "2003-01-01"),
+    "metric": ("metric.value", 0.846),
+    "verdict": ("verdict", "FAIL"),
+    "marginal": ("marginal", 0),  # equal to false in Python
+    "decision_rule": ("decision_rule", "PASS always"),
+    "collision_efficiency": ("collision_efficiency.u", 0.0),
+    "restitution": ("restitution.value", None),
+    "recoil_factor": ("recoil_factor.value", "0.2"),
+    "ball_restitution": ("ball_restitution.u", 1),
+    "recoil": ("recoil.other.restitution", 0.5),
+    "ball_correction": ("ball_correction", {}),
+    "nominal_speed_mph": ("nominal_speed_mph", 60.5),
+    "nominal_bat_speed_mph": ("nominal_bat_speed_mph", 1),
+    "v_rel_mph": ("v_rel_mph", 60),
+    "impact_position_in": ("impact_position_in", 6.0),
+    "width_m": ("width_m", 0.1),
+    "swing_range": ("swing_range", {}),
+    "places": ("places", [[]]),
+    "findings": ("findings", [None]),
+    "flags": ("flags", ""),
+    "incomplete": ("incomplete", "yes"),
+    "valid_hits": ("valid_hits", 7),
+    "rejected_hits": ("rejected_hits", None),
+    "rebound_check": ("rebound_check.shots", 6.5),
+    "second_witness": ("second_witness", False),
+    "ring": ("ring.frequencies_hz[1]", 379.0),
+    "choice": ("choice", 0),
+    "conditional_on": ("conditional_on", "nothing"),
+    "budget": ("budget[0].u", 0.001),
+    "unverified": ("unverified[2].source", "the standard"),
+    "simulation": ("simulation.sealing", "sealed"),
+    "versions": ("versions.numpy", "1.0"),
+}
+
+
+@pytest.fixture(scope="module")
+def issued(played: Play, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of one test, as it was written."""
+    tested = played()
+    folder = tmp_path_factory.mktemp("seal") / "r161"
+    return Certificate(certification=tested.certification, sealed=tested.sealed).save(folder)
+
+
+@pytest.fixture
+def folder(issued: Path, tmp_path: Path) -> Path:
+    """Return a copy of it to alter."""
+    shutil.copytree(issued, tmp_path / "r161")
+    return tmp_path / "r161"
+
+
+def named(folder: Path) -> list[str]:
+    return [str(each) for each in alterations(folder)]
+
+
+def put(document: Any, key: str, value: Any) -> None:
+    """Set the value under a key such as ``budget[3].u``."""
+    *steps, last = re.findall(r"[^.\[\]]+", key)
+    for step in steps:
+        document = document[int(step) if isinstance(document, list) else step]
+    document[int(last) if isinstance(document, list) else last] = value
+
+
+def edit(path: Path, key: str, value: Any) -> None:
+    document = json.loads(path.read_text())
+    put(document, key, value)
+    path.write_text(json.dumps(document, indent=2))
+
+
+def test_what_nobody_altered_is_whole(folder: Path) -> None:
+    """Beside it others may lie: notes, the page as printed."""
+    (folder / "notes.txt").write_text("seen by me")
+    assert alterations(folder) == []
+
+
+def test_every_key_of_a_certificate_is_tried(issued: Path) -> None:
+    assert set(json.loads((issued / "certificate.json").read_text())) == set(EDITS)
+
+
+@pytest.mark.parametrize("top", EDITS)
+def test_an_edited_key_of_the_certificate_is_named(top: str, folder: Path) -> None:
+    """A whole value for another leaves the old keys removed and new ones added."""
+    key, value = EDITS[top]
+    edit(folder / "certificate.json", key, value)
+    found = named(folder)
+    assert found
+    if isinstance(value, list):
+        key += "[0]"
+    assert f"certificate.json, {key}: " in " ".join(found)
+    assert all(line.startswith(f"certificate.json, {top}") for line in found)
+
+
+def test_a_certificate_laid_out_otherwise_is_the_same(folder: Path) -> None:
+    """Other white space, order of keys, and 60 for 60.0: no value differs."""
+    path = folder / "certificate.json"
+    document = json.loads(path.read_text())
+    assert document["nominal_speed_mph"] == 60
+    document["nominal_speed_mph"] = 60
+    path.write_text(json.dumps(dict(reversed(document.items())), indent=7))
+    assert alterations(folder) == []
+
+
+def test_keys_removed_and_added(folder: Path) -> None:
+    path = folder / "certificate.json"
+    document = json.loads(path.read_text())
+    del document["metric"]["limit"]
+    document["metric.u"] = document["metric"]["u"]  # may not pass for the other one
+    document["metric"]["u"] = 0.001
+    path.write_text(json.dumps(document))
+    assert named(folder) == [
+        "certificate.json, metric.u: altered since it was sealed",
+        "certificate.json, metric.limit: removed since it was sealed",
+        'certificate.json, "metric.u": added since it was sealed',
+    ]
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"metric": {"value": 0.94', "[" * 100_000])
+def test_a_certificate_that_is_none(text: str, folder: Path) -> None:
+    (folder / "certificate.json").write_text(text)
+    found = alterations(folder)
+    assert {each.file for each in found} == {"certificate.json"}
+
+
+def test_a_record_cut_short(folder: Path) -> None:
+    path = folder / "records" / "impact" / "encoder.csv"
+    path.write_bytes(path.read_bytes()[:4000])
+    assert named(folder) == ["records/impact/encoder.csv: altered since it was sealed"]
+
+
+def test_one_sample_altered_and_its_digest_in_the_session_too(folder: Path) -> None:
+    """Which `reduce` takes for the record that was written."""
+    path = folder / "records" / "balls" / "gates.csv"
+    text = path.read_text()
+    digit = text[-3]
+    path.write_text(f"{text[:-3]}{(int(digit) + 1) % 10}{text[-2:]}")
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    edit(folder / "records" / "session.json", "channels.balls.gates.sha256", digest)
+    assert named(folder) == [
+        "records/balls/gates.csv: altered since it was sealed",
+        "records/session.json, channels.balls.gates.sha256: altered since it was sealed",
+    ]
+
+
+def test_records_removed_and_added(folder: Path) -> None:
+    (folder / "records" / "bench" / "balance.csv").rename(folder / "records" / "balance.csv")
+    assert named(folder) == [
+        "records/bench/balance.csv: removed since it was sealed",
+        "records/balance.csv: added since it was sealed",
+    ]
+
+
+def test_the_rules_and_the_calibration(folder: Path) -> None:
+    rules = folder / "records" / "procedure.toml"
+    text = rules.read_text()
+    assert "value = 1.2," in text
+    rules.write_text("# mine\n" + text.replace("value = 1.2,", "value = 1.3,"))
+    session = folder / "records" / "session.json"
+    assert '"impact.encoder.scale": {' in session.read_text()
+    document = json.loads(session.read_text())
+    document["calibration"]["impact.encoder.scale"]["u"] /= 2
+    session.write_text(json.dumps(document))
+    first, second = named(folder)
+    assert re.fullmatch(r"records/procedure.toml, [\w.]+\.value: altered since .*", first)
+    assert second.startswith('records/session.json, calibration."impact.encoder.scale".u: altered')
+
+
+@pytest.mark.parametrize("name", ["certificate.html", "readings.csv", "truth/truth.json"])
+def test_other_files(name: str, folder: Path) -> None:
+    """Altered by a byte, and removed."""
+    path = folder / name
+    path.write_bytes(path.read_bytes() + b" ")
+    assert named(folder) == [f"{name}: altered since it was sealed"]
+    path.unlink()
+    assert named(folder) == [f"{name}: removed since it was sealed"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [('"metric.value": "', '"metric.value": "0'), ('": ', ": "), ("{", "")]
+)
+def test_an_edited_seal_is_named(old: str, new: str, folder: Path) -> None:
+    """A digest in it altered, JSON no more; its own white space means nothing."""
+    path = folder / "truth" / "seal.json"
+    text = path.read_text()
+    path.write_text(json.dumps(json.loads(text)))
+    assert alterations(folder) == []
+    path.write_text(text.replace(old, new, 1))
+    assert named(folder) == ["truth/seal.json: altered since it was sealed"]
+
+
+def test_no_seal(folder: Path) -> None:
+    (folder / "truth" / "seal.json").unlink()
+    with pytest.raises(InputError, match=r"truth/seal.json: seal; is missing"):
+        alterations(folder)
+
+
+def test_the_seal_gives_nothing_of_the_truth_away(folder: Path) -> None:
+    """The truth stands in it as one digest, over a salt of the truth's own."""
+    content = json.loads((folder / "truth" / "seal.json").read_text())["content"]
+    data = (folder / "truth" / "truth.json").read_bytes()
+    assert content["truth/truth.json"] == hashlib.sha256(data).hexdigest()
+    assert len(bytes.fromhex(json.loads(data)["salt"])) == 16
+
+
+def test_folders_within(folder: Path, tmp_path: Path) -> None:
+    """A control bat's test is sealed with the test it served, and by itself."""
+    shutil.copytree(folder, folder / "control")
+    write_seal(folder)
+    edit(folder / "control" / "certificate.json", "verdict", "FAIL")
+    assert named(folder) == ["control/certificate.json, verdict: altered since it was sealed"]
+    assert named(folder / "control") == ["certificate.json, verdict: altered since it was sealed"]
