@@ -23,6 +23,24 @@ def test_the_python_example_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     assert (tmp_path / "out" / "mine" / "certificate.html").exists()
 
 
+def test_the_first_command_and_the_common_jobs_run_in_turn(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """In one folder, none in the way of another; `critique`, a study, takes minutes."""
+    monkeypatch.chdir(tmp_path)
+    (first,) = re.findall(r"virtual-lab (certify .*)", README.split("## Five common jobs")[0])
+    jobs = README.split("## Five common jobs")[1].split("```")[1]
+    words = [line.split("#")[0].split() for line in jobs.strip().splitlines()]
+    assert [each[:2] for each in words][1:3] == [
+        ["virtual-lab", "score"],
+        ["virtual-lab", "reduce"],
+    ]
+    assert len(words) == 5
+    for each in [["virtual-lab", *first.split()], *words]:
+        if each[1] != "critique":
+            assert cli.main(each[1:], standalone_mode=False) in (None, 0), each
+
+
 def test_every_command_named_exists() -> None:
     named = set(re.findall(r"virtual-lab ([a-z-]+)", README))
     assert {"certify", "score", "reduce", "critique", "show", "coverage"} <= named

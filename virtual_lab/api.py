@@ -16,6 +16,7 @@ from virtual_lab.certificate.tables import budget_table, shot_table
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder
 from virtual_lab.lab import Tested, certify_bat
+from virtual_lab.lab.seal import TRUTH, write_seal
 from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.records.foreign.laboratory import FORM
 from virtual_lab.records.session import load_session, save_session
@@ -69,7 +70,7 @@ class Certificate:
         return score(self.document, self.sealed.document()["measurand"])
 
     def save(self, folder: str | Path, *, film: bool = False) -> Path:
-        """Write certificate, readings, raw records and sealed truth into a new folder.
+        """Write certificate, readings, raw records and truth into a new folder, and seal it.
 
         `film` adds the first shot in whole frames: lossless with its time stamps, as a preview,
         and the calibration that ``virtual-lab track`` reads.
@@ -90,13 +91,15 @@ class Certificate:
             (draft / "records").mkdir()
             save_session(self.certification.session, draft / "records")
             if self.sealed:
-                (draft / "truth").mkdir()
-                (draft / "truth" / "truth.json").write_bytes(self._truth)
+                (draft / TRUTH).parent.mkdir()
+                (draft / TRUTH).write_bytes(self._truth)
             if self.control:
                 self.control.save(draft / "control")
             if film and self.film:
                 (draft / "film").mkdir()
                 self.film(draft / "film")
+            if self.sealed:
+                write_seal(draft)
         return target
 
     @cached_property
@@ -131,7 +134,8 @@ def certify(
     rig
         A rig that gives what the procedure needs; None takes the one it names.
     seed
-        Of everything random in the laboratory; None draws one.
+        Of everything random in the laboratory: the test is reproducible then, not sealed. None
+        draws one of 128 bits, which stands in the sealed truth alone.
     reality
         ``real``; ``noise-free``: no randomness, but ring, counts, drag and friction; ``ideal``:
         every individual and every instrument equals its nominal.

@@ -6,15 +6,15 @@ import csv
 import io
 import json
 import os
-import shutil
-import tempfile
 import tomllib
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from errno import EEXIST
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from virtual_lab.drafts import draft_in
 from virtual_lab.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 __all__ = [
     "check_new_folder",
     "first_free",
+    "new_files",
     "new_folder",
     "parse_table",
     "read_bytes",
@@ -180,23 +181,29 @@ def new_folder(target: Path) -> Iterator[Path]:
     """Yield a folder to fill beside `target`; it becomes `target` only if nothing went wrong."""
     check_new_folder(target)
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        draft = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
+        with draft_in(target.parent) as draft:
+            yield draft
+            if target.is_dir():
+                target.rmdir()
+            draft.rename(target)
     except OSError as fault:
         raise InputError(
             "", "output folder", str(target), f"cannot be written ({fault.strerror})"
         ) from fault
+
+
+@contextmanager
+def new_files(folder: Path) -> Iterator[Path]:
+    """Yield a folder to fill; its files move into `folder` only if nothing went wrong.
+
+    `InputError` where `folder` cannot be written, or holds one of them already.
+    """
     try:
-        yield draft
-        draft.chmod(0o755)
-        if target.is_dir():
-            target.rmdir()
-        draft.rename(target)
+        with draft_in(folder) as draft:
+            yield draft
+            for file in draft.iterdir():
+                if (folder / file.name).exists():
+                    raise FileExistsError(EEXIST, f"{file.name} is there already")
+                file.rename(folder / file.name)
     except OSError as fault:
-        shutil.rmtree(draft, ignore_errors=True)
-        raise InputError(
-            "", "output folder", str(target), f"cannot be written ({fault.strerror})"
-        ) from fault
-    except BaseException:
-        shutil.rmtree(draft, ignore_errors=True)
-        raise
+        raise InputError("", "out", str(folder), f"cannot be written ({fault.strerror})") from fault

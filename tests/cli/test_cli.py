@@ -89,12 +89,16 @@ def test_the_truth_on_disk_changes_only_the_score(tested: Path, tmp_path: Path, 
     shutil.copytree(tested, tmp_path / "copy")
     before = run("reduce", "copy/records", "--json")
     truth = tmp_path / "copy" / "truth" / "truth.json"
-    whole = json.loads(run("score", "copy", "--json")[1])
+    code, out, _ = run("score", "copy", "--json")
+    whole = json.loads(out)
+    assert (code, whole["seal"], whole["altered"]) == (0, "whole", [])
     document = json.loads(truth.read_text())
     document["measurand"]["metric"] += 0.1
     truth.write_text(json.dumps(document))
-    broken = json.loads(run("score", "copy", "--json")[1])
-    assert (whole["seal"], broken["seal"]) == ("whole", "broken")
+    code, out, _ = run("score", "copy", "--json")
+    broken = json.loads(out)
+    altered = [{"file": "truth/truth.json", "key": "", "change": "altered"}]
+    assert (code, broken["seal"], broken["altered"]) == (3, "broken", altered)
     assert broken["metric"]["error"] == pytest.approx(whole["metric"]["error"] - 0.1)
     assert run("reduce", "copy/records", "--json") == before
     shutil.rmtree(tmp_path / "copy" / "truth")
@@ -102,6 +106,65 @@ def test_the_truth_on_disk_changes_only_the_score(tested: Path, tmp_path: Path, 
     assert (code, out) == (2, "")
     assert "copy/truth/truth.json" in err
     assert run("reduce", "copy/records", "--json") == before
+
+
+def test_what_was_altered_is_named(tested: Path, tmp_path: Path, run: Run) -> None:
+    """A better value and a record cut short; the rows come all the same."""
+    shutil.copytree(tested, tmp_path / "copy")
+    path = tmp_path / "copy" / "certificate.json"
+    document = json.loads(path.read_text())
+    document["metric"]["value"] -= 0.1
+    path.write_text(json.dumps(document, indent=2))
+    path = tmp_path / "copy" / "records" / "impact" / "encoder.csv"
+    path.write_bytes(path.read_bytes()[:4000])
+    code, out, _ = run("score", "copy")
+    assert code == 3
+    assert out.splitlines()[0].startswith("quantity")
+    assert out.splitlines()[-4:] == [
+        "seal broken",
+        "  certificate.json, metric.value: altered since it was sealed",
+        "  records/impact/encoder.csv: altered since it was sealed",
+        "reproducible: seed chosen by the operator, not sealed",
+    ]
+    path = tmp_path / "copy" / "truth" / "seal.json"
+    path.unlink()
+    code, out, err = run("score", "copy")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "copy/truth/seal.json" in err
+
+
+def test_a_seed_of_the_operators_is_said_everywhere(tested: Path, run: Run) -> None:
+    words = "reproducible: seed chosen by the operator, not sealed"
+    assert words in (tested / "certificate.html").read_text()
+    document = json.loads((tested / "certificate.json").read_text())
+    assert document["simulation"]["sealing"] == words
+    assert words in run("reduce", str(tested / "records"))[1].splitlines()[-1]
+    assert json.loads(run("score", str(tested), "--json")[1])["sealing"] == words
+
+
+def test_a_drawn_seed_stands_with_the_truth_alone(run: Run, tmp_path: Path) -> None:
+    """Of 128 bits, in no byte of any other file, no name and nothing printed."""
+    code, out, err = run("certify", "r161")
+    assert code == 0
+    assert "sealed: seed of 128 random bits, with the truth alone" in out.splitlines()[-3]
+    truth = json.loads((tmp_path / "out" / "r161" / "truth" / "truth.json").read_text())
+    seed, salt = truth["seed"], bytes.fromhex(truth["salt"])
+    assert 2**96 < seed < 2**128  # less by chance once in 4e9
+    number, digits = seed.to_bytes(16, "big"), str(seed).encode()
+    tells = [digits, number, number[::-1], repr(float(seed))[:12].encode(), salt]
+    tells += [
+        form
+        for each in (number, salt)
+        for form in (each.hex().encode(), each.hex().upper().encode())
+    ]
+    tells += [hashlib.sha256(each).hexdigest()[:16].encode() for each in (digits, number)]
+    files = [path for path in (tmp_path / "out").rglob("*") if path.is_file()]
+    assert len(files) > 15
+    for path in files:
+        if path.name != "truth.json":
+            data = path.read_bytes() + path.name.encode()
+            assert not [each for each in tells if each in data], path
+    assert str(seed) not in out + err
 
 
 def test_score_speaks_in_units_and_standard_uncertainties(tested: Path, run: Run) -> None:
@@ -128,7 +191,8 @@ def test_ideal_says_the_truth(run: Run) -> None:
     """1e-9 relative through the whole program, files and all."""
     assert run("certify", "ea70", "--ideal", "--out", "ideal")[0] == 0
     document = json.loads(run("score", "ideal", "--json")[1])
-    del document["seal"]
+    assert document.pop("sealing") == "reproducible: nothing is random, not sealed"
+    assert (document.pop("seal"), document.pop("altered")) == ("whole", [])
     for name, row in document.items():
         assert row["measured"] == pytest.approx(row["true"], rel=1e-9), name
 

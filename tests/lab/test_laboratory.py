@@ -152,6 +152,28 @@ def test_no_seed_given_draws_one() -> None:
     assert numbers(again.certification) == numbers(first.certification)
 
 
+@pytest.mark.parametrize("bit", [31, 32, 63, 64, 127])
+def test_every_bit_of_a_seed_counts(bit: int) -> None:
+    """Two seeds of 128 bits that differ in one are two laboratories."""
+    seed = 0xB7E151628AED2A6ABF7158809CF4F3C7
+    first, other = (
+        lab.open_laboratory("r161", procedure=PROCEDURE, seed=each).specimen
+        for each in (seed, seed ^ 1 << bit)
+    )
+    assert first.bat.body.material.density != other.bat.body.material.density
+    assert not (first.balls.mass == other.balls.mass).any()
+
+
+def test_the_records_say_whether_the_truth_is_sealed() -> None:
+    def sealing(**given: Any) -> str:
+        laboratory = lab.open_laboratory("r161", procedure=PROCEDURE, **given)
+        return str(laboratory.session.simulation["sealing"]).split(":")[0]
+
+    assert sealing() == "sealed"
+    assert sealing(seed=0) == "reproducible"
+    assert sealing(reality=Reality.NOISE_FREE) == "reproducible"
+
+
 def test_a_negative_seed_is_refused() -> None:
     """One line: key, value, what is allowed."""
     with pytest.raises(InputError, match=r"^seed = -1; allowed: whole numbers from 0$"):

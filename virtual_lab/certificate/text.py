@@ -62,6 +62,8 @@ def certificate_text(document: Mapping[str, Any]) -> str:
     lines.append(f"  {document['conditional_on']}")
     if document["statement"]:
         lines.append(f"  {document['statement']}")
+    if "sealing" in document["simulation"]:
+        lines.append(f"  {document['simulation']['sealing']}")
     return "\n".join(lines)
 
 

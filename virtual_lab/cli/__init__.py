@@ -1,9 +1,12 @@
-"""The command line. Exit codes: 0 it ran, whatever the verdict; 2 bad input; 1 our fault."""
+"""The command line.
+
+Exit codes: 0 it ran, whatever the verdict; 1 our fault; 2 bad input; 3 what was sealed has been
+altered. `virtual_lab.__main__` ends it with 130, 143 or 129 where it is interrupted.
+"""
 
 from __future__ import annotations
 
 import os
-import signal
 import sys
 
 import click
@@ -37,8 +40,6 @@ def main() -> None:
     """Run the command line and leave with its exit code."""
     # the matrices here are small: threads inside one product only get in each other's way
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    for name in (signal.SIGTERM, signal.SIGHUP):  # so that drafts are swept up as after Ctrl-C
-        signal.signal(name, _interrupt)
     try:
         code = cli.main(prog_name=PROGRAM, standalone_mode=False)
     except InputError as fault:
@@ -47,8 +48,6 @@ def main() -> None:
         _leave(2, f"{fault.format_message()} (try '{PROGRAM} --help')")
     except click.ClickException as fault:
         _leave(2, fault.format_message())
-    except (click.Abort, KeyboardInterrupt):
-        _leave(130, "interrupted, nothing was written")
     except SystemExit:  # click's answer to a reader that has had enough (EPIPE): no fault
         sys.exit(0)
     except Exception:
@@ -57,10 +56,6 @@ def main() -> None:
         traceback.print_exc()
         _leave(1, "a fault of this program, not of the input; please report the lines above")
     sys.exit(code if isinstance(code, int) else 0)
-
-
-def _interrupt(*_: object) -> None:
-    raise KeyboardInterrupt
 
 
 def _leave(code: int, message: str) -> None:
@@ -75,7 +70,11 @@ def _leave(code: int, message: str) -> None:
 @click.version_option(package_name=PROGRAM, prog_name=PROGRAM)
 @click.pass_context
 def cli(context: click.Context) -> None:
-    """Run a bat certification laboratory that does not exist exactly as a real one."""
+    """Run a bat certification laboratory that does not exist exactly as a real one.
+
+    Exit codes: 0 it ran, whatever the verdict; 2 bad input; 3 something sealed was altered
+    (score); 1 a fault of this program; 130 and 143 interrupted by Ctrl-C and SIGTERM.
+    """
     if context.invoked_subcommand is None:
         click.echo(context.get_help())
 

@@ -8,6 +8,8 @@ import click
 
 from virtual_lab.cli.shared import json_option, names, print_json, rigs, teller
 
+ALTERED = 3  # exit code
+
 
 @click.command()
 @click.argument("bat", shell_complete=names("bats"))
@@ -24,7 +26,9 @@ from virtual_lab.cli.shared import json_option, names, print_json, rigs, teller
     shell_complete=rigs,
 )
 @click.option(
-    "--seed", type=click.IntRange(min=0), help="Of everything random; one is drawn without it."
+    "--seed",
+    type=click.IntRange(min=0),
+    help="Of everything random: the test is reproducible then, not sealed  [default: drawn]",
 )
 @click.option(
     "--out",
@@ -165,8 +169,11 @@ def reduce(records: Path, out: Path | None, as_json: bool) -> None:
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path))
 @json_option
-def score(folder: Path, as_json: bool) -> None:
-    """Open the sealed truth in FOLDER: recovered against true, in units and uncertainties."""
+def score(folder: Path, as_json: bool) -> int:
+    """Open the sealed truth in FOLDER: recovered against true, in units and uncertainties.
+
+    What was altered in FOLDER since the test is named, file and key, and the exit code is 3.
+    """
     from virtual_lab.studies.score import score_folder, score_text
 
     document = score_folder(folder)
@@ -174,6 +181,7 @@ def score(folder: Path, as_json: bool) -> None:
         print_json(document)
     else:
         click.echo(score_text(document))
+    return ALTERED if document["altered"] else 0
 
 
 @click.command()

@@ -48,6 +48,7 @@ def calibrate(
     the ball will fly in, or below it by --height; in the others it is held askew, 30 deg or so.
     """
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")  # its faults are told as ours
+    from virtual_lab.files import new_files
     from virtual_lab.relations.board import board_of, length_of
     from virtual_lab.video.calibration.calibrating import Plan
     from virtual_lab.video.calibration.calibrating import calibrate as run
@@ -75,12 +76,9 @@ def calibrate(
     say = teller()
     say("looking for the board")
     found = run(read_pictures(pictures), plan)
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        draw_calibration(found, drawing)
-        out.write_text(calibration_toml(found), encoding="utf-8")
-    except OSError as fault:
-        raise InputError("", "--out", str(out), f"cannot be written ({fault.strerror})") from fault
+    with new_files(out.parent) as draft:
+        draw_calibration(found, draft / drawing.name)
+        (draft / out.name).write_text(calibration_toml(found), encoding="utf-8")
     if as_json:
         print_json(calibration_document(found))
     else:

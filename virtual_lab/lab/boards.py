@@ -9,6 +9,7 @@ from secrets import randbits
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder
+from virtual_lab.lab.laboratory import SEED_BITS
 from virtual_lab.relations.board import Board
 from virtual_lab.simulation.instruments.camera.camera import Camera
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
@@ -49,7 +50,7 @@ def film_board(
     if not LEAST <= views <= MOST:
         raise InputError("", "views", views, f"allowed: {LEAST} to {MOST}")
     spec = catalog.load("instruments", camera, CameraSpec).spec
-    seed = randbits(32) if seed is None else seed
+    seed = randbits(SEED_BITS) if seed is None else seed
     draws = Streams(seed)
     true = Camera.commission(spec, draws, "camera")
     with new_folder(folder) as draft:

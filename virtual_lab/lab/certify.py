@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import secrets
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -46,7 +45,7 @@ def certify_bat(
     rig
         An installed rig that gives what the procedure needs; None takes the one it names.
     seed
-        Of everything random; None draws one.
+        Of everything random; None draws one, which the sealed truth alone tells.
     reality
         How much of a real day is played.
     rung
@@ -118,7 +117,7 @@ def open_laboratory(
         bat=catalog.load_bat(bat).spec,
         ball=catalog.load("balls", rules.spec.ball, BallSpec).spec,
         rules=rules,
-        seed=secrets.randbits(64) if seed is None else seed,
+        seed=seed,
         rig=rig or rules.spec.rig,
         reality=reality,
         rung=rung,

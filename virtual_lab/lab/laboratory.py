@@ -58,6 +58,7 @@ __all__ = ["BALL_RIG", "BENCH_RIG", "Laboratory", "Say", "Tested"]
 Array = NDArray[np.float64]
 Say = Callable[[str], None]
 BENCH_RIG, BALL_RIG = "bench", "ball-wall"
+SEED_BITS = 128  # of a seed that is drawn: too many to try
 EFFICIENCY_U = 2e-3  # standard uncertainty of e_A that six valid hits reach (README, coverage)
 
 
@@ -96,7 +97,7 @@ class Laboratory:
         bat: BatSpec,
         ball: BallSpec,
         rules: Entry[Procedure],
-        seed: int,
+        seed: int | None,
         rig: str,
         reality: Reality,
         rung: str | None,
@@ -111,7 +112,10 @@ class Laboratory:
         """Commission the rigs and draw the individuals.
 
         A ladder handed in serves many laboratories; a bat that is not `made` is its drawing.
+        Without a seed one is drawn.
         """
+        sealing = _sealing(seed, reality)
+        seed = secrets.randbits(SEED_BITS) if seed is None else seed
         draws = reality.draws(seed)
         own = draws if test is None else reality.draws(seed, test)
         rigs = {Stage.BENCH: BENCH_RIG, Stage.BALLS: BALL_RIG, Stage.IMPACT: rig}
@@ -163,6 +167,7 @@ class Laboratory:
                 records={},
                 simulation={
                     "reality": reality.value,
+                    "sealing": sealing,
                     "seed_commitment": commitment(salt, seed),
                     "unverified_numbers": dict(unverified),
                 },
@@ -285,6 +290,15 @@ class Laboratory:
             wall_hits=wall.truth,
             faults=self.day.names,
         )
+
+
+def _sealing(seed: int | None, reality: Reality) -> str:
+    """Return whether who has the records could find the truth again, by trying seeds."""
+    if reality is not Reality.REAL:
+        return "reproducible: nothing is random, not sealed"
+    if seed is not None:
+        return "reproducible: seed chosen by the operator, not sealed"
+    return f"sealed: seed of {SEED_BITS} random bits, with the truth alone"
 
 
 def _motion_report(motion: Motion) -> dict[str, str]:

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from virtual_lab.errors import InputError
 from virtual_lab.files import read_bytes, read_json
 from virtual_lab.lab.measurand import CONTINUOUS, WIDTH
+from virtual_lab.lab.seal import TRUTH, Alteration, alterations
 from virtual_lab.measurement.certification import QUANTITIES
 from virtual_lab.output.tables import number, table_text
 
 __all__ = ["score", "score_folder", "score_text"]
+
+CERTIFICATE = "certificate.json"
+BOUND = {(TRUTH, ""), (CERTIFICATE, "simulation.truth_digest")}  # the one holds the other's digest
+ABOUT = ("seal", "altered", "sealing")  # keys of a score that are no quantities
 
 
 def score(certificate: Mapping[str, Any], measurand: Mapping[str, float]) -> dict[str, Any]:
@@ -37,28 +44,51 @@ def score(certificate: Mapping[str, Any], measurand: Mapping[str, float]) -> dic
 
 
 def score_folder(folder: Path) -> dict[str, Any]:
-    """Score the test in an output folder and say whether the seal on its truth is whole.
+    """Score the test in an output folder and say whether its seal is whole.
+
+    Before the rows of `score` stand `seal` (whole or broken), `altered` (what is not as it was
+    sealed: `file`, `key`, `change`) and `sealing` (whether who knows the records could find the
+    truth again). Where what was altered cannot be scored, the rows are left out.
 
     Raises
     ------
     InputError
-        The certificate or the truth is missing, is not JSON or misses a key.
+        Certificate, truth or seal are missing; or nothing was altered, and yet they hold no score.
     """
-    certificate = read_json(folder / "certificate.json")
-    data = read_bytes(folder / "truth" / "truth.json")
-    truth = read_json(folder / "truth" / "truth.json")
+    read_bytes(folder / CERTIFICATE)
+    digest = hashlib.sha256(read_bytes(folder / TRUTH)).hexdigest()
+    altered = alterations(folder)
+    try:
+        simulation, rows = _scored(folder)
+    except InputError:
+        if not altered:
+            raise
+        simulation, rows = {}, {}
+    named = {(each.file, each.key) for each in altered}
+    if simulation.get("truth_digest", digest) != digest and not named & BOUND:
+        altered.append(Alteration(TRUTH, "", "altered"))  # and the seal to match
+    return {
+        "seal": "broken" if altered else "whole",
+        "altered": [asdict(each) for each in altered],
+        "sealing": simulation.get("sealing"),
+        **rows,
+    }
+
+
+def _scored(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return how a certificate was simulated, and its score; `InputError` where it has none."""
+    certificate, truth = read_json(folder / CERTIFICATE), read_json(folder / TRUTH)
     try:
         rows = score(certificate, truth["measurand"])
-        digest = certificate["simulation"].get("truth_digest")
-    except (KeyError, TypeError) as fault:
+        json.dumps(rows, allow_nan=False)  # what is no finite number has no score
+        return {**certificate["simulation"]}, rows
+    except (ArithmeticError, AttributeError, KeyError, TypeError, ValueError) as fault:
         raise InputError(
             str(folder),
             str(fault).strip("'"),
             None,
-            "this key is missing in certificate.json or truth.json",
+            "this key is missing in certificate.json or truth.json, or is no number",
         ) from fault
-    whole = digest == hashlib.sha256(data).hexdigest()
-    return {"seal": "whole" if whole else "broken", **rows}
 
 
 def _row(measured: Mapping[str, Any], true: float) -> dict[str, float | None]:
@@ -74,7 +104,7 @@ def _row(measured: Mapping[str, Any], true: float) -> dict[str, float | None]:
 
 
 def score_text(document: Mapping[str, Any]) -> str:
-    """Return measured against true as a table."""
+    """Return measured against true as a table, and what was altered, a line each."""
     rows = [
         {
             "quantity": name,
@@ -85,8 +115,13 @@ def score_text(document: Mapping[str, Any]) -> str:
             "error/u": number(row["z"], "+.2f"),
         }
         for name, row in document.items()
-        if name != "seal"
+        if name not in ABOUT
     ]
-    seal = document["seal"]
-    note = "" if seal == "whole" else ": the truth is not the one the certificate was issued with"
-    return f"{table_text(rows)}\nseal {seal}{note}"
+    lines = [
+        table_text(rows) if rows else "no score: see what was altered",
+        f"seal {document['seal']}",
+        *(f"  {Alteration(**each)}" for each in document["altered"]),
+    ]
+    if document["sealing"]:
+        lines.append(str(document["sealing"]))
+    return "\n".join(lines)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import tempfile
 import zipfile
 from dataclasses import asdict
 from importlib.metadata import version
@@ -13,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from virtual_lab.catalog.specs import BatBody
+from virtual_lab.drafts import draft_in
 from virtual_lab.simulation.collision.modal import BENDING_MODES, STIFF_MODES, ModalModel
 from virtual_lab.simulation.collision.patch import PATCH
 from virtual_lab.simulation.collision.stepping import FINE
@@ -71,9 +71,10 @@ def _read(path: Path, box: Box) -> Surrogate | None:
 
 def _write(path: Path, built: Surrogate) -> None:
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".npz", delete=False) as draft:
-            np.savez(draft, coefficients=built.coefficients, error=np.array(built.error))
-        Path(draft.name).replace(path)
+        with draft_in(path.parent) as draft:
+            np.savez(
+                draft / path.name, coefficients=built.coefficients, error=np.array(built.error)
+            )
+            (draft / path.name).replace(path)
     except OSError:
         return

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec, BatBody
 from virtual_lab.errors import InputError
+from virtual_lab.files import new_files
 from virtual_lab.relations.peaks import peak
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import Scenes
@@ -207,8 +208,5 @@ def _text(words: str) -> str:
 
 def write_bat(fitted: FittedBat, path: Path, source: str) -> None:
     """Write the bat file, whole or not at all; one that exists is left alone."""
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(fitted.toml(source))
-    except OSError as fault:
-        raise InputError("", "out", str(path), f"cannot be written ({fault.strerror})") from fault
+    with new_files(path.parent) as draft:
+        (draft / path.name).write_text(fitted.toml(source), encoding="utf-8")

@@ -1,0 +1,212 @@
+"""The seal on an output folder: what was altered is named, file and key, and nothing else is."""
+
+import hashlib
+import json
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.conftest import Play
+from virtual_lab.api import Certificate
+from virtual_lab.errors import InputError
+from virtual_lab.lab.seal import alterations, write_seal
+
+EDITS: dict[str, Any] = {
+    "schema": 2,
+    "statement": "",
+    "procedure.edition": "ASTM F1881-23",
+    "bat.mass_kg.value": 0.8,
+    "metric.value": 0.846,
+    "metric.interval_95[1]": 0.9,
+    "verdict": "FAIL",
+    "marginal": 0,  # equal to false in Python
+    "restitution.value": None,
+    "recoil_factor.value": "0.2",
+    "ball_correction": {},
+    "v_rel_mph": 60,
+    "flags": "",
+    "ring.frequencies_hz[1]": 379.0,
+    "budget[0].u": 0.001,
+    "unverified[2].source": "the standard",
+    "simulation.sealing": "sealed",
+}
+
+
+@pytest.fixture(scope="module")
+def issued(played: Play, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of one test, as it was written."""
+    tested = played()
+    folder = tmp_path_factory.mktemp("seal") / "r161"
+    return Certificate(certification=tested.certification, sealed=tested.sealed).save(folder)
+
+
+@pytest.fixture
+def folder(issued: Path, tmp_path: Path) -> Path:
+    """Return a copy of it to alter."""
+    shutil.copytree(issued, tmp_path / "r161")
+    return tmp_path / "r161"
+
+
+def named(folder: Path) -> list[str]:
+    return [str(each) for each in alterations(folder)]
+
+
+def put(document: Any, key: str, value: Any) -> None:
+    """Set the value under a key such as ``budget[3].u``."""
+    *steps, last = re.findall(r"[^.\[\]]+", key)
+    for step in steps:
+        document = document[int(step) if isinstance(document, list) else step]
+    document[int(last) if isinstance(document, list) else last] = value
+
+
+def edit(path: Path, key: str, value: Any) -> None:
+    document = json.loads(path.read_text())
+    put(document, key, value)
+    path.write_text(json.dumps(document, indent=2))
+
+
+def test_what_nobody_altered_is_whole(folder: Path) -> None:
+    """Beside it others may lie: notes, the page as printed."""
+    (folder / "notes.txt").write_text("seen by me")
+    assert alterations(folder) == []
+
+
+@pytest.mark.parametrize("key", EDITS)
+def test_an_edited_value_of_the_certificate_is_named(key: str, folder: Path) -> None:
+    edit(folder / "certificate.json", key, EDITS[key])
+    assert named(folder) == [f"certificate.json, {key}: altered since it was sealed"]
+
+
+def test_every_key_of_the_certificate_is_held(folder: Path) -> None:
+    """One altered after the other: each is named, and nothing beside it."""
+    path = folder / "certificate.json"
+    text = path.read_text()
+    for top in json.loads(text):
+        edit(path, top, "forged")
+        found = named(folder)
+        assert found, top
+        assert all(re.match(rf"certificate\.json, {top}[:.[]", line) for line in found), found
+        path.write_text(text)
+
+
+def test_a_certificate_laid_out_otherwise_is_the_same(folder: Path) -> None:
+    """Other white space, order of keys, and 60 for 60.0: no value differs."""
+    path = folder / "certificate.json"
+    document = json.loads(path.read_text())
+    assert document["nominal_speed_mph"] == 60
+    document["nominal_speed_mph"] = 60
+    path.write_text(json.dumps(dict(reversed(document.items())), indent=7))
+    assert alterations(folder) == []
+
+
+def test_keys_removed_and_added(folder: Path) -> None:
+    path = folder / "certificate.json"
+    document = json.loads(path.read_text())
+    del document["metric"]["limit"]
+    document["metric.u"] = document["metric"]["u"]  # may not pass for the other one
+    document["metric"]["u"] = 0.001
+    path.write_text(json.dumps(document))
+    assert named(folder) == [
+        "certificate.json, metric.u: altered since it was sealed",
+        "certificate.json, metric.limit: removed since it was sealed",
+        'certificate.json, "metric.u": added since it was sealed',
+    ]
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"metric": {"value": 0.94', "[" * 100_000])
+def test_a_certificate_that_is_none(text: str, folder: Path) -> None:
+    (folder / "certificate.json").write_text(text)
+    found = alterations(folder)
+    assert {each.file for each in found} == {"certificate.json"}
+
+
+def test_a_record_cut_short(folder: Path) -> None:
+    path = folder / "records" / "impact" / "encoder.csv"
+    path.write_bytes(path.read_bytes()[:4000])
+    assert named(folder) == ["records/impact/encoder.csv: altered since it was sealed"]
+
+
+def test_one_sample_altered_and_its_digest_in_the_session_too(folder: Path) -> None:
+    """Which `reduce` takes for the record that was written."""
+    path = folder / "records" / "balls" / "gates.csv"
+    text = path.read_text()
+    digit = text[-3]
+    path.write_text(f"{text[:-3]}{(int(digit) + 1) % 10}{text[-2:]}")
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    edit(folder / "records" / "session.json", "channels.balls.gates.sha256", digest)
+    assert named(folder) == [
+        "records/balls/gates.csv: altered since it was sealed",
+        "records/session.json, channels.balls.gates.sha256: altered since it was sealed",
+    ]
+
+
+def test_records_removed_and_added(folder: Path) -> None:
+    (folder / "records" / "bench" / "balance.csv").rename(folder / "records" / "balance.csv")
+    assert named(folder) == [
+        "records/bench/balance.csv: removed since it was sealed",
+        "records/balance.csv: added since it was sealed",
+    ]
+
+
+def test_the_rules_and_the_calibration(folder: Path) -> None:
+    rules = folder / "records" / "procedure.toml"
+    text = rules.read_text()
+    assert "value = 1.2," in text
+    rules.write_text("# mine\n" + text.replace("value = 1.2,", "value = 1.3,"))
+    session = folder / "records" / "session.json"
+    assert '"impact.encoder.scale": {' in session.read_text()
+    document = json.loads(session.read_text())
+    document["calibration"]["impact.encoder.scale"]["u"] /= 2
+    session.write_text(json.dumps(document))
+    first, second = named(folder)
+    assert re.fullmatch(r"records/procedure.toml, [\w.]+\.value: altered since .*", first)
+    assert second.startswith('records/session.json, calibration."impact.encoder.scale".u: altered')
+
+
+@pytest.mark.parametrize("name", ["certificate.html", "readings.csv", "truth/truth.json"])
+def test_other_files(name: str, folder: Path) -> None:
+    """Altered by a byte, and removed."""
+    path = folder / name
+    path.write_bytes(path.read_bytes() + b" ")
+    assert named(folder) == [f"{name}: altered since it was sealed"]
+    path.unlink()
+    assert named(folder) == [f"{name}: removed since it was sealed"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [('"metric.value": "', '"metric.value": "0'), ('": ', ": "), ("{", "")]
+)
+def test_an_edited_seal_is_named(old: str, new: str, folder: Path) -> None:
+    """A digest in it altered, JSON no more; its own white space means nothing."""
+    path = folder / "truth" / "seal.json"
+    text = path.read_text()
+    path.write_text(json.dumps(json.loads(text)))
+    assert alterations(folder) == []
+    path.write_text(text.replace(old, new, 1))
+    assert named(folder) == ["truth/seal.json: altered since it was sealed"]
+
+
+def test_no_seal(folder: Path) -> None:
+    (folder / "truth" / "seal.json").unlink()
+    with pytest.raises(InputError, match=r"truth/seal.json: seal; is missing"):
+        alterations(folder)
+
+
+def test_the_seal_gives_nothing_of_the_truth_away(folder: Path) -> None:
+    """The truth stands in it as one digest, over a salt of the truth's own."""
+    content = json.loads((folder / "truth" / "seal.json").read_text())["content"]
+    data = (folder / "truth" / "truth.json").read_bytes()
+    assert content["truth/truth.json"] == hashlib.sha256(data).hexdigest()
+    assert len(bytes.fromhex(json.loads(data)["salt"])) == 16
+
+
+def test_folders_within(folder: Path, tmp_path: Path) -> None:
+    """A control bat's test is sealed with the test it served, and by itself."""
+    shutil.copytree(folder, folder / "control")
+    write_seal(folder)
+    edit(folder / "control" / "certificate.json", "verdict", "FAIL")
+    assert named(folder) == ["control/certificate.json, verdict: altered since it was sealed"]
+    assert named(folder / "control") == ["certificate.json, verdict: altered since it was sealed"]

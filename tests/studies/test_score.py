@@ -1,0 +1,108 @@
+"""The score of an output folder: what was altered is told, and told of whatever it is."""
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from virtual_lab.errors import InputError
+from virtual_lab.lab.seal import write_seal
+from virtual_lab.studies.score import score_folder, score_text
+
+ROWS = {"metric", "collision_efficiency", "restitution", "recoil_factor", "ball_restitution"}
+SEALING = "sealed: seed of 128 random bits, with the truth alone"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Return a sealed test with nothing in it but what a score needs."""
+    truth = {"measurand": dict.fromkeys(ROWS, 0.5), "reality": "real"}
+    (tmp_path / "truth").mkdir()
+    (tmp_path / "truth" / "truth.json").write_text(json.dumps(truth))
+    digest = hashlib.sha256(json.dumps(truth).encode()).hexdigest()
+    certificate: dict[str, Any] = {name: {"value": 0.501, "u": 0.001} for name in sorted(ROWS)}
+    certificate["simulation"] = {"sealing": SEALING, "truth_digest": digest}
+    (tmp_path / "certificate.json").write_text(json.dumps(certificate))
+    write_seal(tmp_path)
+    return tmp_path
+
+
+def rewrite(path: Path, **changes: Any) -> None:
+    path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+
+
+def test_a_whole_seal(folder: Path) -> None:
+    document = score_folder(folder)
+    assert set(document) == {"seal", "altered", "sealing"} | ROWS
+    assert (document["seal"], document["altered"]) == ("whole", [])
+    assert document["metric"]["z"] == pytest.approx(1)
+    assert score_text(document).splitlines()[-2:] == ["seal whole", SEALING]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"metric": None},
+        {"metric": {"value": "0.9", "u": 0.01}},
+        {"metric": {"value": float("nan"), "u": 0.01}},
+        {"metric": {"value": 10**400, "u": 0.01}},
+        {"simulation": []},
+        {"simulation": {}},
+        {"restitution": {"value": 0.5}},
+    ],
+)
+def test_what_cannot_be_scored_is_told_as_altered(changes: dict[str, Any], folder: Path) -> None:
+    """Without rows where there are none to be had; the same unsealed is bad input."""
+    rewrite(folder / "certificate.json", **changes)
+    document = score_folder(folder)
+    (top,) = changes
+    keys = {each["key"].split(".")[0] for each in document["altered"]}
+    assert (document["seal"], keys) == ("broken", {top})
+    json.dumps(document, allow_nan=False)
+    rows = set(document) & ROWS
+    text = score_text(document)
+    assert rows == (ROWS if top == "simulation" and changes[top] == {} else set())
+    assert ("no score" in text) == (not rows)
+    assert f"  certificate.json, {top}" in text
+
+
+def test_a_cut_certificate_and_an_altered_truth(folder: Path) -> None:
+    certificate, truth = folder / "certificate.json", folder / "truth" / "truth.json"
+    certificate.write_text(certificate.read_text()[:90])
+    truth.write_text("{}")
+    found = score_folder(folder)["altered"]
+    assert [each["file"] for each in found] == ["certificate.json", "truth/truth.json"]
+
+
+def test_a_truth_sealed_again_is_not_the_certificates(folder: Path) -> None:
+    """The certificate holds its digest too; altered with that as well, nothing can tell."""
+    truth = folder / "truth" / "truth.json"
+    rewrite(truth, reality="ideal")
+    write_seal(folder)
+    document = score_folder(folder)
+    assert document["altered"] == [{"file": "truth/truth.json", "key": "", "change": "altered"}]
+    certificate = folder / "certificate.json"
+    simulation = json.loads(certificate.read_text())["simulation"]
+    simulation["truth_digest"] = hashlib.sha256(truth.read_bytes()).hexdigest()
+    rewrite(certificate, simulation=simulation)
+    found = score_folder(folder)["altered"]
+    assert [each["key"] for each in found] == ["simulation.truth_digest"]
+    write_seal(folder)
+    assert score_folder(folder)["seal"] == "whole"
+
+
+@pytest.mark.parametrize("name", ["certificate.json", "truth/truth.json", "truth/seal.json"])
+def test_what_a_score_cannot_do_without(name: str, folder: Path) -> None:
+    (folder / name).unlink()
+    with pytest.raises(InputError, match=name):
+        score_folder(folder)
+
+
+def test_sealed_without_a_result(folder: Path) -> None:
+    """Nothing was altered, and there is no score: bad input."""
+    rewrite(folder / "certificate.json", metric={})
+    write_seal(folder)
+    with pytest.raises(InputError, match="value; this key is missing"):
+        score_folder(folder)

@@ -1,0 +1,109 @@
+"""Drafts of real processes: killed, stopped, still at work; and folders that are none of ours."""
+
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+
+import pytest
+
+from virtual_lab.errors import InputError
+from virtual_lab.files import new_files, new_folder
+
+HALF_WAY = """
+import sys, time
+from pathlib import Path
+from virtual_lab.files import new_folder
+with new_folder(Path(sys.argv[1])) as draft:
+    (draft / "half.txt").write_text("half of a certificate")
+    print("half-way", flush=True)
+    time.sleep(60)
+"""
+
+
+@contextmanager
+def half_way(target: Path) -> Iterator[subprocess.Popen[str]]:
+    """Run a process that stops half-way in filling its folder; it is killed at the end."""
+    command = [sys.executable, "-c", HALF_WAY, str(target)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "half-way\n"
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def write(target: Path) -> None:
+    with new_folder(target) as draft:
+        (draft / "whole.txt").write_text("a certificate")
+
+
+def hidden(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir() if path.name.startswith(".")}
+
+
+def test_the_draft_of_a_killed_process_is_swept_up(tmp_path: Path) -> None:
+    """By the next that writes there; what only looks like a draft stays, so does another's."""
+    mine = {".cache", ".virtual-lab-draft-", ".virtual-lab-draft-of-my-thesis", ".second.ab12cd34"}
+    for name in mine:
+        (tmp_path / name).mkdir()
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / ".virtual-lab-draft-0123456789abcdef").write_text("a file")
+    (tmp_path / ".virtual-lab-draft-fedcba9876543210").symlink_to(tmp_path / "elsewhere")
+    before = hidden(tmp_path)
+    with half_way(tmp_path / "first") as process:
+        (left,) = hidden(tmp_path) - before
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        assert (tmp_path / left / "half.txt").exists()
+    write(tmp_path / "second")
+    assert hidden(tmp_path) == before
+    assert not (tmp_path / "first").exists()
+    assert (tmp_path / "elsewhere").is_dir()
+    assert [path.name for path in (tmp_path / "second").iterdir()] == ["whole.txt"]
+
+
+def test_the_draft_of_a_process_at_work_is_left_alone(tmp_path: Path) -> None:
+    with half_way(tmp_path / "first"):
+        (draft,) = hidden(tmp_path)
+        write(tmp_path / "second")
+        assert hidden(tmp_path) == {draft}
+        assert (tmp_path / draft / "half.txt").read_text() == "half of a certificate"
+
+
+def test_a_folder_within_a_draft(tmp_path: Path) -> None:
+    """As that of a control bat: the outer draft is not taken for one that was left."""
+    with new_folder(tmp_path / "outer") as draft:
+        write(draft / "inner")
+        assert draft.is_dir()
+    found = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*")}
+    assert found == {"outer", "outer/inner", "outer/inner/whole.txt"}
+
+
+@pytest.mark.parametrize("new", [new_folder, new_files])
+def test_a_fault_leaves_nothing(
+    new: Callable[[Path], AbstractContextManager[Path]], tmp_path: Path
+) -> None:
+    def fail(draft: Path) -> None:
+        (draft / "half.txt").write_text("half")
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError), new(tmp_path / "mine") as draft:
+        fail(draft)
+    assert [path for path in tmp_path.rglob("*") if path.name != "mine"] == []
+
+
+def test_files_appear_together_and_replace_none(tmp_path: Path) -> None:
+    with new_files(tmp_path) as draft:
+        (draft / "a.toml").write_text("a")
+        (draft / "a.png").write_text("picture")
+        assert not (tmp_path / "a.toml").exists()
+    assert {path.name for path in tmp_path.iterdir()} == {"a.toml", "a.png"}
+    why = r"cannot be written \(a.toml is there already\)"
+    with pytest.raises(InputError, match=why), new_files(tmp_path) as draft:
+        (draft / "a.toml").write_text("another")
+    assert (tmp_path / "a.toml").read_text() == "a"
+    assert hidden(tmp_path) == set()

@@ -1,0 +1,130 @@
+"""The seal on a finished test: digests of all that was written, kept with the truth.
+
+Of every file it holds SHA-256; of those in JSON and TOML, whose layout may change, a digest of each
+value under its key instead, so that the key that was altered can be named. The truth stands
+there as one digest: those of its values would give it away.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from virtual_lab.errors import InputError
+from virtual_lab.files import read_json, read_toml
+
+__all__ = ["SEAL", "TRUTH", "Alteration", "alterations", "write_seal"]
+
+SCHEMA = 1
+TRUTH, SEAL = "truth/truth.json", "truth/seal.json"
+COMPLETE = ("records", "truth")  # folders to which nothing may be added
+READERS = {".json": read_json, ".toml": read_toml}
+NAME = re.compile(r"[\w /-]+")  # of a key; others are quoted, or one could pass for a path of two
+HEX_DIGITS = 16  # of a value's digest: against a slip of the hand, as the whole seal
+
+
+@dataclass(frozen=True, slots=True)
+class Alteration:
+    """What is not as it was sealed: a file, or a key in it, altered, removed or added."""
+
+    file: str
+    key: str
+    change: str
+
+    def __str__(self) -> str:
+        where = f"{self.file}, {self.key}" if self.key else self.file
+        return f"{where}: {self.change} since it was sealed"
+
+
+def write_seal(folder: Path) -> None:
+    """Seal what a test wrote into `folder`, its truth among it."""
+    content = {name: _content(folder, name) for name in _files(folder)}
+    document = {"schema": SCHEMA, "digest": _digest(content), "content": content}
+    (folder / SEAL).write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+
+
+def alterations(folder: Path) -> list[Alteration]:
+    """Return what was altered, removed or added since `folder` was sealed.
+
+    Where the seal itself was altered nothing else can be said. Raises `InputError` where
+    there is none.
+    """
+    path = folder / SEAL
+    if not path.exists():
+        allowed = "is missing: taken away, or the test is older than seals; certify the bat again"
+        raise InputError(str(path), "seal", None, allowed)
+    try:
+        seal = read_json(path)
+    except InputError:
+        seal = {}
+    sealed = seal.get("content")
+    if not isinstance(sealed, dict) or seal.get("digest") != _digest(sealed):
+        return [Alteration(SEAL, "", "altered")]
+    found = _files(folder)
+    added = [name for name in found if name not in sealed and name.split("/")[0] in COMPLETE]
+    return [
+        *(each for name, content in sealed.items() for each in _altered(folder, name, content)),
+        *(Alteration(name, "", "added") for name in added),
+    ]
+
+
+def _files(folder: Path) -> list[str]:
+    """Return the names of the files under `folder` but the seal, in order."""
+    names = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+    return sorted(name for name in names if name != SEAL)
+
+
+def _content(folder: Path, name: str) -> str | dict[str, str]:
+    """Return the digest of a file, or of each of its keys; `InputError` where it has none."""
+    path = folder / name
+    reader = None if "truth" in name.split("/") else READERS.get(path.suffix)
+    if reader:
+        return {key: _digest(value)[:HEX_DIGITS] for key, value in _values(reader(path))}
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _altered(folder: Path, name: str, sealed: str | dict[str, str]) -> Iterator[Alteration]:
+    if not (folder / name).is_file():
+        yield Alteration(name, "", "removed")
+        return
+    try:
+        found = _content(folder, name)
+    except (ValueError, RecursionError):  # cut short, say
+        found = ""
+    if not (isinstance(found, dict) and isinstance(sealed, dict)):
+        if found != sealed:
+            yield Alteration(name, "", "altered")
+        return
+    for key in sealed | found:
+        if key not in found:
+            yield Alteration(name, key, "removed")
+        elif key not in sealed:
+            yield Alteration(name, key, "added")
+        elif found[key] != sealed[key]:
+            yield Alteration(name, key, "altered")
+
+
+def _values(document: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield what a document holds, each value under a key such as ``budget[3].u``."""
+    if isinstance(document, dict) and document:
+        for name, value in document.items():
+            plain = name if NAME.fullmatch(name) else json.dumps(name)
+            yield from _values(value, f"{key}.{plain}" if key else plain)
+    elif isinstance(document, list) and document:
+        for number, value in enumerate(document):
+            yield from _values(value, f"{key}[{number}]")
+    else:
+        yield key, document
+
+
+def _digest(value: Any) -> str:
+    """Return the SHA-256 of a value of JSON; 60 and 60.0 are one number."""
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)
+    return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()
