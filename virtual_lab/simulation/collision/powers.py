@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import config, njit, types
 from numba.extending import intrinsic
 from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
@@ -64,9 +64,19 @@ def _widen(context: Any) -> Any:
     return types.void(), generate
 
 
-_bits: Any = intrinsic(_as_bits)
-_float: Any = intrinsic(_as_float)
-wide: Any = intrinsic(_widen)
+if config.DISABLE_JIT:  # arrays, which wrap around without a word, as registers do
+
+    def _bits(x: Any) -> Any:
+        return np.array([x], np.float64).view(np.uint64)
+
+    def _float(bits: Any) -> Any:
+        return bits.view(np.float64)[0]
+
+    def wide() -> None:
+        pass
+
+else:
+    _bits, _float, wide = intrinsic(_as_bits), intrinsic(_as_float), intrinsic(_widen)
 
 
 @njit(**SIMD)

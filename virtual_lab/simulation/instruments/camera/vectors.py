@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import ir
-from numba import types
+from numba import config, types
 from numba.extending import intrinsic
 
 __all__ = ["LANES", "add_row"]
@@ -43,4 +43,10 @@ def _add_row(context: Any, target: Any, at: Any, source: Any, start: Any, weight
     return types.void(line, types.intp, line, types.intp, types.float32), generate
 
 
-add_row: Any = intrinsic(_add_row)
+if config.DISABLE_JIT:
+
+    def add_row(target: Any, at: int, source: Any, start: int, weight: Any) -> None:
+        target[at : at + LANES] += weight * source[start : start + LANES]
+
+else:
+    add_row = intrinsic(_add_row)
