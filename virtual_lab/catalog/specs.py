@@ -10,14 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import isfinite
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-from annotated_types import Ge, Gt, Le, Lt, MinLen
+from annotated_types import Ge, Gt, Le, Len, Lt
 from numpy.typing import ArrayLike, NDArray
 
-from virtual_lab.units import DIMENSIONS, to_si
+from virtual_lab.errors import nearest
+from virtual_lab.units import DIMENSIONS, from_si, to_si
 
 if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler
@@ -41,42 +41,67 @@ __all__ = [
     "Sport",
 ]
 
-QUANTITY_KEYS = frozenset({"value", "unit", "source", "verified", "note"})
+QUANTITY_KEYS = ("value", "unit", "source", "verified", "note")
+GREATEST = 1e300  # a whole number in TOML may be beyond any float
+LARGEST = 1e18  # of any quantity, SI: products of such numbers stay finite
 
 
 @dataclass(frozen=True, slots=True)
 class Dimension:
-    """Mark on a field: its file entry is a quantity of this dimension, read into SI."""
+    """Mark on a field: its file entry is a quantity of this dimension, read into SI.
+
+    What lies beyond `low` to `high` is a slip, of the unit mostly: no such thing is made.
+    """
 
     name: str
+    low: float = -LARGEST
+    high: float = LARGEST
 
     def read(self, raw: object) -> object:
         """Return the SI value (or tuple of values) of one file entry; `ValueError` if unfit."""
         if not isinstance(raw, Mapping):
             raise ValueError("expected a table { value, unit, source, verified }")
-        if unknown := sorted(set(raw) - QUANTITY_KEYS):
+        if unknown := sorted(set(raw) - set(QUANTITY_KEYS)):
+            hint = nearest(unknown[0], QUANTITY_KEYS)
             raise ValueError(
-                f"unknown key {unknown[0]!r}, allowed: {', '.join(sorted(QUANTITY_KEYS))}"
+                f"unknown key {unknown[0]!r}, {hint}allowed: {', '.join(QUANTITY_KEYS)}"
             )
         for key in ("value", "unit", "source", "verified"):
             if key not in raw:
                 raise ValueError(f"misses {key!r} (value, unit, source and verified are needed)")
         units = DIMENSIONS[self.name]
-        if raw["unit"] not in units:
-            raise ValueError(f"unit {raw['unit']!r} is no {self.name}, allowed: {', '.join(units)}")
+        unit = raw["unit"]
+        if not isinstance(unit, str) or unit not in units:
+            hint = nearest(str(unit), units)
+            raise ValueError(f"unit {unit!r} is no {self.name}, {hint}allowed: {', '.join(units)}")
         if not isinstance(raw["verified"], bool):
             raise ValueError("verified must be true or false")
         if not (isinstance(raw["source"], str) and raw["source"]):
             raise ValueError("source must name where the number comes from")
         value = raw["value"]
         if isinstance(value, list):
-            return tuple(self._number(item, raw["unit"]) for item in value)
-        return self._number(value, raw["unit"])
+            return tuple(self._number(item, unit) for item in value)
+        return self._number(value, unit)
 
     def _number(self, value: object, unit: str) -> float:
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not isfinite(value):
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, int | float)
+            or not abs(value) < GREATEST
+        ):
             raise ValueError("value must be a finite number")
-        return to_si(float(value), unit, self.name)
+        number = to_si(float(value), unit, self.name)
+        if self.low <= number <= self.high:
+            return number
+        units = DIMENSIONS[self.name]
+        low, high = (from_si(end, unit, self.name) for end in (self.low, self.high))
+        meant = [
+            other
+            for other in units
+            if number and self.low <= to_si(float(value), other, self.name) <= self.high
+        ]
+        hint = f" (is the unit {' or '.join(map(repr, meant))}?)" if meant else ""
+        raise ValueError(f"{value:g} is beyond {low:g} to {high:g} {unit}{hint}")
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
@@ -93,25 +118,32 @@ class Spec:
     __pydantic_config__ = {"extra": "forbid", "allow_inf_nan": False}  # noqa: RUF012 pydantic's own form
 
 
-Length = Annotated[float, Dimension("length")]
+SHORTEST, LONGEST = 0.2, 1.5  # m, of a bat
+STATIONS = 200  # of an outline: each is a boundary of the mesh
 PositiveLength = Annotated[float, Gt(0), Dimension("length")]
 Sport = Literal["baseball", "softball"]  # whose bat, ball or procedure it is
-Spread = Annotated[float, Ge(0)]
-SpreadNumber = Annotated[float, Ge(0), Dimension("number")]
 PositiveNumber = Annotated[float, Gt(0), Dimension("number")]
+NonNegative = Annotated[float, Ge(0), Dimension("number")]
+# a relative standard deviation: five of it leave what is spread above 0
+Spread = Annotated[float, Dimension("number", 0, 0.2)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Profile(Spec):
     """Outline of the bat by stations: z, outer diameter, wall thickness (absent: solid) [m]."""
 
-    z: Annotated[tuple[float, ...], MinLen(2), Dimension("length")]
-    outer_diameter: Annotated[tuple[float, ...], MinLen(2), Dimension("length")]
-    wall: Annotated[tuple[float, ...] | None, Dimension("length")] = None
+    z: Annotated[tuple[float, ...], Len(2, STATIONS), Dimension("length", 0, LONGEST)]
+    outer_diameter: Annotated[tuple[float, ...], Dimension("length", 1e-3, 0.2)]
+    wall: Annotated[tuple[float, ...] | None, Dimension("length", 1e-5, 0.1)] = None
 
     def __post_init__(self) -> None:
         if self.z[0] != 0:
             raise ValueError(f"z must start at 0, the barrel tip, not at {self.z[0]:g} m")
+        if self.z[-1] < SHORTEST:
+            raise ValueError(
+                f"z ends at {self.z[-1]:g} m, and no bat is shorter than {SHORTEST:g} m (is the "
+                "unit right?)"
+            )
         for left, right in zip(self.z, self.z[1:], strict=False):
             if right <= left:
                 raise ValueError(
@@ -123,10 +155,6 @@ class Profile(Spec):
                 continue
             if len(values) != len(self.z):
                 raise ValueError(f"{name} has {len(values)} stations where z has {len(self.z)}")
-            if min(values) <= 0:
-                raise ValueError(
-                    f"{name} must be positive at every station, found {min(values):g} m"
-                )
         if self.wall is not None:
             for diameter, wall in zip(self.outer_diameter, self.wall, strict=True):
                 if 2 * wall > diameter:
@@ -143,9 +171,9 @@ class Material(Spec):
     at the tip to (1 - t) times at the knob; drawings have none, individuals do.
     """
 
-    density: Annotated[float, Gt(0), Dimension("density")]
-    youngs_modulus: Annotated[float, Gt(0), Dimension("modulus")]
-    shear_modulus: Annotated[float, Gt(0), Dimension("modulus")]
+    density: Annotated[float, Dimension("density", 10, 3e4)]
+    youngs_modulus: Annotated[float, Dimension("modulus", 1e7, 1e13)]
+    shear_modulus: Annotated[float, Dimension("modulus", 1e6, 1e13)]
     shear_coefficient: Annotated[float, Gt(0), Le(1), Dimension("number")]
     density_tilt: Annotated[float, Gt(-1), Lt(1), Dimension("number")] = 0.0
 
@@ -155,17 +183,17 @@ class Lump(Spec):
     """A knob, an end cap or an added weight: mass [kg] and rotary inertia [kg m^2] at z [m]."""
 
     name: str
-    z: Annotated[float, Ge(0), Dimension("length")]
-    mass: Annotated[float, Gt(0), Dimension("mass")]
-    inertia: Annotated[float, Ge(0), Dimension("inertia")] = 0.0
+    z: Annotated[float, Dimension("length", 0, LONGEST)]
+    mass: Annotated[float, Gt(0), Dimension("mass", 0, 5)]
+    inertia: Annotated[float, Dimension("inertia", 0, 1)] = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HoopMode(Spec):
     """The n = 2 shell mode of a hollow barrel: a modal coordinate without net momentum."""
 
-    frequency: Annotated[float, Gt(0), Dimension("frequency")]
-    modal_mass: Annotated[float, Gt(0), Dimension("mass")]
+    frequency: Annotated[float, Dimension("frequency", 10, 1e5)]
+    modal_mass: Annotated[float, Dimension("mass", 1e-4, 5)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -195,9 +223,9 @@ class BatBody(Spec):
 class BatSpread(Spec):
     """How one made bat differs from the drawing: relative standard deviations."""
 
-    density: SpreadNumber
-    youngs_modulus: SpreadNumber
-    density_tilt: SpreadNumber  # of the density, tip against knob
+    density: Spread
+    youngs_modulus: Spread
+    density_tilt: Spread  # of the density, tip against knob
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -244,9 +272,9 @@ class RestitutionLine(Spec):
 class BallSpread(Spec):
     """Ball to ball within a lot, and hit to hit of one ball: standard deviations."""
 
-    mass: Annotated[float, Ge(0), Dimension("mass")]
-    restitution: SpreadNumber
-    hit_restitution: SpreadNumber
+    mass: Annotated[float, Dimension("mass", 0, 0.02)]
+    restitution: Spread
+    hit_restitution: Spread
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -265,10 +293,10 @@ class BallSpec(Spec):
 
     name: str
     title: str
-    mass: Annotated[float, Gt(0), Dimension("mass")]
-    radius: PositiveLength
+    mass: Annotated[float, Dimension("mass", 0.01, 1)]
+    radius: Annotated[float, Dimension("length", 5e-3, 0.2)]
     stiffness: Annotated[float, Gt(0), Dimension("stiffness")]
-    exponent: Annotated[float, Ge(1), Dimension("number")]
+    exponent: Annotated[float, Dimension("number", 1, 5)]
     restitution: RestitutionLine
     spread: BallSpread
     radius_u: Annotated[float, Ge(0), Dimension("length")] = 0.0  # of a lot's own

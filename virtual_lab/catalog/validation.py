@@ -7,7 +7,7 @@ from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from typing import Any, TypeVar, cast, get_args, get_type_hints
 
-from virtual_lab.errors import InputError
+from virtual_lab.errors import InputError, nearest
 
 __all__ = ["validate"]
 
@@ -21,14 +21,20 @@ def validate(document: Mapping[str, Any], where: str, spec: type[T]) -> T:
     try:
         return cast("T", _adapter(cast("Hashable", spec)).validate_python(document))
     except ValidationError as fault:
-        error = fault.errors(include_url=False)[0]
+        errors = fault.errors(include_url=False)
+        # of a key mistyped two are told: what it is not, and that it is missing
+        unknown = [each for each in errors if each["type"] == "unexpected_keyword_argument"]
+        error = (unknown or errors)[0]
         key, value = ".".join(map(str, error["loc"])), _at(document, error["loc"])
         message = error["msg"].removeprefix("Value error, ")
         if error["type"] == "missing":
             value, message = None, "this key is missing"
-        if error["type"] == "unexpected_keyword_argument":
-            allowed = ", ".join(_keys(spec, error["loc"][:-1]))
-            value, message = None, f"unknown key, allowed here: {allowed}"
+        if unknown:
+            *place, name = error["loc"]
+            known = _keys(spec, tuple(place))
+            missing = [str(each["loc"][-1]) for each in errors if each["type"] == "missing"]
+            hint = nearest(str(name), missing) or nearest(str(name), known)
+            value, message = None, f"unknown key, {hint}allowed here: {', '.join(known)}"
         raise InputError(where, key or "file", value, message) from fault
 
 
