@@ -194,7 +194,13 @@ WALL = 'wall = {{ value = [{}], unit = "in", source = "assumed", verified = fals
     ("old", "new", "key", "value", "allowed"),
     [
         ('"kg/m^3"', '"kg"', "body.material.density", "644.3 kg", "allowed: kg/m^3"),
-        ("value = 644.3", "value = -644.3", "body.material.density", "-644.3", "beyond 10 to 30000 kg/m^3"),
+        (
+            "value = 644.3",
+            "value = -644.3",
+            "body.material.density",
+            "-644.3",
+            "beyond 10 to 30000 kg/m^3",
+        ),
         ("value = 644.3", "value = nan", "body.material.density", "nan", "finite number"),
         ("value = 644.3", "value = -inf", "body.material.density", "-inf", "finite number"),
         ("value = 644.3", 'value = "644"', "body.material.density", "644", "number"),

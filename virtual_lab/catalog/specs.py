@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Len, Lt
@@ -31,14 +31,18 @@ __all__ = [
     "BatSpec",
     "BatSpread",
     "Dimension",
+    "Exact",
     "HoopMode",
     "Lump",
     "Material",
     "Profile",
     "PublishedBat",
+    "Real",
     "RestitutionLine",
     "Spec",
     "Sport",
+    "Whole",
+    "YesNo",
 ]
 
 QUANTITY_KEYS = ("value", "unit", "source", "verified", "note")
@@ -93,15 +97,15 @@ class Dimension:
         number = to_si(float(value), unit, self.name)
         if self.low <= number <= self.high:
             return number
-        units = DIMENSIONS[self.name]
         low, high = (from_si(end, unit, self.name) for end in (self.low, self.high))
         meant = [
-            other
-            for other in units
-            if number and self.low <= to_si(float(value), other, self.name) <= self.high
+            repr(other)
+            for other in DIMENSIONS[self.name]
+            if self.low <= to_si(float(value), other, self.name) <= self.high
         ]
-        hint = f" (is the unit {' or '.join(map(repr, meant))}?)" if meant else ""
-        raise ValueError(f"{value:g} is beyond {low:g} to {high:g} {unit}{hint}")
+        hint = f" (is the unit {' or '.join(meant)}?)" if meant else ""
+        allowed = f"{low:g} to {high:g} {unit}".removesuffix(" 1")
+        raise ValueError(f"{value:g} is beyond {allowed}{hint}")
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
@@ -111,6 +115,16 @@ class Dimension:
         return core_schema.no_info_before_validator_function(self.read, handler(source))
 
 
+@dataclass(frozen=True, slots=True)
+class Exact:
+    """Mark on a field: its file entry is of the very type, no text for a number, no 1 for true."""
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return cast("CoreSchema", {**handler(source), "strict": True})
+
+
 class Spec:
     """Base of every nominal dataclass: unknown keys in its file are errors."""
 
@@ -118,6 +132,9 @@ class Spec:
     __pydantic_config__ = {"extra": "forbid", "allow_inf_nan": False}  # noqa: RUF012 pydantic's own form
 
 
+Real = Annotated[float, Exact()]
+Whole = Annotated[int, Exact()]
+YesNo = Annotated[bool, Exact()]
 SHORTEST, LONGEST = 0.2, 1.5  # m, of a bat
 STATIONS = 200  # of an outline: each is a boundary of the mesh
 PositiveLength = Annotated[float, Gt(0), Dimension("length")]

@@ -17,8 +17,9 @@ from numba.extending import intrinsic
 from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
 
-__all__ = ["SIMD", "exp2", "log2", "wide"]
+__all__ = ["COMPILES", "SIMD", "exp2", "log2", "wide"]
 
+COMPILES = not config.DISABLE_JIT  # type: ignore[attr-defined]
 # no reassociation: it would cancel the additions that round; kept on disk with the kernel only
 SIMD: dict[str, Any] = {"fastmath": {"contract", "nsz"}, "error_model": "numpy"}
 ROUND = 1.5 * 2.0**52  # adding it leaves the nearest integer in the low bits
@@ -64,19 +65,13 @@ def _widen(context: Any) -> Any:
     return types.void(), generate
 
 
-if config.DISABLE_JIT:  # arrays, which wrap around without a word, as registers do
-
-    def _bits(x: Any) -> Any:
-        return np.array([x], np.float64).view(np.uint64)
-
-    def _float(bits: Any) -> Any:
-        return bits.view(np.float64)[0]
-
-    def wide() -> None:
-        pass
-
-else:
-    _bits, _float, wide = intrinsic(_as_bits), intrinsic(_as_float), intrinsic(_widen)
+_bits: Any = intrinsic(_as_bits)
+_float: Any = intrinsic(_as_float)
+wide: Any = intrinsic(_widen)
+if not COMPILES:  # the same in Python; arrays wrap around without a word, as registers do
+    _bits = lambda x: np.array([x], np.float64).view(np.uint64)  # noqa: E731
+    _float = lambda bits: bits.view(np.float64)[0]  # noqa: E731
+    wide = lambda: None  # noqa: E731
 
 
 @njit(**SIMD)

@@ -7,7 +7,14 @@ from typing import Annotated, Self
 
 from annotated_types import Ge, Gt, Le, Len, Lt
 
-from virtual_lab.catalog.specs import Dimension, NonNegative, PositiveLength, PositiveNumber, Spec
+from virtual_lab.catalog.specs import (
+    Dimension,
+    NonNegative,
+    PositiveLength,
+    PositiveNumber,
+    Spec,
+    YesNo,
+)
 from virtual_lab.simulation.instruments.calibrated import certified
 from virtual_lab.uncertainty.estimate import Estimate
 
@@ -28,7 +35,7 @@ Time = Annotated[float, Ge(0), Dimension("time")]
 Rate = Annotated[float, Ge(0), Dimension("rate")]
 Number = Annotated[float, Dimension("number")]
 Share = Annotated[float, Ge(0), Le(1), Dimension("number")]
-Count = Annotated[int, Gt(0), Dimension("number")]
+Count = Annotated[int, Dimension("number", 1, 10_000)]  # of pixels
 DISTORTION = ("k1", "k2", "p1", "p2", "k3")
 
 
@@ -49,7 +56,7 @@ class SensorSpec(Spec):
     dark_signal: NonNegative  # its non-uniformity, DSNU: pixel to pixel [e]
     black_level: NonNegative  # grey value without light
     bits: Annotated[int, Ge(1), Le(16), Dimension("number")]
-    whole_counts: bool = True
+    whole_counts: YesNo = True
 
     @property
     def full_scale(self) -> int:

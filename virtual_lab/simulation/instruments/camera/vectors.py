@@ -43,10 +43,9 @@ def _add_row(context: Any, target: Any, at: Any, source: Any, start: Any, weight
     return types.void(line, types.intp, line, types.intp, types.float32), generate
 
 
-if config.DISABLE_JIT:
+def _add_row_plainly(target: Any, at: int, source: Any, start: int, weight: Any) -> None:
+    target[at : at + LANES] += weight * source[start : start + LANES]
 
-    def add_row(target: Any, at: int, source: Any, start: int, weight: Any) -> None:
-        target[at : at + LANES] += weight * source[start : start + LANES]
 
-else:
-    add_row = intrinsic(_add_row)
+compiles = not config.DISABLE_JIT  # type: ignore[attr-defined]
+add_row: Any = intrinsic(_add_row) if compiles else _add_row_plainly
