@@ -18,9 +18,9 @@ class InputError(ValueError):
         super().__init__(f"{': '.join(parts)}; {allowed}")
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
+def nearest(name: object, known: Iterable[str]) -> str:
     """Return a question that suggests the known names nearest to a mistyped one, or nothing."""
-    near = difflib.get_close_matches(name.lower(), list(known), n=2, cutoff=0.5)
+    near = difflib.get_close_matches(str(name).lower(), list(known), n=2, cutoff=0.5)
     return f"did you mean {' or '.join(near)}? " if near else ""
 
 

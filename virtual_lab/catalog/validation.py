@@ -26,7 +26,8 @@ def validate(document: Mapping[str, Any], where: str, spec: type[T]) -> T:
         unknown = [each for each in errors if each["type"] == "unexpected_keyword_argument"]
         error = (unknown or errors)[0]
         key, value = ".".join(map(str, error["loc"])), _at(document, error["loc"])
-        message = error["msg"].removeprefix("Value error, ")
+        message = error["msg"].removeprefix("Value error, ").replace("Input should", "must")
+        message = message.replace("a valid dictionary", "a table { key, value }")
         if error["type"] == "missing":
             value, message = None, "this key is missing"
         if unknown:
@@ -49,11 +50,12 @@ def _adapter(spec: Hashable) -> Any:
 def _keys(spec: Any, location: tuple[int | str, ...]) -> list[str]:
     """Return the keys a file may have at a place, by following the specs' annotations down."""
     for part in location:
-        if isinstance(part, str):
-            spec = get_type_hints(spec)[part]
-        # an optional or repeated part: the spec is among its type arguments
-        inside = [each for each in (spec, *get_args(spec)) if is_dataclass(each)]
-        spec = inside[0] if inside else spec
+        if is_dataclass(spec):
+            spec = get_type_hints(spec)[str(part)]
+        else:  # of a mapping by names, or of many in a row
+            spec = get_args(spec)[-1 if isinstance(part, str) else 0]
+        if type(None) in get_args(spec):
+            spec = get_args(spec)[0]
     return [field.name for field in fields(spec)]
 
 
