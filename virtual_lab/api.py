@@ -21,7 +21,7 @@ from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.rounding import with_uncertainty
 from virtual_lab.records.foreign.laboratory import FORM
-from virtual_lab.records.session import load_session, save_session
+from virtual_lab.records.session import SESSION, load_session, save_session
 from virtual_lab.simulation.rig import Motion, Reality
 from virtual_lab.simulation.truth import Sealed
 from virtual_lab.studies.foreign import certify_laboratory
@@ -216,10 +216,7 @@ def reduce(records: str | Path) -> Certificate:
     folder = Path(records)
     if (folder / FORM).exists():
         return Certificate(certification=certify_laboratory(folder))
-    if not (folder / SESSION).exists():
-        inner = [path.parent for path in sorted(folder.glob(f"*/{SESSION}"))]
-        hint = (
-            f"; they are in {inner[0]}" if inner else f"; a folder of them has {SESSION} or {FORM}"
-        )
-        raise InputError("", "records", str(folder), f"no records are there{hint}")
+    inner = [path.parent for path in sorted(folder.glob(f"*/{SESSION}"))]
+    if inner and not (folder / SESSION).exists():
+        raise InputError("", "records", str(folder), f"they are in {inner[0]}")
     return Certificate(certification=certify_session(load_session(folder)))

@@ -76,7 +76,7 @@ class Dimension:
         units = DIMENSIONS[self.name]
         unit = raw["unit"]
         if not isinstance(unit, str) or unit not in units:
-            hint = nearest(str(unit), units)
+            hint = nearest(unit, units)
             raise ValueError(f"unit {unit!r} is no {self.name}, {hint}allowed: {', '.join(units)}")
         if not isinstance(raw["verified"], bool):
             raise ValueError("verified must be true or false")

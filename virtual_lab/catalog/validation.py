@@ -34,7 +34,7 @@ def validate(document: Mapping[str, Any], where: str, spec: type[T]) -> T:
             *place, name = error["loc"]
             known = _keys(spec, tuple(place))
             missing = [str(each["loc"][-1]) for each in errors if each["type"] == "missing"]
-            hint = nearest(str(name), missing) or nearest(str(name), known)
+            hint = nearest(name, missing) or nearest(name, known)
             value, message = None, f"unknown key, {hint}allowed here: {', '.join(known)}"
         raise InputError(where, key or "file", value, message) from fault
 

@@ -176,7 +176,7 @@ def profile(
     bat: str | Path,
     *,
     swing: float | None = 0.0,
-    reference_inertia: str | None = None,
+    reference_inertia: str | Path | None = None,
     ball: str | Path | None = None,
 ) -> Profiled:
     """Return the profile of a free bat under standard game conditions (the paper's Fig. 2).
@@ -201,7 +201,8 @@ def profile(
         that cannot be read.
     """
     ball = None if ball is None else str(ball)
-    return profiles(str(bat), swings=(swing,), reference_inertia=reference_inertia, ball=ball)[0]
+    inertia = None if reference_inertia is None else str(reference_inertia)
+    return profiles(str(bat), swings=(swing,), reference_inertia=inertia, ball=ball)[0]
 
 
 def profiles(
