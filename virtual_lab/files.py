@@ -7,6 +7,7 @@ import io
 import json
 import os
 import shutil
+import stat
 import tempfile
 import tomllib
 import warnings
@@ -216,6 +217,17 @@ def _head(data: bytes, where: str, delimiter: str) -> list[str]:
 
 def check_new_folder(target: Path) -> None:
     """Raise `InputError` unless `target` can become a new folder: absent or empty, writable."""
+    try:
+        linked = stat.S_ISLNK(target.lstat().st_mode)
+    except (FileNotFoundError, NotADirectoryError):
+        linked = False
+    except (OSError, ValueError) as fault:  # too long, links in a circle, a NUL
+        allowed = f"cannot be written ({getattr(fault, 'strerror', fault)})"
+        raise InputError("", "output folder", str(target), allowed) from fault
+    if linked and not target.exists():
+        raise InputError("", "output folder", str(target), "is a link that leads nowhere")
+    if target.absolute() == Path.cwd():
+        raise InputError("", "output folder", str(target), "is where you are; name one within it")
     if target.exists() and not target.is_dir():
         raise InputError("", "output folder", str(target), "is a file; name another folder")
     if target.is_dir() and any(target.iterdir()):

@@ -12,7 +12,6 @@ from click.testing import CliRunner
 
 from tests.video.scenes import Film, write_video
 from virtual_lab.cli import cli
-from virtual_lab.cli.track import _diameter
 from virtual_lab.errors import InputError
 
 FILM = Film()
@@ -87,14 +86,6 @@ def test_bad_input_leaves_nothing_behind(folder: Path, arguments: list[str], wor
     assert isinstance(done.exception, InputError)
     assert words in str(done.exception)
     assert set(folder.iterdir()) == before
-
-
-@pytest.mark.parametrize(
-    ("text", "metres"),
-    [("73mm", 0.073), ("7.3 cm", 0.073), (".073m", 0.073), ("2.875in", 0.073025)],
-)
-def test_diameters_with_units(text: str, metres: float) -> None:
-    assert _diameter(text) == pytest.approx(metres)
 
 
 def test_two_balls_write_nothing(folder: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 import sys
@@ -37,6 +38,9 @@ def main() -> None:
     """Run the command line and leave with its exit code."""
     # the matrices here are small: threads inside one product only get in each other's way
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    for stream in (sys.stdout, sys.stderr):  # of terminals that have no ² and no ±
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
     for name in (signal.SIGTERM, signal.SIGHUP):  # so that drafts are swept up as after Ctrl-C
         signal.signal(name, _interrupt)
     try:
@@ -49,6 +53,9 @@ def main() -> None:
         _leave(2, fault.format_message())
     except (click.Abort, KeyboardInterrupt):
         _leave(130, "interrupted, nothing was written")
+    except OSError as fault:  # a disk that is full, a place that may not be written to
+        where = f"{fault.filename}: " if fault.filename else ""
+        _leave(2, f"{where}{fault.strerror or fault}")
     except SystemExit:  # click's answer to a reader that has had enough (EPIPE): no fault
         sys.exit(0)
     except Exception:
