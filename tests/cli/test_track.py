@@ -71,9 +71,9 @@ def test_a_clip_without_a_calibration_file_warns(folder: Path) -> None:
     ("arguments", "words"),
     [
         (["clip.mp4"], "no length is known"),
-        (["clip.mp4", "--ball", "73"], "a diameter with its unit"),
-        (["clip.mp4", "--ball", "73 furlongs"], "a diameter with its unit"),
-        (["clip.mp4", "--ball", "0mm"], "a ball's diameter"),
+        (["clip.mp4", "--ball", "73"], "a length with its unit"),
+        (["clip.mp4", "--ball", "73 furlongs"], "a length with its unit"),
+        (["clip.mp4", "--ball", "0mm"], "0.001 to 1 m"),
         (["clip.mp4", "--ball", "28mm", "--calibration", "none.toml"], "none.toml"),
         (["cal.toml", "--ball", "28mm"], "cannot be opened"),
         (["none.mp4", "--ball", "28mm"], "no such file"),

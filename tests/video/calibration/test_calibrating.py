@@ -223,7 +223,9 @@ def test_pictures_that_do_not_belong_together(monkeypatch: pytest.MonkeyPatch) -
     with pytest.raises(InputError, match=r"6\.png: plane view; no board"):
         calibrate(pictures, Plan(board=BOARD, plane="6.png"))
     with pytest.raises(InputError, match=r"6\.png: plane view; no board"):
-        calibrate(pictures[::-1], Plan(board=BOARD))  # the first one given is meant, if none is named
+        calibrate(
+            pictures[::-1], Plan(board=BOARD)
+        )  # the first one given is meant, if none is named
     with pytest.raises(InputError, match=r"--height = '9 m'; the camera itself is"):
         calibrate(pictures, Plan(board=BOARD, height=9.0))
     with pytest.raises(InputError, match=r"--plane = 'flat.png'; allowed: in/0\.png"):
