@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, cast
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Len, Lt
@@ -24,11 +24,13 @@ if TYPE_CHECKING:
     from pydantic_core import CoreSchema
 
 __all__ = [
+    "CHECK_STANDARD",
     "BallAgeing",
     "BallSpec",
     "BallSpread",
     "BatBody",
     "BatSpec",
+    "BatSport",
     "BatSpread",
     "Dimension",
     "Exact",
@@ -139,6 +141,8 @@ SHORTEST, LONGEST = 0.2, 1.5  # m, of a bat
 STATIONS = 200  # of an outline: each is a boundary of the mesh
 PositiveLength = Annotated[float, Gt(0), Dimension("length")]
 Sport = Literal["baseball", "softball"]  # whose bat, ball or procedure it is
+CHECK_STANDARD: Final = "check standard"
+BatSport = Sport | Literal["check standard"]  # which hangs in place of a bat, and is none
 PositiveNumber = Annotated[float, Gt(0), Dimension("number")]
 NonNegative = Annotated[float, Ge(0), Dimension("number")]
 # a relative standard deviation: five of it leave what is spread above 0
@@ -266,7 +270,7 @@ class BatSpec(Spec):
     title: str
     body: BatBody
     spread: BatSpread
-    sport: Sport | None = None  # None: of no sport, or not known
+    sport: BatSport | None = None  # None: not known
     published: PublishedBat | None = None
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from virtual_lab import catalog
-from virtual_lab.catalog.specs import Spec, Sport
+from virtual_lab.catalog.specs import BatSport, Spec, Sport
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError
 from virtual_lab.files import inside, read_toml
@@ -34,7 +34,7 @@ class LaboratoryForm(Spec):
     calibration: Mapping[str, Any]  # "stage.instrument.constant"
     channels: Mapping[str, Mapping[str, Any]]  # stage: channel
     date: str | datetime.date = ""
-    bat_sport: Sport | Literal[""] = ""
+    bat_sport: BatSport | Literal[""] = ""
     ball_sport: Sport | Literal[""] = ""
     laboratory: str = ""
     customer: str = ""
