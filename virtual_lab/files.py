@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import os
+import re
 import shutil
 import stat
 import tempfile
@@ -38,6 +39,8 @@ __all__ = [
 LARGEST = 2e9  # B of a table
 LARGEST_TEXT = 20e6  # B of a document; the largest of ours has 0.1 MB
 DEEPEST = 32  # levels of a document; ours have six
+# a key of a key of a key …
+DOTTED = re.compile(rf"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){{{DEEPEST}}}")
 NESTED = f"is nested deeper than {DEEPEST} levels"
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab"}
 
@@ -45,16 +48,16 @@ SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab"}
 def read_bytes(path: Path, *, most: float = LARGEST) -> bytes:
     """Return the content of a file; `InputError` where it cannot be read or is beyond `most` B."""
     try:
-        if path.exists() and not path.is_file():  # a device or a pipe may never end
-            raise InputError(str(path), "file", None, "is no file")
-        size = path.stat().st_size
-        if size > most:
-            raise InputError(str(path), "size", f"{size} B", f"allowed: up to {most:g} B")
-        return path.read_bytes()
+        found = path.stat()
+        # a device or a pipe may never end
+        if stat.S_ISREG(found.st_mode) and found.st_size <= most:
+            return path.read_bytes()
     except OSError as fault:
         raise InputError(str(path), "file", None, f"cannot be read ({fault.strerror})") from fault
     except ValueError as fault:  # a name that no file can have
         raise InputError(str(path), "file", None, f"cannot be read ({fault})") from fault
+    allowed = f"cannot be read (it is no file, or has more than {most / 1e6:g} MB)"
+    raise InputError(str(path), "file", None, allowed)
 
 
 def read_text(path: Path) -> str:
@@ -87,6 +90,8 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 def parse_toml(text: str, where: str) -> dict[str, Any]:
     """Return the TOML document that `text` holds, as `read_toml` does."""
+    if DOTTED.search(text):  # the parser takes hours
+        raise InputError(where, "TOML", None, NESTED)
     try:
         document = tomllib.loads(text)
     except ValueError as fault:  # of the parser, or a whole number of thousands of digits

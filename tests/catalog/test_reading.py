@@ -199,7 +199,7 @@ WALL = 'wall = {{ value = [{}], unit = "in", source = "assumed", verified = fals
             "value = -644.3",
             "body.material.density",
             "-644.3",
-            "beyond 10 to 30000 kg/m^3",
+            "beyond 100 to 30000 kg/m^3",
         ),
         ("value = 644.3", "value = nan", "body.material.density", "nan", "finite number"),
         ("value = 644.3", "value = -inf", "body.material.density", "-inf", "finite number"),
@@ -228,7 +228,7 @@ WALL = 'wall = {{ value = [{}], unit = "in", source = "assumed", verified = fals
             None,
             "does not fit",
         ),
-        ("value = 0.003", "value = 1", "body.damping_ratio", "1", "less than 1"),
+        ("value = 0.003", "value = 1", "body.damping_ratio", "1", "beyond 0 to 0.2"),
         ("value = 0.9,", "value = 1.1,", "body.material.shear_coefficient", "1.1", "equal to 1"),
     ],
 )
@@ -248,7 +248,7 @@ def test_a_bad_bat_file(old: str, new: str, key: str, value: str | None, allowed
     [
         ("balls", BALL, "value = 5.125", "value = -5.125", "mass", "-5.125 is beyond 0.35"),
         ("balls", BALL, "value = -0.001", "value = 0.001", "restitution.slope", "equal to 0"),
-        ("balls", BALL, "value = 0.55", "value = 1.01", "restitution.value", "equal to 1"),
+        ("balls", BALL, "value = 0.55", "value = 1.01", "restitution.value", "beyond 0.05 to 1"),
         ("balls", BALL, 'unit = "oz"', 'unit = "in"', "mass", "allowed: kg, g, oz, lb"),
         (
             "procedures",
@@ -394,8 +394,8 @@ mass = { value = 1, unit = "oz", source = "assumed", verified = false }
     [
         ('"ea70"', '"r161"', "base", "solid bat has no wall"),
         ('"ea70"', '"ea77"', "ea77", "did you mean ea70"),
-        ("value = 0.9", "value = 0", "wall_factor", "greater than 0"),
-        ("value = 0.9", "value = 50", "wall", "does not fit"),
+        ("value = 0.9", "value = 0", "wall_factor", "beyond 0.2 to 5"),
+        ("value = 0.9", "value = 50", "wall_factor", "beyond 0.2 to 5"),
         ('base = "ea70"', 'base = "ea70"\ncolour = "red"', "colour", "unknown key"),
     ],
 )

@@ -14,16 +14,16 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Generic, TypeVar, cast
 
-from annotated_types import Gt
-
 from virtual_lab.catalog.specs import (
     BatSpec,
     BatSpread,
     Dimension,
     HoopMode,
     Lump,
+    Name,
     PublishedBat,
     Spec,
+    Title,
 )
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError, nearest
@@ -167,10 +167,10 @@ def read_bat(text: str, where: str) -> Entry[BatSpec]:
 class ModifiedBat(Spec):
     """A bat made from another: thinner or thicker wall, weights added, hoop mode retuned."""
 
-    name: str
-    title: str
+    name: Name
+    title: Title
     base: str
-    wall_factor: Annotated[float, Gt(0), Dimension("number")]
+    wall_factor: Annotated[float, Dimension("number", 0.2, 5)]
     lumps: tuple[Lump, ...] = ()
     hoop: HoopMode | None = None
     spread: BatSpread | None = None

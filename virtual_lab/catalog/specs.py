@@ -37,12 +37,14 @@ __all__ = [
     "HoopMode",
     "Lump",
     "Material",
+    "Name",
     "Profile",
     "PublishedBat",
     "Real",
     "RestitutionLine",
     "Spec",
     "Sport",
+    "Title",
     "Whole",
     "YesNo",
 ]
@@ -103,11 +105,32 @@ class Dimension:
         meant = [
             repr(other)
             for other in DIMENSIONS[self.name]
-            if self.low <= to_si(float(value), other, self.name) <= self.high
+            if other not in ("um", "ppm")
+            and self.low <= to_si(float(value), other, self.name) <= self.high
         ]
         hint = f" (is the unit {' or '.join(meant)}?)" if meant else ""
         allowed = f"{low:g} to {high:g} {unit}".removesuffix(" 1")
         raise ValueError(f"{value:g} is beyond {allowed}{hint}")
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_before_validator_function(self.read, handler(source))
+
+
+@dataclass(frozen=True, slots=True)
+class Words:
+    """Mark on a field: its file entry is a line that can be printed."""
+
+    most: int
+
+    def read(self, raw: object) -> object:
+        """Return the entry; `ValueError` if unfit."""
+        if isinstance(raw, str) and not (raw.isprintable() and len(raw) <= self.most):
+            raise ValueError(f"must be a line of up to {self.most} characters that can be printed")
+        return raw
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
@@ -134,15 +157,17 @@ class Spec:
     __pydantic_config__ = {"extra": "forbid", "allow_inf_nan": False}  # noqa: RUF012 pydantic's own form
 
 
+Name = Annotated[str, Words(100)]
+Title = Annotated[str, Words(200)]
 Real = Annotated[float, Exact()]
 Whole = Annotated[int, Exact()]
 YesNo = Annotated[bool, Exact()]
 SHORTEST, LONGEST = 0.2, 1.5  # m, of a bat
-STATIONS = 200  # of an outline: each is a boundary of the mesh
+STATIONS = 100  # of an outline: each is a boundary of the mesh
 PositiveLength = Annotated[float, Gt(0), Dimension("length")]
 Sport = Literal["baseball", "softball"]  # whose bat, ball or procedure it is
 CHECK_STANDARD: Final = "check standard"
-BatSport = Sport | Literal["check standard"]  # which hangs in place of a bat, and is none
+BatSport = Literal["baseball", "softball", "check standard"]  # which is no bat
 PositiveNumber = Annotated[float, Gt(0), Dimension("number")]
 NonNegative = Annotated[float, Ge(0), Dimension("number")]
 # a relative standard deviation: five of it leave what is spread above 0
@@ -155,7 +180,7 @@ class Profile(Spec):
 
     z: Annotated[tuple[float, ...], Len(2, STATIONS), Dimension("length", 0, LONGEST)]
     outer_diameter: Annotated[tuple[float, ...], Dimension("length", 1e-3, 0.2)]
-    wall: Annotated[tuple[float, ...] | None, Dimension("length", 1e-5, 0.1)] = None
+    wall: Annotated[tuple[float, ...] | None, Dimension("length", 2e-4, 0.1)] = None
 
     def __post_init__(self) -> None:
         if self.z[0] != 0:
@@ -192,9 +217,9 @@ class Material(Spec):
     at the tip to (1 - t) times at the knob; drawings have none, individuals do.
     """
 
-    density: Annotated[float, Dimension("density", 10, 3e4)]
-    youngs_modulus: Annotated[float, Dimension("modulus", 1e7, 1e13)]
-    shear_modulus: Annotated[float, Dimension("modulus", 1e6, 1e13)]
+    density: Annotated[float, Dimension("density", 100, 3e4)]
+    youngs_modulus: Annotated[float, Dimension("modulus", 1e8, 1e13)]
+    shear_modulus: Annotated[float, Dimension("modulus", 1e7, 1e13)]
     shear_coefficient: Annotated[float, Gt(0), Le(1), Dimension("number")]
     density_tilt: Annotated[float, Gt(-1), Lt(1), Dimension("number")] = 0.0
 
@@ -203,7 +228,7 @@ class Material(Spec):
 class Lump(Spec):
     """A knob, an end cap or an added weight: mass [kg] and rotary inertia [kg m^2] at z [m]."""
 
-    name: str
+    name: Name
     z: Annotated[float, Dimension("length", 0, LONGEST)]
     mass: Annotated[float, Gt(0), Dimension("mass", 0, 5)]
     inertia: Annotated[float, Dimension("inertia", 0, 1)] = 0.0
@@ -223,7 +248,7 @@ class BatBody(Spec):
 
     profile: Profile
     material: Material
-    damping_ratio: Annotated[float, Ge(0), Lt(1), Dimension("number")]
+    damping_ratio: Annotated[float, Dimension("number", 0, 0.2)]
     lumps: tuple[Lump, ...] = ()
     hoop: HoopMode | None = None
 
@@ -266,8 +291,8 @@ class PublishedBat(Spec):
 class BatSpec(Spec):
     """A bat as drawn."""
 
-    name: str
-    title: str
+    name: Name
+    title: Title
     body: BatBody
     spread: BatSpread
     sport: BatSport | None = None  # None: not known
@@ -279,9 +304,9 @@ class RestitutionLine(Spec):
     """Ball-wall restitution e0(v) = value + slope (v - speed), never below `floor`."""
 
     speed: Annotated[float, Gt(0), Dimension("speed")]
-    value: Annotated[float, Gt(0), Le(1), Dimension("number")]
+    value: Annotated[float, Dimension("number", 0.05, 1)]
     slope: Annotated[float, Le(0), Dimension("slope of speed")]
-    floor: Annotated[float, Gt(0), Le(1), Dimension("number")]
+    floor: Annotated[float, Dimension("number", 0.05, 1)]
     slope_u: Annotated[float, Ge(0), Dimension("slope of speed")] = 0.0  # of a lot's own
 
     def at(self, speed: ArrayLike) -> NDArray[np.float64]:
@@ -312,14 +337,19 @@ class BallAgeing(Spec):
 class BallSpec(Spec):
     """A ball as specified; force F = stiffness u^exponent while it is compressed."""
 
-    name: str
-    title: str
+    name: Name
+    title: Title
     mass: Annotated[float, Dimension("mass", 0.01, 1)]
     radius: Annotated[float, Dimension("length", 5e-3, 0.2)]
-    stiffness: Annotated[float, Gt(0), Dimension("stiffness")]
+    stiffness: Annotated[float, Dimension("stiffness", 1)]
     exponent: Annotated[float, Dimension("number", 1, 5)]
     restitution: RestitutionLine
     spread: BallSpread
     radius_u: Annotated[float, Ge(0), Dimension("length")] = 0.0  # of a lot's own
     sport: Sport | None = None  # None: not known
     ageing: BallAgeing | None = None
+
+    def __post_init__(self) -> None:
+        force = self.stiffness * 0.01**self.exponent
+        if not 100 <= force <= 1e7:
+            raise ValueError(f"a ball pressed in by 1 cm gives {force:g} N; allowed: 100 to 1e7 N")

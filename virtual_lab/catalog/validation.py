@@ -12,6 +12,13 @@ from virtual_lab.errors import InputError, nearest
 __all__ = ["validate"]
 
 T = TypeVar("T")
+WORDS = {  # of the validator's messages, for people who read no Python
+    "Input should": "must",
+    "Tuple should": "must",
+    "a valid dictionary": "a table { key, value }",
+    "a valid tuple": "a list",
+    " after validation": "",
+}
 
 
 def validate(document: Mapping[str, Any], where: str, spec: type[T]) -> T:
@@ -26,8 +33,9 @@ def validate(document: Mapping[str, Any], where: str, spec: type[T]) -> T:
         unknown = [each for each in errors if each["type"] == "unexpected_keyword_argument"]
         error = (unknown or errors)[0]
         key, value = ".".join(map(str, error["loc"])), _at(document, error["loc"])
-        message = error["msg"].removeprefix("Value error, ").replace("Input should", "must")
-        message = message.replace("a valid dictionary", "a table { key, value }")
+        message = error["msg"].removeprefix("Value error, ")
+        for theirs, ours in WORDS.items():
+            message = message.replace(theirs, ours)
         if error["type"] == "missing":
             value, message = None, "this key is missing"
         if unknown:

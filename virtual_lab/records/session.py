@@ -19,7 +19,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from virtual_lab.catalog.specs import Real, Spec, Whole
+from virtual_lab.catalog.specs import Name, Real, Spec, Title, Whole
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.files import inside, parse_table, read_bytes, read_json, read_text
@@ -127,16 +127,16 @@ class SessionForm(Spec):
     """The keys of ``session.json``."""
 
     schema: Literal[1]
-    bat: str
-    ball: str
+    bat: Name
+    ball: Name
     rigs: Mapping[str, str]
     channels: Mapping[str, Mapping[str, ChannelEntry]]
     calibration: Mapping[str, ConstantEntry]
-    date: str = ""
-    bat_sport: str = ""
-    ball_sport: str = ""
-    laboratory: str = ""
-    customer: str = ""
+    date: Name = ""
+    bat_sport: Name = ""
+    ball_sport: Name = ""
+    laboratory: Title = ""
+    customer: Title = ""
     simulation: Mapping[str, Any] = field(default_factory=dict)
 
 

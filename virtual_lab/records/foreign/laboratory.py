@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from virtual_lab import catalog
-from virtual_lab.catalog.specs import BatSport, Spec, Sport
+from virtual_lab.catalog.specs import BatSport, Name, Spec, Sport, Title
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError
 from virtual_lab.files import inside, read_toml
@@ -27,8 +27,8 @@ BLANK = "?"  # what stands in a form where something is to be filled in
 class LaboratoryForm(Spec):
     """The form's own keys; what is in channels and calibration is read by itself."""
 
-    bat: str
-    ball: str
+    bat: Name
+    ball: Name
     procedure: str
     rigs: Mapping[str, str]  # stage: name
     calibration: Mapping[str, Any]  # "stage.instrument.constant"
@@ -36,8 +36,8 @@ class LaboratoryForm(Spec):
     date: str | datetime.date = ""
     bat_sport: BatSport | Literal[""] = ""
     ball_sport: Sport | Literal[""] = ""
-    laboratory: str = ""
-    customer: str = ""
+    laboratory: Title = ""
+    customer: Title = ""
     index_from: FirstIndex = 0
 
 

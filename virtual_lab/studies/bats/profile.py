@@ -288,7 +288,7 @@ def read_inertia(text: str, axis_beyond_knob: float = -KNOB_OFFSET) -> float:
     InputError
         No unit, a unit of something else, a number beyond what a bat may have, an unknown bat.
     """
-    if text.endswith(".toml") or not re.match(r"[\s.+-]*\d", text):
+    if text.endswith(".toml") or not re.match(r"[\s.+-]*(\d|inf|nan)", text):
         return _inertia(beam_of(catalog.load_bat(text).spec.body), axis_beyond_knob)
     number, _, unit = text.strip().partition(" ")
     units = DIMENSIONS["inertia"]
