@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
+from operator import index
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,8 +19,10 @@ from virtual_lab.files import new_folder
 from virtual_lab.lab import Tested, certify_bat
 from virtual_lab.lab.seal import TRUTH, write_seal
 from virtual_lab.measurement.certification import Certification, certify_session
+from virtual_lab.output.metrics import METRICS
+from virtual_lab.output.rounding import with_uncertainty
 from virtual_lab.records.foreign.laboratory import FORM
-from virtual_lab.records.session import load_session, save_session
+from virtual_lab.records.session import SESSION, load_session, save_session
 from virtual_lab.simulation.rig import Motion, Reality
 from virtual_lab.simulation.truth import Sealed
 from virtual_lab.studies.foreign import certify_laboratory
@@ -31,14 +34,14 @@ if TYPE_CHECKING:
 __all__ = ["Certificate", "certify", "reduce"]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Certificate:
     """A bat's certificate and everything behind it."""
 
     certification: Certification
-    sealed: Sealed | None = field(default=None, repr=False)
-    control: Certificate | None = field(default=None, repr=False)  # of the control bat
-    film: Callable[[Path], None] | None = field(default=None, repr=False)  # of the first shot
+    sealed: Sealed | None = None
+    control: Certificate | None = None  # of the control bat
+    film: Callable[[Path], None] | None = None  # of the first shot
 
     @cached_property
     def document(self) -> dict[str, Any]:
@@ -107,21 +110,30 @@ class Certificate:
         assert self.sealed is not None
         return (json.dumps(self.sealed.document(), indent=1, allow_nan=False) + "\n").encode()
 
+    def __repr__(self) -> str:
+        found = self.certification
+        words = f"{found.session.bat} by {found.procedure.name}: {self.verdict}"
+        if found.metric:
+            printed = METRICS[found.procedure.metric]
+            numbers = found.metric.value / printed.unit_si, found.metric.u / printed.unit_si
+            words += f", {printed.symbol} {with_uncertainty(*numbers)} {printed.unit}"
+        return f"<Certificate of {words.rstrip()}>"
+
     def _repr_html_(self) -> str:
         return notebook_card(self.document)
 
 
 def certify(
-    bat: str,
+    bat: str | Path,
     *,
-    procedure: str = "astm-f1881",
+    procedure: str | Path = "astm-f1881",
     rig: str | None = None,
     seed: int | None = None,
     reality: Reality | str = Reality.REAL,
     rung: str | None = None,
     motion: str = Motion.CLOSED_FORM.value,
-    faults: Sequence[str] = (),
-    control_bat: str | None = None,
+    faults: str | Sequence[str] = (),
+    control_bat: str | Path | None = None,
     correction: str | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> Certificate:
@@ -159,22 +171,31 @@ def certify(
     Raises
     ------
     InputError
-        An unknown name or a file that cannot be used.
+        An unknown name, a file that cannot be used, a seed that is no whole number from 0.
     """
     tested = certify_bat(
-        bat,
-        procedure=procedure,
+        str(bat),
+        procedure=str(procedure),
         rig=rig,
-        seed=seed,
-        reality=Reality(reality),
+        seed=None if seed is None else _one(seed),
+        reality=Reality.named(reality),
         rung=rung,
         motion=motion,
-        faults=faults,
-        control_bat=control_bat,
+        faults=(faults,) if isinstance(faults, str) else faults,
+        control_bat=None if control_bat is None else str(control_bat),
         correction=correction,
         say=say,
     )
     return _certificate(tested)
+
+
+def _one(seed: object) -> int:
+    """Return a seed as a plain number, whoever's kind of whole number it is."""
+    try:
+        return index(seed)  # type: ignore[arg-type]
+    except TypeError as fault:
+        allowed = "one whole number from 0; for several, certify once with each"
+        raise InputError("", "seed", seed, f"allowed: {allowed}") from fault
 
 
 def _certificate(tested: Tested) -> Certificate:
@@ -199,4 +220,7 @@ def reduce(records: str | Path) -> Certificate:
     folder = Path(records)
     if (folder / FORM).exists():
         return Certificate(certification=certify_laboratory(folder))
+    inner = [path.parent for path in sorted(folder.glob(f"*/{SESSION}"))]
+    if inner and not (folder / SESSION).exists():
+        raise InputError("", "records", str(folder), f"they are in {inner[0]}")
     return Certificate(certification=certify_session(load_session(folder)))

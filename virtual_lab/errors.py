@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-__all__ = ["InputError"]
+import difflib
+from collections.abc import Iterable
+
+__all__ = ["InputError", "nearest"]
 
 
 class InputError(ValueError):
@@ -13,6 +16,12 @@ class InputError(ValueError):
         parts = [str(where)] if where else []
         parts.append(f"{key} = {_short(value)}" if value is not None else key)
         super().__init__(f"{': '.join(parts)}; {allowed}")
+
+
+def nearest(name: object, known: Iterable[str]) -> str:
+    """Return a question that suggests the known names nearest to a mistyped one, or nothing."""
+    near = difflib.get_close_matches(str(name).lower(), list(known), n=2, cutoff=0.5)
+    return f"did you mean {' or '.join(near)}? " if near else ""
 
 
 def _short(value: object) -> str:

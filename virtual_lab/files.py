@@ -6,6 +6,8 @@ import csv
 import io
 import json
 import os
+import re
+import stat
 import tomllib
 import warnings
 from collections.abc import Iterator
@@ -23,9 +25,11 @@ if TYPE_CHECKING:
 __all__ = [
     "check_new_folder",
     "first_free",
+    "inside",
     "new_files",
     "new_folder",
     "parse_table",
+    "parse_toml",
     "read_bytes",
     "read_json",
     "read_table",
@@ -33,43 +37,106 @@ __all__ = [
     "read_toml",
 ]
 
+LARGEST = 2e9  # B of a table
+LARGEST_TEXT = 20e6  # B of a document; the largest of ours has 0.1 MB
+DEEPEST = 32  # levels of a document; ours have six
+# a key of a key of a key …
+DOTTED = re.compile(rf"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){{{DEEPEST}}}")
+NESTED = f"is nested deeper than {DEEPEST} levels"
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab"}
 
 
-def read_bytes(path: Path) -> bytes:
-    """Return the content of a file; `InputError` where it cannot be read."""
+def read_bytes(path: Path, *, most: float = LARGEST) -> bytes:
+    """Return the content of a file; `InputError` where it cannot be read or is beyond `most` B."""
     try:
-        return path.read_bytes()
+        found = path.stat()
+        # a device or a pipe may never end
+        if stat.S_ISREG(found.st_mode) and found.st_size <= most:
+            return path.read_bytes()
     except OSError as fault:
         raise InputError(str(path), "file", None, f"cannot be read ({fault.strerror})") from fault
+    except ValueError as fault:  # a name that no file can have
+        raise InputError(str(path), "file", None, f"cannot be read ({fault})") from fault
+    allowed = f"cannot be read (it is no file, or has more than {most / 1e6:g} MB)"
+    raise InputError(str(path), "file", None, allowed)
 
 
 def read_text(path: Path) -> str:
     """Return the text of a UTF-8 file, with or without its mark; `InputError` where it is none."""
     try:
-        return read_bytes(path).decode("utf-8-sig")
+        return read_bytes(path, most=LARGEST_TEXT).decode("utf-8-sig")
     except UnicodeDecodeError as fault:
         raise InputError(str(path), "file", None, f"is no UTF-8 text ({fault.reason})") from fault
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Return the JSON object in a file; `InputError` where it holds none."""
-    data = read_bytes(path)
+    """Return the JSON object in a file; `InputError` where it holds none, or a key twice."""
+    text = read_text(path)
     try:
-        document = json.loads(data)
+        document = json.loads(text, object_pairs_hook=_once, parse_constant=_no_number)
     except ValueError as fault:
         raise InputError(str(path), "JSON", None, f"cannot be parsed: {fault}") from fault
+    except RecursionError as fault:
+        raise InputError(str(path), "JSON", None, NESTED) from fault
     if not isinstance(document, dict):
         raise InputError(str(path), "JSON", type(document).__name__, "expected an object")
+    _require_shallow(document, str(path), "JSON")
     return document
 
 
 def read_toml(path: Path) -> dict[str, Any]:
     """Return the TOML document in a file; `InputError` where it holds none."""
+    return parse_toml(read_text(path), str(path))
+
+
+def parse_toml(text: str, where: str) -> dict[str, Any]:
+    """Return the TOML document that `text` holds, as `read_toml` does."""
+    if DOTTED.search(text):  # the parser takes hours
+        raise InputError(where, "TOML", None, NESTED)
     try:
-        return tomllib.loads(read_text(path))
-    except tomllib.TOMLDecodeError as fault:
-        raise InputError(str(path), "TOML", None, f"cannot be parsed: {fault}") from fault
+        document = tomllib.loads(text)
+    except ValueError as fault:  # of the parser, or a whole number of thousands of digits
+        raise InputError(where, "TOML", None, f"cannot be parsed: {fault}") from fault
+    except RecursionError as fault:
+        raise InputError(where, "TOML", None, NESTED) from fault
+    _require_shallow(document, where, "TOML")
+    return document
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return the object of JSON's pairs, of which a plain one would keep the last."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in found if keys.count(key) > 1)
+        raise ValueError(f"the key {twice!r} stands there twice")
+    return found
+
+
+def _no_number(text: str) -> None:
+    raise ValueError(f"{text} is no number of JSON")
+
+
+def _require_shallow(document: dict[str, Any], where: str, kind: str) -> None:
+    """Refuse what would take every function that follows it down beyond Python's stack."""
+    level: list[Any] = [document]
+    for _ in range(DEEPEST):
+        parts = (part.values() if isinstance(part, dict) else part for part in level)
+        level = [each for part in parts for each in part if isinstance(each, dict | list)]
+        if not level:
+            return
+    raise InputError(where, kind, None, NESTED)
+
+
+def inside(folder: Path, name: str, where: str, key: str) -> Path:
+    """Return the path of a file in a folder; `InputError` where it leads out of it."""
+    path = folder / name
+    try:
+        if path.resolve().is_relative_to(folder.resolve()):
+            return path
+    except (OSError, ValueError, RuntimeError) as fault:  # links in a circle, a NUL
+        raise InputError(where, key, name, f"cannot be read ({fault})") from fault
+    raise InputError(where, key, name, f"leads out of {folder}; allowed: files within it")
 
 
 def read_table(path: Path, *, delimiter: str = ",", decimal: str = ".") -> pd.DataFrame:
@@ -156,6 +223,17 @@ def _head(data: bytes, where: str, delimiter: str) -> list[str]:
 
 def check_new_folder(target: Path) -> None:
     """Raise `InputError` unless `target` can become a new folder: absent or empty, writable."""
+    try:
+        linked = stat.S_ISLNK(target.lstat().st_mode)
+    except (FileNotFoundError, NotADirectoryError):
+        linked = False
+    except (OSError, ValueError) as fault:  # too long, links in a circle, a NUL
+        allowed = f"cannot be written ({getattr(fault, 'strerror', fault)})"
+        raise InputError("", "output folder", str(target), allowed) from fault
+    if linked and not target.exists():
+        raise InputError("", "output folder", str(target), "is a link that leads nowhere")
+    if target.absolute() == Path.cwd():
+        raise InputError("", "output folder", str(target), "is where you are; name one within it")
     if target.exists() and not target.is_dir():
         raise InputError("", "output folder", str(target), "is a file; name another folder")
     if target.is_dir() and any(target.iterdir()):

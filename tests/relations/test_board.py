@@ -30,7 +30,15 @@ def test_boards_by_name() -> None:
     )
     marked = board_of("charuco:5x4:3cm:20mm:DICT_5X5_100")
     assert (marked.marker, marked.dictionary) == (0.02, "5X5_100")
-    assert length_of("-3mm", "--height", signed=True) == -0.003
+    assert length_of("-3mm", "--height", -1, 1) == -0.003
+
+
+@pytest.mark.parametrize(
+    ("text", "metres"),
+    [("73mm", 0.073), ("7.3 cm", 0.073), (".073m", 0.073), ("2.875in", 0.073025)],
+)
+def test_lengths_with_units(text: str, metres: float) -> None:
+    assert length_of(text, "--ball", 0, 1) == pytest.approx(metres)
 
 
 @pytest.mark.parametrize(
@@ -42,9 +50,11 @@ def test_boards_by_name() -> None:
         ("chessboard:9,6:25mm", "squares in a row x rows"),
         ("chessboard:3x3:25mm", "at least 4x3"),
         ("chessboard:9x6:25", "a length with its unit"),
-        ("chessboard:9x6:0mm", "a length with its unit"),
-        ("chessboard:9x6:-5mm", "a length with its unit"),
+        ("chessboard:9x6:0mm", "0.001 to 1 m"),
+        ("chessboard:9x6:-5mm", "0.001 to 1 m"),
         ("chessboard:9x6:2.5.1mm", "a length with its unit"),
+        ("chessboard:14x9:40m", "0.001 to 1 m"),
+        ("chessboard:999x999:40mm", "longer than 10 m"),
         ("charuco:9x6:25mm:25mm", "smaller than its square"),
         ("charuco:9x6:25mm:18mm:9X9_50", "allowed: 4X4_50"),
         ("charuco:14x9:25mm:18mm:5X5_50", "the board has 63 markers"),

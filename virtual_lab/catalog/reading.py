@@ -6,17 +6,13 @@ A catalog name (``r161``) is looked up in the shipped ``data``; anything that en
 
 from __future__ import annotations
 
-import difflib
-import tomllib
-from collections.abc import Hashable, Iterable, Iterator, Mapping
+import os
+from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.resources import files
-from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Any, Generic, TypeVar, cast
-
-from annotated_types import Gt
 
 from virtual_lab.catalog.specs import (
     BatSpec,
@@ -24,11 +20,14 @@ from virtual_lab.catalog.specs import (
     Dimension,
     HoopMode,
     Lump,
+    Name,
     PublishedBat,
     Spec,
+    Title,
 )
 from virtual_lab.catalog.validation import validate
-from virtual_lab.errors import InputError
+from virtual_lab.errors import InputError, nearest
+from virtual_lab.files import parse_toml, read_text
 
 __all__ = [
     "KINDS",
@@ -38,7 +37,6 @@ __all__ = [
     "load",
     "load_bat",
     "names",
-    "nearest",
     "sheet",
     "text",
     "title",
@@ -46,6 +44,7 @@ __all__ = [
     "validate",
 ]
 
+DATA = Path(str(files("virtual_lab.data")))
 KINDS = ("bats", "balls", "procedures", "instruments", "rigs", "conditions", "faults")
 T = TypeVar("T")
 
@@ -74,14 +73,7 @@ class Entry(Generic[T]):
 @lru_cache
 def names(kind: str) -> tuple[str, ...]:
     """Return the names the shipped catalog holds of one kind, sorted."""
-    folder = files("virtual_lab.data").joinpath(kind)
-    return tuple(
-        sorted(
-            item.name.removesuffix(".toml")
-            for item in folder.iterdir()
-            if item.name.endswith(".toml")
-        )
-    )
+    return tuple(sorted(path.stem for path in (DATA / kind).glob("*.toml")))
 
 
 def title(kind: str, name: str) -> str:
@@ -89,37 +81,27 @@ def title(kind: str, name: str) -> str:
     return str(sheet(kind, name)[0]["title"])
 
 
-def find(kind: str, name: str) -> Traversable | Path:
+def find(kind: str, name: str) -> Path:
     """Return the file of a catalog name, or the user's own file where `name` ends in .toml.
 
     Raises `InputError` with the nearest names where there is no such file.
     """
     if name.endswith(".toml"):
-        path = Path(name)
-        if not path.is_file():
+        if not os.path.isfile(name):  # and no name that is too long for one
             raise InputError("", f"{kind.removesuffix('s')} file", name, "no such file")
-        return path
+        return Path(name)
     known = names(kind)
     if name not in known:
-        hint = nearest(name, known)
-        raise InputError(
-            "",
-            kind.removesuffix("s"),
-            name,
-            f"{hint}known: {', '.join(known)}, or a .toml file",
-        )
-    return files("virtual_lab.data").joinpath(kind, f"{name}.toml")
-
-
-def nearest(name: str, known: Iterable[str]) -> str:
-    """Return a question that suggests the known names nearest to a mistyped one, or nothing."""
-    near = difflib.get_close_matches(name.lower(), list(known), n=2, cutoff=0.5)
-    return f"did you mean {' or '.join(near)}? " if near else ""
+        others = [other for other in KINDS if name in names(other)]
+        hint = f"{name} is among the {others[0]}; " if others else nearest(name, known)
+        allowed = f"{hint}known: {', '.join(known)}, or a .toml file"
+        raise InputError("", kind.removesuffix("s"), name, allowed)
+    return DATA / kind / f"{name}.toml"
 
 
 def sheet(kind: str, name: str) -> tuple[dict[str, Any], tuple[Datum, ...]]:
     """Return a file as it was parsed, and its numbers with their provenance."""
-    document = _parse(*_text(find(kind, name)))
+    document = parse_toml(*_text(find(kind, name)))
     numbers = load_bat(name).sheet if kind == "bats" else tuple(_sheet(document))
     return document, numbers
 
@@ -157,7 +139,7 @@ def read(text: str, where: str, spec: type[T]) -> Entry[T]:
 @lru_cache(maxsize=64)
 def _read(text: str, where: str, spec: Hashable) -> Any:
     """Read a text once: a test reads its rules anew after every round."""
-    document = _parse(text, where)
+    document = parse_toml(text, where)
     return Entry(validate(document, where, cast("type", spec)), text, tuple(_sheet(document)))
 
 
@@ -168,7 +150,7 @@ def load_bat(name: str) -> Entry[BatSpec]:
 
 def read_bat(text: str, where: str) -> Entry[BatSpec]:
     """Return the bat that TOML `text` describes, resolving ``base`` in the catalog."""
-    document = _parse(text, where)
+    document = parse_toml(text, where)
     if "base" not in document:
         return Entry(validate(document, where, BatSpec), text, tuple(_sheet(document)))
     change = validate(document, where, ModifiedBat)
@@ -185,10 +167,10 @@ def read_bat(text: str, where: str) -> Entry[BatSpec]:
 class ModifiedBat(Spec):
     """A bat made from another: thinner or thicker wall, weights added, hoop mode retuned."""
 
-    name: str
-    title: str
+    name: Name
+    title: Title
     base: str
-    wall_factor: Annotated[float, Gt(0), Dimension("number")]
+    wall_factor: Annotated[float, Dimension("number", 0.2, 5)]
     lumps: tuple[Lump, ...] = ()
     hoop: HoopMode | None = None
     spread: BatSpread | None = None
@@ -227,25 +209,9 @@ def _replaced(key: str, change: ModifiedBat, own: set[str]) -> bool:
     return key in own
 
 
-def _text(path: Traversable | Path) -> tuple[str, str]:
-    try:
-        return path.read_text(encoding="utf-8-sig"), str(path) if isinstance(
-            path, Path
-        ) and not _shipped(path) else path.name
-    except (OSError, UnicodeDecodeError) as fault:
-        raise InputError(str(path), "file", None, f"cannot be read ({fault})") from fault
-
-
-@lru_cache(maxsize=256)
-def _shipped(path: Path) -> bool:
-    return path.resolve().is_relative_to(Path(str(files("virtual_lab.data"))).resolve())
-
-
-def _parse(text: str, where: str) -> dict[str, Any]:
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as fault:
-        raise InputError(where, "TOML", None, f"cannot be parsed: {fault}") from fault
+def _text(path: Path) -> tuple[str, str]:
+    """Return a file's text, and its name in errors: of one that ships, without its folder."""
+    return read_text(path), path.name if path.is_relative_to(DATA) else str(path)
 
 
 def _sheet(document: Any, prefix: str = "") -> Iterator[Datum]:

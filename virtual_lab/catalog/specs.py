@@ -10,73 +10,107 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import isfinite
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, cast
 
 import numpy as np
-from annotated_types import Ge, Gt, Le, Lt, MinLen
+from annotated_types import Ge, Gt, Le, Len, Lt
 from numpy.typing import ArrayLike, NDArray
 
-from virtual_lab.units import DIMENSIONS, to_si
+from virtual_lab.errors import nearest
+from virtual_lab.units import DIMENSIONS, from_si, to_si
 
 if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler
     from pydantic_core import CoreSchema
 
 __all__ = [
+    "CHECK_STANDARD",
     "BallAgeing",
     "BallSpec",
     "BallSpread",
     "BatBody",
     "BatSpec",
+    "BatSport",
     "BatSpread",
     "Dimension",
+    "Exact",
     "HoopMode",
     "Lump",
     "Material",
+    "Name",
     "Profile",
     "PublishedBat",
+    "Real",
     "RestitutionLine",
     "Spec",
     "Sport",
+    "Title",
+    "Whole",
+    "YesNo",
 ]
 
-QUANTITY_KEYS = frozenset({"value", "unit", "source", "verified", "note"})
+QUANTITY_KEYS = ("value", "unit", "source", "verified", "note")
+GREATEST = 1e300  # a whole number in TOML may be beyond any float
+LARGEST = 1e18  # of any quantity, SI: products of such numbers stay finite
 
 
 @dataclass(frozen=True, slots=True)
 class Dimension:
-    """Mark on a field: its file entry is a quantity of this dimension, read into SI."""
+    """Mark on a field: its file entry is a quantity of this dimension, read into SI.
+
+    What lies beyond `low` to `high` is a slip, of the unit mostly: no such thing is made.
+    """
 
     name: str
+    low: float = -LARGEST
+    high: float = LARGEST
 
     def read(self, raw: object) -> object:
         """Return the SI value (or tuple of values) of one file entry; `ValueError` if unfit."""
         if not isinstance(raw, Mapping):
             raise ValueError("expected a table { value, unit, source, verified }")
-        if unknown := sorted(set(raw) - QUANTITY_KEYS):
+        if unknown := sorted(set(raw) - set(QUANTITY_KEYS)):
+            hint = nearest(unknown[0], QUANTITY_KEYS)
             raise ValueError(
-                f"unknown key {unknown[0]!r}, allowed: {', '.join(sorted(QUANTITY_KEYS))}"
+                f"unknown key {unknown[0]!r}, {hint}allowed: {', '.join(QUANTITY_KEYS)}"
             )
         for key in ("value", "unit", "source", "verified"):
             if key not in raw:
                 raise ValueError(f"misses {key!r} (value, unit, source and verified are needed)")
         units = DIMENSIONS[self.name]
-        if raw["unit"] not in units:
-            raise ValueError(f"unit {raw['unit']!r} is no {self.name}, allowed: {', '.join(units)}")
+        unit = raw["unit"]
+        if not isinstance(unit, str) or unit not in units:
+            hint = nearest(unit, units)
+            raise ValueError(f"unit {unit!r} is no {self.name}, {hint}allowed: {', '.join(units)}")
         if not isinstance(raw["verified"], bool):
             raise ValueError("verified must be true or false")
         if not (isinstance(raw["source"], str) and raw["source"]):
             raise ValueError("source must name where the number comes from")
         value = raw["value"]
         if isinstance(value, list):
-            return tuple(self._number(item, raw["unit"]) for item in value)
-        return self._number(value, raw["unit"])
+            return tuple(self._number(item, unit) for item in value)
+        return self._number(value, unit)
 
     def _number(self, value: object, unit: str) -> float:
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not isfinite(value):
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, int | float)
+            or not abs(value) < GREATEST
+        ):
             raise ValueError("value must be a finite number")
-        return to_si(float(value), unit, self.name)
+        number = to_si(float(value), unit, self.name)
+        if self.low <= number <= self.high:
+            return number
+        low, high = (from_si(end, unit, self.name) for end in (self.low, self.high))
+        meant = [
+            repr(other)
+            for other in DIMENSIONS[self.name]
+            if other not in ("um", "ppm")
+            and self.low <= to_si(float(value), other, self.name) <= self.high
+        ]
+        hint = f" (is the unit {' or '.join(meant)}?)" if meant else ""
+        allowed = f"{low:g} to {high:g} {unit}".removesuffix(" 1")
+        raise ValueError(f"{value:g} is beyond {allowed}{hint}")
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
@@ -86,6 +120,36 @@ class Dimension:
         return core_schema.no_info_before_validator_function(self.read, handler(source))
 
 
+@dataclass(frozen=True, slots=True)
+class Words:
+    """Mark on a field: its file entry is a line that can be printed."""
+
+    most: int
+
+    def read(self, raw: object) -> object:
+        """Return the entry; `ValueError` if unfit."""
+        if isinstance(raw, str) and not (raw.isprintable() and len(raw) <= self.most):
+            raise ValueError(f"must be a line of up to {self.most} characters that can be printed")
+        return raw
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_before_validator_function(self.read, handler(source))
+
+
+@dataclass(frozen=True, slots=True)
+class Exact:
+    """Mark on a field: its file entry is of the very type, no text for a number, no 1 for true."""
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return cast("CoreSchema", {**handler(source), "strict": True})
+
+
 class Spec:
     """Base of every nominal dataclass: unknown keys in its file are errors."""
 
@@ -93,25 +157,39 @@ class Spec:
     __pydantic_config__ = {"extra": "forbid", "allow_inf_nan": False}  # noqa: RUF012 pydantic's own form
 
 
-Length = Annotated[float, Dimension("length")]
+Name = Annotated[str, Words(100)]
+Title = Annotated[str, Words(200)]
+Real = Annotated[float, Exact()]
+Whole = Annotated[int, Exact()]
+YesNo = Annotated[bool, Exact()]
+SHORTEST, LONGEST = 0.2, 1.5  # m, of a bat
+STATIONS = 100  # of an outline: each is a boundary of the mesh
 PositiveLength = Annotated[float, Gt(0), Dimension("length")]
 Sport = Literal["baseball", "softball"]  # whose bat, ball or procedure it is
-Spread = Annotated[float, Ge(0)]
-SpreadNumber = Annotated[float, Ge(0), Dimension("number")]
+CHECK_STANDARD: Final = "check standard"
+BatSport = Literal["baseball", "softball", "check standard"]  # which is no bat
 PositiveNumber = Annotated[float, Gt(0), Dimension("number")]
+NonNegative = Annotated[float, Ge(0), Dimension("number")]
+# a relative standard deviation: five of it leave what is spread above 0
+Spread = Annotated[float, Dimension("number", 0, 0.2)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Profile(Spec):
     """Outline of the bat by stations: z, outer diameter, wall thickness (absent: solid) [m]."""
 
-    z: Annotated[tuple[float, ...], MinLen(2), Dimension("length")]
-    outer_diameter: Annotated[tuple[float, ...], MinLen(2), Dimension("length")]
-    wall: Annotated[tuple[float, ...] | None, Dimension("length")] = None
+    z: Annotated[tuple[float, ...], Len(2, STATIONS), Dimension("length", 0, LONGEST)]
+    outer_diameter: Annotated[tuple[float, ...], Dimension("length", 1e-3, 0.2)]
+    wall: Annotated[tuple[float, ...] | None, Dimension("length", 2e-4, 0.1)] = None
 
     def __post_init__(self) -> None:
         if self.z[0] != 0:
             raise ValueError(f"z must start at 0, the barrel tip, not at {self.z[0]:g} m")
+        if self.z[-1] < SHORTEST:
+            raise ValueError(
+                f"z ends at {self.z[-1]:g} m, and no bat is shorter than {SHORTEST:g} m (is the "
+                "unit right?)"
+            )
         for left, right in zip(self.z, self.z[1:], strict=False):
             if right <= left:
                 raise ValueError(
@@ -123,10 +201,6 @@ class Profile(Spec):
                 continue
             if len(values) != len(self.z):
                 raise ValueError(f"{name} has {len(values)} stations where z has {len(self.z)}")
-            if min(values) <= 0:
-                raise ValueError(
-                    f"{name} must be positive at every station, found {min(values):g} m"
-                )
         if self.wall is not None:
             for diameter, wall in zip(self.outer_diameter, self.wall, strict=True):
                 if 2 * wall > diameter:
@@ -143,9 +217,9 @@ class Material(Spec):
     at the tip to (1 - t) times at the knob; drawings have none, individuals do.
     """
 
-    density: Annotated[float, Gt(0), Dimension("density")]
-    youngs_modulus: Annotated[float, Gt(0), Dimension("modulus")]
-    shear_modulus: Annotated[float, Gt(0), Dimension("modulus")]
+    density: Annotated[float, Dimension("density", 100, 3e4)]
+    youngs_modulus: Annotated[float, Dimension("modulus", 1e8, 1e13)]
+    shear_modulus: Annotated[float, Dimension("modulus", 1e7, 1e13)]
     shear_coefficient: Annotated[float, Gt(0), Le(1), Dimension("number")]
     density_tilt: Annotated[float, Gt(-1), Lt(1), Dimension("number")] = 0.0
 
@@ -154,18 +228,18 @@ class Material(Spec):
 class Lump(Spec):
     """A knob, an end cap or an added weight: mass [kg] and rotary inertia [kg m^2] at z [m]."""
 
-    name: str
-    z: Annotated[float, Ge(0), Dimension("length")]
-    mass: Annotated[float, Gt(0), Dimension("mass")]
-    inertia: Annotated[float, Ge(0), Dimension("inertia")] = 0.0
+    name: Name
+    z: Annotated[float, Dimension("length", 0, LONGEST)]
+    mass: Annotated[float, Gt(0), Dimension("mass", 0, 5)]
+    inertia: Annotated[float, Dimension("inertia", 0, 1)] = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HoopMode(Spec):
     """The n = 2 shell mode of a hollow barrel: a modal coordinate without net momentum."""
 
-    frequency: Annotated[float, Gt(0), Dimension("frequency")]
-    modal_mass: Annotated[float, Gt(0), Dimension("mass")]
+    frequency: Annotated[float, Dimension("frequency", 10, 1e5)]
+    modal_mass: Annotated[float, Dimension("mass", 1e-4, 5)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,7 +248,7 @@ class BatBody(Spec):
 
     profile: Profile
     material: Material
-    damping_ratio: Annotated[float, Ge(0), Lt(1), Dimension("number")]
+    damping_ratio: Annotated[float, Dimension("number", 0, 0.2)]
     lumps: tuple[Lump, ...] = ()
     hoop: HoopMode | None = None
 
@@ -195,9 +269,9 @@ class BatBody(Spec):
 class BatSpread(Spec):
     """How one made bat differs from the drawing: relative standard deviations."""
 
-    density: SpreadNumber
-    youngs_modulus: SpreadNumber
-    density_tilt: SpreadNumber  # of the density, tip against knob
+    density: Spread
+    youngs_modulus: Spread
+    density_tilt: Spread  # of the density, tip against knob
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -217,11 +291,11 @@ class PublishedBat(Spec):
 class BatSpec(Spec):
     """A bat as drawn."""
 
-    name: str
-    title: str
+    name: Name
+    title: Title
     body: BatBody
     spread: BatSpread
-    sport: Sport | None = None  # None: of no sport, or not known
+    sport: BatSport | None = None  # None: not known
     published: PublishedBat | None = None
 
 
@@ -230,9 +304,9 @@ class RestitutionLine(Spec):
     """Ball-wall restitution e0(v) = value + slope (v - speed), never below `floor`."""
 
     speed: Annotated[float, Gt(0), Dimension("speed")]
-    value: Annotated[float, Gt(0), Le(1), Dimension("number")]
+    value: Annotated[float, Dimension("number", 0.05, 1)]
     slope: Annotated[float, Le(0), Dimension("slope of speed")]
-    floor: Annotated[float, Gt(0), Le(1), Dimension("number")]
+    floor: Annotated[float, Dimension("number", 0.05, 1)]
     slope_u: Annotated[float, Ge(0), Dimension("slope of speed")] = 0.0  # of a lot's own
 
     def at(self, speed: ArrayLike) -> NDArray[np.float64]:
@@ -244,9 +318,9 @@ class RestitutionLine(Spec):
 class BallSpread(Spec):
     """Ball to ball within a lot, and hit to hit of one ball: standard deviations."""
 
-    mass: Annotated[float, Ge(0), Dimension("mass")]
-    restitution: SpreadNumber
-    hit_restitution: SpreadNumber
+    mass: Annotated[float, Dimension("mass", 0, 0.02)]
+    restitution: Spread
+    hit_restitution: Spread
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -263,14 +337,19 @@ class BallAgeing(Spec):
 class BallSpec(Spec):
     """A ball as specified; force F = stiffness u^exponent while it is compressed."""
 
-    name: str
-    title: str
-    mass: Annotated[float, Gt(0), Dimension("mass")]
-    radius: PositiveLength
-    stiffness: Annotated[float, Gt(0), Dimension("stiffness")]
-    exponent: Annotated[float, Ge(1), Dimension("number")]
+    name: Name
+    title: Title
+    mass: Annotated[float, Dimension("mass", 0.01, 1)]
+    radius: Annotated[float, Dimension("length", 5e-3, 0.2)]
+    stiffness: Annotated[float, Dimension("stiffness", 1)]
+    exponent: Annotated[float, Dimension("number", 1, 5)]
     restitution: RestitutionLine
     spread: BallSpread
     radius_u: Annotated[float, Ge(0), Dimension("length")] = 0.0  # of a lot's own
     sport: Sport | None = None  # None: not known
     ageing: BallAgeing | None = None
+
+    def __post_init__(self) -> None:
+        force = self.stiffness * 0.01**self.exponent
+        if not 100 <= force <= 1e7:
+            raise ValueError(f"a ball pressed in by 1 cm gives {force:g} N; allowed: 100 to 1e7 N")

@@ -7,11 +7,18 @@ from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from typing import Any, TypeVar, cast, get_args, get_type_hints
 
-from virtual_lab.errors import InputError
+from virtual_lab.errors import InputError, nearest
 
 __all__ = ["validate"]
 
 T = TypeVar("T")
+WORDS = {  # of the validator's messages, for people who read no Python
+    "Input should": "must",
+    "Tuple should": "must",
+    "a valid dictionary": "a table { key, value }",
+    "a valid tuple": "a list",
+    " after validation": "",
+}
 
 
 def validate(document: Mapping[str, Any], where: str, spec: type[T]) -> T:
@@ -21,14 +28,22 @@ def validate(document: Mapping[str, Any], where: str, spec: type[T]) -> T:
     try:
         return cast("T", _adapter(cast("Hashable", spec)).validate_python(document))
     except ValidationError as fault:
-        error = fault.errors(include_url=False)[0]
+        errors = fault.errors(include_url=False)
+        # of a key mistyped two are told: what it is not, and that it is missing
+        unknown = [each for each in errors if each["type"] == "unexpected_keyword_argument"]
+        error = (unknown or errors)[0]
         key, value = ".".join(map(str, error["loc"])), _at(document, error["loc"])
         message = error["msg"].removeprefix("Value error, ")
+        for theirs, ours in WORDS.items():
+            message = message.replace(theirs, ours)
         if error["type"] == "missing":
             value, message = None, "this key is missing"
-        if error["type"] == "unexpected_keyword_argument":
-            allowed = ", ".join(_keys(spec, error["loc"][:-1]))
-            value, message = None, f"unknown key, allowed here: {allowed}"
+        if unknown:
+            *place, name = error["loc"]
+            known = _keys(spec, tuple(place))
+            missing = [str(each["loc"][-1]) for each in errors if each["type"] == "missing"]
+            hint = nearest(name, missing) or nearest(name, known)
+            value, message = None, f"unknown key, {hint}allowed here: {', '.join(known)}"
         raise InputError(where, key or "file", value, message) from fault
 
 
@@ -43,11 +58,12 @@ def _adapter(spec: Hashable) -> Any:
 def _keys(spec: Any, location: tuple[int | str, ...]) -> list[str]:
     """Return the keys a file may have at a place, by following the specs' annotations down."""
     for part in location:
-        if isinstance(part, str):
-            spec = get_type_hints(spec)[part]
-        # an optional or repeated part: the spec is among its type arguments
-        inside = [each for each in (spec, *get_args(spec)) if is_dataclass(each)]
-        spec = inside[0] if inside else spec
+        if is_dataclass(spec):
+            spec = get_type_hints(spec)[str(part)]
+        else:  # of a mapping by names, or of many in a row
+            spec = get_args(spec)[-1 if isinstance(part, str) else 0]
+        if type(None) in get_args(spec):
+            spec = get_args(spec)[0]
     return [field.name for field in fields(spec)]
 
 

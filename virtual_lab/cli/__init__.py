@@ -6,6 +6,7 @@ altered. `virtual_lab.__main__` ends it with 130, 143 or 129 where it is interru
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 
@@ -40,6 +41,9 @@ def main() -> None:
     """Run the command line and leave with its exit code."""
     # the matrices here are small: threads inside one product only get in each other's way
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    for stream in (sys.stdout, sys.stderr):  # of terminals that have no ² and no ±
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
     try:
         code = cli.main(prog_name=PROGRAM, standalone_mode=False)
     except InputError as fault:
@@ -48,6 +52,9 @@ def main() -> None:
         _leave(2, f"{fault.format_message()} (try '{PROGRAM} --help')")
     except click.ClickException as fault:
         _leave(2, fault.format_message())
+    except OSError as fault:  # a disk that is full, a place that may not be written to
+        where = f"{fault.filename}: " if fault.filename else ""
+        _leave(2, f"{where}{fault.strerror or fault}")
     except SystemExit:  # click's answer to a reader that has had enough (EPIPE): no fault
         sys.exit(0)
     except Exception:

@@ -98,11 +98,13 @@ def certify(
     as_json: bool,
 ) -> None:
     """Take BAT (a name or a .toml file) through a procedure and write its certificate."""
+    from virtual_lab import catalog
     from virtual_lab.files import check_new_folder, first_free
 
     if ideal and noise_free:
         raise click.UsageError("--ideal and --noise-free exclude each other")
     reality = "ideal" if ideal else "noise-free" if noise_free else "real"
+    catalog.find("bats", bat)
     target = out or first_free(Path("out") / Path(bat).stem)
     check_new_folder(target)
     from virtual_lab.api import certify as run

@@ -66,11 +66,12 @@ def calibrate(
     for file in (out, drawing):
         if file.exists():
             raise InputError("", "--out", str(file), "is there already; name another")
+    known = board_of(pattern)
     plan = Plan(
-        board=board_of(pattern),
-        square_u=length_of(square_u, "--square-u") if square_u else 0.0,
-        height=length_of(height, "--height", signed=True) if height else 0.0,
-        height_u=length_of(height_u, "--height-u") if height_u else 0.0,
+        board=known,
+        square_u=length_of(square_u or "0m", "--square-u", 0, known.square / 10),
+        height=length_of(height or "0m", "--height", -10, 10),
+        height_u=length_of(height_u or "0m", "--height-u", 0, 0.1),
         plane=plane,
     )
     say = teller()

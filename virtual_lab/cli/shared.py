@@ -25,7 +25,8 @@ json_option = click.option("--json", "as_json", is_flag=True, help="One JSON doc
 
 def teller() -> Callable[[str], None]:
     """Return a teller of progress: to a terminal on stderr, to nobody in a pipe."""
-    return lambda text: click.echo(f"… {text}", err=True) if sys.stderr.isatty() else None
+    told = sys.stderr is not None and sys.stderr.isatty()
+    return lambda text: click.echo(f"… {text}", err=True) if told else None
 
 
 def print_json(document: Any) -> None:

@@ -103,15 +103,15 @@ def faults(
 ) -> None:
     """Play FAULTS of a real day (or all) and hold what comes of them against the predictions."""
     from virtual_lab.files import check_new_folder
-    from virtual_lab.studies.faults import PROCEDURES, save_faults
     from virtual_lab.studies.faults import faults as run
+    from virtual_lab.studies.faults import save_faults
     from virtual_lab.studies.text import faults_text
 
     if out:
         check_new_folder(out)
     rows = run(
         faults,
-        procedures=procedures or PROCEDURES,
+        procedures=procedures,
         laboratories=laboratories,
         first_seed=first_seed,
         say=teller(),

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import json
 import os
-import re
 from pathlib import Path
 
 import click
 
 from virtual_lab.cli.shared import json_option, print_json, teller
-from virtual_lab.errors import InputError
 
 __all__ = ["track"]
+
+BALLS = (1e-3, 1.0)  # m, the diameter
 
 
 @click.command()
@@ -56,6 +56,7 @@ def track(
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # its faults are told as ours
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     from virtual_lab.files import check_new_folder, first_free, new_folder
+    from virtual_lab.relations.board import length_of
     from virtual_lab.video.bat.clip import bat_document, find_bat, recoil_in
     from virtual_lab.video.bat.cover import bat_cover
     from virtual_lab.video.clips.calibration_file import read_calibration
@@ -70,9 +71,11 @@ def track(
     from virtual_lab.video.track.speeds import document, speeds
     from virtual_lab.video.track.tracking import track as run
 
-    out = out or first_free(clip.with_name(f"{clip.stem}-track"))
+    out = out or first_free(clip.parent / f"{clip.absolute().stem or 'clip'}-track")
     check_new_folder(out)
-    known = read_calibration(calibration, ball_diameter=_diameter(ball) if ball else None)
+    known = read_calibration(
+        calibration, ball_diameter=None if ball is None else length_of(ball, "--ball", *BALLS)
+    )
     say = teller()
     locator = quick if in_a_hurry else Refined()
     tracked = run(clip, known, locator, say=say)
@@ -102,21 +105,3 @@ def track(
         speeds_told = "\n".join([track_text(tracked, found), *([bat_text(bat)] if bat else [])])
         told = [speeds_told, *([phases_text(leaning)] if leaning else []), str(out)]
         click.echo("\n\n".join(told))
-
-
-def _diameter(text: str) -> float:
-    """Return a length in metres from "73mm", "7.3 cm", "2.875in"."""
-    from virtual_lab.units import to_si
-
-    units = ("mm", "cm", "m", "in")
-    match = re.fullmatch(r"\s*([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*([a-z]+)\s*", text)
-    allowed = f"expected a diameter with its unit ({', '.join(units)}), e.g. 73mm"
-    if not match or match[2] not in units:
-        raise InputError("", "--ball", text, allowed)
-    try:
-        diameter = to_si(float(match[1]), match[2], "length")
-    except ValueError as fault:
-        raise InputError("", "--ball", text, allowed) from fault
-    if not 0 < diameter < 10:
-        raise InputError("", "--ball", text, "expected a ball's diameter")
-    return diameter

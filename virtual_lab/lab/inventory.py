@@ -9,7 +9,7 @@ from importlib.resources import files
 from typing import Any
 
 from virtual_lab import catalog
-from virtual_lab.errors import InputError
+from virtual_lab.errors import InputError, nearest
 from virtual_lab.output.tables import table_text
 from virtual_lab.relations.flight import slowest_within
 from virtual_lab.simulation.instruments.light_board import LightBoardSpec
@@ -55,7 +55,7 @@ def sheet(name: str) -> dict[str, Any]:
             return _sheet(kind, name)
     if name.endswith(".toml"):
         return _sheet("bats", name)
-    near = catalog.nearest(name, [known for kind in catalog.KINDS for known in catalog.names(kind)])
+    near = nearest(name, [known for kind in catalog.KINDS for known in catalog.names(kind)])
     raise InputError("", "name", name, f"{near}'virtual-lab list' shows what there is")
 
 

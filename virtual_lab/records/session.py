@@ -10,22 +10,26 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from virtual_lab.errors import InputError
-from virtual_lab.files import parse_table, read_bytes, read_json, read_text
+from virtual_lab.catalog.specs import Name, Real, Spec, Title, Whole
+from virtual_lab.catalog.validation import validate
+from virtual_lab.errors import InputError, nearest
+from virtual_lab.files import inside, parse_table, read_bytes, read_json, read_text
 from virtual_lab.records import RECORD_TYPES, Record
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["SCHEMA", "Session", "load_session", "save_session"]
+__all__ = ["SCHEMA", "SESSION", "Session", "load_session", "require_channel", "save_session"]
 
 SCHEMA = 1
+SESSION = "session.json"
 OPTIONAL = (  # left out where the records do not say
     "bat_sport",
     "ball_sport",
@@ -81,7 +85,7 @@ def save_session(session: Session, folder: Path) -> None:
     }
     (folder / "procedure.toml").write_text(session.procedure_text, encoding="utf-8")
     text = json.dumps(document, indent=1, allow_nan=False)
-    (folder / "session.json").write_text(text + "\n", encoding="utf-8")
+    (folder / SESSION).write_text(text + "\n", encoding="utf-8")
 
 
 def _attached(record: Record, path: Path) -> dict[str, Any]:
@@ -98,47 +102,73 @@ def _attached(record: Record, path: Path) -> dict[str, Any]:
     return {"attached": digests} if digests else {}
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChannelEntry(Spec):
+    """What ``session.json`` says of one channel's file."""
+
+    record: str
+    rows: Whole | None = None
+    sha256: str | None = None
+    attached: Mapping[str, str] = field(default_factory=dict)  # name: SHA-256 of the array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConstantEntry(Spec):
+    """What ``session.json`` says of one constant, SI."""
+
+    value: Real
+    u: Real
+    dof: Real = inf
+    source: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SessionForm(Spec):
+    """The keys of ``session.json``."""
+
+    schema: Literal[1]
+    bat: Name
+    ball: Name
+    rigs: Mapping[str, str]
+    channels: Mapping[str, Mapping[str, ChannelEntry]]
+    calibration: Mapping[str, ConstantEntry]
+    date: Name = ""
+    bat_sport: Name = ""
+    ball_sport: Name = ""
+    laboratory: Title = ""
+    customer: Title = ""
+    simulation: Mapping[str, Any] = field(default_factory=dict)
+
+
 def load_session(folder: Path) -> Session:
     """Read a session. `InputError` names the file, key and mend where it cannot be used."""
-    where = folder / "session.json"
-    document = read_json(where)
-    for key in ("bat", "ball", "rigs", "channels", "calibration"):
-        if key not in document:
-            raise InputError(str(where), key, None, "this key is missing")
-    if document.get("schema") != SCHEMA:
-        raise InputError(str(where), "schema", document.get("schema"), f"allowed: {SCHEMA}")
-    for key in ("rigs", "channels", "calibration"):
-        _require_table(document[key], key, where)
-    _require_table(document.get("simulation", {}), "simulation", where)
-    for stage, channels in document["channels"].items():
-        _require_table(channels, f"channels.{stage}", where)
-        for channel, entry in channels.items():
-            _require_table(entry, f"channels.{stage}.{channel}", where)
+    where = folder / SESSION
+    form = validate(read_json(where), str(where), SessionForm)
     return Session(
-        bat=document["bat"],
-        ball=document["ball"],
-        rigs=document["rigs"],
-        procedure_text=read_text(folder / "procedure.toml"),
-        calibration={
-            key: _known(entry, f"calibration.{key}", where)
-            for key, entry in document["calibration"].items()
-        },
+        bat=form.bat,
+        ball=form.ball,
+        rigs=form.rigs,
+        procedure_text=read_text(inside(folder, "procedure.toml", str(where), "procedure")),
+        calibration={key: _known(entry, key, where) for key, entry in form.calibration.items()},
         records={
             stage: {
-                channel: _record(folder / stage / f"{channel}.csv", entry, where)
+                channel: _record(folder, (stage, channel), entry, where)
                 for channel, entry in channels.items()
             }
-            for stage, channels in document["channels"].items()
+            for stage, channels in form.channels.items()
         },
-        date=str(document.get("date", "")),
-        **{key: str(document.get(key, "")) for key in OPTIONAL},
-        simulation=document.get("simulation", {}),
+        date=form.date,
+        **{key: getattr(form, key) for key in OPTIONAL},
+        simulation=form.simulation,
     )
 
 
-def _require_table(entry: object, key: str, where: Path) -> None:
-    if not isinstance(entry, Mapping):
-        raise InputError(str(where), key, str(entry), "expected an object { … }")
+def require_channel(stage: str, channel: str, where: Path) -> None:
+    """Refuse names of a stage and a channel that could lead out of the folder they lie in."""
+    for name in (stage, channel):
+        if not re.fullmatch(r"[\w-]{1,100}", name, re.ASCII):
+            allowed = "allowed as names: letters, digits, - and _"
+            raise InputError(str(where), "channels", name, allowed)
 
 
 def _written(known: Estimate) -> dict[str, Any]:
@@ -150,56 +180,43 @@ def _written(known: Estimate) -> dict[str, Any]:
     return entry
 
 
-def _known(entry: Any, key: str, where: Path) -> Estimate:
+def _known(entry: ConstantEntry, key: str, where: Path) -> Estimate:
     try:
-        return Estimate(
-            value=float(entry["value"]),
-            u=float(entry["u"]),
-            dof=float(entry.get("dof", inf)),
-            source=str(entry.get("source", "")),
-        )
-    except (TypeError, KeyError, AttributeError, OverflowError) as fault:
-        allowed = "expected { value, u } and, where limited, dof: numbers, SI"
-        raise InputError(str(where), key, str(entry), allowed) from fault
+        return Estimate(value=entry.value, u=entry.u, dof=entry.dof, source=entry.source)
     except ValueError as fault:
-        raise InputError(str(where), key, None, str(fault)) from fault
+        raise InputError(str(where), f"calibration.{key}", None, str(fault)) from fault
 
 
-def _record(path: Path, entry: Mapping[str, Any], where: Path) -> Record:
-    kind = str(entry.get("record"))
-    if kind not in RECORD_TYPES:
-        raise InputError(
-            str(where), f"{path.stem}.record", kind, f"allowed: {', '.join(RECORD_TYPES)}"
-        )
+def _record(folder: Path, name: tuple[str, str], entry: ChannelEntry, where: Path) -> Record:
+    require_channel(*name, where)
+    key = f"channels.{'.'.join(name)}"
+    if entry.record not in RECORD_TYPES:
+        allowed = f"{nearest(entry.record, RECORD_TYPES)}allowed: {', '.join(RECORD_TYPES)}"
+        raise InputError(str(where), f"{key}.record", entry.record, allowed)
+    path = inside(folder, f"{'/'.join(name)}.csv", str(where), key)
     data = read_bytes(path)
     table = parse_table(data, str(path))
-    if "rows" in entry and entry["rows"] != len(table):
-        raise InputError(
-            str(path),
-            "rows",
-            len(table),
-            f"session.json says {entry['rows']} (is the record cut short?)",
-        )
-    if "sha256" in entry and entry["sha256"] != hashlib.sha256(data).hexdigest():
+    if entry.rows not in (None, len(table)):
+        allowed = f"session.json says {entry.rows} (is the record cut short?)"
+        raise InputError(str(path), "rows", len(table), allowed)
+    if entry.sha256 not in (None, hashlib.sha256(data).hexdigest()):
         raise InputError(
             str(path),
             "sha256",
             None,
             "not the record session.json was written with (if the change is meant, drop the key)",
         )
-    record = RECORD_TYPES[kind].from_table(table, str(path))
+    record = RECORD_TYPES[entry.record].from_table(table, str(path))
     return _with_arrays(record, entry, path)
 
 
-def _with_arrays(record: Record, entry: Mapping[str, Any], path: Path) -> Record:
+def _with_arrays(record: Record, entry: ChannelEntry, path: Path) -> Record:
     """Return a record with the arrays that lie beside its table, read as they are needed."""
-    listed = entry.get("attached", {})
-    _require_table(listed, f"{path.stem}.attached", path)
-    for name, digest in listed.items():
-        beside = path.with_name(f"{path.stem}-{name}.npy")
+    for name, digest in entry.attached.items():
         if name not in record.attached:
             allowed = f"allowed: {', '.join(record.attached) or 'nothing'}"
             raise InputError(str(path), "attached", name, allowed)
+        beside = inside(path.parent, f"{path.stem}-{name}.npy", str(path), "attached")
         try:
             with beside.open("rb") as file:
                 same = hashlib.file_digest(file, "sha256").hexdigest() == digest

@@ -22,6 +22,8 @@ LENGTHS = ("mm", "cm", "m", "in", "um")
 DICTIONARIES = tuple(
     f"{bits}X{bits}_{count}" for bits in (4, 5, 6, 7) for count in (50, 100, 250, 1000)
 )
+SQUARE = (1e-3, 1.0)  # m, the side of a square
+LONGEST = 10.0  # m, of a board
 FORM = "charuco:COLUMNSxROWS:SQUARE:MARKER[:DICTIONARY] or chessboard:COLUMNSxROWS:SQUARE"
 
 
@@ -75,8 +77,10 @@ def board_of(text: str, key: str = "--board") -> Board:
     columns, rows = int(counts[1]), int(counts[2])
     if columns < 4 or rows < 3:
         raise InputError("", key, parts[0], "at least 4x3 squares")
-    square = length_of(parts[1], key)
-    marker = length_of(parts[2], key) if charuco else 0.0
+    square = length_of(parts[1], key, *SQUARE)
+    if max(columns, rows) * square > LONGEST:
+        raise InputError("", key, text, f"a side is longer than {LONGEST:g} m")
+    marker = length_of(parts[2], key, 0.0, square) if charuco else 0.0
     if charuco and marker >= square:
         raise InputError("", key, parts[2], f"a marker is smaller than its square, {parts[1]}")
     dictionary = parts[3].removeprefix("DICT_") if len(parts) == 4 else "4X4_1000"
@@ -95,9 +99,9 @@ def board_of(text: str, key: str = "--board") -> Board:
     )
 
 
-def length_of(text: str, key: str, *, signed: bool = False) -> float:
-    """Return a length in metres from ``25mm``; `InputError` where it is none above 0."""
-    match = re.fullmatch(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*([a-z]+)\s*", text)
+def length_of(text: str, key: str, low: float, high: float) -> float:
+    """Return a length in metres from ``25mm``; `InputError` where it is none of `low` to `high`."""
+    match = re.fullmatch(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*([a-z]+)\s*", text, re.ASCII)
     allowed = f"expected a length with its unit ({', '.join(LENGTHS)}), e.g. 25mm"
     if not match or match[2] not in LENGTHS:
         raise InputError("", key, text, allowed)
@@ -105,6 +109,6 @@ def length_of(text: str, key: str, *, signed: bool = False) -> float:
         length = to_si(float(match[1]), match[2], "length")
     except ValueError as fault:
         raise InputError("", key, text, allowed) from fault
-    if not (-100 if signed else 0) < length < 100:
-        raise InputError("", key, text, allowed)
+    if not low <= length <= high:
+        raise InputError("", key, text, f"allowed: {low:g} to {high:g} m")
     return length

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.errors import InputError
+from virtual_lab.errors import InputError, nearest
 from virtual_lab.records import Record, ShotLog
 from virtual_lab.simulation.instruments import Rung
 from virtual_lab.simulation.truth import TrueBalls, TrueBat, TrueOutcome
@@ -59,6 +59,15 @@ class Reality(Enum):
     REAL = "real"
     NOISE_FREE = "noise-free"  # no randomness; ring, counts, drag and friction stay
     IDEAL = "ideal"  # nor these: every individual and instrument equals its nominal
+
+    @classmethod
+    def named(cls, name: Reality | str) -> Reality:
+        """Return the reality of a name; `InputError` where there is none."""
+        try:
+            return cls(name)
+        except ValueError as fault:
+            allowed = f"allowed: {', '.join(each.value for each in cls)}"
+            raise InputError("", "reality", name, allowed) from fault
 
     def draws(self, seed: int, *branch: int) -> Draws:
         """Return the random numbers a laboratory of this kind draws, or those of a branch."""
@@ -220,5 +229,6 @@ def find_rig(name: str, stage: Stage) -> Rig:
     rigs = installed_rigs()
     fitting = [key for key, rig in rigs.items() if rig.stage is stage]
     if name not in fitting:
-        raise InputError("", f"{stage.value} rig", name, f"installed: {', '.join(fitting)}")
+        allowed = f"{nearest(name, fitting)}installed: {', '.join(fitting)}"
+        raise InputError("", f"{stage.value} rig", name, allowed)
     return rigs[name]

@@ -47,7 +47,7 @@ def faults(
     names: Sequence[str] = (),
     *,
     bat: str = "r161",
-    procedures: Sequence[str] = PROCEDURES,
+    procedures: Sequence[str] = (),
     laboratories: int = 60,
     first_seed: int = 1,
     say: Callable[[str], None] = lambda _: None,
@@ -59,7 +59,7 @@ def faults(
     names
         Faults in the catalog; none: every one.
     bat, procedures
-        Names in the catalog. A fault is played by the procedures it has a prediction for.
+        Names in the catalog; no procedures: all that the faults have predictions for.
     laboratories, first_seed
         How many seeds, and the first.
     say
@@ -77,20 +77,27 @@ def faults(
     Raises
     ------
     InputError
-        Unknown names, or fewer than 2 laboratories.
+        Unknown names, fewer than 2 laboratories, a procedure that no fault is predicted for, or
+        a fault that is predicted for none of the procedures.
     """
     if laboratories < 2:
         raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
     sheets = [catalog.load("faults", name, FaultSheet).spec for name in names or _every()]
+    for procedure in procedures:
+        catalog.find("procedures", procedure)
+    if procedures:
+        _require_played(sheets, procedures)
     seeds = range(first_seed, first_seed + laboratories)
     rows = []
-    for procedure in procedures:
+    for procedure in procedures or PROCEDURES:
         predicted = {
             sheet.name: prediction
             for sheet in sheets
             for prediction in sheet.predictions
             if prediction.procedure == procedure
         }
+        if not predicted:
+            continue
         say(f"{procedure}: {laboratories} sound laboratories")
         sound = [_play(bat, procedure, seed, ()) for seed in seeds]
         rows.append(_sound_row(procedure, sound))
@@ -107,6 +114,20 @@ def save_faults(rows: Sequence[dict[str, Any]], folder: Path) -> None:
 
     with new_folder(folder) as draft:
         pd.DataFrame(rows).to_csv(draft / "faults.csv", index=False, float_format="%.5g")
+
+
+def _require_played(sheets: Sequence[FaultSheet], procedures: Sequence[str]) -> None:
+    """Refuse faults and procedures of which nothing would be played."""
+    able = {sheet.name: {each.procedure for each in sheet.predictions} for sheet in sheets}
+    for fault, own in able.items():
+        if not own & set(procedures):
+            allowed = f"it has predictions for {', '.join(sorted(own))}"
+            raise InputError("", "fault", fault, f"{allowed}, not for {', '.join(procedures)}")
+    known = set().union(*able.values())
+    for procedure in procedures:
+        if procedure not in known:
+            allowed = f"these faults have predictions for {', '.join(sorted(known))}"
+            raise InputError("", "procedure", procedure, allowed)
 
 
 def _every() -> tuple[str, ...]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from virtual_lab.catalog import load, names, nearest
-from virtual_lab.errors import InputError
+from virtual_lab.catalog import load, names
+from virtual_lab.errors import InputError, nearest
 from virtual_lab.lab import certify_bat
 from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.measurement.procedure import Procedure

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from virtual_lab import catalog
+from virtual_lab.catalog.specs import CHECK_STANDARD
 from virtual_lab.files import new_folder
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.records import RECORD_TYPES, Record
@@ -57,8 +58,8 @@ def _form(session: Session, procedure: str) -> Iterator[str]:
     for key in ("customer", "date", "bat"):
         yield f'{key} = "{BLANK}"'
     yield f'ball = "{session.ball}"'
-    for key in ("bat_sport", "ball_sport"):
-        yield f'{key} = "{getattr(session, key)}"  # baseball, softball, or nothing'
+    for key, other in (("bat_sport", f", {CHECK_STANDARD}"), ("ball_sport", "")):
+        yield f'{key} = "{getattr(session, key)}"  # baseball, softball{other}, or nothing'
     yield f'procedure = "{procedure}"'
     yield "index_from = 0  # where shots, balls, readings and the rest are counted from; or 1"
     yield ""

@@ -205,9 +205,9 @@ def test_aimed_place_is_set_in_half_millimetres() -> None:
             "ball_restitution_low = { value = 0.6",
             "no ball",
         ),
-        ("attempts = { value = 12,", "attempts = { value = 100000,", "up to 1000"),
+        ("attempts = { value = 12,", "attempts = { value = 100000,", "2 to 1000"),
         ("attempts = { value = 12,", "attempts = { value = 3,", "cannot give"),
-        ("speed = { value = 60,", "speed = { value = 1000000,", "less than 100"),
+        ("speed = { value = 60,", "speed = { value = 1000000,", "beyond 2.2.* to 223.* mph"),
         ("place_slope_u = { value = 0.013", "place_slope_u = { value = -1", "place_slope_u"),
     ],
 )

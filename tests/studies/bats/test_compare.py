@@ -144,8 +144,11 @@ def test_an_inertia_with_its_unit(text: str, value: float) -> None:
     [
         ("17000", "with its unit"),
         ("17000 oz", "oz in"),
-        ("-1 kg m^2", "above 0"),
-        ("inf kg m^2", "above 0"),
+        ("-1 kg m^2", "0.01 to 10 kg m"),
+        ("inf kg m^2", "0.01 to 10 kg m"),
+        ("1e308 oz in^2", "0.01 to 10 kg m"),
+        ("17,000 oz in^2", "with its unit"),
+        ("17000oz in^2", "with its unit"),
         ("r116", "did you mean r161"),
         ("", "bat"),
     ],

@@ -222,6 +222,12 @@ def test_pictures_that_do_not_belong_together(monkeypatch: pytest.MonkeyPatch) -
         calibrate([*pictures[:5], ("5.png", pictures[5][1][:, 1:])], Plan(board=BOARD))
     with pytest.raises(InputError, match=r"6\.png: plane view; no board"):
         calibrate(pictures, Plan(board=BOARD, plane="6.png"))
+    with pytest.raises(InputError, match=r"6\.png: plane view; no board"):
+        calibrate(
+            pictures[::-1], Plan(board=BOARD)
+        )  # the first one given is meant, if none is named
+    with pytest.raises(InputError, match=r"--height = '9 m'; the camera itself is"):
+        calibrate(pictures, Plan(board=BOARD, height=9.0))
     with pytest.raises(InputError, match=r"--plane = 'flat.png'; allowed: in/0\.png"):
         calibrate(pictures, Plan(board=BOARD, plane="flat.png"))
     with pytest.raises(InputError, match="14x9 squares, not inner corners"):

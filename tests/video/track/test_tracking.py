@@ -17,6 +17,7 @@ from virtual_lab.video.clips.calibration_file import (
 )
 from virtual_lab.video.locate.located import Flag
 from virtual_lab.video.locate.quick import quick
+from virtual_lab.video.show.track_text import track_text
 from virtual_lab.video.track.speeds import Speeds, document, speeds
 from virtual_lab.video.track.tracking import Tracked, track
 
@@ -200,6 +201,37 @@ def test_a_ball_that_flies_by_has_one_speed(tmp_path: Path) -> None:
     assert found.speed_out is None
     assert found.restitution is None
     assert abs(found.speed_in.value - np.hypot(9.3, 1.1) * UNIT) < 4 * found.speed_in.u
+
+
+def test_a_ball_that_leaves_faster_than_it_came_has_no_restitution(tmp_path: Path) -> None:
+    """Nothing at rest gives back more than it takes; the speeds stay, they are right."""
+    film = Film(velocity_out=(-11.2, 1.7), contact=(250.0, 100.0))
+    tracked, found = run(film.frames(), tmp_path)
+    assert found.flags == ("ABOVE_ONE",)
+    assert found.restitution is None
+    assert document(tracked, found)["restitution"] is None
+    assert any("ratio 1.21" in each for each in found.warnings)
+    assert found.speed_out is not None
+    assert abs(found.speed_out.value - np.hypot(11.2, 1.7) * UNIT) < 4 * found.speed_out.u
+    assert "restitution  " not in track_text(tracked, found)
+    assert "speed out" in track_text(tracked, found)
+    slower = replace(film, velocity_out=(-9.1, 1.7))
+    require(slower, run(slower.frames(), tmp_path)[1])
+
+
+def test_flights_that_do_not_meet_have_no_contact(tmp_path: Path) -> None:
+    """The ball flies out from 45 pixels before the place it flew in to, as another one would."""
+    one = Film()
+    other = replace(one, contact=(one.contact[0] - 45, one.contact[1]), seed=2)
+    cut = int(one.before) + 1
+    frames = [*list(one.frames())[:cut], *list(other.frames())[cut:]]
+    tracked, found = run(frames, tmp_path)
+    assert "CONTACT_OUTSIDE" in found.flags
+    assert found.restitution is None
+    assert found.contact_time is None
+    assert document(tracked, found)["contact"] is None
+    assert any("nearest to each other at 3.06 ms, not between" in each for each in found.warnings)
+    assert "contact at" not in track_text(tracked, found)
 
 
 def test_the_balls_diameter_sets_the_scale(tmp_path: Path) -> None:

@@ -8,11 +8,19 @@ from typing import Any
 
 import numpy as np
 
+from virtual_lab.catalog.specs import CHECK_STANDARD
 from virtual_lab.measurement.diagnostics.evidence import Evidence
 from virtual_lab.measurement.diagnostics.flag import FALSE_ALARMS, Flag, chance, type_a
 from virtual_lab.measurement.procedure import lot_of
 
-__all__ = ["bat_shape", "lot_rules", "pendulum_swing", "sports", "wall_drift"]
+__all__ = [
+    "bat_shape",
+    "check_standard",
+    "lot_rules",
+    "pendulum_swing",
+    "sports",
+    "wall_drift",
+]
 
 BALANCE = (0.25, 0.55)  # of the length, from the tip: any bat, and a plain cylinder
 GYRATION = (0.20, 0.36)  # radius of gyration about the balance point, of the length: any bat
@@ -32,10 +40,17 @@ def sports(seen: Evidence) -> Iterator[Flag]:
         "the ball": session.ball_sport,
         "the procedure": seen.procedure.sport,
     }
-    found = {what: sport for what, sport in known.items() if sport}
+    found = {what: sport for what, sport in known.items() if sport and sport != CHECK_STANDARD}
     if len(set(found.values())) > 1:
         said = ", ".join(f"{what} is of {sport}" for what, sport in found.items())
         yield Flag(name="sports", sentence=f"{said}: the result holds for no game")
+
+
+def check_standard(seen: Evidence) -> Iterator[Flag]:
+    """Name a check standard, whose result says how the laboratory is, and nothing of a bat."""
+    if seen.session.bat_sport == CHECK_STANDARD:
+        sentence = f"{seen.session.bat} is a check standard and no bat: the verdict holds for none"
+        yield Flag(name="check-standard", sentence=sentence)
 
 
 def bat_shape(seen: Evidence) -> Iterator[Flag]:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 from virtual_lab.measurement.diagnostics.bench import (
     bat_shape,
+    check_standard,
     lot_rules,
     pendulum_swing,
     sports,
@@ -27,6 +28,7 @@ __all__ = ["CHECKS", "flags"]
 
 CHECKS: Mapping[str, Callable[[Evidence], Iterator[Flag]]] = {
     "sports": sports,
+    "check-standard": check_standard,
     "bat-shape": bat_shape,
     "pendulum-swing": pendulum_swing,
     "lot-rules": lot_rules,

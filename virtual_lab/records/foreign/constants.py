@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from math import inf
 from typing import Any, NamedTuple
 
-from virtual_lab.errors import InputError
+from virtual_lab.errors import InputError, nearest
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DIMENSIONS, to_si
 
@@ -80,13 +80,16 @@ def _constant(key: str, entry: Any, where: str) -> Estimate:
         raise InputError(where, at, str(entry), f"expected a table {{ {', '.join(KEYS)} }}")
     if unknown := [name for name in entry if name not in KEYS]:
         hint = " (quotes around the whole key?)" if isinstance(entry[unknown[0]], Mapping) else ""
-        raise InputError(where, at, unknown[0], f"allowed: {', '.join(KEYS)}{hint}")
+        allowed = f"{nearest(unknown[0], KEYS)}allowed: {', '.join(KEYS)}{hint}"
+        raise InputError(where, at, unknown[0], allowed)
     if missing := [name for name in KEYS[:3] if name not in entry]:
         raise InputError(where, at, None, f"misses {', '.join(missing)}")
     units = _units(key)
     unit = str(entry["unit"])
     if unit not in units:
-        raise InputError(where, f"{at}.unit", unit, f"allowed: {', '.join(units)}")
+        raise InputError(
+            where, f"{at}.unit", unit, f"{nearest(unit, units)}allowed: {', '.join(units)}"
+        )
     value, u, dof = (_number(entry, name, at, where) for name in ("value", "u", "dof"))
     try:
         return Estimate(

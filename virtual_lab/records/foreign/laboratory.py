@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any, Literal
 
 from virtual_lab import catalog
-from virtual_lab.catalog.specs import Spec, Sport
+from virtual_lab.catalog.specs import BatSport, Name, Spec, Sport, Title
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError
-from virtual_lab.files import read_toml
+from virtual_lab.files import inside, read_toml
 from virtual_lab.records.foreign.constants import read_constants
 from virtual_lab.records.foreign.table import ChannelForm, FirstIndex, read_channel
-from virtual_lab.records.session import Session
+from virtual_lab.records.session import Session, require_channel
 
 __all__ = ["BLANK", "FORM", "load_laboratory", "procedure_name"]
 
@@ -27,17 +27,17 @@ BLANK = "?"  # what stands in a form where something is to be filled in
 class LaboratoryForm(Spec):
     """The form's own keys; what is in channels and calibration is read by itself."""
 
-    bat: str
-    ball: str
+    bat: Name
+    ball: Name
     procedure: str
     rigs: Mapping[str, str]  # stage: name
     calibration: Mapping[str, Any]  # "stage.instrument.constant"
     channels: Mapping[str, Mapping[str, Any]]  # stage: channel
     date: str | datetime.date = ""
-    bat_sport: Sport | Literal[""] = ""
+    bat_sport: BatSport | Literal[""] = ""
     ball_sport: Sport | Literal[""] = ""
-    laboratory: str = ""
-    customer: str = ""
+    laboratory: Title = ""
+    customer: Title = ""
     index_from: FirstIndex = 0
 
 
@@ -65,7 +65,7 @@ def load_laboratory(folder: Path) -> Session:
         calibration=read_constants(form.calibration, str(path)),
         records={
             stage: {
-                channel: _record(entry, f"{path} [channels.{stage}.{channel}]", folder, form)
+                channel: _record(entry, (stage, channel), folder, form)
                 for channel, entry in channels.items()
             }
             for stage, channels in form.channels.items()
@@ -74,7 +74,9 @@ def load_laboratory(folder: Path) -> Session:
     )
 
 
-def _record(entry: Any, where: str, folder: Path, form: LaboratoryForm) -> Any:
+def _record(entry: Any, name: tuple[str, str], folder: Path, form: LaboratoryForm) -> Any:
+    require_channel(*name, folder / FORM)
+    where = f"{folder / FORM} [channels.{'.'.join(name)}]"
     channel = validate(entry, where, ChannelForm)
     return read_channel(channel, folder, form.index_from, where)
 
@@ -88,13 +90,18 @@ def _read_form(path: Path) -> LaboratoryForm:
 
 def procedure_name(folder: Path) -> str:
     """Return the procedure of a laboratory's form: a name in the catalog, or a file's path."""
-    name = _read_form(folder / FORM).procedure
-    return str(folder / name) if name.endswith(".toml") else name
+    return _procedure(_read_form(folder / FORM).procedure, folder)
+
+
+def _procedure(name: str, folder: Path) -> str:
+    if not name.endswith(".toml"):
+        return name
+    return str(inside(folder, name, str(folder / FORM), "procedure"))
 
 
 def _procedure_text(name: str, folder: Path, where: Path) -> str:
     try:
-        return catalog.text("procedures", str(folder / name) if name.endswith(".toml") else name)
+        return catalog.text("procedures", _procedure(name, folder))
     except InputError as fault:
         raise InputError(str(where), fault.key, fault.value, fault.allowed) from fault
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from virtual_lab.catalog.specs import Spec
-from virtual_lab.errors import InputError
-from virtual_lab.files import read_table
+from virtual_lab.catalog.specs import Spec, Whole
+from virtual_lab.errors import InputError, nearest
+from virtual_lab.files import inside, read_table
 from virtual_lab.records import RECORD_TYPES, Record
 from virtual_lab.records.record import require_numbers
 from virtual_lab.units import DIMENSIONS, suffix
@@ -37,8 +37,8 @@ class ChannelForm(Spec):
     record: str
     file: str
     columns: Mapping[str, str] = field(default_factory=dict)
-    wide: Mapping[str, Mapping[str, Mapping[str, int]]] = field(default_factory=dict)
-    fixed: Mapping[str, int] = field(default_factory=dict)
+    wide: Mapping[str, Mapping[str, Mapping[str, Whole]]] = field(default_factory=dict)
+    fixed: Mapping[str, Whole] = field(default_factory=dict)
     rows: str = ""
     ignore: tuple[str, ...] = ()
     index_from: FirstIndex | Mapping[str, FirstIndex] | None = None
@@ -94,11 +94,12 @@ def read_channel(form: ChannelForm, folder: Path, index_from: FirstIndex, where:
         A form that does not fit the record or the file, or a file that is no such record.
     """
     if form.record not in RECORD_TYPES:
-        raise InputError(where, "record", form.record, f"allowed: {', '.join(RECORD_TYPES)}")
+        hint = nearest(form.record, RECORD_TYPES)
+        raise InputError(where, "record", form.record, f"{hint}allowed: {', '.join(RECORD_TYPES)}")
     kind = RECORD_TYPES[form.record]
     meanings = _meanings(kind)
     first = _first(kind, form, index_from, where)
-    path = folder / form.file
+    path = inside(folder, form.file, where, "file")
     table = read_table(path, delimiter=form.delimiter, decimal=form.decimal)
     table, headers = _renamed(table, form, meanings, str(path), where)
     _require_known(form.wide, meanings, "wide", where)
@@ -245,4 +246,4 @@ def _require_known(
 ) -> None:
     for name in given:
         if name not in known:
-            raise InputError(where, key, name, f"allowed: {', '.join(known)}")
+            raise InputError(where, key, name, f"{nearest(name, known)}allowed: {', '.join(known)}")

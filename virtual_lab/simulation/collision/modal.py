@@ -204,7 +204,10 @@ def energy_split(
 
 
 def kernel_is_compiled() -> bool:
-    """Whether an earlier run left the compiled kernel on disk, so that loading it is quick."""
+    """Whether an earlier run left the compiled kernel on disk, or numba compiles nothing."""
     from virtual_lab.simulation.collision.batch_kernel import collide_lanes
+    from virtual_lab.simulation.collision.powers import COMPILES
 
+    if not COMPILES:
+        return True
     return any(Path(str(collide_lanes.stats.cache_path)).glob("batch_kernel.*collide_lanes-*.nbi"))

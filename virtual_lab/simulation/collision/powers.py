@@ -12,13 +12,14 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import config, njit, types
 from numba.extending import intrinsic
 from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
 
-__all__ = ["SIMD", "exp2", "log2", "wide"]
+__all__ = ["COMPILES", "SIMD", "exp2", "log2", "wide"]
 
+COMPILES = not config.DISABLE_JIT  # type: ignore[attr-defined]
 # no reassociation: it would cancel the additions that round; kept on disk with the kernel only
 SIMD: dict[str, Any] = {"fastmath": {"contract", "nsz"}, "error_model": "numpy"}
 ROUND = 1.5 * 2.0**52  # adding it leaves the nearest integer in the low bits
@@ -67,6 +68,10 @@ def _widen(context: Any) -> Any:
 _bits: Any = intrinsic(_as_bits)
 _float: Any = intrinsic(_as_float)
 wide: Any = intrinsic(_widen)
+if not COMPILES:  # the same in Python; arrays wrap around without a word, as registers do
+    _bits = lambda x: np.array([x], np.float64).view(np.uint64)  # noqa: E731
+    _float = lambda bits: bits.view(np.float64)[0]  # noqa: E731
+    wide = lambda: None  # noqa: E731
 
 
 @njit(**SIMD)

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from virtual_lab import catalog
-from virtual_lab.errors import InputError
+from virtual_lab.errors import InputError, nearest
 from virtual_lab.simulation.faults import desk, gates, machines
 from virtual_lab.simulation.faults.fault import Fault
 from virtual_lab.simulation.faults.sheet import FaultSheet
@@ -39,7 +39,7 @@ class Day:
         names = tuple(dict.fromkeys(names))
         for name in names:
             if name not in CATALOGUE:
-                near = catalog.nearest(name, CATALOGUE)
+                near = nearest(name, CATALOGUE)
                 raise InputError("", "fault", name, f"{near}known: {', '.join(sorted(CATALOGUE))}")
             able = catalog.load("faults", name, FaultSheet).spec.rigs
             if rig not in able:

@@ -15,7 +15,7 @@ import numpy as np
 from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
-from virtual_lab.catalog.specs import Dimension, Spec
+from virtual_lab.catalog.specs import Dimension, Spec, YesNo
 from virtual_lab.records import EncoderRecord, RateRecord
 from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, certified
 from virtual_lab.streams import Draws, Slots
@@ -39,8 +39,8 @@ class EncoderSpec(Spec):
     scale_u: Annotated[float, Ge(0), Dimension("number")]
     scale: Annotated[float, Gt(0), Dimension("number")] = 1.0
     scale_dof: Freedom = inf
-    whole_counts: bool = True
-    sees_ring: bool = True
+    whole_counts: YesNo = True
+    sees_ring: YesNo = True
 
     def ideal(self) -> Self:
         """Return the encoder that shows the rigid turn as a real number."""

@@ -18,14 +18,18 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from virtual_lab.catalog.specs import (
+    LONGEST,
+    SHORTEST,
     BatBody,
     Dimension,
     HoopMode,
     Lump,
     Material,
+    Name,
     Profile,
     Spec,
     Sport,
+    Title,
 )
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.physics.beam import beam_of
@@ -45,22 +49,21 @@ STEPS = 60
 STEP = 1e-4  # of the differences, in spreads of a parameter
 TOLERANCE = 1e-5  # of the fit, whose cost is about 1 where the data are met
 
-PositiveLength = Annotated[float, Gt(0), Dimension("length")]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatMeasurements(Spec):
     """What a user knows of a bat. Places are distances from the barrel tip."""
 
-    name: str
-    title: str
+    name: Name
+    title: Title
     template: Literal["wood", "hollow"]
     sport: Sport | None = None
-    length: PositiveLength
-    mass: Annotated[float, Gt(0), Dimension("mass")]
-    z_cm: PositiveLength  # the balance point
-    inertia: Annotated[float, Gt(0), Dimension("inertia")]
-    inertia_axis: Annotated[float, Dimension("length")]  # which the inertia is about
+    length: Annotated[float, Dimension("length", SHORTEST, LONGEST)]
+    mass: Annotated[float, Dimension("mass", 0.1, 5)]
+    z_cm: Annotated[float, Gt(0), Dimension("length", 0, LONGEST)]  # the balance point
+    inertia: Annotated[float, Gt(0), Dimension("inertia", 0, 10)]
+    # which the inertia is about
+    inertia_axis: Annotated[float, Dimension("length", -LONGEST, 2 * LONGEST)]
     bending_frequencies: Annotated[tuple[float, ...], MaxLen(2), Dimension("frequency")] = ()
     barrel_nodes: Annotated[tuple[float, ...], MaxLen(2), Dimension("length")] = ()
 

@@ -5,10 +5,10 @@ What the model says of the bat as drawn: nothing here is measured.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -59,6 +59,7 @@ __all__ = [
 Array = NDArray[np.float64]
 CONDITIONS = "standard-2003"
 FIRST_IN, LAST_IN, STEP_IN = 0.5, 16.0, 0.25
+INERTIAS = (0.01, 10.0)  # kg m^2, about any axis that a bat is swung about
 PEAKED = ("e", "BPF", "e_A", "v_f_mph")
 
 
@@ -172,11 +173,11 @@ class Profiled:
 
 
 def profile(
-    bat: str,
+    bat: str | Path,
     *,
     swing: float | None = 0.0,
-    reference_inertia: str | None = None,
-    ball: str | None = None,
+    reference_inertia: str | Path | None = None,
+    ball: str | Path | None = None,
 ) -> Profiled:
     """Return the profile of a free bat under standard game conditions (the paper's Fig. 2).
 
@@ -199,7 +200,9 @@ def profile(
         Unknown bat or ball, a file that cannot be used, an exponent outside 0 to 0.5, an inertia
         that cannot be read.
     """
-    return profiles(bat, swings=(swing,), reference_inertia=reference_inertia, ball=ball)[0]
+    ball = None if ball is None else str(ball)
+    inertia = None if reference_inertia is None else str(reference_inertia)
+    return profiles(str(bat), swings=(swing,), reference_inertia=inertia, ball=ball)[0]
 
 
 def profiles(
@@ -215,14 +218,15 @@ def profiles(
             raise InputError("", "swing", swing, "allowed: 0 to 0.5")
     game = catalog.load("conditions", CONDITIONS, GameConditions).spec
     spec = catalog.load_bat(bat).spec
-    struck = catalog.load("balls", ball or game.ball_of(spec), BallSpec).spec
+    ball = game.ball_of(spec) if ball is None else ball
+    struck = catalog.load("balls", ball, BallSpec).spec
     beam, model = beam_of(spec.body), free_model(spec.body)
     z = np.arange(FIRST_IN, LAST_IN + STEP_IN / 2, STEP_IN) * INCH
     recoil = np.asarray(recoil_factor_free(struck.mass, beam.mass, beam.inertia_cm, z - beam.z_cm))
     found = []
     for swing in swings:
         axis = game.swing(swing).axis_beyond_knob
-        asked = read_inertia(reference_inertia, axis) if reference_inertia else None
+        asked = None if reference_inertia is None else read_inertia(reference_inertia, axis)
         law = game.swing(swing, asked)
         moving = np.asarray(bat_speed(law.angular_speed(_inertia(beam, axis)), beam.length, z))
         scenes = Scenes.with_ball(
@@ -282,20 +286,21 @@ def read_inertia(text: str, axis_beyond_knob: float = -KNOB_OFFSET) -> float:
     Raises
     ------
     InputError
-        No unit, a unit of something else, a number that is not positive, an unknown bat.
+        No unit, a unit of something else, a number beyond what a bat may have, an unknown bat.
     """
-    number, _, unit = text.strip().partition(" ")
-    try:
-        value = float(number)
-    except ValueError:
+    if text.endswith(".toml") or not re.match(r"[\s.+-]*(\d|inf|nan)", text):
         return _inertia(beam_of(catalog.load_bat(text).spec.body), axis_beyond_knob)
+    number, _, unit = text.strip().partition(" ")
     units = DIMENSIONS["inertia"]
-    if unit.strip() not in units:
+    try:
+        inertia = to_si(float(number), unit.strip(), "inertia")
+    except (ValueError, KeyError) as fault:
         allowed = f"allowed: a bat, or a number with its unit ({', '.join(units)})"
-        raise InputError("", "reference inertia", text, allowed)
-    if not 0 < value < inf:
-        raise InputError("", "reference inertia", text, "allowed: above 0")
-    return to_si(value, unit.strip(), "inertia")
+        raise InputError("", "reference inertia", text, allowed) from fault
+    low, high = INERTIAS
+    if not low <= inertia <= high:
+        raise InputError("", "reference inertia", text, f"allowed: {low:g} to {high:g} kg m^2")
+    return inertia
 
 
 def save_profile(profiled: Profiled, folder: Path) -> None:

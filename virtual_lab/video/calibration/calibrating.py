@@ -46,7 +46,7 @@ class Plan:
     square_u: float = 0.0  # of every square's side alike [m]
     height: float = 0.0  # of the ball's plane over the plane view's board, toward the camera [m]
     height_u: float = 0.0  # [m]
-    plane: str | None = None  # name of the plane view; the first picture with a board
+    plane: str | None = None  # name of the plane view; None: the first picture
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,17 +75,23 @@ def calibrate(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -> Calib
     ------
     InputError
         Pictures of several sizes, fewer than three with a board, none in the plane view, boards
-        all parallel, residuals that no lens leaves.
+        all parallel, residuals that no lens leaves, a plane behind the camera.
     """
-    names, seen, without, size = _found(pictures, plan.board)
-    plane = _plane_view(names, without, plan)
+    looked, size = _found(pictures, plan.board)
+    names = tuple(name for name, found in looked if found)
+    without = tuple(name for name, found in looked if not found)
+    seen = [found for _, found in looked if found]
     if len(seen) < VIEWS:
         many = f"{plan.board.columns}x{plan.board.rows} squares, not inner corners"
         allowed = f"at least {VIEWS} must show the board (is it {many}?)"
         raise InputError("", "pictures with a board", len(seen), allowed)
+    plane = _plane_view(looked, plan)
     solved = solve(plan.board.corners(), seen, size, plane)
     _require_sound(solved)
     rotation, translation = _turned(solved.rotations[plane], solved.translations[plane])
+    if not plan.height < (far := float(translation[2])):
+        allowed = f"the camera itself is {far:.3g} m over the board"
+        raise InputError("", "--height", f"{plan.height:g} m", allowed)
     model = _model(solved, size, rotation, translation, plan)
     shares = _length_u(solved, model)
     relative = float(np.hypot(shares.max(), plan.square_u / plan.board.square))
@@ -110,11 +116,9 @@ def lengths_of(model: CameraModel) -> Array:
 
 def _found(
     pictures: Iterable[tuple[str, NDArray[Any]]], board: Board
-) -> tuple[tuple[str, ...], list[Seen], tuple[str, ...], tuple[int, int]]:
-    """Return the pictures with a board, their corners, those without, and width and height."""
-    names: list[str] = []
-    seen: list[Seen] = []
-    without: list[str] = []
+) -> tuple[list[tuple[str, Seen | None]], tuple[int, int]]:
+    """Return the corners of the board in each picture, and width and height."""
+    looked: list[tuple[str, Seen | None]] = []
     size: tuple[int, int] | None = None
     for name, picture in pictures:
         own = (picture.shape[1], picture.shape[0])
@@ -122,26 +126,23 @@ def _found(
         if own != size:
             allowed = f"the first is {size[0]} x {size[1]}: all must be one camera's"
             raise InputError(name, "size", f"{own[0]} x {own[1]}", allowed)
-        found = find_board(picture, board)
-        if found is None:
-            without.append(name)
-        else:
-            names.append(name)
-            seen.append(found)
+        looked.append((name, find_board(picture, board)))
     if size is None:
         raise InputError("", "pictures", 0, f"at least {VIEWS} of a board")
-    return tuple(names), seen, tuple(without), size
+    return looked, size
 
 
-def _plane_view(names: tuple[str, ...], without: tuple[str, ...], plan: Plan) -> int:
-    if plan.plane is None:
-        return 0
-    for number, name in enumerate(names):
-        if plan.plane in (name, Path(name).name):
-            return number
-    if any(plan.plane in (name, Path(name).name) for name in without):
-        raise InputError(plan.plane, "plane view", None, "no board was found in it")
-    raise InputError("", "--plane", plan.plane, f"allowed: {', '.join(names + without)}")
+def _plane_view(looked: list[tuple[str, Seen | None]], plan: Plan) -> int:
+    """Return which of the pictures with a board gives the plane; never another one unasked."""
+    names = [name for name, _ in looked]
+    wanted = [n for n, name in enumerate(names) if plan.plane in (None, name, Path(name).name)]
+    if not wanted:
+        raise InputError("", "--plane", plan.plane, f"allowed: {', '.join(names)}")
+    name, found = looked[wanted[0]]
+    if found is None:
+        allowed = "no board was found in it; name one that shows it flat with --plane"
+        raise InputError(name, "plane view", None, allowed)
+    return sum(each is not None for _, each in looked[: wanted[0]])
 
 
 def _require_sound(solved: Solved) -> None:

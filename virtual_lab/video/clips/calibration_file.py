@@ -8,17 +8,17 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Len
 
-from virtual_lab.catalog.specs import Spec
+from virtual_lab.catalog.specs import Real, Spec, Whole, YesNo
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError
 from virtual_lab.files import read_toml
 
 __all__ = ["BatPlace", "CameraFit", "CameraModel", "ClipCalibration", "read_calibration"]
 
-Positive = Annotated[float, Gt(0)]
-Uncertainty = Annotated[float, Ge(0)]
-Pair = tuple[float, float]
-Triple = tuple[float, float, float]
+Positive = Annotated[Real, Gt(0)]
+Uncertainty = Annotated[Real, Ge(0)]
+Pair = tuple[Real, Real]
+Triple = tuple[Real, Real, Real]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,8 +26,8 @@ class CameraFit(Spec):
     """How a camera was calibrated; standard uncertainties of each number on its own."""
 
     board: str
-    views: Annotated[int, Gt(0)]
-    corners: Annotated[int, Gt(0)]
+    views: Annotated[Whole, Gt(0)]
+    corners: Annotated[Whole, Gt(0)]
     rms_px: Uncertainty  # of the residuals, each way
     focal_u_px: tuple[Uncertainty, Uncertainty]
     centre_u_px: tuple[Uncertainty, Uncertainty]
@@ -40,12 +40,12 @@ class CameraFit(Spec):
 class CameraModel(Spec):
     """A calibrated camera, OpenCV's convention; the ball moves in the plane Z = plane_height_m."""
 
-    image_size: tuple[Annotated[int, Gt(0)], Annotated[int, Gt(0)]]  # width, height [pixels]
+    image_size: tuple[Annotated[Whole, Gt(0)], Annotated[Whole, Gt(0)]]  # width, height [pixels]
     matrix: tuple[Triple, Triple, Triple]
-    distortion: Annotated[tuple[float, ...], Len(4, 14)]
+    distortion: Annotated[tuple[Real, ...], Len(4, 14)]
     rotation: Triple  # Rodrigues vector, world to camera [rad]
     translation_m: Triple
-    plane_height_m: float = 0.0
+    plane_height_m: Real = 0.0
     plane_height_u_m: Uncertainty = 0.0
     relative_scale_u: Uncertainty = 0.0  # of every length in the plane, were its height exact
     fit: CameraFit | None = None
@@ -64,7 +64,7 @@ class BatPlace(Spec):
     pivot_m: Pair  # what it turns about, roughly; it may lie out of the picture
     toward_m: Pair  # another point of its axis, to a third of its width
     widest_m: Positive  # more than half its greatest width, less than to the next thing
-    pivoted: bool = False  # whether it turns about pivot_m exactly
+    pivoted: YesNo = False  # whether it turns about pivot_m exactly
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,11 +75,11 @@ class ClipCalibration(Spec):
     metres_per_pixel_u: Uncertainty = 0.0
     frames_per_second: Positive | None = None
     frames_per_second_u: Uncertainty = 0.0
-    exposure_s: Annotated[float, Ge(0)] | None = None  # absent: read off the ball's blur
+    exposure_s: Uncertainty | None = None  # absent: read off the ball's blur
     ball_diameter_m: Positive | None = None
     ball_diameter_m_u: Uncertainty = 0.0
     timestamps: str | None = None  # CSV beside this file: seconds, one a frame
-    drag_per_m: Annotated[float, Ge(0)] = 0.0  # κ of dv/dx = -κ v
+    drag_per_m: Uncertainty = 0.0  # κ of dv/dx = -κ v
     drag_per_m_u: Uncertainty = 0.0
     gravity_mps2: Pair = (0.0, 0.0)  # along the image's x and y, or the camera's plane's [m/s²]
     camera: CameraModel | None = None  # instead of metres_per_pixel

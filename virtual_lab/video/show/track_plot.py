@@ -135,7 +135,8 @@ def _turned(flight: Flight) -> Any:
 
 def _title(tracked: Tracked, found: Speeds) -> str:
     parts = [f"in {plus_minus(found.speed_in)} m/s"]
-    if found.speed_out and found.restitution:
+    if found.speed_out:
         parts.append(f"out {plus_minus(found.speed_out)} m/s")
+    if found.restitution:
         parts.append(f"ratio {plus_minus(found.restitution)}")
     return f"{tracked.clip.source.path.name}: {', '.join(parts)} (k = 2)"

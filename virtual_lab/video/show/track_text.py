@@ -41,16 +41,17 @@ def track_text(tracked: Tracked, found: Speeds) -> str:
         f"{int(legs.used_out.sum())} out",
         _line("speed in", found.speed_in, "m/s"),
     ]
-    if found.speed_out and found.restitution and found.angle_out and found.contact_time:
+    if found.speed_out and found.angle_out:
         turned = (found.angle_out.value - found.angle_in.value) / DEGREE % 360
         turned_u = hypot(found.angle_out.u, found.angle_in.u) / DEGREE
+        lines.append(_line("speed out", found.speed_out, "m/s"))
+        if found.restitution:
+            of = f"ratio of {found.restitution_of}"
+            lines.append(_line("restitution", found.restitution, of))
+        lines.append(_line("turned by", Said(value=turned, u=turned_u), "deg"))
+    if found.contact_time:
         ms = Said(value=1e3 * found.contact_time.value, u=1e3 * found.contact_time.u)
-        lines += [
-            _line("speed out", found.speed_out, "m/s"),
-            _line("restitution", found.restitution, f"ratio of {found.restitution_of}"),
-            _line("turned by", Said(value=turned, u=turned_u), "deg"),
-            _line("contact at", ms, "ms"),
-        ]
+        lines.append(_line("contact at", ms, "ms"))
     if found.flags:
         lines.append(f"  flags: {', '.join(found.flags)}")
     return "\n".join(lines + [f"  warning: {each}" for each in found.warnings])

@@ -49,6 +49,7 @@ class Legs:
 
     flight_in: Flight
     flight_out: Flight | None  # None: no contact was seen
+    gap: tuple[float, float] | None  # last frame of the flight in, first of that out [s]
     used_in: Mask
     used_out: Mask
     wild: Mask  # far off both lines
@@ -98,6 +99,7 @@ def _legs(seen: Places, air: Air) -> Legs:
         return Legs(
             flight_in=flight,
             flight_out=None,
+            gap=None,
             used_in=first,
             used_out=none,
             wild=wild,
@@ -113,10 +115,12 @@ def _legs(seen: Places, air: Air) -> Legs:
         second = _clear(seen, air, second & ~during, moment)
     flights = (_fit(seen, air, each, moment, rough=False) for each in (first, second))
     flight_in, flight_out = flights
-    between = (seen.t > seen.t[first].max()) & (seen.t < seen.t[second].min())
+    gap = float(seen.t[first].max()), float(seen.t[second].min())
+    between = (seen.t > gap[0]) & (seen.t < gap[1])
     return Legs(
         flight_in=flight_in,
         flight_out=flight_out,
+        gap=gap,
         used_in=first,
         used_out=second,
         wild=wild & ~between,

@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 UP = np.cos(30 * DEGREE)  # a change of velocity nearer to straight up than this is a floor's
 CROOKED = 3.0  # u of a place that the residuals may scatter by, noise and pattern together
+COVERAGE = 2.0  # u: what lies beyond is no chance
 FEW = 5  # frames of a flight: fewer tell little of their own scatter
 
 
@@ -78,6 +79,16 @@ def speeds(tracked: Tracked, calibration: ClipCalibration) -> Speeds:
         place_u = float(np.hypot(both / 2, tracked.plane.relative_u * np.hypot(*place)))
     off = np.hypot(off_in / before.speed, off_out / after.speed if after else 0.0)
     restitution, of = _restitution(before, after, calibration, float(off))
+    if contact_time and (why := _outside(tracked, contact_time)):
+        contact_time = place = place_u = restitution = None
+        flags, warnings = (*flags, "CONTACT_OUTSIDE"), (*warnings, why)
+    if restitution and restitution.value - COVERAGE * restitution.u > 1:
+        why = (
+            f"the {of} have the ratio {restitution.value:.3g}, and nothing at rest gives back more "
+            "than it takes: it moved, or something else was followed; no restitution is given"
+        )
+        restitution = None
+        flags, warnings = (*flags, "ABOVE_ONE"), (*warnings, why)
     return Speeds(
         speed_in=_speed(before, shared, off_in),
         speed_out=_speed(after, shared, off_out) if after else None,
@@ -167,6 +178,23 @@ def _restitution(
         before.drag_u + after.drag_u,  # one drag takes from both
     )
     return Said(value=out / into, u=float(out / into * np.hypot(relative, off))), of
+
+
+def _outside(tracked: Tracked, contact: Said) -> str:
+    """Return what speaks against a contact that its flights do not meet at; nothing where they do.
+
+    It lies between the last frame of the flight in and the first of the flight out.
+    """
+    assert tracked.legs.gap is not None
+    first, last = tracked.legs.gap
+    room = COVERAGE * contact.u + tracked.exposure / 2
+    if first - room <= contact.value <= last + room:
+        return ""
+    return (
+        f"the flights are nearest to each other at {1e3 * contact.value:.4g} ms, not between "
+        f"{1e3 * first:.4g} and {1e3 * last:.4g} ms where one ends and the other begins: they are "
+        "not those of one contact; no contact and no restitution are given"
+    )
 
 
 def _said_against(

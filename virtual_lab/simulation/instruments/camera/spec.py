@@ -7,7 +7,14 @@ from typing import Annotated, Self
 
 from annotated_types import Ge, Gt, Le, Len, Lt
 
-from virtual_lab.catalog.specs import Dimension, PositiveLength, PositiveNumber, Spec, SpreadNumber
+from virtual_lab.catalog.specs import (
+    Dimension,
+    NonNegative,
+    PositiveLength,
+    PositiveNumber,
+    Spec,
+    YesNo,
+)
 from virtual_lab.simulation.instruments.calibrated import certified
 from virtual_lab.uncertainty.estimate import Estimate
 
@@ -28,7 +35,7 @@ Time = Annotated[float, Ge(0), Dimension("time")]
 Rate = Annotated[float, Ge(0), Dimension("rate")]
 Number = Annotated[float, Dimension("number")]
 Share = Annotated[float, Ge(0), Le(1), Dimension("number")]
-Count = Annotated[int, Gt(0), Dimension("number")]
+Count = Annotated[int, Dimension("number", 1, 10_000)]  # of pixels
 DISTORTION = ("k1", "k2", "p1", "p2", "k3")
 
 
@@ -42,14 +49,14 @@ class SensorSpec(Spec):
     quantum_efficiency: Annotated[float, Gt(0), Le(1), Dimension("number")]
     full_well: PositiveNumber  # [e]
     gain: PositiveNumber  # grey values an electron
-    gain_u: SpreadNumber  # relative
-    read_noise: SpreadNumber  # [e]
+    gain_u: NonNegative  # relative
+    read_noise: NonNegative  # [e]
     dark_current: Annotated[float, Ge(0), Dimension("rate")]  # [e/s]
-    photo_response: SpreadNumber  # its non-uniformity, PRNU: relative, pixel to pixel
-    dark_signal: SpreadNumber  # its non-uniformity, DSNU: pixel to pixel [e]
-    black_level: SpreadNumber  # grey value without light
+    photo_response: NonNegative  # its non-uniformity, PRNU: relative, pixel to pixel
+    dark_signal: NonNegative  # its non-uniformity, DSNU: pixel to pixel [e]
+    black_level: NonNegative  # grey value without light
     bits: Annotated[int, Ge(1), Le(16), Dimension("number")]
-    whole_counts: bool = True
+    whole_counts: YesNo = True
 
     @property
     def full_scale(self) -> int:
@@ -90,7 +97,7 @@ class LensSpec(Spec):
     """A lens as calibrated: a pinhole with distortion, and how it blurs."""
 
     focal_length: PositiveLength
-    focal_length_u: SpreadNumber  # relative
+    focal_length_u: NonNegative  # relative
     centre_u: LengthU
     distortion: Annotated[tuple[float, ...], Len(5, 5), Dimension("number")]  # k1, k2, p1, p2, k3
     distortion_u: Annotated[tuple[float, ...], Len(5, 5), Dimension("number")]
@@ -129,7 +136,7 @@ class ClockSpec(Spec):
 
     frame_rate: Annotated[float, Ge(500), Le(100_000), Dimension("frequency")]
     exposure: Annotated[float, Gt(0), Dimension("time")]
-    clock_u: SpreadNumber
+    clock_u: NonNegative
     clock_fast: Annotated[float, Gt(-1), Dimension("number")] = (
         0.0  # its seconds a true one, less 1
     )

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import ir
-from numba import types
+from numba import config, types
 from numba.extending import intrinsic
 
 __all__ = ["LANES", "add_row"]
@@ -43,4 +43,9 @@ def _add_row(context: Any, target: Any, at: Any, source: Any, start: Any, weight
     return types.void(line, types.intp, line, types.intp, types.float32), generate
 
 
-add_row: Any = intrinsic(_add_row)
+def _add_row_plainly(target: Any, at: int, source: Any, start: int, weight: Any) -> None:
+    target[at : at + LANES] += weight * source[start : start + LANES]
+
+
+compiles = not config.DISABLE_JIT  # type: ignore[attr-defined]
+add_row: Any = intrinsic(_add_row) if compiles else _add_row_plainly
