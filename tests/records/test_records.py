@@ -26,7 +26,7 @@ from virtual_lab.records import (
     join,
 )
 
-FINITE = st.floats(allow_nan=False, allow_infinity=False)
+FINITE = st.floats(-1e18, 1e18)
 SIZE = st.integers(1, 4)
 
 

@@ -32,15 +32,16 @@ def validate(document: Mapping[str, Any], where: str, spec: type[T]) -> T:
         # of a key mistyped two are told: what it is not, and that it is missing
         unknown = [each for each in errors if each["type"] == "unexpected_keyword_argument"]
         error = (unknown or errors)[0]
-        key, value = ".".join(map(str, error["loc"])), _at(document, error["loc"])
+        place = _place(document, error["loc"])
+        key, value = ".".join(map(str, place)), _at(document, place)
         message = error["msg"].removeprefix("Value error, ")
         for theirs, ours in WORDS.items():
             message = message.replace(theirs, ours)
         if error["type"] == "missing":
-            value, message = None, "this key is missing"
+            key, value, message = ".".join(map(str, error["loc"])), None, "this key is missing"
         if unknown:
-            *place, name = error["loc"]
-            known = _keys(spec, tuple(place))
+            *above, name = error["loc"]
+            known = _keys(spec, tuple(above))
             missing = [str(each["loc"][-1]) for each in errors if each["type"] == "missing"]
             hint = nearest(name, missing) or nearest(name, known)
             value, message = None, f"unknown key, {hint}allowed here: {', '.join(known)}"
@@ -67,13 +68,20 @@ def _keys(spec: Any, location: tuple[int | str, ...]) -> list[str]:
     return [field.name for field in fields(spec)]
 
 
-def _at(document: Any, location: tuple[int | str, ...]) -> Any:
-    """Return what the file says at an error's place: the number and unit as written."""
-    for part in location:
+def _place(document: Any, location: tuple[int | str, ...]) -> tuple[int | str, ...]:
+    """Return an error's place in the document, without what the validator adds of its own."""
+    for depth, part in enumerate(location):
         try:
             document = document[part]
         except (KeyError, IndexError, TypeError):
-            break
+            return location[:depth]
+    return location
+
+
+def _at(document: Any, location: tuple[int | str, ...]) -> Any:
+    """Return what the file says at an error's place: the number and unit as written."""
+    for part in location:
+        document = document[part]
     if isinstance(document, Mapping):
         return (
             f"{document['value']} {document.get('unit', '')}".strip()

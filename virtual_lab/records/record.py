@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["Column", "Order", "Record", "join", "require_numbers"]
 
 Array = NDArray[np.float64]
+LARGEST = 1e18  # that a recorder shows: products of such numbers stay finite
 PAIRS = {"way": "in and back", "edge": "broke and cleared"}  # axes that are two by nature
 
 
@@ -181,9 +182,10 @@ def _check_numbers(
             raise InputError(where, axis, skipped, f"is missing, others go up to {numbers[-1]:g}")
     for column in columns:
         values = table[column.name].to_numpy(float)
-        if np.isinf(values).any() or (np.isnan(values).any() and not column.may_be_missing):
-            bad = values[~np.isfinite(values)][0]
-            raise InputError(where, column.name, bad, "every row needs a finite number")
+        known = np.abs(values) <= LARGEST
+        if not (known | (np.isnan(values) & column.may_be_missing)).all():
+            allowed = f"every row needs a finite number, of up to {LARGEST:g}"
+            raise InputError(where, column.name, values[~known][0], allowed)
         if column.is_index:
             _check_index(values, column.name, first.get(column.name, 0), where)
 

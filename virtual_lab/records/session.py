@@ -19,11 +19,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from virtual_lab.catalog.specs import Name, Real, Spec, Title, Whole
+from virtual_lab.catalog.specs import BatSport, Name, Real, Spec, Sport, Title, Whole
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.files import inside, parse_table, read_bytes, read_json, read_text
 from virtual_lab.records import RECORD_TYPES, Record
+from virtual_lab.records.foreign.constants import require_plausible
 from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["SCHEMA", "SESSION", "Session", "load_session", "require_channel", "save_session"]
@@ -133,8 +134,8 @@ class SessionForm(Spec):
     channels: Mapping[str, Mapping[str, ChannelEntry]]
     calibration: Mapping[str, ConstantEntry]
     date: Name = ""
-    bat_sport: Name = ""
-    ball_sport: Name = ""
+    bat_sport: BatSport | Literal[""] = ""
+    ball_sport: Sport | Literal[""] = ""
     laboratory: Title = ""
     customer: Title = ""
     simulation: Mapping[str, Any] = field(default_factory=dict)
@@ -182,9 +183,11 @@ def _written(known: Estimate) -> dict[str, Any]:
 
 def _known(entry: ConstantEntry, key: str, where: Path) -> Estimate:
     try:
-        return Estimate(value=entry.value, u=entry.u, dof=entry.dof, source=entry.source)
+        known = Estimate(value=entry.value, u=entry.u, dof=entry.dof, source=entry.source)
     except ValueError as fault:
         raise InputError(str(where), f"calibration.{key}", None, str(fault)) from fault
+    require_plausible(key, known, str(where))
+    return known
 
 
 def _record(folder: Path, name: tuple[str, str], entry: ChannelEntry, where: Path) -> Record:

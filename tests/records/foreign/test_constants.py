@@ -26,21 +26,23 @@ KEYS = {  # one of each dimension the form knows
     "slope of speed": "ball.restitution_slope",
 }
 UNITS = [(dimension, unit) for dimension in KEYS for unit in DIMENSIONS[dimension]]
-NUMBERS = st.floats(-1e100, 1e100)
 
 
 @given(
-    value=NUMBERS,
-    u=st.floats(0, 1e100),
+    share=st.floats(1e-9, 1 - 1e-9),
+    wide=st.floats(0, 1 - 1e-9),
     dof=st.none() | st.floats(1e-3, 1e6),
     unit=st.sampled_from(UNITS),
 )
 def test_any_unit_of_a_dimension(
-    value: float, u: float, dof: float | None, unit: tuple[str, str]
+    share: float, wide: float, dof: float | None, unit: tuple[str, str]
 ) -> None:
     """Value and u are both in the unit; the factor is that of the table of units."""
     dimension, name = unit
     key, factor = KEYS[dimension], DIMENSIONS[dimension][name]
+    of = constant_of(key)
+    assert of
+    value, u = of.low + share * (of.high - of.low), wide * (of.high - of.low)
     entry = {"value": value / factor, "unit": name, "u": u / factor, "source": "certificate 7"}
     known = read_constants({key: entry | ({"dof": dof} if dof else {})}, "x.toml")[key]
     assert known.value == pytest.approx(value, rel=1e-14, abs=1e-300)
@@ -87,6 +89,8 @@ KEY = "impact.gates.distance_0"
     [
         (GOOD | {"unit": "oz"}, f"{KEY}.unit", "m, mm, cm, in, um"),
         (GOOD | {"unit": "inches"}, f"{KEY}.unit", "m, mm, cm, in, um"),
+        (GOOD | {"value": 2165, "unit": "m"}, f"{KEY}.value", "0 to 100 m"),
+        (GOOD | {"u": 200, "unit": "m"}, f"{KEY}.u", "0 to 100 m"),
         (GOOD | {"unit": 3}, f"{KEY}.unit", "m, mm, cm, in, um"),
         (GOOD | {"unit": ["in"]}, f"{KEY}.unit", "m, mm, cm, in, um"),
         (GOOD | {"value": "21.65"}, f"{KEY}.value", "number"),

@@ -131,7 +131,7 @@ def _no_line(start: str) -> Change:
         ),
         (
             _form('clock" = { value = 1,', 'clock" = { value = 0,'),
-            ["clock", "above 0", "laboratory.toml"],
+            ["clock", "0.5 to 2", "laboratory.toml"],
         ),
         (_form('pivot.from_knob" = { value = 6', 'pivot.from_knob" = { value = 7'), ["pivot_from"]),
         (_form(r"^\[channels.impact.aim\]", "[channels.impact.marks]"), ["impact/aim", "missing"]),

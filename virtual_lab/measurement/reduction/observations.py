@@ -149,7 +149,8 @@ def observe_impact(session: Session) -> ImpactReadings:
     contact = seen.times[:, 0, -1] + nearest * seen.duration_in / (farthest - nearest)
     along = along_of(session)
     recoil = _rates(session, "encoder", contact, fit_recoil)
-    speed = (farthest - nearest) / seen.duration_in
+    with np.errstate(divide="ignore"):  # a clock too slow shows two gates at one tick
+        speed = (farthest - nearest) / seen.duration_in
     swing = _rates(
         session, "swing", contact, lambda r, t: fit_swing(r, t, _reach(session, log, speed))
     )
