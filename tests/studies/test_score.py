@@ -46,7 +46,6 @@ def test_a_whole_seal(folder: Path) -> None:
     [
         {"metric": None},
         {"metric": {"value": "0.9", "u": 0.01}},
-        {"metric": {"value": float("nan"), "u": 0.01}},
         {"metric": {"value": 10**400, "u": 0.01}},
         {"simulation": []},
         {"simulation": {}},
@@ -66,6 +65,13 @@ def test_what_cannot_be_scored_is_told_as_altered(changes: dict[str, Any], folde
     assert rows == (ROWS if top == "simulation" and changes[top] == {} else set())
     assert ("no score" in text) == (not rows)
     assert f"  certificate.json, {top}" in text
+
+
+def test_a_certificate_that_is_no_json_is_altered_as_a_file(folder: Path) -> None:
+    """NaN is a word of Python's, none of JSON's."""
+    rewrite(folder / "certificate.json", metric={"value": float("nan"), "u": 0.01})
+    (one,) = score_folder(folder)["altered"]
+    assert (one["file"], one["key"]) == ("certificate.json", "")
 
 
 def test_a_cut_certificate_and_an_altered_truth(folder: Path) -> None:

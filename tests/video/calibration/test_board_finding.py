@@ -54,7 +54,7 @@ def test_part_of_a_board_in_uneven_light_and_jpeg() -> None:
     noise = np.random.default_rng(3).normal(0, 2, picture.shape)
     dim = np.clip(picture * light + noise, 0, 255).astype(np.uint8)
     _, coded = cv2.imencode(".jpg", dim, [cv2.IMWRITE_JPEG_QUALITY, 90])
-    seen = find_board(cv2.imdecode(coded, cv2.IMREAD_GRAYSCALE), board_of("charuco:14x9:1m:0.72m"))
+    seen = find_board(cv2.imdecode(coded, cv2.IMREAD_GRAYSCALE), board_of("charuco:14x9:1cm:7.2mm"))
     error = off(seen, 14, 9)
     assert 50 < len(error) < 104
     assert np.sqrt(np.mean(error**2)) < 0.03
