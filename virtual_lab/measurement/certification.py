@@ -50,7 +50,7 @@ QUANTITIES: Mapping[str, str] = {  # name in a certificate: the shots' field it 
     "bat_performance_factor": "bat_performance_factor",
     "collision_efficiency": "lot_collision_efficiency",
     "restitution": "lot_restitution",
-    "recoil_factor": "lot_recoil_factor",
+    "recoil_factor": "asked_recoil_factor",
     "ball_restitution": "lot_ball_restitution",
 }
 

@@ -243,6 +243,18 @@ def test_e_a_is_carried_to_the_place_asked_for() -> None:
     assert got.recoil_efficiency[0] == beside.recoil_efficiency[0]
 
 
+def test_e_is_that_of_the_place_struck_and_r_on_paper_that_of_the_place_asked_for() -> None:
+    """Eq. (6) and r = m b²/I, b 2 mm shorter where the ball struck; e_A takes no part of it back."""
+    got, recoil = worked(constants(**{"impact.cannon.along": 2e-3})), M * (B - 2e-3) ** 2 / I_P
+    e_A = got.collision_efficiency[0]
+    assert got.recoil_factor[0] == pytest.approx(recoil, rel=1e-11)
+    assert got.restitution[0] == pytest.approx(e_A * (1 + recoil) + recoil, rel=1e-11)
+    assert got.asked_recoil_factor[0] == pytest.approx(M * B**2 / I_P, rel=1e-11)
+    e = got.lot_restitution[0]
+    lot_e_A = (e - got.lot_recoil_factor[0]) / (1 + got.lot_recoil_factor[0])
+    assert got.lot_collision_efficiency[0] == pytest.approx(lot_e_A, rel=1e-11)
+
+
 def test_a_fast_clock_cancels_in_nothing_but_ratios() -> None:
     """A clock 1 % fast shows longer times: v and ω are both 1 % higher than shown, e_A stays."""
     plain, fast = worked(constants()), worked(constants(**{"impact.gates.clock": 1.01}))

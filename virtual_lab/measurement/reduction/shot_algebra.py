@@ -89,7 +89,7 @@ class ShotResults:
     rebound_slope: Array  # height the ball gains a metre as it comes back
     ball_mass: Array  # [kg]
     place: Array  # that e_A is of, as far as is known, from the barrel tip [m]
-    recoil_factor: Array  # of the support the procedure names, at the place asked for
+    recoil_factor: Array  # of the support the procedure names
     ball_restitution: Array  # of the ball, at the shot's own relative speed
     collision_efficiency: Array  # freed of the offset across the bat, at the place asked for
     restitution: Array
@@ -99,6 +99,7 @@ class ShotResults:
     lot_recoil_factor: Array
     lot_restitution: Array
     lot_collision_efficiency: Array
+    asked_recoil_factor: Array  # lot_recoil_factor where the ball was asked to strike
     rebound_efficiency: Array  # e_A from the ball's own rebound, NaN: the gates did not see it
     recoil_efficiency: Array  # e_A from the bat's recoil, NaN: nothing watched it
 
@@ -252,14 +253,15 @@ def shot_results(
         rebound_slope=seen.slope_out,
         ball_mass=mass,
         place=np.broadcast_to(at + abreast - lever, shape),
-        recoil_factor=np.broadcast_to(recoil(mass, readings.place), shape),
+        recoil_factor=np.broadcast_to(recoil(mass, at), shape),
         ball_restitution=e0,
         collision_efficiency=efficiency,
         restitution=np.asarray(restitution),
         bat_performance_factor=np.asarray(factor),
         window_ball_restitution=own + balls.slope * (asked.window_speed - balls.speed),
         lot_ball_restitution=np.broadcast_to(lot_e0, shape),
-        lot_recoil_factor=np.broadcast_to(recoil(lot_mass, readings.place), shape),
+        lot_recoil_factor=np.broadcast_to(recoil(lot_mass, at), shape),
+        asked_recoil_factor=np.broadcast_to(recoil(lot_mass, readings.place), shape),
         lot_restitution=np.asarray(lot_restitution),
         lot_collision_efficiency=np.asarray(
             efficiency_from_restitution(lot_restitution, recoil(lot_mass, at))
