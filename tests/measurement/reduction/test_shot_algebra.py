@@ -244,7 +244,7 @@ def test_e_a_is_carried_to_the_place_asked_for() -> None:
 
 
 def test_e_is_that_of_the_place_struck_and_r_on_paper_that_of_the_place_asked_for() -> None:
-    """Eq. (6) and r = m b²/I, b 2 mm shorter where the ball struck; e_A takes no part of it back."""
+    """Eq. (6) and r = m b²/I, b 2 mm shorter where the ball struck; e_A as it was."""
     got, recoil = worked(constants(**{"impact.cannon.along": 2e-3})), M * (B - 2e-3) ** 2 / I_P
     e_A = got.collision_efficiency[0]
     assert got.recoil_factor[0] == pytest.approx(recoil, rel=1e-11)
