@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -66,10 +69,12 @@ SIDES = (  # where a label may stand: offset in points, alignments
     (-8, -7, "right", "center"),
     (0, 10, "center", "bottom"),
     (0, -10, "center", "top"),
-    (8, 15, "left", "center"),
     (8, -15, "left", "center"),
     (-8, -15, "right", "center"),
+    (8, 15, "left", "center"),
+    (-8, 15, "right", "center"),
 )
+PIECES = 200  # of a line between two points, closer than a letter is wide
 
 
 def draw(rows: list[dict[str, Any]]) -> Figure:
@@ -135,15 +140,30 @@ def _panel(axes: Any, rows: list[dict[str, Any]], end: str) -> None:
     axes.grid(True, which="major", linewidth=0.3)
 
 
+def _pieces(line: Any) -> list[Any]:
+    """Return small boxes [px] along a line that is drawn."""
+    from matplotlib.transforms import Bbox
+
+    if not line.get_linewidth():
+        return []
+    corners = line.get_transform().transform(line.get_xydata())
+    steps = np.linspace(0.0, 1.0, PIECES)[:, None]
+    return [
+        Bbox.from_bounds(x - 1, y - 1, 2, 2)
+        for start, end in pairwise(corners)
+        for x, y in start + steps * (end - start)
+    ]
+
+
 def _label(axes: Any, rows: list[dict[str, Any]], renderer: Any) -> None:
-    """Write each point's setting where it covers neither a mark nor a word, inside the panel."""
+    """Write each point's setting where it covers no mark, line or word, inside the panel."""
     from matplotlib.transforms import Bbox
 
     points = axes.transData.transform([(row["us_a_shot"], row["worst_error"]) for row in rows])
     half = 5.0 * axes.figure.dpi / 72  # of a mark [px]
     taken = [Bbox.from_bounds(x - half, y - half, 2 * half, 2 * half) for x, y in points]
     taken += [text.get_window_extent(renderer) for text in axes.texts]
-    taken += [line.get_window_extent(renderer) for line in axes.lines if len(line.get_xdata()) == 2]
+    taken += [piece for line in axes.lines for piece in _pieces(line)]
     left, right = axes.get_window_extent(renderer).intervalx
     for row in rows:
         best: tuple[int, Any] | None = None

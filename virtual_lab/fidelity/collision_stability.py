@@ -328,8 +328,8 @@ def _draw(rows: list[dict[str, Any]], path: Path) -> None:
     keys.append(Line2D([], [], color="black", linewidth=2, label="the default's step"))
     figure.legend(handles=keys, loc="outside lower center", ncols=7, frameon=False, fontsize=9)
     title = (
-        "Stepping of the modal rung: 24 scenes a cell in one bare pass, and as shipped; good: all "
-        f"of them to {TOLERANCE:.0e} in $e_A$, else how many are not"
+        "Stepping of the modal rung: up to 24 scenes a cell in one bare pass, and as shipped; good: "
+        f"all of them to {TOLERANCE:.0e} in $e_A$, else how many are not"
     )
     figure.suptitle(title, fontsize=11)
     figure.savefig(path)
@@ -360,7 +360,7 @@ def _draw_map(axes: Any, name: str, rows: list[dict[str, Any]]) -> None:
     axes.set_xlim(-0.5, len(values) - 0.5)
     axes.set_ylim(-0.5, heights[-1] + 0.5)
     heads = [_head(value).replace(" ", "\n", 1) for value in values]
-    axes.set_xticks(range(len(values)), heads, fontsize=8)
+    axes.set_xticks(range(len(values)), heads, fontsize=7)
     axes.set_yticks(heights, steps, fontsize=8)
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
