@@ -1,4 +1,4 @@
-"""The chart of the collision rungs: the order of its points, where methods fail, and its picture."""
+"""The chart of the collision rungs: the order of its points, where methods fail, its picture."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_where_methods_fail_is_looked_for_all_along_the_bat(rows: Rows) -> None:
 
 
 def test_what_is_off_and_what_refuses_are_counted_apart(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Off by a little more than the u of a certificate, or by a little less, far from the barrel."""
+    """Off by a little more than the u of a certificate, or a little less, far from the barrel."""
 
     def poor(scenes: Scenes) -> np.ndarray:
         z = scenes.impact_position / INCH
@@ -110,7 +110,9 @@ def test_the_picture_shows_what_decides_and_its_words_do_not_overlap() -> None:
     renderer = figure.canvas.get_renderer()
     assert len(figure.axes) == 2
     for axes in figure.axes:
-        assert {2e-4} in [set(line.get_ydata()) for line in axes.lines if len(line.get_xdata()) == 2]
+        assert {2e-4} in [
+            set(line.get_ydata()) for line in axes.lines if len(line.get_xdata()) == 2
+        ]
         boxes = {one.get_text(): one.get_window_extent(renderer) for one in axes.texts}
         assert any("u / 10" in words for words in boxes)
         for (one, box), (other, another) in combinations(boxes.items(), 2):

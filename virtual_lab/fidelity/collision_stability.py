@@ -328,8 +328,8 @@ def _draw(rows: list[dict[str, Any]], path: Path) -> None:
     keys.append(Line2D([], [], color="black", linewidth=2, label="the default's step"))
     figure.legend(handles=keys, loc="outside lower center", ncols=7, frameon=False, fontsize=9)
     title = (
-        "Stepping of the modal rung: up to 24 scenes a cell in one bare pass, and as shipped; good: "
-        f"all of them to {TOLERANCE:.0e} in $e_A$, else how many are not"
+        "Stepping of the modal rung: up to 24 scenes a cell in one bare pass, and as shipped; "
+        f"good: all of them to {TOLERANCE:.0e} in $e_A$, else how many are not"
     )
     figure.suptitle(title, fontsize=11)
     figure.savefig(path)

@@ -65,6 +65,37 @@ def test_the_cheapest_good_enough_is_taken(bat: str, u: float, name: str) -> Non
     assert choice.reason.startswith(f"{name} is ")
 
 
+def stated_and_found(
+    bat: str, support: Support, speed: float, ends_in: tuple[float, float], count: int
+) -> dict[str, tuple[float, np.ndarray, np.ndarray]]:
+    """Return what rungs are said to err by between two places, and do at places not probed.
+
+    With these, whether ball and bat met as often as they should. Against 100 modes and 60 more that follow at once, their shapes without splines.
+    """
+    body = load_bat(bat).spec.body
+    name = "softball-slowpitch" if "softball" in bat else "baseball-2003"
+    ball = load("balls", name, BallSpec).spec
+    ends = (ends_in[0] * INCH, ends_in[1] * INCH)
+    given = rungs._rungs(body, support, probing_scenes(ball, speed * MPH, ends))
+    places = np.random.default_rng(3).uniform(*ends, count)
+    fresh = Scenes.with_ball(ball, impact_position=places, relative_speed=speed * MPH)
+    exact = ModalModel.within(modes_of(body, support, 160), 100)
+    vars(exact)["table"] = lambda z: np.column_stack(
+        (
+            patch_shape(exact.modes, z, PATCH),
+            ((patch_shape(exact.stiff, z, PATCH) / exact.stiff.angular_frequencies) ** 2).sum(1),
+        )
+    )
+    true = exact.collide(fresh)
+    assert len(given) == 1 + len(MODE_COUNTS)
+    result = {}
+    for choice in given:
+        found = choice.model.collide(fresh)
+        gap = np.abs(found.collision_efficiency - true.collision_efficiency)
+        result[choice.name] = (choice.error, gap, found.contacts == true.contacts)
+    return result
+
+
 @pytest.mark.parametrize(
     ("bat", "support", "speed"),
     [
@@ -78,28 +109,46 @@ def test_the_cheapest_good_enough_is_taken(bat: str, u: float, name: str) -> Non
     ],
 )
 def test_errors_hold_at_other_places(bat: str, support: Support, speed: float) -> None:
-    """Against 100 modes and 60 more that follow at once, their shapes without splines."""
-    body = load_bat(bat).spec.body
-    name = "softball-slowpitch" if "softball" in bat else "baseball-2003"
-    ball = load("balls", name, BallSpec).spec
-    given = rungs._rungs(body, support, probing_scenes(ball, speed * MPH))
-    places = np.random.default_rng(3).uniform(3, 9, 60) * INCH
-    fresh = Scenes.with_ball(ball, impact_position=places, relative_speed=speed * MPH)
-    exact = ModalModel.within(modes_of(body, support, 160), 100)
-    vars(exact)["table"] = lambda z: np.column_stack(
-        (
-            patch_shape(exact.modes, z, PATCH),
-            ((patch_shape(exact.stiff, z, PATCH) / exact.stiff.angular_frequencies) ** 2).sum(1),
+    for name, (error, found, _) in stated_and_found(bat, support, speed, (3, 9), 60).items():
+        worst = float(found.max())
+        print(f"{name} {error:.1e} stated, {worst:.1e} found")
+        assert worst < error < 3 * worst + 3e-6
+
+
+@pytest.mark.parametrize(
+    ("bat", "speed", "ends_in"),
+    [
+        ("softball-wood-34", 60, (1, 12)),
+        ("r161", 100, (12, 20)),
+        ("softball-wood-34", 60, (12, 20)),
+    ],
+)
+def test_errors_hold_where_ball_and_bat_meet_again(
+    bat: str, speed: float, ends_in: tuple[float, float]
+) -> None:
+    """They were a constant 1.1e-4; found were 2.2e-4 by a tip and 5e-3 beyond 12 in.
+
+    The third meets a jump of 0.1 in e_A at 16.99 in, where a touch comes or goes: it is at a place
+    that lies 0.002 in elsewhere by 20 modes than by 100.
+    """
+    stated = stated_and_found(bat, PIVOT, speed, ends_in, 120)
+    for name, (error, found, same) in list(stated.items())[1:]:
+        print(
+            f"{name} {error:.1e} stated, {found[same].max():.1e} found, {found.max():.1e} at a jump"
         )
-    )
-    true = exact.collide(fresh).collision_efficiency
-    found = {c.name: np.abs(c.model.collide(fresh).collision_efficiency - true) for c in given}
-    assert len(found) == 1 + len(MODE_COUNTS)
-    for choice in given:
-        worst = float(found[choice.name].max())
-        print(f"{choice.name} {choice.error:.1e} stated, {worst:.1e} found")
-        assert worst < 1.5 * choice.error
-        assert choice.error < 5 * worst + 3e-6
+        assert found[same].max() < error
+        assert (found > error).sum() <= 1
+    assert stated["modal, 20 modes,"][0] > 2.2e-4
+
+
+def test_what_is_said_of_a_rung_names_the_places_and_that_they_meet_again() -> None:
+    ball = load("balls", "baseball-2003", BallSpec).spec
+    said = [
+        choose(WOOD, PIVOT, probing_scenes(ball, 60 * MPH, (5 * INCH, end * INCH))).reason
+        for end in (6.0, 16.0)
+    ]
+    assert said[0].endswith(" at 3 to 9 in from the tip")
+    assert " at 3 to 16 in from the tip, more where a touch comes or goes: ball and bat" in said[1]
 
 
 def test_the_reference_errs_too() -> None:
