@@ -46,6 +46,7 @@ from virtual_lab.simulation.collision.stepping import FINE, OneByOne, Stepper
 from virtual_lab.simulation.collision.surrogate import Box, Surrogate
 from virtual_lab.simulation.physics.modes import modes_of
 from virtual_lab.simulation.physics.supports import Free
+from virtual_lab.streams import Streams
 from virtual_lab.units import INCH, MPH
 
 __all__ = ["measure", "save", "text"]
@@ -228,9 +229,16 @@ def _box() -> Box:
 @cache
 def _scenes(ends_in: tuple[float, float], count: int) -> Scenes:
     """Return scenes drawn evenly between two places, and over the speeds."""
-    rng = np.random.default_rng(SEED)
-    place, speed = rng.uniform(*ends_in, count) * INCH, rng.uniform(*SPEEDS_MPH, count) * MPH
-    return Scenes.with_ball(_ball(), impact_position=place, relative_speed=speed)
+    draws = Streams(SEED)
+    return Scenes.with_ball(
+        _ball(),
+        impact_position=_between(ends_in, draws.uniform("place", count)) * INCH,
+        relative_speed=_between(SPEEDS_MPH, draws.uniform("speed", count)) * MPH,
+    )
+
+
+def _between(ends: tuple[float, float], draws: Array) -> Array:
+    return np.asarray(ends[0] + (ends[1] - ends[0]) * (0.5 + draws))
 
 
 def _median_time(efficiency: Efficiency, batch: Scenes, repeats: int) -> float:

@@ -37,6 +37,7 @@ from virtual_lab.simulation.collision.stepping import (
     Struck,
 )
 from virtual_lab.simulation.physics.supports import Clamped, Free, Pinned, Support
+from virtual_lab.streams import Streams
 from virtual_lab.units import INCH, MPH
 
 __all__ = ["measure", "save", "text"]
@@ -252,10 +253,14 @@ def _meeting(contacts: int) -> Column:
 def _pool(bat: str) -> tuple[Scenes, NDArray[np.int64]]:
     """Return scenes all along a bat with usual and harder balls, and how often they meet."""
     ball = catalog.load("balls", BALL, BallSpec).spec
-    rng = np.random.default_rng(POOL_SEED)
-    place, speed = rng.uniform(0.3, 30.0, POOL) * INCH, rng.uniform(*SPEEDS_MPH, POOL) * MPH
-    usual = Scenes.with_ball(ball, impact_position=place, relative_speed=speed)
-    pool = replace(usual, stiffness=usual.stiffness * HARDEST ** rng.uniform(0, 1, POOL))
+    draws = Streams(POOL_SEED)
+    place, speed, harder = (draws.uniform(name, POOL) + 0.5 for name in ("z", "speed", "harder"))
+    usual = Scenes.with_ball(
+        ball,
+        impact_position=(0.3 + 29.7 * place) * INCH,
+        relative_speed=(SPEEDS_MPH[0] + (SPEEDS_MPH[1] - SPEEDS_MPH[0]) * speed) * MPH,
+    )
+    pool = replace(usual, stiffness=usual.stiffness * HARDEST**harder)
     return pool, _model(bat, "free", BENDING_MODES).collide(pool).contacts
 
 

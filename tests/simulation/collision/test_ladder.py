@@ -70,7 +70,8 @@ def stated_and_found(
 ) -> dict[str, tuple[float, np.ndarray, np.ndarray]]:
     """Return what rungs are said to err by between two places, and do at places not probed.
 
-    With these, whether ball and bat met as often as they should. Against 100 modes and 60 more that follow at once, their shapes without splines.
+    With these, whether ball and bat met as often as they should. Against 100 modes and 60 more
+    that follow at once, their shapes without splines.
     """
     body = load_bat(bat).spec.body
     name = "softball-slowpitch" if "softball" in bat else "baseball-2003"
