@@ -17,10 +17,12 @@ from virtual_lab.simulation.collision.stepping import FINE, OneByOne
 @pytest.fixture(scope="module")
 def rows() -> list[dict[str, Any]]:
     ends = {axis: (values[0], values[-1]) for axis, values in maps.AXES.items()}
+    ends[maps.CONTACTS] = (1, 3)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(maps, "AXES", ends)
         patch.setattr(maps, "FACTORS", (0.5, 1.0, 1.3, 1.5, 4.0))
         patch.setattr(maps, "PLACES_IN", (1.0, 6.5, 16.0))
+        patch.setattr(maps, "POOL", 600)
         return maps.measure()
 
 
@@ -46,9 +48,10 @@ def test_the_default_knows_which_scenes_it_got_wrong(rows: list[dict[str, Any]])
 
 
 def test_scenes_are_of_the_contacts_that_their_column_says() -> None:
-    for contacts in (1, 4):
+    for contacts in (1, 3):
         for model, scenes in maps._column(maps.CONTACTS, contacts):
             exact = replace(model, stepper=OneByOne(refinement=2.0)).collide(scenes)
+            assert len(scenes) > 0
             assert (exact.contacts == contacts).all()
 
 

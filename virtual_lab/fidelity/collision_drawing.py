@@ -74,7 +74,7 @@ SIDES = (  # where a label may stand: offset in points, alignments
     (8, 15, "left", "center"),
     (-8, 15, "right", "center"),
 )
-PIECES = 200  # of a line between two points, closer than a letter is wide
+PIECES = 60  # of a line between two points, closer than a word is long
 
 
 def draw(rows: list[dict[str, Any]]) -> Figure:
