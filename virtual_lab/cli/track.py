@@ -24,29 +24,16 @@ BALLS = (1e-3, 1.0)  # m, the diameter
 )
 @click.option("--ball", metavar="73mm", help="The ball's diameter, in mm, cm, m or in.")
 @click.option(
-    "--quick",
-    "in_a_hurry",
-    is_flag=True,
-    help="Locate with OpenCV alone, to some hundredths of a pixel.",
-)
-@click.option(
     "--out",
     type=click.Path(path_type=Path),
     help="New folder for track, result, plot, contact sheet and film  [default: CLIP-track]",
-)
-@click.option(
-    "--phases",
-    is_flag=True,
-    help="Test whether places lean with where between pixels the ball is: roll one slowly through.",
 )
 @json_option
 def track(
     clip: Path,
     calibration: Path | None,
     ball: str | None,
-    in_a_hurry: bool,
     out: Path | None,
-    phases: bool,
     as_json: bool,
 ) -> None:
     """Follow the ball through CLIP: speeds before and after a contact, restitution, track.
@@ -58,17 +45,14 @@ def track(
     from virtual_lab.files import check_new_folder, first_free, new_folder
     from virtual_lab.relations.board import length_of
     from virtual_lab.video.bat.clip import bat_document, find_bat, recoil_in
-    from virtual_lab.video.bat.cover import bat_cover
     from virtual_lab.video.clips.calibration_file import read_calibration
-    from virtual_lab.video.locate.quick import quick
-    from virtual_lab.video.locate.refined import Refined
+    from virtual_lab.video.locate.sharp import Sharp
     from virtual_lab.video.show.bat_plot import bat_text, draw_bat, write_bat_table
     from virtual_lab.video.show.track_film import write_film, write_sheet
-    from virtual_lab.video.show.track_phases import phases_of, phases_text, write_phases
     from virtual_lab.video.show.track_plot import draw_track
     from virtual_lab.video.show.track_text import track_text, write_table
-    from virtual_lab.video.track.covering import track_covered
     from virtual_lab.video.track.speeds import document, speeds
+    from virtual_lab.video.track.tracking import expected_radius
     from virtual_lab.video.track.tracking import track as run
 
     out = out or first_free(clip.parent / f"{clip.absolute().stem or 'clip'}-track")
@@ -77,16 +61,11 @@ def track(
         calibration, ball_diameter=None if ball is None else length_of(ball, "--ball", *BALLS)
     )
     say = teller()
-    locator = quick if in_a_hurry else Refined()
-    tracked = run(clip, known, locator, say=say)
+    tracked = run(clip, known, Sharp(ball_radius=expected_radius(known)), say=say)
     there = find_bat(tracked, known)
-    if there and not in_a_hurry:  # quick heeds no mask
-        cover = bat_cover(there, tracked.clip, known)
-        tracked = track_covered(tracked, known, locator, cover, say=say)
     found = speeds(tracked, known)
     bat = recoil_in(tracked, there) if there else None
     result = document(tracked, found) | ({"bat": bat_document(bat)} if bat else {})
-    leaning = phases_of(tracked) if phases else {}
     say("drawing")
     with new_folder(out) as folder:
         write_table(tracked, folder / "track.csv")
@@ -97,11 +76,9 @@ def track(
         if bat:
             write_bat_table(bat, folder / "bat.csv")
             draw_bat(bat, folder / "bat.png")
-        if leaning:
-            write_phases(leaning, folder / "phases.csv")
     if as_json:
         print_json(result)
     else:
         speeds_told = "\n".join([track_text(tracked, found), *([bat_text(bat)] if bat else [])])
-        told = [speeds_told, *([phases_text(leaning)] if leaning else []), str(out)]
+        told = [speeds_told, str(out)]
         click.echo("\n\n".join(told))
