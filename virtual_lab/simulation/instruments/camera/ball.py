@@ -143,12 +143,12 @@ def render_balls(
     out = np.zeros((regions, 2, *shape), np.float32)
     spread = min(sigma / sqrt(2), MOST_SPREAD)
     fine = max(float(size.max()) / (SPACING * sigma), DETAIL if look.seam_contrast else 1.0)
-    warp, path, times, body, turn, light = (
+    warp, path, times, body, turned, lit = (
         np.ascontiguousarray(part, dtype=np.float64)
         for part in (outline, course, when, axes, turns, shades)
     )
     render(
-        Shown(warp, path, times, body, turn, light, spans),
+        Shown(warp, path, times, body, turned, lit, spans),
         Look(
             nodes=_nodes(ceil(log(fine) / log(STEP))),
             surface=features,
