@@ -12,7 +12,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.collision.surrogate import Box, Surrogate
-from virtual_lab.simulation.collision.surrogate_kernel import evaluate
+from virtual_lab.simulation.collision.surrogate_kernel import evaluate_surrogate
 from virtual_lab.simulation.physics.supports import Free
 from virtual_lab.units import INCH, MPH
 
@@ -61,9 +61,11 @@ def test_the_kernel_is_the_chebyshev_series(shape: tuple[int, ...]) -> None:
         for at in (x, y, z, w):
             value = np.polynomial.chebyshev.chebval(at, value)
         expected.append(value)
-    assert evaluate(coefficients, unit) == pytest.approx(np.array(expected), abs=1e-12)
-    alone = np.concatenate([evaluate(coefficients, unit[:, i : i + 1].copy()) for i in range(9)])
-    assert evaluate(coefficients, unit)[:9] == pytest.approx(alone, abs=1e-14)
+    assert evaluate_surrogate(coefficients, unit) == pytest.approx(np.array(expected), abs=1e-12)
+    alone = np.concatenate(
+        [evaluate_surrogate(coefficients, unit[:, i : i + 1].copy()) for i in range(9)]
+    )
+    assert evaluate_surrogate(coefficients, unit)[:9] == pytest.approx(alone, abs=1e-14)
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from virtual_lab.relations.pinhole import rotation
 from virtual_lab.simulation.instruments.camera.spec import BallLook
 
-__all__ = ["Light", "Seen", "axes_of", "render_balls"]
+__all__ = ["Light", "RenderedBalls", "axes_of", "render_balls"]
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.float32]
@@ -45,7 +45,7 @@ class Light:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
+class RenderedBalls:
     """Balls as their light reaches the pixels, each (region, row, column)."""
 
     cover: Pixels  # share of the background's light that a ball keeps off
@@ -79,7 +79,7 @@ def render_balls(
     times: ArrayLike | None = None,
     warp: ArrayLike | None = None,
     view: ArrayLike | None = None,
-) -> Seen:
+) -> RenderedBalls:
     """Return the balls of many regions of one shape.
 
     Parameters
@@ -159,7 +159,7 @@ def render_balls(
         ),
         out,
     )
-    return Seen(cover=out[:, 0], radiance=out[:, 1])
+    return RenderedBalls(cover=out[:, 0], radiance=out[:, 1])
 
 
 def axes_of(turn: ArrayLike) -> Array:
