@@ -264,8 +264,8 @@ class _Filmed:
         picture *= light ** (1 / phone.gamma)
         rows, columns = self.shape
         bank, top, left = rng.integers(0, [2, 64, 64])
-        picture += self.grain[bank, top : top + rows, left : left + columns]
-        return np.clip(picture + 0.5, 0, 255).astype(np.uint8)
+        grain = self.grain[bank, top : top + rows, left : left + columns]
+        return cv2.add(picture, grain, dtype=cv2.CV_8U)
 
     def _moved_background(self, time: float) -> Image:
         rows, columns = self.shape

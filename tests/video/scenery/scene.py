@@ -65,8 +65,8 @@ class Scene:
     stored: str = "all"
     file_rate: float | None = None
     rotation: int = 0  # deg clockwise that a player has to turn the stored frames
-    codec: str = "MJPG"  # MJPG | mp4v | VP80 | VP90 | FFV1 | PNG
-    jpeg: int = 95  # quality of MJPG; of any other codec: 100 keeps the frames as they are
+    codec: str = "MJPG"  # MJPG | mp4v | VP80 | FFV1 | PNG
+    jpeg: int = 90  # quality; before another codec 100 leaves the frames as they are
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ from tests.video.scenery.backdrop import Backdrop
 from tests.video.scenery.motion import Ball, Carried, Rolling, Surface, Swinging, Thrown
 from tests.video.scenery.scene import Actor, Phone, Scene
 
-__all__ = ["SCENES"]
+__all__ = ["LARGE", "SCENES"]
 
 GREEN = Ball(diameter=0.080, mass=0.070, colour=(0.05, 0.72, 0.07))
 RED = Ball(diameter=0.040, mass=0.024, colour=(0.06, 0.07, 0.55), facing=2)
@@ -49,6 +49,28 @@ thrown_on_wall = Scene(
     phone=Phone(distance=1.9, drift=22, flicker=0.01, noise=1.2),
     backdrop=SPECKLED,
     floor=0.46,
+)
+thrown_on_plaster = Scene(
+    name="thrown-on-plaster",
+    seed=20,
+    count=105,
+    exposure=1 / 120,
+    actors=(
+        Actor(
+            ball=GREEN,
+            motion=Thrown(
+                place=(-0.66, -0.36),
+                velocity=(0.42, -0.3),
+                released=0.5,
+                arm_from=(-1.4, -0.2),
+                surfaces=(Surface(at=0.46, restitution=(0.76, 0.79, 0.80, 0.81), keeps=0.97),),
+            ),
+        ),
+    ),
+    phone=Phone(distance=1.9, drift=12, noise=1.0),
+    backdrop=replace(PLASTER, floor=(150, 158, 165), floor_grain=9, plates=0, skirting=14),
+    floor=0.46,
+    wall_shadow=0.1,
 )
 dropped_on_carpet = Scene(
     name="dropped-on-carpet",
@@ -203,9 +225,9 @@ two_balls = replace(
 against_wall = Scene(
     name="against-wall",
     seed=12,
-    fps=120,
-    count=80,
-    exposure=1 / 400,
+    fps=240,
+    count=110,
+    exposure=1 / 500,
     actors=(
         Actor(
             ball=GREEN,
@@ -220,9 +242,12 @@ against_wall = Scene(
     backdrop=PLASTER,
 )
 doubled = replace(
-    thrown_on_wall, name="doubled", seed=13, count=70, stored="doubled", file_rate=30, codec="mp4v"
+    thrown_on_plaster, name="doubled", seed=13, count=75, stored="doubled", codec="mp4v"
 )
-repeated = replace(thrown_on_wall, name="repeated", seed=14, stored="repeated", codec="mp4v")
+repeated = replace(thrown_on_wall, name="repeated", seed=14, stored="repeated", codec="VP80")
+squeezed = replace(thrown_on_plaster, name="squeezed", seed=21, jpeg=20)
+lossless = replace(thrown_up, name="lossless", seed=22, codec="FFV1", jpeg=100)
+pictures = replace(free_fall, name="pictures", seed=23, codec="PNG", jpeg=100)
 thinned = replace(thrown_on_wall, name="thinned", seed=15, stored="thinned")
 lost = replace(thrown_on_wall, name="lost", seed=16, stored="lost", codec="VP80")
 rolling_shutter = replace(
@@ -240,10 +265,25 @@ tilted = replace(
 )
 upright = replace(light_ball, name="upright", seed=19, rotation=90, codec="mp4v")
 
+# for measuring time and memory, not for tests
+LARGE = replace(
+    thrown_on_wall,
+    name="large",
+    seed=24,
+    size=(1920, 1080),
+    fps=80,
+    count=216,
+    exposure=1 / 160,
+    phone=replace(thrown_on_wall.phone, focal=2025, drift=60, blur=1.2),
+    backdrop=replace(SPECKLED, grain_size=3.0),
+    codec="mp4v",
+)
+
 SCENES = {
     scene.name: scene
     for scene in (
         thrown_on_wall,
+        thrown_on_plaster,
         dropped_on_carpet,
         carried,
         pendulum,
@@ -257,6 +297,9 @@ SCENES = {
         against_wall,
         doubled,
         repeated,
+        squeezed,
+        lossless,
+        pictures,
         thinned,
         lost,
         rolling_shutter,

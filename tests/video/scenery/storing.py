@@ -14,7 +14,7 @@ __all__ = ["stored_exposures", "write"]
 
 Picture = NDArray[np.uint8]
 
-SUFFIX = {"MJPG": ".avi", "mp4v": ".mp4", "VP80": ".webm", "VP90": ".mp4", "FFV1": ".mov"}
+SUFFIX = {"MJPG": ".avi", "mp4v": ".mp4", "VP80": ".mkv", "FFV1": ".avi"}
 TURNS = {90: cv2.ROTATE_90_COUNTERCLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_CLOCKWISE}
 MATRICES = {90: (0, 1, -1, 0), 180: (-1, 0, 0, -1), 270: (0, -1, 1, 0)}  # of a player
 MATRIX_AT = 44  # bytes from the name of a track's header to its matrix
@@ -54,7 +54,9 @@ def write(scene: Scene, pictures: Iterable[Picture], folder: Path) -> Path:
     wide, high = scene.size if scene.rotation % 180 == 0 else scene.size[::-1]
     rate = scene.file_rate or {"doubled": 2.0, "thinned": 5 / 6}.get(scene.stored, 1.0) * scene.fps
     code = cv2.VideoWriter.fourcc(*scene.codec)
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, code, rate, (wide, high))
+    # FFmpeg's own MJPG takes no quality
+    by = cv2.CAP_OPENCV_MJPEG if scene.codec == "MJPG" else cv2.CAP_FFMPEG
+    writer = cv2.VideoWriter(str(path), by, code, rate, (wide, high))
     if scene.codec == "MJPG":
         writer.set(cv2.VIDEOWRITER_PROP_QUALITY, scene.jpeg)
     for picture in pictures:
