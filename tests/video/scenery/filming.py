@@ -158,6 +158,7 @@ class _Filmed:
                 time=contact.time,
                 frame=float(np.interp(contact.time, start[once], once)),
                 kind=contact.kind,
+                seen=bool(self._whole(actor, path, np.array(contact.time))),
                 restitution=contact.restitution,
                 velocity_in=contact.velocity_in,
                 velocity_out=contact.velocity_out,
@@ -178,7 +179,7 @@ class _Filmed:
         )
 
     def _frames(self, actor: Actor, path: motion.Path, exposures: NDArray[np.intp]) -> Frames:
-        scene, (rows, columns) = self.scene, self.shape
+        scene, rows = self.scene, self.shape[0]
         t = self.time(exposures)
         time = t
         for _ in range(8):  # the row the ball is in sets the time at which it is read
@@ -188,11 +189,7 @@ class _Filmed:
             picture = still + self.drift_at(time)
             row = np.clip(picture[:, 1], 0, rows - 1)
             time = t + scene.phone.readout * row / (rows - 1)
-        radius = scene.phone.focal * actor.ball.radius / seen[:, 2]
-        reach = radius[:, None] + 1
-        whole = (picture >= reach).all(axis=1) & (
-            picture <= np.array([columns - 1, rows - 1]) - reach
-        ).all(axis=1)
+        radius, half = self._radius(actor, seen), scene.exposure / 2
         breaks = [start for start, _ in path.phases[1:]] + [c.time for c in path.contacts]
         late = np.array(breaks)[:, None] - time
         touched = np.zeros(len(t), bool)
@@ -208,11 +205,21 @@ class _Filmed:
             picture_y=picture[:, 1],
             radius=radius,
             phase=tuple(path.phase(each) for each in time),
-            whole=whole,
+            whole=self._whole(actor, path, time - half) & self._whole(actor, path, time + half),
             touched=touched,
-            contact=(np.abs(late) <= scene.exposure / 2).any(axis=0),
+            contact=(np.abs(late) <= half).any(axis=0),
             repeat=np.append(False, np.diff(exposures) == 0),
         )
+
+    def _whole(self, actor: Actor, path: motion.Path, time: Array) -> NDArray[np.bool_]:
+        """Return at which times all of the ball is in the picture, and a pixel more."""
+        seen = self.lens.seen(*path.at(time))
+        reach = self._radius(actor, seen)[..., None] + 1
+        at, last = self.lens.project(seen) + self.drift_at(time), np.array(self.scene.size) - 1
+        return ((at >= reach) & (at <= last - reach)).all(axis=-1)
+
+    def _radius(self, actor: Actor, seen: Array) -> Array:
+        return self.scene.phone.focal * actor.ball.radius / seen[..., 2]
 
     def _still(self, place: Array) -> Array:
         return self.lens.project(self.lens.seen(*place))

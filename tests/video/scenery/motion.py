@@ -155,6 +155,7 @@ class Thrown:
     caught: float | None = None  # s
 
     def path(self, ball: Ball, until: float) -> Path:
+        until = max(until, (self.caught or self.released) + 0.1)
         end = until if self.caught is None else min(until, self.caught)
         legs = list(self._legs(ball, end))
         t = np.concatenate([leg.t for leg in legs])

@@ -81,7 +81,7 @@ class Frames:
     picture_y: Array
     radius: Array  # px
     phase: tuple[str, ...]  # hand | flight | rolling | pendulum
-    whole: Flags  # all of the ball is in the picture
+    whole: Flags  # all of the ball is in the picture, all the exposure
     touched: Flags  # a hand is on it or within 2 px
     contact: Flags  # the exposure spans a contact, a release or a catch
     repeat: Flags  # the same exposure as in the frame before
@@ -113,6 +113,7 @@ class TrueContact:
     time: float
     frame: float
     kind: str  # floor | wall
+    seen: bool  # with all of the ball in the picture
     restitution: float  # of the speeds normal to the surface
     velocity_in: Pair
     velocity_out: Pair

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.video.scenery.shots import KINDS, Shot, efficiency, make_shot
+from tests.video.scenery.shots import KINDS, Kind, Shot, efficiency, make_shot
 
 __all__ = ["hull_places", "rms_error"]
 
@@ -18,11 +18,11 @@ Array = NDArray[np.float64]
 OPEN = 5  # px, of the opening that takes noise off
 
 
-def rms_error(kind: str, clips: int, places: Callable[[Shot], Array]) -> float:
+def rms_error(kind: Kind, clips: int, places: Callable[[Shot], Array]) -> float:
     """Return the rms relative error of e_A a shot; `places` gives x of each frame, or NaN."""
     errors = []
     for seed in range(clips):
-        shot = make_shot(KINDS[kind], seed)
+        shot = make_shot(kind, seed)
         errors.append(efficiency(shot, places(shot)) / shot.efficiency - 1)
     return float(np.sqrt(np.mean(np.square(errors))))
 
@@ -47,8 +47,8 @@ def hull_places(shot: Shot) -> Array:
 
 def main(clips: int) -> None:
     """Print a line a kind."""
-    for kind in KINDS:
-        print(f"{kind:6s} {100 * rms_error(kind, clips, hull_places):.4f} %", flush=True)
+    for name, kind in KINDS.items():
+        print(f"{name:6s} {100 * rms_error(kind, clips, hull_places):.4f} %", flush=True)
 
 
 if __name__ == "__main__":

@@ -66,8 +66,8 @@ class Kind:
 _SOFT = Kind(
     fps=5000,
     exposure=25e-6,
-    most_in=16,
-    most_out=16,
+    most_in=20,
+    most_out=20,
     white=22000,
     behind=1500,
     slope=(0.12, -0.05),
@@ -86,15 +86,15 @@ KINDS = {
     "back": Kind(
         fps=10000,
         exposure=10e-6,
-        most_in=16,
-        most_out=16,
+        most_in=20,
+        most_out=20,
         white=360,
         behind=14400,
         slope=(0.04, 0.03),
         ambient=1.0,
         lamp=(0.0, 0.0, -1.0),
         wrap=0.0,
-        seams=0.6,
+        seams=0.0,
         flicker=0.005,
         gain=0.20746,
         read=14,
@@ -106,7 +106,7 @@ KINDS = {
         fps=1000,
         exposure=40e-6,
         most_in=14,
-        most_out=16,
+        most_out=20,
         white=8400,
         behind=720,
         slope=(0.20, 0.10),
@@ -256,7 +256,7 @@ def drawn(
 
 def _lit(kind: Kind, across: Image, down: Image, away: Image, facing: Array) -> Image | float:
     """Return the light of the surface [e]."""
-    if kind.ambient == 1:
+    if kind.ambient == 1:  # from everywhere
         return ALBEDO * kind.white
     toward = -np.sqrt(np.maximum(0, 1 - away**2))
     lamp = np.array(kind.lamp) / np.linalg.norm(kind.lamp)
