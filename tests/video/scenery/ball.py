@@ -1,0 +1,58 @@
+"""A sphere as a pinhole camera sees it: outline by rays, shading, spots that turn with it."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.video.scenery.motion import Ball
+
+__all__ = ["sphere"]
+
+Image = NDArray[np.float32]
+
+LAMP = np.array([-0.35, -0.8, -0.5]) / np.linalg.norm([-0.35, -0.8, -0.5])  # toward it; y is down
+HALFWAY = (LAMP - [0, 0, 1]) / np.linalg.norm(LAMP - [0, 0, 1])  # of lamp and camera
+AMBIENT = 0.5
+
+
+def sphere(
+    rays: NDArray[np.float64], centres: NDArray[np.float64], focal: float, look: Ball, turn: float
+) -> tuple[Image, Image]:
+    """Return the mean over sub-exposures: light (row, column, 3) and the ball's share of a pixel.
+
+    Parameters
+    ----------
+    rays
+        Through the pixels, (row, column, 3), third component 1.
+    centres
+        Of the sphere in the camera's axes, by sub-exposure and row, (sub, row, 3) [m].
+    focal
+        Pixels.
+    turn
+        Of the ball in the plane of the picture [rad].
+    """
+    unit = (rays / np.linalg.norm(rays, axis=2, keepdims=True)).astype(np.float32)
+    centre = centres[:, :, None, :].astype(np.float32)
+    along = (unit * centre).sum(axis=3, keepdims=True)
+    off = unit * along - centre  # from the centre square to the ray
+    miss = np.sqrt((off**2).sum(axis=3))
+    per_pixel = centres[..., 2].mean() / focal
+    share = np.clip(0.5 + (look.radius - miss) / per_pixel, 0, 1)
+    depth = np.sqrt(np.maximum(0, 1 - (miss / look.radius) ** 2))
+    normal = off / look.radius - unit * depth[..., None]
+    lit = AMBIENT + (1 - AMBIENT) * np.maximum(0, normal @ LAMP.astype(np.float32))
+    lit *= _spots(normal, look, turn)
+    shine = look.gloss * np.maximum(0, normal @ HALFWAY.astype(np.float32)) ** 24
+    weight = share / len(centres)
+    light = (weight * lit).sum(axis=0)[..., None] * np.array(look.colour, np.float32)
+    light += (weight * shine).sum(axis=0)[..., None]
+    return light, weight.sum(axis=0)
+
+
+def _spots(normal: Image, look: Ball, turn: float) -> Image:
+    """Return the relative brightness of the surface, a few waves over the sphere."""
+    rng = np.random.default_rng(look.facing)
+    waves = rng.standard_normal((4, 3)) * 3.0
+    cos, sin = np.cos(turn), np.sin(turn)
+    back = np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])  # into the ball's own axes
+    angle = normal @ (waves @ back).T.astype(np.float32) + rng.uniform(0, 6, 4).astype(np.float32)
+    return 1 + look.texture * np.sin(angle).sum(axis=-1) / 2

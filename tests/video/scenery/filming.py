@@ -1,0 +1,399 @@
+"""A camera films a scene: exposure by exposure, row by row where its shutter rolls.
+
+Light adds up in linear shares; everything else is in grey values after the gamma, in which a
+change of the light is a factor too.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from tests.video.scenery import motion
+from tests.video.scenery.backdrop import paint
+from tests.video.scenery.ball import sphere
+from tests.video.scenery.hand import SKIN, hand_shares
+from tests.video.scenery.scene import (
+    Actor,
+    BallTruth,
+    Frames,
+    Made,
+    Scene,
+    TrueContact,
+    TrueFlight,
+)
+from tests.video.scenery.storing import stored_exposures, write
+
+__all__ = ["film", "pictures"]
+
+Array = NDArray[np.float64]
+Image = NDArray[np.float32]
+
+SWAY = 0.3  # s over which the hand that holds the camera wanders
+FASTEST = 0.95  # px a frame of drift
+BESIDE = 2.0  # px from the outline at which a hand still counts as on the ball
+
+
+def film(scene: Scene, folder: Path) -> Made:
+    """Film a scene, store it in a folder and return the file with what is true of it."""
+    filmed = _Filmed(scene)
+    exposures = stored_exposures(scene.stored, scene.count, scene.seed)
+    path = write(scene, filmed.pictures(exposures), folder)
+    times = filmed.time(exposures)
+    return Made(
+        path=path,
+        scene=scene,
+        exposures=exposures,
+        times=times,
+        drift=filmed.drift_at(times),
+        truths=tuple(
+            filmed.truth(actor, path, exposures)
+            for actor, path in zip(scene.actors, filmed.paths, strict=True)
+        ),
+    )
+
+
+def pictures(scene: Scene) -> Iterator[NDArray[np.uint8]]:
+    """Yield a scene's exposures, none stored twice or left out, before any codec."""
+    return _Filmed(scene).pictures(np.arange(scene.count))
+
+
+@dataclass
+class _Lens:
+    """The pinhole: places in metres in the plane of the balls to pixels of the still frame."""
+
+    scene: Scene
+
+    def __post_init__(self) -> None:
+        phone = self.scene.phone
+        pitch, yaw = np.radians([phone.pitch, phone.yaw])
+        down = np.array(
+            [[1, 0, 0], [0, np.cos(pitch), -np.sin(pitch)], [0, np.sin(pitch), np.cos(pitch)]]
+        )
+        right = np.array([[np.cos(yaw), 0, -np.sin(yaw)], [0, 1, 0], [np.sin(yaw), 0, np.cos(yaw)]])
+        self.turned = down @ right
+        self.middle = (np.array(self.scene.size) - 1) / 2
+
+    def seen(self, x: Array, y: Array, z: float | Array = 0.0) -> Array:
+        """Return places in the camera's axes, (..., 3); z is behind the plane of the balls."""
+        x, y, z = np.broadcast_arrays(x, y, z)
+        return np.stack([x, y, z], axis=-1) @ self.turned.T + [0, 0, self.scene.phone.distance]
+
+    def project(self, seen: Array) -> Array:
+        """Return pixels of the still frame, (..., 2)."""
+        return self.middle + self.scene.phone.focal * seen[..., :2] / seen[..., 2:]
+
+    def rays(self, still: Array) -> Array:
+        """Return rays through pixels of the still frame, (..., 3)."""
+        flat = (still - self.middle) / self.scene.phone.focal
+        return np.concatenate([flat, np.ones((*flat.shape[:-1], 1))], axis=-1)
+
+
+class _Filmed:
+    """A scene with all that moves laid out in time."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene, self.lens = scene, _Lens(scene)
+        self.rng = np.random.default_rng(scene.seed)
+        self.shape = (scene.size[1], scene.size[0])
+        until = (scene.count + 1) / scene.fps + scene.phone.readout
+        self.paths = [actor.motion.path(actor.ball, until) for actor in scene.actors]
+        self.clock = np.arange(0, until + 1e-3, 1e-3)
+        self.drift = self._drift()
+        self.margin = int(np.ceil(np.abs(self.drift).max())) + 3
+        self.behind = paint(scene.backdrop, scene.size, self._edge(), self.rng, self.margin)
+        wide, high = scene.size
+        self.grain = scene.phone.noise * self.rng.standard_normal(
+            (2, high + 64, wide + 64, 3), np.float32
+        )
+
+    def time(self, exposures: NDArray[np.intp]) -> Array:
+        """Return the middle of the exposure of the first row."""
+        return (exposures + 0.5) / self.scene.fps
+
+    def drift_at(self, time: Array) -> Array:
+        """Return how far the picture has moved, (..., 2) [px]."""
+        return np.stack([np.interp(time, self.clock, self.drift[:, k]) for k in (0, 1)], axis=-1)
+
+    def pictures(self, exposures: NDArray[np.intp]) -> Iterator[NDArray[np.uint8]]:
+        """Yield the pictures of some exposures; one asked for again comes back the same."""
+        last, picture = -1, None
+        for exposure in exposures:
+            if exposure != last:
+                last, picture = exposure, self._picture(int(exposure))
+            yield picture
+
+    def truth(self, actor: Actor, path: motion.Path, exposures: NDArray[np.intp]) -> BallTruth:
+        frames = self._frames(actor, path, exposures)
+        start = frames.time
+        once = np.flatnonzero(~frames.repeat)
+        little = 1e-4  # m
+        here, right, down = (
+            self._still(np.array(place)) for place in ((0, 0), (little, 0), (0, little))
+        )
+        scale = little / np.linalg.norm(right - here)
+        fall = (down - here) / little
+        readable, flights = frames.readable, []
+        for flight in path.flights:
+            inside = readable & (start > flight.start) & (start < flight.end)
+            if inside.any():
+                numbers = np.flatnonzero(inside)
+                flights.append(
+                    TrueFlight(
+                        first_frame=int(numbers[0]),
+                        last_frame=int(numbers[-1]),
+                        places=len(numbers),
+                        start=flight.start,
+                        end=flight.end,
+                        velocity_start=flight.velocity_start,
+                        velocity_end=flight.velocity_end,
+                    )
+                )
+        contacts = tuple(
+            TrueContact(
+                time=contact.time,
+                frame=float(np.interp(contact.time, start[once], once)),
+                kind=contact.kind,
+                seen=bool(self._whole(actor, path, np.array(contact.time))),
+                restitution=contact.restitution,
+                velocity_in=contact.velocity_in,
+                velocity_out=contact.velocity_out,
+            )
+            for contact in path.contacts
+            if contact.time < start[-1]
+        )
+        gx, gy = motion.GRAVITY * fall
+        return BallTruth(
+            frames=frames,
+            flights=tuple(flights),
+            contacts=contacts,
+            metres_per_pixel=float(scale),
+            gravity_px=(float(gx), float(gy)),
+            gravity=motion.GRAVITY,
+            drag_per_metre=actor.ball.drag_per_metre,
+            diameter=actor.ball.diameter,
+        )
+
+    def _frames(self, actor: Actor, path: motion.Path, exposures: NDArray[np.intp]) -> Frames:
+        scene, rows = self.scene, self.shape[0]
+        t = self.time(exposures)
+        time = t
+        for _ in range(8):  # the row the ball is in sets the time at which it is read
+            x, y = path.at(time)
+            seen = self.lens.seen(x, y)
+            still = self.lens.project(seen)
+            picture = still + self.drift_at(time)
+            row = np.clip(picture[:, 1], 0, rows - 1)
+            time = t + scene.phone.readout * row / (rows - 1)
+        radius, half = self._radius(actor, seen), scene.exposure / 2
+        breaks = [start for start, _ in path.phases[1:]] + [c.time for c in path.contacts]
+        late = np.array(breaks)[:, None] - time
+        touched = np.zeros(len(t), bool)
+        if path.hand is not None:
+            for k in range(len(t)):
+                touched[k] = self._touched(actor, path, float(time[k]), picture[k], radius[k])
+        return Frames(
+            exposure=exposures,
+            time=time,
+            x=still[:, 0],
+            y=still[:, 1],
+            picture_x=picture[:, 0],
+            picture_y=picture[:, 1],
+            radius=radius,
+            phase=tuple(path.phase(each) for each in time),
+            whole=self._whole(actor, path, time - half) & self._whole(actor, path, time + half),
+            touched=touched,
+            contact=(np.abs(late) <= half).any(axis=0),
+            repeat=np.append(False, np.diff(exposures) == 0),
+        )
+
+    def _whole(self, actor: Actor, path: motion.Path, time: Array) -> NDArray[np.bool_]:
+        """Return at which times all of the ball is in the picture, and a pixel more."""
+        seen = self.lens.seen(*path.at(time))
+        reach = self._radius(actor, seen)[..., None] + 1
+        at, last = self.lens.project(seen) + self.drift_at(time), np.array(self.scene.size) - 1
+        return ((at >= reach) & (at <= last - reach)).all(axis=-1)
+
+    def _radius(self, actor: Actor, seen: Array) -> Array:
+        return self.scene.phone.focal * actor.ball.radius / seen[..., 2]
+
+    def _still(self, place: Array) -> Array:
+        return self.lens.project(self.lens.seen(*place))
+
+    def _touched(
+        self, actor: Actor, path: motion.Path, time: float, at: Array, radius: float
+    ) -> bool:
+        drawn = self._hand(actor, path, time)
+        if drawn is None:
+            return False
+        behind, before, (rows, columns) = drawn
+        row, column = np.ogrid[rows, columns]
+        near = np.hypot(column - at[0], row - at[1]) < radius + BESIDE
+        return bool((np.maximum(behind, before)[near] > 0.1).any())
+
+    def _edge(self) -> tuple[float, float] | None:
+        """Return the rows at which wall and floor meet at both ends of the picture."""
+        if self.scene.floor is None:
+            return None
+        ends = self.lens.project(
+            self.lens.seen(np.array([-0.5, 0.5]), self.scene.floor, self.scene.wall_behind)
+        )
+        slope = (ends[1, 1] - ends[0, 1]) / (ends[1, 0] - ends[0, 0])
+        left = ends[0, 1] - slope * ends[0, 0]
+        return float(left), float(left + slope * self.scene.size[0])
+
+    def _drift(self) -> Array:
+        """Return a smooth random walk of stated extent, never faster than FASTEST."""
+        wanted = self.scene.phone.drift
+        if not wanted:
+            return np.zeros((len(self.clock), 2))
+        steps = self.rng.standard_normal((len(self.clock), 2))
+        walk = gaussian_filter1d(np.cumsum(steps, axis=0), SWAY * 1000, axis=0, mode="nearest")
+        walk *= wanted / np.ptp(walk, axis=0).max()
+        speed = np.abs(np.gradient(walk, self.clock, axis=0)).max() / self.scene.fps
+        walk *= min(1.0, FASTEST / speed)
+        return walk - walk[0]
+
+    def _picture(self, exposure: int) -> NDArray[np.uint8]:
+        scene, phone = self.scene, self.scene.phone
+        rng = np.random.default_rng([scene.seed, exposure])
+        time = float(self.time(np.array(exposure)))
+        picture = self._moved_background(time)
+        light = 1 + phone.flicker * np.sin(2 * np.pi * 1.7 * time) * rng.uniform(0.3, 1)
+        for actor, path in zip(scene.actors, self.paths, strict=True):
+            self._shadows(picture, actor, path, time)
+        for actor, path in zip(scene.actors, self.paths, strict=True):
+            self._draw(picture, actor, path, time)
+        picture *= light ** (1 / phone.gamma)
+        rows, columns = self.shape
+        bank, top, left = rng.integers(0, [2, 64, 64])
+        grain = self.grain[bank, top : top + rows, left : left + columns]
+        return cv2.add(picture, grain, dtype=cv2.CV_8U)
+
+    def _moved_background(self, time: float) -> Image:
+        rows, columns = self.shape
+        first, last = self.drift_at(np.array([time, time + self.scene.phone.readout]))
+        if not first.any() and not last.any():
+            inside = slice(self.margin, -self.margin)
+            return self.behind[inside, inside].copy()
+        bend = -(last - first) / (rows - 1)
+        shift = np.array(
+            [[1, bend[0], self.margin - first[0]], [0, 1 + bend[1], self.margin - first[1]]]
+        )
+        flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
+        return cv2.warpAffine(self.behind, shift, (columns, rows), flags=flags)
+
+    def _draw(self, picture: Image, actor: Actor, path: motion.Path, time: float) -> None:
+        at = self._picture_place(path, time)
+        late = self.scene.phone.readout * float(np.clip(at[1] / (self.shape[0] - 1), 0, 1))
+        if path.string_from is not None:
+            ends = [self.lens.project(self.lens.seen(*path.string_from)), at]
+            shifted = [ends[0] + self.drift_at(np.array(time)), ends[1]]
+            one, two = (tuple(np.round(e * 16).astype(int)) for e in shifted)
+            cv2.line(picture, one, two, (70.0, 70.0, 70.0), 1, cv2.LINE_AA, 4)
+        if self.scene.mirror and self.scene.floor is not None:
+            self._ball(picture, actor, path, time, mirrored=True)
+        drawn = None if path.hand is None else self._hand(actor, path, time + late)
+        if drawn is None:
+            self._ball(picture, actor, path, time)
+            return
+        behind, before, where = drawn
+        self._blend(picture[where], _skin(behind), behind)
+        self._ball(picture, actor, path, time)
+        self._blend(picture[where], _skin(before), before)
+
+    def _hand(self, actor: Actor, path: motion.Path, time: float):
+        half = self.scene.exposure / 2
+
+        def to_pixels(places: Array, when: Array) -> Array:
+            still = self.lens.project(self.lens.seen(places[..., 0], places[..., 1]))
+            return still + self.drift_at(when)[:, None, None]
+
+        times = time + half * np.array([-0.67, 0, 0.67])
+        scale = self.scene.phone.focal / self.scene.phone.distance
+        return hand_shares(path, times, actor.ball.radius, to_pixels, scale, self.shape)
+
+    def _picture_place(self, path: motion.Path, time: float) -> Array:
+        return self._still(np.array(path.at(np.array(time)))) + self.drift_at(np.array(time))
+
+    def _ball(
+        self, picture: Image, actor: Actor, path: motion.Path, time: float, mirrored: bool = False
+    ) -> None:
+        scene, phone = self.scene, self.scene.phone
+        x, y = path.at(time + np.linspace(-scene.exposure / 2, scene.exposure / 2 + phone.readout))
+        if mirrored:
+            y = 2 * scene.floor - y
+        seen = self.lens.seen(x, y)
+        drift = self.drift_at(np.array([time, time + phone.readout]))
+        radius = 1.15 * phone.focal * actor.ball.radius / seen[:, 2].min() + 4 * phone.blur + 2
+        still = self.lens.project(seen)
+        low = np.floor(still.min(axis=0) + drift.min(axis=0) - radius).astype(int)
+        high = np.ceil(still.max(axis=0) + drift.max(axis=0) + radius).astype(int)
+        left, top = np.maximum(low, 0)
+        right, bottom = np.minimum(high, [self.shape[1], self.shape[0]])
+        if right - left < 2 or bottom - top < 2:
+            return
+        row, column = np.mgrid[top:bottom, left:right].astype(float)
+        when = time + phone.readout * row[:, 0] / (self.shape[0] - 1)
+        moved = self.drift_at(when)[:, None, :]
+        rays = self.lens.rays(np.stack([column, row], axis=-1) - moved)
+        length = float(np.abs(np.diff(still, axis=0)).sum())
+        length *= scene.exposure / (scene.exposure + phone.readout)
+        parts = int(np.clip(np.ceil(length / 0.8), 3, 40))
+        parted = scene.exposure * ((np.arange(parts) + 0.5) / parts - 0.5)
+        x, y = path.at(parted[:, None] + when)
+        if mirrored:
+            y = 2 * scene.floor - y
+        turn = float(np.interp(time, path.t, path.turn)) * (-1 if mirrored else 1)
+        light, share = sphere(rays, self.lens.seen(x, y), phone.focal, actor.ball, turn)
+        blur = phone.blur
+        if mirrored:
+            edge = self._edge()
+            level = edge[0] + (edge[1] - edge[0]) * column / self.shape[1]
+            part = scene.mirror * np.clip(row - moved[..., 1] - level, 0, 1).astype(np.float32)
+            light, share, blur = light * part[..., None], share * part, 1.5 * phone.blur
+        light = cv2.GaussianBlur(light, (0, 0), blur)
+        share = cv2.GaussianBlur(share, (0, 0), blur)
+        self._blend(picture[top:bottom, left:right], light, share)
+
+    def _blend(self, part: Image, light: Image, share: Image) -> None:
+        """Lay light over a part of the picture; `share` hides what is behind."""
+        gamma = self.scene.phone.gamma
+        behind = np.power(np.clip(part, 0, 255) / 255, gamma)
+        part[:] = 255 * np.power(behind * (1 - share[..., None]) + light, 1 / gamma)
+
+    def _shadows(self, picture: Image, actor: Actor, path: motion.Path, time: float) -> None:
+        scene, phone = self.scene, self.scene.phone
+        x, y = (float(v) for v in path.at(np.array(time)))
+        r, drift = actor.ball.radius, self.drift_at(np.array(time))
+        if scene.floor is not None and scene.floor_shadow:
+            height = max(0.0, scene.floor - y - r)
+            at = self.lens.project(self.lens.seen(x + 0.15 * height, scene.floor)) + drift
+            wide = phone.focal / phone.distance * (r + 0.5 * height)
+            tilt = scene.floor / phone.distance + np.radians(phone.pitch)
+            dark = scene.floor_shadow * (r / (r + 0.8 * height)) ** 2
+            self._darken(picture, at, (wide, max(0.15, tilt) * wide), dark)
+        if scene.wall_shadow:
+            place = self.lens.seen(x + 0.2 * scene.wall_behind, y + 0.4 * scene.wall_behind)
+            wide = phone.focal / phone.distance * (r + 0.2 * scene.wall_behind)
+            self._darken(picture, self.lens.project(place) + drift, (wide, wide), scene.wall_shadow)
+
+    def _darken(self, picture: Image, at: Array, wide: tuple[float, float], dark: float) -> None:
+        reach = 2 * np.array(wide) + 2
+        left, top = np.maximum(np.floor(at - reach).astype(int), 0)
+        right, bottom = np.minimum(np.ceil(at + reach).astype(int), [self.shape[1], self.shape[0]])
+        if right - left < 1 or bottom - top < 1 or dark < 0.002:
+            return
+        row, column = np.ogrid[top:bottom, left:right]
+        away = ((column - at[0]) / wide[0]) ** 2 + ((row - at[1]) / wide[1]) ** 2
+        kept = (1 - dark * np.exp(-(away**1.5))) ** (1 / self.scene.phone.gamma)
+        picture[top:bottom, left:right] *= kept[..., None].astype(np.float32)
+
+
+def _skin(share: Image) -> Image:
+    round_ = 0.65 + 0.35 * cv2.GaussianBlur(share, (0, 0), 3)
+    return (share * round_)[..., None] * np.array(SKIN, np.float32)

@@ -1,0 +1,81 @@
+"""How a clip lies on disk: which exposures are stored, by which codec, which way up."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from struct import pack
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.video.scenery.scene import Scene
+
+__all__ = ["stored_exposures", "write"]
+
+Picture = NDArray[np.uint8]
+
+SUFFIX = {"MJPG": ".avi", "mp4v": ".mp4", "VP80": ".mkv", "FFV1": ".avi"}
+TURNS = {90: cv2.ROTATE_90_COUNTERCLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_CLOCKWISE}
+MATRICES = {90: (0, 1, -1, 0), 180: (-1, 0, 0, -1), 270: (0, -1, 1, 0)}  # of a player
+MATRIX_AT = 44  # bytes from the name of a track's header to its matrix
+
+
+def stored_exposures(stored: str, count: int, seed: int) -> NDArray[np.intp]:
+    """Return the number of the exposure in each stored frame."""
+    every = np.arange(count)
+    rng = np.random.default_rng([seed, 77])
+    if stored == "all":
+        return every
+    if stored == "doubled":
+        return np.repeat(every, 2)
+    if stored == "repeated":
+        return np.repeat(every, 1 + (rng.random(count) < 0.3))
+    if stored == "thinned":
+        return every[every % 6 != 4]
+    if stored == "lost":
+        return every[rng.random(count) >= 0.08]
+    raise ValueError(stored)
+
+
+def write(scene: Scene, pictures: Iterable[Picture], folder: Path) -> Path:
+    """Store pictures, every one of them, and return the file (or the folder of PNG files)."""
+    folder.mkdir(parents=True, exist_ok=True)
+    if scene.rotation:
+        pictures = (cv2.rotate(each, TURNS[scene.rotation]) for each in pictures)
+    if scene.jpeg < 100 and scene.codec != "MJPG":
+        pictures = (_squeezed(each, scene.jpeg) for each in pictures)
+    if scene.codec == "PNG":
+        path = folder / scene.name
+        path.mkdir()
+        for number, picture in enumerate(pictures):
+            cv2.imwrite(str(path / f"{number:05d}.png"), picture)
+        return path
+    path = folder / f"{scene.name}{SUFFIX[scene.codec]}"
+    wide, high = scene.size if scene.rotation % 180 == 0 else scene.size[::-1]
+    rate = scene.file_rate or {"doubled": 2.0, "thinned": 5 / 6}.get(scene.stored, 1.0) * scene.fps
+    code = cv2.VideoWriter.fourcc(*scene.codec)
+    # FFmpeg's own MJPG takes no quality
+    by = cv2.CAP_OPENCV_MJPEG if scene.codec == "MJPG" else cv2.CAP_FFMPEG
+    writer = cv2.VideoWriter(str(path), by, code, rate, (wide, high))
+    if scene.codec == "MJPG":
+        writer.set(cv2.VIDEOWRITER_PROP_QUALITY, scene.jpeg)
+    for picture in pictures:
+        writer.write(picture)
+    writer.release()
+    if scene.rotation:
+        _turn(path, scene.rotation)
+    return path
+
+
+def _squeezed(picture: Picture, quality: int) -> Picture:
+    _, coded = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    return cv2.imdecode(coded, cv2.IMREAD_COLOR)
+
+
+def _turn(path: Path, degrees: int) -> None:
+    """Write into the track's header how a player has to turn the frames."""
+    data = bytearray(path.read_bytes())
+    at = data.index(b"tkhd") + MATRIX_AT
+    a, b, c, d = (value << 16 for value in MATRICES[degrees])
+    data[at : at + 36] = pack(">9i", a, b, 0, c, d, 0, 0, 0, 1 << 30)
+    path.write_bytes(data)
