@@ -1,0 +1,179 @@
+"""Blobs that may be a ball: thresholds, half of the blob's own contrast, convex hull, clean ring.
+
+A shadow or a mirror image joins the ball at a low threshold and falls off at half of the ball's own
+contrast; a hand that holds the ball lies on the ring about it, which must be background.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.video.find.outline import fit_outline
+from virtual_lab.video.find.still import Image, Still
+
+__all__ = ["BLOB", "blobs"]
+
+Array = NDArray[np.float64]
+
+THRESHOLDS = (10, 20, 40, 80)  # DN of 8 bits: each once more, so that no single one decides
+LEAST_AREA = 12.0  # pixels of the picture searched: a ball of two pixels' radius
+LARGEST = 0.12  # of the picture
+MOST = 24  # regions looked at in a frame
+HALF = 0.5  # of a blob's own contrast: its outline
+SOLID = 0.8  # of its hull's area that a blob fills
+FILLED = (0.85, 1.12)  # of an ellipse's area, for a hull with its moments
+THIN = 0.22  # least ratio of a blob's axes: blur of five times the ball
+RING = 0.35  # of the contrast: what is brighter than that in the ring is not background
+ALIKE = 0.35  # radii between two outlines of one blob
+FINE = 16.0  # pixels of radius at which an outline is not drawn larger
+BLOB = np.dtype(
+    [
+        ("frame", np.int32),
+        ("x", float),  # still frame [pixels]
+        ("y", float),
+        ("radius", float),  # across the shorter axis of the outline
+        ("length", float),  # half the longer axis
+        ("radius_u", float),  # of its edge: where light ends and the ball begins
+        ("contrast", float),  # DN
+        ("dirty", float),  # share of the ring that is no background
+        ("cut", bool),  # touches the picture's edge
+        ("picture_x", float),  # in the frame itself
+        ("picture_y", float),
+        ("colour", float, (3,)),
+    ]
+)
+
+
+def blobs(number: int, picture: Image, small: Image, shift: Array, still: Still) -> NDArray:
+    """Return what in a picture may be a ball, an array of `BLOB`.
+
+    Parameters
+    ----------
+    number
+        Of the frame.
+    picture, small
+        Full size and as searched.
+    shift
+        Of the picture from the still frame, (2,) [pixels].
+    """
+    off = still.difference(small, shift)
+    found: list[tuple] = []
+    for box in _boxes(off, still.shrink):
+        outlined = _outline(number, picture, shift, still, box)
+        if outlined is not None and not any(_same(outlined, other) for other in found):
+            found.append(outlined)
+    return np.array(found, BLOB)
+
+
+def _same(one: tuple, other: tuple) -> bool:
+    away = np.hypot(one[1] - other[1], one[2] - other[2])
+    return bool(away < ALIKE * max(one[3], other[3]) and 0.7 < one[3] / other[3] < 1.43)
+
+
+def _boxes(off: Image, shrink: int) -> Iterator[tuple[int, int, int, int]]:
+    """Yield left, top, width and height [full pixels] of what differs, the surest first."""
+    import cv2
+
+    seen: set[tuple[int, int, int, int]] = set()
+    kernel = np.ones((3, 3), np.uint8)
+    largest = LARGEST * off.size
+    for threshold in reversed(THRESHOLDS):
+        mask = cv2.threshold(off, threshold, 1, cv2.THRESH_BINARY)[1]
+        mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel)
+        count, _, stats, _ = cv2.connectedComponentsWithStats(mask, ltype=cv2.CV_16U)
+        areas = stats[1:count, cv2.CC_STAT_AREA]
+        for k in np.argsort(-areas, kind="stable")[:MOST].tolist():
+            if not LEAST_AREA <= areas[k] <= largest:
+                continue
+            left, top, wide, high = map(int, stats[1 + k, :4])
+            coarse = (left // 2, top // 2, wide // 2, high // 2)
+            if coarse not in seen:
+                seen.add(coarse)
+                yield shrink * left, shrink * top, shrink * wide, shrink * high
+
+
+def _outline(
+    number: int, picture: Image, shift: Array, still: Still, box: tuple[int, int, int, int]
+) -> tuple | None:
+    """Return the outline at half of the contrast in a box as a row of `BLOB`, None: no ball's."""
+    import cv2
+
+    left, top, wide, high = box
+    rows, columns = still.background.shape[:2]
+    room = max(5, round(0.45 * max(wide, high)))
+    x0, y0 = max(0, left - room), max(0, top - room)
+    size = (min(columns, left + wide + room) - x0, min(rows, top + high + room) - y0)
+    part, off = still.cut(picture, shift, (x0, y0), size)
+    off = cv2.GaussianBlur(off, (0, 0), 0.7)
+    inner = off[top - y0 : top - y0 + high, left - x0 : left - x0 + wide]
+    bright = inner[inner > THRESHOLDS[0] / 2]
+    contrast = float(np.percentile(bright, 85)) if bright.size >= LEAST_AREA else 0.0
+    if contrast < THRESHOLDS[0]:
+        return None
+    drawn = _shape(off, HALF * contrast)
+    if drawn is None:
+        return None
+    x, y, short, long, solid, filled = drawn
+    if solid < SOLID or not FILLED[0] < filled < FILLED[1] or short < THIN * long:
+        return None
+    fitted = fit_outline(off, x, y, np.sqrt(short * long), contrast)
+    spread = 0.15 * short
+    if fitted is not None and np.hypot(fitted.x - x, fitted.y - y) < ALIKE * short:
+        x, y, short, long, spread = fitted
+    reach = long + 2
+    cut = bool(
+        x + x0 < reach or y + y0 < reach or x + x0 > columns - 1 - reach or y + y0 > rows - 1 - reach
+    )
+    row, column = np.ogrid[: off.shape[0], : off.shape[1]]
+    away = np.hypot(column - x, row - y)
+    ring = (away > 1.25 * long + 1.5) & (away < 1.5 * long + 3)
+    core = away < 0.6 * short
+    colour = np.median(part[core].reshape(-1, 1 if part.ndim == 2 else 3), axis=0)
+    dirty = float((off[ring] > RING * contrast).mean()) if ring.any() else 1.0
+    at = (x + x0, y + y0)
+    there = (at[0] + shift[0], at[1] + shift[1])
+    colours = np.broadcast_to(colour, 3)
+    return number, *at, short, long, spread, contrast, dirty, cut, *there, colours
+
+
+def _shape(off: Image, level: float) -> tuple[float, float, float, float, float, float] | None:
+    """Return centre, half axes, solidity and fill of the largest thing above a level."""
+    import cv2
+
+    fine = 1
+    area = int((off > level).sum())
+    if area < LEAST_AREA:
+        return None
+    if area < np.pi * FINE**2:
+        fine = 3 if area < np.pi * (FINE / 2) ** 2 else 2
+        off = cv2.resize(off, None, fx=fine, fy=fine, interpolation=cv2.INTER_CUBIC)
+    mask = cv2.threshold(off, level, 1, cv2.THRESH_BINARY)[1]
+    contours, _ = cv2.findContours(
+        mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
+    )
+    outline = max(contours, key=cv2.contourArea, default=None)
+    if outline is None or len(outline) < 8:
+        return None
+    hull = cv2.convexHull(outline)
+    moments = cv2.moments(hull)
+    whole = moments["m00"]
+    if whole <= 4:
+        return None
+    xx, yy, xy = (moments[key] / whole for key in ("mu20", "mu02", "mu11"))
+    apart = np.hypot((xx - yy) / 2, xy)
+    long, short = (2 * np.sqrt(max((xx + yy) / 2 + sign * apart, 0)) for sign in (1, -1))
+    filled = whole / (np.pi * long * short) if short > 0 else 0.0
+    x, y = moments["m10"] / whole, moments["m01"] / whole
+    solid = cv2.contourArea(outline) / whole
+    # an outline runs through the middle of its pixels, half a pixel inside the edge
+    return (
+        float((x + 0.5) / fine - 0.5),
+        float((y + 0.5) / fine - 0.5),
+        float((short + 0.5) / fine),
+        float((long + 0.5) / fine),
+        float(solid),
+        float(filled),
+    )

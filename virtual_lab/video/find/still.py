@@ -1,0 +1,226 @@
+"""The still frame: what stands behind all that moves, and how far each picture drifts from it.
+
+A phone held by hand shifts its picture by up to a pixel a frame: the samples are laid upon each
+other before their median is taken, and each picture is shifted back before it is compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.video.clips.reading import Frame
+from virtual_lab.video.find.drift import Edges, edges_of
+
+__all__ = ["Still", "eight_bits", "moved", "still_of"]
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+SEARCHED = 4e5  # pixels of the picture that is searched: larger ones are made smaller
+NO_DRIFT = 0.15  # pixels over a clip: a camera on a stand
+ROUNDS = 2  # the samples are laid upon one of them, and then on the median of all
+CLIPPED = 20  # DN: what is farther off the background moves on its own
+STAND = 0.98  # of its misfit: a camera on a stand is the simpler thing to say
+RESTLESS = 0.75  # quantile of the samples' differences: what a pixel does without a ball
+BLOCK = 64  # rows at a time: a sorted stack of whole pictures would need the memory of them all
+GRID = 8  # every eighth pixel tells how bright the light is
+GAINS = (0.7, 1.4)  # of the light, from frame to frame
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Still:
+    """The scene without what moves; pictures are grey (row, column) or colour (…, 3), 8 bits."""
+
+    background: Image  # full size
+    small: Image  # as it is searched
+    restless: Image  # (row, column) of that: differences that are no ball's
+    shrink: int  # pixels of the full size a pixel of the small one, each way
+    depth: int  # bits that frames are cut to 8 from
+    edges: Edges  # of the small one
+    drifts: bool
+
+    def shift(self, small: Image, guess: Array) -> Array:
+        """Return how far a small picture lies from the still frame, (2,) [full pixels]."""
+        if not self.drifts:
+            return np.zeros(2)
+        return self.shrink * self.edges.shift(_grey(small), guess / self.shrink)
+
+    def shrunk(self, picture: Image) -> Image:
+        """Return a picture in the size that is searched."""
+        return _shrunk(picture, self.shrink)
+
+    def difference(self, small: Image, shift: Array) -> Image:
+        """Return how far a small picture is from the background, (row, column) [DN].
+
+        The channel that differs most counts, less what the pixel does without a ball.
+        """
+        import cv2
+
+        rows, columns = self.small.shape[:2]
+        here = moved(small, shift / self.shrink, (0, 0), (columns, rows))
+        level = _level(here, self.small)
+        behind = self.small if level == 1.0 else cv2.convertScaleAbs(self.small, alpha=level)
+        apart = _strongest(cv2.absdiff(here, behind))
+        return np.asarray(cv2.subtract(apart, self.restless), np.uint8)
+
+    def cut(
+        self, picture: Image, shift: Array, corner: tuple[int, int], size: tuple[int, int]
+    ) -> tuple[Image, Image]:
+        """Return a region of a full picture in the still frame, and its difference [DN].
+
+        Corner (x, y) and size (columns, rows) are of the still frame.
+        """
+        import cv2
+
+        x, y = corner
+        part = moved(picture, shift, corner, size)
+        behind = self.background[y : y + size[1], x : x + size[0]]
+        return part, np.asarray(_strongest(cv2.absdiff(part, behind)), np.uint8)
+
+
+def still_of(samples: Sequence[Frame], depth: int) -> Still:
+    """Return the still frame of some pictures of a clip, the first of which does not drift."""
+    pictures = [eight_bits(each, depth) for each in samples]
+    rows, columns = pictures[0].shape[:2]
+    shrink = max(1, int(np.ceil(np.sqrt(rows * columns / SEARCHED))))
+    small = [_shrunk(each, shrink) for each in pictures]
+    greys = [_grey(each) for each in small]
+    shifts = _laid(greys)
+    drifts = bool(np.ptp(shifts * shrink, axis=0).max() > NO_DRIFT)
+    if not drifts:
+        shifts[:] = 0
+    background = _median(pictures, shifts * shrink)
+    behind = _shrunk(background, shrink)
+    off = [
+        _strongest(_apart(_placed(each, shift), behind))
+        for each, shift in zip(small, shifts, strict=True)
+    ]
+    return Still(
+        background=background,
+        small=behind,
+        restless=_quantile(off, RESTLESS),
+        shrink=shrink,
+        depth=depth,
+        edges=edges_of(_grey(behind)),
+        drifts=drifts,
+    )
+
+
+def _laid(greys: Sequence[Image]) -> Array:
+    """Return the shifts that lay pictures upon the first, (picture, 2) [pixels].
+
+    Any one picture may show a hand more than anything that stands: several are tried to begin
+    with, and that none drifts.
+    """
+    none = np.zeros((len(greys), 2))
+    best, least = none, STAND * _misfit(greys, none)
+    for first in sorted({0, len(greys) // 2, len(greys) - 1}):
+        middle, shifts = greys[first], none.copy()
+        for _ in range(ROUNDS):
+            edges = edges_of(middle)
+            for side in (range(first, len(greys)), range(first, -1, -1)):
+                guess = np.zeros(2)
+                for k in side:
+                    guess = shifts[k] = edges.shift(greys[k], guess)
+            middle = _median(greys, shifts)
+        if (misfit := _misfit(greys, shifts)) < least:
+            best, least = shifts, misfit
+    return best - best[0]
+
+
+def _misfit(greys: Sequence[Image], shifts: Array) -> float:
+    """Return the mean difference of pictures, each moved by its shift, from their median [DN]."""
+    placed = [_placed(grey, shift) for grey, shift in zip(greys, shifts, strict=True)]
+    behind = _median(placed)
+    return float(np.mean([np.minimum(_apart(each, behind), CLIPPED).mean() for each in placed]))
+
+
+def eight_bits(frame: Frame, depth: int) -> Image:
+    """Return a picture cut to 8 bits, of three channels or one."""
+    if frame.ndim == 3 and frame.shape[2] != 3:
+        frame = frame[..., :3] if frame.shape[2] == 4 else frame[..., 0]
+    if frame.dtype == np.uint8:
+        return frame
+    return np.asarray(frame >> max(0, depth - 8), np.uint8)
+
+
+def moved(picture: Image, shift: Array, corner: tuple[int, int], size: tuple[int, int]) -> Image:
+    """Return the part of a drifted picture that lies at a corner of the still frame."""
+    import cv2
+
+    x, y = corner
+    if not shift.any():
+        return picture[y : y + size[1], x : x + size[0]]
+    back = np.array([[1.0, 0.0, x + shift[0]], [0.0, 1.0, y + shift[1]]])
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    return np.asarray(
+        cv2.warpAffine(picture, back, size, flags=flags, borderMode=cv2.BORDER_REPLICATE), np.uint8
+    )
+
+
+def _placed(picture: Image, shift: Array) -> Image:
+    return moved(picture, shift, (0, 0), (picture.shape[1], picture.shape[0]))
+
+
+def _shrunk(picture: Image, shrink: int) -> Image:
+    import cv2
+
+    if shrink == 1:
+        return picture
+    rows, columns = (shrink * (side // shrink) for side in picture.shape[:2])
+    size = (columns // shrink, rows // shrink)
+    return np.asarray(cv2.resize(picture[:rows, :columns], size, interpolation=cv2.INTER_AREA))
+
+
+def _grey(picture: Image) -> Image:
+    import cv2
+
+    if picture.ndim == 2:
+        return picture
+    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)
+
+
+def _strongest(apart: NDArray[np.uint8]) -> Image:
+    import cv2
+
+    if apart.ndim == 2:
+        return apart
+    one, two, three = cv2.split(apart)
+    return np.asarray(cv2.max(cv2.max(one, two), three), np.uint8)
+
+
+def _apart(one: Image, other: Image) -> Image:
+    import cv2
+
+    return np.asarray(cv2.absdiff(one, other), np.uint8)
+
+
+def _level(here: Image, behind: Image) -> float:
+    """Return how much brighter the light is than in the background; 1.0 within half a percent."""
+    some = behind[::GRID, ::GRID].astype(np.float32)
+    lit = some > 16
+    if not lit.any():
+        return 1.0
+    level = float(np.median(here[::GRID, ::GRID][lit] / some[lit]))
+    return level if GAINS[0] < level < GAINS[1] and abs(level - 1) > 0.005 else 1.0
+
+
+def _median(pictures: Sequence[Image], shifts: Array | None = None) -> Image:
+    """Return the median of pictures, each moved by its shift [pixels]."""
+    if shifts is not None:
+        pictures = [_placed(p, s) for p, s in zip(pictures, shifts, strict=True)]
+    return _quantile(pictures, 0.5)
+
+
+def _quantile(pictures: Sequence[Image], share: float) -> Image:
+    place = round(share * (len(pictures) - 1))
+    rows = pictures[0].shape[0]
+    blocks = [
+        np.partition(np.stack([each[top : top + BLOCK] for each in pictures]), place, axis=0)[place]
+        for top in range(0, rows, BLOCK)
+    ]
+    return np.concatenate(blocks)
