@@ -27,7 +27,9 @@ SOLID = 0.8  # of its hull's area that a blob fills
 FILLED = (0.85, 1.12)  # of an ellipse's area, for a hull with its moments
 THIN = 0.22  # least ratio of a blob's axes: blur of five times the ball
 RING = 0.35  # of the contrast: what is brighter than that in the ring is not background
-ALIKE = 0.35  # radii between two outlines of one blob
+ALIKE = 0.35  # radii between a hull's middle and an outline's
+UNFITTED = 0.2  # of a hull's radius, its u where no outline is fitted
+SURE = 0.15  # of the radius, u of an outline that needs no other threshold
 FINE = 16.0  # pixels of radius at which an outline is not drawn larger
 BLOB = np.dtype(
     [
@@ -62,25 +64,43 @@ def blobs(number: int, picture: Image, small: Image, shift: Array, still: Still)
     off = still.difference(small, shift)
     found: list[tuple] = []
     for box in _boxes(off, still.shrink):
+        if any(_inside(box, each) for each in found):
+            continue
         outlined = _outline(number, picture, shift, still, box)
-        if outlined is not None and not any(_same(outlined, other) for other in found):
+        if outlined is None:
+            continue
+        rivals = [each for each in found if _same(outlined, each)]
+        if all(_surer(outlined, each) for each in rivals):
+            found = [each for each in found if not any(each is other for other in rivals)]
             found.append(outlined)
     return np.array(found, BLOB)
 
 
+def _inside(box: tuple[int, int, int, int], blob: tuple) -> bool:
+    """Return whether a box lies in a blob that is sure already."""
+    _, x, y, short, long, spread, _, dirty, *_ = blob
+    left, top, wide, high = box
+    sure = dirty < 0.1 and spread < SURE * short
+    return sure and np.hypot(left + wide / 2 - x, top + high / 2 - y) + max(wide, high) / 2 < 1.4 * long
+
+
 def _same(one: tuple, other: tuple) -> bool:
     away = np.hypot(one[1] - other[1], one[2] - other[2])
-    return bool(away < ALIKE * max(one[3], other[3]) and 0.7 < one[3] / other[3] < 1.43)
+    return bool(away < 0.6 * max(one[3], other[3]) and 0.5 < one[3] / other[3] < 2.0)
+
+
+def _surer(one: tuple, other: tuple) -> bool:
+    return bool((one[7] > RING, one[5] / one[3]) < (other[7] > RING, other[5] / other[3]))
 
 
 def _boxes(off: Image, shrink: int) -> Iterator[tuple[int, int, int, int]]:
-    """Yield left, top, width and height [full pixels] of what differs, the surest first."""
+    """Yield left, top, width and height [full pixels] of what differs, threshold by threshold."""
     import cv2
 
     seen: set[tuple[int, int, int, int]] = set()
     kernel = np.ones((3, 3), np.uint8)
     largest = LARGEST * off.size
-    for threshold in reversed(THRESHOLDS):
+    for threshold in THRESHOLDS:
         mask = cv2.threshold(off, threshold, 1, cv2.THRESH_BINARY)[1]
         mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel)
         count, _, stats, _ = cv2.connectedComponentsWithStats(mask, ltype=cv2.CV_16U)
@@ -103,7 +123,7 @@ def _outline(
 
     left, top, wide, high = box
     rows, columns = still.background.shape[:2]
-    room = max(5, round(0.45 * max(wide, high)))
+    room = max(6, round(0.6 * max(wide, high)))
     x0, y0 = max(0, left - room), max(0, top - room)
     size = (min(columns, left + wide + room) - x0, min(rows, top + high + room) - y0)
     part, off = still.cut(picture, shift, (x0, y0), size)
@@ -120,7 +140,7 @@ def _outline(
     if solid < SOLID or not FILLED[0] < filled < FILLED[1] or short < THIN * long:
         return None
     fitted = fit_outline(off, x, y, np.sqrt(short * long), contrast)
-    spread = 0.15 * short
+    spread = UNFITTED * short
     if fitted is not None and np.hypot(fitted.x - x, fitted.y - y) < ALIKE * short:
         x, y, short, long, spread = fitted
     reach = long + 2

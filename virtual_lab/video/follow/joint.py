@@ -1,8 +1,8 @@
 """Flights fitted together: one g, one drag per length, a place and a velocity for each.
 
 Pixels and frames throughout. Drag takes k v² off the speed; for a sphere of radius r and density ρ_b
-k r = 3/8 C_d ρ/ρ_b: 0.0003 for a golf ball, 0.0025 for a table tennis ball, 0.006 for foam of
-30 kg/m³ (C_d 0.45, ρ 1.2 kg/m³). That is all that is known of it before, and where the flights are
+k r = 3/8 C_d ρ/ρ_b: 0.0002 for a golf ball, 0.0025 for a table tennis ball, 0.01 for a ball blown up
+(20 kg/m³; C_d 0.45, ρ 1.2 kg/m³). That is all that is known of it before, and where the flights are
 too short to tell more it is what keeps drag from taking the part of something else.
 """
 
@@ -19,11 +19,11 @@ __all__ = ["Fit", "Shutter", "Way", "fit_flights"]
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
-DRAG, DRAG_U = 0.0015, 0.0025  # k r before the clip says anything
+DRAG, DRAG_U = 0.003, 0.008  # k r before the clip says anything
 STEPS = 8  # of Runge and Kutta's method, from a flight's middle to a place
 ROUNDS = 12
 SETTLED = 1e-6
-TUKEY = 4.7
+FAR, SOFT = 4.0, 0.05  # standard deviations, radii: places beyond count less and less
 LEAST_SPREAD = 0.02  # pixels
 TILT_U = 0.5  # over the picture's longer side, of the perspective before: 30 degrees
 
@@ -196,7 +196,7 @@ class _Problem:
             left = self.xy - self._places(vector)
             far = np.hypot(*left.T)
             spread = max(LEAST_SPREAD, float(np.median(far)) / 1.1774)
-            weight = np.maximum(0.0, 1 - (far / (TUKEY * 1.5 * spread)) ** 2) ** 2
+            weight = 1 / np.sqrt(1 + (far / max(FAR * spread, SOFT * self.radius)) ** 2)
             jacobian = self._jacobian(vector)[:, :, free]
             weighted = jacobian * weight[:, None, None]
             normal = np.einsum("rci,rcj->ij", weighted, jacobian) / spread**2
@@ -216,7 +216,7 @@ class _Problem:
         left = self.xy - self._places(vector)
         far = np.hypot(*left.T)
         spare = max(1.0, 2 * len(self.t) - free.sum())
-        clipped = np.minimum(far, 3 * spread) ** 2
+        clipped = np.minimum(far, max(FAR * spread, SOFT * self.radius)) ** 2
         spread = float(max(LEAST_SPREAD, np.sqrt(clipped.sum() / spare)))
         pull, drag, tilt, states = self._parts(vector)
         bounds = np.cumsum([len(w.t) for w in self.ways])[:-1]
