@@ -64,7 +64,7 @@ def blobs(number: int, picture: Image, small: Image, shift: Array, still: Still)
     off = still.difference(small, shift)
     found: list[tuple] = []
     for box in _boxes(off, still.shrink):
-        if any(_inside(box, each) for each in found):
+        if any(_inside(box, each, still.origin) for each in found):
             continue
         outlined = _outline(number, picture, shift, still, box)
         if outlined is None:
@@ -76,10 +76,10 @@ def blobs(number: int, picture: Image, small: Image, shift: Array, still: Still)
     return np.array(found, BLOB)
 
 
-def _inside(box: tuple[int, int, int, int], blob: tuple) -> bool:
+def _inside(box: tuple[int, int, int, int], blob: tuple, origin: tuple[int, int]) -> bool:
     """Return whether a box lies in a blob that is sure already."""
     _, x, y, short, long, spread, _, dirty, *_ = blob
-    left, top, wide, high = box
+    left, top, wide, high = box[0] + origin[0], box[1] + origin[1], *box[2:]
     sure = dirty < 0.1 and spread < SURE * short
     return sure and np.hypot(left + wide / 2 - x, top + high / 2 - y) + max(wide, high) / 2 < 1.4 * long
 
@@ -143,18 +143,16 @@ def _outline(
     spread = UNFITTED * short
     if fitted is not None and np.hypot(fitted.x - x, fitted.y - y) < ALIKE * short:
         x, y, short, long, spread = fitted
-    reach = long + 2
-    cut = bool(
-        x + x0 < reach or y + y0 < reach or x + x0 > columns - 1 - reach or y + y0 > rows - 1 - reach
-    )
+    at = (x + x0 + still.origin[0], y + y0 + still.origin[1])
+    there = (at[0] + float(shift[0]), at[1] + float(shift[1]))
+    reach = long + 1
+    cut = any(not reach <= p <= side - 1 - reach for p, side in zip(there, still.size, strict=True))
     row, column = np.ogrid[: off.shape[0], : off.shape[1]]
     away = np.hypot(column - x, row - y)
     ring = (away > 1.25 * long + 1.5) & (away < 1.5 * long + 3)
     core = away < 0.6 * short
     colour = np.median(part[core].reshape(-1, 1 if part.ndim == 2 else 3), axis=0)
     dirty = float((off[ring] > RING * contrast).mean()) if ring.any() else 1.0
-    at = (x + x0, y + y0)
-    there = (at[0] + shift[0], at[1] + shift[1])
     colours = np.broadcast_to(colour, 3)
     return number, *at, short, long, spread, contrast, dirty, cut, *there, colours
 

@@ -33,9 +33,14 @@ GAINS = (0.7, 1.4)  # of the light, from frame to frame
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Still:
-    """The scene without what moves; pictures are grey (row, column) or colour (…, 3), 8 bits."""
+    """The scene without what moves; pictures are grey (row, column) or colour (…, 3), 8 bits.
+
+    Where the camera drifts it is larger than a picture: it holds what any sample shows.
+    """
 
     background: Image  # full size
+    origin: tuple[int, int]  # x, y of its first pixel in the first picture's pixels
+    size: tuple[int, int]  # columns and rows of a picture
     small: Image  # as it is searched
     restless: Image  # (row, column) of that: differences that are no ball's
     shrink: int  # pixels of the full size a pixel of the small one, each way
@@ -60,11 +65,10 @@ class Still:
         """
         import cv2
 
-        rows, columns = self.small.shape[:2]
-        here = moved(small, shift / self.shrink, (0, 0), (columns, rows))
-        level = _level(here, self.small)
+        way = (shift + self.origin) / self.shrink
+        level = _level(moved(small, way, (0, 0), self.small), self.small)
         behind = self.small if level == 1.0 else cv2.convertScaleAbs(self.small, alpha=level)
-        apart = _strongest(cv2.absdiff(here, behind))
+        apart = _strongest(_apart(moved(small, way, (0, 0), behind), behind))
         return np.asarray(cv2.subtract(apart, self.restless), np.uint8)
 
     def cut(
@@ -72,14 +76,12 @@ class Still:
     ) -> tuple[Image, Image]:
         """Return a region of a full picture in the still frame, and its difference [DN].
 
-        Corner (x, y) and size (columns, rows) are of the still frame.
+        Corner (x, y) and size (columns, rows) are of the background.
         """
-        import cv2
-
         x, y = corner
-        part = moved(picture, shift, corner, size)
         behind = self.background[y : y + size[1], x : x + size[0]]
-        return part, np.asarray(_strongest(cv2.absdiff(part, behind)), np.uint8)
+        part = moved(picture, shift + self.origin, corner, behind)
+        return part, _strongest(_apart(part, behind))
 
 
 def still_of(samples: Sequence[Frame], depth: int) -> Still:
@@ -93,19 +95,26 @@ def still_of(samples: Sequence[Frame], depth: int) -> Still:
     drifts = bool(np.ptp(shifts * shrink, axis=0).max() > NO_DRIFT)
     if not drifts:
         shifts[:] = 0
-    background = _median(pictures, shifts * shrink)
+    shifts *= shrink
+    origin = np.minimum(0, np.floor(-shifts.max(axis=0) / shrink) * shrink).astype(int)
+    end = np.array([columns, rows]) + np.maximum(0, np.ceil(-shifts.min(axis=0))).astype(int)
+    wide, high = (int(each) for each in end - origin)
+    background = _covered_median(pictures, shifts + origin, (high, wide))
     behind = _shrunk(background, shrink)
     off = [
-        _strongest(_apart(_placed(each, shift), behind))
+        _strongest(_apart(moved(each, (shift + origin) / shrink, (0, 0), behind), behind))
         for each, shift in zip(small, shifts, strict=True)
     ]
+    inner = moved(behind, -origin / shrink, (0, 0), small[0])
     return Still(
         background=background,
+        origin=(int(origin[0]), int(origin[1])),
+        size=(columns, rows),
         small=behind,
         restless=_quantile(off, RESTLESS),
         shrink=shrink,
         depth=depth,
-        edges=edges_of(_grey(behind)),
+        edges=edges_of(_grey(np.ascontiguousarray(inner))),
         drifts=drifts,
     )
 
@@ -148,22 +157,58 @@ def eight_bits(frame: Frame, depth: int) -> Image:
     return np.asarray(frame >> max(0, depth - 8), np.uint8)
 
 
-def moved(picture: Image, shift: Array, corner: tuple[int, int], size: tuple[int, int]) -> Image:
-    """Return the part of a drifted picture that lies at a corner of the still frame."""
+def moved(picture: Image, shift: Array, corner: tuple[int, int], behind: Image) -> Image:
+    """Return the part of a drifted picture that lies before a background, whose first pixel is at
+    a corner of the still frame; where the picture does not reach, the background.
+    """
     import cv2
 
     x, y = corner
-    if not shift.any():
-        return picture[y : y + size[1], x : x + size[0]]
+    rows, columns = behind.shape[:2]
+    if not np.any(shift) and y + rows <= picture.shape[0] and x + columns <= picture.shape[1]:
+        return picture[y : y + rows, x : x + columns]
     back = np.array([[1.0, 0.0, x + shift[0]], [0.0, 1.0, y + shift[1]]])
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    return np.asarray(
-        cv2.warpAffine(picture, back, size, flags=flags, borderMode=cv2.BORDER_REPLICATE), np.uint8
-    )
+    here = behind.copy()
+    mode = cv2.BORDER_TRANSPARENT
+    cv2.warpAffine(picture, back, (columns, rows), dst=here, flags=flags, borderMode=mode)
+    return here
+
+
+def _covered_median(pictures: Sequence[Image], shifts: Array, shape: tuple[int, int]) -> Image:
+    """Return the median of drifted pictures where they reach; black where none does."""
+    whole = np.zeros((*shape, *pictures[0].shape[2:]), np.uint8)
+    rows, columns = pictures[0].shape[:2]
+    for top in range(0, shape[0], BLOCK):
+        block = whole[top : top + BLOCK]
+        stack = np.stack([moved(p, s, (0, top), block) for p, s in zip(pictures, shifts, strict=True)])
+        if not shifts.any():
+            whole[top : top + BLOCK] = _ranked(stack, len(stack) // 2)
+            continue
+        y, x = np.ogrid[top : top + len(block), : shape[1]]
+        count = np.zeros(block.shape[:2], np.uint8)
+        for each, (right, down) in zip(stack, shifts, strict=True):
+            inside = (x + right >= 0) & (x + right <= columns - 1)
+            inside = inside & (y + down >= 0) & (y + down <= rows - 1)
+            each[~inside] = 255  # beyond the others in rank
+            count += inside
+        rank = np.maximum(count, 1) // 2
+        ranked = _ranked(stack, rank if block.ndim == 2 else rank[..., None])
+        whole[top : top + BLOCK] = np.where((count if block.ndim == 2 else count[..., None]) > 0, ranked, 0)
+    return whole
+
+
+def _ranked(stack: NDArray[np.uint8], rank: int | NDArray[np.uint8]) -> Image:
+    """Return the value of a rank among pictures, by bisection: much quicker than sorting."""
+    found = np.zeros(stack.shape[1:], np.uint8)
+    for bit in (128, 64, 32, 16, 8, 4, 2, 1):
+        below = (stack < found + np.uint8(bit)).sum(axis=0, dtype=np.uint8)
+        found += np.where(below <= rank, np.uint8(bit), np.uint8(0))
+    return found
 
 
 def _placed(picture: Image, shift: Array) -> Image:
-    return moved(picture, shift, (0, 0), (picture.shape[1], picture.shape[0]))
+    return moved(picture, shift, (0, 0), picture)
 
 
 def _shrunk(picture: Image, shrink: int) -> Image:
@@ -217,10 +262,4 @@ def _median(pictures: Sequence[Image], shifts: Array | None = None) -> Image:
 
 
 def _quantile(pictures: Sequence[Image], share: float) -> Image:
-    place = round(share * (len(pictures) - 1))
-    rows = pictures[0].shape[0]
-    blocks = [
-        np.partition(np.stack([each[top : top + BLOCK] for each in pictures]), place, axis=0)[place]
-        for top in range(0, rows, BLOCK)
-    ]
-    return np.concatenate(blocks)
+    return _ranked(np.stack(pictures), round(share * (len(pictures) - 1)))
