@@ -12,13 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.video.find.outline import fit_outline
-from virtual_lab.video.find.still import Image, Still
+from virtual_lab.video.find.still import Image, Still, difference_of, difference_of_light
 
 __all__ = ["BLOB", "blobs"]
 
 Array = NDArray[np.float64]
 
 THRESHOLDS = (10, 20, 40, 80)  # DN of 8 bits: each once more, so that no single one decides
+FAINT = 5.0  # DN
+SOFTENED = 0.7  # pixels: codecs leave blocks
 LEAST_AREA = 12.0  # pixels of the picture searched: a ball of two pixels' radius
 LARGEST = 0.12  # of the picture
 MOST = 24  # regions looked at in a frame
@@ -126,12 +128,12 @@ def _outline(
     room = max(6, round(0.6 * max(wide, high)))
     x0, y0 = max(0, left - room), max(0, top - room)
     size = (min(columns, left + wide + room) - x0, min(rows, top + high + room) - y0)
-    part, off = still.cut(picture, shift, (x0, y0), size)
-    off = cv2.GaussianBlur(off, (0, 0), 0.7)
+    part, behind = still.cut(picture, shift, (x0, y0), size)
+    off = cv2.GaussianBlur(difference_of(part, behind), (0, 0), SOFTENED)
     inner = off[top - y0 : top - y0 + high, left - x0 : left - x0 + wide]
-    bright = inner[inner > THRESHOLDS[0] / 2]
+    bright = inner[inner > FAINT]
     contrast = float(np.percentile(bright, 85)) if bright.size >= LEAST_AREA else 0.0
-    if contrast < THRESHOLDS[0]:
+    if contrast < 2 * FAINT:
         return None
     drawn = _shape(off, HALF * contrast)
     if drawn is None:
@@ -143,21 +145,31 @@ def _outline(
     spread = UNFITTED * short
     if fitted is not None and np.hypot(fitted.x - x, fitted.y - y) < ALIKE * short:
         x, y, short, long, spread = fitted
+        # a rim in shade takes the edge inward in light, a gamma does in grey values
+        light = cv2.GaussianBlur(difference_of_light(part, behind), (0, 0), SOFTENED)
+        level = float(np.median(light[_disc(light.shape, x, y, 0.6 * short)]))
+        other = fit_outline(light, x, y, short, level)
+        if other is not None and abs(other.short - short) < ALIKE * short:
+            spread = float(np.hypot(spread, (other.short - short) / 2))
+            short, long = (short + other.short) / 2, (long + other.long) / 2
     at = (x + x0 + still.origin[0], y + y0 + still.origin[1])
     there = (at[0] + float(shift[0]), at[1] + float(shift[1]))
     reach = long + 1
     cut = any(not reach <= p <= side - 1 - reach for p, side in zip(there, still.size, strict=True))
-    row, column = np.ogrid[: off.shape[0], : off.shape[1]]
-    away = np.hypot(column - x, row - y)
-    ring = (away > 1.25 * long + 1.5) & (away < 1.5 * long + 3)
-    core = away < 0.6 * short
+    ring = _disc(off.shape, x, y, 1.5 * long + 3) & ~_disc(off.shape, x, y, 1.25 * long + 1.5)
+    core = _disc(off.shape, x, y, 0.6 * short)
     colour = np.median(part[core].reshape(-1, 1 if part.ndim == 2 else 3), axis=0)
     dirty = float((off[ring] > RING * contrast).mean()) if ring.any() else 1.0
     colours = np.broadcast_to(colour, 3)
     return number, *at, short, long, spread, contrast, dirty, cut, *there, colours
 
 
-def _shape(off: Image, level: float) -> tuple[float, float, float, float, float, float] | None:
+def _disc(shape: tuple[int, ...], x: float, y: float, radius: float) -> NDArray[np.bool_]:
+    row, column = np.ogrid[: shape[0], : shape[1]]
+    return np.asarray(np.hypot(column - x, row - y) < radius)
+
+
+def _shape(off: NDArray[np.float32], level: float) -> tuple[float, float, float, float, float, float] | None:
     """Return centre, half axes, solidity and fill of the largest thing above a level."""
     import cv2
 

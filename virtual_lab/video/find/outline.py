@@ -29,7 +29,7 @@ TURNS = np.arange(RAYS) * (2 * np.pi / RAYS)
 COS, SIN = np.cos(TURNS), np.sin(TURNS)
 # shift, size, and drawn out along one direction
 DESIGN = np.stack([COS, SIN, np.ones(RAYS), np.cos(2 * TURNS), np.sin(2 * TURNS)], axis=1)
-ROUNDED = 0.3  # of the edge's width between the outer and inner level: what its place may be off
+ROUNDED = 0.15  # of the edge's width between the outer and inner level: what its place may be off
 
 
 class Outline(NamedTuple):
@@ -43,7 +43,7 @@ class Outline(NamedTuple):
 
 
 def fit_outline(
-    off: NDArray[np.uint8], x: float, y: float, radius: float, contrast: float
+    off: NDArray[np.float32], x: float, y: float, radius: float, contrast: float
 ) -> Outline | None:
     """Return the outline of a blob, None where too few rays show an edge.
 
@@ -58,14 +58,13 @@ def fit_outline(
     """
     import cv2
 
-    picture = off.astype(np.float32)
     width = 0.0
     fitted = np.zeros(5)
     for _ in range(ROUNDS):
         along = np.linspace(0.3, REACH, PLACES) * radius
         to_x = (x + COS[:, None] * along).astype(np.float32)
         to_y = (y + SIN[:, None] * along).astype(np.float32)
-        seen = cv2.remap(picture, to_x, to_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        seen = cv2.remap(off, to_x, to_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         share = along / radius
         ball = np.median(seen[:, (share > INSIDE[0]) & (share < INSIDE[1])], axis=1)
         rest = np.median(seen[:, (share > OUTSIDE[0]) & (share < OUTSIDE[1])], axis=1)

@@ -15,7 +15,15 @@ from numpy.typing import NDArray
 from virtual_lab.video.clips.reading import Frame
 from virtual_lab.video.find.drift import Edges, edges_of
 
-__all__ = ["Still", "eight_bits", "moved", "still_of"]
+__all__ = [
+    "Image",
+    "Still",
+    "difference_of",
+    "difference_of_light",
+    "eight_bits",
+    "moved",
+    "still_of",
+]
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -28,6 +36,7 @@ STAND = 0.98  # of its misfit: a camera on a stand is the simpler thing to say
 RESTLESS = 0.75  # quantile of the samples' differences: what a pixel does without a ball
 BLOCK = 64  # rows at a time: a sorted stack of whole pictures would need the memory of them all
 GRID = 8  # every eighth pixel tells how bright the light is
+LIGHT = (255 * (np.arange(256) / 255) ** 2.2).astype(np.float32)  # of a grey value, 0 to 255
 GAINS = (0.7, 1.4)  # of the light, from frame to frame
 
 
@@ -74,14 +83,30 @@ class Still:
     def cut(
         self, picture: Image, shift: Array, corner: tuple[int, int], size: tuple[int, int]
     ) -> tuple[Image, Image]:
-        """Return a region of a full picture in the still frame, and its difference [DN].
+        """Return a region of a full picture in the still frame, and what is behind it.
 
         Corner (x, y) and size (columns, rows) are of the background.
         """
         x, y = corner
         behind = self.background[y : y + size[1], x : x + size[0]]
-        part = moved(picture, shift + self.origin, corner, behind)
-        return part, _strongest(_apart(part, behind))
+        return moved(picture, shift + self.origin, corner, behind), behind
+
+
+def difference_of(part: Image, behind: Image) -> NDArray[np.float32]:
+    """Return how far a picture is from another, by the channel that differs most [DN]."""
+    return _strongest(_apart(part, behind)).astype(np.float32)
+
+
+def difference_of_light(part: Image, behind: Image) -> NDArray[np.float32]:
+    """Return the same of light, 0 to 255: where grey values have a gamma, as colour pictures do.
+
+    In light a pixel that the ball covers by half lies half way (sRGB, IEC 61966-2-1).
+    """
+    import cv2
+
+    if part.ndim == 2:
+        return difference_of(part, behind)
+    return np.asarray(cv2.absdiff(LIGHT[part], LIGHT[behind]).max(axis=2), np.float32)
 
 
 def still_of(samples: Sequence[Frame], depth: int) -> Still:

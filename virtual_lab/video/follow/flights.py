@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.video.follow.joint import Fit, Way, fit_flights
-from virtual_lab.video.follow.pieces import Piece, parabola
+from virtual_lab.video.follow.pieces import DIRTY, Piece, parabola
 
-__all__ = ["FEWEST", "Meeting", "Scene", "flights_of", "joined", "meetings"]
+__all__ = ["FEWEST", "SIDE", "Meeting", "Scene", "flights_of", "joined", "meetings", "readout_of"]
 
 Array = NDArray[np.float64]
 
@@ -23,11 +23,16 @@ SAG = 1.0  # radii that gravity must bend a way by, for its direction to be aske
 SIZE = 1.35  # ratio of the radii of one ball's flights
 MISSED = 4  # frames in a row at which a flight ends
 NEAR = (0.2, 5.0)  # radii, and standard deviations, that a place may be off its flight
+END = (0.1, 4.0)  # the same beyond the places that a piece had
 HELD = 0.75  # of the ring: a place on a flight may have this much beside it
 BETWEEN = 6.0  # frames between two flights that a contact joins
 ROUNDS = 4
 APART = 0.6  # radii that two flights may miss each other by at a contact
 SMOOTH = 0.12  # radii, rms: a flight's places lie on its way
+SHARP = 0.04  # radii, likewise, where the acceleration is far from g
+READOUTS = (0.0, 0.25, 0.5, 0.75, 1.0)  # frames, tried
+GOOD = 0.015  # radii: a spread that no other readout need mend
+SURELY, LOOSELY = 4.0, 1.5  # factors of the misfit: to say so, and to tell which places belong
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,9 +43,16 @@ class Scene:
     time: Array  # of each frame [frames], NaN: a repeat
     size: tuple[int, int]  # columns, rows
     exposure: float | None  # [frames]
-    expected: float | None  # g [px/frame²], where scale and rate are known
-    readout: float = 0.0  # [frames] along `rows`
+    fall: float | None = None  # g, in radii a frame² by the ball's size or in px/frame²
+    fall_in_radii: bool = True
+    readout: float | None = 0.0  # [frames]; None: unknown, up to one
     readout_axis: tuple[int, int] = (1, 1)  # axis of the picture (0: x), and its sense
+
+    def expected(self, radius: float) -> float | None:
+        """Return g [px/frame²] where scale and rate are known, for a ball of a radius [pixels]."""
+        if self.fall is None:
+            return None
+        return self.fall * radius if self.fall_in_radii else self.fall
 
     def way(self, piece: Piece) -> Way:
         """Return a piece's places as the joint fit takes them."""
@@ -69,27 +81,37 @@ class Meeting:
 def flights_of(scene: Scene, pieces: Sequence[Piece]) -> list[Piece]:
     """Return the flights among pieces: of one ball, of one gravity; empty where there is none."""
     chosen = _of_one_gravity(scene, [each for each in pieces if len(each.t) >= FEWEST - 1])
-    flights = sorted(chosen, key=lambda each: each.t[0])
+    flights = _once(chosen)
     for _ in range(ROUNDS):
         if not flights:
             return []
-        flights = _once(flights)
-        fit = joined(scene, flights)
-        flights = _merged(scene, flights, fit)
-        fit = joined(scene, flights)
+        readout = readout_of(scene, flights, LOOSELY)
+        flights = _merged(flights, joined(scene, flights, readout=readout))
+        fit = joined(scene, flights, readout=readout)
+        flights = _aligned(flights, fit)
         before = [each.frames.tolist() for each in flights]
-        flights = _refilled(scene, flights, fit)
+        flights = _refilled(scene, flights, joined(scene, flights, readout=readout))
         flights = _parted(scene, flights)
         flights = [each for each in flights if len(each.t) >= SIDE]
         if [each.frames.tolist() for each in flights] == before:
             break
-    return [each for each in flights if len(each.t) >= FEWEST]
+    flights = [each for each in flights if len(each.t) >= FEWEST]
+    return flights if flights and _holds(scene, flights) else []
+
+
+def _holds(scene: Scene, flights: Sequence[Piece]) -> bool:
+    """Return whether flights fitted together still fall as gravity lets them."""
+    fit = joined(scene, flights, readout=readout_of(scene, flights, LOOSELY))
+    longest = max(flights, key=lambda each: len(each.t))
+    u = np.sqrt(np.diagonal(fit.covariance)[:2])
+    rms = fit.spread if len(flights) > 1 else SHARP / SMOOTH * fit.spread
+    return fit.spread < SMOOTH * longest.radius and _falls(scene, longest, fit.pull[0], u, rms)
 
 
 def joined(scene: Scene, flights: Sequence[Piece], **ways: bool | float) -> Fit:
     """Return the joint fit of flights; ways as `fit_flights` takes them."""
     radius = float(np.median([each.radius for each in flights]))
-    given = {"readout": scene.readout} | ways
+    given = {"readout": scene.readout or 0.0} | ways
     return fit_flights([scene.way(each) for each in flights], radius, scene.size, **given)  # type: ignore[arg-type]
 
 
@@ -121,13 +143,47 @@ def meetings(flights: Sequence[Piece], fit: Fit) -> list[Meeting]:
     return found
 
 
+def readout_of(scene: Scene, flights: Sequence[Piece], surely: float = SURELY) -> float:
+    """Return the readout [frames]; where it is unknown 0, unless the flights speak against it.
+
+    Their misfit must then shrink by a factor with another one.
+    """
+    if scene.readout is not None:
+        return scene.readout
+    plain = joined(scene, flights, readout=0.0)
+    if plain.spread < GOOD * float(np.median([each.radius for each in flights])):
+        return 0.0
+    costs = {0.0: plain.cost}
+    costs |= {each: joined(scene, flights, readout=each).cost for each in READOUTS[1:]}
+    best = min(costs, key=lambda each: costs[each])
+    return best if costs[0.0] > surely * costs[best] else 0.0
+
+
+def _aligned(flights: list[Piece], fit: Fit) -> list[Piece]:
+    """Return flights, later ones shifted by frames that were left out at a contact."""
+    aligned, shift = [flights[0]], 0
+    for k in range(len(flights) - 1):
+        one, other = flights[k], flights[k + 1]
+        if other.t[0] - one.t[-1] <= BETWEEN:
+            apart = []
+            for lost in range(4):
+                t = np.linspace(one.t[-1] - 0.5, other.t[0] + lost + 0.5, 201)
+                off = fit.at(k, t)[:, :2] - fit.at(k + 1, t - lost)[:, :2]
+                apart.append(float(np.hypot(*off.T).min()))
+            best = int(np.argmin(apart))
+            if apart[0] > 0.4 * one.radius and apart[best] < 0.3 * apart[0]:
+                shift += best
+        aligned.append(replace(other, t=other.t + shift))
+    return aligned
+
+
 def _of_one_gravity(scene: Scene, pieces: list[Piece]) -> list[Piece]:
     """Return the pieces that share the acceleration with the most places behind it."""
-    told = [(each, *parabola(each.t, each.xy)) for each in pieces]
+    told = [(each, *_bent(scene, each)) for each in pieces]
     told = [each for each in told if each[3] < SMOOTH * each[0].radius]
     best: tuple[float, list[Piece]] = (0.0, [])
-    for piece, pull, u, _ in told:
-        if len(piece.t) < FEWEST or not _falls(scene, piece, pull, u):
+    for piece, pull, u, rms in told:
+        if len(piece.t) < FEWEST or not _falls(scene, piece, pull, u, rms):
             continue
         like = []
         for other, own, own_u, _ in told:
@@ -143,19 +199,29 @@ def _of_one_gravity(scene: Scene, pieces: list[Piece]) -> list[Piece]:
     return best[1]
 
 
-def _falls(scene: Scene, piece: Piece, pull: Array, u: Array) -> bool:
+def _bent(scene: Scene, piece: Piece) -> tuple[Array, Array, float]:
+    """Return `parabola` of a piece, by the readout that it goes with best."""
+    if scene.readout is not None:
+        return parabola(piece.t + scene.readout * scene.late(piece.blobs), piece.xy)
+    late = scene.late(piece.blobs)
+    tried = [parabola(piece.t + each * late, piece.xy) for each in READOUTS]
+    best = min(tried, key=lambda each: each[2])
+    return best if best[2] < 0.5 * tried[0][2] else tried[0]
+
+
+def _falls(scene: Scene, piece: Piece, pull: Array, u: Array, rms: float) -> bool:
     """Return whether an acceleration may be gravity's, as far as scale and direction tell."""
     size, span = float(np.hypot(*pull)), float(np.ptp(piece.t))
     bent = size * span**2 / 8
-    expected = scene.expected
+    expected = scene.expected(piece.radius)
     if expected is not None and expected * span**2 / 8 > 2 * SAG * piece.radius:
         # gravity would show: is it there, or does a wrong frame rate make it look larger or less?
         ratio = size / expected
         down = float(np.arctan2(abs(pull[0]), pull[1]))
         if 0.5 < ratio < 2.0:
             return down < UPRIGHT
-        long = len(piece.t) >= 2 * FEWEST and size > 8 * u[0]
-        return long and down < UPRIGHT and bent > SAG * piece.radius and ratio > 1e-3
+        sure = len(piece.t) >= 2 * FEWEST and size > 8 * u[0] and rms < SHARP * piece.radius
+        return sure and down < UPRIGHT and bent > SAG * piece.radius
     if bent < SAG * piece.radius:
         return True
     return float(np.arctan2(abs(pull[0]), pull[1])) < UPRIGHT
@@ -182,38 +248,44 @@ def _once(flights: list[Piece]) -> list[Piece]:
     return sorted(kept, key=lambda each: each.frames[0])
 
 
-def _merged(scene: Scene, flights: list[Piece], fit: Fit) -> list[Piece]:
-    """Return flights, neighbours that one parabola explains made one; lost frames are tried."""
-    merged = [flights[0]]
-    pull = fit.pull[0]
-    for piece in flights[1:]:
-        last = merged[-1]
-        best: tuple[float, Piece] | None = None
-        if piece.t[0] - last.t[-1] <= 3 * BETWEEN:
-            # a piece that began its count anew may lie up to three frames ahead
-            for lost in range(4):
-                whole = Piece(
-                    blobs=np.concatenate([last.blobs, piece.blobs]),
-                    frames=np.concatenate([last.frames, piece.frames]),
-                    t=np.concatenate([last.t, piece.t + lost]),
-                    xy=np.concatenate([last.xy, piece.xy]),
-                    radius=(last.radius + piece.radius) / 2,
-                )
-                rms = _rms(whole, pull)
-                if best is None or rms < 0.5 * best[0]:
-                    best = (rms, whole)
-        apart = max(_rms(last, pull), _rms(piece, pull), fit.spread)
-        if best is not None and best[0] < min(2.0 * apart, 0.5 * SMOOTH * last.radius):
-            merged[-1] = best[1]
+def _merged(flights: list[Piece], fit: Fit) -> list[Piece]:
+    """Return flights, neighbours that one way explains made one; lost frames are tried."""
+    merged, last = [flights[0]], 0
+    for k, piece in enumerate(flights[1:], start=1):
+        one = merged[-1]
+        if piece.t[0] - one.t[-1] <= 3 * BETWEEN and (
+            lost := _one_way(fit, last, k, one, piece)
+        ) is not None:
+            merged[-1] = Piece(
+                blobs=np.concatenate([one.blobs, piece.blobs]),
+                frames=np.concatenate([one.frames, piece.frames]),
+                t=np.concatenate([one.t, piece.t + lost]),
+                xy=np.concatenate([one.xy, piece.xy]),
+                radius=(one.radius + piece.radius) / 2,
+            )
         else:
             merged.append(piece)
+        last = k
     return merged
 
 
-def _rms(piece: Piece, pull: Array) -> float:
-    s = piece.t - piece.t.mean()
-    level = piece.xy - 0.5 * np.outer(s**2, pull)
-    return parabola(piece.t, level, 1)[2]
+def _one_way(fit: Fit, one: int, other: int, before: Piece, after: Piece) -> int | None:
+    """Return how many frames are left out between parts of one flight, None: they are two.
+
+    Their velocities agree in the middle between them, and their places do.
+    """
+    middle = (before.t[-1] + after.t[0]) / 2
+    best: tuple[float, int] | None = None
+    for lost in range(4):
+        first, second = fit.at(one, middle)[0], fit.at(other, middle - lost)[0]
+        fast = float(np.hypot(*first[2:]))
+        turned = float(np.hypot(*(second - first)[2:]))
+        if turned > max(0.2 * fast, 1.5 * float(np.hypot(*fit.pull[0]))):
+            continue
+        apart = float(np.hypot(*(second - first)[:2]))
+        if apart < 0.5 * before.radius and (best is None or apart < 0.3 * best[0]):
+            best = (apart, lost)
+    return None if best is None else best[1]
 
 
 def _refilled(scene: Scene, flights: list[Piece], fit: Fit) -> list[Piece]:
@@ -274,7 +346,11 @@ def _nearest(
     off = np.hypot(some["x"] - expected[:, 0], some["y"] - expected[:, 1])
     best = int(np.argmin(off))
     beyond = max(0.0, float(piece.t[0] - t), float(t - piece.t[-1]))
-    room = max(NEAR[0] * piece.radius, NEAR[1] * fit.spread) * (1 + 0.3 * beyond)
+    room = max(NEAR[0] * piece.radius, NEAR[1] * fit.spread)
+    if beyond:  # a hand that lets go leads the ball on
+        room = max(END[0] * piece.radius, END[1] * fit.spread) * (1 + 0.3 * min(beyond, 3.0))
+        if some["dirty"][best] > DIRTY:
+            return None
     return int(there[best]) if off[best] < min(room, 0.5 * piece.radius) else None
 
 

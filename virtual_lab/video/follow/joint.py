@@ -20,9 +20,9 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 DRAG, DRAG_U = 0.003, 0.008  # k r before the clip says anything
-STEPS = 8  # of Runge and Kutta's method, from a flight's middle to a place
+STEPS = 6  # of Runge and Kutta's method, from a flight's middle to a place
 ROUNDS = 12
-SETTLED = 1e-6
+SETTLED = 0.02  # standard uncertainties
 FAR, SOFT = 4.0, 0.05  # standard deviations, radii: places beyond count less and less
 LEAST_SPREAD = 0.02  # pixels
 TILT_U = 0.5  # over the picture's longer side, of the perspective before: 30 degrees
@@ -211,7 +211,7 @@ class _Problem:
             vector[m] = max(vector[m], 0.0)
             inverse = np.zeros((len(vector), len(vector)))
             inverse[np.ix_(free, free)] = part
-            if np.abs(step * scale).max() < SETTLED * len(self.t) ** 0.5:
+            if np.abs(step * scale).max() < SETTLED:
                 break
         left = self.xy - self._places(vector)
         far = np.hypot(*left.T)

@@ -6,7 +6,7 @@ out of the file though its time stamps are even: the ball is then ahead by as ma
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,6 +33,7 @@ SEEDS = 4  # triples tried from a blob
 DIRTY = 0.35  # of the ring: more is a hand, or the ball on something
 BREAK = 0.22  # of the speed that it must change by for a contact
 BREAK_PULL = 3.0  # of what gravity adds in a frame: less than that leaves no flight behind it
+BENT = 0.1  # radii, rms off a parabola: no flight, or not all of it
 BREAK_U = 6.0  # standard uncertainties, likewise
 ENDS = 4.0  # scatters that the first or last place may be off the others' parabola
 
@@ -219,15 +220,14 @@ def _broken(piece: Piece) -> list[Piece]:
     least = BREAK_PULL * float(np.hypot(*pull))
     for k in range(4, count - 3):
         first, second = (_ending(piece.part(part)) for part in (slice(k), slice(k, count)))
-        if first is None or second is None:
-            continue
         moment = (piece.t[k - 1] + piece.t[k]) / 2
         before, u_before, rms_before = first(moment)
         after, u_after, rms_after = second(moment)
         change = float(np.hypot(*(after - before)))
         fast = max(np.hypot(*before), np.hypot(*after))
         rms = float(np.sqrt((k * rms_before**2 + (count - k) * rms_after**2) / count))
-        if change < max(BREAK * fast, BREAK_U * np.hypot(u_before, u_after), least):
+        struck = change > max(BREAK * fast, BREAK_U * np.hypot(u_before, u_after), least)
+        if not struck and whole < BENT * piece.radius:
             continue
         if rms < 0.5 * whole and (best is None or rms < best[0]):
             best = (rms, k)
@@ -236,8 +236,8 @@ def _broken(piece: Piece) -> list[Piece]:
     return [*_broken(piece.part(slice(best[1]))), *_broken(piece.part(slice(best[1], count)))]
 
 
-def _ending(piece: Piece):  # noqa: ANN202
-    """Return a function that tells velocity, its u and the rms at a moment; None: too few."""
+def _ending(piece: Piece) -> Callable[[float], tuple[Array, float, float]]:
+    """Return a function that tells velocity, its u and the rms at a moment."""
     degree = 2 if len(piece.t) > 4 else 1
     middle = piece.t.mean()
     design = np.stack([(piece.t - middle) ** k for k in range(degree + 1)], axis=1)
