@@ -26,6 +26,7 @@ NEAR = (0.2, 5.0)  # radii, and standard deviations, that a place may be off its
 END = (0.1, 4.0)  # the same beyond the places that a piece had
 HELD = 0.75  # of the ring: a place on a flight may have this much beside it
 BETWEEN = 6.0  # frames between two flights that a contact joins
+FAR_OFF = 1000  # frames: no flight before or after
 ROUNDS = 4
 APART = 0.6  # radii that two flights may miss each other by at a contact
 SMOOTH = 0.12  # radii, rms: a flight's places lie on its way
@@ -294,8 +295,8 @@ def _refilled(scene: Scene, flights: list[Piece], fit: Fit) -> list[Piece]:
     refilled = []
     frames = scene.found["frame"]
     for k, piece in enumerate(flights):
-        before = flights[k - 1].frames[-1] if k else -1
-        after = flights[k + 1].frames[0] if k + 1 < len(flights) else len(scene.time)
+        before = flights[k - 1].frames[-1] if k else -FAR_OFF
+        after = flights[k + 1].frames[0] if k + 1 < len(flights) else len(scene.time) + FAR_OFF
         ahead = dict(zip(piece.frames.tolist(), (piece.t - scene.time[piece.frames]).tolist(), strict=True))
         places: list[tuple[int, int, float]] = []
         middle = int(np.searchsorted(counted, piece.frames[len(piece.frames) // 2]))
@@ -306,7 +307,9 @@ def _refilled(scene: Scene, flights: list[Piece], fit: Fit) -> list[Piece]:
                     break
                 shift = ahead.get(frame, shift)
                 t = float(scene.time[frame]) + shift
-                one = _nearest(scene, piece, fit, k, frame, t, frames)
+                early = frame < piece.frames[0]
+                struck = frame - before <= BETWEEN if early else after - frame <= BETWEEN
+                one = _nearest(scene, piece, fit, k, frame, t, frames, struck)
                 if one is None:
                     missed += 1
                     continue
@@ -330,7 +333,7 @@ def _refilled(scene: Scene, flights: list[Piece], fit: Fit) -> list[Piece]:
 
 
 def _nearest(
-    scene: Scene, piece: Piece, fit: Fit, k: int, frame: int, t: float, frames: Array
+    scene: Scene, piece: Piece, fit: Fit, k: int, frame: int, t: float, frames: Array, struck: bool
 ) -> int | None:
     """Return the blob on a flight's way in a frame, None without."""
     first, last = np.searchsorted(frames, [frame, frame + 1])
@@ -347,7 +350,7 @@ def _nearest(
     best = int(np.argmin(off))
     beyond = max(0.0, float(piece.t[0] - t), float(t - piece.t[-1]))
     room = max(NEAR[0] * piece.radius, NEAR[1] * fit.spread)
-    if beyond:  # a hand that lets go leads the ball on
+    if beyond and not struck:  # a hand that lets go leads the ball on
         room = max(END[0] * piece.radius, END[1] * fit.spread) * (1 + 0.3 * min(beyond, 3.0))
         if some["dirty"][best] > DIRTY:
             return None
