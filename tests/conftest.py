@@ -1,8 +1,10 @@
 """What every test shares: examples drawn from fixed seeds, and laboratories played once."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Callable
-from functools import cache
+from typing import TYPE_CHECKING
 
 # Our matrices are small: threads of the linear algebra only wait for one another on a busy
 # machine (the recoil fits took 20 times as long). Must stand before numpy is loaded.
@@ -11,28 +13,30 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import pytest
 from hypothesis import settings
 
-from virtual_lab import lab
-from virtual_lab.simulation.rig import Reality
+if TYPE_CHECKING:  # the process that hands out the tests has no use for a laboratory
+    from virtual_lab import lab
+    from virtual_lab.simulation.rig import Reality
 
 pytest.register_assert_rewrite("tests.rigs.conformance")
 settings.register_profile("fixed", derandomize=True, deadline=None, database=None)
 settings.load_profile("fixed")
 
 PROCEDURE = "astm-f1881"
-Play = Callable[..., lab.Tested]
+Play = Callable[..., "lab.Tested"]
 
 
 @pytest.fixture(scope="session")
 def played() -> Play:
     """Return a laboratory that plays each test once and remembers it."""
+    from tests.laboratories import certified
 
-    @cache
     def play(
         bat: str = "r161",
-        reality: Reality = Reality.REAL,
+        reality: Reality | None = None,
         seed: int = 1,
         procedure: str = PROCEDURE,
     ) -> lab.Tested:
-        return lab.certify_bat(bat, procedure=procedure, seed=seed, reality=reality)
+        given = {} if reality is None else {"reality": reality}
+        return certified(bat, procedure=procedure, seed=seed, **given)
 
     return play

@@ -20,8 +20,9 @@ class InputError(ValueError):
 
 def nearest(name: object, known: Iterable[str]) -> str:
     """Return a question that suggests the known names nearest to a mistyped one, or nothing."""
-    near = difflib.get_close_matches(str(name).lower(), list(known), n=2, cutoff=0.5)
-    return f"did you mean {' or '.join(near)}? " if near else ""
+    folded = {each.lower(): each for each in known}
+    near = difflib.get_close_matches(str(name).lower(), folded, n=2, cutoff=0.5)
+    return f"did you mean {' or '.join(folded[each] for each in near)}? " if near else ""
 
 
 def _short(value: object) -> str:

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from virtual_lab import lab
+from tests.laboratories import certified
 from virtual_lab.api import Certificate
 from virtual_lab.certificate.document import certificate
 from virtual_lab.certificate.figures import encoder_figure, hits_figure
@@ -25,21 +25,19 @@ NAMESPACES = ("http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink")
 HEAVIEST = 60_000  # bytes of one figure
 
 
-@cache
-def certified(reality: Reality = Reality.REAL) -> Certification:
+def quick(reality: Reality = Reality.REAL) -> Certification:
     """Return one quick test of the wood bat."""
-    return lab.certify_bat("r161", procedure="astm-f1881", seed=7, reality=reality).certification
+    return certified(seed=7, reality=reality).certification
 
 
-@cache
 def scanned(procedure: str) -> Certification:
     """Return one test of the wood bat by a scan along its barrel."""
-    return lab.certify_bat("r161", procedure=procedure, seed=7).certification
+    return certified(procedure=procedure, seed=7).certification
 
 
 def again(*changes: tuple[str, str], **fields: object) -> Certification:
     """Return the same records judged by a procedure with some words of its text changed."""
-    session = certified().session
+    session = quick().session
     text = session.procedure_text
     for old, new in changes:
         assert old in text
@@ -51,12 +49,10 @@ LIMIT, SPEED = "limit = { value = 1.2", "speed_tolerance = { value = 1.0"
 
 
 CASES: Mapping[str, Callable[[], Certification]] = {
-    "pass": certified,
-    "ideal": lambda: certified(Reality.IDEAL),
+    "pass": quick,
+    "ideal": lambda: quick(Reality.IDEAL),
     "fail": lambda: again((LIMIT, "limit = { value = 0.8")),
-    "marginal": lambda: again(
-        (LIMIT, f"limit = {{ value = {certified().metric.value - 0.001:.4f}")
-    ),
+    "marginal": lambda: again((LIMIT, f"limit = {{ value = {quick().metric.value - 0.001:.4f}")),
     "no valid hit": lambda: again((SPEED, "speed_tolerance = { value = 0.001")),
     "too few valid hits": lambda: again(("valid_hits = { value = 6", "valid_hits = { value = 7")),
     "real laboratory": lambda: again(simulation={}),
@@ -127,13 +123,13 @@ def test_a_page_can_be_read_aloud(name: str) -> None:
 
 def test_the_result_is_rounded_by_its_uncertainty() -> None:
     """Expanded uncertainty to two digits, the value to the same place."""
-    metric = certified().metric
+    metric = quick().metric
     expanded = metric.interval_95[1] - metric.value
     assert 0.00995 < expanded < 0.0995  # so two digits are three decimals
     said = f"BPF = {metric.value:.3f} ± {expanded:.3f}"
     assert said in words(page("pass"))
     assert f"k = {expanded / metric.u:.2f}" in words(page("pass"))
-    assert said in words(notebook_card(certificate(certified())))
+    assert said in words(notebook_card(certificate(quick())))
 
 
 @pytest.mark.parametrize(
@@ -192,7 +188,7 @@ def test_names_are_escaped() -> None:
 
 
 def test_every_shot_and_every_unverified_value_is_listed() -> None:
-    certification, text = certified(), words(page("pass"))
+    certification, text = quick(), words(page("pass"))
     for value in certification.shots.bat_performance_factor:
         assert f"{value:.4f}" in text
     for datum in certification.unverified:
@@ -209,13 +205,13 @@ def test_the_budget_speaks_in_words_and_its_shares_add_up() -> None:
 
 
 def test_a_constant_of_an_unknown_rig_keeps_its_name() -> None:
-    document = certificate(certified())
+    document = certificate(quick())
     document["budget"][0]["component"] = "impact.radar.angle"
-    assert "impact.radar.angle" in certificate_page(document, certified())
+    assert "impact.radar.angle" in certificate_page(document, quick())
 
 
 def test_the_number_is_the_digest_of_the_certificate_as_saved(tmp_path: object) -> None:
-    folder = Certificate(certification=certified()).save(tmp_path / "saved")
+    folder = Certificate(certification=quick()).save(tmp_path / "saved")
     digest = hashlib.sha256((folder / "certificate.json").read_bytes()).hexdigest()
     assert f"No. {digest[:12]}" in words((folder / "certificate.html").read_text("utf-8"))
 
@@ -233,7 +229,7 @@ def test_a_figure_leaves_the_users_matplotlib_as_it_was() -> None:
     import matplotlib as mpl
 
     before = dict(mpl.rcParams)
-    hits_figure(certified())
+    hits_figure(quick())
     assert dict(mpl.rcParams) == before
 
 
@@ -254,7 +250,7 @@ def test_a_card_is_one_element_of_html() -> None:
             self.depth -= 1
 
     counted = Depth()
-    counted.feed(notebook_card(certificate(certified())))
+    counted.feed(notebook_card(certificate(quick())))
     assert (counted.depth, counted.roots) == (0, 1)
 
 
@@ -272,7 +268,7 @@ def test_the_width_of_a_scan_is_told_where_the_rules_ask_for_it() -> None:
 
 def test_a_width_cut_off_at_an_end_is_at_least_so_much() -> None:
     """Of a steel cylinder, whose e hardly falls along the barrel: so in three laboratories of 8."""
-    flat = lab.certify_bat("check-cylinder", procedure="bbcor", seed=5).certification
+    flat = certified("check-cylinder", procedure="bbcor", seed=5).certification
     document = certificate(flat)
     width = document["width_m"]
     assert (width["u"], width["at_least"]) == (None, True)
@@ -308,7 +304,7 @@ def test_a_place_chosen_raises_the_result_and_says_so() -> None:
     assert line["contribution"] == pytest.approx(document["choice"]["u"])
     assert "raised by" in words(page("scan with fresh hits"))
     assert "raised by" in certificate_text(document)
-    assert certificate(certified())["choice"] is None
+    assert certificate(quick())["choice"] is None
     assert "raised by" not in words(page("pass"))
 
 
@@ -324,12 +320,12 @@ def test_the_slope_at_the_aim_is_in_the_budget() -> None:
 
     And the aim's own effect is less by the slope than it is without one.
     """
-    budget = {part.name: part for part in certified().metric.components}
-    quantities = certified().quantities
+    budget = {part.name: part for part in quick().metric.components}
+    quantities = quick().quantities
     per_e_a = (1 + quantities["recoil_factor"].value) / quantities["ball_restitution"].value
     slope, slope_u = 0.005 / 0.0254, 0.013 / 0.0254
     line, along = budget["procedure.place_slope_error"], budget["impact.cannon.along"]
-    aim_u = certified().session.calibration["impact.cannon.along"].u
+    aim_u = quick().session.calibration["impact.cannon.along"].u
     assert line.contribution == pytest.approx(per_e_a * slope_u * aim_u, rel=0.02)
     level = again(("place_slope = { value = 0.005", "place_slope = { value = 0.0"))
     plain = {part.name: part for part in level.metric.components}["impact.cannon.along"]

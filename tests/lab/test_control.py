@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.laboratories import certified
 from virtual_lab import api, catalog, lab
 from virtual_lab.certificate.document import certificate
 from virtual_lab.certificate.html import certificate_page
@@ -41,8 +42,7 @@ def controlled(rules: str, reality: Reality = Reality.REAL, seed: int = 7) -> la
 def test_without_errors_it_is_the_ratio_of_two_tests(rules: str) -> None:
     """Each bat certified alone by bbcor, and one e over the other."""
     bat, cylinder = (
-        certify_bat(name, procedure="bbcor", reality=Reality.IDEAL, seed=0)
-        for name in ("r161", CYLINDER)
+        certified(name, procedure="bbcor", reality=Reality.IDEAL) for name in ("r161", CYLINDER)
     )
     by_hand = [
         test.certification.metric.value for test in (bat, cylinder) if test.certification.metric
@@ -139,7 +139,7 @@ def test_the_certificate_says_what_it_was_divided_by(rules: str) -> None:
         certificate_text(document)
     )
     assert f"divided by {ratio['value']:.4f}" in certificate_page(document, found)
-    plain = certify_bat("r161", procedure="astm-f1881", seed=7).certification
+    plain = certified(seed=7).certification
     assert certificate(plain)["ball_correction"] is None
 
 

@@ -382,8 +382,8 @@ def test_one_hall_has_one_air_and_one_gravity(played: Play) -> None:
 
 
 @pytest.mark.parametrize("times", ["reversed", "uneven", "constant"])
-def test_an_encoder_without_even_ticks_is_refused(times: str) -> None:
-    session = certify_bat("r161", procedure="astm-f1881", seed=1).certification.session
+def test_an_encoder_without_even_ticks_is_refused(times: str, played: Play) -> None:
+    session = played().certification.session
     encoder = session.records["impact"]["encoder"]
     good = encoder.times
     bad = {
@@ -397,8 +397,8 @@ def test_an_encoder_without_even_ticks_is_refused(times: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["bench.scale.span", "impact.encoder.scale", "ball.radius"])
-def test_a_scale_factor_of_nothing_is_refused(name: str) -> None:
-    session = certify_bat("r161", procedure="astm-f1881", seed=1).certification.session
+def test_a_scale_factor_of_nothing_is_refused(name: str, played: Play) -> None:
+    session = played().certification.session
     broken = {**session.calibration, name: replace(session.calibration[name], value=0.0)}
     with pytest.raises(InputError, match=name):
         certify_session(replace(session, calibration=broken))

@@ -84,6 +84,11 @@ class Bench:
             turn_rate=TURN_RATE if "swing" in self.rig.channels else 0.0,
         )
 
+    @cached_property
+    def played(self) -> Play:
+        """A play of the first shots, which is as good as any other."""
+        return self.play()
+
     def play(self, *, seed: int = SEED, shots: int = SHOTS, first: int = 0) -> Play:
         """Commission anew and play: two calls share nothing but their arguments."""
         draws = Streams(seed)
@@ -118,7 +123,7 @@ def attributes(bench: Bench) -> None:
 
 def records_are_as_declared(bench: Bench) -> None:
     """Write only channels it declares, of the type it declares, and not none."""
-    records = bench.play().records
+    records = bench.played.records
     assert records
     for channel, record in records.items():
         assert type(record) is bench.rig.channels[channel]
@@ -126,7 +131,7 @@ def records_are_as_declared(bench: Bench) -> None:
 
 def records_survive_the_disk(bench: Bench) -> None:
     """Give every record the same bits after saving and loading."""
-    records, stage = bench.play().records, bench.rig.stage.value
+    records, stage = bench.played.records, bench.rig.stage.value
     calibration = bench.rig.commission(Streams(SEED)).calibration
     session = Session(
         bat="bat",
@@ -147,7 +152,7 @@ def records_survive_the_disk(bench: Bench) -> None:
 
 def same_seed_same_records(bench: Bench) -> None:
     """Draw from `draws` alone: a rig commissioned twice does the same thing."""
-    first, second = bench.play(), bench.play()
+    first, second = bench.played, bench.play()
     assert same(first.records, second.records)
     assert first.truth.keys() == second.truth.keys()
     for name, values in first.truth.items():
@@ -156,13 +161,13 @@ def same_seed_same_records(bench: Bench) -> None:
 
 def other_seed_other_records(bench: Bench) -> None:
     """Another seed is another laboratory: nothing is left of the first one's noise."""
-    assert not same(bench.play().records, bench.play(seed=SEED + 1).records)
+    assert not same(bench.played.records, bench.play(seed=SEED + 1).records)
 
 
 def other_shots_other_noise(bench: Bench) -> None:
     """Shots of other numbers have other noise. A bench has no shots."""
     if bench.rig.stage is not Stage.BENCH:
-        assert not same(bench.play().records, bench.play(first=SHOTS).records)
+        assert not same(bench.played.records, bench.play(first=SHOTS).records)
 
 
 def a_shot_hangs_on_its_number_alone(bench: Bench) -> None:
@@ -205,7 +210,7 @@ def _axes_of(record: Record) -> dict[str, tuple[str, ...]]:
 
 def fewer_shots_same_shapes(bench: Bench) -> None:
     """Only the shot axis knows how many shots there were (and the items of a bench)."""
-    many, few = bench.play(), bench.play(shots=FEWER)
+    many, few = bench.played, bench.play(shots=FEWER)
     assert many.records.keys() == few.records.keys()
     for channel, record in many.records.items():
         for field, column in record.columns.items():
@@ -256,7 +261,7 @@ def calibration_is_of_estimates(bench: Bench) -> None:
 
 def truth_has_a_shot_axis(bench: Bench) -> None:
     """Truth is arrays, one entry a shot; of a bench, one number a property."""
-    truth = bench.play().truth
+    truth = bench.played.truth
     assert truth, "a rig that hides what happened cannot be scored"
     for name, values in truth.items():
         assert isinstance(values, np.ndarray), name
@@ -268,7 +273,7 @@ def truth_has_a_shot_axis(bench: Bench) -> None:
 
 def seed_is_in_no_record(bench: Bench) -> None:
     """No number a rig writes is the seed, and no file holds its digits."""
-    records = bench.play().records
+    records = bench.played.records
     for channel, record in records.items():
         for field in record.columns:
             assert not np.any(getattr(record, field) == float(SEED)), f"{channel}.{field}"
@@ -277,7 +282,7 @@ def seed_is_in_no_record(bench: Bench) -> None:
 
 def log_is_the_order(bench: Bench) -> None:
     """Where a rig keeps a shot log it says what was asked for, not what happened."""
-    log = bench.play().records.get("log")
+    log = bench.played.records.get("log")
     if log is not None:
         order = bench.order()
         assert np.array_equal(log.ball, order.ball)

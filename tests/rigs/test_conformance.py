@@ -14,6 +14,7 @@ from virtual_lab.streams import Quiet
 OURS = {"astm-pivot", "ball-cannon", "ball-wall", "bench", "ncaa-swing"}
 THIRD_PARTY = "speed-gun-pivot"
 INSTALLED = installed_rigs()
+BENCHES: dict[str, conformance.Bench] = {}
 
 
 def test_ours_and_the_third_partys_are_discovered() -> None:
@@ -31,8 +32,10 @@ def test_a_rig_is_installed_under_its_own_name(name: str) -> None:
 @pytest.mark.parametrize("check", conformance.CHECKS, ids=conformance.name_of)
 @pytest.mark.parametrize("name", INSTALLED)
 def test_installed_rig(name: str, check, tmp_path: Path) -> None:
-    """The suite of tests/rigs/conformance.py."""
-    check(conformance.Bench(INSTALLED[name], tmp_path))
+    """The suite of tests/rigs/conformance.py, on one bench a rig."""
+    bench = BENCHES.setdefault(name, conformance.Bench(INSTALLED[name], tmp_path))
+    bench.folder = tmp_path
+    check(bench)
 
 
 class Leaky:

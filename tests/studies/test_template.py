@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import re
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -18,11 +19,19 @@ from virtual_lab.errors import InputError
 from virtual_lab.measurement.certification import certify_session
 from virtual_lab.records.foreign.laboratory import load_laboratory
 from virtual_lab.records.session import Session
-from virtual_lab.studies.foreign import our_own
+from virtual_lab.studies import foreign, template
 from virtual_lab.studies.template import write_template
 
 PROCEDURES = catalog.names("procedures")
 HAS_TO_BE_FILLED = re.compile(r"""^"?([\w.]+)"? = .*"\?\"""", re.MULTILINE)
+
+our_own = cache(foreign.our_own)
+
+
+@pytest.fixture(autouse=True)
+def _each_procedure_played_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in (foreign, template):
+        monkeypatch.setattr(module, "our_own", our_own)
 
 
 def fill_in(folder: Path, session: Session) -> None:

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from tests.laboratories import certified
 from virtual_lab.certificate.document import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.certificate.text import certificate_text
-from virtual_lab.lab import certify_bat
 from virtual_lab.measurement.certification import certify_session
 from virtual_lab.measurement.diagnostics.flag import chance, type_a
 from virtual_lab.records.session import Session
@@ -22,7 +22,7 @@ from virtual_lab.simulation.rig import Reality
 @pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor", "ncaa-besr"])
 def test_a_laboratory_without_noise_is_never_flagged(procedure: str, reality: Reality) -> None:
     """Nothing scatters there, so that rounding alone must not look like a difference."""
-    found = certify_bat("r161", procedure=procedure, seed=0, reality=reality).certification
+    found = certified("r161", procedure=procedure, seed=0, reality=reality).certification
     assert found.flags == ()
 
 
@@ -30,7 +30,7 @@ def test_a_laboratory_without_noise_is_never_flagged(procedure: str, reality: Re
 def test_sound_days_are_quiet(procedure: str) -> None:
     """Of 5 sound days none is flagged: 95 % likely at the 1 % a day that is allowed."""
     for seed in range(300, 305):
-        assert certify_bat("r161", procedure=procedure, seed=seed).certification.flags == ()
+        assert certified("r161", procedure=procedure, seed=seed).certification.flags == ()
 
 
 def test_chance_is_students() -> None:
@@ -57,7 +57,7 @@ SPOKEN = {  # fault: check that speaks, by the ASTM procedure
 @pytest.mark.parametrize("fault", SPOKEN)
 def test_each_check_speaks(fault: str) -> None:
     """On one day each, chosen so that it does; how often it does is the table of the faults."""
-    found = certify_bat("r161", procedure="astm-f1881", seed=13, faults=(fault,)).certification
+    found = certified("r161", procedure="astm-f1881", seed=13, faults=(fault,)).certification
     assert SPOKEN[fault] in [flag.name for flag in found.flags]
 
 
@@ -65,12 +65,12 @@ def test_each_check_speaks(fault: str) -> None:
     ("fault", "check"), [("gate-moved", "boards-in-line"), ("sabot-trip", "edges")]
 )
 def test_each_check_of_boards_speaks(fault: str, check: str) -> None:
-    found = certify_bat("r161", procedure="bbcor", seed=12, faults=(fault,)).certification
+    found = certified("r161", procedure="bbcor", seed=12, faults=(fault,)).certification
     assert check in [flag.name for flag in found.flags]
 
 
 def test_a_flag_stands_on_every_certificate() -> None:
-    found = certify_bat("r161", procedure="astm-f1881", seed=12, faults=("aim-across",))
+    found = certified("r161", procedure="astm-f1881", seed=12, faults=("aim-across",))
     document = certificate(found.certification)
     (flag,) = document["flags"]
     assert flag["name"] == "aim"
@@ -80,7 +80,7 @@ def test_a_flag_stands_on_every_certificate() -> None:
 
 def test_a_softball_bat_under_a_baseball_procedure_is_flagged() -> None:
     """As the session says it, without truth."""
-    found = certify_bat("softball-34", procedure="astm-f1881", seed=0, reality=Reality.IDEAL)
+    found = certified("softball-34", procedure="astm-f1881", seed=0, reality=Reality.IDEAL)
     (flag,) = found.certification.flags
     assert flag.name == "sports"
     assert "bat is of softball, the ball is of baseball, the procedure is of" in flag.sentence
@@ -96,13 +96,13 @@ def test_a_softball_bat_under_a_baseball_procedure_is_flagged() -> None:
 
 
 def test_a_bat_of_the_same_sport_is_not() -> None:
-    found = certify_bat("softball-34", procedure="asa", seed=0, reality=Reality.IDEAL)
+    found = certified("softball-34", procedure="asa", seed=0, reality=Reality.IDEAL)
     assert found.certification.flags == ()
 
 
 def test_a_check_standard_is_no_bat_that_passed() -> None:
     """The cylinder meets the rules' numbers, and no bat has passed by it."""
-    found = certify_bat("check-cylinder", procedure="astm-f1881", seed=0, reality=Reality.IDEAL)
+    found = certified("check-cylinder", procedure="astm-f1881", seed=0, reality=Reality.IDEAL)
     assert found.certification.verdict.value == "PASS"
     assert [flag.name for flag in found.certification.flags] == ["check-standard"]
     assert "no bat" in certificate_text(certificate(found.certification))
@@ -119,7 +119,7 @@ def changed(session: Session, stage: str, channel: str, **fields: object) -> Ses
 
 @pytest.fixture(scope="module")
 def sound() -> Session:
-    return certify_bat("r161", procedure="astm-f1881", seed=300).certification.session
+    return certified("r161", procedure="astm-f1881", seed=300).certification.session
 
 
 def test_gates_of_a_single_beam_are_no_fault(sound: Session) -> None:
@@ -182,7 +182,7 @@ def test_an_uncertainty_that_cannot_decide_gives_no_verdict(sound: Session) -> N
 
 def test_a_sentence_tells_the_size_of_what_is_wrong() -> None:
     """A board knocked by 1 mm: half of it shows at the board between."""
-    found = certify_bat("r161", procedure="bbcor", seed=12, faults=("gate-moved",)).certification
+    found = certified("r161", procedure="bbcor", seed=12, faults=("gate-moved",)).certification
     (said,) = [flag.sentence for flag in found.flags if flag.name == "boards-in-line"]
     shown = float(said.split(" mm")[0].rpartition(" ")[2])
     assert abs(shown) == pytest.approx(0.5, abs=0.3)

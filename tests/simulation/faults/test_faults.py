@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from itertools import pairwise
 from math import radians, sqrt
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.special import ellipk
 
+from tests.laboratories import certified
 from virtual_lab import catalog, lab
 from virtual_lab.api import certify
 from virtual_lab.errors import InputError
@@ -18,16 +18,15 @@ from virtual_lab.lab import certify_bat
 from virtual_lab.measurement.diagnostics import CHECKS
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.simulation.faults import CATALOGUE, Day, FaultSheet
-from virtual_lab.simulation.rig import Reality, installed_rigs
+from virtual_lab.simulation.rig import installed_rigs
 from virtual_lab.units import MPH, OUNCE
 
 NAMES = catalog.names("faults")
 
 
-@cache
-def played(*faults: str, reality: Reality = Reality.REAL, seed: int = 11) -> lab.Tested:
+def played(*faults: str, seed: int = 11) -> lab.Tested:
     """Play one laboratory by the ASTM procedure."""
-    return certify_bat("r161", procedure="astm-f1881", seed=seed, reality=reality, faults=faults)
+    return certified(seed=seed, faults=faults)
 
 
 def record(channel: str, *faults: str, stage: str = "impact", seed: int = 11):
@@ -65,7 +64,7 @@ def test_a_fault_that_cannot_befall_the_rig_names_those_it_can() -> None:
 
 def test_a_sound_day_is_the_day_without_faults(monkeypatch: pytest.MonkeyPatch) -> None:
     """Bit for bit: the hooks taken out of the laboratory altogether."""
-    sound = certify_bat("r161", procedure="astm-f1881", seed=5).certification
+    sound = certified(seed=5).certification
     monkeypatch.setattr(Day, "station", lambda self, stage, station: station)
     monkeypatch.setattr(Day, "calibration", lambda self, known: known)
     monkeypatch.setattr(

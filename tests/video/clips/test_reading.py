@@ -124,7 +124,7 @@ BAD: dict[str, tuple[Callable[[Path], Path], str]] = {
     "empty folder": (lambda at: bare(at / "a"), "images = 0"),
     "no pixels": (
         lambda at: array(at / "a.npy", [np.zeros((0, 4, 4), np.uint8)]),
-        "least one",
+        "at least 8 x 8",
     ),
     "zero frames": (lambda at: saved(at, np.zeros((0, 40, 64), np.uint8)), "frames = 0"),
     "floats": (lambda at: saved(at, np.zeros((3, 40, 64))), "float64"),
@@ -163,7 +163,7 @@ def test_time_stamps_of_their_own(content: str, tmp_path: Path) -> None:
     [
         ("0\n.1\n", "time stamps = 2; the clip has 3"),
         ("0\n.1\n.2\n.3\n", "time stamps = 4; the clip has 3"),
-        ("0\n.2\n.1\n", "time stamp 2 = 0.1; must be later than the one before, 0.2"),
+        ("0\n.2\n.1\n", "time stamp 2 = 0.1; must be 1e-08 s later than the one before, 0.2"),
         ("0\n.1\n.1\n", "time stamp 2"),
         ("0\nnan\n.2\n", "time stamp 1 = nan"),
         ("0\n.1\ninf\n", "time stamp 2 = inf"),

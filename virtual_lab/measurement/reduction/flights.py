@@ -63,7 +63,7 @@ def flights(x: Mapping[str, Array], stage: str, seen: Passages, drag: Array) -> 
     shape = np.broadcast_shapes(known.shape[:-1], np.shape(drag), seen.times.shape[:1])
     sets = np.broadcast_to(known.reshape(-1, len(names)), (prod(shape[:-1]), len(names)))
     clock, distances = sets[:, 0].copy(), sets[:, 1 : 1 + len(gates)].copy()
-    drag = np.atleast_2d(drag)
+    drag = np.array(drag, ndmin=2, order="C")
     speeds, heights = np.full((2, *shape), np.nan), np.full((3, *shape), np.nan)
     by_set = -1, shape[-1]
     fit_speeds(_by_gate(seen.times), distances, clock, drag, speeds.reshape(2, *by_set))
@@ -119,4 +119,4 @@ def heights_moved(stage: str, seen: Passages) -> Flown:
 
 def _by_gate(values: Array) -> Array:
     """Return (shot, way, gate) as (way, gate, shot): whole shots lie side by side."""
-    return np.ascontiguousarray(values.transpose(1, 2, 0))
+    return np.array(values.transpose(1, 2, 0), order="C")

@@ -59,7 +59,8 @@ def fit_heights(
     `zeros` (row, gate) of the gates [m], `gravity` (row,) [m/s²], the others as there.
     """
     gates, shots = heights.shape[1:]
-    reach, level, places = np.empty((3, gates, BLOCK))
+    reach, level = np.empty((gates, BLOCK)), np.empty((gates, BLOCK))
+    places = np.empty((gates, BLOCK))
     moments, slope = np.empty((3, BLOCK)), np.empty(BLOCK)
     for row in range(len(distances)):
         for gate in range(gates):
@@ -78,9 +79,9 @@ def fit_heights(
                         fallen = gravity[row] / 2 * since**2
                         level[gate, i] = shown[i] + zeros[row, gate] + fallen
                 _line(places[:, :n], level, moments, slope[:n])
-                out[1 + way, row, part] = slope[:n]
-                if way == 0:
-                    for i in range(n):
+                for i in range(n):
+                    out[1 + way, row, first + i] = slope[i]
+                    if way == 0:
                         out[0, row, first + i] = moments[2, i] - slope[i] * moments[1, i]
 
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
-from annotated_types import Ge, Gt, Len
+import numpy as np
+from annotated_types import Ge, Gt, Le, Len
 
 from virtual_lab.catalog.specs import Real, Spec, Whole, YesNo
 from virtual_lab.catalog.validation import validate
@@ -15,9 +16,11 @@ from virtual_lab.files import read_toml
 
 __all__ = ["BatPlace", "CameraFit", "CameraModel", "ClipCalibration", "read_calibration"]
 
+GRAZING = 0.02  # cosine of the angle at which a camera looks along the plane, not at it
 Positive = Annotated[Real, Gt(0)]
 Uncertainty = Annotated[Real, Ge(0)]
-Pair = tuple[Real, Real]
+Place = Annotated[Real, Ge(-1000), Le(1000)]  # m
+Pair = tuple[Place, Place]
 Triple = tuple[Real, Real, Real]
 
 
@@ -42,10 +45,10 @@ class CameraModel(Spec):
 
     image_size: tuple[Annotated[Whole, Gt(0)], Annotated[Whole, Gt(0)]]  # width, height [pixels]
     matrix: tuple[Triple, Triple, Triple]
-    distortion: Annotated[tuple[Real, ...], Len(4, 14)]
+    distortion: Annotated[tuple[Annotated[Real, Ge(-1e4), Le(1e4)], ...], Len(4, 14)]
     rotation: Triple  # Rodrigues vector, world to camera [rad]
-    translation_m: Triple
-    plane_height_m: Real = 0.0
+    translation_m: tuple[Place, Place, Place]
+    plane_height_m: Place = 0.0
     plane_height_u_m: Uncertainty = 0.0
     relative_scale_u: Uncertainty = 0.0  # of every length in the plane, were its height exact
     fit: CameraFit | None = None
@@ -55,6 +58,16 @@ class CameraModel(Spec):
             raise ValueError(
                 f"distortion has 4, 5, 8, 12 or 14 numbers, not {len(self.distortion)}"
             )
+        if min(self.matrix[0][0], self.matrix[1][1]) < 1 or self.matrix[2] != (0.0, 0.0, 1.0):
+            raise ValueError(
+                "matrix needs focal lengths of 1 pixel and more, and 0, 0, 1 at its end"
+            )
+        import cv2
+
+        turn = cv2.Rodrigues(np.array(self.rotation))[0]
+        above = self.plane_height_m + float(turn[:, 2] @ self.translation_m)
+        if not above * turn[2, 2] > 0 or abs(turn[2, 2]) < GRAZING:
+            raise ValueError("rotation and translation_m leave the ball's plane out of its sight")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,21 +84,27 @@ class BatPlace(Spec):
 class ClipCalibration(Spec):
     """Keys of the file, SI; a key with _u is the standard uncertainty of the one without."""
 
-    metres_per_pixel: Positive | None = None  # in the plane the ball moves in
+    metres_per_pixel: Annotated[Real, Ge(1e-7), Le(1)] | None = (
+        None  # in the plane the ball moves in
+    )
     metres_per_pixel_u: Uncertainty = 0.0
-    frames_per_second: Positive | None = None
+    frames_per_second: Annotated[Real, Ge(1), Le(1e7)] | None = None
     frames_per_second_u: Uncertainty = 0.0
-    exposure_s: Uncertainty | None = None  # absent: read off the ball's blur
-    ball_diameter_m: Positive | None = None
+    exposure_s: Annotated[Real, Ge(0), Le(1)] | None = None  # absent: read off the ball's blur
+    ball_diameter_m: Annotated[Real, Ge(1e-3), Le(1)] | None = None
     ball_diameter_m_u: Uncertainty = 0.0
     timestamps: str | None = None  # CSV beside this file: seconds, one a frame
-    drag_per_m: Uncertainty = 0.0  # κ of dv/dx = -κ v
-    drag_per_m_u: Uncertainty = 0.0
+    drag_per_m: Annotated[Real, Ge(0), Le(1)] = 0.0  # κ of dv/dx = -κ v
+    drag_per_m_u: Annotated[Real, Ge(0), Le(1)] = 0.0
     gravity_mps2: Pair = (0.0, 0.0)  # along the image's x and y, or the camera's plane's [m/s²]
     camera: CameraModel | None = None  # instead of metres_per_pixel
     bat: BatPlace | None = None  # whose recoil is wanted, too
 
     def __post_init__(self) -> None:
+        for name in ("metres_per_pixel", "frames_per_second", "ball_diameter_m"):
+            value = getattr(self, name)
+            if value and getattr(self, f"{name}_u") > value / 2:
+                raise ValueError(f"{name}_u is more than half of {name}: it is not known")
         if self.camera and self.metres_per_pixel:
             raise ValueError("metres_per_pixel and [camera] both set the scale: give one")
         if self.bat and not self.camera:

@@ -23,6 +23,7 @@ __all__ = ["IMAGES", "Frame", "Source", "grey_of", "image_files", "open_source"]
 
 Frame = NDArray[Any]  # of 8 or 16 bits without sign
 
+SMALLEST = 8  # pixels, a side: less shows no ball
 IMAGES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
 GREY_FORMATS = ("Y800", "Y1\0\x10")  # FFmpeg's own grey of 8 and 16 bits
 KINDS = "a video (MP4, MOV, AVI, MKV), a folder of images, a TIFF stack or a .npy array"
@@ -126,7 +127,10 @@ def _stack(path: Path) -> Source:
 def _array(path: Path) -> Source:
     try:
         whole = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (ValueError, OSError, EOFError) as fault:
+        if not isinstance(whole, np.ndarray):
+            whole.close()
+            raise ValueError("it is an archive of arrays")
+    except (ValueError, OSError, EOFError, OverflowError) as fault:
         why = f"cannot be read as an array (is it cut short?): {fault}"
         raise InputError(str(path), "array", None, why) from fault
     shape, dtype, offset = whole.shape, whole.dtype, getattr(whole, "offset", 0)
@@ -198,10 +202,11 @@ def require_picture(frame: Frame, where: str) -> None:
     """Raise `InputError` unless a frame is grey or of 3 or 4 channels, of 8 or 16 bits."""
     if frame.dtype not in (np.uint8, np.uint16):
         raise InputError(where, "depth", str(frame.dtype), "expected 8 or 16 bits without sign")
-    if frame.size == 0:
-        raise InputError(where, "shape", str(frame.shape), "a frame has at least one pixel")
     if frame.ndim != 2 and (frame.ndim != 3 or frame.shape[2] not in {1, 3, 4}):
         raise InputError(where, "shape", str(frame.shape), "expected grey, 3 colours or 4 channels")
+    if min(frame.shape[:2]) < SMALLEST:
+        allowed = f"a frame has at least {SMALLEST} x {SMALLEST} pixels"
+        raise InputError(where, "shape", str(frame.shape), allowed)
 
 
 def grey_of(frame: Frame, where: str) -> Frame:

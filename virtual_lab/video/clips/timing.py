@@ -22,6 +22,8 @@ MKV_STEP = 1e-3  # s, to which MKV rounds time stamps
 ROUNDED = {".mkv", ".webm"}
 AGREE = 0.01  # rates closer than this are the same
 COLUMN = "time_s"
+LONG = 10_000  # characters of a line: no time stamps
+STEP, LATEST = 1e-8, 1e12  # s, between two frames at least, and since any clock began
 
 
 def frame_times(
@@ -80,7 +82,8 @@ def frame_times(
 
 def read_stamps(path: Path, count: int) -> Array:
     """Return the time stamps [s] in a CSV file: one column, or the one called time_s."""
-    rows = [row for row in csv.reader(read_text(path).splitlines()) if any(map(str.strip, row))]
+    lines = [line for line in read_text(path).splitlines() if len(line) < LONG]
+    rows = [row for row in csv.reader(lines) if any(map(str.strip, row))]
     head = [cell.strip() for cell in rows[0]] if rows else []
     column = 0
     if (head and not _number(head[0])) or COLUMN in head:
@@ -96,12 +99,12 @@ def read_stamps(path: Path, count: int) -> Array:
         raise InputError(str(path), "time stamps", None, f"cannot be read: {fault}") from fault
     if len(times) != count:
         raise InputError(str(path), "time stamps", len(times), f"the clip has {count} frames")
-    if not np.isfinite(times).all():
-        bad = int(np.argmin(np.isfinite(times)))
-        raise InputError(str(path), f"time stamp {bad}", float(times[bad]), "must be finite")
-    if (falls := np.flatnonzero(np.diff(times) <= 0)).size:
+    if not (known := np.abs(times) <= LATEST).all():
+        bad, allowed = int(np.argmin(known)), f"must be finite, and up to {LATEST:g} s"
+        raise InputError(str(path), f"time stamp {bad}", float(times[bad]), allowed)
+    if (falls := np.flatnonzero(np.diff(times) < STEP)).size:
         after, before = float(times[falls[0] + 1]), float(times[falls[0]])
-        allowed = f"must be later than the one before, {before!r} s"
+        allowed = f"must be {STEP:g} s later than the one before, {before!r} s, or more"
         raise InputError(str(path), f"time stamp {falls[0] + 1}", after, allowed)
     return times
 

@@ -147,7 +147,7 @@ def _uncovered(
     rows, columns = np.ogrid[: clip.shape[0], : clip.shape[1]]
     total, count = np.zeros(clip.shape), np.zeros(clip.shape, np.intp)
     stood = np.zeros(clip.shape, bool)
-    for number, sample in zip(clip.sampled.tolist(), clip.samples, strict=True):
+    for number, sample in zip(clip.sampled.tolist(), clip.grey_samples(), strict=True):
         hidden = cover.hidden(number)
         stood |= hidden
         free = ~hidden

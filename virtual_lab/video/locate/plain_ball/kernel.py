@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from virtual_lab.video.locate.plain_ball.disc import FINE
-from virtual_lab.video.locate.plain_ball.normal import solve, weigh_in
+from virtual_lab.video.locate.plain_ball.normal import put, solve, weigh_in
 from virtual_lab.video.locate.plain_ball.sums import (
     BALL,
     CHI,
@@ -189,14 +189,14 @@ def judge(
     if not solve(fisher, g, free, step, inverse):
         state[SETTLED] = 0.0
         return
-    bound[:] = inverse
-    covariance[:] = inverse * max(1.0, state[CHI])
+    put(inverse, bound)
+    put(inverse * max(1.0, state[CHI]), covariance)
     worst = max(state[CHI], state[NEAR])
     moved = np.ascontiguousarray(scores[:, free]) @ inverse  # by each sector alone
     apart = moved.T @ moved * (SECTORS / (SECTORS - 3.0))
     far = apart[0, 0] + apart[1, 1] > ALIKE * (inverse[0, 0] + inverse[1, 1])
     if far or worst > 1.0 + 5.0 * sqrt(2.0 / max(near_count, 2.0)):
-        covariance[:] = inverse * max(1.0, worst) + apart
+        put(inverse * max(1.0, worst) + apart, covariance)
 
 
 @njit(**FINE)

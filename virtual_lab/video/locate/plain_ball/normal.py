@@ -10,11 +10,22 @@ from numpy.typing import NDArray
 
 from virtual_lab.video.locate.plain_ball.disc import FINE
 
-__all__ = ["solve", "weigh_in"]
+__all__ = ["put", "solve", "weigh_in"]
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 TINY = 1e-11  # of a diagonal, added: what the picture does not say stays where it is
+
+
+@njit(**FINE)
+def put(values: Floats, out: Floats) -> None:
+    """Copy an array into one of the same shape.
+
+    `out[:] = values` would cost numba three seconds a kernel: it compiles the words that it has
+    for arrays of unlike shapes.
+    """
+    for k in range(out.size):
+        out.flat[k] = values.flat[k]
 
 
 @njit(**FINE)

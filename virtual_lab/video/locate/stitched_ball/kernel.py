@@ -14,6 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from virtual_lab.video.locate.plain_ball.disc import FINE
+from virtual_lab.video.locate.plain_ball.normal import put
 from virtual_lab.video.locate.plain_ball.sums import BLACK, variance
 from virtual_lab.video.locate.stitched_ball import sums as at
 from virtual_lab.video.locate.stitched_ball.cover import covered
@@ -123,13 +124,16 @@ def _solve(
     for turn in range(turns):
         if turn > 0:
             _shown(pattern + ring, bright, faintest, amplitude)
-            blocks[:], links[:], border[:], shared[:] = of_pixels
+            put(of_pixels[0], blocks)
+            put(of_pixels[1], links)
+            put(of_pixels[2], border)
+            put(of_pixels[3], shared)
         _believe(amplitude, pattern, stiffness, bright, blocks, links, border)
         step[:] = np.nan
         if not eliminate(blocks, links, border, shared):
             break
         u = sqrt(substitute(blocks, links, border, shared, 0, ring)[0])
-        step[:] = substitute(blocks, links, border, shared, -1, ring)
+        put(substitute(blocks, links, border, shared, -1, ring), step)
         if max(abs(step[0] - x), abs(step[1] - y)) < SMALL * u:
             break
         x, y = step[0], step[1]
@@ -207,7 +211,7 @@ def fit(
             region, use, back, p, pattern, way, s, inside, table, noise, settling,
             COARSE if settling else 1, blocks, links, border, shared, tally,
         )  # fmt: skip
-        state[: at.TALLY] = tally
+        put(tally, state[: at.TALLY])
         if tally[at.PIXELS] < 4 * COUNT:
             return
         for a in range(COUNT):
@@ -235,8 +239,7 @@ def fit(
             settling = False
             amplitude[:] = ROUGH
     for a in range(3):
-        row = substitute(blocks, links, border, shared, a, ring)
-        covariance[a] = row[:3]
+        put(substitute(blocks, links, border, shared, a, ring)[:3], covariance[a])
         shifts[a] = _shift(ring, amplitude, stiffness, bright)
     behind = noise[BLACK] + bright - p[at.LEVEL] * back.mean()
     state[SWAY] = _sway(pattern, hides, max(abs(behind), 1.0))

@@ -13,6 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from virtual_lab.video.locate.plain_ball.disc import FINE
+from virtual_lab.video.locate.plain_ball.normal import put
 
 __all__ = ["eliminate", "substitute"]
 
@@ -119,13 +120,13 @@ def substitute(
     total = shared.shape[0]
     whole = np.zeros((total, 1))
     if right < 0:
-        whole[:, 0] = shared[:, total]
+        put(shared[:, total], whole[:, 0])
     else:
         whole[n + right, 0] = 1.0
         _down(shared[:, :total], whole)
     end = whole[:, 0].copy()
     _up(shared[:, :total], end)
-    ring[count - 1] = end[:n]
+    put(end[:n], ring[count - 1])
     for k in range(count - 2, -1, -1):
         for i in range(n):
             value = border[k, i, total] if right < 0 else 0.0

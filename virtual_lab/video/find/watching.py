@@ -1,0 +1,95 @@
+"""A clip watched once: blobs, drift and change of every frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.video.clips.clip import Clip
+from virtual_lab.video.find.blobs import BLOB, blobs
+from virtual_lab.video.find.still import Still, eight_bits, still_of
+
+__all__ = ["Watched", "repeats", "watch"]
+
+Array = NDArray[np.float64]
+
+CHANGED = 5  # pixels, a side: what changes over fewer is noise
+REPEATED = 0.3  # of the change of the frames beside it: the frame was stored twice
+BESIDE = 2  # frames on each side
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Watched:
+    """What moves in a clip."""
+
+    still: Still
+    found: NDArray  # (blob,) of `find.blobs.BLOB`, frame by frame
+    shifts: Array  # (frame, 2) of each picture from the still frame [pixels]
+    change: Array  # (frame,) greatest from the frame before [DN]; NaN: not looked at
+
+
+def watch(
+    clip: Clip,
+    *,
+    frames: tuple[int, int] | None = None,
+    region: tuple[float, float, float, float] | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Watched:
+    """Return what moves in a clip, of frames and of a region of the still frame alone.
+
+    Parameters
+    ----------
+    frames
+        First and last.
+    region
+        x, y, width, height [pixels].
+    progress
+        Told now and then.
+    """
+    import cv2
+
+    depth = max(8, int(clip.full_scale).bit_length())
+    still = still_of(list(clip.samples), depth)
+    first, last = frames or (0, clip.count - 1)
+    shifts, change = np.zeros((clip.count, 2)), np.full(clip.count, np.nan)
+    found: list[NDArray] = [np.zeros(0, BLOB)]
+    shift, before = np.zeros(2), None
+    for number, frame in enumerate(clip.pictures()):
+        if number > last:
+            break
+        if number < first:
+            continue
+        if number % 50 == 0:
+            progress(f"frame {number} of {clip.count}")
+        picture = eight_bits(frame, depth)
+        small = still.shrunk(picture)
+        shift = still.shift(small, shift)
+        shifts[number] = shift
+        if before is not None:
+            apart = cv2.blur(cv2.absdiff(small, before), (CHANGED, CHANGED))
+            change[number] = float(apart.max())
+        before = small
+        found.append(blobs(number, picture, small, shift, still))
+    together = np.concatenate(found)
+    if region:
+        x, y, wide, high = region
+        inside = (together["x"] > x) & (together["x"] < x + wide)
+        together = together[inside & (together["y"] > y) & (together["y"] < y + high)]
+    return Watched(still=still, found=together, shifts=shifts, change=change)
+
+
+def repeats(change: Array) -> NDArray[np.bool_]:
+    """Return which frames show the same as the one before, (frame,), by what changes around them.
+
+    Both sides must show more change: a key frame or the end of a motion is on one side only.
+    """
+    known = np.nan_to_num(change)
+    same = np.zeros(len(known), bool)
+    for k in range(1, len(known)):
+        left, right = known[max(0, k - BESIDE) : k], known[k + 1 : k + 1 + BESIDE]
+        if left.size and right.size:
+            same[k] = known[k] < REPEATED * min(left.max(), right.max())
+    return same & np.isfinite(change)
