@@ -9,12 +9,12 @@ too short to tell more it is what keeps drag from taking the part of something e
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Fit", "Shutter", "Way", "fit_flights"]
+__all__ = ["Fit", "Way", "fit_flights"]
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -25,6 +25,7 @@ ROUNDS = 12
 SETTLED = 0.02  # standard uncertainties
 FAR, SOFT = 4.0, 0.05  # standard deviations, radii: places beyond count less and less
 LEAST_SPREAD = 0.02  # pixels
+ALIKE = 0.8  # correlation of neighbouring residuals, at most
 TILT_U = 0.5  # over the picture's longer side, of the perspective before: 30 degrees
 
 
@@ -35,13 +36,6 @@ class Way:
     t: Array  # (place,) [frames]
     xy: Array  # (place, 2) still frame [pixels]
     late: Array  # (place,) share of the readout at which the ball was read, 0 to 1
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Shutter:
-    """How long the sensor takes from the first row to the last, and how it is lit [frames]."""
-
-    readout: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +55,19 @@ class Fit:
     cost: float  # sum of squares, far ones clipped
     readout: float  # [frames]
     shared: bool
+
+    def with_vector(self, vector: Array) -> Fit:
+        """Return the fit with other parameters."""
+        n = len(self.states)
+        m = 2 if self.shared else 2 * n
+        return replace(
+            self,
+            vector=vector,
+            pull=np.broadcast_to(vector[:m].reshape(-1, 2), (n, 2)),
+            drag=max(0.0, float(vector[m])),
+            tilt=vector[m + 1 : m + 3],
+            states=vector[m + 3 :].reshape(n, 4),
+        )
 
     def at(self, flight: int, t: Array) -> Array:
         """Return place and velocity of a flight in the plane, (time, 4) [pixels, frames]."""
@@ -127,8 +134,7 @@ class _Problem:
         self.centre = (np.array(size) - 1) / 2
         n = len(ways)
         self.pulls = 1 if shared else n
-        self.fixed = np.ones(2 * self.pulls + 1 + 2 + 4 * n, bool)
-        self.fixed[:] = False
+        self.fixed = np.zeros(2 * self.pulls + 1 + 2 + 4 * n, bool)
         self.fixed[2 * self.pulls] = not drag
         self.fixed[2 * self.pulls + 1 : 2 * self.pulls + 3] = not tilted
         self.start = self._start()
@@ -161,7 +167,7 @@ class _Problem:
 
     def _jacobian(self, vector: Array) -> Array:
         """Return the derivative of all places, (place, 2, parameter): flights move together."""
-        base, n, m = self._places(vector), len(self.ways), 2 * self.pulls
+        base, m = self._places(vector), 2 * self.pulls
         jacobian = np.zeros((len(self.t), 2, len(vector)))
         rows = np.arange(len(self.t))
         reach = max(1.0, float(np.abs(self.t - self.middles[self.of]).max()))
@@ -179,7 +185,6 @@ class _Problem:
             moved = vector.copy()
             moved[m + 3 + k :: 4] += step
             jacobian[rows, :, m + 3 + k + 4 * self.of] = (self._places(moved) - base) / step
-        assert n
         return jacobian
 
     def solved(self) -> Fit:
@@ -217,7 +222,8 @@ class _Problem:
         far = np.hypot(*left.T)
         spare = max(1.0, 2 * len(self.t) - free.sum())
         clipped = np.minimum(far, max(FAR * spread, SOFT * self.radius)) ** 2
-        spread = float(max(LEAST_SPREAD, np.sqrt(clipped.sum() / spare)))
+        assumed, spread = spread, float(max(LEAST_SPREAD, np.sqrt(clipped.sum() / spare)))
+        inverse *= (spread / assumed) ** 2 * _alike(left, self.of)
         pull, drag, tilt, states = self._parts(vector)
         bounds = np.cumsum([len(w.t) for w in self.ways])[:-1]
         return Fit(
@@ -235,6 +241,17 @@ class _Problem:
             readout=self.readout,
             shared=self.shared,
         )
+
+
+def _alike(left: Array, of: Ints) -> float:
+    """Return by how much neighbours that err alike make the variance larger than chance would."""
+    same = of[1:] == of[:-1]
+    power = float((left**2).mean())
+    if not same.any() or power == 0:
+        return 1.0
+    alike = float((left[1:] * left[:-1])[same].mean()) / power
+    alike = min(max(alike, 0.0), ALIKE)
+    return (1 + alike) / (1 - alike)
 
 
 def _flown(states: Array, pull: Array, drag: float, dt: Array) -> Array:
