@@ -148,7 +148,7 @@ def _outline(
         # a rim in shade takes the edge inward in light, a gamma does in grey values
         light = cv2.GaussianBlur(difference_of_light(part, behind), (0, 0), SOFTENED)
         level = float(np.median(light[_disc(light.shape, x, y, 0.6 * short)]))
-        other = fit_outline(light, x, y, short, level)
+        other = fit_outline(light, x, y, short, level, rounds=1)
         if other is not None and abs(other.short - short) < ALIKE * short:
             spread = float(np.hypot(spread, (other.short - short) / 2))
             short, long = (short + other.short) / 2, (long + other.long) / 2
@@ -165,8 +165,9 @@ def _outline(
 
 
 def _disc(shape: tuple[int, ...], x: float, y: float, radius: float) -> NDArray[np.bool_]:
-    row, column = np.ogrid[: shape[0], : shape[1]]
-    return np.asarray(np.hypot(column - x, row - y) < radius)
+    row = np.arange(shape[0])[:, None] - y
+    column = np.arange(shape[1]) - x
+    return np.asarray(row**2 + column**2 < radius**2)
 
 
 def _shape(off: NDArray[np.float32], level: float) -> tuple[float, float, float, float, float, float] | None:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Edges", "edges_of"]
+__all__ = ["Edges", "edges_of", "middle"]
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -65,6 +65,12 @@ class Edges:
         costs = [_cost(self.levels[-1], pictures[-1], each) for each in tried]
         costs[0] *= STAND
         return tried[int(np.argmin(costs))]
+
+
+def middle(values: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Return the upper median along the last axis: without numpy's checks, which cost ten times."""
+    place = values.shape[-1] // 2
+    return np.asarray(np.partition(values, place, axis=-1)[..., place])
 
 
 def edges_of(grey: Image) -> Edges:
@@ -131,7 +137,7 @@ def _cost(level: _Level, picture: NDArray[np.float32], shift: Array) -> float:
     left = _seen(level, picture, shift) - level.value
     if not left.size:
         return 0.0
-    return float(np.minimum(np.abs(left - np.median(left)) / level.slope, CLIPPED).mean())
+    return float(np.minimum(np.abs(left - middle(left)) / level.slope, CLIPPED).mean())
 
 
 def _seen(level: _Level, picture: NDArray[np.float32], shift: Array) -> Array:
@@ -151,7 +157,7 @@ def _settled(level: _Level, picture: NDArray[np.float32], shift: Array) -> Array
         x, y = level.x + shift[0], level.y + shift[1]
         inside = (x > 0) & (x < columns - 1) & (y > 0) & (y < rows - 1)
         left = (_seen(level, picture, shift) - gain * level.value - offset) / level.slope
-        spread = max(LEAST_SPREAD, 1.4826 * float(np.median(np.abs(left))))
+        spread = max(LEAST_SPREAD, 1.4826 * float(middle(np.abs(left))))
         weight = np.where(inside, np.maximum(0, 1 - (left / (TUKEY * spread)) ** 2) ** 2, 0.0)
         weighted = level.design * weight[:, None]
         normal = weighted.T @ level.design

@@ -12,6 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.video.find.drift import middle
+
 __all__ = ["Outline", "fit_outline"]
 
 Array = NDArray[np.float64]
@@ -24,9 +26,13 @@ OUTER, INNER = 0.3, 0.7  # of a ray's contrast: the edge's width lies between
 FAINT = 0.3  # of the ball's contrast: such a ray shows no edge
 ENOUGH = 0.4  # of the rays
 ROUNDS = 2
-TRUST = 4  # rounds of the robust fit
+TRUST = 3  # rounds of the robust fit
+SHARE = np.linspace(0.3, REACH, PLACES)
+BALL = (SHARE > INSIDE[0]) & (SHARE < INSIDE[1])
+REST = (SHARE > OUTSIDE[0]) & (SHARE < OUTSIDE[1])
 TURNS = np.arange(RAYS) * (2 * np.pi / RAYS)
 COS, SIN = np.cos(TURNS), np.sin(TURNS)
+TO_X, TO_Y = COS[:, None] * SHARE, SIN[:, None] * SHARE
 # shift, size, and drawn out along one direction
 DESIGN = np.stack([COS, SIN, np.ones(RAYS), np.cos(2 * TURNS), np.sin(2 * TURNS)], axis=1)
 ROUNDED = 0.15  # of the edge's width between the outer and inner level: what its place may be off
@@ -43,7 +49,12 @@ class Outline(NamedTuple):
 
 
 def fit_outline(
-    off: NDArray[np.float32], x: float, y: float, radius: float, contrast: float
+    off: NDArray[np.float32],
+    x: float,
+    y: float,
+    radius: float,
+    contrast: float,
+    rounds: int = ROUNDS,
 ) -> Outline | None:
     """Return the outline of a blob, None where too few rays show an edge.
 
@@ -55,19 +66,18 @@ def fit_outline(
         Of the blob, to a fifth of the radius.
     contrast
         Of the blob [DN].
+    rounds
+        Of which each begins where the one before ended.
     """
     import cv2
 
     width = 0.0
     fitted = np.zeros(5)
-    for _ in range(ROUNDS):
-        along = np.linspace(0.3, REACH, PLACES) * radius
-        to_x = (x + COS[:, None] * along).astype(np.float32)
-        to_y = (y + SIN[:, None] * along).astype(np.float32)
+    for _ in range(rounds):
+        along = SHARE * radius
+        to_x, to_y = (x + radius * TO_X).astype(np.float32), (y + radius * TO_Y).astype(np.float32)
         seen = cv2.remap(off, to_x, to_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        share = along / radius
-        ball = np.median(seen[:, (share > INSIDE[0]) & (share < INSIDE[1])], axis=1)
-        rest = np.median(seen[:, (share > OUTSIDE[0]) & (share < OUTSIDE[1])], axis=1)
+        ball, rest = seen[:, BALL].mean(axis=1), middle(seen[:, REST])
         height = ball - rest
         good = height > FAINT * contrast
         if good.sum() < ENOUGH * RAYS:
@@ -82,7 +92,7 @@ def fit_outline(
             return None
         fitted = _robust(edge, good)
         both = good & found_outer & found_inner
-        width = float(np.median(outer[both] - inner[both])) if both.any() else radius
+        width = float(middle(outer[both] - inner[both])) if both.any() else radius
         x, y, radius = x + fitted[0], y + fitted[1], float(fitted[2])
         if not 1.0 < radius < max(off.shape):
             return None
@@ -113,6 +123,6 @@ def _robust(edge: Array, good: NDArray[np.bool_]) -> Array:
         normal = weighted.T @ DESIGN + 1e-6 * np.eye(5)
         fitted = np.linalg.solve(normal, weighted.T @ edge)
         off = np.abs(edge - DESIGN @ fitted)
-        spread = max(0.05, 1.4826 * float(np.median(off[good])))
+        spread = max(0.05, 1.4826 * float(middle(off[good])))
         trust = good / np.maximum(1.0, off / (1.5 * spread)) ** 2
     return fitted

@@ -20,8 +20,8 @@ LEVEL = 1.1  # radians that a rolling ball's way may be off the picture's rows
 LEAST = 8  # places that a ball rolls through
 ROLLED = 3.0  # radii it then goes at least
 SWUNG = 0.6  # of a period that must be seen
+ARC = 0.02  # of its swing, that a pendulum may be off its arc
 HARMONIC = 0.03  # of the variance that a pendulum's harmonic may leave
-TURNED = 2  # times that its speed along the way is reversed, at least
 DOWN = 0.35  # radians that free fall may be off g
 
 
@@ -85,7 +85,11 @@ def _pendulum(ball: Sequence[Piece], step: float) -> Motion | None:
         return None
     centred = xy - xy.mean(axis=0)
     axis = np.linalg.svd(centred, full_matrices=False)[2][0]
-    along = centred @ axis
+    along, aside = centred @ axis, centred @ np.array([-axis[1], axis[0]])
+    arc = np.vander(along / max(np.ptp(along), 1.0), 3)
+    beside = aside - arc @ np.linalg.lstsq(arc, aside, rcond=None)[0]
+    if float(np.sqrt((beside**2).mean())) > ARC * float(np.ptp(along)):
+        return None
     span = float(np.ptp(t))
     total = float(along @ along)
     best: tuple[float, float, Array] | None = None
