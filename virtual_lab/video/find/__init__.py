@@ -1,1 +1,1 @@
-"""What moves before a still background: the drift of the picture, differences, outlines of blobs."""
+"""What moves before a still background: drift of the picture, differences, outlines of blobs."""

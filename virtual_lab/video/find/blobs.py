@@ -83,7 +83,10 @@ def _inside(box: tuple[int, int, int, int], blob: tuple, origin: tuple[int, int]
     _, x, y, short, long, spread, _, dirty, *_ = blob
     left, top, wide, high = box[0] + origin[0], box[1] + origin[1], *box[2:]
     sure = dirty < 0.1 and spread < SURE * short
-    return sure and np.hypot(left + wide / 2 - x, top + high / 2 - y) + max(wide, high) / 2 < 1.4 * long
+    return (
+        sure
+        and np.hypot(left + wide / 2 - x, top + high / 2 - y) + max(wide, high) / 2 < 1.4 * long
+    )
 
 
 def _same(one: tuple, other: tuple) -> bool:
@@ -170,7 +173,9 @@ def _disc(shape: tuple[int, ...], x: float, y: float, radius: float) -> NDArray[
     return np.asarray(row**2 + column**2 < radius**2)
 
 
-def _shape(off: NDArray[np.float32], level: float) -> tuple[float, float, float, float, float, float] | None:
+def _shape(
+    off: NDArray[np.float32], level: float
+) -> tuple[float, float, float, float, float, float] | None:
     """Return centre, half axes, solidity and fill of the largest thing above a level."""
     import cv2
 
@@ -182,9 +187,7 @@ def _shape(off: NDArray[np.float32], level: float) -> tuple[float, float, float,
         fine = 3 if area < np.pi * (FINE / 2) ** 2 else 2
         off = cv2.resize(off, None, fx=fine, fy=fine, interpolation=cv2.INTER_CUBIC)
     mask = cv2.threshold(off, level, 1, cv2.THRESH_BINARY)[1]
-    contours, _ = cv2.findContours(
-        mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
-    )
+    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     outline = max(contours, key=cv2.contourArea, default=None)
     if outline is None or len(outline) < 8:
         return None

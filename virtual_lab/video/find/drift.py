@@ -103,7 +103,11 @@ def _level(picture: NDArray[np.float32]) -> _Level:
     slope = np.hypot(across[y, x], down[y, x]).astype(float)
     design = np.stack([across[y, x], down[y, x], value, np.ones_like(value)], axis=1)
     return _Level(
-        x=x.astype(float), y=y.astype(float), value=value, design=design / slope[:, None], slope=slope
+        x=x.astype(float),
+        y=y.astype(float),
+        value=value,
+        design=design / slope[:, None],
+        slope=slope,
     )
 
 
@@ -143,6 +147,8 @@ def _cost(level: _Level, picture: NDArray[np.float32], shift: Array) -> float:
 def _seen(level: _Level, picture: NDArray[np.float32], shift: Array) -> Array:
     import cv2
 
+    if not level.x.size:
+        return np.zeros(0)
     x, y = ((p + s).astype(np.float32) for p, s in zip((level.x, level.y), shift, strict=True))
     seen = cv2.remap(picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(seen.ravel(), float)

@@ -30,6 +30,7 @@ Image = NDArray[np.uint8]
 
 SEARCHED = 4e5  # pixels of the picture that is searched: larger ones are made smaller
 NO_DRIFT = 0.15  # pixels over a clip: a camera on a stand
+FASTEST = 3.0  # pixels a frame of drift
 ROUNDS = 2  # the samples are laid upon one of them, and then on the median of all
 CLIPPED = 20  # DN: what is farther off the background moves on its own
 STAND = 0.98  # of its misfit: a camera on a stand is the simpler thing to say
@@ -61,7 +62,8 @@ class Still:
         """Return how far a small picture lies from the still frame, (2,) [full pixels]."""
         if not self.drifts:
             return np.zeros(2)
-        return self.shrink * self.edges.shift(_grey(small), guess / self.shrink)
+        shift = self.shrink * self.edges.shift(_grey(small), guess / self.shrink)
+        return shift if np.hypot(*(shift - guess)) < FASTEST else guess
 
     def shrunk(self, picture: Image) -> Image:
         """Return a picture in the size that is searched."""
@@ -109,14 +111,24 @@ def difference_of_light(part: Image, behind: Image) -> NDArray[np.float32]:
     return np.asarray(cv2.absdiff(LIGHT[part], LIGHT[behind]).max(axis=2), np.float32)
 
 
-def still_of(samples: Sequence[Frame], depth: int) -> Still:
-    """Return the still frame of some pictures of a clip, the first of which does not drift."""
+def still_of(samples: Sequence[Frame], depth: int, apart: float = 1.0) -> Still:
+    """Return the still frame of some pictures of a clip, the first of which does not drift.
+
+    Parameters
+    ----------
+    samples
+        The pictures, grey or in colour.
+    depth
+        Bits that their values take.
+    apart
+        Frames from one to the next.
+    """
     pictures = [eight_bits(each, depth) for each in samples]
     rows, columns = pictures[0].shape[:2]
     shrink = max(1, int(np.ceil(np.sqrt(rows * columns / SEARCHED))))
     small = [_shrunk(each, shrink) for each in pictures]
     greys = [_grey(each) for each in small]
-    shifts = _laid(greys)
+    shifts = _laid(greys, FASTEST * apart / shrink)
     drifts = bool(np.ptp(shifts * shrink, axis=0).max() > NO_DRIFT)
     if not drifts:
         shifts[:] = 0
@@ -144,12 +156,13 @@ def still_of(samples: Sequence[Frame], depth: int) -> Still:
     )
 
 
-def _laid(greys: Sequence[Image]) -> Array:
+def _laid(greys: Sequence[Image], most: float) -> Array:
     """Return the shifts that lay pictures upon the first, (picture, 2) [pixels].
 
     Any one picture may show a hand more than anything that stands: several are tried to begin
     with, and that none drifts.
     """
+    # what moves faster from one to the next is no hand that holds a camera
     none = np.zeros((len(greys), 2))
     best, least = none, STAND * _misfit(greys, none)
     for first in sorted({0, len(greys) // 2, len(greys) - 1}):
@@ -161,6 +174,9 @@ def _laid(greys: Sequence[Image]) -> Array:
                 for k in side:
                     guess = shifts[k] = edges.shift(greys[k], guess)
             middle = _median(greys, shifts)
+        steps = np.hypot(*np.diff(shifts, axis=0).T)
+        if steps.size and steps.max() > most:
+            continue
         if (misfit := _misfit(greys, shifts)) < least:
             best, least = shifts, misfit
     return best - best[0]
@@ -183,8 +199,9 @@ def eight_bits(frame: Frame, depth: int) -> Image:
 
 
 def moved(picture: Image, shift: Array, corner: tuple[int, int], behind: Image) -> Image:
-    """Return the part of a drifted picture that lies before a background, whose first pixel is at
-    a corner of the still frame; where the picture does not reach, the background.
+    """Return a drifted picture where it lies before a background, elsewhere the background.
+
+    The corner (x, y) is that of the background in the still frame.
     """
     import cv2
 
@@ -206,7 +223,9 @@ def _covered_median(pictures: Sequence[Image], shifts: Array, shape: tuple[int, 
     rows, columns = pictures[0].shape[:2]
     for top in range(0, shape[0], BLOCK):
         block = whole[top : top + BLOCK]
-        stack = np.stack([moved(p, s, (0, top), block) for p, s in zip(pictures, shifts, strict=True)])
+        stack = np.stack(
+            [moved(p, s, (0, top), block) for p, s in zip(pictures, shifts, strict=True)]
+        )
         if not shifts.any():
             whole[top : top + BLOCK] = _ranked(stack, len(stack) // 2)
             continue
@@ -219,7 +238,9 @@ def _covered_median(pictures: Sequence[Image], shifts: Array, shape: tuple[int, 
             count += inside
         rank = np.maximum(count, 1) // 2
         ranked = _ranked(stack, rank if block.ndim == 2 else rank[..., None])
-        whole[top : top + BLOCK] = np.where((count if block.ndim == 2 else count[..., None]) > 0, ranked, 0)
+        whole[top : top + BLOCK] = np.where(
+            (count if block.ndim == 2 else count[..., None]) > 0, ranked, 0
+        )
     return whole
 
 

@@ -52,7 +52,8 @@ def watch(
     import cv2
 
     depth = max(8, int(clip.full_scale).bit_length())
-    still = still_of(list(clip.samples), depth)
+    apart = float(np.diff(clip.sampled).max()) if len(clip.sampled) > 1 else 1.0
+    still = still_of(list(clip.samples), depth, apart)
     first, last = frames or (0, clip.count - 1)
     shifts, change = np.zeros((clip.count, 2)), np.full(clip.count, np.nan)
     found: list[NDArray] = [np.zeros(0, BLOB)]

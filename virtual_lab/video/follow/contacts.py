@@ -21,6 +21,7 @@ SQUARE = np.cos(35 * DEGREE)  # a change of velocity nearer than this to a norma
 BEHIND = 0.35  # of the difference between fits with and without drag, as u
 COVERAGE = 2.0  # u: what lies beyond is no chance
 CHANGED = 0.2  # of the speed: a smaller change is no contact
+SLANT = 0.5 * DEGREE  # of a floor or a wall off g, and of g as the camera sees it
 COARSE = 0.25  # u of a restitution that says nothing
 
 
@@ -64,7 +65,8 @@ def contacts_of(
         if np.hypot(*change) < CHANGED * fast:
             continue
         normal, kind = _normal(fit.pull[0], change, ways)
-        frame = float(one.frames[-1] + met.t - one.t[-1])
+        ends = (one.t[-1], other.t[0])
+        frame = float(np.interp(met.t, ends, (one.frames[-1], other.frames[0])))
         late = fit.readout * float(np.median(scene.late(one.blobs[-2:]))) if fit.readout else 0.0
         time = from_fit(fit, lambda f: _closest(f, met.first, met.t)[0])  # noqa: B023
         value = None
@@ -136,6 +138,12 @@ def _restitution(
 
     said = from_fit(fit, ratio)
     more = [BEHIND * (said.value - ratio(free))]
+    if normal is not None:  # a floor is level, a wall upright, but for so much
+        _, before, after = _closest(fit, first, t)
+        side = np.array([-normal[1], normal[0]])
+        more.append(
+            SLANT * float(after @ side + said.value * before @ side) / float(before @ normal)
+        )
     if skewed is not None:
         more.append(said.value - ratio(skewed))
     said = widened(said, *more)

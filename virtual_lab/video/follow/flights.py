@@ -235,7 +235,8 @@ def _colour(scene: Scene, piece: Piece) -> Array:
 def _once(flights: list[Piece]) -> list[Piece]:
     """Return flights that do not share frames: of two at a time the longer stays."""
     kept: list[Piece] = []
-    for piece in sorted(flights, key=lambda each: -len(each.t)):
+    for whole in sorted(flights, key=lambda each: -len(each.t)):
+        piece = whole
         first, last = piece.frames[0], piece.frames[-1]
         shared = [f for f in kept if f.frames[0] <= last and first <= f.frames[-1]]
         if shared:
@@ -254,9 +255,10 @@ def _merged(flights: list[Piece], fit: Fit) -> list[Piece]:
     merged, last = [flights[0]], 0
     for k, piece in enumerate(flights[1:], start=1):
         one = merged[-1]
-        if piece.t[0] - one.t[-1] <= 3 * BETWEEN and (
-            lost := _one_way(fit, last, k, one, piece)
-        ) is not None:
+        if (
+            piece.t[0] - one.t[-1] <= 3 * BETWEEN
+            and (lost := _one_way(fit, last, k, one, piece)) is not None
+        ):
             merged[-1] = Piece(
                 blobs=np.concatenate([one.blobs, piece.blobs]),
                 frames=np.concatenate([one.frames, piece.frames]),
@@ -297,7 +299,9 @@ def _refilled(scene: Scene, flights: list[Piece], fit: Fit) -> list[Piece]:
     for k, piece in enumerate(flights):
         before = flights[k - 1].frames[-1] if k else -FAR_OFF
         after = flights[k + 1].frames[0] if k + 1 < len(flights) else len(scene.time) + FAR_OFF
-        ahead = dict(zip(piece.frames.tolist(), (piece.t - scene.time[piece.frames]).tolist(), strict=True))
+        ahead = dict(
+            zip(piece.frames.tolist(), (piece.t - scene.time[piece.frames]).tolist(), strict=True)
+        )
         places: list[tuple[int, int, float]] = []
         middle = int(np.searchsorted(counted, piece.frames[len(piece.frames) // 2]))
         for order in (counted[middle:], counted[:middle][::-1]):

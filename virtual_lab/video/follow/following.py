@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +28,12 @@ ROUNDEST = 0.34  # of the places: those with the least blur tell the ball's size
 UNEVEN = 1.3  # of the usual step between time stamps
 TOLD = 3.0  # u of the acceleration that it may be off g by, and a share of it
 NEAR_G = 0.04
-TILTED, TILTED_OFF = 0.6, 0.03  # factor that a perspective shrinks the misfit by, and how large it is
+TILTED, TILTED_OFF = (
+    0.6,
+    0.03,
+)  # factor that a perspective shrinks the misfit by, and how large it is
 BEHIND = 0.35  # of the difference between fits with and without drag, as u
+MOVED = 0.1  # radii a frame: a ball that moves less may well look the same
 AT_ONCE = 2  # repeats among the frames of flights, to ask whether they stand for time that passed
 
 
@@ -119,7 +123,6 @@ def following(
     """Return the same of a clip that was watched; `given`: ways corrected by hand."""
     same = repeats(watched.change)
     tries = [_flown(clip, watched, known, same, given, squeezed=False)]
-    inside = sum(int(same[w.frames[0] : w.frames[-1] + 1].sum()) for w in tries[0][2])
     alternate = float(same.mean()) > 0.4
     if same.sum() >= AT_ONCE and not alternate and given is None:
         tries.append(_flown(clip, watched, known, same, given, squeezed=True))
@@ -228,11 +231,11 @@ def _said(
         plain = joined(scene, ways, readout=readout)
         skewed = joined(scene, ways, readout=readout, tilted=True)
         fit = plain
-        others = [joined(scene, ways, readout=readout, drag=False, shared=False)]
-        size = max(scene.size)
-        if skewed.cost < TILTED * plain.cost and TILTED_OFF < float(
-            np.hypot(*skewed.tilt)
-        ) * _extent(ways):
+        free = joined(scene, ways, readout=readout, drag=False, shared=False)
+        if (
+            skewed.cost < TILTED * plain.cost
+            and float(np.hypot(*skewed.tilt)) * _extent(ways) > TILTED_OFF
+        ):
             flags.append("TILTED")
             warnings.append(
                 "the acceleration changes over the picture as before a tilted camera: speeds are "
@@ -244,28 +247,24 @@ def _said(
                 f"the shutter rolls: the flights fit a readout of about {readout:.2g} of a frame; "
                 "give --readout to say how long it is"
             )
-        contacts, said = contacts_of(
-            scene, ways, fit, others[0], skewed if "TILTED" in flags else None, step
-        )
+        tilted = skewed if "TILTED" in flags else None
+        contacts, said = contacts_of(scene, ways, fit, free, tilted, step)
         flags += said[0]
         warnings += said[1]
-        flights = _flights(scene, ways, fit, others[0], skewed if "TILTED" in flags else None, contacts, scale, step)
-        assert size
+        flights = _flights(scene, ways, fit, free, tilted, contacts, scale, step)
         _against(known, scene, flights, scale, flags, warnings)
     lost = {frame: n for way in ways for frame, n in way.lost.items()}
     if lost:
         flags.append("LOST_FRAMES")
         where = ", ".join(f"{n} before frame {frame}" for frame, n in sorted(lost.items())[:6])
-        warnings.append(f"frames are missing though time stamps are even ({where}): time was mended")
-    moving = [each for each in (ways or found)]
-    within = np.zeros(len(same), bool)
-    for way in moving:
-        within[way.frames[0] : way.frames[-1] + 1] = True
-    if (count := int((same & within).sum())) >= 1:
+        warnings.append(
+            f"frames are missing though time stamps are even ({where}): time was mended"
+        )
+    same = _while_moving(same, ways or found)
+    if same.any():
         flags.append("REPEATED_FRAMES")
         warnings.append(
-            f"{int(same.sum())} frames are stored twice ({count} of them while the ball moves): "
-            "a repeated frame is no place"
+            f"{int(same.sum())} frames are stored twice while the ball moves: a repeat is no place"
         )
     return Followed(
         clip=clip,
@@ -285,6 +284,18 @@ def _said(
     )
 
 
+def _while_moving(same: Mask, ways: Sequence[Piece]) -> Mask:
+    """Return which repeats stand while a ball moves: elsewhere frames may well show the same."""
+    counted = np.zeros(len(same), bool)
+    for way in ways:
+        t, steps = way.frames, np.hypot(*np.diff(way.xy, axis=0).T) / np.diff(way.frames)
+        for frame in np.flatnonzero(same[t[0] : t[-1] + 1]) + t[0]:
+            k = int(np.searchsorted(t, frame))
+            if 0 < k < len(t):
+                counted[frame] = steps[k - 1] > MOVED * way.radius
+    return counted if counted.sum() >= AT_ONCE else np.zeros(len(same), bool)
+
+
 def _extent(ways: Sequence[Piece]) -> float:
     together = np.concatenate([each.xy for each in ways])
     return float(np.ptp(together, axis=0).max())
@@ -299,9 +310,7 @@ def scale_of(watched: Watched, known: Known, ways: Sequence[Piece]) -> Scale | N
         return None
     radius, radius_u = size_of(watched, np.concatenate([each.blobs for each in ways]))
     relative = float(np.hypot(known.ball_u / known.ball, radius_u / radius))
-    return Scale(
-        metres_per_pixel=known.ball / (2 * radius), relative_u=relative, source="ball"
-    )
+    return Scale(metres_per_pixel=known.ball / (2 * radius), relative_u=relative, source="ball")
 
 
 def size_of(watched: Watched, blobs: NDArray[np.intp]) -> tuple[float, float]:
@@ -382,7 +391,8 @@ def _against(
     bends = [
         each
         for each in flights
-        if known.gravity * (each.end - each.start) ** 2 / 8 > 2 * scale.metres_per_pixel * each.radius
+        if known.gravity * (each.end - each.start) ** 2 / 8
+        > 2 * scale.metres_per_pixel * each.radius
     ]
     if bends:
         weight = np.array([1 / max(each.acceleration.u, 1e-9) ** 2 for each in bends])
@@ -401,10 +411,3 @@ def _against(
             "neither --readout nor --global-shutter is given: a shutter may roll for up to a "
             "frame, and the speeds' u covers that; a restitution's does not"
         )
-    if known.ball and not known.ball_u and scale.source == "ball":
-        warnings.append("the ball's diameter was taken as exact")
-
-
-def without(flag: str, followed: Followed) -> Followed:
-    """Return it without a flag."""
-    return replace(followed, flags=tuple(each for each in followed.flags if each != flag))

@@ -1,9 +1,9 @@
 """Flights fitted together: one g, one drag per length, a place and a velocity for each.
 
-Pixels and frames throughout. Drag takes k v² off the speed; for a sphere of radius r and density ρ_b
-k r = 3/8 C_d ρ/ρ_b: 0.0002 for a golf ball, 0.0025 for a table tennis ball, 0.01 for a ball blown up
-(20 kg/m³; C_d 0.45, ρ 1.2 kg/m³). That is all that is known of it before, and where the flights are
-too short to tell more it is what keeps drag from taking the part of something else.
+Pixels and frames throughout. Drag takes k v² off the speed; for a sphere of radius r and density
+ρ_b k r = 3/8 C_d ρ/ρ_b: 0.0002 for a golf ball, 0.0025 for a table tennis ball, 0.01 for a ball
+blown up (20 kg/m³; C_d 0.45, ρ 1.2 kg/m³). That is all that is known of it before, and where the
+flights are too short to tell more it keeps drag from taking the part of something else.
 """
 
 from __future__ import annotations
@@ -160,9 +160,7 @@ class _Problem:
 
     def _places(self, vector: Array) -> Array:
         pull, drag, tilt, states = self._parts(vector)
-        flown = _flown(
-            states[self.of], pull[self.of], drag, self.t - self.middles[self.of]
-        )
+        flown = _flown(states[self.of], pull[self.of], drag, self.t - self.middles[self.of])
         return _pictured(flown[:, :2], tilt, self.centre)
 
     def _jacobian(self, vector: Array) -> Array:
@@ -173,7 +171,7 @@ class _Problem:
         reach = max(1.0, float(np.abs(self.t - self.middles[self.of]).max()))
         for k in range(2):
             moved, step = vector.copy(), 0.1 / reach**2
-            moved[k : m : 2] += step
+            moved[k:m:2] += step
             column = k if self.shared else k + 2 * self.of
             jacobian[rows, :, column] = (self._places(moved) - base) / step
         for k, step in ((m, 1e-4 / self.radius), (m + 1, 1e-6), (m + 2, 1e-6)):

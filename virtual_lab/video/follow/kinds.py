@@ -18,11 +18,12 @@ Array = NDArray[np.float64]
 STRAIGHT = 0.15  # radii, rms off a straight line
 LEVEL = 1.1  # radians that a rolling ball's way may be off the picture's rows
 LEAST = 8  # places that a ball rolls through
+MOSTLY = 0.5  # of a ball's places that are those of rolling
 ROLLED = 3.0  # radii it then goes at least
 SWUNG = 0.6  # of a period that must be seen
 ARC = 0.02  # of its swing, that a pendulum may be off its arc
 HARMONIC = 0.03  # of the variance that a pendulum's harmonic may leave
-DOWN = 0.35  # radians that free fall may be off g
+DOWN = 0.15  # radians that free fall may be off g
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +46,8 @@ def motion_of(
     ball = _largest_group(pieces)
     if swing := _pendulum(ball, step):
         return swing
-    if any(_rolls(scene, each) for each in ball):
+    rolled = sum(len(each.t) for each in ball if _rolls(scene, each))
+    if rolled > MOSTLY * sum(len(each.t) for each in ball):
         return Motion(kind="rolling")
     return Motion(kind="carried")
 

@@ -43,7 +43,7 @@ def track_covered(
     locator: Locator,
     cover: Cover,
     *,
-    say: Callable[[str], None] = lambda _: None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> Tracked:
     """Return the way of a ball of which a part is hidden in some frames.
 
@@ -58,7 +58,7 @@ def track_covered(
         As they were for that; the locator heeds the regions' mask.
     cover
         What hides it.
-    say
+    progress
         Told what is under way.
 
     Raises
@@ -73,7 +73,7 @@ def track_covered(
     near = _near(whole, first, _And(cover, stood))
     if not near.any():
         return tracked
-    say(f"locating what is seen of the ball in {int(near.sum())} frames")
+    progress(f"locating what is seen of the ball in {int(near.sum())} frames")
     whole, clip, left = replace(whole, background=bare), whole.clip, near
     known = _And(cover, unknown)
     # it flies on as before; or it is being struck, and is where it was spotted
