@@ -52,13 +52,15 @@ class Clip:
         for frame, _ in self.source.frames():
             yield frame
 
-    def chosen(self, wanted: NDArray[np.intp]) -> Iterator[tuple[int, Frame]]:
-        """Yield the frames of some numbers, in order, and read no further than the last."""
+    def chosen(
+        self, wanted: NDArray[np.intp], *, colour: bool = False
+    ) -> Iterator[tuple[int, Frame]]:
+        """Yield frames of some numbers, grey or as stored, in order; read none beyond the last."""
         left = set(map(int, wanted))
         if not left:
             return
         last = max(left)
-        for number, frame in enumerate(self.frames()):
+        for number, frame in enumerate(self.pictures() if colour else self.frames()):
             if number in left:
                 yield number, frame
             if number == last:

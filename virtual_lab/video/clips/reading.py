@@ -37,6 +37,7 @@ class Source:
     declared: int  # frames the file says it holds
     estimated: bool = False  # reckoned from the duration, not counted
     rate: float | None = None  # frames a second the file says
+    rotation: int = 0  # degrees clockwise that frames were turned as the file asks for
     read: Callable[[], Iterator[tuple[Frame, float]]]  # each with its own time [s], NaN: none
 
     def frames(self) -> Iterator[tuple[Frame, float]]:
@@ -155,6 +156,7 @@ def _video(path: Path) -> Source:
     capture = _open(path)
     declared = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
     rate = float(capture.get(cv2.CAP_PROP_FPS))
+    turn = capture.get(cv2.CAP_PROP_ORIENTATION_META)
     capture.release()
     if declared == 0:
         raise InputError(str(path), "frames", 0, "no frame in it can be read")
@@ -177,6 +179,7 @@ def _video(path: Path) -> Source:
         declared=max(declared, 0),
         estimated=path.suffix.lower() in {".mkv", ".webm"},
         rate=rate if np.isfinite(rate) and rate > 0 else None,
+        rotation=int(turn) % 360 if np.isfinite(turn) else 0,
         read=read,
     )
 
