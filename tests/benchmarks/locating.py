@@ -22,6 +22,7 @@ from itertools import product
 
 import cv2
 import numpy as np
+from virtual_lab.video.track.finding import finder
 
 from tests.benchmarks.machine import processor_seconds
 from tests.benchmarks.rows import Row, tell
@@ -31,7 +32,6 @@ from virtual_lab.fidelity.camera_errors import score, seconds_a_picture
 from virtual_lab.fidelity.camera_estimators import ESTIMATORS, OURS, PLAIN, SHARED, SHIPPED
 from virtual_lab.fidelity.camera_pictures import pictures
 from virtual_lab.fidelity.camera_scenes import BACK, HARD, SOFT, Batch, Case
-from virtual_lab.video.track.finding import finder
 
 RADII, BLURS = (15.0, 30.0, 60.0), (0.0, 6.0, 30.0, 80.0)
 RATIOS, RISES = (96.0, 27.0, 5.0), (0.0, 25.0)  # rises: of the background over the ball [DN]

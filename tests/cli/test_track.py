@@ -28,7 +28,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_everything_a_user_gets(folder: Path) -> None:
     out = folder / "found"
     arguments = ["track", str(folder / "clip.mp4"), "--calibration", str(folder / "cal.toml")]
-    done = CliRunner().invoke(cli, [*arguments, "--ball", "28mm", "--out", str(out), "--json"])
+    done = CliRunner().invoke(
+        cli, [*arguments, "--ball", "28mm±0.1mm", "--out", str(out), "--json"]
+    )
     assert done.exit_code == 0, done.output
     told = json.loads(done.stdout)
     assert told == json.loads((out / "result.json").read_text())

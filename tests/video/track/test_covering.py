@@ -215,7 +215,9 @@ def test_a_plain_ball_behind_a_bar(barred: Barred) -> None:
         (said.speed_out, before.speed_out, film.velocity_out),
     ):
         exact = 5 * np.hypot(*true)
-        assert abs(mine.value - exact) < min(4 * mine.u, 1.02 * abs(plainly.value - exact))
+        # one that happened to be exact is no better for it: half a u is chance
+        off = max(1.02 * abs(plainly.value - exact), 0.5 * mine.u)
+        assert abs(mine.value - exact) < min(4 * mine.u, off)
 
 
 def test_nothing_changes_where_nothing_is_hidden(barred: Barred) -> None:

@@ -6,6 +6,8 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from virtual_lab.video.track.finding import Spot, finder
+from virtual_lab.video.track.linking import ball_track
 
 from tests.video.scenes import Film, matte
 from virtual_lab.errors import InputError
@@ -14,8 +16,6 @@ from virtual_lab.video.clips.background import (
     light_ball,
     uncovered_mean,
 )
-from virtual_lab.video.track.finding import Spot, finder
-from virtual_lab.video.track.linking import ball_track
 
 FULL = 255.0
 

@@ -7,6 +7,7 @@ contrast; a hand that holds the ball lies on the ring about it, which must be ba
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +15,11 @@ from numpy.typing import NDArray
 from virtual_lab.video.find.outline import fit_outline
 from virtual_lab.video.find.still import Image, Still, difference_of, difference_of_light
 
-__all__ = ["BLOB", "blobs"]
+__all__ = ["BLOB", "Blobs", "blobs"]
 
 Array = NDArray[np.float64]
+Blobs = NDArray[np.void]
+Row = tuple[Any, ...]  # as of `BLOB`
 
 THRESHOLDS = (10, 20, 40, 80)  # DN of 8 bits: each once more, so that no single one decides
 FAINT = 5.0  # DN
@@ -51,7 +54,7 @@ BLOB = np.dtype(
 )
 
 
-def blobs(number: int, picture: Image, small: Image, shift: Array, still: Still) -> NDArray:
+def blobs(number: int, picture: Image, small: Image, shift: Array, still: Still) -> Blobs:
     """Return what in a picture may be a ball, an array of `BLOB`.
 
     Parameters
@@ -64,7 +67,7 @@ def blobs(number: int, picture: Image, small: Image, shift: Array, still: Still)
         Of the picture from the still frame, (2,) [pixels].
     """
     off = still.difference(small, shift)
-    found: list[tuple] = []
+    found: list[Row] = []
     for box in _boxes(off, still.shrink):
         if any(_inside(box, each, still.origin) for each in found):
             continue
@@ -78,23 +81,21 @@ def blobs(number: int, picture: Image, small: Image, shift: Array, still: Still)
     return np.array(found, BLOB)
 
 
-def _inside(box: tuple[int, int, int, int], blob: tuple, origin: tuple[int, int]) -> bool:
+def _inside(box: tuple[int, int, int, int], blob: Row, origin: tuple[int, int]) -> bool:
     """Return whether a box lies in a blob that is sure already."""
     _, x, y, short, long, spread, _, dirty, *_ = blob
     left, top, wide, high = box[0] + origin[0], box[1] + origin[1], *box[2:]
     sure = dirty < 0.1 and spread < SURE * short
-    return (
-        sure
-        and np.hypot(left + wide / 2 - x, top + high / 2 - y) + max(wide, high) / 2 < 1.4 * long
-    )
+    away = float(np.hypot(left + wide / 2 - x, top + high / 2 - y))
+    return bool(sure and away + max(wide, high) / 2 < 1.4 * long)
 
 
-def _same(one: tuple, other: tuple) -> bool:
+def _same(one: Row, other: Row) -> bool:
     away = np.hypot(one[1] - other[1], one[2] - other[2])
     return bool(away < 0.6 * max(one[3], other[3]) and 0.5 < one[3] / other[3] < 2.0)
 
 
-def _surer(one: tuple, other: tuple) -> bool:
+def _surer(one: Row, other: Row) -> bool:
     return bool((one[7] > RING, one[5] / one[3]) < (other[7] > RING, other[5] / other[3]))
 
 
@@ -122,17 +123,15 @@ def _boxes(off: Image, shrink: int) -> Iterator[tuple[int, int, int, int]]:
 
 def _outline(
     number: int, picture: Image, shift: Array, still: Still, box: tuple[int, int, int, int]
-) -> tuple | None:
+) -> Row | None:
     """Return the outline at half of the contrast in a box as a row of `BLOB`, None: no ball's."""
-    import cv2
-
     left, top, wide, high = box
     rows, columns = still.background.shape[:2]
     room = max(6, round(0.6 * max(wide, high)))
     x0, y0 = max(0, left - room), max(0, top - room)
     size = (min(columns, left + wide + room) - x0, min(rows, top + high + room) - y0)
     part, behind = still.cut(picture, shift, (x0, y0), size)
-    off = cv2.GaussianBlur(difference_of(part, behind), (0, 0), SOFTENED)
+    off = _softened(difference_of(part, behind))
     inner = off[top - y0 : top - y0 + high, left - x0 : left - x0 + wide]
     bright = inner[inner > FAINT]
     contrast = float(np.percentile(bright, 85)) if bright.size >= LEAST_AREA else 0.0
@@ -149,7 +148,7 @@ def _outline(
     if fitted is not None and np.hypot(fitted.x - x, fitted.y - y) < ALIKE * short:
         x, y, short, long, spread = fitted
         # a rim in shade takes the edge inward in light, a gamma does in grey values
-        light = cv2.GaussianBlur(difference_of_light(part, behind), (0, 0), SOFTENED)
+        light = _softened(difference_of_light(part, behind))
         level = float(np.median(light[_disc(light.shape, x, y, 0.6 * short)]))
         other = fit_outline(light, x, y, short, level, rounds=1)
         if other is not None and abs(other.short - short) < ALIKE * short:
@@ -165,6 +164,12 @@ def _outline(
     dirty = float((off[ring] > RING * contrast).mean()) if ring.any() else 1.0
     colours = np.broadcast_to(colour, 3)
     return number, *at, short, long, spread, contrast, dirty, cut, *there, colours
+
+
+def _softened(off: NDArray[np.float32]) -> NDArray[np.float32]:
+    import cv2
+
+    return np.asarray(cv2.GaussianBlur(off, (0, 0), SOFTENED), np.float32)
 
 
 def _disc(shape: tuple[int, ...], x: float, y: float, radius: float) -> NDArray[np.bool_]:
@@ -185,7 +190,8 @@ def _shape(
         return None
     if area < np.pi * FINE**2:
         fine = 3 if area < np.pi * (FINE / 2) ** 2 else 2
-        off = cv2.resize(off, None, fx=fine, fy=fine, interpolation=cv2.INTER_CUBIC)
+        larger = cv2.resize(off, None, fx=fine, fy=fine, interpolation=cv2.INTER_CUBIC)
+        off = np.asarray(larger, np.float32)
     mask = cv2.threshold(off, level, 1, cv2.THRESH_BINARY)[1]
     contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     outline = max(contours, key=cv2.contourArea, default=None)

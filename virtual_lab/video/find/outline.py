@@ -76,7 +76,8 @@ def fit_outline(
     for _ in range(rounds):
         along = SHARE * radius
         to_x, to_y = (x + radius * TO_X).astype(np.float32), (y + radius * TO_Y).astype(np.float32)
-        seen = cv2.remap(off, to_x, to_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        mode = cv2.BORDER_REPLICATE
+        seen = np.asarray(cv2.remap(off, to_x, to_y, cv2.INTER_LINEAR, borderMode=mode), float)
         ball, rest = seen[:, BALL].mean(axis=1), middle(seen[:, REST])
         height = ball - rest
         good = height > FAINT * contrast

@@ -63,7 +63,7 @@ class Still:
         if not self.drifts:
             return np.zeros(2)
         shift = self.shrink * self.edges.shift(_grey(small), guess / self.shrink)
-        return shift if np.hypot(*(shift - guess)) < FASTEST else guess
+        return np.asarray(shift if np.hypot(*(shift - guess)) < FASTEST else guess)
 
     def shrunk(self, picture: Image) -> Image:
         """Return a picture in the size that is searched."""
@@ -78,7 +78,9 @@ class Still:
 
         way = (shift + self.origin) / self.shrink
         level = _level(moved(small, way, (0, 0), self.small), self.small)
-        behind = self.small if level == 1.0 else cv2.convertScaleAbs(self.small, alpha=level)
+        behind = self.small
+        if level != 1.0:
+            behind = np.asarray(cv2.convertScaleAbs(behind, alpha=level), np.uint8)
         apart = _strongest(_apart(moved(small, way, (0, 0), behind), behind))
         return np.asarray(cv2.subtract(apart, self.restless), np.uint8)
 
@@ -96,7 +98,7 @@ class Still:
 
 def difference_of(part: Image, behind: Image) -> NDArray[np.float32]:
     """Return how far a picture is from another, by the channel that differs most [DN]."""
-    return _strongest(_apart(part, behind)).astype(np.float32)
+    return np.asarray(_strongest(_apart(part, behind)), np.float32)
 
 
 def difference_of_light(part: Image, behind: Image) -> NDArray[np.float32]:
@@ -179,7 +181,7 @@ def _laid(greys: Sequence[Image], most: float) -> Array:
             continue
         if (misfit := _misfit(greys, shifts)) < least:
             best, least = shifts, misfit
-    return best - best[0]
+    return np.asarray(best - best[0])
 
 
 def _misfit(greys: Sequence[Image], shifts: Array) -> float:

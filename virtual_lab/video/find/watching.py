@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.video.clips.clip import Clip
-from virtual_lab.video.find.blobs import BLOB, blobs
+from virtual_lab.video.find.blobs import BLOB, Blobs, blobs
 from virtual_lab.video.find.still import Still, eight_bits, still_of
 
 __all__ = ["Watched", "repeats", "watch"]
@@ -26,7 +26,7 @@ class Watched:
     """What moves in a clip."""
 
     still: Still
-    found: NDArray  # (blob,) of `find.blobs.BLOB`, frame by frame
+    found: Blobs  # (blob,) of `find.blobs.BLOB`, frame by frame
     shifts: Array  # (frame, 2) of each picture from the still frame [pixels]
     change: Array  # (frame,) greatest from the frame before [DN]; NaN: not looked at
 
@@ -56,7 +56,7 @@ def watch(
     still = still_of(list(clip.samples), depth, apart)
     first, last = frames or (0, clip.count - 1)
     shifts, change = np.zeros((clip.count, 2)), np.full(clip.count, np.nan)
-    found: list[NDArray] = [np.zeros(0, BLOB)]
+    found: list[Blobs] = [np.zeros(0, BLOB)]
     shift, before = np.zeros(2), None
     for number, frame in enumerate(clip.pictures()):
         if number > last:
@@ -70,8 +70,8 @@ def watch(
         shift = still.shift(small, shift)
         shifts[number] = shift
         if before is not None:
-            apart = cv2.blur(cv2.absdiff(small, before), (CHANGED, CHANGED))
-            change[number] = float(apart.max())
+            changed = cv2.blur(cv2.absdiff(small, before), (CHANGED, CHANGED))
+            change[number] = float(np.max(changed))
         before = small
         found.append(blobs(number, picture, small, shift, still))
     together = np.concatenate(found)

@@ -10,6 +10,7 @@ import numpy as np
 from virtual_lab.errors import InputError
 from virtual_lab.files import read_text
 from virtual_lab.video.clips.clip import Clip
+from virtual_lab.video.clips.timing import usual_step
 from virtual_lab.video.find.blobs import BLOB
 from virtual_lab.video.find.still import still_of
 from virtual_lab.video.find.watching import Watched
@@ -69,8 +70,7 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
     order = np.argsort(frames, kind="stable")
     found, times = found[order], times[order]
     names = [names[k] for k in order]
-    step = float(np.median(np.diff(clip.times))) if clip.count > 1 else 1.0
-    t = np.where(np.isnan(times), found["frame"].astype(float), times / step)
+    t = np.where(np.isnan(times), found["frame"].astype(float), times / usual_step(clip.times))
     ways = []
     for name in dict.fromkeys(each for each in names if each):
         own = np.array([each == name for each in names])

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.video.find.blobs import Blobs
 from virtual_lab.video.follow.joint import Fit, Way, fit_flights
 from virtual_lab.video.follow.pieces import DIRTY, Piece, parabola
 
@@ -40,7 +41,7 @@ SURELY, LOOSELY = 4.0, 1.5  # factors of the misfit: to say so, and to tell whic
 class Scene:
     """What is known of a clip, in pixels and frames."""
 
-    found: NDArray  # blobs
+    found: Blobs  # blobs
     time: Array  # of each frame [frames], NaN: a repeat
     size: tuple[int, int]  # columns, rows
     exposure: float | None  # [frames]
@@ -305,7 +306,7 @@ def _refilled(scene: Scene, flights: list[Piece], fit: Fit) -> list[Piece]:
         places: list[tuple[int, int, float]] = []
         middle = int(np.searchsorted(counted, piece.frames[len(piece.frames) // 2]))
         for order in (counted[middle:], counted[:middle][::-1]):
-            missed, shift = 0, ahead[int(piece.frames[len(piece.frames) // 2])]
+            missed, shift = 0, float(ahead[int(piece.frames[len(piece.frames) // 2])])
             for frame in order.tolist():
                 if not before < frame < after or missed > MISSED:
                     break

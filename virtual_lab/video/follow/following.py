@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.video.clips.clip import Clip
+from virtual_lab.video.clips.timing import UNEVEN, usual_step
 from virtual_lab.video.find.watching import Watched, repeats, watch
 from virtual_lab.video.follow.contacts import Contact, contacts_of
 from virtual_lab.video.follow.flights import Scene, flights_of, joined, readout_of
@@ -25,7 +27,6 @@ Mask = NDArray[np.bool_]
 GRAVITY = 9.80665  # m/s², CGPM 1901
 ASSUMED_U = 0.01  # of a ball's diameter where no u of it is given: half a mm of a tennis ball's
 ROUNDEST = 0.34  # of the places: those with the least blur tell the ball's size
-UNEVEN = 1.3  # of the usual step between time stamps
 TOLD = 3.0  # u of the acceleration that it may be off g by, and a share of it
 NEAR_G = 0.04
 TILTED, TILTED_OFF = (
@@ -155,7 +156,7 @@ def _times(clip: Clip, known: Known) -> Array:
     """Return the time of each frame in steps; uneven time stamps of the file count."""
     steps = np.diff(clip.times)
     if len(steps) and steps.max() > UNEVEN * float(np.median(steps)):
-        return np.asarray((clip.times - clip.times[0]) / float(np.median(steps)))
+        return np.asarray((clip.times - clip.times[0]) / usual_step(clip.times))
     return np.arange(clip.count, dtype=float)
 
 
@@ -347,13 +348,13 @@ def _flights(
         speeds, velocities = [], []
         for t in ends:
             moment = t + fit.readout * float(np.median(scene.late(way.blobs))) if fit.readout else t
-            said = from_fit(fit, lambda f, m=moment: float(np.hypot(*f.at(k, m)[0, 2:])))  # noqa: B023
-            more = [BEHIND * (said.value - float(np.hypot(*free.at(k, moment)[0, 2:])))]
+            said = from_fit(fit, partial(_speed, k, moment))
+            more = [BEHIND * (said.value - _speed(k, moment, free))]
             if skewed is not None:
-                more.append(said.value - float(np.hypot(*skewed.at(k, moment)[0, 2:])))
+                more.append(said.value - _speed(k, moment, skewed))
             if rolled is not None:
                 late = moment + float(np.median(scene.late(way.blobs)))
-                other = float(np.hypot(*rolled.at(k, late)[0, 2:]))
+                other = _speed(k, late, rolled)
                 more.append((said.value - other) / np.sqrt(3))
             said = widened(said, *more, said.value * scale.relative_u)
             speeds.append(Said(value=unit * said.value, u=unit * said.u))
@@ -377,6 +378,10 @@ def _flights(
             )
         )
     return found
+
+
+def _speed(flight: int, t: float, fit: Fit) -> float:
+    return float(np.hypot(*fit.at(flight, t)[0, 2:]))
 
 
 def _against(

@@ -69,7 +69,7 @@ class Fit:
             states=vector[m + 3 :].reshape(n, 4),
         )
 
-    def at(self, flight: int, t: Array) -> Array:
+    def at(self, flight: int, t: Array | float) -> Array:
         """Return place and velocity of a flight in the plane, (time, 4) [pixels, frames]."""
         t = np.atleast_1d(np.asarray(t, float))
         pull = np.broadcast_to(self.pull[flight], (len(t), 2))

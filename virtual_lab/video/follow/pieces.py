@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.video.find.blobs import Blobs
+
 __all__ = ["Piece", "parabola", "pieces"]
 
 Array = NDArray[np.float64]
@@ -78,7 +80,7 @@ def parabola(t: Array, xy: Array, degree: int = 2) -> tuple[Array, Array, float]
     return 2 * (solver @ xy)[2], np.full(2, 2 * rms * np.linalg.norm(solver[2])), rms
 
 
-def pieces(found: NDArray, time: Array) -> list[Piece]:
+def pieces(found: Blobs, time: Array) -> list[Piece]:
     """Return the pieces of smooth motion among blobs, in order of time.
 
     Parameters
@@ -95,7 +97,7 @@ def pieces(found: NDArray, time: Array) -> list[Piece]:
 
 
 class _Growth:
-    def __init__(self, found: NDArray, time: Array) -> None:
+    def __init__(self, found: Blobs, time: Array) -> None:
         usable = (found["dirty"] < DIRTY) & ~found["cut"] & np.isfinite(time[found["frame"]])
         self.index = np.flatnonzero(usable)
         some = found[usable]
@@ -134,7 +136,7 @@ class _Growth:
 
     def _in(self, frame: int) -> Ints:
         there = np.arange(self.first[frame], self.first[frame + 1])
-        return there[~self.used[there]]
+        return np.asarray(there[~self.used[there]])
 
     def _like(self, one: int, others: Ints, radius: float) -> Ints:
         ratio = self.radius[others] / radius

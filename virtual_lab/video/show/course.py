@@ -147,7 +147,9 @@ def course_of_followed(found: Followed) -> Course:
         flight=[str(k + 1) if named else "" for _, k, _ in order],
         flags=[""] * len(order),
         residuals=residuals,
-        contacts=[(each.time.value, *map(float, each.place)) for each in found.contacts],
+        contacts=[
+            (each.time.value, float(each.place[0]), float(each.place[1])) for each in found.contacts
+        ],
     )
 
 

@@ -49,7 +49,7 @@ def pictures_of(course: Course) -> Pictures:
     size = (max(1, round(columns * scale)), max(1, round(rows * scale)))
     way = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
     frames = {
-        number: cv2.resize(_shown(frame, darkest, brightest), size, interpolation=way)
+        number: _resized(_shown(frame, darkest, brightest), size, way)
         for number, frame in course.clip.chosen(wanted, colour=True)
     }
     return Pictures(frames=frames, scale=float(scale), sheet=sheet, film=film)
@@ -109,7 +109,7 @@ def _spread(places: int, count: int) -> list[int]:
     if not places:
         return []
     chosen = np.linspace(0, places - 1, min(count, places)).round()
-    return np.unique(chosen.astype(int)).tolist()
+    return [int(each) for each in np.unique(chosen)]
 
 
 def _one(course: Course, pictures: Pictures, k: int, scale: float) -> Image:
@@ -117,8 +117,8 @@ def _one(course: Course, pictures: Pictures, k: int, scale: float) -> Image:
 
     image = pictures.frames[int(course.frames[k])]
     if scale != pictures.scale:
-        size = tuple(max(1, round(side * scale)) for side in course.clip.shape[::-1])
-        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+        high, wide = (max(1, round(side * scale)) for side in course.clip.shape)
+        image = _resized(image, (wide, high), cv2.INTER_AREA)
     image = image.copy()
     names = course.flights
     for j in range(k + 1):
@@ -132,11 +132,17 @@ def _one(course: Course, pictures: Pictures, k: int, scale: float) -> Image:
         cv2.circle(image, at, radius, _colour(course, names, k), 1, cv2.LINE_AA, SHIFT)
     words = f"{int(course.frames[k])}  {course.times[k]:.4g} s"
     high, wide = image.shape[:2]
-    size = float(np.clip(wide / 400, 0.3, 0.5))
+    letters = float(np.clip(wide / 400, 0.3, 0.5))
     for shade, thick in (((0, 0, 0), 3), ((255, 255, 255), 1)):
         face = cv2.FONT_HERSHEY_SIMPLEX
-        cv2.putText(image, words, (5, high - 8), face, size, shade, thick, cv2.LINE_AA)
+        cv2.putText(image, words, (5, high - 8), face, letters, shade, thick, cv2.LINE_AA)
     return np.asarray(image, dtype=np.uint8)
+
+
+def _resized(image: Image, size: tuple[int, int], way: int) -> Image:
+    import cv2
+
+    return np.asarray(cv2.resize(image, size, interpolation=way), np.uint8)
 
 
 def _colour(course: Course, names: list[str], k: int) -> tuple[int, int, int]:

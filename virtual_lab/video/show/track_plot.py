@@ -47,13 +47,27 @@ def strobe(course: Course, pictures: Pictures) -> NDArray[np.uint8]:
     # what stands about, a bat too, is shown as it is at a contact
     time = course.contacts[0][0] if course.contacts else float(course.times[0])
     stands = min(shown, key=lambda k: abs(course.times[k] - time))
-    whole = pictures.frames[int(course.frames[stands])].copy()
+    whole = _still(pictures, course, stands).copy()
     rows, columns = np.ogrid[: whole.shape[0], : whole.shape[1]]
     for k in chosen:
-        x, y = (course.xy[k] + course.drift[k] + 0.5) * scale - 0.5
+        x, y = (course.xy[k] + 0.5) * scale - 0.5
         inside = np.hypot(columns - x, rows - y) < (course.reach[k] + 2) * scale
-        whole[inside] = pictures.frames[int(course.frames[k])][inside]
+        whole[inside] = _still(pictures, course, k)[inside]
     return whole[..., ::-1]
+
+
+def _still(pictures: Pictures, course: Course, k: int) -> NDArray[np.uint8]:
+    """Return a picture where the still frame has it."""
+    import cv2
+
+    picture = pictures.frames[int(course.frames[k])]
+    if not course.drift[k].any():
+        return picture
+    x, y = course.drift[k] * pictures.scale
+    back = np.array([[1.0, 0.0, x], [0.0, 1.0, y]])
+    size, flags = picture.shape[1::-1], cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    mode = cv2.BORDER_REPLICATE
+    return np.asarray(cv2.warpAffine(picture, back, size, flags=flags, borderMode=mode), np.uint8)
 
 
 def _picture(axes: Axes, course: Course, pictures: Pictures) -> None:
@@ -68,8 +82,8 @@ def _picture(axes: Axes, course: Course, pictures: Pictures) -> None:
             label = name or ("left out" if names else "seen")
             axes.plot(*course.xy[used].T, ".", color=colour, markersize=3, label=label)
     for k, (_, x, y) in enumerate(course.contacts):
-        label = {"label": "contact"} if k == 0 else {}
-        axes.plot(x, y, "+", color="k", markersize=11, markeredgewidth=1.2, **label)
+        mark = "contact" if k == 0 else None
+        axes.plot(x, y, "+", color="k", markersize=11, markeredgewidth=1.2, label=mark)
     axes.set(xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
     axes.set(xlabel="x, pixels", ylabel="y, pixels")
     axes.legend(

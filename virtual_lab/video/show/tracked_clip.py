@@ -112,10 +112,10 @@ def track_clip(
     InputError
         A clip or file that cannot be read, words of another form, or no length known.
     """
-    calibration, known, notes = _known(path, asked)
+    calibration, said, notes = _known(path, asked)
     progress(f"reading {path}")
     clip = open_clip(path, calibration)
-    known = _for_clip(clip, calibration, known, asked)
+    known = _for_clip(clip, calibration, said, asked)
     ways, watched = None, None
     if asked.track:
         watched, ways = read_track(asked.track, clip)
@@ -150,22 +150,21 @@ def _known(path: Path, asked: Asked) -> tuple[ClipCalibration, dict[str, Any], l
     if asked.scale is not None:
         scale, scale_u = scale_of(asked.scale)
         said |= {"metres_per_pixel": scale, "metres_per_pixel_u": scale_u}
-    if asked.exposure is not None:
-        said["exposure"] = seconds_of(asked.exposure, "--exposure")
-    if asked.frames is not None:
-        said["frames"] = frames_of(asked.frames)
-    if asked.region is not None:
-        said["region"] = region_of(asked.region)
-    if asked.ball_at is not None:
-        said["ball_at"] = place_of(asked.ball_at)
+    forms: dict[str, Callable[[str], Any]] = {
+        "exposure": lambda text: seconds_of(text, "--exposure"),
+        "readout": lambda text: seconds_of(text, "--readout"),
+        "frames": frames_of,
+        "region": region_of,
+        "ball_at": place_of,
+    }
+    words = {name: getattr(asked, name) for name in forms}
+    said |= {name: forms[name](text) for name, text in words.items() if text is not None}
     if asked.gravity is not None:
         if not 0.1 <= asked.gravity <= 100:
             raise InputError("", "--gravity", asked.gravity, "allowed: 0.1 to 100 m/s²")
         said["gravity"] = asked.gravity
     if asked.readout is not None and asked.global_shutter:
         raise InputError("", "--readout", asked.readout, "a global shutter has none: give one")
-    if asked.readout is not None:
-        said["readout"] = seconds_of(asked.readout, "--readout")
     if asked.global_shutter:
         said["readout"] = 0.0
     calibration = read_calibration(

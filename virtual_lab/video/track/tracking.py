@@ -16,6 +16,7 @@ from virtual_lab.video.clips.background import Image, middle_of, uncovered_mean
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import Clip, open_clip
 from virtual_lab.video.clips.reading import Frame
+from virtual_lab.video.clips.timing import usual_step
 from virtual_lab.video.follow.following import GRAVITY, Followed, Known, follow
 from virtual_lab.video.follow.pieces import GAP, Piece
 from virtual_lab.video.locate.located import Flag, Located, part_of
@@ -117,7 +118,7 @@ def known_of(clip: Clip, calibration: ClipCalibration) -> Known:
     if camera and (far := distance_of(camera)):
         scale = far / camera.matrix[0][0]
     return Known(
-        rate=1 / float(np.median(np.diff(clip.times))) if clip.count > 1 else 1.0,
+        rate=1 / usual_step(clip.times),
         ball=calibration.ball_diameter_m,
         ball_u=calibration.ball_diameter_m_u,
         metres_per_pixel=scale,
