@@ -32,6 +32,9 @@ SEARCHED = 4e5  # pixels of the picture that is searched: larger ones are made s
 NO_DRIFT = 0.15  # pixels over a clip: a camera on a stand
 FASTEST = 3.0  # pixels a frame of drift
 ROUNDS = 2  # the samples are laid upon one of them, and then on the median of all
+FEWEST = 8  # samples that tell which side of the background a ball is on
+SIDE = 0.3  # quantile, or its complement, at which the background of a slow ball lies
+TOUCHED = 8.0  # noises that a pixel's brightness varies by if the ball was there
 CLIPPED = 20  # DN: what is farther off the background moves on its own
 STAND = 0.98  # of its misfit: a camera on a stand is the simpler thing to say
 RESTLESS = 0.75  # quantile of the samples' differences: what a pixel does without a ball
@@ -113,7 +116,9 @@ def difference_of_light(part: Image, behind: Image) -> NDArray[np.float32]:
     return np.asarray(cv2.absdiff(LIGHT[part], LIGHT[behind]).max(axis=2), np.float32)
 
 
-def still_of(samples: Sequence[Frame], depth: int, apart: float = 1.0) -> Still:
+def still_of(
+    samples: Sequence[Frame], depth: int, apart: float = 1.0, *, stands: bool = False
+) -> Still:
     """Return the still frame of some pictures of a clip, the first of which does not drift.
 
     Parameters
@@ -124,13 +129,17 @@ def still_of(samples: Sequence[Frame], depth: int, apart: float = 1.0) -> Still:
         Bits that their values take.
     apart
         Frames from one to the next.
+    stands
+        Whether the camera is known to stand still.
     """
     pictures = [eight_bits(each, depth) for each in samples]
     rows, columns = pictures[0].shape[:2]
     shrink = max(1, int(np.ceil(np.sqrt(rows * columns / SEARCHED))))
     small = [_shrunk(each, shrink) for each in pictures]
     greys = [_grey(each) for each in small]
-    shifts = _laid(greys, FASTEST * apart / shrink)
+    shifts = np.zeros((len(greys), 2))
+    if not stands:
+        shifts = _laid(greys, FASTEST * apart / shrink)
     drifts = bool(np.ptp(shifts * shrink, axis=0).max() > NO_DRIFT)
     if not drifts:
         shifts[:] = 0
@@ -138,7 +147,7 @@ def still_of(samples: Sequence[Frame], depth: int, apart: float = 1.0) -> Still:
     origin = np.minimum(0, np.floor(-shifts.max(axis=0) / shrink) * shrink).astype(int)
     end = np.array([columns, rows]) + np.maximum(0, np.ceil(-shifts.min(axis=0))).astype(int)
     wide, high = (int(each) for each in end - origin)
-    background = _covered_median(pictures, shifts + origin, (high, wide))
+    background = _covered(pictures, shifts + origin, (high, wide), _share(pictures))
     behind = _shrunk(background, shrink)
     off = [
         _strongest(_apart(moved(each, (shift + origin) / shrink, (0, 0), behind), behind))
@@ -219,8 +228,27 @@ def moved(picture: Image, shift: Array, corner: tuple[int, int], behind: Image) 
     return here
 
 
-def _covered_median(pictures: Sequence[Image], shifts: Array, shape: tuple[int, int]) -> Image:
-    """Return the median of drifted pictures where they reach; black where none does."""
+def _share(pictures: Sequence[Image]) -> float:
+    """Return the quantile at which the background is found.
+
+    The median; but before a camera in grey, a laboratory's, a slow ball may cover a pixel for most
+    of the time. Of most pixels that it touches it covers the lesser part: that tells whether it is
+    lighter than what is behind it, and the background lies on the other side.
+    """
+    if pictures[0].ndim == 3 or len(pictures) < FEWEST:
+        return 0.5
+    stack = np.stack([each[::2, ::2] for each in pictures])
+    low, high = (each.astype(int) for each in (stack.min(axis=0), stack.max(axis=0)))
+    reach = high - low
+    touched = reach > TOUCHED * max(float(np.median(reach)) / 4, 1.0)
+    middle = _ranked(stack, len(stack) // 2).astype(int)
+    return SIDE if (low + high - 2 * middle)[touched].sum() >= 0 else 1 - SIDE
+
+
+def _covered(
+    pictures: Sequence[Image], shifts: Array, shape: tuple[int, int], share: float
+) -> Image:
+    """Return a quantile of drifted pictures where they reach; black where none does."""
     whole = np.zeros((*shape, *pictures[0].shape[2:]), np.uint8)
     rows, columns = pictures[0].shape[:2]
     for top in range(0, shape[0], BLOCK):
@@ -229,7 +257,7 @@ def _covered_median(pictures: Sequence[Image], shifts: Array, shape: tuple[int, 
             [moved(p, s, (0, top), block) for p, s in zip(pictures, shifts, strict=True)]
         )
         if not shifts.any():
-            whole[top : top + BLOCK] = _ranked(stack, len(stack) // 2)
+            whole[top : top + BLOCK] = _ranked(stack, round(share * (len(stack) - 1)))
             continue
         y, x = np.ogrid[top : top + len(block), : shape[1]]
         count = np.zeros(block.shape[:2], np.uint8)
@@ -238,11 +266,10 @@ def _covered_median(pictures: Sequence[Image], shifts: Array, shape: tuple[int, 
             inside = inside & (y + down >= 0) & (y + down <= rows - 1)
             each[~inside] = 255  # beyond the others in rank
             count += inside
-        rank = np.maximum(count, 1) // 2
-        ranked = _ranked(stack, rank if block.ndim == 2 else rank[..., None])
-        whole[top : top + BLOCK] = np.where(
-            (count if block.ndim == 2 else count[..., None]) > 0, ranked, 0
-        )
+        if block.ndim == 3:
+            count = count[..., None]
+        rank = np.rint(share * (np.maximum(count, 1) - 1.0)).astype(np.uint8)
+        whole[top : top + BLOCK] = np.where(count > 0, _ranked(stack, rank), 0)
     return whole
 
 

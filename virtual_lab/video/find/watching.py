@@ -36,6 +36,7 @@ def watch(
     *,
     frames: tuple[int, int] | None = None,
     region: tuple[float, float, float, float] | None = None,
+    stands: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Watched:
     """Return what moves in a clip, of frames and of a region of the still frame alone.
@@ -46,6 +47,8 @@ def watch(
         First and last.
     region
         x, y, width, height [pixels].
+    stands
+        Whether the camera is known to stand still.
     progress
         Told now and then.
     """
@@ -53,7 +56,7 @@ def watch(
 
     depth = max(8, int(clip.full_scale).bit_length())
     apart = float(np.diff(clip.sampled).max()) if len(clip.sampled) > 1 else 1.0
-    still = still_of(list(clip.samples), depth, apart)
+    still = still_of(list(clip.samples), depth, apart, stands=stands)
     first, last = frames or (0, clip.count - 1)
     shifts, change = np.zeros((clip.count, 2)), np.full(clip.count, np.nan)
     found: list[Blobs] = [np.zeros(0, BLOB)]

@@ -12,7 +12,17 @@ from virtual_lab.video.find.blobs import Blobs
 from virtual_lab.video.follow.joint import Fit, Way, fit_flights
 from virtual_lab.video.follow.pieces import DIRTY, Piece, parabola
 
-__all__ = ["FEWEST", "SIDE", "Meeting", "Scene", "flights_of", "joined", "meetings", "readout_of"]
+__all__ = [
+    "FEWEST",
+    "SIDE",
+    "Meeting",
+    "Scene",
+    "flights_of",
+    "joined",
+    "meetings",
+    "others",
+    "readout_of",
+]
 
 Array = NDArray[np.float64]
 
@@ -28,6 +38,7 @@ END = (0.1, 4.0)  # the same beyond the places that a piece had
 HELD = 0.75  # of the ring: a place on a flight may have this much beside it
 BETWEEN = 6.0  # frames between two flights that a contact joins
 FAR_OFF = 1000  # frames: no flight before or after
+HALF = 0.5  # of the ball's contrast: what has less is its shadow or mirror image
 ROUNDS = 4
 APART = 0.6  # radii that two flights may miss each other by at a contact
 SMOOTH = 0.12  # radii, rms: a flight's places lie on its way
@@ -108,6 +119,27 @@ def _holds(scene: Scene, flights: Sequence[Piece]) -> bool:
     u = np.sqrt(np.diagonal(fit.covariance)[:2])
     rms = fit.spread if len(flights) > 1 else SHARP / SMOOTH * fit.spread
     return fit.spread < SMOOTH * longest.radius and _falls(scene, longest, fit.pull[0], u, rms)
+
+
+def others(scene: Scene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> list[Piece]:
+    """Return pieces that fly as a second ball does, beside the flights and at the same time."""
+    found = []
+    taken = {int(one) for each in flights for one in each.blobs}
+    bright = min(float(np.median(scene.found["contrast"][each.blobs])) for each in flights)
+    for piece in pieces:
+        pull, u, rms = _bent(scene, piece)
+        if len(piece.t) < FEWEST or rms > SHARP * piece.radius or taken & set(piece.blobs.tolist()):
+            continue
+        if float(np.median(scene.found["contrast"][piece.blobs])) < HALF * bright:
+            continue  # a shadow on a wall goes as its ball does
+        beside = 0
+        for flight in flights:
+            both, here, there = np.intersect1d(piece.frames, flight.frames, return_indices=True)
+            apart = np.hypot(*(piece.xy[here] - flight.xy[there]).T)
+            beside += int((apart > 2 * flight.radius).sum()) if both.size else 0
+        if beside >= FEWEST // 2 and _falls(scene, piece, pull, u, rms):
+            found.append(piece)
+    return found
 
 
 def joined(scene: Scene, flights: Sequence[Piece], **ways: bool | float) -> Fit:

@@ -13,7 +13,7 @@ from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.timing import UNEVEN, usual_step
 from virtual_lab.video.find.watching import Watched, repeats, watch
 from virtual_lab.video.follow.contacts import Contact, contacts_of
-from virtual_lab.video.follow.flights import Scene, flights_of, joined, readout_of
+from virtual_lab.video.follow.flights import Scene, flights_of, joined, others, readout_of
 from virtual_lab.video.follow.joint import Fit
 from virtual_lab.video.follow.kinds import Motion, motion_of
 from virtual_lab.video.follow.pieces import Piece, pieces
@@ -49,7 +49,7 @@ class Known:
     metres_per_pixel_u: float = 0.0
     exposure: float | None = None  # [s]
     gravity: float = GRAVITY
-    gravity_known: bool = True  # False: on no place of the Earth it is that
+    stands: bool = False  # the camera is known to
     readout: float | None = None  # [s]; None: unknown, up to a frame
     readout_axis: tuple[int, int] = (1, 1)
     frames: tuple[int, int] | None = None
@@ -114,7 +114,13 @@ def follow(
 ) -> Followed:
     """Return what moves in a clip and how."""
     progress("looking for the ball")
-    watched = watch(clip, frames=known.frames, region=known.region, progress=progress)
+    watched = watch(
+        clip,
+        frames=known.frames,
+        region=known.region,
+        stands=known.stands,
+        progress=progress,
+    )
     return following(clip, watched, known)
 
 
@@ -254,6 +260,13 @@ def _said(
         warnings += said[1]
         flights = _flights(scene, ways, fit, free, tilted, contacts, scale, step)
         _against(known, scene, flights, scale, flags, warnings)
+    if ways and (more := others(scene, ways, found)):
+        flags.append("SECOND_BALL")
+        first = min(int(each.frames[0]) for each in more)
+        warnings.append(
+            f"another ball flies beside the one followed, from frame {first} on: --ball-at tells "
+            "which is meant; where they are alike flights may be mixed up"
+        )
     lost = {frame: n for way in ways for frame, n in way.lost.items()}
     if lost:
         flags.append("LOST_FRAMES")

@@ -142,7 +142,7 @@ class _Growth:
         ratio = self.radius[others] / radius
         near = (ratio < SIZE) & (ratio > 1 / SIZE)
         near &= np.abs(self.colour[others] - self.colour[one]).max(axis=1) < COLOUR
-        return others[near]
+        return np.asarray(others[near])
 
     def _seeds(self, a: int) -> Iterator[tuple[int, int, int]]:
         """Yield the triples from a blob that are nearest to a line."""

@@ -121,7 +121,13 @@ def track_clip(
         watched, ways = read_track(asked.track, clip)
     if watched is None:
         progress("looking for the ball")
-        watched = watch(clip, frames=known.frames, region=known.region, progress=progress)
+        watched = watch(
+            clip,
+            frames=known.frames,
+            region=known.region,
+            stands=known.stands,
+            progress=progress,
+        )
     progress("following the ball")
     found = following(clip, watched, known, ways)
     found = replace(found, warnings=(*found.warnings, *notes))
@@ -181,7 +187,8 @@ def _for_clip(
     clip: Clip, calibration: ClipCalibration, said: dict[str, Any], asked: Asked
 ) -> Known:
     """Return what is known of a clip that has been opened."""
-    known = replace(known_of(clip, calibration), **said)
+    known = replace(known_of(clip, calibration), stands=asked.calibration is not None)
+    known = replace(known, **said)
     if "readout" not in said and asked.calibration is None:
         rate = clip.source.rate
         file = clip.source.path.is_file() and rate is not None and rate <= CONSUMER

@@ -126,6 +126,7 @@ def known_of(clip: Clip, calibration: ClipCalibration) -> Known:
         exposure=calibration.exposure_s,
         gravity=float(np.hypot(*calibration.gravity_mps2)) or GRAVITY,
         readout=0.0,
+        stands=True,
     )
 
 
