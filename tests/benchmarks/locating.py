@@ -248,7 +248,7 @@ def _finding() -> Iterator[Row]:
     )
     import trackpy
 
-    away = cv2.absdiff(frames[3], np.round(background).astype(np.uint8))
+    away = cv2.absdiff(frames[3], still.background)
     for name, work in {
         "trackpy locate": lambda: trackpy.locate(
             away, 71, topn=1, noise_size=10, percentile=99, characterize=False

@@ -70,7 +70,7 @@ def test_a_blob_is_where_and_as_large_as_the_ball(blur: tuple[float, float]) -> 
     still = still_of([behind], 8, stands=True)
     (blob,) = blobs(0, frame, frame, NONE, still)
     assert (blob["x"], blob["y"]) == pytest.approx((150.3, 90.8), abs=0.1)
-    assert blob["radius"] == pytest.approx(14.0, abs=0.3)
+    assert blob["radius"] == pytest.approx(14.0, abs=0.2 + np.hypot(*blur) ** 2 / 600)
     assert blob["dirty"] < 0.05
     assert not blob["cut"]
 
@@ -79,17 +79,18 @@ def test_a_ball_that_is_held_or_cut_is_said_to_be() -> None:
     behind = np.full((120, 160), 60, np.uint8)
     still = still_of([behind], 8, stands=True)
 
-    def seen(x: float, held: bool) -> np.void:
+    def seen(x: float, *, held: bool = False) -> list[np.void]:
         share = matte(behind.shape, x, 60.0, 12.0)
         frame = np.round(behind * (1 - share) + 220 * share).astype(np.uint8)
         if held:
             frame[54:66, int(x) + 12 :] = 190
         found = blobs(0, frame, frame, NONE, still)
-        return min(found, key=lambda each: abs(each["x"] - x))
+        return [each for each in found if abs(each["x"] - x) < 6]
 
-    assert seen(80.0, held=True)["dirty"] > 0.05
-    assert seen(80.0, held=False)["dirty"] == 0
-    assert seen(8.0, held=False)["cut"]
+    assert not any(each["dirty"] < 0.05 for each in seen(80.0, held=True))
+    assert [each["dirty"] for each in seen(80.0)] == [0]
+    assert all(each["cut"] for each in seen(8.0))
+    assert not any(each["cut"] for each in seen(80.0))
 
 
 def test_a_changing_light_is_no_blob() -> None:
@@ -103,7 +104,7 @@ def test_a_changing_light_is_no_blob() -> None:
 def test_frames_stored_twice_change_less_than_those_beside() -> None:
     moving = np.array([np.nan, 40, 2, 42, 3, 39, 2, 41, 38, 40, 3, 44, 40.0])
     assert np.flatnonzero(repeats(moving)).tolist() == [2, 4, 6, 10]
-    slowing = np.array([np.nan, 40, 30, 20, 10, 4, 10, 20, 30, 40.0])
+    slowing = np.array([np.nan, 40, 30, 20, 12, 7, 12, 20, 30, 40.0])
     assert not repeats(slowing).any()
     key_frames = np.array([np.nan, 2, 2, 2, 30, 2, 2, 2, 2, 30, 2, 2.0])
     assert not repeats(key_frames).any()

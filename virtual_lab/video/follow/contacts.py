@@ -65,8 +65,7 @@ def contacts_of(
         if np.hypot(*change) < CHANGED * fast:
             continue
         normal, kind = _normal(fit.pull[0], change, ways)
-        ends = (one.t[-1], other.t[0])
-        frame = float(np.interp(met.t, ends, (one.frames[-1], other.frames[0])))
+        frame = _frame(scene, one, other, met.t)
         late = fit.readout * float(np.median(scene.late(one.blobs[-2:]))) if fit.readout else 0.0
         time = from_fit(fit, lambda f: _closest(f, met.first, met.t)[0])  # noqa: B023
         value = None
@@ -88,6 +87,15 @@ def contacts_of(
             )
         )
     return found, (flags, warnings)
+
+
+def _frame(scene: Scene, one: Piece, other: Piece, t: float) -> float:
+    """Return the frame of a time between two flights, between stored ones; repeats do not count."""
+    between = np.arange(one.frames[-1], other.frames[0] + 1)
+    between = between[np.isfinite(scene.time[between])]
+    times = scene.time[between] + one.t[-1] - scene.time[one.frames[-1]]
+    times[-1] = other.t[0]
+    return float(np.interp(t, times, between))
 
 
 def _normal(pull: Array, change: Array, ways: list[Piece]) -> tuple[Array | None, str]:

@@ -35,6 +35,7 @@ TILTED, TILTED_OFF = (
 )  # factor that a perspective shrinks the misfit by, and how large it is
 BEHIND = 0.35  # of the difference between fits with and without drag, as u
 MOVED = 0.1  # radii a frame: a ball that moves less may well look the same
+LEAST_PERIOD, MOST_PERIOD = 3, 10  # frames, of those left out of 30 a second to make 25 or 24
 AT_ONCE = 2  # repeats among the frames of flights, to ask whether they stand for time that passed
 
 
@@ -106,7 +107,7 @@ class Followed:
     @property
     def seconds(self) -> float:
         """Of one step of `t`."""
-        return _step(self.known, self.scene)
+        return _step(self.known, self.scene) * _thinned(self.ways)
 
 
 def follow(
@@ -216,6 +217,22 @@ def _step(known: Known, scene: Scene) -> float:
     return float(frames / (scene.time[counted[-1]] - scene.time[counted[0]]) / known.rate)
 
 
+def _thinned(ways: Sequence[Piece]) -> float:
+    """Return the share of a stored picture's time that a step of time takes.
+
+    Where every so manieth frame was left out the file's rate is that of what is left: a step is
+    shorter. Frames that are lost here and there leave the rate as it was.
+    """
+    lost = {frame: n for way in ways for frame, n in way.lost.items()}
+    frames = np.array(sorted(lost))
+    if len(frames) < 2 or set(lost.values()) != {1}:
+        return 1.0
+    steps = np.diff(frames)
+    period = int(steps.min())
+    regular = LEAST_PERIOD <= period <= MOST_PERIOD and not (steps % period).any()
+    return period / (period + 1) if regular else 1.0
+
+
 def _said(
     clip: Clip,
     watched: Watched,
@@ -227,7 +244,7 @@ def _said(
 ) -> Followed:
     flags: list[str] = []
     warnings = list(clip.warnings)
-    step = _step(known, scene)
+    step = _step(known, scene) * _thinned(ways)
     motion = motion_of(scene, found, ways, step)
     scale = scale_of(watched, known, ways or found)
     flights: list[Flight] = []
@@ -409,7 +426,7 @@ def _against(
     bends = [
         each
         for each in flights
-        if known.gravity * (each.end - each.start) ** 2 / 8
+        if max(known.gravity, each.acceleration.value) * (each.end - each.start) ** 2 / 8
         > 2 * scale.metres_per_pixel * each.radius
     ]
     if bends:
