@@ -66,7 +66,6 @@ def test_a_clip_without_a_calibration_file_warns(folder: Path) -> None:
     done = CliRunner().invoke(cli, [*arguments, "--quick", "--out", str(out)])
     assert done.exit_code == 0, done.output
     assert "the frame rate is the file's own" in done.stdout
-    assert "neither --readout nor --global-shutter is given" in done.stdout
     assert "0.28 mm was assumed" in done.stdout
 
 
