@@ -77,8 +77,8 @@ def test_import_contracts() -> None:
         ),
         ("virtual_lab/video/clips/clip.py", "import virtual_lab.video.track.lines", FLOORS),
         (
-            "virtual_lab/video/locate/plain_ball/disc.py",
-            "import virtual_lab.video.locate.stitched_ball.edge",
+            "virtual_lab/video/locate/noise.py",
+            "import virtual_lab.video.locate.edge_fit",
             FLOORS,
         ),
     ],

@@ -12,21 +12,20 @@ from tests.benchmarks.rows import Row
 from tests.benchmarks.scenes import BATS, WIDE, default_model, eight_modes
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.reference import ReferenceModel
-from virtual_lab.simulation.collision.scene import Collisions, Scenes
-from virtual_lab.simulation.collision.stepping import COARSE, FINE, InStep, OneByOne
+from virtual_lab.simulation.collision.scene import Scenes
+from virtual_lab.simulation.collision.stepping import FINE, OneByOne
 
 __all__ = ["accuracy"]
 
 Floats = NDArray[np.float64]
 PART = "accuracy: 4 bats, z 0.5-30 in, 20-180 mph, e0 0.3-0.8, exponent 1-2, against one by one"
 SCENES, CHECKED = 120_000, 10
-STEPPERS = {"FINE": FINE, "COARSE": COARSE}
 MODELS = {"8 modes": eight_modes, "20 + residual": default_model}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Found:
-    """Of one bat, model and stepper."""
+    """Of one bat and model."""
 
     errors: Floats
     closure: Floats
@@ -37,13 +36,11 @@ def accuracy(scenes: int = SCENES, seed: int = 1) -> Iterator[Row]:
     """Measure."""
     yield from _one_by_one(seed)
     for label, of in MODELS.items():
-        found: dict[str, list[_Found]] = {name: [] for name in STEPPERS}
-        for number, bat in enumerate(BATS):
-            drawn = WIDE.draw(scenes // len(BATS), seed * len(BATS) + number)
-            for name, own in _compare(of(bat), drawn).items():
-                found[name].append(own)
-        for name, stepper in STEPPERS.items():
-            yield from _rows(f"{name}, {label}", stepper, found[name])
+        found = [
+            _compare(of(bat), WIDE.draw(scenes // len(BATS), seed * len(BATS) + number))
+            for number, bat in enumerate(BATS)
+        ]
+        yield from _rows(f"FINE, {label}", found)
 
 
 def _one_by_one(seed: int) -> Iterator[Row]:
@@ -64,32 +61,23 @@ def _one_by_one(seed: int) -> Iterator[Row]:
         yield Row(part=PART, what=what, value=max(own), note=note)
 
 
-def _compare(model: ModalModel, scenes: Scenes) -> dict[str, _Found]:
+def _compare(model: ModalModel, scenes: Scenes) -> _Found:
     exact = replace(model, stepper=OneByOne()).collide(scenes).collision_efficiency
-    found = {}
-    for name, stepper in STEPPERS.items():
-        ours = replace(model, stepper=stepper).collide(scenes)
-        found[name] = _Found(
-            errors=np.abs(ours.collision_efficiency - exact),
-            closure=_closure(ours),
-            redone=ours.redone,
-        )
-    return found
+    ours = model.collide(scenes)
+    return _Found(
+        errors=np.abs(ours.collision_efficiency - exact),
+        closure=np.abs(ours.energy.total - 1),
+        redone=ours.redone,
+    )
 
 
-def _closure(collisions: Collisions) -> Floats:
-    shares = collisions.energy
-    total = shares.ball + shares.rigid + shares.bending + shares.hoop + shares.hysteresis
-    return np.abs(total - 1)
-
-
-def _rows(what: str, stepper: InStep, found: list[_Found]) -> Iterator[Row]:
+def _rows(what: str, found: list[_Found]) -> Iterator[Row]:
     errors = np.concatenate([own.errors for own in found])
     redone = np.bincount(np.concatenate([own.redone for own in found]), minlength=4) / len(errors)
     by_bat = ", ".join(
         f"{bat} {own.errors.max():.1e}" for bat, own in zip(BATS, found, strict=True)
     )
-    aim = stepper.tolerance
+    aim = FINE.tolerance
     yield Row(
         part=PART,
         what=f"{what}: worst of {len(errors)}",

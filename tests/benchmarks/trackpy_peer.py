@@ -6,13 +6,12 @@ import numpy as np
 
 from virtual_lab.fidelity.camera_estimators import Estimator, Picture, Place, by_picture
 
-__all__ = ["DEFAULTS", "TRACKPY"]
+__all__ = ["TRACKPY"]
 
 PAD = 20  # pixels of nothing around: it looks for no ball near an edge
 BEYOND = 11  # pixels its window is wider than the ball
 WHITE = 200.0  # grey value of the ball
 SMOOTHED = 1 / 3  # of the radius: less leaves a plateau without a peak
-DEFAULTS = "trackpy locate"
 
 
 def _located(picture: Picture, *, characterize: bool) -> Place | None:
@@ -43,7 +42,7 @@ def _refined(picture: Picture) -> Place | None:
 
 
 TRACKPY: dict[str, Estimator] = {
-    DEFAULTS: by_picture(lambda picture: _located(picture, characterize=True)),
+    "trackpy locate": by_picture(lambda picture: _located(picture, characterize=True)),
     "trackpy locate, places alone": by_picture(
         lambda picture: _located(picture, characterize=False)
     ),

@@ -249,6 +249,10 @@ def test_a_bad_bat_file(old: str, new: str, key: str, value: str | None, allowed
         ("balls", BALL, "value = 5.125", "value = -5.125", "mass", "-5.125 is beyond 0.35"),
         ("balls", BALL, "value = -0.001", "value = 0.001", "restitution.slope", "equal to 0"),
         ("balls", BALL, "value = 0.55", "value = 1.01", "restitution.value", "beyond 0.05 to 1"),
+        ("balls", BALL, "value = 0.55", "value = 0.007", "restitution.value", "beyond 0.05 to 1"),
+        ("balls", BALL, "exponent = { value = 1", "exponent = { value = 9", "exponent", "1 to 5"),
+        ("balls", BALL, "value = 3.5e6", "value = 1e14", "file", "by 1 cm gives 1e+12 N; allowed"),
+        ("balls", BALL, "value = 3.5e6", "value = 1e2", "file", "by 1 cm gives 1 N; allowed: 100"),
         ("balls", BALL, 'unit = "oz"', 'unit = "in"', "mass", "allowed: kg, g, oz, lb"),
         (
             "procedures",

@@ -31,7 +31,7 @@ RULES = (ROOT / "data" / "procedures" / "astm-f1881.toml").read_text()
 BALL = (ROOT / "data" / "balls" / "game-2003.toml").read_text()
 LONG = "x" * 300
 BOARD = "--board charuco:9x6:60mm:44mm"
-TRACK = "track clip.npy --ball 28mm --quick --calibration"
+TRACK = "track clip.npy --ball 28mm --calibration"
 CAMERA = """
 [camera]
 image_size = [32, 20]

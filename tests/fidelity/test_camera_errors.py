@@ -17,7 +17,7 @@ BATCH = pictures(Case(radius=15, phases=4, repeats=5))
 
 def test_score_counts_what_was_put_in() -> None:
     """One place lost, one flagged, one wrong and flagged, one wrong unsaid, a phase off."""
-    least = BATCH.x_bound
+    least = np.full(20, BATCH.limit)
     x, flags = BATCH.x.copy(), np.zeros(20, np.uint16)
     x[0], flags[0] = np.nan, Flag.NOT_FOUND
     flags[1] = Flag.CLIPPED
@@ -29,12 +29,12 @@ def test_score_counts_what_was_put_in() -> None:
     )
     assert (found.lost, found.flagged, found.unsaid) == pytest.approx((0.05, 0.1, 0.05))
     assert found.bias == pytest.approx(12 / 4)
-    assert found.over_bound == pytest.approx(np.sqrt((2 * 36 + 5 * 4) / 38))
-    assert found.rms == pytest.approx(found.over_bound * least[0], rel=0.05)
+    assert found.rms == pytest.approx(BATCH.limit * np.sqrt((2 * 36 + 5 * 4) / 38))
 
 
 def test_a_pattern_widens_what_is_believed() -> None:
-    off = replace(BATCH.given.start, x=BATCH.x + 0.1, y=BATCH.y, x_u=BATCH.x_bound)
+    least = np.full(20, BATCH.limit)
+    off = replace(BATCH.given.start, x=BATCH.x + 0.1, y=BATCH.y, x_u=least)
     assert wrong_unsaid(BATCH, off).all()
     assert not wrong_unsaid(BATCH, replace(off, pattern_u=np.full(20, 0.021))).any()
 

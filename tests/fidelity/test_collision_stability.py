@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,16 +11,18 @@ import numpy as np
 import pytest
 
 from virtual_lab.fidelity import collision_stability as maps
-from virtual_lab.simulation.collision.stepping import FINE
+from virtual_lab.simulation.collision.stepping import FINE, OneByOne
 
 
 @pytest.fixture(scope="module")
 def rows() -> list[dict[str, Any]]:
     ends = {axis: (values[0], values[-1]) for axis, values in maps.AXES.items()}
+    ends[maps.CONTACTS] = (1, 3)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(maps, "AXES", ends)
         patch.setattr(maps, "FACTORS", (0.5, 1.0, 1.3, 1.5, 4.0))
         patch.setattr(maps, "PLACES_IN", (1.0, 6.5, 16.0))
+        patch.setattr(maps, "POOL", 600)
         return maps.measure()
 
 
@@ -27,13 +30,36 @@ def at(rows: list[dict[str, Any]], *steps: str) -> list[dict[str, Any]]:
     return [row for row in rows if row["step"] in steps]
 
 
-def test_what_is_shipped_is_good_everywhere(rows: list[dict[str, Any]]) -> None:
-    assert {row["state"] for row in at(rows, maps.SHIPPED)} == {maps.GOOD}
+def no_result(row: dict[str, Any]) -> bool:
+    """Whether a column's scenes are those that cannot be followed."""
+    return bool((row["map"], row["value"]) == (maps.RESTITUTION, 0.005))
+
+
+def test_what_is_shipped_is_good_everywhere_or_gives_no_result(rows: list[dict[str, Any]]) -> None:
+    for row in at(rows, maps.SHIPPED):
+        assert row["state"] == (maps.NO_RESULT if no_result(row) else maps.GOOD), row
+        assert (row["scenes"] > 0) != no_result(row), row
 
 
 def test_the_default_knows_which_scenes_it_got_wrong(rows: list[dict[str, Any]]) -> None:
-    assert {row["state"] for row in at(rows, "0.5", "1")} == {maps.GOOD, maps.NOTICED}
-    assert max(row["worst_unnoticed_error"] for row in at(rows, "1")) < FINE.tolerance
+    known = [row for row in at(rows, "0.5", "1") if not no_result(row)]
+    assert {row["state"] for row in known} == {maps.GOOD, maps.NOTICED}
+    assert max(row["worst_unnoticed_error"] for row in known) < FINE.tolerance
+
+
+def test_scenes_are_of_the_contacts_that_their_column_says() -> None:
+    for contacts in (1, 3):
+        for model, scenes in maps._column(maps.CONTACTS, contacts):
+            exact = replace(model, stepper=OneByOne(refinement=2.0)).collide(scenes)
+            assert len(scenes) > 0
+            assert (exact.contacts == contacts).all()
+
+
+def test_only_a_clamped_bat_swings_back(rows: list[dict[str, Any]]) -> None:
+    swung = {row["value"]: row["swung_back"] for row in at(rows, maps.SHIPPED)}
+    late = {row["value"] for row in at(rows, maps.SHIPPED) if row["swung_back"]}
+    assert late == {"clamped 25 in"}
+    assert swung["clamped 25 in"] > 0
 
 
 def test_what_is_not_refused_is_stable(rows: list[dict[str, Any]]) -> None:
@@ -51,6 +77,7 @@ def test_states_are_told_apart() -> None:
                 leak=np.array([0.0, leak]),
                 doubted=np.array([False, doubted]),
                 given_up=np.array([False, given_up]),
+                swung_back=np.array([False, False]),
             )
 
         return str(maps._cell(outcome(0.1 + error), outcome(0.1), False)["state"])

@@ -37,28 +37,15 @@ __all__ = ["track"]
     help="track.csv of an earlier run, corrected by hand: its places and flights are taken.",
 )
 @click.option(
-    "--quick",
-    "in_a_hurry",
-    is_flag=True,
-    help="Locate with OpenCV alone, to some hundredths of a pixel.",
-)
-@click.option(
     "--out",
     type=click.Path(path_type=Path),
     help="New folder for track, result, plot, contact sheet and film  [default: CLIP-track]",
-)
-@click.option(
-    "--phases",
-    is_flag=True,
-    help="Test whether places lean with where between pixels the ball is: roll one slowly through.",
 )
 @json_option
 def track(
     clip: Path,
     corrected: Path | None,
-    in_a_hurry: bool,
     out: Path | None,
-    phases: bool,
     as_json: bool,
     **said: Any,
 ) -> None:
@@ -69,18 +56,13 @@ def track(
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # its faults are told as ours
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     from virtual_lab.files import check_new_folder, first_free
-    from virtual_lab.video.show.track_phases import phases_of, phases_text, write_phases
     from virtual_lab.video.show.tracked_clip import Asked, track_clip
 
     out = out or first_free(clip.parent / f"{clip.absolute().stem or 'clip'}-track")
     check_new_folder(out)
-    found = track_clip(clip, Asked(track=corrected, quick=in_a_hurry, **said), progress=teller())
-    leaning = phases_of(found.tracked) if phases and found.tracked else {}
+    found = track_clip(clip, Asked(track=corrected, **said), progress=teller())
     found.save(out)
-    if leaning:
-        write_phases(leaning, out / "phases.csv")
     if as_json:
         print_json(found.document)
     else:
-        told = [found.text, *([phases_text(leaning)] if leaning else []), str(out)]
-        click.echo("\n\n".join(told))
+        click.echo(f"{found.text}\n\n{out}")

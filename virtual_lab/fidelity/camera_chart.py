@@ -36,7 +36,7 @@ SCENES: dict[tuple[str, str], Case] = {
 
 
 def measure(say: Callable[[str], None] = lambda _: None) -> list[Row]:
-    """Return a row a scene and estimator: error and bound [px], bias over it, time a frame [ms].
+    """Return a row a scene and estimator: error and limit [px], bias over it, time a frame [ms].
 
     Bias is that of the worst phase of a pixel, without noise; of a stitched ball, whose pattern is
     another in each picture, there is none. Shares are of pictures: lost without a place, flagged,
@@ -71,8 +71,8 @@ def _scene(ball: str, scene: str, case: Case) -> list[Row]:
                 "scene": scene,
                 "estimator": name,
                 "rms_px": found.rms if np.isfinite(found.rms) else None,
-                "bound_px": float(np.hypot(batch.x_bound, batch.y_bound).mean() / np.sqrt(2)),
-                "bias_over_bound": bias if np.isfinite(bias) else None,
+                "limit_px": batch.limit,
+                "bias_over_limit": bias if np.isfinite(bias) else None,
                 "ms_a_frame": spent * 1e3,
                 "lost": found.lost,
                 "flagged": found.flagged,

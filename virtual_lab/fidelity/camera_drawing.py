@@ -1,4 +1,4 @@
-"""The picture of the ways of locating a ball: error over time a frame, the bound drawn in."""
+"""The picture of the ways of locating a ball: error over time a frame, the limit drawn in."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ __all__ = ["TITLE", "WORDS", "draw"]
 TITLE = "Locating the ball: error over time a frame"
 WORDS = (
     "Root mean square errors along an axis over places spread evenly within a pixel; radius 30 px, "
-    "shift during the exposure 2 px, contrast 96 times a pixel's noise. The bound is Cramér and "
-    "Rao's of a plain ball whose radius is unknown: nothing unbiased does better. A marker with a "
+    "shift during the exposure 2 px, contrast 96 times a pixel's noise. The limit is Cramér and "
+    "Rao's bound of a plain ball: nothing unbiased does better. A marker with a "
     "ring is of an estimator that flags these pictures as not to be trusted; one that lost more "
     "than half of them is not drawn."
 )
-PEERS = ("#7f7f7f", "#8c564b", "#bcbd22", "#e69f00", "#17becf", "#cc79a7", "#d55e00", "#aec7e8")
-LINES = ("#009e73", "#0072b2", "#9ecae1", "#5e3c99", "#000000")
+PEERS = ("#7f7f7f", "#009e73", "#8c564b", "#bcbd22", "#e69f00", "#17becf", "#cc79a7", "#d55e00")
+LINES = ("#aec7e8", "#0072b2", "#000000")
 MARKERS = "osDX"
 FLAGGED = 0.5  # share of pictures
 TICKS = (0.2, 0.5, 1, 2, 5, 10)  # ms
@@ -71,11 +71,11 @@ def _panel(axes: Any, rows: list[dict[str, Any]], colours: dict[str, str]) -> No
                 axes.plot(
                     *place, marker="o", color="#c00000", markersize=11, markerfacecolor="none"
                 )
-    bound = max(row["bound_px"] for row in rows)
-    axes.axhline(bound, color="black", linestyle="--", linewidth=1)
+    limit = max(row["limit_px"] for row in rows)
+    axes.axhline(limit, color="black", linestyle="--", linewidth=1)
     axes.annotate(
-        f"Cramér–Rao bound, {bound:.4f} px",
-        (0.98, bound),
+        f"Cramér–Rao limit, {limit:.4f} px",
+        (0.98, limit),
         xycoords=("axes fraction", "data"),
         xytext=(0, -10),
         textcoords="offset points",
@@ -91,7 +91,7 @@ def _panel(axes: Any, rows: list[dict[str, Any]], colours: dict[str, str]) -> No
             [], [], "o", color="#c00000", markersize=9, markerfacecolor="none", label="flagged"
         )
     axes.legend(handles=keys, fontsize=8, frameon=False, loc="upper left", ncols=2)
-    axes.set_ylim(bound / 2, ROOM)
+    axes.set_ylim(limit / 2, ROOM)
     axes.set_xticks(TICKS, [f"{tick:g}" for tick in TICKS])
     axes.set_xticks([], minor=True)
     axes.set_xlabel("time a frame, one core [ms]")

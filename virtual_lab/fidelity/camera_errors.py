@@ -23,8 +23,7 @@ class Score:
     """Of many pictures; those without a place count in `lost` alone."""
 
     rms: float  # of an error along an axis [pixel]
-    over_bound: float  # the same over the bound of each
-    bias: float  # worst mean of a phase, over the bound
+    bias: float  # worst mean of a phase, over the limit
     lost: float  # share without a place
     flagged: float  # share with a place and a flag
     unsaid: float  # share off by more than five of its own standard uncertainties, unflagged
@@ -33,16 +32,14 @@ class Score:
 def score(batch: Batch, found: Located) -> Score:
     """Return what places are worth."""
     off = np.stack([found.x - batch.x, found.y - batch.y])
-    over = off / np.stack([batch.x_bound, batch.y_bound])
     here = np.isfinite(off).all(axis=0)
     if not here.any():
-        return Score(rms=np.inf, over_bound=np.inf, bias=np.inf, lost=1.0, flagged=0.0, unsaid=0.0)
+        return Score(rms=np.inf, bias=np.inf, lost=1.0, flagged=0.0, unsaid=0.0)
     _, phase = np.unique(np.round(batch.x % 1.0, 6), return_inverse=True)
-    means = [over[:, here & (phase == k)].mean(axis=1) for k in np.unique(phase[here])]
+    means = [off[:, here & (phase == k)].mean(axis=1) for k in np.unique(phase[here])]
     return Score(
         rms=float(np.sqrt(np.mean(off[:, here] ** 2))),
-        over_bound=float(np.sqrt(np.mean(over[:, here] ** 2))),
-        bias=float(np.abs(means).max()),
+        bias=float(np.abs(means).max() / batch.limit),
         lost=float(1 - here.mean()),
         flagged=float((here & (found.flags != 0)).mean()),
         unsaid=float(wrong_unsaid(batch, found).mean()),
@@ -52,15 +49,12 @@ def score(batch: Batch, found: Located) -> Score:
 def wrong_unsaid(batch: Batch, found: Located) -> NDArray[np.bool_]:
     """Return which places are off by more than five of their uncertainties with no flag for it.
 
-    A method that states no uncertainty is taken at the bound's.
+    A method that states no uncertainty is taken at the limit.
     """
     pattern = 0.0 if found.pattern_u is None else found.pattern_u
     wrong = np.zeros(batch.x.shape, bool)
-    for place, u, true, least in (
-        (found.x, found.x_u, batch.x, batch.x_bound),
-        (found.y, found.y_u, batch.y, batch.y_bound),
-    ):
-        said = np.hypot(np.where(np.isnan(u), least, u), pattern)
+    for place, u, true in ((found.x, found.x_u, batch.x), (found.y, found.y_u, batch.y)):
+        said = np.hypot(np.where(np.isnan(u), batch.limit, u), pattern)
         wrong |= np.abs(place - true) > BEYOND * said
     return np.asarray(wrong & (found.flags == 0))
 

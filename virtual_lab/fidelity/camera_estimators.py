@@ -12,21 +12,18 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr
 
 from virtual_lab.fidelity.camera_scenes import Given
+from virtual_lab.video.locate.edge_fit import fit_edge
 from virtual_lab.video.locate.located import Flag, Located
-from virtual_lab.video.locate.plain_ball.disc import disc_image
-from virtual_lab.video.locate.plain_ball.refining import Optics, refine
-from virtual_lab.video.locate.quick import quick
-from virtual_lab.video.locate.refined import Refined, locate
-from virtual_lab.video.locate.stitched_ball.edge import fit_edge
+from virtual_lab.video.locate.sharp import Sharp
 
 __all__ = [
     "CV2",
+    "EDGE",
     "ESTIMATORS",
     "OURS",
-    "PLAIN",
-    "SHARED",
     "SHIPPED",
     "Estimator",
     "Picture",
@@ -41,7 +38,6 @@ Place = tuple[float, float]
 CORE = 0.7  # of the radius: inside it is the ball's brightness
 NEAR = 3.0  # pixels around the ball that may be its own
 FAINT = 0.05  # of the ball in a pixel: less is noise
-FREE_LENS, FREE_BLUR = 0.2, 3.0  # pixels, standard uncertainties of blurs that are not known
 
 Estimator = Callable[[Given], Located]
 
@@ -71,11 +67,15 @@ class Picture:
     @property
     def model(self) -> Image:
         """What the matte would be, were the start right."""
-        shape = self.image.shape[0], self.image.shape[1]
-        whole = disc_image(
-            shape, x=self.x, y=self.y, radius=self.radius, lens=self.lens, blur=self.blur
-        )
-        return whole.astype(np.float32)
+        rows, columns = np.ogrid[: self.image.shape[0], : self.image.shape[1]]
+        width, long = np.sqrt(self.lens**2 + 1 / 12), np.hypot(*self.blur)
+        nodes, weights = np.polynomial.legendre.leggauss(int(np.ceil(0.9 * long / width)) + 4)
+        share = np.zeros(self.image.shape)
+        for node, weight in zip(nodes / 2, weights / 2, strict=True):
+            x, y = self.x + node * self.blur[0], self.y + node * self.blur[1]
+            inside = self.radius - np.hypot(columns - x, rows - y)
+            share += weight * ndtr(inside / width - width / (2 * self.radius))
+        return share.astype(np.float32)
 
 
 def by_picture(place: Callable[[Picture], Place | None]) -> Estimator:
@@ -123,6 +123,13 @@ def _contour_moments(picture: Picture) -> Place | None:
 
     outline = _outline(picture)
     return None if outline is None else _centre(cv2.moments(outline))
+
+
+def _hull(picture: Picture) -> Place | None:
+    import cv2
+
+    outline = _outline(picture)
+    return None if outline is None else _centre(cv2.moments(cv2.convexHull(outline)))
 
 
 def _ellipse(picture: Picture) -> Place | None:
@@ -210,33 +217,10 @@ def _vertex(three: Any) -> float:
     return (before - after) / (2 * bend) if bend else 0.0
 
 
-def _quick(given: Given) -> Located:
-    return quick(given.clip, given.seen, given.start)
-
-
-def _refine(given: Given, optics: Optics) -> Located:
-    refined = refine(
-        given.seen.pixels,
-        given.seen.corners,
-        given.start,
-        noise=given.noise,
-        optics=optics,
-        background=given.seen.background.astype(float),
-        mask=given.mask,
-    )
-    return refined.located
-
-
-def _known(given: Given) -> Located:
-    return _refine(given, Optics(lens=given.lens))
-
-
-def _free(given: Given) -> Located:
-    return _refine(given, Optics(lens=given.lens, lens_u=FREE_LENS, blur_u=FREE_BLUR))
-
-
+HULL = "convex hull"
 CV2: dict[str, Estimator] = {
     "contour moments": by_picture(_contour_moments),
+    HULL: by_picture(_hull),
     "fitEllipse": by_picture(_ellipse),
     "minEnclosingCircle": by_picture(_enclosing),
     "matte moments": by_picture(_matte_moments),
@@ -255,41 +239,15 @@ def _edge(given: Given) -> Located:
         noise=given.noise,
         lens=given.lens,
         background=given.seen.background.astype(float),
-        mask=given.mask,
     ).located
 
 
 def _learnt(given: Given) -> Located:
     """Do as the tracker does, which learns noise and lens from the pictures themselves."""
-    return _tracked(given, {})
+    return Sharp()(given.clip, given.seen, given.start)
 
 
-def _told(given: Given) -> Located:
-    return _tracked(given, {"noise": given.noise, "lens": given.lens})
-
-
-def _tracked(given: Given, known: dict[str, Any]) -> Located:
-    if given.mask is None:
-        return Refined(known=known)(given.clip, given.seen, given.start)
-    rows, columns = given.clip.shape
-    return locate(
-        given.seen,
-        given.start,
-        noise=given.noise,
-        lens=given.lens,
-        middle=((columns - 1) / 2, (rows - 1) / 2),
-        mask=given.mask,
-    )
-
-
-PLAIN, SHARED = "occlusion fit", "refined"
-OURS: dict[str, Estimator] = {
-    "quick": _quick,
-    PLAIN: _known,
-    "occlusion fit, blurs free": _free,
-    "edge fit": _edge,
-    SHARED: _learnt,
-}
+EDGE, LEARNT = "edge fit", "edge fit, camera learnt"
+OURS: dict[str, Estimator] = {EDGE: _edge, LEARNT: _learnt}
 ESTIMATORS = CV2 | OURS
-# what the tracker may take; of the last one its camera known, as a few pictures tell little of it
-SHIPPED: dict[str, Estimator] = {"quick": _quick, PLAIN: _known, SHARED: _told}
+SHIPPED: dict[str, Estimator] = {HULL: CV2[HULL], EDGE: _edge}  # what the tracker may take

@@ -29,7 +29,6 @@ from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.reading import Source
 from virtual_lab.video.locate.located import Located
 from virtual_lab.video.locate.noise import ROUNDING
-from virtual_lab.video.locate.plain_ball.bound import bound
 from virtual_lab.video.locate.regions import Regions
 
 __all__ = ["pictures"]
@@ -43,7 +42,6 @@ SEAM = 0.6  # how much darker
 BITS = 8
 EMPTY = 32  # frames the background is known from
 SURFACE_TURN = (0.001, -0.002, 0.003)  # rad during the exposure: 1500 rpm and 25 us
-BESIDE = 3.0  # pixels from the bat's edge that are masked with it
 
 
 def pictures(case: Case, seed: int = 1, block: int = 0) -> Batch:
@@ -53,7 +51,7 @@ def pictures(case: Case, seed: int = 1, block: int = 0) -> Batch:
     slots = block * count + np.arange(count)
     steps = np.repeat(np.arange(case.phases), case.repeats)
     own = middle - 0.5 + np.stack([steps / case.phases, (0.37 * steps) % 1], axis=1)
-    mean, behind, mask = _means(case, own, draws, slots)
+    mean, behind = _means(case, own, draws, slots)
     burn = case.exposure * (1 + 2 * case.flicker * draws.uniform("flicker", slots=slots))
     mean, behind = mean * burn[:, None, None], behind * case.exposure
     pixels, samples, empty = _exposed(case, mean, behind, draws, slots, block)
@@ -67,40 +65,18 @@ def pictures(case: Case, seed: int = 1, block: int = 0) -> Batch:
         corners=corners,
     )
     x, y = (own + corners).T
-    first = own[:: case.repeats]
-    least = bound(
-        (side, columns),
-        x=first[:, 0],
-        y=first[:, 1],
-        radius=case.radius,
-        lens=LENS,
-        ball=case.levels[0],
-        background=case.levels[1],
-        noise=case.noise,
-        blur_x=case.way[0],
-        blur_y=case.way[1],
-    )
     given = Given(
         clip=_clip(samples),
         seen=seen,
         start=_start(case, x, y, draws, slots),
         noise=case.noise,
         lens=LENS,
-        mask=mask if case.pose_known else None,
     )
-    return Batch(
-        given=given,
-        x=x,
-        y=y,
-        x_bound=np.repeat(least.x, case.repeats),
-        y_bound=np.repeat(least.y, case.repeats),
-    )
+    return Batch(given=given, x=x, y=y, limit=case.limit(LENS))
 
 
-def _means(
-    case: Case, own: Array, draws: Streams, slots: Slots
-) -> tuple[Array, Array, NDArray[np.bool_] | None]:
-    """Return mean grey values with the ball at `own` places, those without it, and the mask."""
+def _means(case: Case, own: Array, draws: Streams, slots: Slots) -> tuple[Array, Array]:
+    """Return mean grey values with the ball at `own` places, and those without it."""
     side, count = case.side, len(own)
     middle = (side - 1) / 2
     seen = render_balls(
@@ -118,11 +94,10 @@ def _means(
     behind = np.broadcast_to(level + case.slope * (np.arange(side) - middle), (side, side))
     mean = np.asarray(seen.over(behind, ball / ALBEDO), np.float64)
     if not case.covered:
-        return mean, behind, None
+        return mean, behind
     edge = middle + case.radius * (1 - 2 * case.covered)
     share = ndtr((np.arange(side) - edge) / sqrt(LENS**2 + 1 / 12))
-    free = np.broadcast_to(np.arange(side) < edge - BESIDE, (1, side, side))
-    return mean + share * (BAT - mean), behind + share * (BAT - behind), free
+    return mean + share * (BAT - mean), behind + share * (BAT - behind)
 
 
 def _light(name: str) -> Light:

@@ -8,7 +8,7 @@ a pixel halfway up the edge; a fifth of that noise's variance is the dark's.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import ceil, cos, sin
+from math import ceil, cos, pi, sin, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +41,6 @@ class Case:
     light: str = EVEN
     cut: float = 0.0  # out of the frame
     covered: float = 0.0  # behind the bat
-    pose_known: bool = True  # of the bat
     exposure: float = 1.0  # over the right one: from 1.34 on the ball saturates
     hot: int = 0  # pixels at full scale in each picture
     flicker: float = 0.0  # of the light from picture to picture, amplitude
@@ -69,6 +68,16 @@ class Case:
             return SHADOW, SHADOW + contrast
         return DARK + contrast, DARK
 
+    def limit(self, lens: float) -> float:
+        """Return the least standard uncertainty of a plain ball's place along its motion [pixel].
+
+        Cramér and Rao's bound in closed form, exact where the ball stands still and where its
+        blur is long against the edge but not against the ball; `lens` is the standard deviation
+        of the lens's blur [pixel].
+        """
+        still = 2 * sqrt(lens**2 + 1 / 12) / (sqrt(pi) * self.radius)
+        return sqrt(max(still, self.blur / (4 * self.radius))) / self.snr
+
     @property
     def noise(self) -> Noise:
         """The camera's noise, rounding included."""
@@ -90,15 +99,13 @@ class Given:
     start: Located
     noise: Noise
     lens: float
-    mask: NDArray[np.bool_] | None  # (1, row, column), False where the bat is
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Batch:
-    """Pictures phase by phase, (phase x repeat), what is true of them, and the bound."""
+    """Pictures phase by phase, (phase x repeat), what is true of them, and the limit."""
 
     given: Given
     x: Array
     y: Array
-    x_bound: Array
-    y_bound: Array
+    limit: float  # least standard uncertainty of a plain ball's place along an axis [pixel]

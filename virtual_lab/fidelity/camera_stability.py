@@ -37,7 +37,7 @@ __all__ = ["AXES", "measure", "save", "text", "unsaid_share"]
 
 Row = dict[str, Any]
 PHASES, REPEATS = 4, 4
-TOLERANCE, NEAR_BOUND = 0.02, 1.5  # pixels, and over the bound: a good cell is within either
+TOLERANCE, NEAR_LIMIT = 0.02, 1.5  # pixels, and over the limit: a good cell is within either
 MOST = 0.5  # share of the pictures that makes a cell flagged, or lost
 BALLS: dict[str, Case] = {
     "plain": Case(),
@@ -50,15 +50,13 @@ AXES: dict[str, tuple[str, tuple[float, ...]]] = {
     "radius [px]": ("radius", (5, 8, 15, 30, 60)),
     "blur [px]": ("blur", (0, 2, 6, 15, 30, 60, 120)),
     "share out of the frame": ("cut", (0, 0.05, 0.1, 0.25, 0.4, 0.5, 0.6, 0.75)),
-    "share behind the bat, pose known": ("covered", (0, 0.05, 0.1, 0.25, 0.45, 0.6)),
-    "share behind the bat, pose not known": ("covered", (0.02, 0.05, 0.1, 0.25, 0.45, 0.6)),
+    "share behind the bat": ("covered", (0.02, 0.05, 0.1, 0.25, 0.45, 0.6)),
     "exposure over the right one": ("exposure", (0.2, 0.5, 1, 1.3, 1.5, 2, 3, 5)),
     "hot pixels": ("hot", (0, 10, 30, 100, 300, 1000)),
     "flicker": ("flicker", (0, 0.02, 0.05, 0.1, 0.2, 0.4)),
     "radius of the start, off by": ("radius_off", (-0.2, -0.1, -0.02, 0.02, 0.1, 0.2, 0.4)),
     "place of the start, off by [px]": ("start_off", (0.5, 2, 5, 10, 15)),
 }
-UNKNOWN = "share behind the bat, pose not known"
 WHOLE = ("hot",)
 
 
@@ -71,7 +69,7 @@ def measure(say: Callable[[str], None] = lambda _: None) -> list[Row]:
     for axis, (name, values) in AXES.items():
         say(axis)
         for value in values:
-            change = {name: int(value) if name in WHOLE else value, "pose_known": axis != UNKNOWN}
+            change = {name: int(value) if name in WHOLE else value}
             for ball, case in BALLS.items():
                 seen = replace(case, phases=PHASES, repeats=REPEATS, **change)  # type: ignore[arg-type]
                 batch = pictures(seen, block=len(rows))  # no picture is counted twice
@@ -125,7 +123,7 @@ def _cell(batch: Batch, found: Located) -> Row:
     clean = np.isfinite(found.x) & (found.flags == 0)
     off = np.stack([found.x - batch.x, found.y - batch.y])[:, clean]
     rms = float(np.sqrt(np.mean(off**2))) if clean.any() else None
-    allowed = max(TOLERANCE, NEAR_BOUND * float(np.max([batch.x_bound, batch.y_bound])))
+    allowed = max(TOLERANCE, NEAR_LIMIT * batch.limit)
     if unsaid:
         state = UNSAID
     elif whole.lost >= MOST:

@@ -16,14 +16,14 @@ import numpy as np
 from virtual_lab import catalog
 from virtual_lab.catalog import Entry
 from virtual_lab.catalog.specs import BallSpec, BatSpec
+from virtual_lab.lab.fitting import nominal_places
 from virtual_lab.lab.laboratory import EFFICIENCY_U, Laboratory, Tested
-from virtual_lab.measurement.procedure import Procedure, aimed_place
+from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.collision.surrogate import Box
 from virtual_lab.simulation.faults import Day
 from virtual_lab.simulation.instruments import Rung
-from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.rig import Reality
 
 __all__ = ["Campaign", "box_of"]
@@ -56,7 +56,7 @@ class Campaign:
             bat=drawn,
             ball=ball,
             collision=Ladder(
-                probe=probing_scenes(ball, speed),
+                probe=probing_scenes(ball, speed, nominal_places(rules.spec, drawn)),
                 standard_uncertainty=EFFICIENCY_U,
                 box=box_of(rules.spec, drawn, ball),
             ),
@@ -90,14 +90,10 @@ def box_of(procedure: Procedure, bat: BatSpec, ball: BallSpec) -> Box:
 
     It is a matter of procedure, bat and lot alone, so that a surrogate over it is always the same.
     """
-    beam = beam_of(bat.body)
-    drawn = {"length": beam.length, "mass": beam.mass, "z_cm": beam.z_cm}
-    centre = aimed_place(drawn | {"inertia_cm": beam.inertia_cm}, procedure.pivot_from_knob)
-    ends = (procedure.scan.low, procedure.scan.high) if procedure.scan else (centre, centre)
     either = np.array([-1.0, 1.0])
-    place = np.array(ends) + SIGMAS * PLACE_SCATTER * either
-    axis = beam.length - procedure.pivot_from_knob
-    bat_speed = procedure.turn_rate(beam.length) * (axis - place[::-1])
+    place = np.array(nominal_places(procedure, bat)) + SIGMAS * PLACE_SCATTER * either
+    axis = bat.body.length - procedure.pivot_from_knob
+    bat_speed = procedure.turn_rate(bat.body.length) * (axis - place[::-1])
     speed = procedure.ball_speed + bat_speed + SIGMAS * SPEED_SCATTER * either
     speed[0] *= 1 - SLANT
     scatter = hypot(ball.spread.restitution, ball.spread.hit_restitution)

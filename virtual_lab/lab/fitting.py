@@ -7,11 +7,13 @@ from collections.abc import Iterable
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec, BatSpec
 from virtual_lab.errors import InputError
-from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.measurement.procedure import Procedure, aimed_place
+from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.rig import Motion, Rig, Stage, installed_rigs
 from virtual_lab.units import INCH, OUNCE
 
 __all__ = [
+    "nominal_places",
     "require_ball",
     "require_camera",
     "require_motion",
@@ -19,6 +21,16 @@ __all__ = [
     "require_rig",
     "unverified_rigs",
 ]
+
+
+def nominal_places(procedure: Procedure, bat: BatSpec) -> tuple[float, float]:
+    """Return between which places a bat as drawn is to be struck [m from the tip]."""
+    if procedure.scan:
+        return procedure.scan.low, procedure.scan.high
+    beam = beam_of(bat.body)
+    drawn = {"length": beam.length, "mass": beam.mass, "z_cm": beam.z_cm}
+    centre = aimed_place(drawn | {"inertia_cm": beam.inertia_cm}, procedure.pivot_from_knob)
+    return centre, centre
 
 
 def require_rig(rig: Rig, procedure: Procedure) -> None:

@@ -20,7 +20,13 @@ from numpy.typing import NDArray
 from virtual_lab.catalog import Entry
 from virtual_lab.catalog.specs import BallSpec, BatSpec
 from virtual_lab.lab.filming import film_of
-from virtual_lab.lab.fitting import require_ball, require_motion, require_places, require_rig
+from virtual_lab.lab.fitting import (
+    nominal_places,
+    require_ball,
+    require_motion,
+    require_places,
+    require_rig,
+)
 from virtual_lab.lab.measurand import measurand
 from virtual_lab.lab.naming import ball_constants, constant_name, with_records
 from virtual_lab.measurement.certification import Certification, evaluate
@@ -130,7 +136,11 @@ class Laboratory:
         }
         salt = secrets.token_bytes(16)
         collision = collision or Ladder(
-            probe=probing_scenes(ball, rules.spec.ball_speed + (rules.spec.bat_speed or 0.0)),
+            probe=probing_scenes(
+                ball,
+                rules.spec.ball_speed + (rules.spec.bat_speed or 0.0),
+                nominal_places(rules.spec, bat),
+            ),
             standard_uncertainty=EFFICIENCY_U,
             rung=rung,
         )

@@ -1,23 +1,34 @@
+"""Which rung is taken, and whether what it is said to err by is so."""
+
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.simulation.collision.scenes import usual
-from virtual_lab.catalog import load_bat
+from virtual_lab.catalog import load, load_bat
+from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
+from virtual_lab.simulation.collision import ladder as rungs
 from virtual_lab.simulation.collision.ladder import (
-    MODAL_ERROR,
+    MODE_COUNTS,
     RUNGS,
+    SURROGATE_TOLERANCE,
     Ladder,
     choose,
     choose_efficiency,
+    probing_scenes,
 )
 from virtual_lab.simulation.collision.modal import ModalModel
+from virtual_lab.simulation.collision.patch import PATCH, patch_shape
+from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.collision.surrogate import Box
-from virtual_lab.simulation.physics.supports import Free
+from virtual_lab.simulation.physics.modes import modes_of
+from virtual_lab.simulation.physics.supports import Clamped, Free, Pinned, Support
+from virtual_lab.units import INCH, MPH
 
-WOOD = load_bat("r161").spec.body
+WOOD, ALUMINIUM = load_bat("r161").spec.body, load_bat("ea70").spec.body
+PIVOT = Pinned(28 * INCH)
 PROBE = usual([4.0, 6.0, 8.0])
 BOX = Box.about(PROBE)
 
@@ -26,25 +37,141 @@ BOX = Box.about(PROBE)
 def test_a_rung_asked_for_is_given(rung: str) -> None:
     choice = choose(WOOD, Free(), PROBE, rung=rung)
     assert choice.model.rung == rung
-    assert choice.reason.startswith(f"{rung} was asked for")
+    assert " was asked for: its e_A errs by up to " in choice.reason
 
 
 def test_modal_is_the_default() -> None:
-    assert choose(WOOD, Free(), PROBE).model.rung == "modal"
+    choice = choose(WOOD, Free(), PROBE)
+    assert choice.reason.startswith("modal, 20 modes, is the default: its e_A errs by up to ")
+    assert choice.reason.endswith(" at 4 to 8 in from the tip")
 
 
-@pytest.mark.parametrize(("u", "rung"), [(10.0, "rigid"), (0.005, "modal"), (1e-5, "reference")])
-def test_the_cheapest_good_enough_is_taken(u: float, rung: str) -> None:
-    choice = choose(WOOD, Free(), PROBE, standard_uncertainty=u)
-    assert choice.model.rung == rung
+@pytest.mark.parametrize(
+    ("bat", "u", "name"),
+    [
+        ("r161", 10.0, "rigid"),
+        ("r161", 5e-3, "modal, 14 modes,"),
+        ("r161", 2e-3, "modal, 20 modes,"),
+        ("r161", 4e-4, "modal, 30 modes,"),
+        ("r161", 1.2e-4, "reference"),
+        ("ea70", 2e-3, "modal, 14 modes,"),
+        ("ea70", 2e-4, "modal, 20 modes,"),
+    ],
+)
+def test_the_cheapest_good_enough_is_taken(bat: str, u: float, name: str) -> None:
+    choice = choose(load_bat(bat).spec.body, PIVOT, PROBE, standard_uncertainty=u)
+    assert choice.name == name
     assert choice.error <= 0.1 * u
-    assert choice.reason.count(".") >= 1
+    assert choice.reason.startswith(f"{name} is ")
+
+
+def stated_and_found(
+    bat: str, support: Support, speed: float, ends_in: tuple[float, float], count: int
+) -> dict[str, tuple[float, np.ndarray, np.ndarray]]:
+    """Return what rungs are said to err by between two places, and do at places not probed.
+
+    With these, whether ball and bat met as often as they should. Against 100 modes and 60 more
+    that follow at once, their shapes without splines.
+    """
+    body = load_bat(bat).spec.body
+    name = "softball-slowpitch" if "softball" in bat else "baseball-2003"
+    ball = load("balls", name, BallSpec).spec
+    ends = (ends_in[0] * INCH, ends_in[1] * INCH)
+    given = rungs._rungs(body, support, probing_scenes(ball, speed * MPH, ends))
+    places = np.random.default_rng(3).uniform(*ends, count)
+    fresh = Scenes.with_ball(ball, impact_position=places, relative_speed=speed * MPH)
+    exact = ModalModel.within(modes_of(body, support, 160), 100)
+    vars(exact)["table"] = lambda z: np.column_stack(
+        (
+            patch_shape(exact.modes, z, PATCH),
+            ((patch_shape(exact.stiff, z, PATCH) / exact.stiff.angular_frequencies) ** 2).sum(1),
+        )
+    )
+    true = exact.collide(fresh)
+    assert len(given) == 1 + len(MODE_COUNTS)
+    result = {}
+    for choice in given:
+        found = choice.model.collide(fresh)
+        gap = np.abs(found.collision_efficiency - true.collision_efficiency)
+        result[choice.name] = (choice.error, gap, found.contacts == true.contacts)
+    return result
+
+
+@pytest.mark.parametrize(
+    ("bat", "support", "speed"),
+    [
+        ("r161", PIVOT, 60),
+        ("r161", Free(), 160),
+        ("r161", Clamped(33 * INCH), 100),
+        ("ea70", PIVOT, 136),
+        ("barrel-loaded", Pinned(28 * INCH, 1e6), 160),
+        ("softball-wood-34", PIVOT, 60),
+        ("softball-34", Free(), 160),
+    ],
+)
+def test_errors_hold_at_other_places(bat: str, support: Support, speed: float) -> None:
+    for name, (error, found, _) in stated_and_found(bat, support, speed, (3, 9), 60).items():
+        worst = float(found.max())
+        print(f"{name} {error:.1e} stated, {worst:.1e} found")
+        assert worst < error < 3 * worst + 3e-6
+
+
+@pytest.mark.parametrize(
+    ("bat", "speed", "ends_in"),
+    [
+        ("softball-wood-34", 60, (1, 12)),
+        ("r161", 100, (12, 20)),
+        ("softball-wood-34", 60, (12, 20)),
+    ],
+)
+def test_errors_hold_where_ball_and_bat_meet_again(
+    bat: str, speed: float, ends_in: tuple[float, float]
+) -> None:
+    """They were a constant 1.1e-4; found were 2.2e-4 by a tip and 5e-3 beyond 12 in.
+
+    The third meets a jump of 0.1 in e_A at 16.99 in, where a touch comes or goes: it is at a place
+    that lies 0.002 in elsewhere by 20 modes than by 100.
+    """
+    stated = stated_and_found(bat, PIVOT, speed, ends_in, 120)
+    for name, (error, found, same) in list(stated.items())[1:]:
+        print(
+            f"{name} {error:.1e} stated, {found[same].max():.1e} found, {found.max():.1e} at a jump"
+        )
+        assert found[same].max() < error
+        assert (found > error).sum() <= 1
+    assert stated["modal, 20 modes,"][0] > 2.2e-4
+
+
+def test_what_is_said_of_a_rung_names_the_places_and_that_they_meet_again() -> None:
+    ball = load("balls", "baseball-2003", BallSpec).spec
+    said = [
+        choose(WOOD, PIVOT, probing_scenes(ball, 60 * MPH, (5 * INCH, end * INCH))).reason
+        for end in (6.0, 16.0)
+    ]
+    assert said[0].endswith(" at 3 to 9 in from the tip")
+    assert " at 3 to 16 in from the tip, more where a touch comes or goes: ball and bat" in said[1]
+
+
+def test_the_reference_errs_too() -> None:
+    """Its hundred modes have none that follow at once."""
+    choice = choose(WOOD, Free(), PROBE, rung="reference")
+    many = ModalModel.of(WOOD, Free(), 150).collide(PROBE).collision_efficiency
+    gap = np.abs(choice.model.collide(PROBE.part(slice(2))).collision_efficiency - many[:2])
+    assert gap.max() < choice.error < 1e-5
 
 
 def test_the_error_of_the_rigid_rung_is_measured() -> None:
+    default = choose(WOOD, Free(), PROBE).error
     sweet = choose(WOOD, Free(), usual([5.5]), rung="rigid").error
     tip = choose(WOOD, Free(), usual([2.0]), rung="rigid").error
-    assert MODAL_ERROR < sweet < 0.03 < tip
+    assert default < sweet < 0.03 < tip
+
+
+def test_a_probe_that_nothing_can_follow_is_refused() -> None:
+    with pytest.raises(
+        InputError, match=r"collision: .*; no result for a bat free, struck 0\.1524"
+    ):
+        choose(WOOD, Free(), usual([6.0], ball_restitution=0.005), standard_uncertainty=2e-3)
 
 
 def test_unknown_rungs_and_useless_uncertainties_are_refused() -> None:
@@ -60,7 +187,7 @@ def test_unknown_rungs_and_useless_uncertainties_are_refused() -> None:
         (9, 0.005, "surrogate"),
         (24, 0.005, "modal"),  # some re-load
         (9, 10.0, "rigid"),
-        (9, 1e-5, "reference"),
+        (9, 1e-4, "reference"),
     ],
 )
 def test_efficiency_alone_may_come_from_a_surrogate(
@@ -72,8 +199,8 @@ def test_efficiency_alone_may_come_from_a_surrogate(
     assert choice.rung == rung
     assert choice.error <= 0.1 * u
     if rung in ("surrogate", "modal"):
-        modal = ModalModel.of(WOOD, Free()).collide(scenes).collision_efficiency
-        assert np.abs(choice.efficiency(scenes) - modal).max() < 0.1 * MODAL_ERROR
+        modal = ModalModel.of(WOOD, Free(), 14).collide(scenes).collision_efficiency
+        assert np.abs(choice.efficiency(scenes) - modal).max() < SURROGATE_TOLERANCE
     assert ("no surrogate" in choice.reason) == (rung == "modal")
 
 
@@ -82,17 +209,17 @@ def test_a_scene_outside_the_box_goes_to_the_modal_rung_alone(
 ) -> None:
     """Every scene's e_A, bit for bit, is that of its rung asked for it alone, in any order."""
     monkeypatch.setenv("VIRTUAL_LAB_CACHE", str(tmp_path))
-    modal, scenes = ModalModel.of(WOOD, Free()), usual(np.linspace(3, 9, 601))
+    modal, scenes = choose(WOOD, Free(), PROBE).model, usual(np.linspace(3, 9, 601))
     box = Box.about(usual([4.0, 8.0]))
-    ladder = Ladder(probe=PROBE, standard_uncertainty=0.005, box=box)
+    ladder = Ladder(probe=PROBE, standard_uncertainty=0.002, box=box)
     found = ladder.efficiency(WOOD, Free(), scenes)
     exact = modal.collide(scenes).collision_efficiency
     inside = box.inside(scenes)
     assert inside.sum() == 401
     assert np.array_equal(found[~inside], exact[~inside])
     assert (found[inside] != exact[inside]).mean() > 0.9
-    assert np.abs(found - exact).max() < 0.1 * MODAL_ERROR
-    again = Ladder(probe=PROBE, standard_uncertainty=0.005, box=box)
+    assert np.abs(found - exact).max() < SURROGATE_TOLERANCE
+    again = Ladder(probe=PROBE, standard_uncertainty=0.002, box=box)
     for some in (np.arange(600, -1, -1), np.array([3]), np.array([300]), np.arange(90, 110)):
         assert np.array_equal(again.efficiency(WOOD, Free(), scenes.part(some)), found[some])
     assert len(list(tmp_path.rglob("*.npz"))) == 1
@@ -104,7 +231,7 @@ def test_without_a_box_there_is_no_surrogate(
     """However many scenes come at once: what a scene gives depends on no other."""
     monkeypatch.setenv("VIRTUAL_LAB_CACHE", str(tmp_path))
     scenes = usual(np.linspace(4, 8, 6000))
-    found = Ladder(probe=PROBE, standard_uncertainty=0.005).efficiency(WOOD, Free(), scenes)
+    found = Ladder(probe=PROBE, standard_uncertainty=0.002).efficiency(WOOD, Free(), scenes)
     modal = ModalModel.of(WOOD, Free()).collide(scenes).collision_efficiency
     assert np.array_equal(found, modal)
     assert not list(tmp_path.rglob("*"))
@@ -116,3 +243,13 @@ def test_a_rung_asked_for_is_no_surrogate(tmp_path: Path, monkeypatch: pytest.Mo
     ladder.efficiency(WOOD, Free(), usual(np.linspace(4, 8, 60)))
     assert not list(tmp_path.rglob("*"))
     assert ladder.report()["rung"] == "rigid"
+
+
+@pytest.mark.parametrize(("rung", "modes"), [(None, 14), ("modal", 20), ("rigid", 20)])
+def test_the_truth_rests_on_the_rung_of_the_shots_but_never_on_a_rigid_bat(
+    rung: str | None, modes: int
+) -> None:
+    ladder = Ladder(probe=PROBE, standard_uncertainty=0.002, rung=rung)
+    found = ladder.true_efficiency(ALUMINIUM, Free(), PROBE)
+    modal = ModalModel.of(ALUMINIUM, Free(), modes).collide(PROBE).collision_efficiency
+    assert found == pytest.approx(modal, abs=1e-7)

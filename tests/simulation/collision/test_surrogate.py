@@ -113,12 +113,12 @@ def test_a_box_upside_down_is_refused() -> None:
         replace(BOX, relative_speed=(80.0, 20.0))
 
 
-def test_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same from disk; another bat, support or box is another file; a spoilt file is remade."""
+def test_store(model: ModalModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same from disk; another model, support or box is another file; a spoilt one is remade."""
+    own = {"model": model, "body": BODY, "support": Free(), "box": BOX, "tolerance": 1e-3}
 
     def get(**change: object) -> Surrogate:
-        ask = {"body": BODY, "support": Free(), "box": BOX, "tolerance": 1e-3} | change
-        return surrogate_of(**ask, folder=tmp_path)  # type: ignore[arg-type]
+        return surrogate_of(**(own | change), folder=tmp_path)  # type: ignore[arg-type]
 
     first = get()
     (path,) = tmp_path.iterdir()
@@ -131,13 +131,14 @@ def test_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.array_equal(get().coefficients, first.coefficients)
     get(support=Pinned(0.7112))
     get(box=replace(BOX, exponent=1.1))
-    assert len(list(tmp_path.iterdir())) == 3
+    get(model=ModalModel.of(BODY, Free(), 14))
+    assert len(list(tmp_path.iterdir())) == 4
     assert not [name for name in tmp_path.iterdir() if not name.name.startswith("surrogate-")]
 
 
-def test_a_folder_that_cannot_be_written_is_done_without(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_is_done_without(model: ModalModel, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    found = surrogate_of(BODY, Free(), BOX, tolerance=1e-3, folder=tmp_path / "file")
+    found = surrogate_of(model, BODY, Free(), BOX, tolerance=1e-3, folder=tmp_path / "file")
     assert found.error <= 1e-3
 
 

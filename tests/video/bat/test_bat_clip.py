@@ -66,7 +66,7 @@ def test_track_tells_how_the_bat_recoils(folder: Path) -> None:
     """Rate within 3 u, of 0.2 %; the turn begins when the ball touched; table and picture."""
     out = folder / "found"
     words = [str(folder / "clip.npy"), "--calibration", str(folder / "cal.toml")]
-    done = CliRunner().invoke(cli, ["track", *words, "--quick", "--out", str(out), "--json"])
+    done = CliRunner().invoke(cli, ["track", *words, "--out", str(out), "--json"])
     assert done.exit_code == 0, done.output
     told = json.loads(done.stdout)["bat"]
     rate, begun = told["rate_rad_per_s"], told["turn_began_s"]
@@ -96,7 +96,7 @@ def test_a_bat_that_is_not_there(folder: Path, old: str, new: str, words: str) -
     assert old in text
     (folder / "wrong.toml").write_text(text.replace(old, new))
     words_in = ["--calibration", str(folder / "wrong.toml"), "--out", str(folder / "none")]
-    done = CliRunner().invoke(cli, ["track", str(folder / "clip.npy"), "--quick", *words_in])
+    done = CliRunner().invoke(cli, ["track", str(folder / "clip.npy"), *words_in])
     assert isinstance(done.exception, InputError)
     assert words in str(done.exception)
     assert not (folder / "none").exists()

@@ -1,36 +1,81 @@
 """Rms error of e_A a shot by kind of light, for any way of placing the ball.
 
-`python -m tests.video.scenery.shot_study [CLIPS]` prints it for OpenCV's convex hull.
+`python -m tests.video.scenery.shot_study [CLIPS]` prints it for OpenCV's convex hull and the edge
+fit.
 """
 
 import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.video.scenery.shots import KINDS, Kind, Shot, efficiency, make_shot
+from tests.video.plain import located
+from tests.video.scenery.shots import KINDS, Kind, Shot, efficiency, empties, make_shot
+from virtual_lab.video.clips.clip import Clip
+from virtual_lab.video.clips.reading import Source
+from virtual_lab.video.locate.regions import Regions
+from virtual_lab.video.locate.sharp import Sharp
 
-__all__ = ["hull_places", "rms_error"]
+__all__ = ["hull_places", "rms_error", "sharp_places"]
 
 Array = NDArray[np.float64]
+Places = tuple[Array, Array]  # x of each frame [px], NaN where none; its standard uncertainty
 OPEN = 5  # px, of the opening that takes noise off
+EMPTY = 12  # frames without the ball, from which the edge fit learns the noise
 
 
-def rms_error(kind: Kind, clips: int, places: Callable[[Shot], Array]) -> float:
-    """Return the rms relative error of e_A a shot; `places` gives x of each frame, or NaN."""
+def rms_error(kind: Kind, clips: int, places: Callable[[Shot], Places]) -> float:
+    """Return the rms relative error of e_A a shot."""
     errors = []
     for seed in range(clips):
         shot = make_shot(kind, seed)
-        errors.append(efficiency(shot, places(shot)) / shot.efficiency - 1)
+        errors.append(efficiency(shot, *places(shot)) / shot.efficiency - 1)
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
-def hull_places(shot: Shot) -> Array:
+def hull_places(shot: Shot) -> Places:
     """Return x of the convex hull of what differs from the background by a quarter of the ball."""
+    x = _hulls(shot)[:, 0]
+    return x, np.ones_like(x)
+
+
+def sharp_places(shot: Shot) -> Places:
+    """Return x by the edge fit, started from the hulls; light from the side, from the limb."""
+    hulls = _hulls(shot)
+    high, wide = shot.regions.shape[1:]
+    behind = [shot.background[r : r + high, c : c + wide] for c, r in shot.corners]
+    seen = Regions(
+        pixels=shot.regions,
+        background=np.stack(behind).astype(np.float32),
+        corners=shot.corners.astype(float),
+    )
+    start = located(hulls[:, 0], hulls[:, 1], float(np.nanmedian(hulls[:, 2])))
+    for side in (shot.times < 0, shot.times > 0):
+        shown = side & np.isfinite(hulls).all(axis=1)
+        way = np.polyfit(shot.times[shown], hulls[shown, :2], 1)[0] * shot.kind.exposure
+        start.blur_x[side], start.blur_y[side] = way
+    samples = empties(shot.kind, EMPTY)
+    clip = Clip(
+        source=Source(path=Path("made"), declared=0, read=lambda: iter(())),
+        times=shot.times,
+        shape=(800, 1280),
+        full_scale=2.0 ** (8 * samples.itemsize) - 1,
+        samples=samples,
+        sampled=np.arange(EMPTY),
+        warnings=(),
+    )
+    found = Sharp(ball_radius=shot.kind.radius)(clip, seen, start)
+    assert found.pattern_u is not None
+    return np.where(found.flags == 0, found.x, np.nan), np.hypot(found.x_u, found.pattern_u)
+
+
+def _hulls(shot: Shot) -> Array:
+    """Return middle and radius of the ball's convex hull in each frame, (frame, 3) [px]."""
     kernel = np.ones((OPEN, OPEN), np.uint8)
-    places = np.full(len(shot.times), np.nan)
+    places = np.full((len(shot.times), 3), np.nan)
     for k, (column, row) in enumerate(shot.corners):
         region = shot.regions[k].astype(np.float32)
         high, wide = region.shape
@@ -41,14 +86,18 @@ def hull_places(shot: Shot) -> Array:
         points = cv2.findNonZero(mask)
         if points is not None:
             moments = cv2.moments(cv2.convexHull(points))
-            places[k] = column + moments["m10"] / moments["m00"]
+            area = moments["m00"]
+            x, y = column + moments["m10"] / area, row + moments["m01"] / area
+            places[k] = x, y, np.sqrt(area / np.pi)
     return places
 
 
 def main(clips: int) -> None:
     """Print a line a kind."""
     for name, kind in KINDS.items():
-        print(f"{name:6s} {100 * rms_error(kind, clips, hull_places):.4f} %", flush=True)
+        for places in (hull_places, sharp_places):
+            error = 100 * rms_error(kind, clips, places)
+            print(f"{name:6s} {places.__name__:12s} {error:.4f} %", flush=True)
 
 
 if __name__ == "__main__":

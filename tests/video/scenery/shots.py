@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-__all__ = ["KINDS", "Kind", "Shot", "drawn", "efficiency", "make_shot", "strip"]
+__all__ = ["KINDS", "Kind", "Shot", "drawn", "efficiency", "empties", "make_shot", "strip"]
 
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
@@ -204,16 +204,22 @@ def strip(shot: Shot, first: int, rows: int) -> Iterator[NDArray[np.uint16]]:
         yield frame
 
 
-def efficiency(shot: Shot, x: Array) -> float:
+def empties(kind: Kind, count: int) -> NDArray[np.uint16]:
+    """Return the middle of some frames without ball and bat, (frame, row, column)."""
+    rng = np.random.default_rng(3)
+    return np.stack([_grey(kind, _empty(kind)[300:500], rng) for _ in range(count)])
+
+
+def efficiency(shot: Shot, x: Array, u: Array) -> float:
     """Return e_A from places along x, with drag known: exp(drag x) is a straight line in time.
 
-    Frames in which x is NaN are left out.
+    Places weigh by their uncertainties; frames in which x is NaN are left out.
     """
     drag = DRAG / shot.kind.scale
     straight = np.expm1(np.array([1, -1])[:, None] * drag * (x - shot.contact[0])) / drag
     seen = np.isfinite(x)
     into, away = (
-        np.polyfit(shot.times[side], values[side], 1)[0]
+        np.polyfit(shot.times[side], values[side], 1, w=1 / u[side])[0]
         for side, values in (
             (seen & (shot.times < 0), straight[0]),
             (seen & (shot.times > 0), straight[1]),

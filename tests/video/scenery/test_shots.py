@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.video.scenery.shot_study import hull_places, rms_error
+from tests.video.scenery.shot_study import hull_places, rms_error, sharp_places
 from tests.video.scenery.shots import DRAG, KINDS, Kind, Shot, drawn, efficiency, make_shot, strip
 
 SHAPE = (112, 112)
@@ -99,7 +99,9 @@ def test_photon_noise_has_its_variance() -> None:
 def test_places_follow_drag_and_contact(kind: str) -> None:
     shot = make_shot(few(kind, 8), 7)
     scale = shot.kind.scale
-    assert efficiency(shot, shot.x) == pytest.approx(shot.efficiency, rel=1e-6)
+    assert efficiency(shot, shot.x, np.ones_like(shot.x)) == pytest.approx(
+        shot.efficiency, rel=1e-6
+    )
     assert 26.8 <= np.hypot(*shot.velocity_in) <= 60
     into = shot.times < 0
     for side, velocity in ((into, shot.velocity_in), (~into, shot.velocity_out)):
@@ -129,7 +131,7 @@ def test_regions_lie_in_the_strip() -> None:
 
 def test_an_estimator_that_knows_nothing_of_the_renderer_finds_e_a() -> None:
     assert rms_error(few("plain", 10), 2, hull_places) < 0.01
-    assert rms_error(few("back", 10), 2, lambda shot: shot.x) < 1e-5
+    assert rms_error(few("back", 10), 2, lambda shot: (shot.x, np.ones_like(shot.x))) < 1e-5
 
 
 def test_the_same_seed_gives_the_same_shot() -> None:
@@ -142,4 +144,10 @@ def test_left_out_frames_do_not_count() -> None:
     shot: Shot = make_shot(few("back", 8), 2)
     x = shot.x.copy()
     x[3] = np.nan
-    assert efficiency(shot, x) == pytest.approx(shot.efficiency, rel=1e-6)
+    assert efficiency(shot, x, np.ones_like(x)) == pytest.approx(shot.efficiency, rel=1e-6)
+
+
+@pytest.mark.parametrize(("name", "most"), [("plain", 1e-4), ("soft", 1e-3)])
+def test_the_edge_fit_is_much_sharper_than_a_hull(name: str, most: float) -> None:
+    """Of two clips each; `python -m tests.benchmarks.locating` has 40 of four kinds."""
+    assert rms_error(few(name, 10), 2, sharp_places) < most

@@ -13,9 +13,8 @@ from virtual_lab.records import ClipRecord, TrackRecord
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.video.locate.located import Flag, Located
 from virtual_lab.video.locate.noise import ROUNDING, Noise
-from virtual_lab.video.locate.place import place
-from virtual_lab.video.locate.plain_ball.refining import Optics
 from virtual_lab.video.locate.regions import Regions
+from virtual_lab.video.locate.sharp import place
 
 __all__ = ["Sightings", "sight"]
 
@@ -94,8 +93,7 @@ def sight(record: ClipRecord | TrackRecord, known: Known, radius: float) -> Sigh
             background=_behind(background, corners[mine], pixels.shape[2:]),
             corners=corners[mine],
         )
-        flight = 2 * shot[mine] + out[some]
-        found = _placed(seen, began[some], blurs[some], size * radius, known, flight)
+        found = _placed(seen, began[some], blurs[some], size * radius, known)
         useful = (found.flags & USELESS) == 0
         u = np.hypot(found.x_u, found.y_u) / np.sqrt(2)
         table[:, *some] = np.where(useful, [found.x, found.y, u, found.pattern_u], np.nan)
@@ -198,10 +196,8 @@ def _spread(free: Mask) -> Mask:
     return np.asarray(free & steps)
 
 
-def _placed(
-    seen: Regions, places: Array, blur: Array, radius: float, known: Known, flight: NDArray[np.intp]
-) -> Located:
-    """Return the ball as the camera's calibration and all windows of its flight tell it."""
+def _placed(seen: Regions, places: Array, blur: Array, radius: float, known: Known) -> Located:
+    """Return the ball in each window, its outline fitted by the camera's calibration."""
     blank = np.full(len(places), np.nan)
     start = Located(
         x=places[:, 0],
@@ -218,9 +214,8 @@ def _placed(
         seen,
         start,
         noise=noise_of(known),
-        optics=Optics(lens=known["blur"].value),
+        lens=known["blur"].value,
         middle=(known["centre_x"].value, known["centre_y"].value),
-        flight=flight,
         # a sphere seen under the angle b from the axis is longer by 1 / cos b
         oval=(1 / (2 * known["focal"].value) ** 2, OVAL_U),
     )

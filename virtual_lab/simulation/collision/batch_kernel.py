@@ -24,7 +24,8 @@ __all__ = ["GIVEN", "collide_lanes"]
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
 Scheme = tuple[Floats, Floats]  # kicks, drifts
-Rule = tuple[float, float, float, float]  # growth, turn and brush of `InStep`; time followed
+# growth, turn and brush of `InStep`; the time in which contacts count
+Rule = tuple[float, float, float, float]
 Out = tuple[Floats, Floats, Counts]
 
 # what is given of a scene, by column: a, b, log2 k, C, speed, c, first compression and force,
@@ -220,8 +221,9 @@ def _kernel(sources: str) -> Any:
         sums : (n, 3) array
             First touch to last release [s]; work lost in the ball [J]; share of the energy that
             does not close.
-        counts : (n, 4) array
-            Contacts; turns back before release; 1 where the scene is in doubt; steps.
+        counts : (n, 5) array
+            Contacts; turns back before release; 1 where the scene is in doubt; 1 where ball and
+            bat may meet after all the time; steps.
         """
         wide()
         _ = sources
@@ -230,7 +232,7 @@ def _kernel(sources: str) -> Any:
         out = (
             np.zeros((scenes, 2 * modes + 2)),
             np.zeros((scenes, 3)),
-            np.zeros((scenes, 4), np.int64),
+            np.zeros((scenes, 5), np.int64),
         )
         padded = -(-modes // at.CHUNK) * at.CHUNK
         room = np.zeros(at.HEAD + padded * at.MODE + 8)
@@ -250,7 +252,9 @@ def _kernel(sources: str) -> Any:
                     state = _pass_event(w, j, i, given, near, brush, out)
                     if state == GOES_ON:
                         continue
-                    out[2][i, 2], out[2][i, 3] = state == DOUBT, int(w[at.STEPS + j])
+                    near_yet = w[at.S + j] + w[at.REACH + j] >= 0.0
+                    out[2][i, 2], out[2][i, 4] = state == DOUBT, int(w[at.STEPS + j])
+                    out[2][i, 3] = w[at.EVENT + j] == at.CLEAR and near_yet
                     left += 1
                     w[at.SCENE + j] = -1.0
                 if taken < scenes:

@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 
 LANES = 64
 ROW = LANES + 8  # rows are whole cache lines apart, and not a power of two
-CHUNK = 3  # modes a pass: as many as stay in registers
+CHUNK = 5  # modes a pass: 15 and 20, which the ladder takes most, leave no rest
 # rows of a block, a number a lane; after them p, v, g and w^2 of each mode
 S, S_RATE, X, RATE, BEND, JERK, OLD_RATE, OLD_BEND = range(0, 8 * ROW, ROW)
 FORCE, U, U_SHARE, LOG_K, POWER, C, COMPLIANCE = range(8 * ROW, 15 * ROW, ROW)

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,12 +27,11 @@ from virtual_lab.simulation.collision.scene import Collisions, EnergySplit, Scen
 from virtual_lab.simulation.collision.stepping import FINE, Followed, Stepper, Struck
 from virtual_lab.simulation.physics.ball import unloading_exponent
 from virtual_lab.simulation.physics.modes import Modes, modes_of
-from virtual_lab.simulation.physics.supports import Support
+from virtual_lab.simulation.physics.supports import Support, support_words
 
 __all__ = [
     "BENDING_MODES",
     "STIFF_MODES",
-    "WINDOW",
     "ModalModel",
     "collide_bats",
     "energy_split",
@@ -42,7 +41,6 @@ __all__ = [
 Floats = NDArray[np.float64]
 BENDING_MODES = 20
 STIFF_MODES = 100
-WINDOW = 0.02  # s: how long ball and bat are followed
 ROWS = 16_384  # scenes at a time: what lies between kernel and result stays small
 
 
@@ -54,6 +52,7 @@ class ModalModel:
     stiff: Modes  # those that follow at once
     patch: float = PATCH  # full width [m]
     stepper: Stepper = FINE
+    held: str = ""  # in words, for errors
     rung: str = "modal"
 
     @classmethod
@@ -78,7 +77,12 @@ class ModalModel:
             The support lies off the bat, or there are fewer modes than asked for.
         """
         modes = modes_of(body, support, bending_modes + STIFF_MODES)
-        return cls(modes=modes.first(bending_modes), stiff=modes.above(bending_modes))
+        return cls.within(modes, bending_modes, held=support_words(support))
+
+    @classmethod
+    def within(cls, modes: Modes, bending_modes: int, **other: Any) -> Self:
+        """Return the model of so many of a bat's modes, the others following at once."""
+        return cls(modes=modes.first(bending_modes), stiff=modes.above(bending_modes), **other)
 
     @cached_property
     def table(self) -> PPoly:
@@ -92,24 +96,38 @@ class ModalModel:
         return patch_table(values, self.modes.length, self.patch)
 
     def collide(self, scenes: Scenes) -> Collisions:
-        """Return what the scenes come to. `InputError` where a place lies off the bat."""
+        """Return what the scenes come to.
+
+        `InputError` where a place lies off the bat or one cannot be followed.
+        """
         if len(scenes) <= ROWS:
             return collide_bats([(self, scenes)])[0]
         starts = range(0, len(scenes), ROWS)
         return joined([collide_bats([(self, scenes.part(slice(i, i + ROWS)))])[0] for i in starts])
 
 
-def collide_bats(batch: Sequence[tuple[ModalModel, Scenes]]) -> list[Collisions]:
+def collide_bats(
+    batch: Sequence[tuple[ModalModel, Scenes]], tables: Sequence[Floats] = ()
+) -> list[Collisions]:
     """Return what scenes of several bats come to, all stepped together as the first bat's are.
+
+    Parameters
+    ----------
+    batch
+        Models and their scenes.
+    tables
+        In the place of what the models' own splines give at the scenes' places, (n, N + 1) each:
+        for a few scenes splines are not worth the building.
 
     Raises
     ------
     InputError
-        A place lies off its bat.
+        A place lies off its bat; the energy of a scene does not close, its e_A does not settle as
+        steps are halved, or it does not end.
     """
     for model, scenes in batch:
         scenes.require_on(model.modes.length)
-    tables = [np.asarray(model.table(scenes.impact_position)) for model, scenes in batch]
+    tables = tables or [np.asarray(model.table(s.impact_position)) for model, s in batch]
     shapes = [table[:, :-1] for table in tables]
     most = max(model.modes.count - model.modes.rigid for model, _ in batch)
     struck = Struck.together(
@@ -118,7 +136,9 @@ def collide_bats(batch: Sequence[tuple[ModalModel, Scenes]]) -> list[Collisions]
             for (model, scenes), table in zip(batch, tables, strict=True)
         ]
     )
-    followed = batch[0][0].stepper.follow(struck, WINDOW)
+    followed = batch[0][0].stepper.follow(struck)
+    for (model, scenes), own in zip(batch, struck.by_bat(), strict=True):
+        scenes.require_sound(followed.failure[own], model.held)
     return [
         _collisions(model, scenes, shape, struck.part(own), followed.part(own))
         for (model, scenes), shape, own in zip(batch, shapes, struck.by_bat(), strict=True)
@@ -134,6 +154,7 @@ def _struck(model: ModalModel, scenes: Scenes, table: Floats, most: int) -> Stru
         squares=squares,
         bat=np.zeros(len(scenes), dtype=np.int64),
         shapes=shapes,
+        ball_mass=scenes.ball_mass,
         inverse_mass=1 / scenes.ball_mass + np.sum(table[:, :rigid] ** 2, axis=1),
         stiffness=scenes.stiffness,
         exponent=scenes.exponent,
@@ -172,6 +193,7 @@ def _collisions(
         contacts=followed.contacts,
         reloads=followed.reloads,
         redone=followed.redone,
+        swung_back=followed.swung_back,
         energy=energy_split(
             modes, displacements, velocities, e_A, followed.loss, momentum * struck.speed / 2
         ),

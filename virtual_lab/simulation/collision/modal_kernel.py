@@ -23,22 +23,27 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from virtual_lab.simulation.collision.scene import Failure
 from virtual_lab.simulation.collision.splitting import SRKN_11
 
-__all__ = ["collide"]
+__all__ = ["collide", "meets_again"]
 
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
 State = tuple[Floats, Floats, Floats]  # views p, v, [s, s'] into one array
 Bat = tuple[float, Floats, Floats]  # c, g, squared angular frequencies
 Law = tuple[float, float, float, float]  # coefficient, scale of u, power, C
+Times = tuple[float, float]  # in which contacts count, and in which a later one is looked for [s]
 
 KICKS, DRIFTS = SRKN_11.kicks, SRKN_11.drifts
 TURN, FULL, RELEASE = 0, 1, 2  # events: x' = 0, x back at its peak, x = 0
 ROOT_TRIES = 60
 FIRST_STEPS, GROWTH = 256.0, 2.0
-LONGEST = 10.0  # s: no contact lasts so long, but one of numbers that are none would not end
+# of a contact or a flight, which is then given up: over a second with a usual bat, and what is of
+# numbers that are none would never end
+MOST_STEPS = 200_000
 FLIGHT_STEP = 0.1  # the least one, in steps: a touch shorter than it is no touch
+NONE, LOST = -1.0, -2.0  # in the place of a time: there is none, or it took too many steps
 FAST = {"reassoc", "contract", "nsz"}
 
 
@@ -61,7 +66,7 @@ def _force(x: float, law: Law) -> tuple[float, float]:
     for _ in range(ROOT_TRIES):
         force = coefficient * (u / scale) ** power
         miss = u + compliance * force - x
-        if miss <= 1e-15 * scale:
+        if miss <= 1e-14 * x:
             break
         u -= miss / (1.0 + compliance * power * force / u)
     return force, u
@@ -134,7 +139,7 @@ def _step_to(
 def _contact(
     h: float, bat: Bat, ball: Law, state: State, y: Floats, old: Floats
 ) -> tuple[float, float, int]:
-    """Follow one contact from touch to release; return (duration, peak u, turns back)."""
+    """Follow one contact from touch to release; return (duration or `LOST`, peak u, turns back)."""
     k, a, b, compliance = ball
     first, g = (k, 1.0, a, compliance), bat[1]
     loading, law = True, first
@@ -142,7 +147,7 @@ def _contact(
     t, peak, u_max, turns = 0.0, 0.0, 0.0, 0
     rate = _approach(r[1], g, v)
     step = h / FIRST_STEPS
-    while t < LONGEST:
+    for _ in range(MOST_STEPS):
         old[:] = y
         step = min(h, GROWTH * step)
         span = step
@@ -166,7 +171,7 @@ def _contact(
         elif turned and before < 0.0:
             turns += 1
         t += span
-    return t, u_max, turns
+    return LOST, u_max, turns
 
 
 @njit(cache=True, fastmath=FAST)
@@ -186,20 +191,25 @@ def _ring(t: float, bat: Bat, state: State, y: Floats, old: Floats) -> float:
 
 @njit(cache=True)
 def _flight(h: float, limit: float, bat: Bat, state: State, y: Floats, old: Floats) -> float:
-    """Fly from the release in `y` to the next touch; return its time, -1 if there is none.
+    """Fly from the release in `y` to the next touch; return its time, `NONE` or `LOST`.
 
     The surface is nowhere faster than the sum of its modal amplitudes, so a step of gap over
-    (that + the closing speed of the ball) cannot jump over a contact; h is the least step.
+    (that + the closing speed of the ball) cannot jump over a contact; h is the least step. Nor is
+    it ever farther out: once the ball is beyond that, or `limit` is over, no touch follows.
     """
     _, g, w2 = bat
     p, v, r = state
     old[:] = y
-    closing = r[1]
+    start, drift, reach, surface = r[0], r[1], 0.0, 0.0
     for i in range(p.size):
-        closing += g[i] * np.sqrt(v[i] ** 2 + w2[i] * p[i] ** 2)
+        square = v[i] ** 2 + w2[i] * p[i] ** 2
+        surface += g[i] * np.sqrt(square)
+        reach += g[i] * np.sqrt(square / w2[i])
+    closing = drift + surface
     high: float = 0.0
     gap: float = 0.0
-    while closing > 0.0 and high < limit:
+    steps = 0
+    while closing > 0.0 and high < limit and start + drift * high + reach >= 0.0:
         low: float = high
         high += max(h, gap / closing)
         gap = -_ring(high, bat, state, y, old)
@@ -212,33 +222,56 @@ def _flight(h: float, limit: float, bat: Bat, state: State, y: Floats, old: Floa
                     low = middle
             _ring(high, bat, state, y, old)
             return high
+        steps += 1
+        if steps > MOST_STEPS:
+            return LOST
     y[:] = old
-    return -1.0
+    return NONE
+
+
+@njit(cache=True, fastmath=FAST)
+def _energy(bat: Bat, state: State, loss: float) -> float:
+    """Return the square of the speed at which a ball brings as much as there is after release."""
+    c, g, w2 = bat
+    p, v, r = state
+    energy = 2.0 * loss
+    for i in range(p.size):
+        energy += g[i] * (v[i] ** 2 + w2[i] * p[i] ** 2)
+    return float(r[1] ** 2 + c * energy)
 
 
 @njit(cache=True, nogil=True)
 def _follow(
-    h: float, window: float, bat: Bat, ball: Law, y: Floats, old: Floats, counts: Counts
+    h: float, times: Times, bat: Bat, ball: Law, y: Floats, old: Floats, counts: Counts
 ) -> tuple[float, float]:
     """Run one collision, every contact of it; return (first touch to last release, loss)."""
     n = bat[1].size
     state = (y[:n], y[n : 2 * n], y[2 * n :])
     k, a, b, _ = ball
+    window, horizon = times
     t, wait, loss = 0.0, 0.0, 0.0
     while wait >= 0.0 and t + wait < window:
         t += wait
         time, u_max, turns = _contact(h, bat, ball, state, y, old)
+        if time == LOST:
+            counts[2] = Failure.ENDLESS
+            break
         t += time
         loss += k * u_max ** (a + 1.0) * (1.0 / (a + 1.0) - 1.0 / (b + 1.0))
         counts[0] += 1
         counts[1] += turns
-        wait = _flight(FLIGHT_STEP * h, window - t, bat, state, y, old)
+        wait = _flight(FLIGHT_STEP * h, horizon, bat, state, y, old)
+        if wait == LOST:
+            counts[2] = Failure.ENDLESS
+    if wait > 0.0:
+        y[:] = old  # as released: this touch comes too late to count
+        counts[3] = 1
     return t, loss
 
 
 @njit(cache=True, nogil=True)
 def collide(
-    w2: Floats, which: Counts, g: Floats, c: Floats, ball: Floats, steps: Floats, window: float
+    w2: Floats, which: Counts, g: Floats, c: Floats, ball: Floats, steps: Floats, times: Times
 ) -> tuple[Floats, Floats, Counts]:
     """Run n collisions with N flexible modes.
 
@@ -254,26 +287,47 @@ def collide(
         As above [1/kg]; time step [s].
     ball : (n, 5) array
         k [N/m^a], a, b, C [m/N] and the speed [m/s].
-    window : float
-        How long ball and bat are followed [s].
+    times : tuple
+        Contacts count that begin within the first time from the first touch; whether another
+        follows is looked for within the second from the last release [s].
 
     Returns
     -------
     states : (n, 2 N + 2) array
         p, p', s, s' at the last release.
-    sums : (n, 2) array
-        First touch to last release [s]; work lost in the ball [J].
-    counts : (n, 2) array
-        Contacts; turns back before release.
+    sums : (n, 3) array
+        First touch to last release [s]; work lost in the ball [J]; share of the energy that does
+        not close.
+    counts : (n, 4) array
+        Contacts; turns back before release; `Failure.ENDLESS` where a contact does not end; 1 where
+        another follows that comes too late to count.
     """
     scenes, modes = g.shape
     states = np.zeros((scenes, 2 * modes + 2))
-    sums = np.empty((scenes, 2))
-    counts = np.zeros((scenes, 2), dtype=np.int64)
+    sums = np.empty((scenes, 3))
+    counts = np.zeros((scenes, 4), dtype=np.int64)
     old = np.empty(2 * modes + 2)
     for i in range(scenes):
         k, a, b, compliance, speed = ball[i]
         states[i, -1] = speed
-        bat, law = (c[i], g[i], w2[which[i]]), (k, a, b, compliance)
-        sums[i] = _follow(steps[i], window, bat, law, states[i], old, counts[i])
+        bat, law, y = (c[i], g[i], w2[which[i]]), (k, a, b, compliance), states[i]
+        sums[i, 0], sums[i, 1] = _follow(steps[i], times, bat, law, y, old, counts[i])
+        state = (y[:modes], y[modes : 2 * modes], y[2 * modes :])
+        sums[i, 2] = 1.0 - _energy(bat, state, sums[i, 1]) / speed**2
     return states, sums, counts
+
+
+@njit(cache=True, nogil=True)
+def meets_again(
+    w2: Floats, which: Counts, g: Floats, states: Floats, steps: Floats, horizon: float
+) -> NDArray[np.bool_]:
+    """Return whether ball and bat meet within `horizon` [s] of the releases in `states`, (n,)."""
+    scenes, modes = g.shape
+    found = np.zeros(scenes, dtype=np.bool_)
+    y, old = np.empty(2 * modes + 2), np.empty(2 * modes + 2)
+    for i in range(scenes):
+        y[:] = states[i]
+        state = (y[:modes], y[modes : 2 * modes], y[2 * modes :])
+        bat = (0.0, g[i], w2[which[i]])
+        found[i] = _flight(FLIGHT_STEP * steps[i], horizon, bat, state, y, old) >= 0.0
+    return found

@@ -8,7 +8,8 @@ time stepping, not even the ball's law, which may be another here; only the patc
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import inf
 from typing import Literal, Self
 
 import numpy as np
@@ -16,12 +17,13 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from virtual_lab.catalog.specs import BatBody
-from virtual_lab.simulation.collision.modal import WINDOW, energy_split
+from virtual_lab.simulation.collision.modal import energy_split
 from virtual_lab.simulation.collision.patch import PATCH, patch_shape
-from virtual_lab.simulation.collision.scene import Collisions, Scenes
+from virtual_lab.simulation.collision.scene import Collisions, Failure, Scenes
+from virtual_lab.simulation.collision.stepping import HORIZON, STAYS, WINDOW
 from virtual_lab.simulation.physics.ball import BallLaw, Branch, Event, LawOfBall, PowerLaw
 from virtual_lab.simulation.physics.modes import Modes, modes_of
-from virtual_lab.simulation.physics.supports import Support
+from virtual_lab.simulation.physics.supports import Support, support_words
 
 __all__ = ["Method", "ReferenceModel"]
 
@@ -29,6 +31,9 @@ Floats = NDArray[np.float64]
 Method = Literal["RK45", "DOP853", "LSODA", "Radau"]
 BENDING_MODES = 100
 LONGEST_STEP = 0.2  # times the highest angular frequency: no event slips between two steps
+LONGEST_LOOK = 0.5  # the same, of a touch that is too late to count
+LONGEST = 0.2  # s, a contact
+OPEN = 1e4  # times its tolerance, what of a solution's energy may not close
 FLIGHT = Branch(force=lambda u, rate: 0.0, ends={Event.TOUCH: 1})
 
 
@@ -42,6 +47,7 @@ class ReferenceModel:
     method: Method = "DOP853"
     longest_step: float = LONGEST_STEP
     law: LawOfBall = PowerLaw.of
+    held: str = ""  # in words, for errors
     rung: str = "reference"
 
     @classmethod
@@ -53,10 +59,14 @@ class ReferenceModel:
         law: LawOfBall = PowerLaw.of,
     ) -> Self:
         """Return the model of a bat and a law of the ball. `InputError` as for the modal rung."""
-        return cls(modes=modes_of(body, support, bending_modes), law=law)
+        modes = modes_of(body, support, bending_modes)
+        return cls(modes=modes, law=law, held=support_words(support))
 
     def collide(self, scenes: Scenes) -> Collisions:
-        """Return what the scenes come to. `InputError` where a place lies off the bat."""
+        """Return what the scenes come to.
+
+        `InputError` where a place lies off the bat or one cannot be followed.
+        """
         scenes.require_on(self.modes.length)
         shapes = patch_shape(self.modes, scenes.impact_position, self.patch)
         runs = [
@@ -83,6 +93,13 @@ class ReferenceModel:
         speed, mass = scenes.relative_speed, scenes.ball_mass
         e_A = -states[:, -2] / speed
         losses = states[:, -1]
+        energy = energy_split(
+            self.modes, displacements, velocities, e_A, losses, mass * speed**2 / 2
+        )
+        closed = np.abs(energy.total - 1) < max(STAYS, OPEN * self.tolerance)  # not of a nan
+        failure = np.array([run.failure for run in runs], dtype=np.int64)
+        failure[(failure == Failure.SOUND) & ~closed] = Failure.OPEN
+        scenes.require_sound(failure, self.held)
         return Collisions(
             rung=self.rung,
             collision_efficiency=e_A,
@@ -93,59 +110,61 @@ class ReferenceModel:
             contacts=np.array([run.contacts for run in runs], dtype=np.int64),
             reloads=np.array([run.reloads for run in runs], dtype=np.int64),
             redone=np.zeros(len(scenes), dtype=np.int64),
-            energy=energy_split(
-                self.modes, displacements, velocities, e_A, losses, mass * speed**2 / 2
-            ),
+            swung_back=np.array([run.swung_back for run in runs]),
+            energy=energy,
         )
 
     def _one(self, scene: _Scene) -> _Run:
         y = np.zeros(2 * (self.modes.count + 1) + 1)
         y[-2] = scene.speed
-        run = _Run(state=y, time=0.0, contacts=0, reloads=0)
+        run = _Run(state=y)
         touch: _Point | None = _Point(time=0.0, state=y)
         while touch is not None:
             run = self._contact(scene, run, touch)
-            touch = self._flight(scene, run)
-        return run
+            touch = None if run.failure else self._flight(scene, run)
+        return replace(run, swung_back=scene.meets_later(run))
 
     def _contact(self, scene: _Scene, run: _Run, at: _Point) -> _Run:
         """Follow one contact branch by branch to its release."""
         reloads, met, branch = run.reloads, Event.TOUCH, None
         while met is not Event.RELEASE:
             branch = scene.law.branch(met, scene.compression(at.state), branch)
-            at, met = self._phase(scene, branch, at)
+            phase = self._phase(scene, branch, at, at.time + LONGEST)
+            if phase is None:
+                return replace(run, failure=Failure.ENDLESS)
+            at, met = phase
             reloads += met is Event.BACK
         return _Run(state=at.state, time=at.time, contacts=run.contacts + 1, reloads=reloads)
 
     def _flight(self, scene: _Scene, run: _Run) -> _Point | None:
-        """Fly on from a release; return where ball and bat meet again, if they do."""
-        release = _Point(time=run.time, state=run.state)
-        end = scene.out_of_reach(run)
-        at, met = self._phase(scene, FLIGHT, release, end)
-        return at if met is Event.TOUCH else None
+        """Fly on from a release; return where ball and bat meet again, if they do in time."""
+        release, end = _Point(time=run.time, state=run.state), min(WINDOW, scene.out_of_reach(run))
+        phase = self._phase(scene, FLIGHT, release, end) if release.time < end else None
+        return phase[0] if phase else None
 
     def _phase(
-        self, scene: _Scene, branch: Branch, start: _Point, end: float = WINDOW
-    ) -> tuple[_Point, Event]:
-        """Integrate one branch of the law to the first event that ends it, or to `end`."""
-        if start.time >= end:
-            return start, Event.RELEASE
-        solution = solve_ivp(
-            lambda _, y: scene.derivative(y, branch),
-            (start.time, end),
-            start.state,
-            method=self.method,
-            rtol=self.tolerance,
-            atol=self.tolerance * scene.sizes,
-            max_step=self.longest_step / max(float(scene.angular.max(initial=0.0)), 1e4),
-            events=[_event(scene, branch, event) for event in branch.ends],
-        )
+        self, scene: _Scene, branch: Branch, start: _Point, end: float
+    ) -> tuple[_Point, Event] | None:
+        """Integrate one branch of the law to the first event that ends it, before `end`."""
+        try:
+            solution = solve_ivp(
+                lambda _, y: scene.derivative(y, branch),
+                (start.time, end),
+                start.state,
+                method=self.method,
+                rtol=self.tolerance,
+                atol=self.tolerance * scene.sizes,
+                max_step=self.longest_step / max(float(scene.angular.max(initial=0.0)), 1e4),
+                events=[_event(scene, branch, event) for event in branch.ends],
+            )
+        except OverflowError:  # a force beyond numbers
+            return None
         for event, times, states in zip(
             branch.ends, solution.t_events or [], solution.y_events or [], strict=True
         ):
             if len(times):
                 return _Point(time=float(times[0]), state=states[0]), event
-        return _Point(time=float(solution.t[-1]), state=solution.y[:, -1]), Event.RELEASE
+        return None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,9 +178,11 @@ class _Run:
     """A collision up to its last release so far."""
 
     state: Floats
-    time: float
-    contacts: int
-    reloads: int
+    time: float = 0.0
+    contacts: int = 0
+    reloads: int = 0
+    swung_back: bool = False
+    failure: Failure = Failure.SOUND
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -203,15 +224,34 @@ class _Scene:
 
     def out_of_reach(self, run: _Run) -> float:
         """Return a time [s] after which ball and ringing bat cannot meet any more."""
+        at, drift, ring = self.apart(run)
+        reach = at + float(np.abs(ring).sum())
+        return run.time + reach / -drift if drift < 0 else inf
+
+    def meets_later(self, run: _Run) -> bool:
+        """Return whether ball and bat meet after the time in which contacts count."""
+        begin, end = max(WINDOW, run.time), min(run.time + HORIZON, self.out_of_reach(run))
+        if run.failure or end <= begin:
+            return False
+        at, drift, ring = self.apart(run)
+        flexible = self.angular[self.angular > 0]
+        t = np.arange(begin, end, LONGEST_LOOK / float(flexible.max(initial=1e4))) - run.time
+        surface = sum(
+            np.real(one * np.exp(-1j * angular * t))
+            for one, angular in zip(ring, flexible, strict=True)
+        )
+        return bool(np.any(at + drift * t > surface))
+
+    def apart(self, run: _Run) -> tuple[float, float, NDArray[np.complex128]]:
+        """Return how the ball closes on the bat if that were rigid [m, m/s], and how it rings [m].
+
+        The surface of the bat goes as the real part of the sum of ring exp(-i angular t).
+        """
         n, y = len(self.shape), run.state
-        flexible = self.angular > 0
-        rate = y[-2] - self.shape[~flexible] @ y[n + 1 : -2][~flexible]
-        if rate >= 0:
-            return WINDOW
-        place = y[n] - self.shape[~flexible] @ y[:n][~flexible]
-        swing = np.hypot(y[:n][flexible], y[n + 1 : -2][flexible] / self.angular[flexible])
-        reach = place + np.abs(self.shape[flexible]) @ swing
-        return min(WINDOW, run.time + float(reach / -rate))
+        rigid = self.angular == 0
+        place, rate = y[:n] * self.shape, y[n + 1 : -2] * self.shape
+        ring = place[~rigid] + 1j * rate[~rigid] / self.angular[~rigid]
+        return float(y[n] - place[rigid].sum()), float(y[-2] - rate[rigid].sum()), ring
 
 
 def _event(scene: _Scene, branch: Branch, event: Event) -> Callable[[float, Floats], float]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from enum import IntEnum
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -17,9 +18,32 @@ from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.physics.modes import Modes
 
-__all__ = ["CollisionModel", "Collisions", "EnergySplit", "Scenes", "joined"]
+__all__ = ["CollisionModel", "Collisions", "EnergySplit", "Failure", "Scenes", "joined"]
 
 Floats = NDArray[np.float64]
+# Numbers that can be reckoned with. Within them a scene may still be one that cannot be followed,
+# which it says then; what balls there are is for their sheets to say.
+RANGES = {
+    "relative_speed": (1e-9, 1e6),
+    "ball_mass": (1e-6, 1e6),
+    "ball_restitution": (1e-3, 1.0),
+    "stiffness": (1e-3, 1e24),
+    "exponent": (1.0, 10.0),
+}
+
+
+class Failure(IntEnum):
+    """Why nothing is to be made of what a scene came to."""
+
+    SOUND = 0  # it is
+    OPEN = 1
+    UNSETTLED = 2
+    ENDLESS = 3
+
+    @property
+    def words(self) -> str:
+        """Say it."""
+        return ("", "energy does not close", "finer steps disagree", "no end is found")[self]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,12 +114,9 @@ class Scenes:
                 bad = value[~np.isfinite(value)][0]
                 raise InputError("scenes", name, bad, "allowed: finite numbers")
         _require("impact_position", self.impact_position, self.impact_position >= 0, "0 and up")
-        for name in ("relative_speed", "ball_mass", "stiffness"):
+        for name, (low, high) in RANGES.items():
             value = getattr(self, name)
-            _require(name, value, value > 0, "above 0")
-        e0 = self.ball_restitution
-        _require("ball_restitution", e0, (e0 > 0) & (e0 <= 1), "above 0, to 1")
-        _require("exponent", self.exponent, self.exponent >= 1, "1 and up")
+            _require(name, value, (value >= low) & (value <= high), f"{low:g} to {high:g}")
 
     def __len__(self) -> int:
         return len(self.impact_position)
@@ -108,6 +129,20 @@ class Scenes:
         """Raise `InputError` where a place lies beyond a bat of `length` [m]."""
         z = self.impact_position
         _require("impact_position", z, z <= length, f"0 to {length:g} m, the bat")
+
+    def require_sound(self, failure: NDArray[np.int64], held: str) -> None:
+        """Raise `InputError` that names the scene where one of a bat `held` so has failed."""
+        failed = np.flatnonzero(failure)
+        if failed.size:
+            one = {name: f"{value[failed[0]]:.6g}" for name, value in self._arrays()}
+            raise InputError(
+                "collision",
+                Failure(int(failure[failed[0]])).words,
+                None,
+                f"no result for a bat {held}, struck {one['impact_position']} m from its tip at "
+                f"{one['relative_speed']} m/s by a ball of {one['ball_mass']} kg, "
+                f"e0 {one['ball_restitution']}, k {one['stiffness']} N/m^{one['exponent']}",
+            )
 
     def _arrays(self) -> list[tuple[str, Floats]]:
         return [(field.name, getattr(self, field.name)) for field in fields(self)]
@@ -123,6 +158,11 @@ class EnergySplit:
     hoop: Floats
     hysteresis: Floats
 
+    @property
+    def total(self) -> Floats:
+        """Their sum."""
+        return self.ball + self.rigid + self.bending + self.hoop + self.hysteresis
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Collisions:
@@ -137,6 +177,9 @@ class Collisions:
     contacts: NDArray[np.int64]  # (n,), 1 unless ball and bat met again
     reloads: NDArray[np.int64]  # (n,), how often the compression turned round before release
     redone: NDArray[np.int64]  # (n,), 0 the first try did, 1 and 2 finer ones, 3 one by one
+    # (n,), whether bat and ball meet again after the time in which contacts count: e_A, and all
+    # else here, is that before
+    swung_back: NDArray[np.bool_]
     energy: EnergySplit
 
 
@@ -170,7 +213,10 @@ class CollisionModel(Protocol):
         ...
 
     def collide(self, scenes: Scenes) -> Collisions:
-        """Return what the scenes come to. `InputError` where a place lies off the bat."""
+        """Return what the scenes come to.
+
+        `InputError` where a place lies off the bat or one cannot be followed.
+        """
         ...
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-__all__ = ["SRKN_6", "SRKN_11", "Splitting"]
+__all__ = ["SRKN_11", "Splitting"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,48 +54,24 @@ class Splitting:
         return (q[0] + rate[1]) / 2
 
 
-def _symmetric(
-    order: int, kicks: tuple[float, ...], drifts: tuple[float, ...], middle: int
-) -> Splitting:
-    """Return the scheme of its first halves; what is in the middle makes up the sums."""
-    if middle == 1:  # one kick stands alone between two drifts
-        drift = 0.5 - sum(drifts)
-        return Splitting(
-            order=order,
-            kicks=np.array([*kicks, 1 - 2 * sum(kicks), *reversed(kicks)]),
-            drifts=np.array([*drifts, drift, drift, *reversed(drifts)]),
-        )
-    kick = 0.5 - sum(kicks)
-    return Splitting(
-        order=order,
-        kicks=np.array([*kicks, kick, kick, *reversed(kicks)]),
-        drifts=np.array([*drifts, 1 - 2 * sum(drifts), *reversed(drifts)]),
-    )
-
-
-# SRKN_6^b: order four, six evaluations a step
-SRKN_6 = _symmetric(
-    4,
-    (0.0829844064174052, 0.396309801498368, -0.0390563049223486),
-    (0.245298957184271, 0.604872665711080),
-    middle=1,
+# SRKN_11^b: order six, eleven evaluations a step, by its first half
+KICKS = (
+    0.0414649985182624,
+    0.198128671918067,
+    -0.0400061921041533,
+    0.0752539843015807,
+    -0.0115113874206879,
 )
-# SRKN_11^b: order six, eleven evaluations a step
-SRKN_11 = _symmetric(
-    6,
-    (
-        0.0414649985182624,
-        0.198128671918067,
-        -0.0400061921041533,
-        0.0752539843015807,
-        -0.0115113874206879,
-    ),
-    (
-        0.123229775946271,
-        0.290553797799558,
-        -0.127049212625417,
-        -0.246331761062075,
-        0.357208872795928,
-    ),
-    middle=2,
+DRIFTS = (
+    0.123229775946271,
+    0.290553797799558,
+    -0.127049212625417,
+    -0.246331761062075,
+    0.357208872795928,
+)
+KICK = 0.5 - sum(KICKS)  # on either side of the drift in the middle, which makes up the sum
+SRKN_11 = Splitting(
+    order=6,
+    kicks=np.array([*KICKS, KICK, KICK, *reversed(KICKS)]),
+    drifts=np.array([*DRIFTS, 1 - 2 * sum(DRIFTS), *reversed(DRIFTS)]),
 )

@@ -1,8 +1,9 @@
 """How collisions are followed in time: many in step, or one by one.
 
 `InStep` is the quick way and knows what it is worth: a scene whose energy does not close, that
-came too near to an event to tell, or that met or turned more than once is stepped again, finer;
-where the answers still differ by more than finer steps explain, it is followed one by one.
+came too near to an event to tell, that took long, or that met or turned more than once is stepped
+again, finer; where the answers still differ by more than finer steps explain, it is followed one
+by one, in steps halved until e_A stays. What stays nowhere has failed: nothing is to be made of it.
 """
 
 from __future__ import annotations
@@ -16,16 +17,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
-from virtual_lab.simulation.collision.splitting import SRKN_6, SRKN_11, Splitting
+from virtual_lab.simulation.collision.scene import Failure
+from virtual_lab.simulation.collision.splitting import SRKN_11, Splitting
 from virtual_lab.simulation.physics.ball import wall_contact
 
-__all__ = ["COARSE", "FINE", "Followed", "InStep", "OneByOne", "Stepper", "Struck"]
+__all__ = ["FINE", "HORIZON", "WINDOW", "Followed", "InStep", "OneByOne", "Stepper", "Struck"]
 
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
+# s from the first touch, in which contacts must begin to count. Ball and ringing barrel part for
+# good within 6 ms: e_A of free and pinned bats is the same for windows up to 40 ms. A bat clamped
+# at its handle swings back from 11 ms on, onto a ball that hardly left, by up to 0.7 in e_A: that
+# is another collision.
+WINDOW = 0.01
+HORIZON = 0.1  # s from the last release, in which a contact too late to count is looked for
+LONG = 1.5e-3  # s: of longer contacts errors in the modes' phases add up, though the energy closes
 FINER = 2.5  # how much shorter the steps of a second try
 TRIES = 3  # before a scene is followed one by one
-AGREE = 4.0  # tolerances two tries may differ by; shorter steps divide errors by more
+AGREE = 25.0  # tolerances two tries may differ by; shorter steps divide errors by ten times that
+LAST_RESORT = 0.75  # refinement one by one of what no other try is sure of, to about 1e-9
+STAYS = 1e-6  # in e_A, and of the energy what may not close
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,6 +46,7 @@ class Struck:
     squares: Floats  # (bats, N), squared angular frequencies [1/s^2]
     bat: Counts  # (n,), which one is struck
     shapes: Floats  # (n, N), squared shapes at the impacts [1/kg]
+    ball_mass: Floats  # (n,) [kg]
     inverse_mass: Floats  # (n,), 1/m + squared rigid shapes [1/kg]
     stiffness: Floats  # (n,) [N/m^a]
     exponent: Floats  # (n,), a
@@ -63,6 +75,12 @@ class Struck:
         own = {name: getattr(self, name)[chosen] for name in self.__slots__ if name != "squares"}
         return replace(self, **own)
 
+    def efficiency_gap(self, one: Followed, other: Followed) -> Floats:
+        """Return the difference in e_A of two ways to follow these scenes, (n,)."""
+        with np.errstate(invalid="ignore"):  # of what ran away
+            rates = other.states[:, -1] - one.states[:, -1]
+        return rates / (self.speed * self.inverse_mass * self.ball_mass)
+
     def fastest(self) -> Floats:
         """Return the highest angular frequency of each scene's bat, (n,) [rad/s]."""
         return np.asarray(np.sqrt(self.squares.max(axis=1, initial=0.0))[self.bat])
@@ -78,19 +96,27 @@ class Followed:
     contacts: Counts
     reloads: Counts
     steps: Counts  # of the last try; 0 where none are counted, one by one
+    open_energy: Floats  # (n,), share of the ball's that does not close
+    failure: Counts  # a `Failure`
+    swung_back: NDArray[
+        np.bool_
+    ]  # whether bat and ball meet after `window`, which counts for nothing
     redone: Counts  # 0 first try, 1 and 2 in finer steps, 3 one by one
 
     @classmethod
     def first_try(cls, states: Floats, sums: Floats, counts: Counts) -> Self:
-        """Return what a kernel gave: its sums are time and loss, its counts contacts, reloads."""
+        """Return what a kernel gave."""
         none = np.zeros(len(states), dtype=np.int64)
         return cls(
             states=states,
             time=sums[:, 0],
             loss=sums[:, 1],
+            open_energy=sums[:, 2],
             contacts=counts[:, 0],
             reloads=counts[:, 1],
-            steps=counts[:, 3] if counts.shape[1] > 3 else none.copy(),
+            failure=counts[:, 2],
+            swung_back=counts[:, 3] > 0,
+            steps=counts[:, 4] if counts.shape[1] > 4 else none.copy(),
             redone=none,
         )
 
@@ -107,7 +133,7 @@ class Followed:
 class Stepper(Protocol):
     """A way to follow collisions."""
 
-    def follow(self, struck: Struck, window: float) -> Followed:
+    def follow(self, struck: Struck, window: float = WINDOW) -> Followed:
         """Follow all contacts that begin within `window` [s] of the first touch."""
         ...
 
@@ -120,7 +146,7 @@ class OneByOne:
     mode_step: float = 0.7  # step times the highest angular frequency
     ball_step: float = 0.14  # step times the angular frequency of the ball at its steepest
 
-    def follow(self, struck: Struck, window: float) -> Followed:
+    def follow(self, struck: Struck, window: float = WINDOW) -> Followed:
         """Follow all contacts that begin within `window` [s] of the first touch."""
         from virtual_lab.simulation.collision.modal_kernel import collide
 
@@ -138,9 +164,36 @@ class OneByOne:
             struck.inverse_mass,
             np.stack(ball, axis=1),
             self._steps(struck),
-            window,
+            (window, HORIZON),
         )
-        return Followed.first_try(states, sums, counts)
+        followed = Followed.first_try(states, sums, counts)
+        closed = np.abs(followed.open_energy) < STAYS  # not of a nan
+        followed.failure[(followed.failure == Failure.SOUND) & ~closed] = Failure.OPEN
+        return followed
+
+    def settled(self, struck: Struck, other: Followed, window: float = WINDOW) -> Followed:
+        """Follow them in steps halved until e_A stays; say where it does not.
+
+        It stays at once where `other` steps already came to the same.
+        """
+        found = replace(self, refinement=LAST_RESORT).follow(struck, window)
+        left = np.flatnonzero(~self._stays(struck, found, other))
+        for refinement in (0.5, 2.0, 4.0):
+            if not left.size:
+                break
+            part = struck.part(left)
+            new = replace(self, refinement=refinement * LAST_RESORT).follow(part, window)
+            stays = self._stays(part, found.part(left), new)
+            if refinement > 1:
+                found.put(left, new)
+            left = left[~stays & (found.failure[left] != Failure.ENDLESS)]
+        found.failure[left[found.failure[left] == Failure.SOUND]] = Failure.UNSETTLED
+        return found
+
+    @staticmethod
+    def _stays(struck: Struck, one: Followed, other: Followed) -> NDArray[np.bool_]:
+        near = np.abs(struck.efficiency_gap(one, other)) < STAYS  # not of a nan
+        return np.asarray(near & (one.failure == Failure.SOUND))
 
     def _steps(self, struck: Struck) -> Floats:
         """Return the time steps (n,): the fastest mode and the steepest ball both resolved."""
@@ -193,31 +246,47 @@ class InStep:
             brush=self.brush / factor**2,
         )
 
-    def follow(self, struck: Struck, window: float) -> Followed:
+    def follow(self, struck: Struck, window: float = WINDOW) -> Followed:
         """Follow all contacts that begin within `window` [s] of the first touch."""
         followed, doubted = self.one_pass(struck, window)
         left = np.flatnonzero(doubted)
         stepper = self
         for tries in range(1, TRIES):
             if not left.size:
-                return followed
+                break
             part, stepper = struck.part(left), stepper.finer(FINER)
             finer, sure = stepper._try(part, window)
             finer.redone[:] = tries
-            gap = (finer.states - followed.states[left])[:, -1] / (part.speed * part.inverse_mass)
+            gap = part.efficiency_gap(finer, followed.part(left))
             followed.put(left, finer)
             sure &= (np.abs(gap) < AGREE * self.tolerance) & (finer.contacts <= tries + 1)
             left = left[~sure]
         if left.size:
-            exact = OneByOne().follow(struck.part(left), window)
+            exact = OneByOne().settled(struck.part(left), followed.part(left), window)
             exact.redone[:] = TRIES
             followed.put(left, exact)
-        return followed
+        return self._looked_ahead(struck, followed)
 
-    def one_pass(self, struck: Struck, window: float) -> tuple[Followed, NDArray[np.bool_]]:
+    def one_pass(
+        self, struck: Struck, window: float = WINDOW
+    ) -> tuple[Followed, NDArray[np.bool_]]:
         """Return where one pass gets to, and which scenes (n,) are to be stepped again."""
         followed, sure = self._try(struck, window)
-        return followed, ~sure | (followed.contacts > 1) | (followed.reloads > 1)
+        often = (followed.contacts > 1) | (followed.reloads > 1)
+        return followed, ~sure | often | (followed.time > LONG)
+
+    def _looked_ahead(self, struck: Struck, followed: Followed) -> Followed:
+        """Tell those that meet too late to count from those that only might have."""
+        from virtual_lab.simulation.collision.modal_kernel import meets_again
+
+        near = np.flatnonzero(followed.swung_back & (followed.redone < TRIES))
+        if near.size:
+            part = struck.part(near)
+            steps = self.mode_step / np.maximum(part.fastest(), 1.0)
+            followed.swung_back[near] = meets_again(
+                part.squares, part.bat, part.shapes, followed.states[near], steps, HORIZON
+            )
+        return followed
 
     def _try(self, struck: Struck, window: float) -> tuple[Followed, NDArray[np.bool_]]:
         """Return where one pass gets to, and which scenes (n,) it is sure of."""
@@ -247,7 +316,7 @@ class InStep:
             (self.growth, self.turn, self.brush, window),
         )
         followed = Followed.first_try(states, sums, counts)
-        return followed, (counts[:, 2] == 0) & (np.abs(sums[:, 2]) < self.tolerance)
+        return followed, (counts[:, 2] == 0) & (np.abs(followed.open_energy) < self.tolerance)
 
 
 FINE = InStep(
@@ -258,13 +327,4 @@ FINE = InStep(
     first=0.02,
     growth=3.0,
     turn=3e-3,
-)
-COARSE = InStep(
-    tolerance=1e-4,
-    splitting=SRKN_6,
-    mode_step=2.5,
-    ball_step=0.55,
-    first=0.1,
-    growth=3.0,
-    turn=3e-2,
 )

@@ -13,9 +13,8 @@ import numpy as np
 
 from virtual_lab.catalog.specs import BatBody
 from virtual_lab.drafts import draft_in
-from virtual_lab.simulation.collision.modal import BENDING_MODES, STIFF_MODES, ModalModel
-from virtual_lab.simulation.collision.patch import PATCH
-from virtual_lab.simulation.collision.stepping import FINE
+from virtual_lab.simulation.collision.modal import ModalModel
+from virtual_lab.simulation.collision.stepping import WINDOW
 from virtual_lab.simulation.collision.surrogate import Box, Surrogate
 from virtual_lab.simulation.physics.supports import Support
 
@@ -31,9 +30,15 @@ def cache_folder() -> Path:
 
 
 def surrogate_of(
-    body: BatBody, support: Support, box: Box, *, tolerance: float, folder: Path | None = None
+    model: ModalModel,
+    body: BatBody,
+    support: Support,
+    box: Box,
+    *,
+    tolerance: float,
+    folder: Path | None = None,
 ) -> Surrogate:
-    """Return the surrogate of a bat's modal model, from disk where it was built before.
+    """Return the surrogate of the model of a bat, from disk where it was built before.
 
     A file that cannot be read is built again; a folder that cannot be written is done without.
 
@@ -42,18 +47,21 @@ def surrogate_of(
     InputError
         As `Surrogate.build`.
     """
-    path = (folder or cache_folder()) / f"surrogate-{_key(body, support, box, tolerance)}.npz"
+    path = (
+        folder or cache_folder()
+    ) / f"surrogate-{_key(model, body, support, box, tolerance)}.npz"
     found = _read(path, box)
     if found is not None:
         return found
-    built = Surrogate.build(ModalModel.of(body, support), box, tolerance=tolerance)
+    built = Surrogate.build(model, box, tolerance=tolerance)
     _write(path, built)
     return built
 
 
-def _key(body: BatBody, support: Support, box: Box, tolerance: float) -> str:
+def _key(model: ModalModel, body: BatBody, support: Support, box: Box, tolerance: float) -> str:
     """Return a hash of all that the coefficients depend on."""
-    settings = (version("virtual-lab"), BENDING_MODES, STIFF_MODES, PATCH, repr(FINE))
+    numbers = (model.modes.count, model.stiff.count, model.patch, repr(model.stepper), WINDOW)
+    settings = (version("virtual-lab"), *numbers)
     held = type(support).__name__
     everything = (settings, held, asdict(body), asdict(support), asdict(box), tolerance)
     return hashlib.sha256(repr(everything).encode()).hexdigest()[:32]

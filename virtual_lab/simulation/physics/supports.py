@@ -7,7 +7,7 @@ from math import inf, isfinite
 
 from virtual_lab.errors import InputError
 
-__all__ = ["Clamped", "Free", "Pinned", "Support", "support_place"]
+__all__ = ["Clamped", "Free", "Pinned", "Support", "support_place", "support_words"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,3 +51,14 @@ def support_place(support: Support, length: float) -> float | None:
         value = support.stiffness
         raise InputError("pinned bat", "stiffness", value, "allowed: above 0 N/m; 0 is a free bat")
     return support.z
+
+
+def support_words(support: Support) -> str:
+    """Return how the bat is held in words."""
+    match support:
+        case Free():
+            return "free"
+        case Clamped(z=z):
+            return f"clamped at {z:.6g} m"
+        case Pinned(z=z, stiffness=k):
+            return f"pinned at {z:.6g} m" + (f" on a spring of {k:.6g} N/m" if isfinite(k) else "")

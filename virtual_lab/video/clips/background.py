@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.video.clips.reading import Frame
 
-__all__ = ["ENOUGH", "Image", "middle_of", "uncovered_mean"]
+__all__ = ["Image", "middle_of", "uncovered_mean"]
 
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Flag", "Located", "chosen", "part_of", "put"]
+__all__ = ["Flag", "Located", "part_of", "put"]
 
 Array = NDArray[np.float64]
 
@@ -46,27 +46,19 @@ class Located:
     pattern_u: Array | None = None
 
 
-def part_of(all_: Located, which: NDArray[np.intp]) -> Located:
+def part_of(all_: Located, which: NDArray[np.intp] | slice) -> Located:
     """Return some of the regions."""
-    return Located(**{name: given[which] for name, given in _given(all_).items()})
-
-
-def chosen(which: NDArray[np.bool_], one: Located, other: Located) -> Located:
-    """Return the regions of one where `which` says so, of the other elsewhere."""
-    first, second = _given(one), _given(other)
-    both = first.keys() & second.keys()
-    return Located(**{name: np.where(which, first[name], second[name]) for name in both})
+    given: dict[str, Any] = {}
+    for each in fields(Located):
+        values = getattr(all_, each.name)
+        given[each.name] = None if values is None else values[which]
+    return Located(**given)
 
 
 def put(some: Located, where: NDArray[np.intp], all_: Located) -> Located:
     """Return all regions with some of them replaced."""
-    taken = _given(all_)
-    for name in taken.keys() & _given(some).keys():
-        taken[name] = taken[name].copy()
-        taken[name][where] = getattr(some, name)
-    return Located(**taken)
-
-
-def _given(located: Located) -> dict[str, Any]:
-    values = {each.name: getattr(located, each.name) for each in fields(Located)}
-    return {name: value for name, value in values.items() if value is not None}
+    whole = part_of(all_, np.arange(len(all_.x)))
+    for each in fields(Located):
+        if (values := getattr(whole, each.name)) is not None:
+            values[where] = getattr(some, each.name)
+    return whole

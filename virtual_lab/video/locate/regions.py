@@ -12,10 +12,9 @@ from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.reading import Frame
 from virtual_lab.video.locate.located import Located
 
-__all__ = ["Cover", "Locator", "Regions", "Square", "squares"]
+__all__ = ["Locator", "Regions", "Square", "squares"]
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Square = tuple[slice, slice]  # rows, columns
 
 MARGIN = 16.0  # pixels of background about the ball
@@ -28,7 +27,6 @@ class Regions:
     pixels: Frame
     background: NDArray[np.float32]
     corners: Array  # (region, 2): x, y of each first pixel in the frame
-    mask: Mask | None = None  # True where a pixel may be used, (region, row, col)
 
     def part(self, which: NDArray[np.intp]) -> Regions:
         """Return some of the regions."""
@@ -36,7 +34,6 @@ class Regions:
             pixels=self.pixels[which],
             background=self.background[which],
             corners=self.corners[which],
-            mask=None if self.mask is None else self.mask[which],
         )
 
 
@@ -45,14 +42,6 @@ class Locator(Protocol):
 
     def __call__(self, clip: Clip, seen: Regions, start: Located) -> Located:
         """Return the ball's places in the full frame."""
-        ...
-
-
-class Cover(Protocol):
-    """What may stand before the ball, frame by frame."""
-
-    def hidden(self, frame: int) -> Mask:
-        """Return which pixels of a frame may not be used, (row, column)."""
         ...
 
 

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.reading import grey_of
+from virtual_lab.video.locate.edge_fit import EdgeFit, fit_edge
 from virtual_lab.video.locate.located import Located, part_of
 from virtual_lab.video.locate.noise import Noise
-from virtual_lab.video.locate.plain_ball.refining import Optics, refine
 from virtual_lab.video.locate.regions import Regions
-from virtual_lab.video.locate.stitched_ball.edge import Edged, fit_edge
 
 __all__ = ["lens_of", "noise_of_ball", "noise_of_clip"]
 
@@ -26,8 +25,6 @@ TRIED = 8  # regions on which the lens is found
 LENSES = (0.45, 0.6, 0.8, 1.1, 1.5, 2.2, 3.2)  # pixels
 CLOSE = (0.84, 0.92, 1.0, 1.08, 1.16)  # times the best of them, then
 WORST = 50.0  # of a score
-UNKNOWN = Optics(lens=0.7, lens_u=0.5, blur_u=0.2)
-HOLDS = 1.5  # chi^2 on the outline up to which the occlusion model holds
 
 
 def noise_of_clip(clip: Clip) -> Noise:
@@ -79,12 +76,6 @@ def lens_of(seen: Regions, start: Located, noise: Noise, middle: tuple[float, fl
     tried = np.sort(near[:TRIED])
     some = part_of(start, tried)
     pixels, corners, behind = seen.pixels[tried], seen.corners[tried], seen.background[tried]
-    plain = refine(
-        pixels, corners, some, noise=noise, optics=UNKNOWN, background=behind.astype(float)
-    )
-    holds = plain.located.chi_square < HOLDS
-    if holds.sum() >= max(1, len(tried) // 2):
-        return max(float(np.median(plain.lens[holds])), LENSES[0])
 
     def least(lenses: Array) -> float:
         found = [
@@ -104,7 +95,7 @@ def lens_of(seen: Regions, start: Located, noise: Noise, middle: tuple[float, fl
     return least(least(np.array(LENSES)) * np.array(CLOSE))
 
 
-def _score(found: Edged) -> float:
+def _score(found: EdgeFit) -> float:
     """Return how badly a lens does: a wrong one misfits, or is mended by much of a pattern."""
     located = found.located
     u = located.x_u**2 + located.y_u**2 + found.x_pattern_u**2 + found.y_pattern_u**2

@@ -15,7 +15,6 @@ from typing import Any
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder
 from virtual_lab.video.bat.clip import BatSeen, bat_document, find_bat, recoil_in
-from virtual_lab.video.bat.cover import bat_cover
 from virtual_lab.video.clips.calibration_file import ClipCalibration, read_calibration
 from virtual_lab.video.clips.clip import Clip, open_clip
 from virtual_lab.video.clips.options import (
@@ -30,17 +29,15 @@ from virtual_lab.video.find.watching import Watched, watch
 from virtual_lab.video.follow.correction import read_track
 from virtual_lab.video.follow.document import followed_document
 from virtual_lab.video.follow.following import Followed, Known, following
-from virtual_lab.video.locate.quick import quick
-from virtual_lab.video.locate.refined import Refined
+from virtual_lab.video.locate.sharp import Sharp
 from virtual_lab.video.show.course import (
     Course,
     course_of_followed,
     course_of_tracked,
     write_table,
 )
-from virtual_lab.video.track.covering import track_covered
 from virtual_lab.video.track.speeds import Speeds, document, speeds
-from virtual_lab.video.track.tracking import Tracked, known_of, sharpened
+from virtual_lab.video.track.tracking import Tracked, expected_radius, known_of, sharpened
 
 __all__ = ["Asked", "TrackedClip", "track_clip"]
 
@@ -63,7 +60,6 @@ class Asked:
     readout: str | None = None
     global_shutter: bool = False
     track: Path | None = None  # CSV of an earlier run, corrected
-    quick: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,7 +128,7 @@ def track_clip(
     found = following(clip, watched, known, ways)
     found = replace(found, warnings=(*found.warnings, *notes))
     if _wants_sharp(asked, found, watched):
-        return _sharp(found, calibration, asked, progress)
+        return _sharp(found, calibration, progress)
     return TrackedClip(
         followed=found,
         course=course_of_followed(found),
@@ -223,15 +219,11 @@ def _wants_sharp(asked: Asked, found: Followed, watched: Watched) -> bool:
 def _sharp(
     found: Followed,
     calibration: ClipCalibration,
-    asked: Asked,
     progress: Callable[[str], None],
 ) -> TrackedClip:
-    locator = quick if asked.quick else Refined()
+    locator = Sharp(ball_radius=expected_radius(calibration))
     tracked = sharpened(found, calibration, locator, progress=progress)
     there = find_bat(tracked, calibration)
-    if there and not asked.quick:  # quick heeds no mask
-        cover = bat_cover(there, tracked.clip, calibration)
-        tracked = track_covered(tracked, calibration, locator, cover, progress=progress)
     told = speeds(tracked, calibration)
     bat = recoil_in(tracked, there) if there else None
     from virtual_lab.video.show.bat_plot import bat_text

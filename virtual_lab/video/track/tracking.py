@@ -20,7 +20,7 @@ from virtual_lab.video.clips.timing import usual_step
 from virtual_lab.video.follow.following import GRAVITY, Followed, Known, follow
 from virtual_lab.video.follow.pieces import GAP, Piece
 from virtual_lab.video.locate.located import Flag, Located, part_of
-from virtual_lab.video.locate.regions import Cover, Locator, Regions, squares
+from virtual_lab.video.locate.regions import Locator, Regions, squares
 from virtual_lab.video.track.legs import Legs, Places, split
 from virtual_lab.video.track.lines import Air
 from virtual_lab.video.track.starting import starts
@@ -29,6 +29,7 @@ __all__ = [
     "AT_ONCE",
     "Spotted",
     "Tracked",
+    "expected_radius",
     "followed",
     "known_of",
     "locate_in",
@@ -145,7 +146,7 @@ def sharpened(
         No ball, or too few frames of it.
     """
     clip = found.clip
-    ball = _ball(found, _expected_radius(calibration))
+    ball = _ball(found, expected_radius(calibration))
     background = _bare(found)
     frames = ball["frame"].astype(np.intp)
     start, exposure = starts(clip, background, ball, calibration.exposure_s)
@@ -161,7 +162,6 @@ def followed(
     spotted: Spotted,
     located: Located,
     calibration: ClipCalibration,
-    covered: Mask | None = None,
 ) -> Tracked:
     """Return a located ball's way in the plane, and its flights.
 
@@ -173,9 +173,6 @@ def followed(
         Its places, frame by frame.
     calibration
         What is known of the clip.
-    covered
-        Frames whose fit knew what hides the ball, (frame,): there it rests on what is seen, and
-        says how surely, so that OVERLAP is nothing against it.
 
     Raises
     ------
@@ -184,8 +181,6 @@ def followed(
     """
     clip, frames, exposure = spotted.clip, spotted.frames, spotted.exposure
     against = located.flags & np.uint16(USELESS)
-    if covered is not None:
-        against[covered] &= ~np.uint16(Flag.OVERLAP)
     good = against == 0
     where = str(clip.source.path)
     if good.sum() < LEAST:
@@ -198,9 +193,6 @@ def followed(
     pattern = 0.0
     if located.pattern_u is not None:
         pattern = float(np.nanmedian(located.pattern_u[good]))
-        if covered is not None:  # a hidden rim leaves more to the pattern than all frames share
-            more = scale * np.sqrt(np.maximum(located.pattern_u**2 - pattern**2, 0.0))
-            own = np.where(covered, np.hypot(own, more), own)
     legs = split(
         Places(
             t=clip.times[frames],
@@ -231,28 +223,20 @@ def locate_in(
     background: Image,
     start: Located,
     locator: Locator,
-    cover: Cover | None = None,
 ) -> Located:
-    """Return the ball's places in some frames of a clip, region by region, so many at a time.
-
-    What the cover says stands before the ball is not used.
-    """
+    """Return the ball's places in some frames of a clip, region by region, so many at a time."""
     parts: list[Located] = []
     stream = clip.chosen(frames)
     for first in range(0, len(frames), AT_ONCE):
         some = part_of(start, np.arange(first, min(first + AT_ONCE, len(frames))))
         cuts = squares(some, clip.shape)
         pixels: list[Frame] = []
-        free: list[Mask] = []
-        for cut, (number, frame) in zip(cuts, stream, strict=False):
+        for cut, (_, frame) in zip(cuts, stream, strict=False):
             pixels.append(frame[cut].copy())  # a view would keep its whole frame
-            if cover:
-                free.append(~cover.hidden(number)[cut])
         regions = Regions(
             pixels=np.stack(pixels),
             background=np.stack([background[cut] for cut in cuts]),
             corners=np.array([[cut[1].start, cut[0].start] for cut in cuts], float),
-            mask=np.stack(free) if cover else None,
         )
         parts.append(locator(clip, regions, some))
     whole: dict[str, Any] = {name: _together(parts, name) for name in NAMES}
@@ -264,7 +248,7 @@ def _together(parts: list[Located], name: str) -> Any:
     return None if values[0] is None else np.concatenate(values)
 
 
-def _expected_radius(calibration: ClipCalibration) -> float | None:
+def expected_radius(calibration: ClipCalibration) -> float | None:
     """Return the ball's radius in the picture where the scale is known [pixels]."""
     diameter, scale = calibration.ball_diameter_m, calibration.metres_per_pixel
     if not diameter:

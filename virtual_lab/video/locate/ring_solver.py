@@ -12,15 +12,21 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from virtual_lab.video.locate.plain_ball.disc import FINE
-from virtual_lab.video.locate.plain_ball.normal import put
+from virtual_lab.video.locate.pixels import OPTIONS
 
-__all__ = ["eliminate", "substitute"]
+__all__ = ["eliminate", "put", "substitute"]
 
 Floats = NDArray[np.float64]
 
 
-@njit(**FINE)
+@njit(**OPTIONS)
+def put(values: Floats, out: Floats) -> None:
+    """Copy an array into one of the same shape: numba compiles `out[:] = values` for seconds."""
+    for k in range(out.size):
+        out.flat[k] = values.flat[k]
+
+
+@njit(**OPTIONS)
 def _factor(a: Floats) -> bool:
     """Replace a symmetric matrix by its lower Cholesky factor."""
     n = a.shape[0]
@@ -38,7 +44,7 @@ def _factor(a: Floats) -> bool:
     return True
 
 
-@njit(**FINE)
+@njit(**OPTIONS)
 def _down(low: Floats, b: Floats) -> None:
     """Solve low x = b in place; b is (n, columns)."""
     n, columns = b.shape
@@ -52,7 +58,7 @@ def _down(low: Floats, b: Floats) -> None:
             b[i, c] *= whole
 
 
-@njit(**FINE)
+@njit(**OPTIONS)
 def _up(low: Floats, b: Floats) -> None:
     """Solve low^T x = b in place; b is (n,)."""
     n = b.size
@@ -62,7 +68,7 @@ def _up(low: Floats, b: Floats) -> None:
         b[i] /= low[i, i]
 
 
-@njit(**FINE)
+@njit(**OPTIONS)
 def _take(a: Floats, b: Floats, out: Floats) -> None:
     """Subtract a^T b from out."""
     for k in range(a.shape[0]):
@@ -72,7 +78,7 @@ def _take(a: Floats, b: Floats, out: Floats) -> None:
                 out[i, j] -= part * b[k, j]
 
 
-@njit(**FINE)
+@njit(**OPTIONS)
 def eliminate(blocks: Floats, links: Floats, border: Floats, shared: Floats) -> bool:
     """Factor the system in place, its right side with it.
 
@@ -107,7 +113,7 @@ def eliminate(blocks: Floats, links: Floats, border: Floats, shared: Floats) -> 
     return True
 
 
-@njit(**FINE)
+@njit(**OPTIONS)
 def substitute(
     blocks: Floats, links: Floats, border: Floats, shared: Floats, right: int, ring: Floats
 ) -> Floats:

@@ -3,50 +3,74 @@
 from __future__ import annotations
 
 from math import atan2, pi, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from virtual_lab.video.locate.plain_ball.disc import FINE, MOST, NODES, REACH
-from virtual_lab.video.locate.plain_ball.sums import TOP, untold, variance
-from virtual_lab.video.locate.stitched_ball.profiles import FIRST, PER, SHADES
+from virtual_lab.video.locate.pixels import OPTIONS, TOP, View, untold, variance
+from virtual_lab.video.locate.rim_profiles import FIRST, PER, SHADES
 
-__all__ = ["COUNT", "OUTSIDE", "TALLY", "gather"]
+__all__ = ["COUNT", "OUTSIDE", "TALLY", "Equations", "Rim", "gather"]
 
 Floats = NDArray[np.float64]
-Bytes = NDArray[np.uint8]
 
 # parameters that all sectors share: centre, radius, the outline's oval (cos 2a, sin 2a),
 # background as in the occlusion model, and the ball's shading: a level and how brightness rises
 # with the surface's normal along x, along y and toward the camera
 COUNT = 12
 X, Y, RADIUS, OVAL_C, OVAL_S, LEVEL, SLOPE_X, SLOPE_Y, PLAIN, SIDE_X, SIDE_Y, FACE = range(COUNT)
-TALLY = 8
-CHI, PIXELS, NEAR, AROUND, SEEN, HIDDEN, FULL, STRAY = range(TALLY)
+TALLY = 7
+CHI, PIXELS, NEAR, AROUND, SEEN, FULL, STRAY = range(TALLY)
+COARSE = 3  # rows from one to the next until the fit settles
+REACH = 4.6  # widths from the edge beyond which a pixel is all ball or all background
+MOST = 32  # Gauss-Legendre nodes of the way
 OUTSIDE = 4.0  # pixels of background beyond the edge
 LOOSE = 5.0  # sigmas beyond which a residual weighs less
 ODD = 36.0  # squares of sigmas: such a pixel fits nothing
+NODES = np.zeros((MOST + 1, MOST, 2))
+for _n in range(1, MOST + 1):
+    NODES[_n, :_n] = np.stack(np.polynomial.legendre.leggauss(_n), axis=1)
 
 
-@njit(**FINE)
-def _profile(
-    x: float,
-    y: float,
-    p: Floats,
-    way: Floats,
-    s: float,
-    table: Floats,
-    local: Floats,
-    behind: float,
-    values: Floats,
-    slopes: Floats,
-) -> float:
+class Rim(NamedTuple):
+    """How a ball's rim looks: what `rim_profiles` knows of it, and how it is blurred."""
+
+    table: Floats  # (entry, 2 column)
+    stiffness: Floats  # (knot, knot)
+    hides: Floats  # (knot,) [pixel]
+    width: float  # standard deviation of lens and pixel [pixel]
+    inside: float  # pixels of the ball that are looked at
+    way: Floats  # (2,) the ball's shift during the exposure [pixel]
+
+
+class Equations(NamedTuple):
+    """Normal equations as `ring_solver.eliminate` has them."""
+
+    blocks: Floats
+    links: Floats
+    border: Floats
+    shared: Floats
+
+
+class Columns(NamedTuple):
+    """Room for what one pixel adds."""
+
+    values: Floats  # the table's columns over the way, then the shading's by x and y
+    local: Floats  # (knot,) the pattern at the pixel
+    slopes: Floats  # (COUNT + 1,) derivatives of the pixel's mean, and what is left of it
+
+
+@njit(**OPTIONS)
+def _profile(x: float, y: float, behind: float, p: Floats, rim: Rim, own: Columns) -> float:
     """Fill a pixel's columns and its mean's derivatives by the outline; return its outline.
 
     `values`: the table's columns over the way, the second's twice: by the normal's x and y at
     the end. (x, y) is from the centre at mid exposure.
     """
+    table, way, s = rim.table, rim.way, rim.width
+    values, local, slopes = own.values, own.local, own.slopes
     columns = table.shape[1] // 2
     values[:], slopes[:] = 0.0, 0.0
     r = sqrt(x * x + y * y)
@@ -91,21 +115,19 @@ def _profile(
     return outline / s
 
 
-@njit(inline="always", **FINE)
+@njit(**OPTIONS)
 def _add(
     weight: float,
     left: float,
-    j: Floats,
-    hats: Floats,
+    own: Columns,
     k: int,
     share: float,
-    blocks: Floats,
-    links: Floats,
-    border: Floats,
-    shared: Floats,
+    sums: Equations,
 ) -> None:
     """Add a pixel's part to the normal equations, a `share` of its pattern to the next sector."""
-    knots = hats.size
+    blocks, links, border, shared = sums
+    j, knots = own.slopes, own.local.size
+    hats = own.values[SHADES : SHADES + knots]
     j[COUNT] = left
     first, last = (0, COUNT) if k >= 0 else (LEVEL, PLAIN)
     for a in range(first, last):
@@ -132,30 +154,21 @@ def _add(
             bond[b] += link * hats[b]
 
 
-@njit(inline="always", **FINE)
+@njit(**OPTIONS)
 def _ball(
-    x: float,
-    y: float,
-    behind: float,
-    p: Floats,
-    pattern: Floats,
-    way: Floats,
-    s: float,
-    table: Floats,
-    values: Floats,
-    local: Floats,
-    j: Floats,
+    x: float, y: float, behind: float, p: Floats, pattern: Floats, rim: Rim, own: Columns
 ) -> tuple[float, float, int, float]:
     """Return mean, share of the outline, sector and place in it of a pixel; fill derivatives."""
+    values, local, j = own
     sectors, knots = pattern.shape
-    columns = table.shape[1] // 2
+    columns = rim.table.shape[1] // 2
     turn = (atan2(y, x) / (2.0 * pi) + 1.0) * sectors
     k = int(turn)
     share = turn - k
     k %= sectors
     for i in range(knots):
         local[i] = (1.0 - share) * pattern[k, i] + share * pattern[(k + 1) % sectors, i]
-    outline = _profile(x, y, p, way, s, table, local, behind, values, j)
+    outline = _profile(x, y, behind, p, rim, own)
     j[PLAIN], j[FACE] = values[0], values[2]
     j[SIDE_X], j[SIDE_Y] = values[columns], values[columns + 1]
     mu = behind * (1.0 - values[0])
@@ -166,13 +179,23 @@ def _ball(
     return mu, outline, k, share
 
 
-@njit(inline="always", **FINE)
+@njit(**OPTIONS)
 def _weigh(
-    value: float, mu: float, outline: float, first: bool, noise: Floats, tally: Floats
+    value: float,
+    mu: float,
+    ball: float,
+    outline: float,
+    first: bool,
+    noise: Floats,
+    tally: Floats,
 ) -> float:
-    """Return a pixel's weight, 0 where full scale hides what it would have said; tally it."""
+    """Return a pixel's weight, and tally it.
+
+    It is 0 where full scale hides what the pixel would have said, and where what is behind the
+    ball has moved: a bat that recoils. `ball` is the ball's share of the pixel.
+    """
     mean = value if first else mu
-    v = variance(mean, noise)[0]
+    v = variance(mean, noise)
     tally[SEEN] += outline
     if untold(value, mean, v, noise[TOP]):
         tally[FULL] += outline
@@ -185,44 +208,40 @@ def _weigh(
     if outline > 0.02:
         tally[NEAR] += known
         tally[AROUND] += 1.0
+    elif misfit > ODD and ball < 0.02:
+        return 0.0
     loose = 1.0 if first else min(1.0, LOOSE / sqrt(misfit + 1e-30))
     return float(loose / v)
 
 
-@njit(**FINE)
+@njit(**OPTIONS)
 def gather(
-    region: Floats,
-    use: Bytes,
-    back: Floats,
+    view: View,
+    rim: Rim,
+    noise: Floats,
     p: Floats,
     pattern: Floats,
-    way: Floats,
-    s: float,
-    inside: float,
-    table: Floats,
-    noise: Floats,
-    first: bool,
-    stride: int,
-    blocks: Floats,
-    links: Floats,
-    border: Floats,
-    shared: Floats,
+    settling: bool,
+    sums: Equations,
     tally: Floats,
 ) -> None:
-    """Add up the normal equations; see `solve.eliminate` for their parts.
+    """Add up the normal equations of one region.
 
-    `inside`: pixels of the ball that are looked at; `first`: there is no model yet whose means
-    could tell the pixels' noise; `stride`: from one row that is taken to the next.
+    `settling`: the model is not yet one whose means could tell the pixels' noise, and some of the
+    rows do.
     """
+    blocks, links, border, shared = sums
     blocks[:], links[:], border[:], shared[:], tally[:] = 0.0, 0.0, 0.0, 0.0, 0.0
+    region, back, way, s, inside = view.pixels, view.background, rim.way, rim.width, rim.inside
     rows, cols = region.shape
-    knots, columns = pattern.shape[1], table.shape[1] // 2
-    values, local, j = np.zeros(columns + 2), np.empty(knots), np.zeros(COUNT + 1)
-    hats = values[SHADES:columns]
+    knots, columns = pattern.shape[1], rim.table.shape[1] // 2
+    own = Columns(np.zeros(columns + 2), np.empty(knots), np.zeros(COUNT + 1))
+    values, _, j = own
     along = sqrt(way[0] * way[0] + way[1] * way[1])
     oval = p[RADIUS] * (abs(p[OVAL_C]) + abs(p[OVAL_S]))
     least = max(p[RADIUS] - 0.5 * along - inside - oval, 1.0)
     most = p[RADIUS] + 0.5 * along + REACH * s + OUTSIDE + oval
+    stride = COARSE if settling else 1
     for row in range(max(0, int(p[Y] - most)), min(rows, int(p[Y] + most) + 2), stride):
         y, slope_y = row - p[Y], (row - 0.5 * rows) * 2.0 / cols
         rest = sqrt(max(most * most - y * y, 0.0))
@@ -240,15 +259,9 @@ def gather(
             mu, outline, k, share = behind, 0.0, -1, 0.0
             j[:], values[0] = 0.0, 0.0
             if out < REACH * s + oval:
-                mu, outline, k, share = _ball(
-                    x, y, behind, p, pattern, way, s, table, values, local, j
-                )
-            if use[row, col] == 0:
-                tally[HIDDEN] += outline
-                continue
+                mu, outline, k, share = _ball(x, y, behind, p, pattern, rim, own)
             clear = 1.0 - values[0]
             j[LEVEL] = clear * back[row, col]
             j[SLOPE_X], j[SLOPE_Y] = clear * slope_x, clear * slope_y
-            weight = _weigh(region[row, col], mu, outline, first, noise, tally)
-            left = region[row, col] - mu
-            _add(weight, left, j, hats, k, share, blocks, links, border, shared)
+            weight = _weigh(region[row, col], mu, values[0], outline, settling, noise, tally)
+            _add(weight, region[row, col] - mu, own, k, share, sums)

@@ -1,0 +1,168 @@
+"""Scenes beyond what can be followed: an error that names them, never a number."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from tests.benchmarks.scenes import struck
+from tests.simulation.collision.scenes import scattered, usual
+from virtual_lab.catalog import load_bat
+from virtual_lab.errors import InputError
+from virtual_lab.simulation.collision import stepping
+from virtual_lab.simulation.collision.modal import ModalModel
+from virtual_lab.simulation.collision.reference import ReferenceModel
+from virtual_lab.simulation.collision.scene import Scenes
+from virtual_lab.simulation.collision.stepping import FINE, WINDOW, OneByOne
+from virtual_lab.simulation.physics.modes import modes_of
+from virtual_lab.simulation.physics.supports import Clamped, Free, Pinned, Support
+from virtual_lab.units import INCH
+
+WOOD, ALUMINIUM = load_bat("r161").spec.body, load_bat("ea70").spec.body
+CLAMPED = Clamped(31 * INCH)
+
+
+@lru_cache
+def wood(support: Support = Free()) -> ModalModel:  # noqa: B008 frozen
+    return ModalModel.of(WOOD, support)
+
+
+HELD = {"free": Free(), "pinned at 0.7112 m": Pinned(28 * INCH), "clamped at 0.7874 m": CLAMPED}
+
+
+@pytest.mark.parametrize(
+    ("held", "key", "value", "said"),
+    [
+        ("free", "ball_restitution", 0.003, "e0 0.003,"),
+        ("free", "stiffness", 1e20, "k 1e+20 N/m^1"),
+        *((held, "ball_restitution", 0.005, "e0 0.005,") for held in HELD),
+        *((held, "stiffness", 1e14, "k 1e+14 N/m^1") for held in HELD),
+    ],
+)
+def test_what_does_not_close_or_end_is_an_error(
+    held: str, key: str, value: float, said: str
+) -> None:
+    """Returned as e_A of 3e156 and 2e17, of 2e19 and 151, before there was a check."""
+    usually = {"ball_restitution": 0.5, "stiffness": 3.5e6}[key]
+    odd = usual([6.0, 6.0], relative_speed=50.0, **{key: np.array([usually, value])})
+    for stepper in (FINE, OneByOne()):
+        model = replace(wood(HELD[held]), stepper=stepper)
+        with pytest.raises(InputError) as found:
+            model.collide(odd)
+        text = str(found.value)
+        assert text.startswith("collision: ")
+        assert "\n" not in text
+        assert said in text
+        assert "struck 0.1524 m from its tip at 50 m/s by a ball of 0.145291 kg" in text
+        assert f"no result for a bat {held}, " in text
+
+
+def test_the_reference_says_what_it_cannot_follow() -> None:
+    model = ReferenceModel.of(WOOD, Free(), 4)
+    assert model.collide(usual([6.0])).contacts[0] == 1
+    with pytest.raises(InputError, match=r"collision: no end is found; .* e0 0\.004,"):
+        model.collide(usual([6.0], ball_restitution=0.004))
+    loose = replace(model, tolerance=1e-9, method="RK45", longest_step=1e4)
+    with pytest.raises(InputError, match=r"collision: .*; no result for a bat free, struck 0\.5"):
+        loose.collide(usual([20.0], ball_restitution=0.02, stiffness=1e9))
+
+
+def test_what_finer_steps_disagree_on_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a scene that is followed one by one; no other is asked to agree."""
+    hard = usual([1.0], stiffness=3.5e8, ball_restitution=0.45)
+    assert wood().collide(hard).redone[0] == 3
+    one_pass = OneByOne.follow
+
+    def trembling(self: OneByOne, *given: object) -> object:
+        found = one_pass(self, *given)  # type: ignore[arg-type]
+        found.states[:, -1] *= 1 + 1e-3 / self.refinement
+        return found
+
+    monkeypatch.setattr(OneByOne, "follow", trembling)
+    with pytest.raises(
+        InputError, match="collision: finer steps disagree; no result for a bat free"
+    ):
+        wood().collide(hard)
+    assert wood().collide(usual([6.0])).redone[0] == 0
+
+
+def test_the_energy_of_what_is_followed_one_by_one_is_looked_at(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    hard = usual([1.0], stiffness=3.5e8, ball_restitution=0.45)
+    monkeypatch.setattr(stepping, "STAYS", 1e-17)
+    with pytest.raises(InputError, match="collision: energy does not close; no result"):
+        wood().collide(hard)
+
+
+@pytest.mark.parametrize("speed", [1e-3, 1e-9])
+def test_balls_that_creep_are_right_or_refused(speed: float) -> None:
+    """A linear ball does not know how fast it is; a stiffening one is too slow in the end."""
+    model, places = wood(), [1.0, 6.0, 16.0]
+    fast = model.collide(usual(places, relative_speed=50.0)).collision_efficiency
+    slow = model.collide(usual(places, relative_speed=speed)).collision_efficiency
+    assert slow == pytest.approx(fast, abs=1e-6)
+    creeping = usual([6.0], relative_speed=speed, exponent=3.0, stiffness=2.4e10)
+    if speed > 1e-6:
+        assert model.collide(creeping).energy.total == pytest.approx(np.ones(1), abs=1e-6)
+    else:
+        with pytest.raises(InputError, match=rf"collision: no end is found; .* at {speed:g} m/s"):
+            model.collide(creeping)
+
+
+@pytest.mark.parametrize("z", [20.0, 31.0])
+def test_heavy_balls_on_clamped_bats_settle(z: float) -> None:
+    """They did not while contacts counted for 20 ms: up to 12 of them, off by up to 0.08."""
+    model = ModalModel.of(ALUMINIUM, Clamped(z * INCH))
+    scenes = scattered(100, 0.5, z - 1, seed=3)
+    scenes = replace(scenes, ball_mass=np.repeat([3.0, 30.0], 50) * scenes.ball_mass)
+    found = model.collide(scenes)
+    exact = replace(model, stepper=OneByOne(refinement=2.0)).collide(scenes)
+    assert found.contacts.max() <= 6
+    assert np.abs(found.collision_efficiency - exact.collision_efficiency).max() < 1e-6
+
+
+def followed(model: ModalModel, scenes: Scenes, window: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the speeds left of scenes and which swung back."""
+    found = FINE.follow(struck(model, scenes), window)
+    return found.states[:, -1] / scenes.relative_speed, found.swung_back
+
+
+@pytest.mark.parametrize("body", [WOOD, ALUMINIUM])
+@pytest.mark.parametrize("support", [Free(), Pinned(28 * INCH), Pinned(28 * INCH, 1e6)])
+def test_nothing_comes_after_the_time_in_which_contacts_count(
+    body: object, support: Support
+) -> None:
+    model = ModalModel.of(body, support)  # type: ignore[arg-type]
+    scenes = scattered(300, 0.3, 24, seed=21)
+    speeds, swung = followed(model, scenes, WINDOW)
+    assert not swung.any()
+    for window in (0.006, 0.04):
+        assert np.array_equal(followed(model, scenes, window)[0], speeds)
+
+
+def test_a_clamped_bat_that_swings_back_is_reported_and_does_not_count() -> None:
+    model, scenes = wood(CLAMPED), scattered(300, 0.5, 24, seed=22)
+    speeds, swung = followed(model, scenes, WINDOW)
+    assert 20 < swung.sum() < 200
+    early, _ = followed(model, scenes, 0.006)
+    assert np.abs(early - speeds).max() < 1e-6
+    late, _ = followed(model, scenes, 0.04)
+    hit_again = np.abs(late - speeds) > 1e-6
+    assert hit_again.sum() > 5
+    assert not (hit_again & ~swung).any()
+    assert np.abs(late - speeds).max() > 0.3
+    found = model.collide(scenes)
+    assert np.array_equal(found.swung_back, swung)
+
+
+def test_swinging_back_agrees_with_the_reference() -> None:
+    modes = modes_of(WOOD, CLAMPED, 6)
+    scenes = scattered(12, 0.5, 12, seed=23)
+    found = ModalModel(modes=modes, stiff=modes.above(6)).collide(scenes)
+    true = ReferenceModel(modes=modes, tolerance=1e-9, longest_step=1.0).collide(scenes)
+    assert np.array_equal(found.swung_back, true.swung_back)
+    assert 0 < found.swung_back.sum() < 12
