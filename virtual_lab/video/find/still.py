@@ -22,6 +22,7 @@ __all__ = [
     "difference_of_light",
     "eight_bits",
     "moved",
+    "ranked",
     "still_of",
 ]
 
@@ -33,7 +34,7 @@ NO_DRIFT = 0.15  # pixels over a clip: a camera on a stand
 FASTEST = 3.0  # pixels a frame of drift
 ROUNDS = 2  # the samples are laid upon one of them, and then on the median of all
 FEWEST = 8  # samples that tell which side of the background a ball is on
-SIDE = 0.3  # quantile, or its complement, at which the background of a slow ball lies
+SIDE = 0.25  # quantile, or its complement, at which the background of a slow ball lies
 TOUCHED = 8.0  # noises that a pixel's brightness varies by if the ball was there
 CLIPPED = 20  # DN: what is farther off the background moves on its own
 STAND = 0.98  # of its misfit: a camera on a stand is the simpler thing to say
@@ -241,7 +242,7 @@ def _share(pictures: Sequence[Image]) -> float:
     low, high = (each.astype(int) for each in (stack.min(axis=0), stack.max(axis=0)))
     reach = high - low
     touched = reach > TOUCHED * max(float(np.median(reach)) / 4, 1.0)
-    middle = _ranked(stack, len(stack) // 2).astype(int)
+    middle = ranked(stack, len(stack) // 2).astype(int)
     return SIDE if (low + high - 2 * middle)[touched].sum() >= 0 else 1 - SIDE
 
 
@@ -257,7 +258,7 @@ def _covered(
             [moved(p, s, (0, top), block) for p, s in zip(pictures, shifts, strict=True)]
         )
         if not shifts.any():
-            whole[top : top + BLOCK] = _ranked(stack, round(share * (len(stack) - 1)))
+            whole[top : top + BLOCK] = ranked(stack, round(share * (len(stack) - 1)))
             continue
         y, x = np.ogrid[top : top + len(block), : shape[1]]
         count = np.zeros(block.shape[:2], np.uint8)
@@ -269,11 +270,11 @@ def _covered(
         if block.ndim == 3:
             count = count[..., None]
         rank = np.rint(share * (np.maximum(count, 1) - 1.0)).astype(np.uint8)
-        whole[top : top + BLOCK] = np.where(count > 0, _ranked(stack, rank), 0)
+        whole[top : top + BLOCK] = np.where(count > 0, ranked(stack, rank), 0)
     return whole
 
 
-def _ranked(stack: NDArray[np.uint8], rank: int | NDArray[np.uint8]) -> Image:
+def ranked(stack: NDArray[np.uint8], rank: int | NDArray[np.uint8]) -> Image:
     """Return the value of a rank among pictures, by bisection: much quicker than sorting."""
     found = np.zeros(stack.shape[1:], np.uint8)
     for bit in (128, 64, 32, 16, 8, 4, 2, 1):
@@ -337,4 +338,4 @@ def _median(pictures: Sequence[Image], shifts: Array | None = None) -> Image:
 
 
 def _quantile(pictures: Sequence[Image], share: float) -> Image:
-    return _ranked(np.stack(pictures), round(share * (len(pictures) - 1)))
+    return ranked(np.stack(pictures), round(share * (len(pictures) - 1)))

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.find.blobs import BLOB, Blobs, blobs
-from virtual_lab.video.find.still import Still, eight_bits, still_of
+from virtual_lab.video.find.still import Image, Still, eight_bits, ranked, still_of
 
 __all__ = ["Watched", "repeats", "watch"]
 
@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 CHANGED = 5  # pixels, a side: what changes over fewer is noise
 REPEATED = 0.3  # of the change of the frames beside it: the frame was stored twice
+ENOUGH = 3  # samples that show a pixel bare
+GHOST, GHOST_AREA = 12, 30  # DN, pixels: a ball that was taken for background
 BESIDE = 2  # frames on each side
 
 
@@ -52,11 +54,31 @@ def watch(
     progress
         Told now and then.
     """
-    import cv2
-
     depth = max(8, int(clip.full_scale).bit_length())
     apart = float(np.diff(clip.sampled).max()) if len(clip.sampled) > 1 else 1.0
     still = still_of(list(clip.samples), depth, apart, stands=stands)
+    watched = _watched(clip, still, frames, progress)
+    if stands and (barer := _barer(clip, watched)) is not None:
+        still = replace(still, background=barer, small=still.shrunk(barer))
+        watched = _watched(clip, still, frames, progress)
+    if region:
+        found = watched.found
+        x, y, wide, high = region
+        inside = (found["x"] > x) & (found["x"] < x + wide)
+        inside &= (found["y"] > y) & (found["y"] < y + high)
+        watched = replace(watched, found=found[inside])
+    return watched
+
+
+def _watched(
+    clip: Clip,
+    still: Still,
+    frames: tuple[int, int] | None,
+    progress: Callable[[str], None],
+) -> Watched:
+    import cv2
+
+    depth = still.depth
     first, last = frames or (0, clip.count - 1)
     shifts, change = np.zeros((clip.count, 2)), np.full(clip.count, np.nan)
     found: list[Blobs] = [np.zeros(0, BLOB)]
@@ -77,12 +99,31 @@ def watch(
             change[number] = float(np.max(changed))
         before = small
         found.append(blobs(number, picture, small, shift, still))
-    together = np.concatenate(found)
-    if region:
-        x, y, wide, high = region
-        inside = (together["x"] > x) & (together["x"] < x + wide)
-        together = together[inside & (together["y"] > y) & (together["y"] < y + high)]
-    return Watched(still=still, found=together, shifts=shifts, change=change)
+    return Watched(still=still, found=np.concatenate(found), shifts=shifts, change=change)
+
+
+def _barer(clip: Clip, watched: Watched) -> Image | None:
+    """Return the background by samples where no blob covers it; None where that changes nothing.
+
+    Before a camera that stands a slow ball may cover a pixel for most of the time.
+    """
+    import cv2
+
+    still = watched.still
+    samples = np.stack([eight_bits(each, still.depth) for each in clip.samples])
+    covered = np.zeros(samples.shape[:3], np.uint8)
+    for number, mask in zip(clip.sampled.tolist(), covered, strict=True):
+        for blob in watched.found[watched.found["frame"] == number]:
+            at = (round(float(blob["x"])), round(float(blob["y"])))
+            cv2.circle(mask, at, round(1.15 * float(blob["length"]) + 3), 1, -1)
+    count = (covered == 0).sum(axis=0).astype(np.uint8)
+    enough = count >= ENOUGH
+    if samples.ndim == 4 or not enough.any():
+        return None
+    samples[covered > 0] = 255  # beyond the others in rank
+    barer = np.where(enough, ranked(samples, count // 2), still.background)
+    off = np.abs(barer.astype(int) - still.background) > GHOST
+    return barer if off.sum() > GHOST_AREA else None
 
 
 def repeats(change: Array) -> NDArray[np.bool_]:
