@@ -23,6 +23,7 @@ __all__ = [
     "eight_bits",
     "moved",
     "ranked",
+    "share_of",
     "still_of",
 ]
 
@@ -39,6 +40,7 @@ TOUCHED = 8.0  # noises that a pixel's brightness varies by if the ball was ther
 CLIPPED = 20  # DN: what is farther off the background moves on its own
 STAND = 0.98  # of its misfit: a camera on a stand is the simpler thing to say
 RESTLESS = 0.75  # quantile of the samples' differences: what a pixel does without a ball
+RESTLESS_MOST = 16  # DN: more may be a ball that stays
 BLOCK = 64  # rows at a time: a sorted stack of whole pictures would need the memory of them all
 GRID = 8  # every eighth pixel tells how bright the light is
 LIGHT = (255 * (np.arange(256) / 255) ** 2.2).astype(np.float32)  # of a grey value, 0 to 255
@@ -148,7 +150,7 @@ def still_of(
     origin = np.minimum(0, np.floor(-shifts.max(axis=0) / shrink) * shrink).astype(int)
     end = np.array([columns, rows]) + np.maximum(0, np.ceil(-shifts.min(axis=0))).astype(int)
     wide, high = (int(each) for each in end - origin)
-    background = _covered(pictures, shifts + origin, (high, wide), _share(pictures))
+    background = _covered(pictures, shifts + origin, (high, wide), share_of(pictures))
     behind = _shrunk(background, shrink)
     off = [
         _strongest(_apart(moved(each, (shift + origin) / shrink, (0, 0), behind), behind))
@@ -160,7 +162,7 @@ def still_of(
         origin=(int(origin[0]), int(origin[1])),
         size=(columns, rows),
         small=behind,
-        restless=_quantile(off, RESTLESS),
+        restless=np.minimum(_quantile(off, RESTLESS), RESTLESS_MOST).astype(np.uint8),
         shrink=shrink,
         depth=depth,
         edges=edges_of(_grey(np.ascontiguousarray(inner))),
@@ -229,7 +231,7 @@ def moved(picture: Image, shift: Array, corner: tuple[int, int], behind: Image) 
     return here
 
 
-def _share(pictures: Sequence[Image]) -> float:
+def share_of(pictures: Sequence[Image]) -> float:
     """Return the quantile at which the background is found.
 
     The median; but before a camera in grey, a laboratory's, a slow ball may cover a pixel for most

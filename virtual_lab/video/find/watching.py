@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.find.blobs import BLOB, Blobs, blobs
-from virtual_lab.video.find.still import Image, Still, eight_bits, ranked, still_of
+from virtual_lab.video.find.still import Image, Still, eight_bits, ranked, share_of, still_of
 
 __all__ = ["Watched", "repeats", "watch"]
 
@@ -120,8 +120,10 @@ def _barer(clip: Clip, watched: Watched) -> Image | None:
     enough = count >= ENOUGH
     if samples.ndim == 4 or not enough.any():
         return None
+    share = share_of(list(samples))
     samples[covered > 0] = 255  # beyond the others in rank
-    barer = np.where(enough, ranked(samples, count // 2), still.background)
+    rank = np.rint(share * (np.maximum(count, 1) - 1.0)).astype(np.uint8)
+    barer = np.where(enough, ranked(samples, rank), still.background)
     off = np.abs(barer.astype(int) - still.background) > GHOST
     return barer if off.sum() > GHOST_AREA else None
 

@@ -31,6 +31,7 @@ SIDE = 4  # places on each side of a contact, to tell a restitution
 ALIKE = 0.25  # of the acceleration that flights may differ by before drag and tilt are known
 UPRIGHT = 0.5  # radians that g may be off the picture's downward direction
 SAG = 1.0  # radii that gravity must bend a way by, for its direction to be asked for
+SHOWS = 0.3  # the same, for gravity to be missed where there is none
 SIZE = 1.35  # ratio of the radii of one ball's flights
 MISSED = 4  # frames in a row at which a flight ends
 NEAR = (0.2, 5.0)  # radii, and standard deviations, that a place may be off its flight
@@ -248,7 +249,7 @@ def _falls(scene: Scene, piece: Piece, pull: Array, u: Array, rms: float) -> boo
     size, span = float(np.hypot(*pull)), float(np.ptp(piece.t))
     bent = size * span**2 / 8
     expected = scene.expected(piece.radius)
-    if expected is not None and expected * span**2 / 8 > 2 * SAG * piece.radius:
+    if expected is not None and expected * span**2 / 8 > max(SHOWS * piece.radius, 6 * rms):
         # gravity would show: is it there, or does a wrong frame rate make it look larger or less?
         ratio = size / expected
         down = float(np.arctan2(abs(pull[0]), pull[1]))
