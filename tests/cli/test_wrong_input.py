@@ -625,7 +625,6 @@ CASES: dict[str, Case] = {
         f"{TRACK} cal.toml",
         ["t.csv", "1e-08 s later"],
     ),
-    "a clip of no ball": (clip(FPS), f"{TRACK} cal.toml", ["ball", "not found"]),
 }
 
 

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import os
 from pathlib import Path
+from typing import Any
 
 import click
 
 from virtual_lab.cli.shared import json_option, print_json, teller
 
 __all__ = ["track"]
-
-BALLS = (1e-3, 1.0)  # m, the diameter
 
 
 @click.command()
@@ -22,7 +20,22 @@ BALLS = (1e-3, 1.0)  # m, the diameter
     type=click.Path(path_type=Path),
     help="TOML file: metres_per_pixel, frames_per_second, exposure_s, timestamps, …",
 )
-@click.option("--ball", metavar="73mm", help="The ball's diameter, in mm, cm, m or in.")
+@click.option("--ball", metavar="73mm±0.5mm", help="The ball's diameter, in mm, cm, m or in.")
+@click.option("--fps", type=float, help="Pictures stored in a true second, repeats counted.")
+@click.option("--exposure", metavar="1/120", help="Time that a picture is exposed, in s, ms.")
+@click.option("--gravity", type=float, help="Gravity where it was filmed [m/s²], 9.81 by default.")
+@click.option("--frames", metavar="17:52", help="First and last frame to look at.")
+@click.option("--region", metavar="X,Y,W,H", help="Part of the picture to look at [pixels].")
+@click.option("--ball-at", metavar="X,Y@FRAME", help="Where the ball is, if others move too.")
+@click.option("--scale", metavar="X,Y:X,Y=50cm", help="Two points and their distance.")
+@click.option("--readout", metavar="16ms", help="Time a rolling shutter takes over the picture.")
+@click.option("--global-shutter", is_flag=True, help="All rows are exposed at once.")
+@click.option(
+    "--track",
+    "corrected",
+    type=click.Path(path_type=Path),
+    help="track.csv of an earlier run, corrected by hand: its places and flights are taken.",
+)
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
@@ -31,54 +44,25 @@ BALLS = (1e-3, 1.0)  # m, the diameter
 @json_option
 def track(
     clip: Path,
-    calibration: Path | None,
-    ball: str | None,
+    corrected: Path | None,
     out: Path | None,
     as_json: bool,
+    **said: Any,
 ) -> None:
-    """Follow the ball through CLIP: speeds before and after a contact, restitution, track.
+    """Follow the ball through CLIP: flights and contacts, speeds, restitution, gravity, track.
 
     CLIP is a video (MP4, MOV, AVI, MKV), a folder of images, a TIFF stack or a .npy array.
     """
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # its faults are told as ours
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
-    from virtual_lab.files import check_new_folder, first_free, new_folder
-    from virtual_lab.relations.board import length_of
-    from virtual_lab.video.bat.clip import bat_document, find_bat, recoil_in
-    from virtual_lab.video.clips.calibration_file import read_calibration
-    from virtual_lab.video.locate.sharp import Sharp
-    from virtual_lab.video.show.bat_plot import bat_text, draw_bat, write_bat_table
-    from virtual_lab.video.show.track_film import write_film, write_sheet
-    from virtual_lab.video.show.track_plot import draw_track
-    from virtual_lab.video.show.track_text import track_text, write_table
-    from virtual_lab.video.track.speeds import document, speeds
-    from virtual_lab.video.track.tracking import expected_radius
-    from virtual_lab.video.track.tracking import track as run
+    from virtual_lab.files import check_new_folder, first_free
+    from virtual_lab.video.show.tracked_clip import Asked, track_clip
 
     out = out or first_free(clip.parent / f"{clip.absolute().stem or 'clip'}-track")
     check_new_folder(out)
-    known = read_calibration(
-        calibration, ball_diameter=None if ball is None else length_of(ball, "--ball", *BALLS)
-    )
-    say = teller()
-    tracked = run(clip, known, Sharp(ball_radius=expected_radius(known)), say=say)
-    there = find_bat(tracked, known)
-    found = speeds(tracked, known)
-    bat = recoil_in(tracked, there) if there else None
-    result = document(tracked, found) | ({"bat": bat_document(bat)} if bat else {})
-    say("drawing")
-    with new_folder(out) as folder:
-        write_table(tracked, folder / "track.csv")
-        (folder / "result.json").write_text(json.dumps(result, indent=2, allow_nan=False) + "\n")
-        draw_track(tracked, found, folder / "track.png")
-        write_sheet(tracked, folder / "sheet.png")
-        write_film(tracked, folder / "track.webp")
-        if bat:
-            write_bat_table(bat, folder / "bat.csv")
-            draw_bat(bat, folder / "bat.png")
+    found = track_clip(clip, Asked(track=corrected, **said), progress=teller())
+    found.save(out)
     if as_json:
-        print_json(result)
+        print_json(found.document)
     else:
-        speeds_told = "\n".join([track_text(tracked, found), *([bat_text(bat)] if bat else [])])
-        told = [speeds_told, str(out)]
-        click.echo("\n\n".join(told))
+        click.echo(f"{found.text}\n\n{out}")

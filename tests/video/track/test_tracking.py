@@ -264,14 +264,6 @@ def test_a_ball_of_another_size_is_not_the_ball(tmp_path: Path) -> None:
         run(Film().frames(), tmp_path, known)
 
 
-def test_two_balls(tmp_path: Path) -> None:
-    one = Film(contact=(230.0, 60.0), velocity_in=(9.3, 0.0), velocity_out=(-5.2, 0.0))
-    other = replace(one, contact=(240.0, 150.0), noise=0.0)
-    both = [np.maximum(a, b) for a, b in zip(one.frames(), other.frames(), strict=True)]
-    with pytest.raises(InputError, match="balls = 2"):
-        run(both, tmp_path)
-
-
 @pytest.mark.parametrize(("sense", "turn"), [(1.0, (0.0, 0.0, 0.0)), (-1.0, (np.pi, 0.0, 0.0))])
 def test_angles_are_as_seen_whichever_way_the_cameras_axes_run(
     sense: float, turn: tuple[float, float, float], tmp_path: Path

@@ -9,41 +9,20 @@ from numpy.typing import NDArray
 
 from virtual_lab.video.clips.reading import Frame
 
-__all__ = ["first_background", "light_ball", "uncovered_mean"]
+__all__ = ["Image", "middle_of", "uncovered_mean"]
 
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 
 ROWS = 64  # at a time: a sorted stack of whole frames would need the memory of them all
-TOUCHED = 8.0  # noises that the brightness of a pixel must vary by for the ball to have been there
 ENOUGH = 3  # frames that must show a pixel's background for their mean to be taken
 
 
-def light_ball(samples: Frame) -> bool:
-    """Return whether what moves through the frames is lighter than what is behind it.
-
-    Most of the pixels it touches it covers for the lesser part of the time: the brightness they
-    have for the greater part is their background's.
-    """
-    skew = 0.0
-    for block in _blocks(samples):
-        low, middle, high = _quantiles(block, (0.0, 0.5, 1.0))
-        reach = high - low
-        touched = reach > TOUCHED * max(float(np.median(reach)) / 4, 1.0)
-        skew += float((low + high - 2 * middle)[touched].sum())
-    return skew >= 0
-
-
-def first_background(samples: Frame, *, light: bool) -> Image:
-    """Return the background of a moving ball, (row, column), by a quantile on its far side.
-
-    A pixel may be covered for up to two thirds of the frames.
-    """
-    share = 0.3 if light else 0.7
-    both = [_quantiles(block, (share, 0.5)) for block in _blocks(samples)]
-    found, middle = (np.concatenate([each[k] for each in both]) for k in (0, 1))
-    # noise makes a quantile lie off the mean, alike in all pixels
-    return np.asarray(found + np.median(middle - found), dtype=np.float32)
+def middle_of(samples: Frame) -> Image:
+    """Return the median of samples, (row, column)."""
+    tops = range(0, samples.shape[1], ROWS)
+    blocks = [np.median(samples[:, top : top + ROWS], axis=0) for top in tops]
+    return np.concatenate(blocks).astype(np.float32)
 
 
 def uncovered_mean(
@@ -74,21 +53,3 @@ def uncovered_mean(
         total += np.where(free, sample, 0)
         count += free
     return np.where(count >= ENOUGH, total / np.maximum(count, 1), first).astype(np.float32)
-
-
-def _blocks(samples: Frame) -> Iterable[Frame]:
-    for top in range(0, samples.shape[1], ROWS):
-        yield samples[:, top : top + ROWS]
-
-
-def _quantiles(block: Frame, shares: tuple[float, ...]) -> list[Image]:
-    """Return quantiles over the samples: the mean of three neighbours, finer than whole DN."""
-    ordered = np.sort(block, axis=0)
-    last = len(block) - 1
-    found = []
-    for share in shares:
-        middle = round(share * last)
-        span = 0 if share in {0.0, 1.0} else 1
-        low, high = max(0, middle - span), min(last, middle + span)
-        found.append(ordered[low : high + 1].mean(axis=0, dtype=np.float32))
-    return found

@@ -116,7 +116,9 @@ class ClipCalibration(Spec):
             raise ValueError(f"exposure_s is longer than a frame, {step:.4g} s")
 
 
-def read_calibration(path: Path | None, *, ball_diameter: float | None = None) -> ClipCalibration:
+def read_calibration(
+    path: Path | None, *, ball_diameter: float | None = None, otherwise: bool = False
+) -> ClipCalibration:
     """Return the calibration in a file, `path` None: of an unknown camera.
 
     Parameters
@@ -125,6 +127,8 @@ def read_calibration(path: Path | None, *, ball_diameter: float | None = None) -
         TOML file; a relative name of `timestamps` counts from its folder.
     ball_diameter
         Diameter [m] that replaces the file's, with no uncertainty of its own.
+    otherwise
+        Whether something else sets the scale.
     """
     found = ClipCalibration()
     if path:
@@ -133,7 +137,7 @@ def read_calibration(path: Path | None, *, ball_diameter: float | None = None) -
             found = replace(found, timestamps=str(path.parent / found.timestamps))
     if ball_diameter is not None and ball_diameter != found.ball_diameter_m:
         found = replace(found, ball_diameter_m=ball_diameter, ball_diameter_m_u=0.0)
-    if not (found.metres_per_pixel or found.camera or found.ball_diameter_m):
+    if not (otherwise or found.metres_per_pixel or found.camera or found.ball_diameter_m):
         allowed = "give metres_per_pixel, [camera] or the ball's diameter"
         raise InputError(str(path or ""), "scale", None, f"no length is known: {allowed}")
     return found

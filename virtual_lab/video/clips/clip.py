@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.video.clips.calibration_file import ClipCalibration
-from virtual_lab.video.clips.reading import Frame, Source, open_source
+from virtual_lab.video.clips.reading import Frame, Source, grey_of, open_source
 from virtual_lab.video.clips.timing import frame_times
 
 __all__ = ["Clip", "open_clip"]
 
-SAMPLES = 32  # frames kept to learn the background from
-KEPT = 512e6  # B: a shorter clip is decoded once and stays in memory
+SAMPLES = 25  # frames kept to learn the background from
+FEWEST, ROOM = 9, 75e6  # of large ones fewer: as many as so many B hold
+KEPT = 60e6  # B: a shorter clip is decoded once and stays in memory
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,7 +29,7 @@ class Clip:
     times: NDArray[np.float64]  # (frame,) [s]
     shape: tuple[int, int]  # rows, columns
     full_scale: float  # greatest grey value its bits can hold [DN]
-    samples: Frame  # (sample, row, column)
+    samples: Frame  # (sample, row, column) or of colours (…, 3), as stored
     sampled: NDArray[np.intp]  # frames the samples are
     warnings: tuple[str, ...]
 
@@ -37,18 +38,29 @@ class Clip:
         """How many frames there are."""
         return len(self.times)
 
+    def grey_samples(self) -> Frame:
+        """Return the samples in grey, (sample, row, column)."""
+        return np.stack([grey_of(each, str(self.source.path)) for each in self.samples])
+
+    def pictures(self) -> Iterator[Frame]:
+        """Yield every frame as it is stored, grey or in colour."""
+        for picture, _ in self.source.pictures():
+            yield picture
+
     def frames(self) -> Iterator[Frame]:
-        """Yield every frame."""
+        """Yield every frame, grey."""
         for frame, _ in self.source.frames():
             yield frame
 
-    def chosen(self, wanted: NDArray[np.intp]) -> Iterator[tuple[int, Frame]]:
-        """Yield the frames of some numbers, in order, and read no further than the last."""
+    def chosen(
+        self, wanted: NDArray[np.intp], *, colour: bool = False
+    ) -> Iterator[tuple[int, Frame]]:
+        """Yield frames of some numbers, grey or as stored, in order; read none beyond the last."""
         left = set(map(int, wanted))
         if not left:
             return
         last = max(left)
-        for number, frame in enumerate(self.frames()):
+        for number, frame in enumerate(self.pictures() if colour else self.frames()):
             if number in left:
                 yield number, frame
             if number == last:
@@ -65,19 +77,22 @@ def open_clip(path: Path, calibration: ClipCalibration) -> Clip:
         fit, or frames of another size than the calibrated camera's.
     """
     source = open_source(path)
-    every = max(1, -(-source.declared // SAMPLES))
+    every = 1
     stamps: list[float] = []
     samples: list[Frame] = []
     kept: list[tuple[Frame, float]] = []
     brightest = 0
-    for number, (frame, stamp) in enumerate(source.frames()):
+    for number, (frame, stamp) in enumerate(source.pictures()):
         if number == 0:
             _require_size(frame, path, calibration)
+            count = int(np.clip(ROOM / frame.nbytes, FEWEST, SAMPLES))
+            every = max(1, -(-source.declared // count))
         if number % every == 0:
             samples.append(frame)
         if source.declared * frame.nbytes <= KEPT:
             kept.append((frame, stamp))
-        brightest = max(brightest, int(frame.max()))
+        if frame.dtype != np.uint8:
+            brightest = max(brightest, int(frame.max()))
         stamps.append(stamp)
     times, warnings = frame_times(source, np.array(stamps), calibration)
     stack = np.stack(samples)

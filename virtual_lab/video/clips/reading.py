@@ -37,10 +37,16 @@ class Source:
     declared: int  # frames the file says it holds
     estimated: bool = False  # reckoned from the duration, not counted
     rate: float | None = None  # frames a second the file says
+    rotation: int = 0  # degrees clockwise that frames were turned as the file asks for
     read: Callable[[], Iterator[tuple[Frame, float]]]  # each with its own time [s], NaN: none
 
     def frames(self) -> Iterator[tuple[Frame, float]]:
-        """Yield each frame, grey, with the file's own time stamp [s] (NaN where it has none).
+        """Yield each frame, grey, as `pictures` does."""
+        for number, (frame, stamp) in enumerate(self.pictures()):
+            yield grey_of(frame, f"{self.path}: frame {number}"), stamp
+
+    def pictures(self) -> Iterator[tuple[Frame, float]]:
+        """Yield each frame, grey or in colour, with its own time stamp [s] (NaN: it has none).
 
         Raises `InputError` where a frame has another size or depth than the first, where
         fewer can be read than the file says it holds, or where there is none.
@@ -48,13 +54,13 @@ class Source:
         first: Frame | None = None
         count = 0
         for frame, stamp in self.read():
-            grey = grey_of(frame, f"{self.path}: frame {count}")
-            first = grey if first is None else first
-            if (grey.shape, grey.dtype) != (first.shape, first.dtype):
+            require_picture(frame, f"{self.path}: frame {count}")
+            first = frame if first is None else first
+            if (frame.shape[:2], frame.dtype) != (first.shape[:2], first.dtype):
                 allowed = f"the first is {_size(first)}: a clip has frames of one size and depth"
-                raise InputError(str(self.path), f"frame {count}", _size(grey), allowed)
+                raise InputError(str(self.path), f"frame {count}", _size(frame), allowed)
             count += 1
-            yield grey, stamp
+            yield frame, stamp
         if count == 0:
             raise InputError(str(self.path), "frames", 0, "no frame in it can be read")
         # an estimate may be one frame too many
@@ -150,6 +156,7 @@ def _video(path: Path) -> Source:
     capture = _open(path)
     declared = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
     rate = float(capture.get(cv2.CAP_PROP_FPS))
+    turn = capture.get(cv2.CAP_PROP_ORIENTATION_META)
     capture.release()
     if declared == 0:
         raise InputError(str(path), "frames", 0, "no frame in it can be read")
@@ -172,6 +179,7 @@ def _video(path: Path) -> Source:
         declared=max(declared, 0),
         estimated=path.suffix.lower() in {".mkv", ".webm"},
         rate=rate if np.isfinite(rate) and rate > 0 else None,
+        rotation=int(turn) % 360 if np.isfinite(turn) else 0,
         read=read,
     )
 
@@ -193,23 +201,28 @@ def _pixel_format(capture: cv2.VideoCapture) -> str:
     return code.to_bytes(4, "little").decode("latin-1")
 
 
+def require_picture(frame: Frame, where: str) -> None:
+    """Raise `InputError` unless a frame is grey or of 3 or 4 channels, of 8 or 16 bits."""
+    if frame.dtype not in (np.uint8, np.uint16):
+        raise InputError(where, "depth", str(frame.dtype), "expected 8 or 16 bits without sign")
+    if frame.ndim != 2 and (frame.ndim != 3 or frame.shape[2] not in {1, 3, 4}):
+        raise InputError(where, "shape", str(frame.shape), "expected grey, 3 colours or 4 channels")
+    if min(frame.shape[:2]) < SMALLEST:
+        allowed = f"a frame has at least {SMALLEST} x {SMALLEST} pixels"
+        raise InputError(where, "shape", str(frame.shape), allowed)
+
+
 def grey_of(frame: Frame, where: str) -> Frame:
     """Return a frame as grey of its own depth."""
     import cv2
 
-    if frame.dtype not in (np.uint8, np.uint16):
-        raise InputError(where, "depth", str(frame.dtype), "expected 8 or 16 bits without sign")
-    if min(frame.shape[:2]) < SMALLEST:
-        allowed = f"a frame has at least {SMALLEST} x {SMALLEST} pixels"
-        raise InputError(where, "shape", str(frame.shape), allowed)
+    require_picture(frame, where)
     if frame.ndim == 2:
         return frame
-    if frame.ndim == 3 and frame.shape[2] == 1:
+    if frame.shape[2] == 1:
         return frame[..., 0]
-    if frame.ndim == 3 and frame.shape[2] in {3, 4}:
-        code = cv2.COLOR_BGR2GRAY if frame.shape[2] == 3 else cv2.COLOR_BGRA2GRAY
-        return cv2.cvtColor(frame, code)
-    raise InputError(where, "shape", str(frame.shape), "expected grey, 3 colours or 4 channels")
+    code = cv2.COLOR_BGR2GRAY if frame.shape[2] == 3 else cv2.COLOR_BGRA2GRAY
+    return cv2.cvtColor(frame, code)
 
 
 def _natural(path: Path) -> list[tuple[int, str]]:

@@ -13,13 +13,14 @@ from virtual_lab.files import read_text
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.reading import Source
 
-__all__ = ["frame_times", "read_stamps"]
+__all__ = ["UNEVEN", "frame_times", "read_stamps", "usual_step"]
 
 Array = NDArray[np.float64]
 
 AVI_LOSES = 2000.0  # frames a second from which AVI was seen to drop frames without a word
 MKV_STEP = 1e-3  # s, to which MKV rounds time stamps
 ROUNDED = {".mkv", ".webm"}
+UNEVEN = 1.3  # of the usual step between time stamps: such a one stands for lost frames
 AGREE = 0.01  # rates closer than this are the same
 COLUMN = "time_s"
 LONG = 10_000  # characters of a line: no time stamps
@@ -78,6 +79,15 @@ def frame_times(
     if rounded or not (np.isfinite(stamps).all() and (np.diff(stamps) > 0).all()):
         return np.arange(count) / source.rate, tuple(warnings)
     return stamps, tuple(warnings)
+
+
+def usual_step(times: Array) -> float:
+    """Return the time between frames [s]: the mean where it is even, else the median."""
+    steps = np.diff(times)
+    if not len(steps):
+        return 1.0
+    uneven = steps.max() > UNEVEN * float(np.median(steps))
+    return float(np.median(steps) if uneven else steps.mean())
 
 
 def read_stamps(path: Path, count: int) -> Array:

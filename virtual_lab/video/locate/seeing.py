@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.video.clips.clip import Clip
+from virtual_lab.video.clips.reading import grey_of
 from virtual_lab.video.locate.edge_fit import EdgeFit, fit_edge
 from virtual_lab.video.locate.located import Located, part_of
 from virtual_lab.video.locate.noise import Noise
@@ -30,9 +31,11 @@ def noise_of_clip(clip: Clip) -> Noise:
     """Return the noise in time of a clip's pixels, from the frames sampled for its background."""
     samples = clip.samples
     every = max(1, int(np.sqrt(samples.size / PIXELS)))
+    samples = samples[:, ::every, ::every]
     if len(samples) < 2:
         return Noise(gain=0.0, read=1.0, full_scale=clip.full_scale)
-    return Noise.measured(samples[:, ::every, ::every], full_scale=clip.full_scale)
+    grey = np.stack([grey_of(each, str(clip.source.path)) for each in samples])
+    return Noise.measured(grey, full_scale=clip.full_scale)
 
 
 def noise_of_ball(noise: Noise, seen: Regions, start: Located) -> Noise:

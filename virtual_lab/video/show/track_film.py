@@ -1,95 +1,153 @@
-"""A tracked clip with its track drawn in: a contact sheet, and a film that a browser plays."""
+"""A clip with the ball's course drawn in: a contact sheet, and a film that a browser plays."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.video.clips.reading import Frame
-from virtual_lab.video.track.tracking import Tracked
+from virtual_lab.video.show.course import Course
 
-__all__ = ["write_film", "write_sheet"]
+__all__ = ["Pictures", "pictures_of", "write_film", "write_sheet"]
 
 Image = NDArray[np.uint8]
 
-TILES = (4, 3)  # columns and rows of the sheet
-TILE = 400  # pixels, the width of one
-FILM = 640  # the greatest width of the film
+TILES = 24  # of the sheet, at most
+SHEET = 3.6e6  # pixels of it
+TILE = 400  # pixels, the width of one, at most
+FILM = 2.4e5  # pixels of a picture of the film
 FRAMES = 80  # of the film, at most
 SHIFT = 4  # binary places below a pixel
 PLAYED = 60  # ms a frame
-INTO, OUT, LEFT = (178, 114, 0), (0, 94, 213), (150, 150, 150)  # blue, green, red
+COLOURS = ((178, 114, 0), (0, 94, 213), (115, 158, 0), (167, 121, 204), (0, 159, 230))
+LEFT = (150, 150, 150)
 
 
-def write_sheet(tracked: Tracked, path: Path) -> None:
-    """Write some frames side by side as PNG, those about the contact among them."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pictures:
+    """Frames of a clip as they are shown, made smaller by a factor."""
+
+    frames: dict[int, Image]  # by number, (row, column, 3)
+    scale: float
+    sheet: list[int]  # places of the course that the sheet shows
+    film: list[int]
+
+
+def pictures_of(course: Course) -> Pictures:
+    """Return the frames that sheet and film show: read once, in order."""
     import cv2
 
-    count = TILES[0] * TILES[1]
-    near = int(np.argmin(np.abs(tracked.times - tracked.legs.flight_in.time)))
-    about = np.clip(np.arange(near - 2, near + 3), 0, len(tracked.frames) - 1)
-    chosen = np.union1d(_spread(tracked, count - 5), about)
-    tiles = list(_drawn(tracked, chosen, TILE))
+    sheet, film = _for_sheet(course), _spread(len(course.frames), FRAMES)
+    rows, columns = course.clip.shape
+    tiles = max(len(sheet), 1)
+    scale = min(TILE / columns, np.sqrt(SHEET / tiles / (rows * columns)))
+    wanted = np.unique(course.frames[sorted({*sheet, *film})])
+    darkest, brightest = _range(course)
+    size = (max(1, round(columns * scale)), max(1, round(rows * scale)))
+    way = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    frames = {
+        number: _resized(_shown(frame, darkest, brightest), size, way)
+        for number, frame in course.clip.chosen(wanted, colour=True)
+    }
+    return Pictures(frames=frames, scale=float(scale), sheet=sheet, film=film)
+
+
+def write_sheet(course: Course, pictures: Pictures, path: Path) -> None:
+    """Write frames side by side as PNG, those about flights' ends and contacts among them."""
+    import cv2
+
+    tiles = [_one(course, pictures, k, pictures.scale) for k in pictures.sheet]
+    if not tiles:
+        return
+    rows, columns = tiles[0].shape[:2]
+    across = int(np.clip(round(np.sqrt(1.4 * len(tiles) * rows / columns)), 1, len(tiles)))
     blank = np.full_like(tiles[0], 255)
-    tiles += [blank] * (-len(tiles) % TILES[0])
+    tiles += [blank] * (-len(tiles) % across)
     edge = (2, 2, 2, 2, cv2.BORDER_CONSTANT)
     framed = [cv2.copyMakeBorder(tile, *edge, value=(255, 255, 255)) for tile in tiles]
-    rows = [np.hstack(framed[k : k + TILES[0]]) for k in range(0, len(framed), TILES[0])]
-    cv2.imwrite(str(path), np.vstack(rows))
+    lines = [np.hstack(framed[k : k + across]) for k in range(0, len(framed), across)]
+    cv2.imwrite(str(path), np.vstack(lines))
 
 
-def write_film(tracked: Tracked, path: Path) -> None:
+def write_film(course: Course, pictures: Pictures, path: Path) -> None:
     """Write the frames that show the ball as an animated WebP."""
     import cv2
 
+    if not pictures.film:
+        return
+    rows, columns = course.clip.shape
+    scale = min(pictures.scale, float(np.sqrt(FILM / (rows * columns))))
     animation = cv2.Animation()
-    animation.frames = list(
-        _drawn(tracked, _spread(tracked, FRAMES), min(FILM, tracked.clip.shape[1]))
-    )
+    animation.frames = [_one(course, pictures, k, scale) for k in pictures.film]
     animation.durations = [PLAYED] * len(animation.frames)
-    cv2.imwriteanimation(str(path), animation, [cv2.IMWRITE_WEBP_QUALITY, 80])
+    cv2.imwriteanimation(str(path), animation, [cv2.IMWRITE_WEBP_QUALITY, 75])
 
 
-def _spread(tracked: Tracked, count: int) -> NDArray[np.intp]:
-    """Return up to so many of the frames with the ball, spread evenly, in order."""
-    last = len(tracked.frames) - 1
-    return np.unique(np.linspace(0, last, min(count, last + 1)).round().astype(np.intp))
+def _for_sheet(course: Course) -> list[int]:
+    """Return places about contacts, at the ends and in the middle of flights, others between."""
+    last = len(course.frames) - 1
+    chosen: list[int] = []
+    for time, _, _ in course.contacts:
+        near = int(np.argmin(np.abs(course.times - time)))
+        chosen += [each for each in range(near - 1, near + 2) if 0 <= each <= last]
+    for name in course.flights:
+        own = np.flatnonzero(course.of(name))
+        chosen += [int(own[0]), int(own[len(own) // 2]), int(own[-1])]
+    chosen = list(dict.fromkeys(chosen))
+    for count in (12, 16, TILES):
+        if len(chosen) < count // 2 + 6:
+            break
+    chosen = list(dict.fromkeys(chosen + _spread(last + 1, count)))[:count]
+    return sorted(chosen)
 
 
-def _drawn(tracked: Tracked, chosen: NDArray[np.intp], width: int) -> Iterator[Image]:
-    """Yield frames with ball, track and time drawn in."""
-    index = dict(zip(tracked.frames[chosen].tolist(), chosen.tolist(), strict=True))
-    darkest, brightest = _range(tracked)
-    for number, frame in tracked.clip.chosen(tracked.frames[chosen]):
-        yield _one(tracked, index[number], number, _shown(frame, darkest, brightest), width)
+def _spread(places: int, count: int) -> list[int]:
+    """Return up to so many of the places, spread evenly, in order."""
+    if not places:
+        return []
+    chosen = np.linspace(0, places - 1, min(count, places)).round()
+    return [int(each) for each in np.unique(chosen)]
 
 
-def _one(tracked: Tracked, k: int, number: int, grey: Image, width: int) -> Image:
+def _one(course: Course, pictures: Pictures, k: int, scale: float) -> Image:
     import cv2
 
-    scale = width / grey.shape[1]
-    size = (width, round(grey.shape[0] * scale))
-    small = cv2.resize(grey, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
-    image = cv2.cvtColor(small, cv2.COLOR_GRAY2BGR)
-    located, legs = tracked.located, tracked.legs
+    image = pictures.frames[int(course.frames[k])]
+    if scale != pictures.scale:
+        high, wide = (max(1, round(side * scale)) for side in course.clip.shape)
+        image = _resized(image, (wide, high), cv2.INTER_AREA)
+    image = image.copy()
+    names = course.flights
     for j in range(k + 1):
-        if np.isfinite(located.x[j]):
-            colour = INTO if legs.used_in[j] else OUT if legs.used_out[j] else LEFT
-            centre = _fine(scale, located.x[j], located.y[j])
-            cv2.circle(image, centre, 24, colour, -1, cv2.LINE_AA, SHIFT)
-    if np.isfinite(located.radius[k]):
-        colour = INTO if legs.used_in[k] else OUT if legs.used_out[k] else LEFT
-        radius = round(located.radius[k] * scale * 2**SHIFT)
-        centre = _fine(scale, located.x[k], located.y[k])
-        cv2.circle(image, centre, radius, colour, 1, cv2.LINE_AA, SHIFT)
-    words = f"{number}   {1e3 * (tracked.times[k] - legs.flight_in.time):+.2f} ms"
+        if np.isfinite(course.xy[j]).all():
+            # earlier places lie where the still frame has them in this picture
+            at = _fine(scale, *(course.xy[j] + course.drift[k]))
+            cv2.circle(image, at, 24, _colour(course, names, j), -1, cv2.LINE_AA, SHIFT)
+    if np.isfinite(course.radius[k]):
+        radius = round(course.radius[k] * scale * 2**SHIFT)
+        at = _fine(scale, *(course.xy[k] + course.drift[k]))
+        cv2.circle(image, at, radius, _colour(course, names, k), 1, cv2.LINE_AA, SHIFT)
+    words = f"{int(course.frames[k])}  {course.times[k]:.4g} s"
+    high, wide = image.shape[:2]
+    letters = float(np.clip(wide / 400, 0.3, 0.5))
     for shade, thick in (((0, 0, 0), 3), ((255, 255, 255), 1)):
         face = cv2.FONT_HERSHEY_SIMPLEX
-        cv2.putText(image, words, (8, size[1] - 10), face, 0.5, shade, thick, cv2.LINE_AA)
+        cv2.putText(image, words, (5, high - 8), face, letters, shade, thick, cv2.LINE_AA)
     return np.asarray(image, dtype=np.uint8)
+
+
+def _resized(image: Image, size: tuple[int, int], way: int) -> Image:
+    import cv2
+
+    return np.asarray(cv2.resize(image, size, interpolation=way), np.uint8)
+
+
+def _colour(course: Course, names: list[str], k: int) -> tuple[int, int, int]:
+    name = course.flight[k]
+    return COLOURS[names.index(name) % len(COLOURS)] if name else LEFT
 
 
 def _fine(scale: float, x: float, y: float) -> tuple[int, int]:
@@ -97,12 +155,22 @@ def _fine(scale: float, x: float, y: float) -> tuple[int, int]:
     return round(((x + 0.5) * scale - 0.5) * 2**SHIFT), round(((y + 0.5) * scale - 0.5) * 2**SHIFT)
 
 
-def _range(tracked: Tracked) -> tuple[float, float]:
-    some = tracked.clip.samples[:: max(1, len(tracked.clip.samples) // 4)]
+def _range(course: Course) -> tuple[float, float]:
+    samples = course.clip.samples
+    if samples.ndim == 4 and samples.dtype == np.uint8:
+        return 0.0, 255.0  # a colour clip is as its maker wants it seen
+    some = samples[:: max(1, len(samples) // 4)]
     low, high = np.quantile(some, (0.001, 0.9995))
     return float(min(low, 0.2 * high)), float(max(high, low + 1))
 
 
 def _shown(frame: Frame, darkest: float, brightest: float) -> Image:
-    stretched = (frame.astype(np.float32) - darkest) * (255 / (brightest - darkest))
-    return np.asarray(np.clip(stretched, 0, 255), dtype=np.uint8)
+    """Return a frame in 8 bits and three colours."""
+    if (darkest, brightest) == (0.0, 255.0) and frame.dtype == np.uint8:
+        seen = frame
+    else:
+        stretched = (frame.astype(np.float32) - darkest) * (255 / (brightest - darkest))
+        seen = np.clip(stretched, 0, 255).astype(np.uint8)
+    if seen.ndim == 2 or seen.shape[2] == 1:
+        return np.repeat(seen.reshape(*seen.shape[:2], 1), 3, axis=2)
+    return np.ascontiguousarray(seen[..., :3])

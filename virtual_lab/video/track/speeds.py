@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from virtual_lab.units import DEGREE
 from virtual_lab.video.clips.calibration_file import ClipCalibration
+from virtual_lab.video.follow.said import Said, or_none
 from virtual_lab.video.locate.located import Flag
 from virtual_lab.video.track.lines import Flight
 from virtual_lab.video.track.nearing import Nearing, nearing
 from virtual_lab.video.track.tracking import Tracked
 
-__all__ = ["Said", "Speeds", "document", "speeds"]
+__all__ = ["Speeds", "document", "speeds"]
 
 Array = NDArray[np.float64]
 
@@ -23,18 +24,6 @@ UP = np.cos(30 * DEGREE)  # a change of velocity nearer to straight up than this
 CROOKED = 3.0  # u of a place that the residuals may scatter by, noise and pattern together
 COVERAGE = 2.0  # u: what lies beyond is no chance
 FEW = 5  # frames of a flight: fewer tell little of their own scatter
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Said:
-    """A value and its standard uncertainty."""
-
-    value: float
-    u: float
-
-    def document(self) -> dict[str, float]:
-        """Return it as JSON has it."""
-        return {"value": self.value, "u": self.u}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,8 +100,8 @@ def document(tracked: Tracked, found: Speeds) -> dict[str, object]:
     return {
         "clip": tracked.clip.source.path.name,
         "speed_in_mps": found.speed_in.document(),
-        "speed_out_mps": _or_none(found.speed_out),
-        "restitution": _or_none(found.restitution),
+        "speed_out_mps": or_none(found.speed_out),
+        "restitution": or_none(found.restitution),
         "restitution_of": found.restitution_of if found.restitution else None,
         "angle_in_deg": _degrees(found.angle_in),
         "angle_out_deg": _degrees(found.angle_out),
@@ -252,7 +241,3 @@ def _degrees(angle: Said | None) -> dict[str, float] | None:
     if angle is None:
         return None
     return Said(value=angle.value / DEGREE, u=angle.u / DEGREE).document()
-
-
-def _or_none(said: Said | None) -> dict[str, float] | None:
-    return said.document() if said else None

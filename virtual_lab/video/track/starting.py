@@ -13,7 +13,6 @@ from virtual_lab.video.clips.reading import Frame
 from virtual_lab.video.locate.located import Located
 from virtual_lab.video.track.legs import Places, split
 from virtual_lab.video.track.lines import Air
-from virtual_lab.video.track.linking import Found
 
 __all__ = ["starts"]
 
@@ -25,13 +24,19 @@ ROUGH = 0.5  # pixels, standard uncertainty of a spot's place
 
 
 def starts(
-    clip: Clip, background: Image, found: Found, exposure: float | None
+    clip: Clip, background: Image, found: NDArray[np.void], exposure: float | None
 ) -> tuple[Located, float]:
-    """Return where to start in each frame, and the exposure [s], read off the blur if unknown."""
-    frames, spots = np.array(list(found)), list(found.values())
+    """Return where to start in each frame, and the exposure [s], read off the blur if unknown.
+
+    Parameters
+    ----------
+    found
+        The ball's blob in each frame that shows it, an array of `find.blobs.BLOB`.
+    """
+    frames = found["frame"].astype(np.intp)
     t = clip.times[frames]
-    places = np.array([(spot.x, spot.y) for spot in spots])
-    whole = [spot for spot in spots if not spot.cut] or spots
+    places = np.stack([found["picture_x"], found["picture_y"]], axis=1)
+    whole = found[~found["cut"]] if not found["cut"].all() else found
     rough = Places(
         t=t, places=places, u=np.full(len(t), ROUGH), pattern_u=0.0, exposure=exposure or 0.0
     )
@@ -43,7 +48,7 @@ def starts(
     start = Located(
         x=places[:, 0],
         y=places[:, 1],
-        radius=np.full(len(t), float(np.median([spot.radius for spot in whole]))),
+        radius=np.full(len(t), float(np.median(whole["radius"]))),
         x_u=unknown,
         y_u=unknown,
         blur_x=zero,

@@ -12,24 +12,30 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.video.calibration.plane import Plane, distance_of, plane_of
-from virtual_lab.video.clips.background import (
-    Image,
-    first_background,
-    light_ball,
-    uncovered_mean,
-)
+from virtual_lab.video.clips.background import Image, middle_of, uncovered_mean
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import Clip, open_clip
 from virtual_lab.video.clips.reading import Frame
+from virtual_lab.video.clips.timing import usual_step
+from virtual_lab.video.follow.following import GRAVITY, Followed, Known, follow
+from virtual_lab.video.follow.pieces import GAP, Piece
 from virtual_lab.video.locate.located import Flag, Located, part_of
 from virtual_lab.video.locate.regions import Locator, Regions, squares
-from virtual_lab.video.track.finding import HALVINGS, LEAST_RADIUS, Finder, finder
 from virtual_lab.video.track.legs import Legs, Places, split
 from virtual_lab.video.track.lines import Air
-from virtual_lab.video.track.linking import Found, ball_track
 from virtual_lab.video.track.starting import starts
 
-__all__ = ["AT_ONCE", "Spotted", "Tracked", "expected_radius", "followed", "locate_in", "track"]
+__all__ = [
+    "AT_ONCE",
+    "Spotted",
+    "Tracked",
+    "expected_radius",
+    "followed",
+    "known_of",
+    "locate_in",
+    "sharpened",
+    "track",
+]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -37,6 +43,10 @@ Mask = NDArray[np.bool_]
 NAMES = tuple(field.name for field in fields(Located))
 AT_ONCE = 32  # frames whose regions are located together
 LEAST = 3  # frames that locate the ball
+LEAST_PLACES = 5  # of a piece of its way
+ALIKE = 1.35  # ratio of the radii of one ball's pieces
+NEAR_SIZE = 1.45  # ratio to the radius expected: what is farther off is not the ball
+REACH = 1.5  # steps that a ball moves at most from where it was before
 USELESS = Flag.NOT_FOUND | Flag.CLIPPED | Flag.OVERLAP | Flag.POOR_FIT
 
 
@@ -70,9 +80,9 @@ def track(
     calibration: ClipCalibration,
     locator: Locator,
     *,
-    say: Callable[[str], None] = lambda _: None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> Tracked:
-    """Return the way of the ball in a clip.
+    """Return the way of the ball in a clip of a camera that stands still.
 
     Parameters
     ----------
@@ -82,25 +92,65 @@ def track(
         What is known of it.
     locator
         What takes a region to the ball's place in it.
-    say
+    progress
         Told what is under way.
 
     Raises
     ------
     InputError
-        A clip that cannot be read, no ball, two balls, too few frames of it.
+        A clip that cannot be read, no ball, too few frames of it.
     """
-    say(f"reading {path}")
+    progress(f"reading {path}")
     clip = open_clip(path, calibration)
-    background = first_background(clip.samples, light=light_ball(clip.samples))
-    expected = expected_radius(calibration)
-    say("looking for the ball")
-    found, halvings = _find(clip, background, expected)
-    seeker = finder(background, clip.samples, clip.full_scale, halvings)
-    background = _bare(clip, background, seeker)
-    frames = np.array(list(found), dtype=np.intp)
-    start, exposure = starts(clip, background, found, calibration.exposure_s)
-    say(f"locating the ball in {len(frames)} frames")
+    return sharpened(
+        follow(clip, known_of(clip, calibration), progress=progress),
+        calibration,
+        locator,
+        progress=progress,
+    )
+
+
+def known_of(clip: Clip, calibration: ClipCalibration) -> Known:
+    """Return what a calibration file says, as the following of any clip takes it.
+
+    Whoever calibrates a camera is taken to have one that opens all its rows at once.
+    """
+    scale, camera = calibration.metres_per_pixel, calibration.camera
+    if camera and (far := distance_of(camera)):
+        scale = far / camera.matrix[0][0]
+    return Known(
+        rate=1 / usual_step(clip.times),
+        ball=calibration.ball_diameter_m,
+        ball_u=calibration.ball_diameter_m_u,
+        metres_per_pixel=scale,
+        metres_per_pixel_u=calibration.metres_per_pixel_u,
+        exposure=calibration.exposure_s,
+        gravity=float(np.hypot(*calibration.gravity_mps2)) or GRAVITY,
+        readout=0.0,
+        stands=True,
+    )
+
+
+def sharpened(
+    found: Followed,
+    calibration: ClipCalibration,
+    locator: Locator,
+    *,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Tracked:
+    """Return the ball that was followed through a clip, located as sharply as can be.
+
+    Raises
+    ------
+    InputError
+        No ball, or too few frames of it.
+    """
+    clip = found.clip
+    ball = _ball(found, expected_radius(calibration))
+    background = _bare(found)
+    frames = ball["frame"].astype(np.intp)
+    start, exposure = starts(clip, background, ball, calibration.exposure_s)
+    progress(f"locating the ball in {len(frames)} frames")
     located = locate_in(clip, frames, background, start, locator)
     spotted = Spotted(
         clip=clip, frames=frames, start=start, exposure=exposure, background=background
@@ -211,30 +261,52 @@ def expected_radius(calibration: ClipCalibration) -> float | None:
     return None
 
 
-def _find(clip: Clip, background: Image, expected: float | None) -> tuple[Found, int]:
-    """Return the ball's spots and how often frames were halved: finer until it is found."""
-    coarsest = HALVINGS
-    while coarsest and expected and expected / 2**coarsest < LEAST_RADIUS:
-        coarsest -= 1
-    for halvings in range(coarsest, -1, -1):
-        seeker = finder(background, clip.samples, clip.full_scale, halvings)
-        spots = [seeker.spots(frame) for frame in clip.frames()]
-        try:
-            return ball_track(spots, str(clip.source.path), expected), halvings
-        except InputError as fault:
-            if halvings == 0 or fault.key != "ball":
-                raise
-    raise AssertionError("the last round returns or raises")
+def _ball(found: Followed, expected: float | None) -> NDArray[np.void]:
+    """Return the ball's blob in each frame that shows it: along its pieces, between and beyond."""
+    blobs = found.watched.found
+    ways = found.ways or [each for each in found.pieces if _sized(each, expected)]
+    if found.ways and not _sized(max(found.ways, key=lambda each: len(each.t)), expected):
+        ways = []
+    if not ways:
+        where, size = str(found.clip.source.path), ""
+        if expected:
+            size = f" with a radius near {expected:.3g} pixels"
+        allowed = f"nothing round{size} was seen to move through {LEAST_PLACES} frames or more"
+        raise InputError(where, "ball", None, f"not found: {allowed}")
+    longest = max(ways, key=lambda each: len(each.t))
+    ways = [each for each in ways if 1 / ALIKE < each.radius / longest.radius < ALIKE]
+    chosen = {int(f): int(b) for way in ways for f, b in zip(way.frames, way.blobs, strict=True)}
+    likely = np.flatnonzero(
+        (blobs["radius"] > 0.5 * longest.radius) & (blobs["radius"] < 1.6 * longest.radius)
+    )
+    order = np.argsort(blobs["frame"][likely], kind="stable")
+    for one in (*likely[order], *likely[order][::-1]):
+        frame = int(blobs["frame"][one])
+        if frame in chosen:
+            continue
+        near = sorted(chosen, key=lambda each: abs(each - frame))[:3]
+        if abs(near[0] - frame) > GAP or len(near) < 3:
+            continue
+        here, before, *_ = (blobs[chosen[each]] for each in near)
+        step = np.hypot(here["x"] - before["x"], here["y"] - before["y"])
+        step *= abs(near[0] - frame) / max(1, abs(near[1] - near[0]))
+        away = np.hypot(blobs["x"][one] - here["x"], blobs["y"][one] - here["y"])
+        if away < REACH * step + 0.5 * longest.radius:
+            chosen[frame] = int(one)
+    return blobs[[chosen[frame] for frame in sorted(chosen)]]
 
 
-def _bare(clip: Clip, first: Image, seeker: Finder) -> Image:
+def _sized(piece: Piece, expected: float | None) -> bool:
+    return expected is None or 1 / NEAR_SIZE < piece.radius / expected < NEAR_SIZE
+
+
+def _bare(found: Followed) -> Image:
     """Return the background without anything that moved."""
-    reach = 2.0 * 2**seeker.halvings
-    covered = [
-        [
-            (spot.x, spot.y, 1.15 * spot.radius + np.hypot(spot.blur_x, spot.blur_y) / 2 + reach)
-            for spot in seeker.spots(sample)
-        ]
-        for sample in clip.samples
-    ]
-    return uncovered_mean(clip.samples, first, covered)
+    clip, blobs = found.clip, found.watched.found
+    covered = []
+    for number in clip.sampled.tolist():
+        some = blobs[blobs["frame"] == number]
+        reach = 1.15 * some["length"] + 8.0
+        covered.append(list(zip(some["picture_x"], some["picture_y"], reach, strict=True)))
+    samples = clip.grey_samples()
+    return uncovered_mean(samples, middle_of(samples), covered)

@@ -1,0 +1,85 @@
+"""Made-up twins of users' clips through the whole following: what is found, and what is not.
+
+All twins, with other seeds: python -m tests.video.follow.study.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.video.follow.twins import require_contacts, require_flights, run
+from tests.video.scenery.scene import Made
+from tests.video.scenery.scenes import SCENES
+from virtual_lab.video.follow.following import Followed, following
+
+Get = Callable[[str], tuple[Made, Followed]]
+SHORTER = {"carried": 45, "empty": 25, "pendulum": 75}  # exposures
+
+
+@pytest.fixture(scope="module")
+def followed(tmp_path_factory: pytest.TempPathFactory) -> Get:
+    """Return what films a scene and follows it, once."""
+    done: dict[str, tuple[Made, Followed]] = {}
+
+    def get(name: str) -> tuple[Made, Followed]:
+        if name not in done:
+            scene = replace(SCENES[name], count=SHORTER.get(name, SCENES[name].count))
+            done[name] = run(scene, tmp_path_factory.mktemp(name))
+        return done[name]
+
+    return get
+
+
+def test_flights_and_contacts(followed: Get) -> None:
+    made, found = followed("thrown-on-wall")
+    assert found.motion.kind == "flights"
+    assert found.flags == ("READOUT_UNKNOWN",)
+    assert [each.kind for each in found.contacts] == ["floor", "floor"]
+    require_flights(made.truth, found)
+    require_contacts(made.truth, found)
+    for flight in found.flights:
+        pull = flight.acceleration
+        assert abs(pull.value - 9.81) < 3 * pull.u < 0.3 * 9.81
+
+
+@pytest.mark.parametrize("name", ["carried", "pendulum"])
+def test_what_does_not_fly_is_said_to_be_what_it_is(name: str, followed: Get) -> None:
+    _, found = followed(name)
+    assert found.motion.kind == name
+    assert found.contacts == found.flights == []
+    if name == "pendulum":
+        period = 2 * np.pi * np.sqrt(0.95 / 9.81) * (1 + 0.35**2 / 16)  # of the scene
+        assert found.motion.period == pytest.approx(period, rel=0.01)
+
+
+def test_nothing_moves(followed: Get) -> None:
+    _, found = followed("empty")
+    assert found.motion.kind == "none"
+    assert found.pieces == []
+
+
+def test_thinned_frames_are_found_by_the_motion(followed: Get) -> None:
+    """Thirty a second thinned to 25 under even time stamps: steps are those of thirty."""
+    made, found = followed("thinned")
+    assert set(found.flags) == {"LOST_FRAMES", "READOUT_UNKNOWN"}
+    require_contacts(made.truth, found)
+    missing = {frame for way in found.ways for frame in way.lost}
+    gaps = np.flatnonzero(np.diff(made.exposures) > 1) + 1
+    assert missing
+    assert missing <= set(gaps.tolist())
+
+
+def test_a_wrong_frame_rate_is_told_by_gravity(followed: Get) -> None:
+    _, found = followed("thrown-on-wall")
+    wrong = following(found.clip, found.watched, replace(found.known, rate=120.0))
+    assert "GRAVITY" in wrong.flags
+    assert all(each.acceleration.value > 100 for each in wrong.flights)
+
+
+def test_speeds_carry_what_an_unknown_readout_may_do(followed: Get) -> None:
+    _, found = followed("thrown-on-wall")
+    told = following(found.clip, found.watched, replace(found.known, readout=0.0))
+    assert "READOUT_UNKNOWN" not in told.flags
+    assert told.flights[0].speed_out.u < 0.6 * found.flights[0].speed_out.u

@@ -1,0 +1,59 @@
+"""Twins of users' clips, followed and held against their truth."""
+
+from pathlib import Path
+
+import numpy as np
+
+from tests.video.scenery.filming import film
+from tests.video.scenery.scene import BallTruth, Made, Scene
+from virtual_lab.video.clips.calibration_file import ClipCalibration
+from virtual_lab.video.clips.clip import open_clip
+from virtual_lab.video.follow.following import Followed, Known, follow
+
+__all__ = ["require_contacts", "require_flights", "run"]
+
+
+def run(scene: Scene, folder: Path) -> tuple[Made, Followed]:
+    made = film(scene, folder)
+    rate = scene.fps
+    if scene.stored == "thinned":
+        rate = 5 / 6 * rate
+    elif scene.stored == "doubled":
+        rate = 2 * rate
+    elif scene.stored == "repeated":
+        rate = rate * len(made.exposures) / scene.count
+    clip = open_clip(made.path, ClipCalibration(frames_per_second=rate))
+    diameter = scene.actors[0].ball.diameter if scene.actors else 0.05
+    return made, follow(clip, Known(rate=rate, ball=diameter, ball_u=0.01 * diameter))
+
+
+def require_flights(truth: BallTruth, found: Followed, least: float = 0.8) -> None:
+    """Require every flight of eight readable frames, and so much of it; nothing where none is."""
+    frames = truth.frames
+    for flight in truth.flights:
+        if flight.places < 8:
+            continue
+        inside = np.arange(flight.first_frame, flight.last_frame + 1)
+        readable = inside[frames.readable[inside]]
+        placed = [
+            np.isin(way.frames, readable).sum()
+            for way in found.ways
+            if way.frames[0] <= flight.last_frame and flight.first_frame <= way.frames[-1]
+        ]
+        assert max(placed, default=0) >= least * len(readable)
+    for way in found.ways:
+        here = np.isfinite(frames.x[way.frames])
+        off = way.xy[here] - np.stack([frames.x, frames.y], axis=1)[way.frames[here]]
+        assert np.abs(off - np.median(off, axis=0)).max() < 0.35 * way.radius
+
+
+def require_contacts(truth: BallTruth, found: Followed) -> None:
+    """Require that each contact is a true one, its frame to 0.2, its restitution to 2.5 u."""
+    for contact in found.contacts:
+        true = min(truth.contacts, key=lambda each: abs(each.frame - contact.frame))
+        assert abs(true.frame - contact.frame) < 0.25
+        assert contact.kind == true.kind
+        if contact.restitution is not None:
+            off = abs(contact.restitution.value - true.restitution)
+            assert off < 2.5 * contact.restitution.u + 1e-3
+            assert "TILTED" in found.flags or contact.restitution.u <= 0.03

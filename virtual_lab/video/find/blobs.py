@@ -1,0 +1,219 @@
+"""Blobs that may be a ball: thresholds, half of the blob's own contrast, convex hull, clean ring.
+
+A shadow or a mirror image joins the ball at a low threshold and falls off at half of the ball's own
+contrast; a hand that holds the ball lies on the ring about it, which must be background.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.video.find.outline import fit_outline
+from virtual_lab.video.find.still import Image, Still, difference_of, difference_of_light
+
+__all__ = ["BLOB", "Blobs", "blobs"]
+
+Array = NDArray[np.float64]
+Blobs = NDArray[np.void]
+Row = tuple[Any, ...]  # as of `BLOB`
+
+THRESHOLDS = (10, 20, 40, 80)  # DN of 8 bits: each once more, so that no single one decides
+FAINT = 5.0  # DN
+SOFTENED = 0.7  # pixels: codecs leave blocks
+LEAST_AREA = 12.0  # pixels of the picture searched: a ball of two pixels' radius
+LARGEST = 0.12  # of the picture
+MOST = 24  # regions looked at in a frame
+HALF = 0.5  # of a blob's own contrast: its outline
+SOLID = 0.8  # of its hull's area that a blob fills
+FILLED = (0.85, 1.12)  # of an ellipse's area, for a hull with its moments
+THIN = 0.22  # least ratio of a blob's axes: blur of five times the ball
+RING = 0.35  # of the contrast: what is brighter than that in the ring is not background
+ALIKE = 0.35  # radii between a hull's middle and an outline's
+UNFITTED = 0.2  # of a hull's radius, its u where no outline is fitted
+SURE = 0.15  # of the radius, u of an outline that needs no other threshold
+FINE = 16.0  # pixels of radius at which an outline is not drawn larger
+BLOB = np.dtype(
+    [
+        ("frame", np.int32),
+        ("x", float),  # still frame [pixels]
+        ("y", float),
+        ("radius", float),  # across the shorter axis of the outline
+        ("length", float),  # half the longer axis
+        ("radius_u", float),  # of its edge: where light ends and the ball begins
+        ("contrast", float),  # DN
+        ("dirty", float),  # share of the ring that is no background
+        ("cut", bool),  # touches the picture's edge
+        ("picture_x", float),  # in the frame itself
+        ("picture_y", float),
+        ("colour", float, (3,)),
+    ]
+)
+
+
+def blobs(number: int, picture: Image, small: Image, shift: Array, still: Still) -> Blobs:
+    """Return what in a picture may be a ball, an array of `BLOB`.
+
+    Parameters
+    ----------
+    number
+        Of the frame.
+    picture, small
+        Full size and as searched.
+    shift
+        Of the picture from the still frame, (2,) [pixels].
+    """
+    off = still.difference(small, shift)
+    found: list[Row] = []
+    for box in _boxes(off, still.shrink):
+        if any(_inside(box, each, still.origin) for each in found):
+            continue
+        outlined = _outline(number, picture, shift, still, box)
+        if outlined is None:
+            continue
+        rivals = [each for each in found if _same(outlined, each)]
+        if all(_surer(outlined, each) for each in rivals):
+            found = [each for each in found if not any(each is other for other in rivals)]
+            found.append(outlined)
+    return np.array(found, BLOB)
+
+
+def _inside(box: tuple[int, int, int, int], blob: Row, origin: tuple[int, int]) -> bool:
+    """Return whether a box lies in a blob that is sure already."""
+    _, x, y, short, long, spread, _, dirty, *_ = blob
+    left, top, wide, high = box[0] + origin[0], box[1] + origin[1], *box[2:]
+    sure = dirty < 0.1 and spread < SURE * short
+    away = float(np.hypot(left + wide / 2 - x, top + high / 2 - y))
+    return bool(sure and away + max(wide, high) / 2 < 1.4 * long)
+
+
+def _same(one: Row, other: Row) -> bool:
+    away = np.hypot(one[1] - other[1], one[2] - other[2])
+    return bool(away < 0.6 * max(one[3], other[3]) and 0.5 < one[3] / other[3] < 2.0)
+
+
+def _surer(one: Row, other: Row) -> bool:
+    return bool((one[7] > RING, one[5] / one[3]) < (other[7] > RING, other[5] / other[3]))
+
+
+def _boxes(off: Image, shrink: int) -> Iterator[tuple[int, int, int, int]]:
+    """Yield left, top, width and height [full pixels] of what differs, threshold by threshold."""
+    import cv2
+
+    seen: set[tuple[int, int, int, int]] = set()
+    kernel = np.ones((3, 3), np.uint8)
+    largest = LARGEST * off.size
+    for threshold in THRESHOLDS:
+        mask = cv2.threshold(off, threshold, 1, cv2.THRESH_BINARY)[1]
+        mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel)
+        count, _, stats, _ = cv2.connectedComponentsWithStats(mask, ltype=cv2.CV_16U)
+        areas = stats[1:count, cv2.CC_STAT_AREA]
+        for k in np.argsort(-areas, kind="stable")[:MOST].tolist():
+            if not LEAST_AREA <= areas[k] <= largest:
+                continue
+            left, top, wide, high = map(int, stats[1 + k, :4])
+            coarse = (left // 2, top // 2, wide // 2, high // 2)
+            if coarse not in seen:
+                seen.add(coarse)
+                yield shrink * left, shrink * top, shrink * wide, shrink * high
+
+
+def _outline(
+    number: int, picture: Image, shift: Array, still: Still, box: tuple[int, int, int, int]
+) -> Row | None:
+    """Return the outline at half of the contrast in a box as a row of `BLOB`, None: no ball's."""
+    left, top, wide, high = box
+    rows, columns = still.background.shape[:2]
+    room = max(6, round(0.6 * max(wide, high)))
+    x0, y0 = max(0, left - room), max(0, top - room)
+    size = (min(columns, left + wide + room) - x0, min(rows, top + high + room) - y0)
+    part, behind = still.cut(picture, shift, (x0, y0), size)
+    off = _softened(difference_of(part, behind))
+    inner = off[top - y0 : top - y0 + high, left - x0 : left - x0 + wide]
+    bright = inner[inner > FAINT]
+    contrast = float(np.percentile(bright, 85)) if bright.size >= LEAST_AREA else 0.0
+    if contrast < 2 * FAINT:
+        return None
+    drawn = _shape(off, HALF * contrast)
+    if drawn is None:
+        return None
+    x, y, short, long, solid, filled = drawn
+    if solid < SOLID or not FILLED[0] < filled < FILLED[1] or short < THIN * long:
+        return None
+    fitted = fit_outline(off, x, y, np.sqrt(short * long), contrast)
+    spread = UNFITTED * short
+    if fitted is not None and np.hypot(fitted.x - x, fitted.y - y) < ALIKE * short:
+        x, y, short, long, spread = fitted
+        # a rim in shade takes the edge inward in light, a gamma does in grey values
+        light = _softened(difference_of_light(part, behind))
+        level = float(np.median(light[_disc(light.shape, x, y, 0.6 * short)]))
+        other = fit_outline(light, x, y, short, level, rounds=1)
+        if other is not None and abs(other.short - short) < ALIKE * short:
+            spread = float(np.hypot(spread, (other.short - short) / 2))
+            short, long = (short + other.short) / 2, (long + other.long) / 2
+    at = (x + x0 + still.origin[0], y + y0 + still.origin[1])
+    there = (at[0] + float(shift[0]), at[1] + float(shift[1]))
+    reach = long + 1
+    cut = any(not reach <= p <= side - 1 - reach for p, side in zip(there, still.size, strict=True))
+    ring = _disc(off.shape, x, y, 1.5 * long + 3) & ~_disc(off.shape, x, y, 1.25 * long + 1.5)
+    core = _disc(off.shape, x, y, 0.6 * short)
+    colour = np.median(part[core].reshape(-1, 1 if part.ndim == 2 else 3), axis=0)
+    dirty = float((off[ring] > RING * contrast).mean()) if ring.any() else 1.0
+    colours = np.broadcast_to(colour, 3)
+    return number, *at, short, long, spread, contrast, dirty, cut, *there, colours
+
+
+def _softened(off: NDArray[np.float32]) -> NDArray[np.float32]:
+    import cv2
+
+    return np.asarray(cv2.GaussianBlur(off, (0, 0), SOFTENED), np.float32)
+
+
+def _disc(shape: tuple[int, ...], x: float, y: float, radius: float) -> NDArray[np.bool_]:
+    row = np.arange(shape[0])[:, None] - y
+    column = np.arange(shape[1]) - x
+    return np.asarray(row**2 + column**2 < radius**2)
+
+
+def _shape(
+    off: NDArray[np.float32], level: float
+) -> tuple[float, float, float, float, float, float] | None:
+    """Return centre, half axes, solidity and fill of the largest thing above a level."""
+    import cv2
+
+    fine = 1
+    area = int((off > level).sum())
+    if area < LEAST_AREA:
+        return None
+    if area < np.pi * FINE**2:
+        fine = 3 if area < np.pi * (FINE / 2) ** 2 else 2
+        larger = cv2.resize(off, None, fx=fine, fy=fine, interpolation=cv2.INTER_CUBIC)
+        off = np.asarray(larger, np.float32)
+    mask = cv2.threshold(off, level, 1, cv2.THRESH_BINARY)[1]
+    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    outline = max(contours, key=cv2.contourArea, default=None)
+    if outline is None or len(outline) < 8:
+        return None
+    hull = cv2.convexHull(outline)
+    moments = cv2.moments(hull)
+    whole = moments["m00"]
+    if whole <= 4:
+        return None
+    xx, yy, xy = (moments[key] / whole for key in ("mu20", "mu02", "mu11"))
+    apart = np.hypot((xx - yy) / 2, xy)
+    long, short = (2 * np.sqrt(max((xx + yy) / 2 + sign * apart, 0)) for sign in (1, -1))
+    filled = whole / (np.pi * long * short) if short > 0 else 0.0
+    x, y = moments["m10"] / whole, moments["m01"] / whole
+    solid = cv2.contourArea(outline) / whole
+    # an outline runs through the middle of its pixels, half a pixel inside the edge
+    return (
+        float((x + 0.5) / fine - 0.5),
+        float((y + 0.5) / fine - 0.5),
+        float((short + 0.5) / fine),
+        float((long + 0.5) / fine),
+        float(solid),
+        float(filled),
+    )

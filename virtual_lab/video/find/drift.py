@@ -1,0 +1,181 @@
+"""How far a picture lies from another one: translation by least squares on what has an edge.
+
+Gauss and Newton on grey values, coarse to fine, with the light's gain and level beside the shift;
+what moves on its own is left out by its residual (Lucas and Kanade 1981, robust by Tukey's
+biweight). Only the pixels with the steepest edges take part, an equal share of every part of the
+picture: a thousand say as much as all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Edges", "edges_of", "middle"]
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+LEVELS = 4  # of the pyramid: each half as large
+SMALLEST = 24  # pixels of its top
+PARTS = 12  # of the picture, each way, that take part alike
+PIXELS = 3000
+STEEPEST = 2.0  # DN a pixel: less is noise
+STEPS = 12
+FEW = 6.0  # pixels that tell a shift: of fewer it stays
+BLACK = 24.0  # DN: a row or column that has nothing lighter is no picture
+EDGE = 4  # pixels
+SETTLED = 0.003  # pixels
+TUKEY = 4.7  # standard deviations: what is farther off does not count
+LEAST_SPREAD = 0.1  # pixels
+CLIPPED = 2.0  # pixels: what is farther off moves on its own
+STAND = 0.98  # of its cost: a camera on a stand is the simpler thing to say
+RIDGE = 1e-3  # of what a picture tells of a shift: an edge does not hold one along it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Level:
+    x: Array
+    y: Array
+    value: Array
+    design: Array  # (pixel, 4): gradients, value, 1, as below
+    slope: Array  # that pixels are counted by, so that a step of a pixel counts alike [DN/px]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Edges:
+    """The steep pixels of a picture, level by level, the coarsest first."""
+
+    levels: Sequence[_Level]
+
+    def shift(self, grey: Image, guess: Array) -> Array:
+        """Return how far a picture lies from this one, (2,) [pixels], found from near a guess."""
+        pictures = _pyramid(grey, len(self.levels))[::-1]
+        finest = len(self.levels) - 1
+        tried = [np.zeros(2), np.array(guess, float)]
+        for first in (0, finest):
+            shift = tried[1]
+            for k in range(first, finest + 1):
+                scale = 2.0 ** (finest - k)
+                shift = scale * _settled(self.levels[k], pictures[k], shift / scale)
+            tried.append(shift)
+        costs = [_cost(self.levels[-1], pictures[-1], each) for each in tried]
+        costs[0] *= STAND
+        return tried[int(np.argmin(costs))]
+
+
+def middle(values: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Return the upper median along the last axis: without numpy's checks, which cost ten times."""
+    place = values.shape[-1] // 2
+    return np.asarray(np.partition(values, place, axis=-1)[..., place])
+
+
+def edges_of(grey: Image) -> Edges:
+    """Return the steep pixels of a picture (row, column)."""
+    count = 1
+    while count < LEVELS and min(grey.shape) >> count >= SMALLEST:
+        count += 1
+    return Edges(levels=[_level(each) for each in _pyramid(grey, count)[::-1]])
+
+
+def _pyramid(grey: Image, count: int) -> list[NDArray[np.float32]]:
+    import cv2
+
+    pictures = [cv2.GaussianBlur(grey, (0, 0), 1.0)]
+    for _ in range(count - 1):
+        pictures.append(cv2.pyrDown(pictures[-1]))
+    return [each.astype(np.float32) for each in pictures]
+
+
+def _level(picture: NDArray[np.float32]) -> _Level:
+    import cv2
+
+    across = cv2.Scharr(picture, cv2.CV_32F, 1, 0, scale=1 / 32)
+    down = cv2.Scharr(picture, cv2.CV_32F, 0, 1, scale=1 / 32)
+    rim = _rim(picture)
+    slopes = [np.where(rim, 0, np.abs(each)) for each in (across, down)]
+    places = np.unique(np.concatenate([_steepest(each) for each in slopes]), axis=0)
+    y, x = places.T
+    value = picture[y, x].astype(float)
+    slope = np.hypot(across[y, x], down[y, x]).astype(float)
+    design = np.stack([across[y, x], down[y, x], value, np.ones_like(value)], axis=1)
+    return _Level(
+        x=x.astype(float),
+        y=y.astype(float),
+        value=value,
+        design=design / slope[:, None],
+        slope=slope,
+    )
+
+
+def _rim(picture: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Return the edge of a picture and the black bars about it, which no drift moves."""
+    rim = np.ones(picture.shape, bool)
+    lines, files = (np.flatnonzero(picture.max(axis=a) > BLACK) for a in (1, 0))
+    if lines.size and files.size:
+        rim[lines[0] + EDGE : lines[-1] + 1 - EDGE, files[0] + EDGE : files[-1] + 1 - EDGE] = False
+    return rim
+
+
+def _steepest(slope: NDArray[np.float32]) -> NDArray[np.intp]:
+    """Return row and column of the steepest pixels of each part of a picture, (pixel, 2)."""
+    rows, columns = slope.shape
+    share, chosen = PIXELS // (2 * PARTS**2), []
+    for i in range(PARTS):
+        for j in range(PARTS):
+            top, left = i * rows // PARTS, j * columns // PARTS
+            part = slope[top : (i + 1) * rows // PARTS, left : (j + 1) * columns // PARTS]
+            flat = part.ravel()
+            best = np.argsort(-flat, kind="stable")[:share] if part.size > share else None
+            kept = np.arange(part.size) if best is None else best
+            y, x = np.unravel_index(kept[flat[kept] > STEEPEST], part.shape)
+            chosen.append(np.stack([y + top, x + left], axis=1))
+    return np.concatenate(chosen)
+
+
+def _cost(level: _Level, picture: NDArray[np.float32], shift: Array) -> float:
+    """Return how far edges lie from where they should, what moves on its own clipped [pixels]."""
+    left = _seen(level, picture, shift) - level.value
+    if not left.size:
+        return 0.0
+    return float(np.minimum(np.abs(left - middle(left)) / level.slope, CLIPPED).mean())
+
+
+def _seen(level: _Level, picture: NDArray[np.float32], shift: Array) -> Array:
+    import cv2
+
+    if not level.x.size:
+        return np.zeros(0)
+    x, y = ((p + s).astype(np.float32) for p, s in zip((level.x, level.y), shift, strict=True))
+    seen = cv2.remap(picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(seen.ravel(), float)
+
+
+def _settled(level: _Level, picture: NDArray[np.float32], shift: Array) -> Array:
+    if level.x.size < 4:
+        return shift
+    gain, offset = 1.0, 0.0
+    rows, columns = picture.shape
+    for _ in range(STEPS):
+        x, y = level.x + shift[0], level.y + shift[1]
+        inside = (x > 0) & (x < columns - 1) & (y > 0) & (y < rows - 1)
+        left = (_seen(level, picture, shift) - gain * level.value - offset) / level.slope
+        spread = max(LEAST_SPREAD, 1.4826 * float(middle(np.abs(left))))
+        weight = np.where(inside, np.maximum(0, 1 - (left / (TUKEY * spread)) ** 2) ** 2, 0.0)
+        weighted = level.design * weight[:, None]
+        normal = weighted.T @ level.design
+        most = float(np.trace(normal[:2, :2]))
+        if most < FEW:
+            break
+        normal[[0, 1], [0, 1]] += RIDGE * most
+        normal[[2, 3], [2, 3]] += 1e-3
+        step = np.linalg.solve(normal, weighted.T @ left)
+        # a picture shifted by s has, at x + s, the value of x
+        shift = shift - step[:2]
+        gain, offset = gain + step[2], offset + step[3]
+        if np.hypot(*step[:2]) < SETTLED:
+            break
+    return shift

@@ -1,0 +1,343 @@
+"""The still frame: what stands behind all that moves, and how far each picture drifts from it.
+
+A phone held by hand shifts its picture by up to a pixel a frame: the samples are laid upon each
+other before their median is taken, and each picture is shifted back before it is compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.video.clips.reading import Frame
+from virtual_lab.video.find.drift import Edges, edges_of
+
+__all__ = [
+    "Image",
+    "Still",
+    "difference_of",
+    "difference_of_light",
+    "eight_bits",
+    "moved",
+    "ranked",
+    "share_of",
+    "still_of",
+]
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+SEARCHED = 4e5  # pixels of the picture that is searched: larger ones are made smaller
+NO_DRIFT = 0.15  # pixels over a clip: a camera on a stand
+FASTEST = 3.0  # pixels a frame of drift
+ROUNDS = 2  # the samples are laid upon one of them, and then on the median of all
+FEWEST = 8  # samples that tell which side of the background a ball is on
+SIDE = 0.25  # quantile, or its complement, at which the background of a slow ball lies
+TOUCHED = 8.0  # noises that a pixel's brightness varies by if the ball was there
+CLIPPED = 20  # DN: what is farther off the background moves on its own
+STAND = 0.98  # of its misfit: a camera on a stand is the simpler thing to say
+RESTLESS = 0.75  # quantile of the samples' differences: what a pixel does without a ball
+RESTLESS_MOST = 16  # DN: more may be a ball that stays
+BLOCK = 64  # rows at a time: a sorted stack of whole pictures would need the memory of them all
+GRID = 8  # every eighth pixel tells how bright the light is
+LIGHT = (255 * (np.arange(256) / 255) ** 2.2).astype(np.float32)  # of a grey value, 0 to 255
+GAINS = (0.7, 1.4)  # of the light, from frame to frame
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Still:
+    """The scene without what moves; pictures are grey (row, column) or colour (…, 3), 8 bits.
+
+    Where the camera drifts it is larger than a picture: it holds what any sample shows.
+    """
+
+    background: Image  # full size
+    origin: tuple[int, int]  # x, y of its first pixel in the first picture's pixels
+    size: tuple[int, int]  # columns and rows of a picture
+    small: Image  # as it is searched
+    restless: Image  # (row, column) of that: differences that are no ball's
+    shrink: int  # pixels of the full size a pixel of the small one, each way
+    depth: int  # bits that frames are cut to 8 from
+    edges: Edges  # of the small one
+    drifts: bool
+
+    def shift(self, small: Image, guess: Array) -> Array:
+        """Return how far a small picture lies from the still frame, (2,) [full pixels]."""
+        if not self.drifts:
+            return np.zeros(2)
+        shift = self.shrink * self.edges.shift(_grey(small), guess / self.shrink)
+        return np.asarray(shift if np.hypot(*(shift - guess)) < FASTEST else guess)
+
+    def shrunk(self, picture: Image) -> Image:
+        """Return a picture in the size that is searched."""
+        return _shrunk(picture, self.shrink)
+
+    def difference(self, small: Image, shift: Array) -> Image:
+        """Return how far a small picture is from the background, (row, column) [DN].
+
+        The channel that differs most counts, less what the pixel does without a ball.
+        """
+        import cv2
+
+        way = (shift + self.origin) / self.shrink
+        level = _level(moved(small, way, (0, 0), self.small), self.small)
+        behind = self.small
+        if level != 1.0:
+            behind = np.asarray(cv2.convertScaleAbs(behind, alpha=level), np.uint8)
+        apart = _strongest(_apart(moved(small, way, (0, 0), behind), behind))
+        return np.asarray(cv2.subtract(apart, self.restless), np.uint8)
+
+    def cut(
+        self, picture: Image, shift: Array, corner: tuple[int, int], size: tuple[int, int]
+    ) -> tuple[Image, Image]:
+        """Return a region of a full picture in the still frame, and what is behind it.
+
+        Corner (x, y) and size (columns, rows) are of the background.
+        """
+        x, y = corner
+        behind = self.background[y : y + size[1], x : x + size[0]]
+        return moved(picture, shift + self.origin, corner, behind), behind
+
+
+def difference_of(part: Image, behind: Image) -> NDArray[np.float32]:
+    """Return how far a picture is from another, by the channel that differs most [DN]."""
+    return np.asarray(_strongest(_apart(part, behind)), np.float32)
+
+
+def difference_of_light(part: Image, behind: Image) -> NDArray[np.float32]:
+    """Return the same of light, 0 to 255: where grey values have a gamma, as colour pictures do.
+
+    In light a pixel that the ball covers by half lies half way (sRGB, IEC 61966-2-1).
+    """
+    import cv2
+
+    if part.ndim == 2:
+        return difference_of(part, behind)
+    return np.asarray(cv2.absdiff(LIGHT[part], LIGHT[behind]).max(axis=2), np.float32)
+
+
+def still_of(
+    samples: Sequence[Frame], depth: int, apart: float = 1.0, *, stands: bool = False
+) -> Still:
+    """Return the still frame of some pictures of a clip, the first of which does not drift.
+
+    Parameters
+    ----------
+    samples
+        The pictures, grey or in colour.
+    depth
+        Bits that their values take.
+    apart
+        Frames from one to the next.
+    stands
+        Whether the camera is known to stand still.
+    """
+    pictures = [eight_bits(each, depth) for each in samples]
+    rows, columns = pictures[0].shape[:2]
+    shrink = max(1, int(np.ceil(np.sqrt(rows * columns / SEARCHED))))
+    small = [_shrunk(each, shrink) for each in pictures]
+    greys = [_grey(each) for each in small]
+    shifts = np.zeros((len(greys), 2))
+    if not stands:
+        shifts = _laid(greys, FASTEST * apart / shrink)
+    drifts = bool(np.ptp(shifts * shrink, axis=0).max() > NO_DRIFT)
+    if not drifts:
+        shifts[:] = 0
+    shifts *= shrink
+    origin = np.minimum(0, np.floor(-shifts.max(axis=0) / shrink) * shrink).astype(int)
+    end = np.array([columns, rows]) + np.maximum(0, np.ceil(-shifts.min(axis=0))).astype(int)
+    wide, high = (int(each) for each in end - origin)
+    background = _covered(pictures, shifts + origin, (high, wide), share_of(pictures))
+    behind = _shrunk(background, shrink)
+    off = [
+        _strongest(_apart(moved(each, (shift + origin) / shrink, (0, 0), behind), behind))
+        for each, shift in zip(small, shifts, strict=True)
+    ]
+    inner = moved(behind, -origin / shrink, (0, 0), small[0])
+    return Still(
+        background=background,
+        origin=(int(origin[0]), int(origin[1])),
+        size=(columns, rows),
+        small=behind,
+        restless=np.minimum(_quantile(off, RESTLESS), RESTLESS_MOST).astype(np.uint8),
+        shrink=shrink,
+        depth=depth,
+        edges=edges_of(_grey(np.ascontiguousarray(inner))),
+        drifts=drifts,
+    )
+
+
+def _laid(greys: Sequence[Image], most: float) -> Array:
+    """Return the shifts that lay pictures upon the first, (picture, 2) [pixels].
+
+    Any one picture may show a hand more than anything that stands: several are tried to begin
+    with, and that none drifts.
+    """
+    # what moves faster from one to the next is no hand that holds a camera
+    none = np.zeros((len(greys), 2))
+    best, least = none, STAND * _misfit(greys, none)
+    for first in sorted({0, len(greys) // 2, len(greys) - 1}):
+        middle, shifts = greys[first], none.copy()
+        for _ in range(ROUNDS):
+            edges = edges_of(middle)
+            for side in (range(first, len(greys)), range(first, -1, -1)):
+                guess = np.zeros(2)
+                for k in side:
+                    guess = shifts[k] = edges.shift(greys[k], guess)
+            middle = _median(greys, shifts)
+        steps = np.hypot(*np.diff(shifts, axis=0).T)
+        if steps.size and steps.max() > most:
+            continue
+        if (misfit := _misfit(greys, shifts)) < least:
+            best, least = shifts, misfit
+    return np.asarray(best - best[0])
+
+
+def _misfit(greys: Sequence[Image], shifts: Array) -> float:
+    """Return the mean difference of pictures, each moved by its shift, from their median [DN]."""
+    placed = [_placed(grey, shift) for grey, shift in zip(greys, shifts, strict=True)]
+    behind = _median(placed)
+    return float(np.mean([np.minimum(_apart(each, behind), CLIPPED).mean() for each in placed]))
+
+
+def eight_bits(frame: Frame, depth: int) -> Image:
+    """Return a picture cut to 8 bits, of three channels or one."""
+    if frame.ndim == 3 and frame.shape[2] != 3:
+        frame = frame[..., :3] if frame.shape[2] == 4 else frame[..., 0]
+    if frame.dtype == np.uint8:
+        return frame
+    return np.asarray(frame >> max(0, depth - 8), np.uint8)
+
+
+def moved(picture: Image, shift: Array, corner: tuple[int, int], behind: Image) -> Image:
+    """Return a drifted picture where it lies before a background, elsewhere the background.
+
+    The corner (x, y) is that of the background in the still frame.
+    """
+    import cv2
+
+    x, y = corner
+    rows, columns = behind.shape[:2]
+    if not np.any(shift) and y + rows <= picture.shape[0] and x + columns <= picture.shape[1]:
+        return picture[y : y + rows, x : x + columns]
+    back = np.array([[1.0, 0.0, x + shift[0]], [0.0, 1.0, y + shift[1]]])
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    here = behind.copy()
+    mode = cv2.BORDER_TRANSPARENT
+    cv2.warpAffine(picture, back, (columns, rows), dst=here, flags=flags, borderMode=mode)
+    return here
+
+
+def share_of(pictures: Sequence[Image]) -> float:
+    """Return the quantile at which the background is found.
+
+    The median; but before a camera in grey, a laboratory's, a slow ball may cover a pixel for most
+    of the time. Of most pixels that it touches it covers the lesser part: that tells whether it is
+    lighter than what is behind it, and the background lies on the other side.
+    """
+    if pictures[0].ndim == 3 or len(pictures) < FEWEST:
+        return 0.5
+    stack = np.stack([each[::2, ::2] for each in pictures])
+    low, high = (each.astype(int) for each in (stack.min(axis=0), stack.max(axis=0)))
+    reach = high - low
+    touched = reach > TOUCHED * max(float(np.median(reach)) / 4, 1.0)
+    middle = ranked(stack, len(stack) // 2).astype(int)
+    return SIDE if (low + high - 2 * middle)[touched].sum() >= 0 else 1 - SIDE
+
+
+def _covered(
+    pictures: Sequence[Image], shifts: Array, shape: tuple[int, int], share: float
+) -> Image:
+    """Return a quantile of drifted pictures where they reach; black where none does."""
+    whole = np.zeros((*shape, *pictures[0].shape[2:]), np.uint8)
+    rows, columns = pictures[0].shape[:2]
+    for top in range(0, shape[0], BLOCK):
+        block = whole[top : top + BLOCK]
+        stack = np.stack(
+            [moved(p, s, (0, top), block) for p, s in zip(pictures, shifts, strict=True)]
+        )
+        if not shifts.any():
+            whole[top : top + BLOCK] = ranked(stack, round(share * (len(stack) - 1)))
+            continue
+        y, x = np.ogrid[top : top + len(block), : shape[1]]
+        count = np.zeros(block.shape[:2], np.uint8)
+        for each, (right, down) in zip(stack, shifts, strict=True):
+            inside = (x + right >= 0) & (x + right <= columns - 1)
+            inside = inside & (y + down >= 0) & (y + down <= rows - 1)
+            each[~inside] = 255  # beyond the others in rank
+            count += inside
+        if block.ndim == 3:
+            count = count[..., None]
+        rank = np.rint(share * (np.maximum(count, 1) - 1.0)).astype(np.uint8)
+        whole[top : top + BLOCK] = np.where(count > 0, ranked(stack, rank), 0)
+    return whole
+
+
+def ranked(stack: NDArray[np.uint8], rank: int | NDArray[np.uint8]) -> Image:
+    """Return the value of a rank among pictures, by bisection: much quicker than sorting."""
+    found = np.zeros(stack.shape[1:], np.uint8)
+    for bit in (128, 64, 32, 16, 8, 4, 2, 1):
+        below = (stack < found + np.uint8(bit)).sum(axis=0, dtype=np.uint8)
+        found += np.where(below <= rank, np.uint8(bit), np.uint8(0))
+    return found
+
+
+def _placed(picture: Image, shift: Array) -> Image:
+    return moved(picture, shift, (0, 0), picture)
+
+
+def _shrunk(picture: Image, shrink: int) -> Image:
+    import cv2
+
+    if shrink == 1:
+        return picture
+    rows, columns = (shrink * (side // shrink) for side in picture.shape[:2])
+    size = (columns // shrink, rows // shrink)
+    return np.asarray(cv2.resize(picture[:rows, :columns], size, interpolation=cv2.INTER_AREA))
+
+
+def _grey(picture: Image) -> Image:
+    import cv2
+
+    if picture.ndim == 2:
+        return picture
+    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)
+
+
+def _strongest(apart: NDArray[np.uint8]) -> Image:
+    import cv2
+
+    if apart.ndim == 2:
+        return apart
+    one, two, three = cv2.split(apart)
+    return np.asarray(cv2.max(cv2.max(one, two), three), np.uint8)
+
+
+def _apart(one: Image, other: Image) -> Image:
+    import cv2
+
+    return np.asarray(cv2.absdiff(one, other), np.uint8)
+
+
+def _level(here: Image, behind: Image) -> float:
+    """Return how much brighter the light is than in the background; 1.0 within half a percent."""
+    some = behind[::GRID, ::GRID].astype(np.float32)
+    lit = some > 16
+    if not lit.any():
+        return 1.0
+    level = float(np.median(here[::GRID, ::GRID][lit] / some[lit]))
+    return level if GAINS[0] < level < GAINS[1] and abs(level - 1) > 0.005 else 1.0
+
+
+def _median(pictures: Sequence[Image], shifts: Array | None = None) -> Image:
+    """Return the median of pictures, each moved by its shift [pixels]."""
+    if shifts is not None:
+        pictures = [_placed(p, s) for p, s in zip(pictures, shifts, strict=True)]
+    return _quantile(pictures, 0.5)
+
+
+def _quantile(pictures: Sequence[Image], share: float) -> Image:
+    return ranked(np.stack(pictures), round(share * (len(pictures) - 1)))

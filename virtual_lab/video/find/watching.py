@@ -1,0 +1,142 @@
+"""A clip watched once: blobs, drift and change of every frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.video.clips.clip import Clip
+from virtual_lab.video.find.blobs import BLOB, Blobs, blobs
+from virtual_lab.video.find.still import Image, Still, eight_bits, ranked, share_of, still_of
+
+__all__ = ["Watched", "repeats", "watch"]
+
+Array = NDArray[np.float64]
+
+CHANGED = 5  # pixels, a side: what changes over fewer is noise
+REPEATED = 0.3  # of the change of the frames beside it: the frame was stored twice
+ENOUGH = 3  # samples that show a pixel bare
+GHOST, GHOST_AREA = 12, 30  # DN, pixels: a ball that was taken for background
+BESIDE = 2  # frames on each side
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Watched:
+    """What moves in a clip."""
+
+    still: Still
+    found: Blobs  # (blob,) of `find.blobs.BLOB`, frame by frame
+    shifts: Array  # (frame, 2) of each picture from the still frame [pixels]
+    change: Array  # (frame,) greatest from the frame before [DN]; NaN: not looked at
+
+
+def watch(
+    clip: Clip,
+    *,
+    frames: tuple[int, int] | None = None,
+    region: tuple[float, float, float, float] | None = None,
+    stands: bool = False,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Watched:
+    """Return what moves in a clip, of frames and of a region of the still frame alone.
+
+    Parameters
+    ----------
+    frames
+        First and last.
+    region
+        x, y, width, height [pixels].
+    stands
+        Whether the camera is known to stand still.
+    progress
+        Told now and then.
+    """
+    depth = max(8, int(clip.full_scale).bit_length())
+    apart = float(np.diff(clip.sampled).max()) if len(clip.sampled) > 1 else 1.0
+    still = still_of(list(clip.samples), depth, apart, stands=stands)
+    watched = _watched(clip, still, frames, progress)
+    if stands and (barer := _barer(clip, watched)) is not None:
+        still = replace(still, background=barer, small=still.shrunk(barer))
+        watched = _watched(clip, still, frames, progress)
+    if region:
+        found = watched.found
+        x, y, wide, high = region
+        inside = (found["x"] > x) & (found["x"] < x + wide)
+        inside &= (found["y"] > y) & (found["y"] < y + high)
+        watched = replace(watched, found=found[inside])
+    return watched
+
+
+def _watched(
+    clip: Clip,
+    still: Still,
+    frames: tuple[int, int] | None,
+    progress: Callable[[str], None],
+) -> Watched:
+    import cv2
+
+    depth = still.depth
+    first, last = frames or (0, clip.count - 1)
+    shifts, change = np.zeros((clip.count, 2)), np.full(clip.count, np.nan)
+    found: list[Blobs] = [np.zeros(0, BLOB)]
+    shift, before = np.zeros(2), None
+    for number, frame in enumerate(clip.pictures()):
+        if number > last:
+            break
+        if number < first:
+            continue
+        if number % 50 == 0:
+            progress(f"frame {number} of {clip.count}")
+        picture = eight_bits(frame, depth)
+        small = still.shrunk(picture)
+        shift = still.shift(small, shift)
+        shifts[number] = shift
+        if before is not None:
+            changed = cv2.blur(cv2.absdiff(small, before), (CHANGED, CHANGED))
+            change[number] = float(np.max(changed))
+        before = small
+        found.append(blobs(number, picture, small, shift, still))
+    return Watched(still=still, found=np.concatenate(found), shifts=shifts, change=change)
+
+
+def _barer(clip: Clip, watched: Watched) -> Image | None:
+    """Return the background by samples where no blob covers it; None where that changes nothing.
+
+    Before a camera that stands a slow ball may cover a pixel for most of the time.
+    """
+    import cv2
+
+    still = watched.still
+    samples = np.stack([eight_bits(each, still.depth) for each in clip.samples])
+    covered = np.zeros(samples.shape[:3], np.uint8)
+    for number, mask in zip(clip.sampled.tolist(), covered, strict=True):
+        for blob in watched.found[watched.found["frame"] == number]:
+            at = (round(float(blob["x"])), round(float(blob["y"])))
+            cv2.circle(mask, at, round(1.15 * float(blob["length"]) + 3), 1, -1)
+    count = (covered == 0).sum(axis=0).astype(np.uint8)
+    enough = count >= ENOUGH
+    if samples.ndim == 4 or not enough.any():
+        return None
+    share = share_of(list(samples))
+    samples[covered > 0] = 255  # beyond the others in rank
+    rank = np.rint(share * (np.maximum(count, 1) - 1.0)).astype(np.uint8)
+    barer = np.where(enough, ranked(samples, rank), still.background)
+    off = np.abs(barer.astype(int) - still.background) > GHOST
+    return barer if off.sum() > GHOST_AREA else None
+
+
+def repeats(change: Array) -> NDArray[np.bool_]:
+    """Return which frames show the same as the one before, (frame,), by what changes around them.
+
+    Both sides must show more change: a key frame or the end of a motion is on one side only.
+    """
+    known = np.nan_to_num(change)
+    same = np.zeros(len(known), bool)
+    for k in range(1, len(known)):
+        left, right = known[max(0, k - BESIDE) : k], known[k + 1 : k + 1 + BESIDE]
+        if left.size and right.size:
+            same[k] = known[k] < REPEATED * min(left.max(), right.max())
+    return same & np.isfinite(change)

@@ -1,0 +1,165 @@
+"""Contacts: when two flights meet, what was struck, and its restitution."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.units import DEGREE
+from virtual_lab.video.follow.flights import SAG, SIDE, Scene, meetings
+from virtual_lab.video.follow.joint import Fit
+from virtual_lab.video.follow.pieces import Piece
+from virtual_lab.video.follow.said import Said, from_fit, widened
+
+__all__ = ["Contact", "contacts_of"]
+
+Array = NDArray[np.float64]
+
+SQUARE = np.cos(35 * DEGREE)  # a change of velocity nearer than this to a normal is along it
+BEHIND = 0.35  # of the difference between fits with and without drag, as u
+COVERAGE = 2.0  # u: what lies beyond is no chance
+CHANGED = 0.2  # of the speed: a smaller change is no contact
+SLANT = 0.5 * DEGREE  # of a floor or a wall off g, and of g as the camera sees it
+COARSE = 0.25  # u of a restitution that says nothing
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contact:
+    """Between two flights."""
+
+    before: int  # number of the flight
+    after: int
+    t: float  # [steps]
+    frame: float  # between stored frames
+    time: Said  # [s]
+    kind: str  # floor | wall | struck
+    restitution: Said | None
+    place: Array  # (2,) still frame [pixels]
+
+
+def contacts_of(
+    scene: Scene, ways: list[Piece], fit: Fit, free: Fit, skewed: Fit | None, step: float
+) -> tuple[list[Contact], tuple[list[str], list[str]]]:
+    """Return the contacts, and flags and sentences about them.
+
+    Parameters
+    ----------
+    fit
+        Of flights that share g and drag.
+    free
+        Of parabolas, each on its own.
+    skewed
+        With a perspective, where the camera is tilted.
+    step
+        Seconds of a step of time.
+    """
+    flags: list[str] = []
+    warnings: list[str] = []
+    found = []
+    for met in meetings(ways, fit):
+        one, other = ways[met.first], ways[met.first + 1]
+        change = met.after - met.before
+        fast = float(np.hypot(*met.before))
+        if np.hypot(*change) < CHANGED * fast:
+            continue
+        normal, kind = _normal(fit.pull[0], change, ways)
+        frame = _frame(scene, one, other, met.t)
+        late = fit.readout * float(np.median(scene.late(one.blobs[-2:]))) if fit.readout else 0.0
+        time = from_fit(fit, lambda f: _closest(f, met.first, met.t)[0])  # noqa: B023
+        value = None
+        if min(len(one.t), len(other.t)) >= SIDE and kind != "other":
+            value, flag, why = _restitution(fit, free, skewed, met.first, met.t, normal, kind)
+            if flag:
+                flags.append(flag)
+                warnings.append(f"contact at frame {frame:.1f}: {why}")
+        found.append(
+            Contact(
+                before=met.first,
+                after=met.first + 1,
+                t=met.t - late,
+                frame=frame - late,
+                time=Said(value=step * (met.t - late), u=step * time.u),
+                kind="struck" if kind == "other" else kind,
+                restitution=value,
+                place=met.place,
+            )
+        )
+    return found, (flags, warnings)
+
+
+def _frame(scene: Scene, one: Piece, other: Piece, t: float) -> float:
+    """Return the frame of a time between two flights, between stored ones; repeats do not count."""
+    between = np.arange(one.frames[-1], other.frames[0] + 1)
+    between = between[np.isfinite(scene.time[between])]
+    times = scene.time[between] + one.t[-1] - scene.time[one.frames[-1]]
+    times[-1] = other.t[0]
+    return float(np.interp(t, times, between))
+
+
+def _normal(pull: Array, change: Array, ways: list[Piece]) -> tuple[Array | None, str]:
+    """Return the normal of what was struck, None where speeds are all there is, and its kind."""
+    along = change / np.hypot(*change)
+    size = float(np.hypot(*pull))
+    longest = max(float(np.ptp(each.t)) for each in ways)
+    if size * longest**2 / 8 < SAG * ways[0].radius:
+        return None, "struck"
+    up = -pull / size
+    if along @ up > SQUARE:
+        return up, "floor"
+    side = np.array([-up[1], up[0]])
+    side = side if along @ side > 0 else -side
+    if along @ side > SQUARE:
+        return side, "wall"
+    return None, "other"
+
+
+def _closest(fit: Fit, first: int, t: float) -> tuple[float, Array, Array]:
+    """Return when two flights are nearest to each other, near a time, and their velocities."""
+    before, after = fit.at(first, t)[0], fit.at(first + 1, t)[0]
+    apart, change = (after - before)[:2], (after - before)[2:]
+    late = float(np.clip(-(apart @ change) / max(float(change @ change), 1e-12), -1, 1))
+    return (
+        t + late,
+        before[2:] + late * fit.pull[first],
+        after[2:] + late * fit.pull[first + 1],
+    )
+
+
+def _restitution(
+    fit: Fit,
+    free: Fit,
+    skewed: Fit | None,
+    first: int,
+    t: float,
+    normal: Array | None,
+    kind: str,
+) -> tuple[Said | None, str, str]:
+    """Return the restitution, or None with a flag and why."""
+
+    def ratio(some: Fit) -> float:
+        _, before, after = _closest(some, first, t)
+        if normal is None:
+            return float(np.hypot(*after) / np.hypot(*before))
+        return float(-(after @ normal) / (before @ normal))
+
+    said = from_fit(fit, ratio)
+    more = [BEHIND * (said.value - ratio(free))]
+    if normal is not None:  # a floor is level, a wall upright, but for so much
+        _, before, after = _closest(fit, first, t)
+        side = np.array([-normal[1], normal[0]])
+        more.append(
+            SLANT * float(after @ side + said.value * before @ side) / float(before @ normal)
+        )
+    if skewed is not None:
+        more.append(said.value - ratio(skewed))
+    said = widened(said, *more)
+    if said.value - COVERAGE * said.u > 1:
+        why = f"a ratio of {said.value:.3g}: nothing at rest gives back more than it takes"
+        return None, "ABOVE_ONE", f"{why}; no restitution is given"
+    if said.value <= 0:
+        return None, "CONTACT_UNCLEAR", f"the ball goes on through the {kind}; none is given"
+    if said.u > COARSE:
+        return None, "CONTACT_UNCLEAR", "the flights say too little of it; no restitution is given"
+    return said, "", ""

@@ -1,0 +1,448 @@
+"""A clip to flights and contacts: what `virtual-lab track` says of any clip."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.video.clips.clip import Clip
+from virtual_lab.video.clips.timing import UNEVEN, usual_step
+from virtual_lab.video.find.watching import Watched, repeats, watch
+from virtual_lab.video.follow.contacts import Contact, contacts_of
+from virtual_lab.video.follow.flights import Scene, flights_of, joined, others, readout_of
+from virtual_lab.video.follow.joint import Fit
+from virtual_lab.video.follow.kinds import Motion, motion_of
+from virtual_lab.video.follow.pieces import Piece, pieces
+from virtual_lab.video.follow.said import Said, from_fit, widened
+
+__all__ = ["Flight", "Followed", "Known", "Scale", "follow", "following"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+GRAVITY = 9.80665  # m/s², CGPM 1901
+ASSUMED_U = 0.01  # of a ball's diameter where no u of it is given: half a mm of a tennis ball's
+ROUNDEST = 0.34  # of the places: those with the least blur tell the ball's size
+TOLD = 3.0  # u of the acceleration that it may be off g by, and a share of it
+NEAR_G = 0.04
+TILTED, TILTED_OFF = (
+    0.6,
+    0.03,
+)  # factor that a perspective shrinks the misfit by, and how large it is
+BEHIND = 0.35  # of the difference between fits with and without drag, as u
+MOVED = 0.1  # radii a frame: a ball that moves less may well look the same
+LEAST_PERIOD, MOST_PERIOD = 3, 10  # frames, of those left out of 30 a second to make 25 or 24
+AT_ONCE = 2  # repeats among the frames of flights, to ask whether they stand for time that passed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Known:
+    """What a person knows of a clip, SI."""
+
+    rate: float  # pictures stored in a true second, repeats counted
+    ball: float | None = None  # diameter [m]
+    ball_u: float = 0.0
+    metres_per_pixel: float | None = None
+    metres_per_pixel_u: float = 0.0
+    exposure: float | None = None  # [s]
+    gravity: float = GRAVITY
+    stands: bool = False  # the camera is known to
+    readout: float | None = None  # [s]; None: unknown, up to a frame
+    readout_axis: tuple[int, int] = (1, 1)
+    frames: tuple[int, int] | None = None
+    region: tuple[float, float, float, float] | None = None
+    ball_at: tuple[float, float, int] | None = None  # x, y, frame
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scale:
+    """Metres of a pixel in the plane of the ball, with the relative u of it."""
+
+    metres_per_pixel: float
+    relative_u: float
+    source: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flight:
+    """A flight in metres and seconds."""
+
+    first_frame: int
+    last_frame: int
+    places: int
+    start: float  # [s]
+    end: float
+    speed_in: Said  # where it begins: at the contact before, else at its first place
+    speed_out: Said
+    velocity_in: Array  # (2,) right and down [m/s]
+    velocity_out: Array
+    acceleration: Said  # its own, without drag
+    radius: float  # [pixels]
+    drag_per_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Followed:
+    """What was followed through a clip."""
+
+    clip: Clip
+    watched: Watched
+    known: Known
+    scene: Scene
+    pieces: list[Piece]
+    ways: list[Piece]  # of the flights
+    fit: Fit | None
+    flights: list[Flight]
+    contacts: list[Contact]
+    motion: Motion
+    scale: Scale | None
+    repeated: Mask  # (frame,)
+    flags: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = field(default=())
+
+    @property
+    def seconds(self) -> float:
+        """Of one step of `t`."""
+        return _step(self.known, self.scene) * _thinned(self.ways)
+
+
+def follow(
+    clip: Clip, known: Known, *, progress: Callable[[str], None] = lambda _: None
+) -> Followed:
+    """Return what moves in a clip and how."""
+    progress("looking for the ball")
+    watched = watch(
+        clip,
+        frames=known.frames,
+        region=known.region,
+        stands=known.stands,
+        progress=progress,
+    )
+    return following(clip, watched, known)
+
+
+def following(
+    clip: Clip, watched: Watched, known: Known, given: Sequence[Piece] | None = None
+) -> Followed:
+    """Return the same of a clip that was watched; `given`: ways corrected by hand."""
+    same = repeats(watched.change)
+    tries = [_flown(clip, watched, known, same, given, squeezed=False)]
+    alternate = float(same.mean()) > 0.4
+    if same.sum() >= AT_ONCE and not alternate and given is None:
+        tries.append(_flown(clip, watched, known, same, given, squeezed=True))
+    scene, found, ways = max(tries, key=lambda each: _support(each[0], each[2]))
+    return _said(clip, watched, known, scene, found, ways, same)
+
+
+def _flown(
+    clip: Clip,
+    watched: Watched,
+    known: Known,
+    same: Mask,
+    given: Sequence[Piece] | None,
+    *,
+    squeezed: bool,
+) -> tuple[Scene, list[Piece], list[Piece]]:
+    """Return the scene, all pieces and the flights; squeezed: a repeat takes no time."""
+    time = _times(clip, known)
+    if squeezed:
+        time = time - np.cumsum(same)
+    time = np.where(same, np.nan, time)
+    scene = _scene(clip, watched, known, time)
+    found = list(given) if given is not None else pieces(watched.found, time)
+    found = [each for each in found if not known.ball_at or _passes(watched, each, known.ball_at)]
+    ways = found if given is not None else flights_of(scene, found)
+    return scene, found, list(ways)
+
+
+def _times(clip: Clip, known: Known) -> Array:
+    """Return the time of each frame in steps; uneven time stamps of the file count."""
+    steps = np.diff(clip.times)
+    if len(steps) and steps.max() > UNEVEN * float(np.median(steps)):
+        return np.asarray((clip.times - clip.times[0]) / usual_step(clip.times))
+    return np.arange(clip.count, dtype=float)
+
+
+def _scene(clip: Clip, watched: Watched, known: Known, time: Array) -> Scene:
+    fall = None
+    if known.metres_per_pixel:
+        fall = known.gravity / known.metres_per_pixel / known.rate**2
+    elif known.ball:
+        fall = known.gravity / (known.ball / 2) / known.rate**2
+    return Scene(
+        found=watched.found,
+        time=time,
+        size=(clip.shape[1], clip.shape[0]),
+        exposure=None if known.exposure is None else known.exposure * known.rate,
+        fall=fall,
+        fall_in_radii=known.metres_per_pixel is None,
+        readout=None if known.readout is None else known.readout * known.rate,
+        readout_axis=known.readout_axis,
+    )
+
+
+def _passes(watched: Watched, piece: Piece, at: tuple[float, float, int]) -> bool:
+    """Return whether a piece is of the ball that is pointed at: it passes there or looks alike."""
+    x, y, frame = at
+    here = piece.frames == frame
+    if here.any():
+        return bool(np.hypot(*(piece.xy[here][0] - (x, y))) < 1.5 * piece.radius)
+    some = watched.found[watched.found["frame"] == frame]
+    if not len(some):
+        return True
+    one = some[int(np.argmin(np.hypot(some["x"] - x, some["y"] - y)))]
+    ratio = piece.radius / one["radius"]
+    colour = np.median(watched.found["colour"][piece.blobs], axis=0) - one["colour"]
+    return bool(0.6 < ratio < 1.6 and np.abs(colour).max() < 60)
+
+
+def _support(scene: Scene, ways: list[Piece]) -> float:
+    if not ways:
+        return 0.0
+    fit = joined(scene, ways, readout=readout_of(scene, ways, 1.5))
+    radius = float(np.median([each.radius for each in ways]))
+    return sum(len(each.t) for each in ways) / (0.02 + fit.spread / radius)
+
+
+def _step(known: Known, scene: Scene) -> float:
+    """Return the seconds of a step: where repeats take no time, steps are fewer than pictures."""
+    counted = np.flatnonzero(np.isfinite(scene.time))
+    if len(counted) < 2:
+        return 1 / known.rate
+    frames = counted[-1] - counted[0]
+    return float(frames / (scene.time[counted[-1]] - scene.time[counted[0]]) / known.rate)
+
+
+def _thinned(ways: Sequence[Piece]) -> float:
+    """Return the share of a stored picture's time that a step of time takes.
+
+    Where every so manieth frame was left out the file's rate is that of what is left: a step is
+    shorter. Frames that are lost here and there leave the rate as it was.
+    """
+    lost = {frame: n for way in ways for frame, n in way.lost.items()}
+    frames = np.array(sorted(lost))
+    if len(frames) < 2 or set(lost.values()) != {1}:
+        return 1.0
+    steps = np.diff(frames)
+    period = int(steps.min())
+    regular = LEAST_PERIOD <= period <= MOST_PERIOD and not (steps % period).any()
+    return period / (period + 1) if regular else 1.0
+
+
+def _said(
+    clip: Clip,
+    watched: Watched,
+    known: Known,
+    scene: Scene,
+    found: list[Piece],
+    ways: list[Piece],
+    same: Mask,
+) -> Followed:
+    flags: list[str] = []
+    warnings = list(clip.warnings)
+    step = _step(known, scene) * _thinned(ways)
+    motion = motion_of(scene, found, ways, step)
+    scale = scale_of(watched, known, ways or found)
+    flights: list[Flight] = []
+    contacts: list[Contact] = []
+    fit = None
+    if ways and scale:
+        readout = readout_of(scene, ways)
+        plain = joined(scene, ways, readout=readout)
+        skewed = joined(scene, ways, readout=readout, tilted=True)
+        fit = plain
+        free = joined(scene, ways, readout=readout, drag=False, shared=False)
+        if (
+            skewed.cost < TILTED * plain.cost
+            and float(np.hypot(*skewed.tilt)) * _extent(ways) > TILTED_OFF
+        ):
+            flags.append("TILTED")
+            warnings.append(
+                "the acceleration changes over the picture as before a tilted camera: speeds are "
+                "those of the middle of the picture, and their u and the restitution's cover it"
+            )
+        if readout and scene.readout is None:
+            flags.append("ROLLING_SHUTTER")
+            warnings.append(
+                f"the shutter rolls: the flights fit a readout of about {readout:.2g} of a frame; "
+                "give --readout to say how long it is"
+            )
+        tilted = skewed if "TILTED" in flags else None
+        contacts, said = contacts_of(scene, ways, fit, free, tilted, step)
+        flags += said[0]
+        warnings += said[1]
+        flights = _flights(scene, ways, fit, free, tilted, contacts, scale, step)
+        _against(known, scene, flights, scale, flags, warnings)
+    if ways and (more := others(scene, ways, found)):
+        flags.append("SECOND_BALL")
+        first = min(int(each.frames[0]) for each in more)
+        warnings.append(
+            f"another ball flies beside the one followed, from frame {first} on: --ball-at tells "
+            "which is meant; where they are alike flights may be mixed up"
+        )
+    lost = {frame: n for way in ways for frame, n in way.lost.items()}
+    if lost:
+        flags.append("LOST_FRAMES")
+        where = ", ".join(f"{n} before frame {frame}" for frame, n in sorted(lost.items())[:6])
+        warnings.append(
+            f"frames are missing though time stamps are even ({where}): time was mended"
+        )
+    same = _while_moving(same, ways or found)
+    if same.any():
+        flags.append("REPEATED_FRAMES")
+        warnings.append(
+            f"{int(same.sum())} frames are stored twice while the ball moves: a repeat is no place"
+        )
+    return Followed(
+        clip=clip,
+        watched=watched,
+        known=known,
+        scene=scene,
+        pieces=found,
+        ways=ways,
+        fit=fit,
+        flights=flights,
+        contacts=contacts,
+        motion=motion,
+        scale=scale,
+        repeated=same,
+        flags=tuple(dict.fromkeys(flags)),
+        warnings=tuple(dict.fromkeys(warnings)),
+    )
+
+
+def _while_moving(same: Mask, ways: Sequence[Piece]) -> Mask:
+    """Return which repeats stand while a ball moves: elsewhere frames may well show the same."""
+    counted = np.zeros(len(same), bool)
+    for way in ways:
+        t, steps = way.frames, np.hypot(*np.diff(way.xy, axis=0).T) / np.diff(way.frames)
+        for frame in np.flatnonzero(same[t[0] : t[-1] + 1]) + t[0]:
+            k = int(np.searchsorted(t, frame))
+            if 0 < k < len(t):
+                counted[frame] = steps[k - 1] > MOVED * way.radius
+    return counted if counted.sum() >= AT_ONCE else np.zeros(len(same), bool)
+
+
+def _extent(ways: Sequence[Piece]) -> float:
+    together = np.concatenate([each.xy for each in ways])
+    return float(np.ptp(together, axis=0).max())
+
+
+def scale_of(watched: Watched, known: Known, ways: Sequence[Piece]) -> Scale | None:
+    """Return the scale: given, or by the ball's size in the pictures that blur it least."""
+    if known.metres_per_pixel:
+        relative = known.metres_per_pixel_u / known.metres_per_pixel
+        return Scale(metres_per_pixel=known.metres_per_pixel, relative_u=relative, source="given")
+    if not known.ball or not ways:
+        return None
+    radius, radius_u = size_of(watched, np.concatenate([each.blobs for each in ways]))
+    relative = float(np.hypot(known.ball_u / known.ball, radius_u / radius))
+    return Scale(metres_per_pixel=known.ball / (2 * radius), relative_u=relative, source="ball")
+
+
+def size_of(watched: Watched, blobs: NDArray[np.intp]) -> tuple[float, float]:
+    """Return the radius of a ball and its u [pixels] by its roundest pictures."""
+    some = watched.found[blobs[blobs >= 0]]
+    ratio = some["length"] / some["radius"]
+    round_ = some[ratio <= np.quantile(ratio, ROUNDEST)]
+    radius = float(np.median(round_["radius"]))
+    scatter = 1.4826 * float(np.median(np.abs(some["radius"] - np.median(some["radius"]))))
+    edge = float(np.median(round_["radius_u"]))
+    return radius, float(np.hypot(edge, 0.5 * scatter))
+
+
+def _flights(
+    scene: Scene,
+    ways: list[Piece],
+    fit: Fit,
+    free: Fit,
+    skewed: Fit | None,
+    contacts: list[Contact],
+    scale: Scale,
+    step: float,
+) -> list[Flight]:
+    own = joined(scene, ways, readout=fit.readout, shared=False)
+    unit = scale.metres_per_pixel / step
+    before = {each.after: each.t for each in contacts}
+    after = {each.before: each.t for each in contacts}
+    rolled = None
+    if scene.readout is None:
+        rolled = joined(scene, ways, readout=1.0)
+    found = []
+    for k, way in enumerate(ways):
+        ends = (before.get(k, float(way.t[0])), after.get(k, float(way.t[-1])))
+        speeds, velocities = [], []
+        for t in ends:
+            moment = t + fit.readout * float(np.median(scene.late(way.blobs))) if fit.readout else t
+            said = from_fit(fit, partial(_speed, k, moment))
+            more = [BEHIND * (said.value - _speed(k, moment, free))]
+            if skewed is not None:
+                more.append(said.value - _speed(k, moment, skewed))
+            if rolled is not None:
+                late = moment + float(np.median(scene.late(way.blobs)))
+                other = _speed(k, late, rolled)
+                more.append((said.value - other) / np.sqrt(3))
+            said = widened(said, *more, said.value * scale.relative_u)
+            speeds.append(Said(value=unit * said.value, u=unit * said.u))
+            velocities.append(unit * fit.at(k, moment)[0, 2:])
+        pull = from_fit(own, lambda f: float(np.hypot(*f.pull[k])))  # noqa: B023
+        pull = widened(pull, pull.value * scale.relative_u)
+        found.append(
+            Flight(
+                first_frame=int(way.frames[0]),
+                last_frame=int(way.frames[-1]),
+                places=len(way.t),
+                start=float(way.t[0]) * step,
+                end=float(way.t[-1]) * step,
+                speed_in=speeds[0],
+                speed_out=speeds[1],
+                velocity_in=velocities[0],
+                velocity_out=velocities[1],
+                acceleration=Said(value=unit / step * pull.value, u=unit / step * pull.u),
+                radius=way.radius,
+                drag_per_m=fit.drag / scale.metres_per_pixel,
+            )
+        )
+    return found
+
+
+def _speed(flight: int, t: float, fit: Fit) -> float:
+    return float(np.hypot(*fit.at(flight, t)[0, 2:]))
+
+
+def _against(
+    known: Known,
+    scene: Scene,
+    flights: list[Flight],
+    scale: Scale,
+    flags: list[str],
+    warnings: list[str],
+) -> None:
+    """Say what speaks against scale, ball, frame rate and shutter."""
+    bends = [
+        each
+        for each in flights
+        if max(known.gravity, each.acceleration.value) * (each.end - each.start) ** 2 / 8
+        > 2 * scale.metres_per_pixel * each.radius
+    ]
+    if bends:
+        weight = np.array([1 / max(each.acceleration.u, 1e-9) ** 2 for each in bends])
+        value = float(np.average([each.acceleration.value for each in bends], weights=weight))
+        u = float(np.min([each.acceleration.u for each in bends]))
+        if abs(value - known.gravity) > max(TOLD * u, NEAR_G * known.gravity):
+            flags.append("GRAVITY")
+            warnings.append(
+                f"the ball falls with {value:.3g} m/s², not {known.gravity:.3g}: the scale, the "
+                "ball's diameter or the frame rate is wrong (slow motion declares the rate it "
+                "plays at: --fps), and every speed with it"
+            )
+    if known.readout is None and flights:
+        flags.append("READOUT_UNKNOWN")
+        warnings.append(
+            "neither --readout nor --global-shutter is given: a shutter may roll for up to a "
+            "frame, and the speeds' u covers that; a restitution's does not"
+        )

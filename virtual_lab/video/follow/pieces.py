@@ -1,0 +1,279 @@
+"""Blobs joined to pieces of smooth motion: each next one where constant acceleration expects it.
+
+A piece may miss some frames, and between two of its places up to three frames may have been left
+out of the file though its time stamps are even: the ball is then ahead by as many steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.video.find.blobs import Blobs
+
+__all__ = ["Piece", "parabola", "pieces"]
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+GAP = 4  # frames in a row that need not show the ball
+LOST = 3  # frames that may have been left out at one place
+SURE = 4  # places before a step may be read as lost frames
+LEAST = 5  # places of a piece
+TRAVEL = 1.0  # radii it covers
+RECENT = 6  # places that tell where the next one is
+NEW = (0.9, 0.35)  # radii and steps that the third place may be off a line
+NEXT = (0.25, 0.12)  # radii and steps that any later one may be off a parabola
+FASTEST = 9.0  # radii a frame
+SLOWEST = 0.01
+SIZE = 1.6  # ratio of the radii of one ball's blobs
+COLOUR = 70.0  # DN between its blobs
+SEEDS = 4  # triples tried from a blob
+DIRTY = 0.35  # of the ring: more is a hand, or the ball on something
+BREAK = 0.22  # of the speed that it must change by for a contact
+BREAK_PULL = 3.0  # of what gravity adds in a frame: less than that leaves no flight behind it
+BENT = 0.1  # radii, rms off a parabola: no flight, or not all of it
+BREAK_U = 6.0  # standard uncertainties, likewise
+ENDS = 4.0  # scatters that the first or last place may be off the others' parabola
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Piece:
+    """A stretch of one ball's way."""
+
+    blobs: Ints  # (place,) into the blobs
+    frames: Ints
+    t: Array  # (place,) time in steps of a frame, lost ones counted
+    xy: Array  # (place, 2) [pixels]
+    radius: float
+
+    def part(self, which: NDArray[np.bool_] | slice) -> Piece:
+        """Return some of the places."""
+        return Piece(
+            blobs=self.blobs[which],
+            frames=self.frames[which],
+            t=self.t[which],
+            xy=self.xy[which],
+            radius=self.radius,
+        )
+
+    @property
+    def lost(self) -> dict[int, int]:
+        """Frames left out before a frame of it."""
+        more = np.diff(self.t) - np.diff(self.frames)
+        return {int(self.frames[k + 1]): round(more[k]) for k in np.flatnonzero(more > 0.5)}
+
+
+def parabola(t: Array, xy: Array, degree: int = 2) -> tuple[Array, Array, float]:
+    """Return acceleration, its u (one number) and the rms residual of constant acceleration."""
+    s = t - t.mean()
+    design = np.stack([s**k for k in range(degree + 1)], axis=1)
+    solver = np.linalg.pinv(design)
+    left = xy - design @ (solver @ xy)
+    spare = max(1, 2 * (len(t) - degree - 1))
+    rms = float(np.sqrt((left**2).sum() / spare))
+    if degree < 2:
+        return np.zeros(2), np.zeros(2), rms
+    return 2 * (solver @ xy)[2], np.full(2, 2 * rms * np.linalg.norm(solver[2])), rms
+
+
+def pieces(found: Blobs, time: Array) -> list[Piece]:
+    """Return the pieces of smooth motion among blobs, in order of time.
+
+    Parameters
+    ----------
+    found
+        Blobs of all frames in order, an array of `find.blobs.BLOB`.
+    time
+        Of each frame in steps of a frame, NaN: a repeat that does not count, (frame,).
+    """
+    grown = _Growth(found, time).all()
+    whole = [each for one in grown for each in _broken(one)]
+    whole = [each for each in map(_trimmed, whole) if len(each.t) >= LEAST]
+    return sorted(whole, key=lambda each: each.frames[0])
+
+
+class _Growth:
+    def __init__(self, found: Blobs, time: Array) -> None:
+        usable = (found["dirty"] < DIRTY) & ~found["cut"] & np.isfinite(time[found["frame"]])
+        self.index = np.flatnonzero(usable)
+        some = found[usable]
+        self.frame = some["frame"].astype(np.intp)
+        self.xy = np.stack([some["x"], some["y"]], axis=1)
+        self.radius, self.colour = some["radius"], some["colour"]
+        self.time, self.used = time, np.zeros(len(some), bool)
+        self.counted = np.flatnonzero(np.isfinite(time))
+        self.first = np.searchsorted(self.frame, np.arange(len(time) + 1))
+        self.place = {int(frame): k for k, frame in enumerate(self.counted)}
+
+    def all(self) -> list[Piece]:
+        found = []
+        for start in range(len(self.frame)):
+            if self.used[start]:
+                continue
+            grown = [self._grown(seed) for seed in self._seeds(start)]
+            best = max(grown, key=lambda each: len(each[0]), default=None)
+            if best is None or len(best[0]) < LEAST:
+                continue
+            places, t = best
+            way, radius = self.xy[places], float(np.median(self.radius[places]))
+            if np.ptp(way, axis=0).max() < TRAVEL * radius:
+                continue
+            self.used[places] = True
+            found.append(
+                Piece(
+                    blobs=self.index[places],
+                    frames=self.frame[places],
+                    t=np.array(t),
+                    xy=way,
+                    radius=radius,
+                )
+            )
+        return found
+
+    def _in(self, frame: int) -> Ints:
+        there = np.arange(self.first[frame], self.first[frame + 1])
+        return np.asarray(there[~self.used[there]])
+
+    def _like(self, one: int, others: Ints, radius: float) -> Ints:
+        ratio = self.radius[others] / radius
+        near = (ratio < SIZE) & (ratio > 1 / SIZE)
+        near &= np.abs(self.colour[others] - self.colour[one]).max(axis=1) < COLOUR
+        return np.asarray(others[near])
+
+    def _seeds(self, a: int) -> Iterator[tuple[int, int, int]]:
+        """Yield the triples from a blob that are nearest to a line."""
+        radius, here = float(self.radius[a]), self.place[int(self.frame[a])]
+        tried: list[tuple[float, tuple[int, int, int]]] = []
+        frames = [int(each) for each in self.counted[here + 1 : here + 4]]
+        for i, j in ((0, 1), (0, 2), (1, 2)):
+            if j >= len(frames):
+                continue
+            second = self._like(a, self._in(frames[i]), radius)
+            third = self._like(a, self._in(frames[j]), radius)
+            if not second.size or not third.size:
+                continue
+            t0, t1, t2 = (self.time[k] for k in (self.frame[a], frames[i], frames[j]))
+            speed = (self.xy[second] - self.xy[a]) / (t1 - t0)
+            fast = np.hypot(*speed.T)
+            good = (fast < FASTEST * radius) & (fast > SLOWEST * radius)
+            expected = self.xy[second] + speed * (t2 - t1)
+            off = np.linalg.norm(self.xy[third][None] - expected[:, None], axis=2)
+            most = (NEW[0] * radius + NEW[1] * fast) * (t2 - t1)
+            off[(off > most[:, None]) | ~good[:, None]] = np.inf
+            for k in np.argsort(off, axis=None)[:SEEDS]:
+                m, n = np.unravel_index(k, off.shape)
+                if np.isfinite(off[m, n]):
+                    tried.append((float(off[m, n]), (a, int(second[m]), int(third[n]))))
+        tried.sort()
+        return (each for _, each in tried[:SEEDS])
+
+    def _grown(self, seed: tuple[int, int, int]) -> tuple[list[int], list[float]]:
+        places, t = list(seed), [float(self.time[self.frame[k]]) for k in seed]
+        ahead = 0.0  # lost so far
+        k = self.place[int(self.frame[seed[-1]])] + 1
+        radius = float(np.median(self.radius[places]))
+        while k < len(self.counted) and self.counted[k] - self.frame[places[-1]] <= GAP + 1:
+            frame = int(self.counted[k])
+            there = self._like(places[-1], self._in(frame), radius)
+            k += 1
+            if not there.size:
+                continue
+            best = self._next(places, t, there, float(self.time[frame]) + ahead, radius)
+            if best is None:
+                continue
+            which, lost = best
+            ahead += lost
+            places.append(which)
+            t.append(float(self.time[frame]) + ahead)
+            if len(places) % 4 == 0:
+                radius = float(np.median(self.radius[places]))
+        return places, t
+
+    def _next(
+        self, places: list[int], t: list[float], there: Ints, time: float, radius: float
+    ) -> tuple[int, int] | None:
+        recent = np.array(t[-RECENT:])
+        xy = self.xy[places[-RECENT:]]
+        design = np.vander(recent - recent[-1], 3)
+        solved = np.linalg.lstsq(design, xy, rcond=None)[0]
+        speed = float(np.hypot(*(xy[-1] - xy[-2]))) / (recent[-1] - recent[-2])
+        room = NEXT if len(places) > 3 else (0.5, 0.2)
+        later = time - recent[-1]
+        most = (room[0] * radius + room[1] * speed) * (1 + 0.5 * (later - 1))
+        for lost in range(LOST + 1 if len(places) >= SURE and speed > 0.5 * radius else 1):
+            ahead = later + lost
+            expected = np.array([ahead**2, ahead, 1.0]) @ solved
+            off = np.hypot(*(self.xy[there] - expected).T)
+            k = int(np.argmin(off))
+            if off[k] < (most if lost == 0 else 0.7 * most):
+                return int(there[k]), lost
+        return None
+
+
+def _broken(piece: Piece) -> list[Piece]:
+    """Return a piece cut where its velocity changes at once: a contact that growth went through."""
+    count = len(piece.t)
+    best: tuple[float, int] | None = None
+    pull, _, whole = parabola(piece.t, piece.xy)
+    least = BREAK_PULL * float(np.hypot(*pull))
+    for k in range(4, count - 3):
+        first, second = (_ending(piece.part(part)) for part in (slice(k), slice(k, count)))
+        moment = (piece.t[k - 1] + piece.t[k]) / 2
+        before, u_before, rms_before = first(moment)
+        after, u_after, rms_after = second(moment)
+        change = float(np.hypot(*(after - before)))
+        fast = max(np.hypot(*before), np.hypot(*after))
+        rms = float(np.sqrt((k * rms_before**2 + (count - k) * rms_after**2) / count))
+        struck = change > max(BREAK * fast, BREAK_U * np.hypot(u_before, u_after), least)
+        if not struck and whole < BENT * piece.radius:
+            continue
+        if rms < 0.5 * whole and (best is None or rms < best[0]):
+            best = (rms, k)
+    if best is None:
+        return [piece]
+    return [*_broken(piece.part(slice(best[1]))), *_broken(piece.part(slice(best[1], count)))]
+
+
+def _ending(piece: Piece) -> Callable[[float], tuple[Array, float, float]]:
+    """Return a function that tells velocity, its u and the rms at a moment."""
+    degree = 2 if len(piece.t) > 4 else 1
+    middle = piece.t.mean()
+    design = np.stack([(piece.t - middle) ** k for k in range(degree + 1)], axis=1)
+    solver = np.linalg.pinv(design)
+    solved = solver @ piece.xy
+    left = piece.xy - design @ solved
+    rms = float(np.sqrt((left**2).sum() / max(1, 2 * (len(piece.t) - degree - 1))))
+
+    def at(moment: float) -> tuple[Array, float, float]:
+        s = moment - middle
+        slope = np.array([k * s ** (k - 1) if k else 0.0 for k in range(degree + 1)])
+        return slope @ solved, rms * float(np.linalg.norm(slope @ solver)), rms
+
+    return at
+
+
+def _trimmed(piece: Piece) -> Piece:
+    """Return a piece without ends that its other places' parabola denies."""
+    while len(piece.t) > LEAST:
+        count = len(piece.t)
+        off = []
+        for end, rest in ((0, slice(1, None)), (count - 1, slice(count - 1))):
+            others = piece.part(rest)
+            s = others.t - piece.t[end]
+            near = np.argsort(np.abs(s), kind="stable")[:8]
+            design = np.vander(s[near], 3 if len(near) > 4 else 2)
+            solver = np.linalg.pinv(design)
+            solved = solver @ others.xy[near]
+            left = others.xy[near] - design @ solved
+            rms = np.sqrt((left**2).sum() / max(1, 2 * (len(near) - design.shape[1])))
+            own = max(float(rms), 0.02 * piece.radius) * np.hypot(1, np.linalg.norm(solver[-1]))
+            off.append(float(np.hypot(*(piece.xy[end] - solved[-1]))) / own)
+        worst = int(np.argmax(off))
+        if off[worst] < ENDS:
+            break
+        piece = piece.part(slice(1, None) if worst == 0 else slice(count - 1))
+    return piece

@@ -1,0 +1,205 @@
+"""A ball's course through a clip, place by place: what is drawn and written of any clip."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.video.clips.clip import Clip
+from virtual_lab.video.follow.following import Followed
+from virtual_lab.video.locate.located import Flag
+from virtual_lab.video.track.tracking import Tracked
+
+__all__ = ["COLUMNS", "Course", "course_of_followed", "course_of_tracked", "write_table"]
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+SOME = 12  # frames shown where there is no ball
+COLUMNS = (
+    "frame",
+    "time_s",
+    "x_px",
+    "y_px",
+    "x_u_px",
+    "y_u_px",
+    "radius_px",
+    "x_m",
+    "y_m",
+    "chi_square",
+    "flight",
+    "flags",
+    "drift_x_px",
+    "drift_y_px",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Course:
+    """The places; arrays are (place,) unless said otherwise."""
+
+    clip: Clip
+    frames: NDArray[np.intp]
+    times: Array  # [s]
+    xy: Array  # (place, 2) in the still frame [pixels]
+    drift: Array  # (place, 2) of the picture from the still frame [pixels]
+    radius: Array
+    reach: Array  # from the middle to the end of its blur
+    u: Array  # (place, 2) [pixels]
+    metres: Array  # (place, 2)
+    chi_square: Array
+    flight: list[str]  # name, "" outside of flights
+    flags: list[str]
+    residuals: Array  # (place, 2) off its flight, along and across [pixels]; NaN outside of flights
+    contacts: list[tuple[float, float, float]]  # time [s], x, y in the still frame
+
+    @property
+    def flights(self) -> list[str]:
+        """Names in order."""
+        return [each for each in dict.fromkeys(self.flight) if each]
+
+    def of(self, flight: str) -> Flags:
+        """Return which places belong to a flight; "": to none."""
+        return np.array([each == flight for each in self.flight], bool)
+
+
+def course_of_tracked(tracked: Tracked) -> Course:
+    """Return the course of a ball that was located sharply."""
+    located, legs = tracked.located, tracked.legs
+    scale = tracked.plane.metres_per_pixel
+    residuals = np.full((len(tracked.frames), 2), np.nan)
+    flight = [""] * len(tracked.frames)
+    for name, used, fitted in (
+        ("in", legs.used_in, legs.flight_in),
+        ("out", legs.used_out, legs.flight_out),
+    ):
+        if fitted is None:
+            continue
+        residuals[used] = _turned(fitted.residuals, fitted.velocity) / scale
+        for k in np.flatnonzero(used):
+            flight[k] = name
+    contacts = []
+    if legs.flight_out:
+        known = np.isfinite(located.x) & np.isfinite(tracked.plane.places[:, 0])
+        # the plane's metres back to pixels, near enough for a mark
+        near = int(np.argmin(np.abs(np.where(known, tracked.times - legs.flight_in.time, np.inf))))
+        off = (legs.flight_in.place - tracked.plane.places[near]) / scale
+        off = off * [1.0, tracked.plane.sense]
+        at = (located.x[near] + off[0], located.y[near] + off[1])
+        contacts.append((legs.flight_in.time, float(at[0]), float(at[1])))
+    return Course(
+        clip=tracked.clip,
+        frames=tracked.frames,
+        times=tracked.times,
+        xy=np.stack([located.x, located.y], axis=1),
+        drift=np.zeros((len(tracked.frames), 2)),
+        radius=located.radius,
+        reach=located.radius + np.hypot(located.blur_x, located.blur_y) / 2,
+        u=np.stack([located.x_u, located.y_u], axis=1),
+        metres=tracked.plane.places,
+        chi_square=located.chi_square,
+        flight=flight,
+        flags=["|".join(flag.name or "" for flag in Flag(int(each))) for each in located.flags],
+        residuals=residuals,
+        contacts=contacts,
+    )
+
+
+def course_of_followed(found: Followed) -> Course:
+    """Return the course of a ball that was followed: of its flights, else of all its pieces."""
+    ways = found.ways or found.pieces
+    if not ways:
+        return _empty(found.clip)
+    blobs = found.watched.found
+    order = sorted(
+        (int(f), k, j) for k, way in enumerate(ways) for j, f in enumerate(way.frames.tolist())
+    )
+    named = bool(found.ways)
+    rows = [blobs[ways[k].blobs[j]] for _, k, j in order]
+    some = np.array(rows, blobs.dtype)
+    step = found.seconds
+    scale = found.scale.metres_per_pixel if found.scale else np.nan
+    xy = np.stack([some["x"], some["y"]], axis=1)
+    residuals = np.full((len(order), 2), np.nan)
+    spread = np.nan
+    if found.fit is not None:
+        spread = found.fit.spread
+        turned = [
+            _turned(left, found.fit.at(k, way.t.mean())[0, 2:])
+            for k, (left, way) in enumerate(zip(found.fit.residuals, ways, strict=True))
+        ]
+        residuals = np.array([turned[k][j] for _, k, j in order]).reshape(-1, 2)
+    return Course(
+        clip=found.clip,
+        frames=np.array([frame for frame, _, _ in order], np.intp),
+        times=np.array([step * ways[k].t[j] for _, k, j in order]),
+        xy=xy,
+        drift=np.stack([some["picture_x"], some["picture_y"]], axis=1) - xy,
+        radius=np.array(some["radius"]),
+        reach=np.array(some["length"]),
+        u=np.full((len(order), 2), spread),
+        metres=scale * xy,
+        chi_square=np.full(len(order), np.nan),
+        flight=[str(k + 1) if named else "" for _, k, _ in order],
+        flags=[""] * len(order),
+        residuals=residuals,
+        contacts=[
+            (each.time.value, float(each.place[0]), float(each.place[1])) for each in found.contacts
+        ],
+    )
+
+
+def _empty(clip: Clip) -> Course:
+    """Return a course without a ball: some frames, to look at."""
+    frames = np.unique(np.linspace(0, clip.count - 1, SOME).astype(np.intp))
+    none = np.full(len(frames), np.nan)
+    both = np.full((len(frames), 2), np.nan)
+    return Course(
+        clip=clip,
+        frames=frames,
+        times=clip.times[frames],
+        xy=both,
+        drift=np.zeros((len(frames), 2)),
+        radius=none,
+        reach=none,
+        u=both,
+        metres=both,
+        chi_square=none,
+        flight=[""] * len(frames),
+        flags=[""] * len(frames),
+        residuals=both,
+        contacts=[],
+    )
+
+
+def write_table(course: Course, path: Path) -> None:
+    """Write the course as CSV, a row a place."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(COLUMNS)
+        for k, frame in enumerate(course.frames):
+            if np.isnan(course.xy[k]).all() and not course.flags[k]:
+                continue
+            numbers = (
+                *course.xy[k],
+                *course.u[k],
+                course.radius[k],
+                *course.metres[k],
+                course.chi_square[k],
+            )
+            writer.writerow(
+                [int(frame), repr(float(course.times[k]))]
+                + ["" if np.isnan(number) else f"{number:.7g}" for number in numbers]
+                + [course.flight[k], course.flags[k]]
+                + [f"{number:.5g}" for number in course.drift[k]]
+            )
+
+
+def _turned(left: Array, velocity: Array) -> Array:
+    """Return residuals along and across a velocity, (place, 2)."""
+    cos, sin = velocity / max(float(np.hypot(*velocity)), 1e-12)
+    return np.asarray(left @ np.array([[cos, -sin], [sin, cos]]))

@@ -1,0 +1,293 @@
+"""A clip tracked from what a person knows of it: document, words, files; for command and Python.
+
+Any clip is followed; where a camera was calibrated, stands still and shows one contact at most, the
+ball is then located as sharply as it can be, for the speeds of a hit.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from virtual_lab.errors import InputError
+from virtual_lab.files import new_folder
+from virtual_lab.video.bat.clip import BatSeen, bat_document, find_bat, recoil_in
+from virtual_lab.video.clips.calibration_file import ClipCalibration, read_calibration
+from virtual_lab.video.clips.clip import Clip, open_clip
+from virtual_lab.video.clips.options import (
+    ball_of,
+    frames_of,
+    place_of,
+    region_of,
+    scale_of,
+    seconds_of,
+)
+from virtual_lab.video.find.watching import Watched, watch
+from virtual_lab.video.follow.correction import read_track
+from virtual_lab.video.follow.document import followed_document
+from virtual_lab.video.follow.following import Followed, Known, following
+from virtual_lab.video.locate.sharp import Sharp
+from virtual_lab.video.show.course import (
+    Course,
+    course_of_followed,
+    course_of_tracked,
+    write_table,
+)
+from virtual_lab.video.track.speeds import Speeds, document, speeds
+from virtual_lab.video.track.tracking import Tracked, expected_radius, known_of, sharpened
+
+__all__ = ["Asked", "TrackedClip", "track_clip"]
+
+CONSUMER = 480.0  # frames a second of a file: a faster one is of a laboratory's camera
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asked:
+    """What a person says, in words as on the command line; None: nothing."""
+
+    calibration: Path | None = None
+    ball: str | None = None
+    fps: float | None = None
+    exposure: str | None = None
+    gravity: float | None = None
+    frames: str | None = None
+    region: str | None = None
+    ball_at: str | None = None
+    scale: str | None = None
+    readout: str | None = None
+    global_shutter: bool = False
+    track: Path | None = None  # CSV of an earlier run, corrected
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackedClip:
+    """The result."""
+
+    followed: Followed
+    course: Course
+    document: dict[str, Any]
+    text: str
+    title: str
+    tracked: Tracked | None = None  # located sharply
+    bat: BatSeen | None = None
+    progress: Callable[[str], None] = field(default=lambda _: None)
+
+    def save(self, folder: Path) -> None:
+        """Write track.csv, result.json, track.png, sheet.png and track.webp into a new folder.
+
+        Raises `InputError` where the folder is not empty or cannot be written.
+        """
+        from virtual_lab.video.show.bat_plot import draw_bat, write_bat_table
+        from virtual_lab.video.show.track_film import pictures_of, write_film, write_sheet
+        from virtual_lab.video.show.track_plot import draw_track
+
+        self.progress("drawing")
+        pictures = pictures_of(self.course)
+        with new_folder(folder) as draft:
+            write_table(self.course, draft / "track.csv")
+            text = json.dumps(self.document, indent=2, allow_nan=False)
+            (draft / "result.json").write_text(text + "\n", encoding="utf-8")
+            draw_track(self.course, pictures, self.title, draft / "track.png")
+            write_sheet(self.course, pictures, draft / "sheet.png")
+            write_film(self.course, pictures, draft / "track.webp")
+            if self.bat:
+                write_bat_table(self.bat, draft / "bat.csv")
+                draw_bat(self.bat, draft / "bat.png")
+
+
+def track_clip(
+    path: Path, asked: Asked, *, progress: Callable[[str], None] = lambda _: None
+) -> TrackedClip:
+    """Return the ball's way through a clip.
+
+    Raises
+    ------
+    InputError
+        A clip or file that cannot be read, words of another form, or no length known.
+    """
+    calibration, said, notes = _known(path, asked)
+    progress(f"reading {path}")
+    clip = open_clip(path, calibration)
+    known = _for_clip(clip, calibration, said, asked)
+    ways, watched = None, None
+    if asked.track:
+        watched, ways = read_track(asked.track, clip)
+    if watched is None:
+        progress("looking for the ball")
+        watched = watch(
+            clip,
+            frames=known.frames,
+            region=known.region,
+            stands=known.stands,
+            progress=progress,
+        )
+    progress("following the ball")
+    found = following(clip, watched, known, ways)
+    found = replace(found, warnings=(*found.warnings, *notes))
+    if _wants_sharp(asked, found, watched):
+        return _sharp(found, calibration, progress)
+    return TrackedClip(
+        followed=found,
+        course=course_of_followed(found),
+        document=followed_document(found),
+        text=_text(found),
+        title=_title(found),
+        progress=progress,
+    )
+
+
+def _known(path: Path, asked: Asked) -> tuple[ClipCalibration, dict[str, Any], list[str]]:
+    """Return the calibration with what was said beside it, the rest, and sentences."""
+    said: dict[str, Any] = {}
+    notes: list[str] = []
+    ball = None
+    if asked.ball is not None:
+        ball, ball_u, assumed = ball_of(asked.ball)
+        said |= {"ball": ball, "ball_u": ball_u}
+        if assumed and asked.calibration is None:
+            notes.append(f"no u of the ball's diameter is given: {1e3 * ball_u:.2g} mm was assumed")
+    if asked.scale is not None:
+        scale, scale_u = scale_of(asked.scale)
+        said |= {"metres_per_pixel": scale, "metres_per_pixel_u": scale_u}
+    forms: dict[str, Callable[[str], Any]] = {
+        "exposure": lambda text: seconds_of(text, "--exposure"),
+        "readout": lambda text: seconds_of(text, "--readout"),
+        "frames": frames_of,
+        "region": region_of,
+        "ball_at": place_of,
+    }
+    words = {name: getattr(asked, name) for name in forms}
+    said |= {name: forms[name](text) for name, text in words.items() if text is not None}
+    if asked.gravity is not None:
+        if not 0.1 <= asked.gravity <= 100:
+            raise InputError("", "--gravity", asked.gravity, "allowed: 0.1 to 100 m/s²")
+        said["gravity"] = asked.gravity
+    if asked.readout is not None and asked.global_shutter:
+        raise InputError("", "--readout", asked.readout, "a global shutter has none: give one")
+    if asked.global_shutter:
+        said["readout"] = 0.0
+    calibration = read_calibration(
+        asked.calibration, ball_diameter=ball, otherwise=asked.scale is not None
+    )
+    if asked.fps is not None:
+        if not 1 <= asked.fps <= 1e7:
+            raise InputError("", "--fps", asked.fps, "allowed: 1 to 1e7 frames a second")
+        calibration = replace(calibration, frames_per_second=asked.fps)
+    return calibration, said, notes
+
+
+def _for_clip(
+    clip: Clip, calibration: ClipCalibration, said: dict[str, Any], asked: Asked
+) -> Known:
+    """Return what is known of a clip that has been opened."""
+    known = replace(known_of(clip, calibration), stands=asked.calibration is not None)
+    known = replace(known, **said)
+    if "readout" not in said and asked.calibration is None:
+        rate = clip.source.rate
+        file = clip.source.path.is_file() and rate is not None and rate <= CONSUMER
+        known = replace(known, readout=None if file else 0.0)
+    turn = clip.source.rotation
+    axes = {0: (1, 1), 90: (0, -1), 180: (1, -1), 270: (0, 1)}
+    known = replace(known, readout_axis=axes.get(turn, (1, 1)))
+    where = str(clip.source.path)
+    rows, columns = clip.shape
+    if known.frames and known.frames[0] >= clip.count - 1:
+        allowed = f"the clip has {clip.count} frames, 0 to {clip.count - 1}"
+        raise InputError(where, "--frames", asked.frames, allowed)
+    if known.region and (known.region[0] >= columns or known.region[1] >= rows):
+        raise InputError(where, "--region", asked.region, f"a picture is {columns} x {rows} pixels")
+    if known.ball_at and not (
+        0 <= known.ball_at[0] < columns
+        and 0 <= known.ball_at[1] < rows
+        and known.ball_at[2] < clip.count
+    ):
+        allowed = f"a picture is {columns} x {rows} pixels, the last frame {clip.count - 1}"
+        raise InputError(where, "--ball-at", asked.ball_at, allowed)
+    return known
+
+
+def _wants_sharp(asked: Asked, found: Followed, watched: Watched) -> bool:
+    """Return whether the purpose needs more: a calibrated camera that stands, and one hit."""
+    if asked.calibration is None or asked.track is not None or watched.still.drifts:
+        return False
+    return bool(found.pieces) and len(found.contacts) <= 1 and len(found.ways) <= 2
+
+
+def _sharp(
+    found: Followed,
+    calibration: ClipCalibration,
+    progress: Callable[[str], None],
+) -> TrackedClip:
+    locator = Sharp(ball_radius=expected_radius(calibration))
+    tracked = sharpened(found, calibration, locator, progress=progress)
+    there = find_bat(tracked, calibration)
+    told = speeds(tracked, calibration)
+    bat = recoil_in(tracked, there) if there else None
+    from virtual_lab.video.show.bat_plot import bat_text
+    from virtual_lab.video.show.track_text import track_text, track_title
+
+    lines = [track_text(tracked, told), *([bat_text(bat)] if bat else [])]
+    return TrackedClip(
+        followed=found,
+        course=course_of_tracked(tracked),
+        document=document(tracked, told)
+        | _of_any(found, tracked, told)
+        | ({"bat": bat_document(bat)} if bat else {}),
+        text="\n".join(lines),
+        title=track_title(tracked, told),
+        tracked=tracked,
+        bat=bat,
+        progress=progress,
+    )
+
+
+def _of_any(found: Followed, tracked: Tracked, told: Speeds) -> dict[str, Any]:
+    """Return the keys that the document of any clip has, by the sharp places."""
+    legs = tracked.legs
+    flights = []
+    rough = {each.first_frame: each for each in found.flights}
+    for used, speed in ((legs.used_in, told.speed_in), (legs.used_out, told.speed_out)):
+        if speed is None:
+            continue
+        frames = tracked.frames[used]
+        like = min(rough.values(), key=lambda e: abs(e.first_frame - frames[0]), default=None)
+        flights.append(
+            {
+                "first_frame": int(frames[0]),
+                "last_frame": int(frames[-1]),
+                "places": int(used.sum()),
+                "speed_in_mps": speed.document(),
+                "speed_out_mps": speed.document(),
+                "acceleration_mps2": like.acceleration.document() if like else None,
+            }
+        )
+    contacts = []
+    if told.contact_time:
+        kind = found.contacts[0].kind if found.contacts else "struck"
+        time = told.contact_time.value
+        frame = float((time - tracked.clip.times[0]) / (1 / found.known.rate))
+        contacts.append(
+            {
+                "time_s": time,
+                "frame": frame,
+                "kind": kind,
+                "restitution": told.restitution.document() if told.restitution else None,
+            }
+        )
+    kind = found.motion.kind if found.flights else "flights"
+    return {"motion": kind, "period_s": None, "flights": flights, "contacts": contacts}
+
+
+def _text(found: Followed) -> str:
+    from virtual_lab.video.show.track_text import followed_text
+
+    return followed_text(found)
+
+
+def _title(found: Followed) -> str:
+    from virtual_lab.video.show.track_text import followed_title
+
+    return followed_title(found)
