@@ -83,7 +83,8 @@ def _watched(
     first, last = frames or (0, clip.count - 1)
     shifts, change = np.zeros((clip.count, 2)), np.full(clip.count, np.nan)
     found: list[Blobs] = [np.zeros(0, BLOB)]
-    shift, before = np.zeros(2), None
+    shift: Array | None = None
+    before: Image | None = None
     for number, frame in enumerate(clip.pictures()):
         if number > last:
             break
