@@ -64,17 +64,15 @@ class Still:
     edges: Edges  # of the small one
     drifts: bool
 
-    def shift(self, small: Image, before: Array | None) -> Array:
+    def shift(self, small: Image, before: Array) -> Array:
         """Return how far a small picture lies from the still frame, (2,) [full pixels].
 
-        `before`: where the picture before it lay, from which it cannot be far; None: unknown.
+        `before`: where the picture before it lay, from which it cannot be far.
         """
         if not self.drifts:
             return np.zeros(2)
-        guess = np.zeros(2) if before is None else before
-        shift = self.shrink * self.edges.shift(_grey(small), guess / self.shrink)
-        near = before is None or np.hypot(*(shift - before)) < FASTEST
-        return np.asarray(shift if near else before)
+        shift = self.shrink * self.edges.shift(_grey(small), before / self.shrink)
+        return np.asarray(shift if np.hypot(*(shift - before)) < FASTEST else before)
 
     def shrunk(self, picture: Image) -> Image:
         """Return a picture in the size that is searched."""

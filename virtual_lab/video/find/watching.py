@@ -83,19 +83,19 @@ def _watched(
     first, last = frames or (0, clip.count - 1)
     shifts, change = np.zeros((clip.count, 2)), np.full(clip.count, np.nan)
     found: list[Blobs] = [np.zeros(0, BLOB)]
-    shift: Array | None = None
+    shift = np.zeros(2)
     before: Image | None = None
     for number, frame in enumerate(clip.pictures()):
         if number > last:
             break
-        if number < first:
-            continue
         if number % 50 == 0:
             progress(f"frame {number} of {clip.count}")
         picture = eight_bits(frame, depth)
         small = still.shrunk(picture)
         shift = still.shift(small, shift)
         shifts[number] = shift
+        if number < first:
+            continue  # its drift alone: that of the next one is near
         if before is not None:
             changed = cv2.blur(cv2.absdiff(small, before), (CHANGED, CHANGED))
             change[number] = float(np.max(changed))
