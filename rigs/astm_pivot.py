@@ -21,11 +21,17 @@ from virtual_lab.catalog.specs import BatBody, Dimension, Spec
 from virtual_lab.records import AimMarks, EncoderRecord, GateRecord, Record, ShotLog
 from virtual_lab.simulation.collision.scene import CollisionModel, Collisions, Scenes
 from virtual_lab.simulation.flights import at_rest
-from virtual_lab.simulation.impact import contact_angle, error_free, scenes_of, struck, thrown_back
+from virtual_lab.simulation.impact import (
+    contact_angle,
+    error_free,
+    impact_efficiency,
+    scenes_of,
+    thrown_back,
+)
 from virtual_lab.simulation.instruments import (
     Instrument,
-    Outfitter,
-    Rung,
+    InstrumentFactory,
+    RecordDetail,
     calibration_of,
     errors_of,
 )
@@ -39,7 +45,7 @@ from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.physics.coasting import coasting, ringing
 from virtual_lab.simulation.physics.supports import Pinned
-from virtual_lab.simulation.rig import Motion, Order, Play, Specimen, Stage
+from virtual_lab.simulation.rig import Motion, RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.simulation.truth import TrueOutcome
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
@@ -122,7 +128,7 @@ class AstmPivot:
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> AstmPivotStation:
         spec = catalog.load("rigs", self.name, AstmPivotSpec).spec
-        outfitter = Outfitter(draws=draws, ideal=ideal)
+        outfitter = InstrumentFactory(draws=draws, ideal=ideal)
         fit = outfitter.commission
         pivot = outfitter.as_asked(spec.pivot)
         return AstmPivotStation(
@@ -166,7 +172,7 @@ class AstmPivotStation:
             "air": self.air,
         }
 
-    def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
+    def play(self, order: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire at the bat; every shot finds it at rest and is timed from its trigger."""
         balls, body, slots = specimen.balls, specimen.bat.body, order.slot
         launch = self.cannon.fire(order.speed, draws, "astm-pivot.launch", slots)
@@ -174,8 +180,8 @@ class AstmPivotStation:
         place = order.place + launch.along
         tilt = contact_angle(specimen, place, launch.across)
         scenes = scenes_of(specimen, order.ball, place, launch.speed * np.cos(tilt), e0)
-        if order.rung is Rung.SUMMED:
-            efficiency, contact_time = struck(
+        if order.rung is RecordDetail.SUMMED:
+            efficiency, contact_time = impact_efficiency(
                 specimen,
                 order.rung,
                 scenes,
@@ -201,7 +207,7 @@ class AstmPivotStation:
         )
         contact = self.gates.arrival(passage)
         leaving = contact + contact_time
-        if order.rung is Rung.SUMMED:
+        if order.rung is RecordDetail.SUMMED:
             rate = self._rate(scenes, efficiency, tilt, specimen)
             span = self.encoder.spec.duration - leaving - GAP
             encoder: Record = self.encoder.sum_up(
@@ -210,7 +216,7 @@ class AstmPivotStation:
         else:
             turn = self._recoil(specimen, model, collisions, tilt, contact, leaving)
             encoder = self.encoder.read(turn, draws, "astm-pivot.encoder", slots)
-        return Play(
+        return RigOutput(
             records={
                 "log": order.log(),
                 "gates": self.gates.watch(
@@ -230,7 +236,7 @@ class AstmPivotStation:
             },
         )
 
-    def outcome(self, order: Order, specimen: Specimen) -> TrueOutcome:
+    def outcome(self, order: ShotPlan, specimen: Specimen) -> TrueOutcome:
         """Return what an error-free test would find, on an axis exactly where it should be.
 
         An ideal laboratory is to show algebra alone, and e_A knows the axis to 1e-5: there it is

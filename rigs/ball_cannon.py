@@ -18,8 +18,19 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import Spec
 from virtual_lab.records import AimMarks, BoardRecord, Record, ShotLog
 from virtual_lab.simulation.flights import at_rest
-from virtual_lab.simulation.impact import contact_angle, error_free, scenes_of, struck, thrown_back
-from virtual_lab.simulation.instruments import Instrument, Outfitter, calibration_of, errors_of
+from virtual_lab.simulation.impact import (
+    contact_angle,
+    error_free,
+    impact_efficiency,
+    scenes_of,
+    thrown_back,
+)
+from virtual_lab.simulation.instruments import (
+    Instrument,
+    InstrumentFactory,
+    calibration_of,
+    errors_of,
+)
 from virtual_lab.simulation.instruments.air import Air, AirSpec
 from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
 from virtual_lab.simulation.instruments.gravity import Gravity, GravitySpec
@@ -27,12 +38,12 @@ from virtual_lab.simulation.instruments.holder import Holder, HolderSpec
 from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.physics.supports import Pinned
-from virtual_lab.simulation.rig import Motion, Order, Play, Specimen, Stage
+from virtual_lab.simulation.rig import Motion, RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.simulation.truth import TrueOutcome
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["RIG", "BallCannon", "BallCannonSpec", "BallCannonStation", "Flown", "fitted"]
+__all__ = ["RIG", "BallCannon", "BallCannonSpec", "BallCannonStation", "BallFlights", "fitted"]
 
 Array = NDArray[np.float64]
 
@@ -61,10 +72,10 @@ class BallCannon:
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> BallCannonStation:
         spec = catalog.load("rigs", self.name, BallCannonSpec).spec
-        return BallCannonStation(**fitted(spec, Outfitter(draws=draws, ideal=ideal)))
+        return BallCannonStation(**fitted(spec, InstrumentFactory(draws=draws, ideal=ideal)))
 
 
-def fitted(spec: BallCannonSpec, outfitter: Outfitter) -> dict[str, Any]:
+def fitted(spec: BallCannonSpec, outfitter: InstrumentFactory) -> dict[str, Any]:
     """Return the instruments of a ball cannon, by the names of its station's fields."""
     fit = outfitter.commission
     holder = outfitter.as_asked(spec.holder)
@@ -79,7 +90,7 @@ def fitted(spec: BallCannonSpec, outfitter: Outfitter) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Flown:
+class BallFlights:
     """What the balls of an order do, shape (shot,)."""
 
     passage: Passage
@@ -125,11 +136,11 @@ class BallCannonStation:
             "hall": self.hall,
         }
 
-    def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
+    def play(self, order: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire at the bat at rest and time the ball through every board, both ways."""
         return self.timed(self.fly(order, specimen, draws), order, draws)
 
-    def fly(self, order: Order, specimen: Specimen, draws: Draws) -> Flown:
+    def fly(self, order: ShotPlan, specimen: Specimen, draws: Draws) -> BallFlights:
         """Fire at the bat at rest: return what the balls do."""
         balls, slots = specimen.balls, order.slot
         launch = self.cannon.fire(order.speed, draws, "ball-cannon.launch", slots)
@@ -138,7 +149,7 @@ class BallCannonStation:
         across = launch.across - self.holder.height
         tilt = contact_angle(specimen, place, across)
         scenes = scenes_of(specimen, order.ball, place, launch.speed * np.cos(tilt), e0)
-        efficiency, contact_time = struck(
+        efficiency, contact_time = impact_efficiency(
             specimen, order.rung, scenes, self.holder.from_knob, self.holder.spec.nominal_from_knob
         )
         back, up = thrown_back(efficiency, tilt, launch.speed, 0.0)
@@ -155,7 +166,7 @@ class BallCannonStation:
         passage = at_rest(
             passage, order, specimen, self.holder.from_knob, place, across, efficiency
         )
-        return Flown(
+        return BallFlights(
             passage=passage,
             contact=self.gates.arrival(passage),
             contact_time=contact_time,
@@ -165,7 +176,7 @@ class BallCannonStation:
             collision_efficiency=efficiency,
         )
 
-    def timed(self, flown: Flown, order: Order, draws: Draws) -> Play:
+    def timed(self, flown: BallFlights, order: ShotPlan, draws: Draws) -> RigOutput:
         """Write down what the boards see of balls that fly, and the truth of them."""
         watched = self.gates.watch(
             flown.passage,
@@ -176,7 +187,7 @@ class BallCannonStation:
             order.slot,
             order.rung,
         )
-        return Play(
+        return RigOutput(
             records={
                 "log": order.log(),
                 "gates": watched,
@@ -193,7 +204,7 @@ class BallCannonStation:
             },
         )
 
-    def outcome(self, order: Order, specimen: Specimen) -> TrueOutcome:
+    def outcome(self, order: ShotPlan, specimen: Specimen) -> TrueOutcome:
         """Return what an error-free test would find, on an axis exactly where it should be.
 
         An ideal laboratory is to show algebra alone, and e_A knows the axis to 1e-5: there it is

@@ -13,7 +13,12 @@ from numpy.typing import NDArray
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import GateRecord, Record, ShotLog
-from virtual_lab.simulation.instruments import Instrument, Outfitter, calibration_of, errors_of
+from virtual_lab.simulation.instruments import (
+    Instrument,
+    InstrumentFactory,
+    calibration_of,
+    errors_of,
+)
 from virtual_lab.simulation.instruments.air import Air, AirSpec
 from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
 from virtual_lab.simulation.instruments.gravity import Gravity, GravitySpec
@@ -21,7 +26,7 @@ from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateS
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.physics.ageing import loss_of_restitution
 from virtual_lab.simulation.physics.ball import wall_contact
-from virtual_lab.simulation.rig import Order, Play, Specimen, Stage
+from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 
@@ -55,7 +60,7 @@ class BallWall:
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> BallWallStation:
         spec = catalog.load("rigs", self.name, BallWallSpec).spec
-        outfitter = Outfitter(draws=draws, ideal=ideal)
+        outfitter = InstrumentFactory(draws=draws, ideal=ideal)
         fit = outfitter.commission
         return BallWallStation(
             cannon=fit(Cannon.commission, CannonSpec, spec.cannon, "ball-wall.cannon"),
@@ -97,7 +102,7 @@ class BallWallStation:
         """Return the rig on a wall that gives back `restitution` of what a rigid one would."""
         return replace(self, wall_restitution=restitution)
 
-    def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
+    def play(self, order: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire the balls that `order` names at the wall; its places mean nothing here."""
         balls = specimen.balls
         launch = self.cannon.fire(order.speed, draws, "ball-wall.launch", order.slot)
@@ -123,12 +128,12 @@ class BallWallStation:
             passage, contact, contact + touching, draws, "ball-wall.gates", order.slot, order.rung
         )
         log = order.log()
-        return Play(
+        return RigOutput(
             records={"log": log, "gates": record},
             truth={"speed": launch.speed, "ball_restitution": hit, "restitution_loss": loss},
         )
 
-    def _loss(self, order: Order, specimen: Specimen, speed: Array) -> Array:
+    def _loss(self, order: ShotPlan, specimen: Specimen, speed: Array) -> Array:
         """Return what a ball's earlier hits have taken off its e0; balls of an ideal do not age."""
         ageing = specimen.balls.spec.ageing
         if ageing is None or self.ideal:

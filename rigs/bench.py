@@ -12,14 +12,19 @@ from annotated_types import Gt
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import LengthReadings, MassReadings, PendulumRecord, Record
-from virtual_lab.simulation.instruments import Instrument, Outfitter, calibration_of, errors_of
+from virtual_lab.simulation.instruments import (
+    Instrument,
+    InstrumentFactory,
+    calibration_of,
+    errors_of,
+)
 from virtual_lab.simulation.instruments.gravity import Gravity, GravitySpec
 from virtual_lab.simulation.instruments.pendulum import Pendulum, PendulumSpec
 from virtual_lab.simulation.instruments.rule import Rule, RuleSpec
 from virtual_lab.simulation.instruments.scale import Scale, ScaleSpec
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.physics.section import outer_diameter
-from virtual_lab.simulation.rig import Order, Play, Specimen, Stage
+from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import INCH
@@ -62,7 +67,7 @@ class Bench:
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> BenchStation:
         spec = catalog.load("rigs", self.name, BenchSpec).spec
-        outfitter = Outfitter(draws=draws, ideal=ideal)
+        outfitter = InstrumentFactory(draws=draws, ideal=ideal)
         fit = outfitter.commission
         return BenchStation(
             spec=spec,
@@ -103,13 +108,13 @@ class BenchStation:
             "hall": self.hall,
         }
 
-    def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
+    def play(self, order: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Measure the bat and weigh the balls that `order` names."""
         beam = beam_of(specimen.bat.body)
         axis = beam.length - self.pendulum.true["pivot_from_knob"]
         moment = beam.mass * (axis - beam.z_cm)
         repeats = self.spec.repeats
-        return Play(
+        return RigOutput(
             records={
                 "bat-mass": self.scale.weigh(beam.mass, repeats, draws, "bench.bat-mass"),
                 "ball-mass": self.scale.weigh(

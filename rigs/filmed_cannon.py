@@ -16,19 +16,19 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt
 
-from rigs.ball_cannon import BallCannon, BallCannonSpec, BallCannonStation, Flown, fitted
+from rigs.ball_cannon import BallCannon, BallCannonSpec, BallCannonStation, BallFlights, fitted
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import ClipRecord, Record
-from virtual_lab.simulation.instruments import Instrument, Outfitter, calibration_of
+from virtual_lab.simulation.instruments import Instrument, InstrumentFactory, calibration_of
 from virtual_lab.simulation.instruments.camera.camera import Camera
 from virtual_lab.simulation.instruments.camera.course import Course
 from virtual_lab.simulation.instruments.camera.film import whole_frames, write_films
-from virtual_lab.simulation.instruments.camera.scene import Bat
+from virtual_lab.simulation.instruments.camera.scene import FilmedBat
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.physics.section import outer_diameter
-from virtual_lab.simulation.rig import Order, Play, Specimen
+from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 
@@ -58,7 +58,7 @@ class FilmedCannon(BallCannon):
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> FilmedCannonStation:
         spec = catalog.load("rigs", self.name, FilmedCannonSpec).spec
-        outfitter = Outfitter(draws=draws, ideal=ideal)
+        outfitter = InstrumentFactory(draws=draws, ideal=ideal)
         return FilmedCannonStation(
             **fitted(spec, outfitter),
             camera=outfitter.commission(
@@ -83,15 +83,15 @@ class FilmedCannonStation(BallCannonStation):
         over = Estimate(value=self.spec.over)
         return calibration_of(self.instruments()) | {"camera.over": over}
 
-    def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
+    def play(self, order: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire at the bat at rest, time and film the ball both ways."""
         flown = self.fly(order, specimen, draws)
         timed = self.timed(flown, order, draws)
         course, bat = self.scene(flown, order, specimen, draws)
         seen, truth = self.camera.watch(course, draws, CLIP, order.slot, order.rung, bat)
-        return Play(records={**timed.records, "camera": seen}, truth={**timed.truth, **truth})
+        return RigOutput(records={**timed.records, "camera": seen}, truth={**timed.truth, **truth})
 
-    def film(self, order: Order, specimen: Specimen, draws: Draws, folder: Path) -> None:
+    def film(self, order: ShotPlan, specimen: Specimen, draws: Draws, folder: Path) -> None:
         """Film the first shot of an order, as `play` plays it, in whole frames."""
         flown = self.fly(order, specimen, draws)
         course, bat = self.scene(flown, order, specimen, draws)
@@ -99,8 +99,8 @@ class FilmedCannonStation(BallCannonStation):
         write_films(folder / "shot-0", frames, self.camera.spec)
 
     def scene(
-        self, flown: Flown, order: Order, specimen: Specimen, draws: Draws
-    ) -> tuple[Course, Bat]:
+        self, flown: BallFlights, order: ShotPlan, specimen: Specimen, draws: Draws
+    ) -> tuple[Course, FilmedBat]:
         """Return what is before the camera, in its axes: balls and bat."""
         body, radius = specimen.bat.body, flown.passage.radius
 
@@ -124,7 +124,7 @@ class FilmedCannonStation(BallCannonStation):
         mass, lever = specimen.balls.mass[order.ball], axis - flown.place
         blow = mass * flown.passage.speed_in * (1 + flown.collision_efficiency)
         stations = np.linspace(0.0, body.length, STATIONS)
-        bat = Bat(
+        bat = FilmedBat(
             pivot=(before, self.spec.over - axis),
             stations=axis - stations[::-1],
             half_widths=outer_diameter(body.profile, stations[::-1]) / 2,
@@ -134,7 +134,7 @@ class FilmedCannonStation(BallCannonStation):
         return course, bat
 
     @staticmethod
-    def _spin(name: str, scatter: float, order: Order, draws: Draws) -> np.ndarray:
+    def _spin(name: str, scatter: float, order: ShotPlan, draws: Draws) -> np.ndarray:
         drawn = draws.normal(f"filmed-cannon.spin.{name}", 3, order.slot)
         return np.asarray(scatter * drawn)
 

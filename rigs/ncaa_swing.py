@@ -19,11 +19,17 @@ from numpy.typing import NDArray
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import AimMarks, BoardRecord, EncoderRecord, Record, ShotLog
-from virtual_lab.simulation.impact import contact_angle, error_free, scenes_of, struck, thrown_back
+from virtual_lab.simulation.impact import (
+    contact_angle,
+    error_free,
+    impact_efficiency,
+    scenes_of,
+    thrown_back,
+)
 from virtual_lab.simulation.instruments import (
     Instrument,
-    Outfitter,
-    Rung,
+    InstrumentFactory,
+    RecordDetail,
     calibration_of,
     errors_of,
 )
@@ -35,7 +41,7 @@ from virtual_lab.simulation.instruments.holder import Holder, HolderSpec
 from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.physics.supports import Pinned
-from virtual_lab.simulation.rig import Order, Play, Specimen, Stage
+from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.simulation.truth import TrueOutcome
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
@@ -101,7 +107,7 @@ class NcaaSwing:
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> NcaaSwingStation:
         spec = catalog.load("rigs", self.name, NcaaSwingSpec).spec
-        outfitter = Outfitter(draws=draws, ideal=ideal)
+        outfitter = InstrumentFactory(draws=draws, ideal=ideal)
         fit = outfitter.commission
         holder, drive = outfitter.as_asked(spec.holder), outfitter.as_asked(spec.drive)
         return NcaaSwingStation(
@@ -146,7 +152,7 @@ class NcaaSwingStation:
             "hall": self.hall,
         }
 
-    def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
+    def play(self, order: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire at the turning bat; the ball is timed in and out, the shaft up to contact."""
         balls, body, slots = specimen.balls, specimen.bat.body, order.slot
         launch = self.cannon.fire(order.speed, draws, "ncaa-swing.launch", slots)
@@ -162,7 +168,7 @@ class NcaaSwingStation:
         closing = launch.speed * cosine + bat_speed
         e0 = balls.draw_hits(order.ball, closing, draws, "ncaa-swing.hit", slots)
         scenes = scenes_of(specimen, order.ball, axis - lever, closing * np.cos(tilt), e0)
-        efficiency, contact_time = struck(
+        efficiency, contact_time = impact_efficiency(
             specimen, order.rung, scenes, self.holder.from_knob, self.holder.spec.nominal_from_knob
         )
         square, up = thrown_back(efficiency, tilt, closing, bat_speed)
@@ -180,7 +186,7 @@ class NcaaSwingStation:
         )
         contact = self.gates.arrival(passage)
         leaving = contact + contact_time
-        return Play(
+        return RigOutput(
             records={
                 "log": order.log(),
                 "gates": self.gates.watch(
@@ -202,13 +208,13 @@ class NcaaSwingStation:
             },
         )
 
-    def outcome(self, order: Order, specimen: Specimen) -> TrueOutcome:
+    def outcome(self, order: ShotPlan, specimen: Specimen) -> TrueOutcome:
         """Return what an error-free test would find, on an axis exactly where it should be."""
         from_knob = self.holder.spec.nominal_from_knob
         support = Pinned(specimen.bat.body.length - from_knob)
         return error_free(order, specimen, support, from_knob)
 
-    def _swing(self, order: Order, draws: Draws) -> _Swing:
+    def _swing(self, order: ShotPlan, draws: Draws) -> _Swing:
         drive = self.drive
         scatter, late = draws.normal("ncaa-swing.drive", 2, order.slot).T
         even = order.turn_rate * (1 + drive.speed_scatter * scatter)
@@ -220,10 +226,10 @@ class NcaaSwingStation:
             phase=phase,
         )
 
-    def _count(self, order: Order, swing: _Swing, contact: Array, draws: Draws) -> Record:
+    def _count(self, order: ShotPlan, swing: _Swing, contact: Array, draws: Draws) -> Record:
         """Record the shaft; the recorder's ticks are the boards' clock. It stops at contact."""
         name, slots = "ncaa-swing.encoder", order.slot
-        if order.rung is Rung.SUMMED:
+        if order.rung is RecordDetail.SUMMED:
             rate = swing.rate / self.gates.clock
             return self.encoder.sum_up(
                 rate, draws, name, slots, span=contact - GAP, gap=GAP, angle=swing.angle

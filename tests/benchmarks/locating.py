@@ -27,7 +27,7 @@ from tests.benchmarks.rows import Row, tell
 from tests.benchmarks.trackpy_peer import TRACKPY
 from tests.video.scenery.shot_study import hull_places, rms_error, sharp_places
 from tests.video.scenery.shots import KINDS
-from virtual_lab.fidelity.camera_errors import score, seconds_a_picture
+from virtual_lab.fidelity.camera_errors import score_places, seconds_a_picture
 from virtual_lab.fidelity.camera_estimators import EDGE, ESTIMATORS, OURS
 from virtual_lab.fidelity.camera_pictures import pictures
 from virtual_lab.fidelity.camera_scenes import BACK, HARD, SOFT, Case
@@ -85,9 +85,9 @@ def _plain() -> Iterator[Row]:
     for seed, (radius, blur, snr) in enumerate(product(RADII, BLURS, RATIOS)):
         case = Case(radius=radius, blur=blur, snr=snr)
         batch = pictures(case, seed)
-        found = score(batch, OURS[EDGE](batch.given))
+        found = score_places(batch, OURS[EDGE](batch.given))
         still = pictures(replace(case, quiet=True, phases=32, repeats=1))
-        bias = score(still, OURS[EDGE](still.given)).bias
+        bias = score_places(still, OURS[EDGE](still.given)).bias
         yield Row(
             part="plain",
             what=f"R {radius:g}, L {blur:g}, SNR {snr:g}: rms",
@@ -105,7 +105,7 @@ def _peers() -> Iterator[Row]:
         few = pictures(replace(case, repeats=SLOW))
         for name, estimator in (ESTIMATORS | TRACKPY).items():
             seen = few if name in TRACKPY else batch
-            found = score(seen, estimator(seen.given))
+            found = score_places(seen, estimator(seen.given))
             spent = seconds_a_picture(estimator, few.given, rounds=1)
             yield Row(
                 part="peers",

@@ -19,7 +19,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from virtual_lab.simulation.collision.stepping import Struck
+from virtual_lab.simulation.collision.stepping import CollisionBatch
 
 __all__ = ["WINDOW", "Peer", "Scaled", "approach", "by_solve_ivp", "derivative"]
 
@@ -40,7 +40,7 @@ class Scaled:
     balls: Floats  # (n, 3): coefficient, loading and unloading power
 
     @classmethod
-    def of(cls, struck: Struck) -> Self:
+    def of(cls, struck: CollisionBatch) -> Self:
         """Return what is left of scenes when units are gone; no residual flexibility."""
         c, v, a = struck.inverse_mass, struck.speed, struck.exponent
         coefficient = LIKELY * c * struck.stiffness * (LIKELY * v) ** a / v

@@ -9,7 +9,7 @@ import numpy as np
 from virtual_lab import catalog
 from virtual_lab.simulation.collision.modal import ModalModel, _struck
 from virtual_lab.simulation.collision.scene import Scenes
-from virtual_lab.simulation.collision.stepping import Struck
+from virtual_lab.simulation.collision.stepping import CollisionBatch
 from virtual_lab.simulation.physics.ball import wall_contact
 from virtual_lab.simulation.physics.supports import Free
 from virtual_lab.units import INCH, MPH, OUNCE
@@ -63,7 +63,7 @@ def eight_modes(bat: str) -> ModalModel:
     return replace(model, stiff=model.stiff.above(model.stiff.count))
 
 
-def struck(model: ModalModel, scenes: Scenes) -> Struck:
+def struck(model: ModalModel, scenes: Scenes) -> CollisionBatch:
     """Return what the model hands its stepper."""
     table = np.asarray(model.table(scenes.impact_position))
     return _struck(model, scenes, table, model.modes.count - model.modes.rigid)

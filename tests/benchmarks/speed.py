@@ -21,7 +21,7 @@ from tests.benchmarks.rows import Row
 from tests.benchmarks.scenes import NARROW, default_model, eight_modes, struck
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import Scenes
-from virtual_lab.simulation.collision.stepping import FINE, WINDOW, InStep, OneByOne, Struck
+from virtual_lab.simulation.collision.stepping import FINE, WINDOW, CollisionBatch, InStep, OneByOne
 
 __all__ = ["speed"]
 
@@ -168,7 +168,7 @@ def _against(
         )
 
 
-def _error(given: Struck, scenes: Scenes, rates: Floats, exact: Floats) -> float:
+def _error(given: CollisionBatch, scenes: Scenes, rates: Floats, exact: Floats) -> float:
     """Return the worst error in e_A of the rates of s, `modal_kernel`'s, after release."""
     momentum = scenes.ball_mass * given.speed
     return float(np.abs((rates - exact) / given.inverse_mass / momentum).max())

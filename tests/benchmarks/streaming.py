@@ -50,7 +50,7 @@ def write(path: Path) -> None:
     import numpy as np
 
     from tests.video.scenes import Film, matte
-    from virtual_lab.simulation.instruments.camera.film import write_film
+    from virtual_lab.simulation.instruments.camera.film import write_clip
 
     film = Film(
         shape=(800, 1280),
@@ -69,7 +69,7 @@ def write(path: Path) -> None:
             grey = np.round(seen * (1 - share) + film.light * share).astype(np.uint8)
             yield k / RATE, grey
 
-    write_film(path, frames(), RATE)
+    write_clip(path, frames(), RATE)
 
 
 if __name__ == "__main__":

@@ -31,11 +31,14 @@ from virtual_lab.measurement.reduction.shot_algebra import (
     shot_results,
 )
 from virtual_lab.measurement.session_reduction import reduce_session
-from virtual_lab.simulation.instruments import Rung
-from virtual_lab.simulation.rig import Order, Stage
+from virtual_lab.simulation.instruments import RecordDetail
+from virtual_lab.simulation.rig import ShotPlan, Stage
 
 BATS = {"asa": "softball-34"}  # the others are tests of baseball bats
-BLOCKS = {Rung.SUMMED: (16_384, 2e6), Rung.FULL: (8_192, 2e4)}  # shots a block, to be reached
+BLOCKS = {
+    RecordDetail.SUMMED: (16_384, 2e6),
+    RecordDetail.FULL: (8_192, 2e4),
+}  # shots a block, to be reached
 ROUNDS = 9
 NORMALS = 1_000_000
 
@@ -62,7 +65,7 @@ def _rows() -> Iterator[Row]:
             )
 
 
-def _play(procedure: str, rung: Rung, shots: int) -> Work:
+def _play(procedure: str, rung: RecordDetail, shots: int) -> Work:
     """Return what plays and reduces the next block."""
     laboratory = Campaign.of(BATS.get(procedure, "r161"), procedure).laboratory(1)
     session = laboratory.run(lambda _: None).certification.session
@@ -72,7 +75,7 @@ def _play(procedure: str, rung: Rung, shots: int) -> Work:
     balls = measured_balls(known, observe_balls(session))
     rules = reduced.procedure.spec
     metric = metric_of(rules)
-    order = Order(
+    order = ShotPlan(
         slot=np.arange(shots),
         ball=np.arange(shots) % rules.balls,
         speed=np.full(shots, rules.ball_speed),

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from virtual_lab.fidelity.camera_errors import score, seconds_a_picture, wrong_unsaid
+from virtual_lab.fidelity.camera_errors import score_places, seconds_a_picture, wrong_unsaid
 from virtual_lab.fidelity.camera_pictures import pictures
 from virtual_lab.fidelity.camera_scenes import Case
 from virtual_lab.video.locate.located import Flag
@@ -24,7 +24,7 @@ def test_score_counts_what_was_put_in() -> None:
     x[2], flags[2] = x[2] + 6 * least[2], Flag.POOR_FIT
     x[3] += 6 * least[3]
     x[15:] += 2 * least[15:]
-    found = score(
+    found = score_places(
         BATCH, replace(BATCH.given.start, x=x, y=BATCH.y, x_u=least, y_u=least, flags=flags)
     )
     assert (found.lost, found.flagged, found.unsaid) == pytest.approx((0.05, 0.1, 0.05))
@@ -41,7 +41,7 @@ def test_a_pattern_widens_what_is_believed() -> None:
 
 def test_nothing_found() -> None:
     none = np.full(20, np.nan)
-    found = score(BATCH, replace(BATCH.given.start, x=none, y=none))
+    found = score_places(BATCH, replace(BATCH.given.start, x=none, y=none))
     assert found.lost == 1
     assert np.isinf(found.rms)
 

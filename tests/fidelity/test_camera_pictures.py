@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.video.spectrum import disc
-from virtual_lab.fidelity.camera_errors import score
+from virtual_lab.fidelity.camera_errors import score_places
 from virtual_lab.fidelity.camera_estimators import CV2, EDGE, OURS
 from virtual_lab.fidelity.camera_pictures import BAT, FRAME, LENS, pictures
 from virtual_lab.fidelity.camera_scenes import BACK, EVEN, FULL_SCALE, Case
@@ -81,7 +81,7 @@ def test_what_hides_the_ball() -> None:
 def test_the_edge_fit_is_near_the_limit(case: Case) -> None:
     """Within twice the limit of a plain ball, whose brightness it does not know to be even."""
     batch = pictures(case)
-    found = score(batch, OURS[EDGE](batch.given))
+    found = score_places(batch, OURS[EDGE](batch.given))
     assert 0.8 < found.rms / batch.limit < 2.2
     assert (found.lost, found.flagged, found.unsaid) == (0, 0, 0)
 
@@ -89,7 +89,7 @@ def test_the_edge_fit_is_near_the_limit(case: Case) -> None:
 def test_hidden_balls_and_their_flags() -> None:
     for case in (replace(FEW, cut=0.25), replace(FEW, covered=0.25)):
         batch = pictures(case)
-        assert score(batch, OURS[EDGE](batch.given)).flagged == 1
+        assert score_places(batch, OURS[EDGE](batch.given)).flagged == 1
 
 
 def test_peers_do_what_is_known_of_them() -> None:
@@ -108,6 +108,6 @@ def test_peers_do_what_is_known_of_them() -> None:
     }
     assert planned.keys() == CV2.keys()
     for name, usual in planned.items():
-        found = score(batch, CV2[name](batch.given))
+        found = score_places(batch, CV2[name](batch.given))
         assert usual / 2 < found.rms < 2 * usual, name
         assert found.lost == 0

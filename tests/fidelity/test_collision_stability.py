@@ -71,8 +71,8 @@ def test_what_is_not_refused_is_stable(rows: list[dict[str, Any]]) -> None:
 
 def test_states_are_told_apart() -> None:
     def state(error: float, leak: float, doubted: bool, given_up: bool = False) -> str:
-        def outcome(efficiency: float) -> maps.Outcome:
-            return maps.Outcome(
+        def outcome(efficiency: float) -> maps.ColumnOutcome:
+            return maps.ColumnOutcome(
                 efficiency=np.array([0.1, efficiency]),
                 leak=np.array([0.0, leak]),
                 doubted=np.array([False, doubted]),

@@ -15,10 +15,10 @@ import pytest
 from virtual_lab import catalog, lab
 from virtual_lab.lab.campaign import Campaign
 from virtual_lab.simulation.collision.scene import Scenes
-from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.physics.supports import Pinned
-from virtual_lab.simulation.rig import Order, Stage
+from virtual_lab.simulation.rig import ShotPlan, Stage
 
 BATS = {"asa": "softball-34"}  # the others are tests of baseball bats
 PROCEDURES = catalog.names("procedures")
@@ -127,13 +127,13 @@ def test_scenes_of_a_test_lie_in_its_box(procedure: str) -> None:
     ready, _, _ = laboratory.measured(lambda _: None)
     ends = (rules.scan.low, rules.scan.high) if rules.scan else (np.mean(box.impact_position),) * 2
     slots, watching = np.arange(shots), Watching(campaign)
-    order = Order(
+    order = ShotPlan(
         slot=slots,
         ball=slots % rules.balls,
         speed=np.full(shots, rules.ball_speed),
         place=np.where(slots % 2, *ends),
         turn_rate=float(rules.turn_rate(beam_of(campaign.bat.body).length)),
-        rung=Rung.SUMMED,
+        rung=RecordDetail.SUMMED,
     )
     specimen = replace(ready.specimen, collision=watching)
     laboratory.stations[Stage.IMPACT].play(order, specimen, laboratory.draws)
@@ -150,9 +150,9 @@ def test_summed_and_full_records_share_their_truth(procedure: str) -> None:
     laboratory = Campaign.of("r161", procedure).laboratory(4)
     rules, slots = laboratory.rules.spec, np.arange(24)
     truths, constants, balls = [], [], []
-    for rung in Rung:
+    for rung in RecordDetail:
         ready, bench, wall = replace(laboratory, instruments=rung).measured(lambda _: None)
-        order = Order(
+        order = ShotPlan(
             slot=slots,
             ball=slots % rules.balls,
             speed=np.full(slots.size, rules.ball_speed),

@@ -19,25 +19,25 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.certificate.document import certificate
 from virtual_lab.lab import open_laboratory
-from virtual_lab.lab.naming import ball_constants, with_records
+from virtual_lab.lab.naming import lot_constants, with_records
 from virtual_lab.measurement.session_reduction import Reduced, reduce_session
 from virtual_lab.records import Record
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.faults.fault import altered, other_sheet
 from virtual_lab.simulation.impact import scenes_of
-from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.physics.supports import Pinned
 from virtual_lab.simulation.rig import (
-    Order,
     Reality,
+    ShotPlan,
     Specimen,
     Stage,
     Station,
     installed_rigs,
 )
-from virtual_lab.simulation.truth import draw_balls, draw_bat
+from virtual_lab.simulation.truth import draw_balls, made_bat
 from virtual_lab.streams import Draws, Quiet, Streams
 from virtual_lab.units import INCH, MPH
 
@@ -49,8 +49,8 @@ FIELDS = {"swing": "encoder"}  # where a station keeps what its constants call o
 # A summed-up record knows the support by its nominal axis alone: `struck` says why. The rest of
 # these only pictures show.
 UNSEEN = {
-    ("ball-cannon", Rung.SUMMED): {"pivot.from_knob"},
-    ("filmed-cannon", Rung.SUMMED): {"pivot.from_knob", "camera.gain"},
+    ("ball-cannon", RecordDetail.SUMMED): {"pivot.from_knob"},
+    ("filmed-cannon", RecordDetail.SUMMED): {"pivot.from_knob", "camera.gain"},
 }
 
 
@@ -72,15 +72,15 @@ COLLISIONS = Collisions()
 def specimen(ball: BallSpec | None = None, draws: Draws | None = None) -> Specimen:
     ball = ball or catalog.load("balls", "baseball-2003", BallSpec).spec
     return Specimen(
-        bat=draw_bat(catalog.load_bat("r161").spec, Quiet()),
+        bat=made_bat(catalog.load_bat("r161").spec, Quiet()),
         balls=draw_balls(ball, SHOTS, draws or Streams(3)),
         collision=COLLISIONS,
     )
 
 
-def order(rig: str, rung: Rung, shots: int = SHOTS) -> Order:
+def order(rig: str, rung: RecordDetail, shots: int = SHOTS) -> ShotPlan:
     swung = "swing" in installed_rigs()[rig].channels
-    return Order(
+    return ShotPlan(
         slot=np.arange(shots),
         ball=np.arange(shots) % SHOTS,
         speed=np.full(shots, 26.0),
@@ -128,9 +128,12 @@ CHEAP = [rig for rig in installed_rigs() if rig != "filmed-cannon"]
 
 @pytest.mark.parametrize(
     ("rig", "rung"),
-    [*((rig, rung) for rig in CHEAP for rung in Rung), ("filmed-cannon", Rung.SUMMED)],
+    [
+        *((rig, rung) for rig in CHEAP for rung in RecordDetail),
+        ("filmed-cannon", RecordDetail.SUMMED),
+    ],
 )
-def test_every_true_constant_moves_a_record(rig: str, rung: Rung) -> None:
+def test_every_true_constant_moves_a_record(rig: str, rung: RecordDetail) -> None:
     """Of every station on every rung, all draws alike; and the clock of the gates all it times."""
     draws, struck = Streams(11), specimen()
     station = installed_rigs()[rig].commission(draws)
@@ -153,7 +156,7 @@ def test_the_gain_of_a_camera_moves_its_pictures() -> None:
     """The one constant of the camera that places of the ball do not know of."""
     draws, struck = Streams(11), specimen()
     station = installed_rigs()["filmed-cannon"].commission(draws)
-    asked = order("filmed-cannon", Rung.FULL, 1)
+    asked = order("filmed-cannon", RecordDetail.FULL, 1)
     clip = station.play(asked, struck, draws).records["camera"]
     brighter = moved(station, "camera.gain").play(asked, struck, draws).records["camera"]
     ball = clip.pixels > 1.5 * clip.pixels.mean()
@@ -163,9 +166,9 @@ def test_the_gain_of_a_camera_moves_its_pictures() -> None:
 
 @pytest.mark.parametrize("rig", [rig for rig in CHEAP if rig != "bench"])
 def test_the_lots_own_radius_and_slope_move_records(rig: str) -> None:
-    """What `ball_constants` is unsure of is true of the balls on the rig."""
+    """What `lot_constants` is unsure of is true of the balls on the rig."""
     draws, struck = Streams(12), specimen()
-    station, asked = installed_rigs()[rig].commission(draws), order(rig, Rung.FULL)
+    station, asked = installed_rigs()[rig].commission(draws), order(rig, RecordDetail.FULL)
     records = station.play(asked, struck, draws).records
     spec = struck.balls.spec
     steeper = replace(spec.restitution, slope=1.2 * spec.restitution.slope)
@@ -177,7 +180,7 @@ def test_the_lots_own_radius_and_slope_move_records(rig: str) -> None:
 def test_a_lots_radius_and_slope_scatter_as_stated() -> None:
     """400 lots: (true - stated)/u standard normal; 4.5 standard errors of mean and variance."""
     spec = catalog.load("balls", "baseball-2003", BallSpec).spec
-    known = ball_constants(spec)
+    known = lot_constants(spec)
     lots = [draw_balls(spec, 1, Streams(seed)).spec for seed in range(400)]
     for name, values in (
         ("ball.radius", [lot.radius for lot in lots]),
@@ -235,8 +238,8 @@ SUMS = {  # on the rung of sums a recorder has rounded, and the bearing has rubb
     "astm-pivot": [("gates", "edge_jitter", "gates"), ("pivot", "friction", "encoder")],
     "ball-cannon": [("gates", "edge_jitter", "gates"), ("gates", "trip_spread", "gates")],
 }
-EACH_SCATTER = [(rig, Rung.FULL, *what) for rig, all_ in SCATTERS.items() for what in all_]
-EACH_SCATTER += [(rig, Rung.SUMMED, *what) for rig, all_ in SUMS.items() for what in all_]
+EACH_SCATTER = [(rig, RecordDetail.FULL, *what) for rig, all_ in SCATTERS.items() for what in all_]
+EACH_SCATTER += [(rig, RecordDetail.SUMMED, *what) for rig, all_ in SUMS.items() for what in all_]
 
 
 def variances(record: Record) -> dict[str, Array]:
@@ -250,7 +253,7 @@ def variances(record: Record) -> dict[str, Array]:
 
 @pytest.mark.parametrize(("rig", "rung", "part", "number", "channel"), EACH_SCATTER)
 def test_every_declared_scatter_scatters(
-    rig: str, rung: Rung, part: str, number: str, channel: str
+    rig: str, rung: RecordDetail, part: str, number: str, channel: str
 ) -> None:
     """Set to nothing, all draws alike, it changes the variance of what it scatters.
 
@@ -259,7 +262,9 @@ def test_every_declared_scatter_scatters(
     assert any(scatters(Streams(seed), rig, rung, part, number, channel) for seed in range(11, 19))
 
 
-def scatters(draws: Streams, rig: str, rung: Rung, part: str, number: str, channel: str) -> bool:
+def scatters(
+    draws: Streams, rig: str, rung: RecordDetail, part: str, number: str, channel: str
+) -> bool:
     """Return whether a record's variance is another without one number of a sheet."""
     station, struck = installed_rigs()[rig].commission(draws), specimen()
     asked = order(rig, rung, 4 * SHOTS)
@@ -274,8 +279,8 @@ def scatters(draws: Streams, rig: str, rung: Rung, part: str, number: str, chann
     return any(not np.array_equal(before[key], after[key]) for key in before)
 
 
-@pytest.mark.parametrize("rung", Rung)
-def test_the_encoder_turns_about_the_true_axis(rung: Rung) -> None:
+@pytest.mark.parametrize("rung", RecordDetail)
+def test_the_encoder_turns_about_the_true_axis(rung: RecordDetail) -> None:
     """A rigid bat on an axis 8 mm from where it should be: ω = J lever / I about that axis.
 
     And, where the encoder shows the ring, with the slope of each mode there: a sum of decaying
@@ -292,7 +297,7 @@ def test_the_encoder_turns_about_the_true_axis(rung: Rung) -> None:
     spec, clock = station.encoder.spec, station.gates.clock
     per_angle = station.encoder.scale * spec.counts_per_turn / (2 * pi)
     record = play.records["encoder"]
-    if rung is Rung.SUMMED:
+    if rung is RecordDetail.SUMMED:
         assert record.rate * clock / per_angle == pytest.approx(rate, rel=1e-9)
         return
     shown = np.diff(record.counts[:, -2:])[:, 0] * spec.sample_rate * clock / per_angle
@@ -325,10 +330,10 @@ def test_the_thresholds_of_beams_scatter_edges() -> None:
     assert spread == pytest.approx(dict.fromkeys(spread, 1.0), abs=4.5 / np.sqrt(2 * 102))
 
 
-@pytest.mark.parametrize("rung", Rung)
+@pytest.mark.parametrize("rung", RecordDetail)
 @pytest.mark.parametrize("rig", [rig for rig in CHEAP if rig != "bench"])
 @pytest.mark.parametrize("scatter", ["mass", "restitution", "hit_restitution"])
-def test_every_scatter_of_a_ball_scatters(rig: str, rung: Rung, scatter: str) -> None:
+def test_every_scatter_of_a_ball_scatters(rig: str, rung: RecordDetail, scatter: str) -> None:
     """Lots of alike masses, of alike e0, and hits alike: the gates' times vary otherwise."""
     ball = catalog.load("balls", "baseball-2003", BallSpec).spec
     alike = replace(ball, spread=replace(ball.spread, **{scatter: 0.0}))
@@ -628,7 +633,7 @@ def test_a_slanting_bat_is_seen_through(late: float) -> None:
     station = replace(station, drive=replace(station.drive, timing_scatter=0.3e-3))
     along = station.cannon.stated["along"].value
     asked = replace(
-        order("ncaa-swing", Rung.FULL, 4),
+        order("ncaa-swing", RecordDetail.FULL, 4),
         speed=np.full(4, 70 * MPH),
         place=np.array([4.0, 5.0, 6.0, 7.0]) * INCH - along,
         turn_rate=47.0,

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from virtual_lab import catalog
-from virtual_lab.lab.inventory import sheet, sheet_text
+from virtual_lab.lab.inventory import sheet_document, sheet_text
 from virtual_lab.measurement.reduction.gates import passages
 from virtual_lab.relations.flight import slowest_within
-from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.instruments.passage import Passage
@@ -44,24 +44,30 @@ def test_curtains_lose_a_ball_that_is_slower_than_the_sheet_says(name: str) -> N
     gates = LightGates.commission(
         catalog.load("instruments", name, LightGateSpec).spec, Quiet(), "g"
     )
-    said = sheet(name)["slowest_rebound"]
+    said = sheet_document(name)["slowest_rebound"]
     for gate, row in enumerate(said["at_gates"]):
         speeds = row["speed_mph"] * MPH * np.array([0.999, 1.001])
         contact = np.full(2, 0.1)
         record = gates.watch(
-            balls(speeds), contact, contact, Quiet(), "g", np.arange(speeds.size), Rung.SUMMED
+            balls(speeds),
+            contact,
+            contact,
+            Quiet(),
+            "g",
+            np.arange(speeds.size),
+            RecordDetail.SUMMED,
         )
         assert np.isnan(record.times[:, 1, gate]).tolist() == [True, False]
     assert said["told_mph"] == said["at_gates"][0]["speed_mph"]
 
 
-@pytest.mark.parametrize("rung", Rung)
+@pytest.mark.parametrize("rung", RecordDetail)
 @pytest.mark.parametrize("name", ["light-boards", "swing-boards"])
-def test_boards_see_a_ball_that_is_as_fast_as_the_sheet_says(name: str, rung: Rung) -> None:
+def test_boards_see_a_ball_that_is_as_fast_as_the_sheet_says(name: str, rung: RecordDetail) -> None:
     """And none of half that speed, which falls four times as far."""
     spec = catalog.load("instruments", name, LightBoardSpec).spec
     boards = LightBoards.commission(spec, Quiet(), "b")
-    said = sheet(name)["slowest_rebound"]
+    said = sheet_document(name)["slowest_rebound"]
     for board, row in enumerate(said["at_gates"]):
         speeds = row["speed_mph"] * MPH * np.array([0.5, 1.001])
         contact = np.full(2, 0.1)
@@ -75,6 +81,6 @@ def test_boards_see_a_ball_that_is_as_fast_as_the_sheet_says(name: str, rung: Ru
 
 def test_a_sheet_says_so_in_a_line() -> None:
     """0.5502 m √(g / 0.15 m) = 4.449 m/s = 9.952 mph."""
-    text = sheet_text(sheet("pivot-gates"))
+    text = sheet_text(sheet_document("pivot-gates"))
     assert "75 mm of fall: 10.0 mph at 0.5502 m, 4.5 mph at 0.2499 m; " in text
-    assert "slowest" not in sheet_text(sheet("lab-scale"))
+    assert "slowest" not in sheet_text(sheet_document("lab-scale"))

@@ -22,8 +22,8 @@ from virtual_lab.records import GateRecord, Record
 from virtual_lab.records.session import load_session, save_session
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.instruments.light_gate import LightGates
-from virtual_lab.simulation.rig import Order, Reality, Specimen, Stage, find_rig
-from virtual_lab.simulation.truth import draw_balls, draw_bat
+from virtual_lab.simulation.rig import Reality, ShotPlan, Specimen, Stage, find_rig
+from virtual_lab.simulation.truth import draw_balls, made_bat
 from virtual_lab.streams import Streams, commitment
 
 BATS = catalog.names("bats")
@@ -257,7 +257,7 @@ def test_fires_until_enough_hits_are_valid(tmp_path: Path) -> None:
 def _specimen() -> Specimen:
     ball = catalog.load("balls", "baseball-2003", BallSpec).spec
     return Specimen(
-        bat=draw_bat(catalog.load_bat("r161").spec, Streams(5)),
+        bat=made_bat(catalog.load_bat("r161").spec, Streams(5)),
         balls=draw_balls(ball, 4, Streams(5)),
         collision=ModalModel.of,
     )
@@ -280,7 +280,7 @@ def test_one_instruments_noise_is_its_own(
     """Taken away from one instrument, it changes that channel and no bit of any other."""
     draws, specimen = Streams(5), _specimen()
     turns = np.arange(4)
-    order = Order(slot=turns, ball=turns, speed=np.full(4, 26.8224), place=np.full(4, 0.16))
+    order = ShotPlan(slot=turns, ball=turns, speed=np.full(4, 26.8224), place=np.full(4, 0.16))
     station = find_rig(rig, stage).commission(draws)
     part = getattr(station, instrument)
     quiet = replace(part, spec=replace(part.spec, **{noise: type(getattr(part.spec, noise))(0)}))

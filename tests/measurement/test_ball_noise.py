@@ -23,8 +23,8 @@ from virtual_lab.measurement.reduction.observations import (
     ball_constants,
 )
 from virtual_lab.measurement.reduction.shot_algebra import (
-    Asked,
     BatProperties,
+    ReductionSettings,
     measured_balls,
     shot_results,
 )
@@ -76,7 +76,7 @@ BAT = BatProperties(
     inertia_cm=np.array(INERTIA_P - 0.88 * (AXIS - 0.29) ** 2),
     barrel_radius=np.array(0.033),
 )
-ASKED = Asked(
+ASKED = ReductionSettings(
     reads="rebound",
     recoil="pivoted",
     pivot_from_knob=0.1,

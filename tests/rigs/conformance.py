@@ -26,10 +26,18 @@ from virtual_lab.records import RECORD_TYPES, Record
 from virtual_lab.records.session import Session, load_session, save_session
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import CollisionModel, Scenes
-from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.physics.supports import Support
-from virtual_lab.simulation.rig import ImpactStation, Order, Play, Rig, Specimen, Stage, Station
-from virtual_lab.simulation.truth import TrueOutcome, draw_balls, draw_bat
+from virtual_lab.simulation.rig import (
+    ImpactStation,
+    Rig,
+    RigOutput,
+    ShotPlan,
+    Specimen,
+    Stage,
+    Station,
+)
+from virtual_lab.simulation.truth import TrueOutcome, draw_balls, made_bat
 from virtual_lab.streams import Quiet, Streams
 from virtual_lab.uncertainty.estimate import Estimate
 
@@ -71,12 +79,12 @@ class Bench:
         ball = catalog.load("balls", catalog.names("balls")[0], BallSpec).spec
         draws = Streams(SEED)
         return Specimen(
-            bat=draw_bat(bat, draws), balls=draw_balls(ball, SHOTS, draws), collision=_Modal()
+            bat=made_bat(bat, draws), balls=draw_balls(ball, SHOTS, draws), collision=_Modal()
         )
 
-    def order(self, shots: int = SHOTS, first: int = 0) -> Order:
+    def order(self, shots: int = SHOTS, first: int = 0) -> ShotPlan:
         """Ask for the first `shots` balls of the lot, one each, as shots `first` and up."""
-        return Order(
+        return ShotPlan(
             slot=first + np.arange(shots),
             ball=np.arange(shots),
             speed=np.full(shots, SPEED),
@@ -85,11 +93,11 @@ class Bench:
         )
 
     @cached_property
-    def played(self) -> Play:
+    def played(self) -> RigOutput:
         """A play of the first shots, which is as good as any other."""
         return self.play()
 
-    def play(self, *, seed: int = SEED, shots: int = SHOTS, first: int = 0) -> Play:
+    def play(self, *, seed: int = SEED, shots: int = SHOTS, first: int = 0) -> RigOutput:
         """Commission anew and play: two calls share nothing but their arguments."""
         draws = Streams(seed)
         return self.rig.commission(draws).play(self.order(shots, first), self.specimen, draws)
@@ -177,7 +185,7 @@ def a_shot_hangs_on_its_number_alone(bench: Bench) -> None:
     """
     draws = Streams(SEED)
     station = bench.rig.commission(draws)
-    for rung in Rung:
+    for rung in RecordDetail:
         order = replace(bench.order(), rung=rung)
         whole = station.play(order, bench.specimen, draws)
         for rows in ([2, 0, 3, 1], [1], [3, 2]):
@@ -196,7 +204,7 @@ def a_shot_hangs_on_its_number_alone(bench: Bench) -> None:
                 assert np.array_equal(values, expected, equal_nan=True), name
 
 
-def _rows_of(order: Order, rows: list[int]) -> Order:
+def _rows_of(order: ShotPlan, rows: list[int]) -> ShotPlan:
     own = {name: getattr(order, name)[rows] for name in ("slot", "ball", "speed", "place")}
     return replace(order, **own)
 

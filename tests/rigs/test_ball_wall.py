@@ -10,19 +10,29 @@ import pytest
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallAgeing, BallSpec
 from virtual_lab.simulation.collision.modal import ModalModel
-from virtual_lab.simulation.rig import Order, Play, Reality, Specimen, Stage, WallStation, find_rig
-from virtual_lab.simulation.truth import draw_balls, draw_bat
+from virtual_lab.simulation.rig import (
+    Reality,
+    RigOutput,
+    ShotPlan,
+    Specimen,
+    Stage,
+    WallStation,
+    find_rig,
+)
+from virtual_lab.simulation.truth import draw_balls, made_bat
 
 SPEED = 26.8224  # m/s, 60 mph
 AGEING = BallAgeing(speed=SPEED, loss=0.01, recovering=0.0, recovery_time=1.0)
 TURNS = np.array([2, 0, 2, 2, 1, 0])
 
 
-def play(reality: Reality, ageing: BallAgeing | None = AGEING, wall: float | None = None) -> Play:
+def play(
+    reality: Reality, ageing: BallAgeing | None = AGEING, wall: float | None = None
+) -> RigOutput:
     draws = reality.draws(5)
     ball = replace(catalog.load("balls", "baseball-2003", BallSpec).spec, ageing=ageing)
     specimen = Specimen(
-        bat=draw_bat(catalog.load_bat("r161").spec, draws),
+        bat=made_bat(catalog.load_bat("r161").spec, draws),
         balls=draw_balls(ball, 3, draws),
         collision=ModalModel.of,
     )
@@ -31,7 +41,7 @@ def play(reality: Reality, ageing: BallAgeing | None = AGEING, wall: float | Non
     if wall is not None:
         station = station.with_wall(wall)
         assert station.true_constants["wall.restitution"] == wall
-    order = Order(slot=np.arange(6), ball=TURNS, speed=np.full(6, SPEED), place=np.zeros(6))
+    order = ShotPlan(slot=np.arange(6), ball=TURNS, speed=np.full(6, SPEED), place=np.zeros(6))
     return station.play(order, specimen, draws)
 
 

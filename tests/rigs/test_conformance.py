@@ -8,7 +8,7 @@ import pytest
 from tests.rigs import conformance
 from virtual_lab.errors import InputError
 from virtual_lab.records import ShotLog
-from virtual_lab.simulation.rig import Play, Stage, find_rig, installed_rigs
+from virtual_lab.simulation.rig import RigOutput, Stage, find_rig, installed_rigs
 from virtual_lab.streams import Quiet
 
 OURS = {"astm-pivot", "ball-cannon", "ball-wall", "bench", "ncaa-swing"}
@@ -59,7 +59,7 @@ class Leaky:
             nominal_speed=order.speed * 0 + Leaky.state,
             place=order.place * 0 + float(conformance.SEED),
         )
-        return Play(records={"notes": log, "log": log}, truth={"speed": np.zeros(1)})
+        return RigOutput(records={"notes": log, "log": log}, truth={"speed": np.zeros(1)})
 
 
 @pytest.mark.parametrize(

@@ -13,8 +13,8 @@ from virtual_lab.simulation.impact import error_free, thrown_back, wall_restitut
 from virtual_lab.simulation.physics.ball import wall_contact
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.physics.supports import Pinned
-from virtual_lab.simulation.rig import Order, Specimen
-from virtual_lab.simulation.truth import TrueOutcome, draw_balls, draw_bat
+from virtual_lab.simulation.rig import ShotPlan, Specimen
+from virtual_lab.simulation.truth import TrueOutcome, draw_balls, made_bat
 from virtual_lab.streams import Quiet
 
 INCH = 0.0254
@@ -25,7 +25,7 @@ FROM_KNOB = 6 * INCH
 def specimen_of(bat: str) -> Specimen:
     ball = catalog.load("balls", "baseball-2003", BallSpec).spec
     return Specimen(
-        bat=draw_bat(catalog.load_bat(bat).spec, Quiet()),
+        bat=made_bat(catalog.load_bat(bat).spec, Quiet()),
         balls=draw_balls(ball, 3, Quiet()),
         collision=_Modal(),
     )
@@ -34,7 +34,7 @@ def specimen_of(bat: str) -> Specimen:
 def truth_of(specimen: Specimen) -> TrueOutcome:
     first = np.zeros(PLACES.size, dtype=int)
     speed = np.full(PLACES.size, 40.0)
-    order = Order(slot=np.arange(PLACES.size), ball=first, speed=speed, place=PLACES)
+    order = ShotPlan(slot=np.arange(PLACES.size), ball=first, speed=speed, place=PLACES)
     support = Pinned(specimen.bat.body.length - FROM_KNOB)
     return error_free(order, specimen, support, FROM_KNOB)
 

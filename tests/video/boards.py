@@ -13,7 +13,7 @@ from virtual_lab.simulation.instruments.camera.camera import Camera
 from virtual_lab.simulation.instruments.camera.lens import TrueLens
 from virtual_lab.simulation.instruments.camera.views import board_views
 from virtual_lab.streams import Streams
-from virtual_lab.video.calibration.board_finding import Seen
+from virtual_lab.video.calibration.board_finding import BoardView
 from virtual_lab.video.clips.calibration_file import CameraModel
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ def small_camera(seed: int) -> Camera:
 
 def corners_seen(
     lens: TrueLens, board: Board, views: int, seed: int, noise: float, lean: float = 0.6
-) -> list[Seen]:
+) -> list[BoardView]:
     """Return corners as the lens draws them with Gaussian noise, the first view flat."""
     draws, seen = Streams(seed), []
     turns, off = draws.uniform("turns", (views, 3)), draws.uniform("off", (views, 3))
@@ -46,7 +46,7 @@ def corners_seen(
         drawn = lens.drawn(lens.seen(board.corners() @ turned.T + place))
         ids = np.flatnonzero(((drawn > 5) & (drawn < np.array(SIZE) - 6)).all(axis=1))
         places = drawn[ids] + noise * draws.normal(f"noise {view}", (len(ids), 2))
-        seen.append(Seen(ids=ids, places=places, u=np.full(len(ids), noise)))
+        seen.append(BoardView(ids=ids, places=places, u=np.full(len(ids), noise)))
     return seen
 
 

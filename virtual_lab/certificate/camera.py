@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from virtual_lab.measurement.camera.comparison import SecondWitness, Told
+from virtual_lab.measurement.camera.comparison import CameraComparison, ComparedQuantity
 from virtual_lab.output.rounding import decimals, with_uncertainty
 from virtual_lab.uncertainty.budget import Budget
 from virtual_lab.units import DEGREE, INCH, MPH
@@ -18,7 +18,7 @@ SYMBOLS = {"collision_efficiency": "e_A", "restitution": "e", "bat_performance_f
 TOLD_BY = ("gates", "video", "joined")
 
 
-def witness_document(witness: SecondWitness | None) -> dict[str, Any] | None:
+def witness_document(witness: CameraComparison | None) -> dict[str, Any] | None:
     """Return a second witness as it stands in ``certificate.json``, None where there was none."""
     if witness is None:
         return None
@@ -26,7 +26,7 @@ def witness_document(witness: SecondWitness | None) -> dict[str, Any] | None:
     return {"hits": witness.hits, "missed": witness.missed, **told}
 
 
-def _told(told: Told) -> dict[str, Any]:
+def _told(told: ComparedQuantity) -> dict[str, Any]:
     by = {name: _stated(getattr(told, name)) for name in (*TOLD_BY, "difference")}
     return by | {"share_of_video": told.share, "agree": told.agree}
 
@@ -75,7 +75,7 @@ def witness_rows(document: Mapping[str, Any] | None) -> list[dict[str, str]]:
     return rows
 
 
-def witness_columns(witness: SecondWitness | None) -> dict[str, Any]:
+def witness_columns(witness: CameraComparison | None) -> dict[str, Any]:
     """Return what the camera says of every shot, as columns of the readings."""
     if witness is None:
         return {}

@@ -52,9 +52,9 @@ def list_(kind: str | None, as_json: bool) -> None:
 @json_option
 def show(name: str, as_json: bool) -> None:
     """Show a specification, every number with its unit and source."""
-    from virtual_lab.lab.inventory import sheet, sheet_text
+    from virtual_lab.lab.inventory import sheet_document, sheet_text
 
-    document = sheet(name)
+    document = sheet_document(name)
     if as_json:
         print_json(document)
     else:

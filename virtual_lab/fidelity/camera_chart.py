@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from virtual_lab.fidelity.camera_drawing import TITLE, WORDS, draw
-from virtual_lab.fidelity.camera_errors import score, seconds_a_picture
+from virtual_lab.fidelity.camera_errors import score_places, seconds_a_picture
 from virtual_lab.fidelity.camera_estimators import ESTIMATORS
 from virtual_lab.fidelity.camera_pictures import pictures
 from virtual_lab.fidelity.camera_scenes import BACK, HARD, SOFT, Case
@@ -63,8 +63,8 @@ def _scene(ball: str, scene: str, case: Case) -> list[Row]:
     still = pictures(replace(case, quiet=True, phases=4 * PHASES, repeats=1))
     for name, estimator in ESTIMATORS.items():
         spent = seconds_a_picture(estimator, batch.given, rounds=2)
-        found = score(batch, estimator(batch.given))
-        bias = score(still, estimator(still.given)).bias if ball == PLAIN else np.inf
+        found = score_places(batch, estimator(batch.given))
+        bias = score_places(still, estimator(still.given)).bias if ball == PLAIN else np.inf
         rows.append(
             {
                 "ball": ball,

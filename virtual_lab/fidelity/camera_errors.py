@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.fidelity.camera_estimators import Estimator
-from virtual_lab.fidelity.camera_scenes import Batch, Given
+from virtual_lab.fidelity.camera_scenes import Batch, EstimatorInput
 from virtual_lab.video.locate.located import Located
 
-__all__ = ["BEYOND", "Score", "score", "seconds_a_picture", "wrong_unsaid"]
+__all__ = ["BEYOND", "Score", "score_places", "seconds_a_picture", "wrong_unsaid"]
 
 Array = NDArray[np.float64]
 BEYOND = 5.0  # standard uncertainties: no error of a sound picture is as large
@@ -29,7 +29,7 @@ class Score:
     unsaid: float  # share off by more than five of its own standard uncertainties, unflagged
 
 
-def score(batch: Batch, found: Located) -> Score:
+def score_places(batch: Batch, found: Located) -> Score:
     """Return what places are worth."""
     off = np.stack([found.x - batch.x, found.y - batch.y])
     here = np.isfinite(off).all(axis=0)
@@ -59,7 +59,7 @@ def wrong_unsaid(batch: Batch, found: Located) -> NDArray[np.bool_]:
     return np.asarray(wrong & (found.flags == 0))
 
 
-def seconds_a_picture(estimator: Estimator, given: Given, rounds: int = 3) -> float:
+def seconds_a_picture(estimator: Estimator, given: EstimatorInput, rounds: int = 3) -> float:
     """Return the least processor time a picture takes [s]; done once before."""
     estimator(given)
     times = []

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from virtual_lab.fidelity.camera_scenes import Given
+from virtual_lab.fidelity.camera_scenes import EstimatorInput
 from virtual_lab.video.locate.edge_fit import fit_edge
 from virtual_lab.video.locate.located import Flag, Located
 from virtual_lab.video.locate.sharp import Sharp
@@ -39,7 +39,7 @@ CORE = 0.7  # of the radius: inside it is the ball's brightness
 NEAR = 3.0  # pixels around the ball that may be its own
 FAINT = 0.05  # of the ball in a pixel: less is noise
 
-Estimator = Callable[[Given], Located]
+Estimator = Callable[[EstimatorInput], Located]
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ class Picture:
 def by_picture(place: Callable[[Picture], Place | None]) -> Estimator:
     """Return the estimator that takes picture after picture; a place beyond the ball is none."""
 
-    def estimator(given: Given) -> Located:
+    def estimator(given: EstimatorInput) -> Located:
         found = np.full((len(given.seen.pixels), 2), np.nan)
         for k in range(len(found)):
             picture = _picture(given, k)
@@ -95,7 +95,7 @@ def by_picture(place: Callable[[Picture], Place | None]) -> Estimator:
     return estimator
 
 
-def _picture(given: Given, k: int) -> Picture:
+def _picture(given: EstimatorInput, k: int) -> Picture:
     seen, start = given.seen, given.start
     return Picture(
         image=seen.pixels[k].astype(np.float32),
@@ -231,7 +231,7 @@ CV2: dict[str, Estimator] = {
 }
 
 
-def _edge(given: Given) -> Located:
+def _edge(given: EstimatorInput) -> Located:
     return fit_edge(
         given.seen.pixels,
         given.seen.corners,
@@ -242,7 +242,7 @@ def _edge(given: Given) -> Located:
     ).located
 
 
-def _learnt(given: Given) -> Located:
+def _learnt(given: EstimatorInput) -> Located:
     """Do as the tracker does, which learns noise and lens from the pictures themselves."""
     return Sharp()(given.clip, given.seen, given.start)
 

@@ -19,7 +19,7 @@ from virtual_lab.fidelity.camera_scenes import (
     SOFT,
     Batch,
     Case,
-    Given,
+    EstimatorInput,
 )
 from virtual_lab.simulation.instruments.camera.ball import Light, axes_of, render_balls
 from virtual_lab.simulation.instruments.camera.sensor import Sensor
@@ -65,7 +65,7 @@ def pictures(case: Case, seed: int = 1, block: int = 0) -> Batch:
         corners=corners,
     )
     x, y = (own + corners).T
-    given = Given(
+    given = EstimatorInput(
         clip=_clip(samples),
         seen=seen,
         start=_start(case, x, y, draws, slots),

@@ -18,7 +18,7 @@ from virtual_lab.video.locate.located import Located
 from virtual_lab.video.locate.noise import ROUNDING, Noise
 from virtual_lab.video.locate.regions import MARGIN, Regions
 
-__all__ = ["BACK", "EVEN", "FULL_SCALE", "HARD", "SOFT", "Batch", "Case", "Given"]
+__all__ = ["BACK", "EVEN", "FULL_SCALE", "HARD", "SOFT", "Batch", "Case", "EstimatorInput"]
 
 Array = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ class Case:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Given:
+class EstimatorInput:
     """What a way of locating the ball may know."""
 
     clip: Clip
@@ -105,7 +105,7 @@ class Given:
 class Batch:
     """Pictures phase by phase, (phase x repeat), what is true of them, and the limit."""
 
-    given: Given
+    given: EstimatorInput
     x: Array
     y: Array
     limit: float  # least standard uncertainty of a plain ball's place along an axis [pixel]

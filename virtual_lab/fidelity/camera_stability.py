@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from virtual_lab.fidelity.camera_drops import DROPPED, dropped_frames
-from virtual_lab.fidelity.camera_errors import score, wrong_unsaid
+from virtual_lab.fidelity.camera_errors import score_places, wrong_unsaid
 from virtual_lab.fidelity.camera_estimators import SHIPPED
 from virtual_lab.fidelity.camera_map import (
     FLAGGED,
@@ -118,7 +118,7 @@ def _summary(rows: list[Row]) -> str:
 
 def _cell(batch: Batch, found: Located) -> Row:
     """Return the state of a cell and the counts it rests on."""
-    whole = score(batch, found)
+    whole = score_places(batch, found)
     unsaid = int(wrong_unsaid(batch, found).sum())
     clean = np.isfinite(found.x) & (found.flags == 0)
     off = np.stack([found.x - batch.x, found.y - batch.y])[:, clean]

@@ -30,11 +30,11 @@ from virtual_lab.simulation.collision.splitting import Splitting
 from virtual_lab.simulation.collision.stepping import (
     FINE,
     WINDOW,
+    CollisionBatch,
     Followed,
     InStep,
     OneByOne,
     Stepper,
-    Struck,
 )
 from virtual_lab.simulation.physics.supports import Clamped, Free, Pinned, Support
 from virtual_lab.streams import Streams
@@ -111,7 +111,7 @@ class OnePass:
 
     stepper: InStep
 
-    def follow(self, struck: Struck, window: float = WINDOW) -> Followed:
+    def follow(self, struck: CollisionBatch, window: float = WINDOW) -> Followed:
         """Follow all contacts that begin within `window` [s] of the first touch."""
         followed, doubted = self.stepper.one_pass(struck, window)
         none = np.zeros_like(followed.failure)
@@ -128,7 +128,7 @@ class Boundless(Splitting):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
+class ColumnOutcome:
     """Of all scenes of a column."""
 
     efficiency: Array
@@ -269,7 +269,7 @@ def _model(bat: str, support: str, count: int) -> ModalModel:
     return ModalModel.of(catalog.load_bat(bat).spec.body, SUPPORTS[support], count)
 
 
-def _exact(column: Column) -> Outcome | None:
+def _exact(column: Column) -> ColumnOutcome | None:
     """Return what is true of a column; None where the program gives no result."""
     try:
         return _outcome(column, OneByOne())
@@ -277,12 +277,12 @@ def _exact(column: Column) -> Outcome | None:
         return None
 
 
-def _outcome(column: Column, stepper: Stepper) -> Outcome:
+def _outcome(column: Column, stepper: Stepper) -> ColumnOutcome:
     (first, scenes), *others = column
     with np.errstate(all="ignore"):  # what runs away overflows
         parts = collide_bats([(replace(first, stepper=stepper), scenes), *others])
         shares = [[getattr(part.energy, one.name) for one in fields(EnergySplit)] for part in parts]
-        return Outcome(
+        return ColumnOutcome(
             efficiency=np.concatenate([part.collision_efficiency for part in parts]),
             leak=np.concatenate([np.abs(np.sum(share, axis=0) - 1) for share in shares]),
             doubted=np.concatenate([part.redone > 0 for part in parts]),
@@ -291,7 +291,7 @@ def _outcome(column: Column, stepper: Stepper) -> Outcome:
         )
 
 
-def _cell(found: Outcome, true: Outcome, shipped: bool) -> dict[str, Any]:
+def _cell(found: ColumnOutcome, true: ColumnOutcome, shipped: bool) -> dict[str, Any]:
     """Return the state of a cell and of how many scenes what is said."""
     error = np.abs(found.efficiency - true.efficiency)
     # no comparison holds of a nan

@@ -22,8 +22,8 @@ from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.collision.surrogate import Box
-from virtual_lab.simulation.faults import Day
-from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.faults import FaultSet
+from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import Reality
 
 __all__ = ["Campaign", "box_of"]
@@ -72,9 +72,9 @@ class Campaign:
             rig=self.rules.spec.rig,
             reality=Reality.REAL,
             rung=None,
-            day=Day(),
+            day=FaultSet(),
             unverified={},
-            instruments=Rung.SUMMED,
+            instruments=RecordDetail.SUMMED,
             collision=self.collision,
             made=False,
         )

@@ -13,7 +13,7 @@ from virtual_lab.lab.control import with_control
 from virtual_lab.lab.fitting import unverified_rigs
 from virtual_lab.lab.laboratory import BALL_RIG, BENCH_RIG, Laboratory, Say, Tested
 from virtual_lab.measurement.procedure import Procedure
-from virtual_lab.simulation.faults import Day
+from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.rig import Motion, Reality
 
 __all__ = ["certify_bat", "open_laboratory"]
@@ -122,7 +122,7 @@ def open_laboratory(
         reality=reality,
         rung=rung,
         motion=Motion.named(motion),
-        day=Day.of(faults, rig=rig or rules.spec.rig),
+        day=FaultSet.of(faults, rig=rig or rules.spec.rig),
         test=test,
         unverified=catalog.unverified("bats", bat)
         | catalog.unverified("balls", rules.spec.ball)

@@ -10,7 +10,7 @@ from virtual_lab.lab.fitting import require_places
 from virtual_lab.lab.laboratory import Laboratory, Say, Tested
 from virtual_lab.measurement.session_reduction import CONTROL
 from virtual_lab.records.session import Session
-from virtual_lab.simulation.truth import draw_bat
+from virtual_lab.simulation.truth import made_bat
 from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["with_control"]
@@ -61,7 +61,7 @@ def with_control(
     tested = replace(
         laboratory,
         draws=own,
-        specimen=replace(laboratory.specimen, bat=draw_bat(bat, own)),
+        specimen=replace(laboratory.specimen, bat=made_bat(bat, own)),
         session=replace(
             _told(laboratory.session, UNCORRECTED), bat=bat.name, bat_sport=bat.sport or ""
         ),

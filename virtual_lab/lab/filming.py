@@ -11,7 +11,7 @@ from virtual_lab.records import LengthReadings
 from virtual_lab.records.session import Session
 from virtual_lab.relations.flight import drag_rate
 from virtual_lab.relations.pinhole import looking_down
-from virtual_lab.simulation.rig import FilmingStation, Order, Specimen, Station
+from virtual_lab.simulation.rig import FilmingStation, ShotPlan, Specimen, Station
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 
@@ -45,7 +45,7 @@ widest_m = {widest!r}
 
 
 def film_of(
-    station: Station, order: Order, specimen: Specimen, draws: Draws, session: Session
+    station: Station, order: ShotPlan, specimen: Specimen, draws: Draws, session: Session
 ) -> Callable[[Path], None] | None:
     """Return what films the first shot of a test into a folder, None where nothing films.
 

@@ -17,7 +17,7 @@ from virtual_lab.simulation.instruments.light_gate import LightGateSpec
 from virtual_lab.simulation.rig import installed_rigs
 from virtual_lab.units import MPH
 
-__all__ = ["sheet", "sheet_text", "shelf"]
+__all__ = ["sheet_document", "sheet_text", "shelf"]
 
 GATES: dict[str, type[LightGateSpec | LightBoardSpec]] = {
     "light-gate": LightGateSpec,
@@ -40,7 +40,7 @@ def shelf(kind: str | None = None) -> list[dict[str, str]]:
     return rows
 
 
-def sheet(name: str) -> dict[str, Any]:
+def sheet_document(name: str) -> dict[str, Any]:
     """Return a catalog entry, every number with unit, source and whether it is verified.
 
     Of light gates also ``slowest_rebound``, what each sees of a ball that comes back level.

@@ -28,7 +28,7 @@ from virtual_lab.lab.fitting import (
     require_rig,
 )
 from virtual_lab.lab.measurand import measurand
-from virtual_lab.lab.naming import ball_constants, constant_name, with_records
+from virtual_lab.lab.naming import constant_name, lot_constants, with_records
 from virtual_lab.measurement.certification import Certification, evaluate
 from virtual_lab.measurement.procedure import Procedure, aimed_place, next_places, to_set
 from virtual_lab.measurement.reduction.observations import along_of
@@ -42,20 +42,20 @@ from virtual_lab.measurement.session_reduction import (
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
 from virtual_lab.simulation.collision.modal import kernel_is_compiled
-from virtual_lab.simulation.faults import Day
-from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.faults import FaultSet
+from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import (
     ImpactStation,
     Motion,
-    Order,
-    Play,
     Reality,
+    RigOutput,
+    ShotPlan,
     Specimen,
     Stage,
     Station,
     find_rig,
 )
-from virtual_lab.simulation.truth import Sealed, draw_balls, draw_bat
+from virtual_lab.simulation.truth import Sealed, draw_balls, made_bat
 from virtual_lab.streams import Draws, Quiet, commitment
 from virtual_lab.units import INCH
 
@@ -88,11 +88,11 @@ class Laboratory:
     reality: Reality
     draws: Draws
     collision: Ladder
-    day: Day
+    day: FaultSet
     stations: Mapping[Stage, Station]
     specimen: Specimen
     session: Session
-    instruments: Rung = Rung.FULL
+    instruments: RecordDetail = RecordDetail.FULL
     motion: Motion = Motion.CLOSED_FORM
     control: float = 1.0  # true e of the control bat with these balls over the e it is known by
 
@@ -107,9 +107,9 @@ class Laboratory:
         rig: str,
         reality: Reality,
         rung: str | None,
-        day: Day,
+        day: FaultSet,
         unverified: Mapping[str, str],
-        instruments: Rung = Rung.FULL,
+        instruments: RecordDetail = RecordDetail.FULL,
         motion: Motion = Motion.CLOSED_FORM,
         collision: Ladder | None = None,
         made: bool = True,
@@ -161,7 +161,7 @@ class Laboratory:
             instruments=instruments,
             motion=motion,
             specimen=Specimen(
-                bat=draw_bat(bat, own if made else Quiet()),
+                bat=made_bat(bat, own if made else Quiet()),
                 balls=draw_balls(ball, rules.spec.balls, own),
                 collision=collision,
             ),
@@ -173,7 +173,7 @@ class Laboratory:
                 date=datetime.date.today().isoformat(),
                 rigs={stage.value: name for stage, name in rigs.items()},
                 procedure_text=rules.text,
-                calibration=day.calibration(known | ball_constants(ball)),
+                calibration=day.calibration(known | lot_constants(ball)),
                 records={},
                 simulation={
                     "reality": reality.value,
@@ -194,8 +194,8 @@ class Laboratory:
         turn_rate = float(procedure.turn_rate(bat["length"]))
         if not kernel_is_compiled():
             say("compiling the collision kernel, which happens once and takes about five seconds")
-        rounds: list[Play] = []
-        orders: list[Order] = []
+        rounds: list[RigOutput] = []
+        orders: list[ShotPlan] = []
         fired, valid, sought = np.zeros(0), np.zeros(0, dtype=bool), np.zeros(0)
         while (asked := next_places(procedure, percussion, fired, valid, sought)).size:
             # set so that balls strike where the rules ask, by what is known of the cannon
@@ -225,7 +225,7 @@ class Laboratory:
             ),
         )
 
-    def measured(self, say: Say) -> tuple[Laboratory, Play, Play]:
+    def measured(self, say: Say) -> tuple[Laboratory, RigOutput, RigOutput]:
         """Measure bat and balls: return the laboratory ready to fire, and what was done."""
         balls = np.arange(self.rules.spec.balls)
         say("bench: weighing, balancing and swinging the bat, weighing the balls")
@@ -240,10 +240,10 @@ class Laboratory:
         specimen = replace(found.specimen, balls=lot)
         return replace(found, session=session, specimen=specimen), bench, wall
 
-    def _order(self, shot: NDArray[np.int_], place: Array | float) -> Order:
+    def _order(self, shot: NDArray[np.int_], place: Array | float) -> ShotPlan:
         """Return an order of shots that take the balls in turn, but for those set aside."""
         used = np.arange(self.rules.spec.balls)[self.specimen.balls.used]
-        return Order(
+        return ShotPlan(
             slot=shot,
             ball=used[shot % used.size],
             speed=np.full(shot.shape, self.rules.spec.ball_speed),
@@ -251,12 +251,12 @@ class Laboratory:
             rung=self.instruments,
         )
 
-    def _wall_order(self, balls: NDArray[np.int_]) -> Order:
+    def _wall_order(self, balls: NDArray[np.int_]) -> ShotPlan:
         """Return an order that fires every ball at the wall at the speeds in turn: it ages."""
         procedure = self.rules.spec
         speeds = np.tile(procedure.wall_speeds, procedure.wall_hits)
         ball = balls.repeat(speeds.size)
-        return Order(
+        return ShotPlan(
             slot=np.arange(ball.size),
             ball=ball,
             speed=np.tile(speeds, balls.size),
@@ -264,7 +264,7 @@ class Laboratory:
             rung=self.instruments,
         )
 
-    def _with_balls_as_found(self, order: Order, wall: Play) -> Laboratory:
+    def _with_balls_as_found(self, order: ShotPlan, wall: RigOutput) -> Laboratory:
         """Return the laboratory whose lot has the e0 that its wall hits found on average.
 
         That lot is the measurand's, and the bat meets it: what a ball gains or loses between
@@ -273,10 +273,12 @@ class Laboratory:
         balls = self.specimen.balls.as_found(order.ball, wall.truth["restitution_loss"])
         return replace(self, specimen=replace(self.specimen, balls=balls))
 
-    def _play(self, stage: Stage, order: Order) -> Play:
+    def _play(self, stage: Stage, order: ShotPlan) -> RigOutput:
         return self.day.play(stage, self.stations[stage], order, self.specimen, self.draws)
 
-    def _seal(self, reduced: Reduced, bench: Play, wall: Play, rounds: list[Play]) -> Sealed:
+    def _seal(
+        self, reduced: Reduced, bench: RigOutput, wall: RigOutput, rounds: list[RigOutput]
+    ) -> Sealed:
         impact = cast("ImpactStation", self.stations[Stage.IMPACT])
         return Sealed(
             seed=self.seed,

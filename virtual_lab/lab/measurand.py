@@ -15,7 +15,7 @@ from virtual_lab.lab.true_metric import TrueCurve, scan_result
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.session_reduction import Reduced
 from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.rig import ImpactStation, Order, Specimen
+from virtual_lab.simulation.rig import ImpactStation, ShotPlan, Specimen
 
 __all__ = ["CONTINUOUS", "WIDTH", "measurand", "true_curve"]
 
@@ -80,7 +80,7 @@ def true_curve(
 ) -> TrueCurve:
     """Return what really happens at `places` [m] at the procedure's nominal speeds."""
     beam = beam_of(specimen.bat.body)
-    order = Order(
+    order = ShotPlan(
         slot=np.arange(places.size),
         ball=np.zeros(places.shape, dtype=int),
         speed=np.full(places.shape, procedure.ball_speed),

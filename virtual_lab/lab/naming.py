@@ -7,10 +7,10 @@ from dataclasses import replace
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.records import Record, join
 from virtual_lab.records.session import Session
-from virtual_lab.simulation.rig import Play, Stage
+from virtual_lab.simulation.rig import RigOutput, Stage
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["ball_constants", "constant_name", "with_records"]
+__all__ = ["constant_name", "lot_constants", "with_records"]
 
 
 def constant_name(stage: Stage, name: str) -> str:
@@ -20,7 +20,7 @@ def constant_name(stage: Stage, name: str) -> str:
     return f"hall.{name}" if name.startswith("air.") else f"{stage.value}.{name}"
 
 
-def ball_constants(ball: BallSpec) -> dict[str, Estimate]:
+def lot_constants(ball: BallSpec) -> dict[str, Estimate]:
     """Return what a laboratory knows of its lot before it measures a ball."""
     return {
         "ball.radius": Estimate(value=ball.radius, u=ball.radius_u),
@@ -30,7 +30,7 @@ def ball_constants(ball: BallSpec) -> dict[str, Estimate]:
     }
 
 
-def with_records(session: Session, stage: Stage, plays: list[Play]) -> Session:
+def with_records(session: Session, stage: Stage, plays: list[RigOutput]) -> Session:
     records: dict[str, Record] = {
         channel: join([play.records[channel] for play in plays]) for channel in plays[0].records
     }

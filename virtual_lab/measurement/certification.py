@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.catalog import Datum
-from virtual_lab.measurement.camera.comparison import SecondWitness, second_witness
+from virtual_lab.measurement.camera.comparison import CameraComparison, second_witness
 from virtual_lab.measurement.diagnostics import Evidence, Flag, flags
 from virtual_lab.measurement.other_support import OtherSupport, other_support
 from virtual_lab.measurement.procedure import (
     Finding,
+    HitWeights,
     Judgement,
-    Outcome,
     Procedure,
     SetAside,
     Verdict,
@@ -67,13 +67,13 @@ class Certification:
     shot_metric: Array  # (shot,)
     readings: ImpactReadings
     judgement: Judgement
-    outcome: Outcome
+    outcome: HitWeights
     metric: Budget | None  # None where too few hits were valid to give one
     quantities: Mapping[str, Budget]  # by the keys of QUANTITIES; {} without a metric
     width: Width | None  # None too where the rules ask for none
     swings: tuple[SwingResult, ...]  # where the rules name several swing laws
     other: OtherSupport | None
-    second_witness: SecondWitness | None  # where a camera watched the hits
+    second_witness: CameraComparison | None  # where a camera watched the hits
     set_aside: tuple[SetAside, ...]  # balls that the rules do not admit
     findings: tuple[Finding, ...]  # what the rules ask of a bat before it is hit
     flags: tuple[Flag, ...]  # what does not hang together in the records
@@ -147,7 +147,7 @@ def evaluate(session: Session, reduced: Reduced) -> Certification:
 
 
 def _reasons(
-    procedure: Procedure, outcome: Outcome, metric: Budget | None, flagged: tuple[Flag, ...]
+    procedure: Procedure, outcome: HitWeights, metric: Budget | None, flagged: tuple[Flag, ...]
 ) -> Iterator[str]:
     """Tell why a test decides nothing; nothing where it does."""
     if outcome.reason:

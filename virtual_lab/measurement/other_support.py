@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from virtual_lab.measurement.procedure import Outcome, Procedure
+from virtual_lab.measurement.procedure import HitWeights, Procedure
 from virtual_lab.measurement.reduction.kinematics import restitution_from_efficiency
 from virtual_lab.measurement.reduction.shot_algebra import BatProperties, ShotResults, recoil_factor
 
@@ -24,7 +24,7 @@ class OtherSupport:
 
 
 def other_support(
-    procedure: Procedure, shots: ShotResults, bat: BatProperties, outcome: Outcome
+    procedure: Procedure, shots: ShotResults, bat: BatProperties, outcome: HitWeights
 ) -> OtherSupport:
     """Return what the hits that count would give with the other support's recoil factor."""
     which = "free" if procedure.recoil == "pivoted" else "pivoted"

@@ -14,9 +14,9 @@ from virtual_lab.catalog import Entry, read
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import (
     Curve,
+    HitWeights,
     Judgement,
     Lot,
-    Outcome,
     Procedure,
     Sought,
     aimed_place,
@@ -93,7 +93,7 @@ class Reduced:
     shot_metric: Array  # (shot,)
     sought: Sought  # by a scan, (shot,)
     judgement: Judgement
-    outcome: Outcome
+    outcome: HitWeights
 
 
 @contextmanager

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from virtual_lab.measurement.procedure import Curve, Outcome, Procedure, metric_of, outcome_of
+from virtual_lab.measurement.procedure import Curve, HitWeights, Procedure, metric_of, outcome_of
 from virtual_lab.measurement.reduction.shot_algebra import bat_properties
 from virtual_lab.measurement.session_reduction import Reduced
 from virtual_lab.uncertainty.budget import Budget, Variants, mean_of_hits
@@ -34,7 +34,7 @@ def swing_range(reduced: Reduced) -> tuple[SwingResult, ...]:
         return ()
     place, valid = reduced.readings.place, reduced.judgement.valid
     curve = Curve.measured(reduced.shots)
-    others: dict[float, tuple[Procedure, Outcome]] = {}
+    others: dict[float, tuple[Procedure, HitWeights]] = {}
     for exponent in rules.game.exponents:
         other = replace(rules, game=replace(rules.game, exponent=exponent))
         hits = metric_of(other)(curve, reduced.bat)

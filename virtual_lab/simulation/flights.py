@@ -13,7 +13,7 @@ from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.motion import play
 from virtual_lab.simulation.motion.scene import Balls, Barrel, Bat, Scene, State
 from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.rig import Motion, Order, Specimen
+from virtual_lab.simulation.rig import Motion, ShotPlan, Specimen
 from virtual_lab.simulation.truth import TrueBalls
 
 __all__ = ["at_rest"]
@@ -25,7 +25,7 @@ AFTER = 1e-3  # s, that a scene goes on after the contact: the ball has parted
 
 def at_rest(
     passage: Passage,
-    order: Order,
+    order: ShotPlan,
     specimen: Specimen,
     pivot_from_knob: float,
     place: Array,
@@ -92,7 +92,7 @@ def at_rest(
     )
 
 
-def _balls(balls: TrueBalls, order: Order, passage: Passage) -> Balls:
+def _balls(balls: TrueBalls, order: ShotPlan, passage: Passage) -> Balls:
     return Balls(
         mass=balls.mass[order.ball],
         restitution=balls.restitution[order.ball],

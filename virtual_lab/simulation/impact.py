@@ -11,20 +11,20 @@ from numpy.typing import NDArray
 from virtual_lab.catalog.specs import BatBody
 from virtual_lab.simulation.collision.patch import PATCH, patch_shape
 from virtual_lab.simulation.collision.scene import Scenes
-from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.physics.ball import Event, PowerLaw
 from virtual_lab.simulation.physics.modes import Modes, modes_of
 from virtual_lab.simulation.physics.section import outer_diameter
 from virtual_lab.simulation.physics.supports import Free, Pinned, Support
-from virtual_lab.simulation.rig import Order, Specimen
+from virtual_lab.simulation.rig import ShotPlan, Specimen
 from virtual_lab.simulation.truth import TrueOutcome, TrueRecoil
 
 __all__ = [
     "CONTACT_TIME",
     "contact_angle",
     "error_free",
+    "impact_efficiency",
     "scenes_of",
-    "struck",
     "thrown_back",
     "wall_restitution",
 ]
@@ -55,8 +55,8 @@ def contact_angle(specimen: Specimen, place: Array, across: Array) -> Array:
     return np.arcsin(across / (specimen.balls.spec.radius + barrel))
 
 
-def struck(
-    specimen: Specimen, rung: Rung, scenes: Scenes, at: float, surveyed: float
+def impact_efficiency(
+    specimen: Specimen, rung: RecordDetail, scenes: Scenes, at: float, surveyed: float
 ) -> tuple[Array, Array]:
     """Return e_A and the contact times [s] of a bat whose axis is `at` [m] from its knob.
 
@@ -64,7 +64,7 @@ def struck(
     is: all laboratories then share the support where the axis was `surveyed`.
     """
     body = specimen.bat.body
-    if rung is Rung.SUMMED:
+    if rung is RecordDetail.SUMMED:
         support = Pinned(body.length - surveyed)
         efficiency = specimen.collision.efficiency(body, support, scenes)
         return efficiency, np.full(efficiency.shape, CONTACT_TIME)
@@ -87,7 +87,7 @@ def thrown_back(
 
 
 def error_free(
-    order: Order, specimen: Specimen, support: Support, pivot_from_knob: float
+    order: ShotPlan, specimen: Specimen, support: Support, pivot_from_knob: float
 ) -> TrueOutcome:
     """Return what really happens at the order's places and nominal speeds to the lot's mean ball.
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.records import Record, ShotLog
-from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.truth import TrueBalls, TrueBat, TrueOutcome
 from virtual_lab.streams import Draws, Quiet, Slots, Streams
 from virtual_lab.uncertainty.estimate import Estimate
@@ -37,10 +37,10 @@ __all__ = [
     "FilmingStation",
     "ImpactStation",
     "Motion",
-    "Order",
-    "Play",
     "Reality",
     "Rig",
+    "RigOutput",
+    "ShotPlan",
     "Specimen",
     "Stage",
     "Station",
@@ -120,7 +120,7 @@ class Specimen:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Order:
+class ShotPlan:
     """What the operator asks for: a ball, a nominal speed [m/s] and a set place [m] a shot.
 
     `slot` is each shot's number in its laboratory, to which all that is random of it belongs.
@@ -132,7 +132,7 @@ class Order:
     speed: Array
     place: Array
     turn_rate: float = 0.0
-    rung: Rung = Rung.FULL
+    rung: RecordDetail = RecordDetail.FULL
     motion: Motion = Motion.CLOSED_FORM
 
     def log(self) -> ShotLog:
@@ -143,7 +143,7 @@ class Order:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Play:
+class RigOutput:
     """Raw records by channel, and what really happened, arrays with a leading shot axis."""
 
     records: Mapping[str, Record]
@@ -163,7 +163,7 @@ class Station(Protocol):
         """What they really are; sealed."""
         ...
 
-    def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
+    def play(self, order: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Carry out an order."""
         ...
 
@@ -172,7 +172,7 @@ class Station(Protocol):
 class ImpactStation(Station, Protocol):
     """A station that fires at bats can also be asked for the error-free answer."""
 
-    def outcome(self, order: Order, specimen: Specimen) -> TrueOutcome:
+    def outcome(self, order: ShotPlan, specimen: Specimen) -> TrueOutcome:
         """Return the measurand at the order's speeds and places: this bat, the lot's mean ball."""
         ...
 
@@ -181,7 +181,7 @@ class ImpactStation(Station, Protocol):
 class FilmingStation(Station, Protocol):
     """A station with a camera that can also keep whole frames."""
 
-    def film(self, order: Order, specimen: Specimen, draws: Draws, folder: Path) -> None:
+    def film(self, order: ShotPlan, specimen: Specimen, draws: Draws, folder: Path) -> None:
         """Film the first shot of an order: ``shot-0.mp4``, its ``.csv`` of times, a preview."""
         ...
 

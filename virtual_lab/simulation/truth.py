@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from virtual_lab.catalog.specs import BallSpec, BatBody, BatSpec
 from virtual_lab.streams import Draws, Slots
 
-__all__ = ["Sealed", "TrueBalls", "TrueBat", "TrueOutcome", "TrueRecoil", "draw_balls", "draw_bat"]
+__all__ = ["Sealed", "TrueBalls", "TrueBat", "TrueOutcome", "TrueRecoil", "draw_balls", "made_bat"]
 
 Array = NDArray[np.float64]
 
@@ -144,7 +144,7 @@ def _listed(arrays: Mapping[str, Array]) -> dict[str, Any]:
     return {name: np.ma.masked_invalid(values).tolist(None) for name, values in arrays.items()}
 
 
-def draw_bat(spec: BatSpec, draws: Draws) -> TrueBat:
+def made_bat(spec: BatSpec, draws: Draws) -> TrueBat:
     """Draw one made bat: density, stiffness and balance differ from the drawing."""
     body, spread = spec.body, spec.spread
     density, modulus, tilt = draws.normal("bat", (3,))

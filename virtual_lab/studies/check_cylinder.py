@@ -20,9 +20,9 @@ from virtual_lab.lab.laboratory import Laboratory
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.reduction.observations import along_of
 from virtual_lab.measurement.session_reduction import reduce_session
-from virtual_lab.simulation.faults import Day
-from virtual_lab.simulation.instruments import Rung
-from virtual_lab.simulation.rig import Order, Reality, Stage
+from virtual_lab.simulation.faults import FaultSet
+from virtual_lab.simulation.instruments import RecordDetail
+from virtual_lab.simulation.rig import Reality, ShotPlan, Stage
 
 __all__ = ["check_cylinder"]
 
@@ -53,7 +53,7 @@ def check_cylinder(
         An unknown fault, or one that cannot befall the rig; a day no hit of which is valid.
     """
     rules, stage = catalog.load("procedures", PROCEDURE, Procedure), Stage.IMPACT
-    wrong = Day.of(faults, rig=rules.spec.rig)
+    wrong = FaultSet.of(faults, rig=rules.spec.rig)
     laboratory = Laboratory.open(
         bat=catalog.load_bat(CYLINDER).spec,
         ball=catalog.load("balls", BALL, BallSpec).spec,
@@ -62,12 +62,12 @@ def check_cylinder(
         rig=rules.spec.rig,
         reality=Reality.REAL,
         rung=None,
-        day=Day(),
+        day=FaultSet(),
         unverified={},
-        instruments=Rung.FULL if faults else Rung.SUMMED,
+        instruments=RecordDetail.FULL if faults else RecordDetail.SUMMED,
     )
     session = laboratory.run(lambda _: None).certification.session
-    order = Order(
+    order = ShotPlan(
         slot=np.arange(hits),
         ball=np.zeros(hits, dtype=int),
         speed=np.full(hits, rules.spec.ball_speed),
@@ -76,7 +76,7 @@ def check_cylinder(
     )
     values = []
     for number in range(1, days + 1):
-        day = wrong if number >= since else Day()
+        day = wrong if number >= since else FaultSet()
         station = day.station(stage, laboratory.stations[stage])
         today = replace(order, slot=FIRST_SLOT + number * hits + order.slot)
         play = day.play(stage, station, today, laboratory.specimen, laboratory.draws)

@@ -22,8 +22,8 @@ from virtual_lab.lab.laboratory import Laboratory
 from virtual_lab.lab.naming import with_records
 from virtual_lab.measurement.camera.comparison import second_witness
 from virtual_lab.measurement.session_reduction import reduce_session
-from virtual_lab.simulation.instruments import Rung
-from virtual_lab.simulation.rig import Order, Stage
+from virtual_lab.simulation.instruments import RecordDetail
+from virtual_lab.simulation.rig import ShotPlan, Stage
 from virtual_lab.units import INCH
 
 __all__ = ["clip_coverage"]
@@ -71,19 +71,19 @@ def clip_coverage(
     found: list[Array] = []
     for number, seed in enumerate(range(first_seed, first_seed + clips), start=1):
         laboratory = open_laboratory(bat, procedure=procedure, rig=RIG, seed=seed)
-        rung = Rung.SUMMED if summed else Rung.FULL
-        found.append(_clip(replace(laboratory, instruments=Rung.SUMMED), rung))
+        rung = RecordDetail.SUMMED if summed else RecordDetail.FULL
+        found.append(_clip(replace(laboratory, instruments=RecordDetail.SUMMED), rung))
         if number % 50 == 0:
             say(f"{number} of {clips} clips")
     values = np.array(found)
     return [{"quantity": name} | _row(*values[:, place].T) for place, name in enumerate(QUANTITIES)]
 
 
-def _clip(laboratory: Laboratory, rung: Rung) -> Array:
+def _clip(laboratory: Laboratory, rung: RecordDetail) -> Array:
     """Return value, u and truth of each quantity of one shot, (quantity, 3)."""
     ready, _, _ = laboratory.measured(lambda _: None)
     rules, stage = ready.rules.spec, Stage.IMPACT
-    order = Order(
+    order = ShotPlan(
         slot=np.zeros(1, dtype=int),
         ball=np.zeros(1, dtype=int),
         speed=np.full(1, rules.ball_speed),

@@ -26,8 +26,8 @@ from virtual_lab.measurement.reduction.shot_algebra import measured_balls
 from virtual_lab.records import GateRecord
 from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
 from virtual_lab.simulation.physics.ageing import lasting_loss
-from virtual_lab.simulation.rig import Order, Reality, Specimen, Stage, WallStation, find_rig
-from virtual_lab.simulation.truth import TrueBalls, draw_balls, draw_bat
+from virtual_lab.simulation.rig import Reality, ShotPlan, Specimen, Stage, WallStation, find_rig
+from virtual_lab.simulation.truth import TrueBalls, draw_balls, made_bat
 from virtual_lab.studies.check_cylinder import check_cylinder
 from virtual_lab.studies.control_charts import RULES, Charted, chart
 from virtual_lab.studies.daily_chart import draw_control_chart
@@ -243,11 +243,11 @@ def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
     draws = Reality.REAL.draws(seed)
     station = cast("WallStation", find_rig(BALL_RIG, Stage.BALLS).commission(draws))
     constants = _constants(station.calibration, spec)
-    bat = draw_bat(catalog.load_bat(NO_BAT).spec, draws)
+    bat = made_bat(catalog.load_bat(NO_BAT).spec, draws)
     balls = draw_balls(spec, 1, draws)
     first = np.zeros(hits, dtype=int)
     turns = np.arange(hits)
-    order = Order(slot=turns, ball=first, speed=np.full(hits, SPEED), place=np.zeros(hits))
+    order = ShotPlan(slot=turns, ball=first, speed=np.full(hits, SPEED), place=np.zeros(hits))
     values = []
     for day, gives in enumerate(wall):
         play = station.with_wall(float(gives)).play(
@@ -270,7 +270,7 @@ def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
 
 
 def _measured(
-    gates: GateRecord, spec: BallSpec, order: Order, constants: dict[str, Array]
+    gates: GateRecord, spec: BallSpec, order: ShotPlan, constants: dict[str, Array]
 ) -> float:
     """Return the check ball's mean e0 at the nominal speed. Its mass was weighed long ago."""
     readings = BallReadings(

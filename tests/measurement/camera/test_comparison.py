@@ -9,10 +9,10 @@ from virtual_lab.certificate.document import certificate
 from virtual_lab.certificate.tables import shot_table
 from virtual_lab.certificate.text import certificate_text
 from virtual_lab.lab import open_laboratory
-from virtual_lab.measurement.camera.comparison import COMPARED, SecondWitness, second_witness
+from virtual_lab.measurement.camera.comparison import COMPARED, CameraComparison, second_witness
 from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.measurement.session_reduction import reduce_session
-from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import Reality
 from virtual_lab.streams import Streams
 from virtual_lab.uncertainty.estimate import Estimate
@@ -25,10 +25,10 @@ def filmed(seed: int, *, faults: tuple[str, ...] = (), reality: Reality = Realit
     laboratory = open_laboratory(
         "r161", procedure="bbcor", rig="filmed-cannon", seed=seed, faults=faults, reality=reality
     )
-    return replace(laboratory, instruments=Rung.SUMMED).run(lambda _: None)
+    return replace(laboratory, instruments=RecordDetail.SUMMED).run(lambda _: None)
 
 
-def witness_of(seed: int, **given) -> SecondWitness:
+def witness_of(seed: int, **given) -> CameraComparison:
     witness = filmed(seed, **given).certification.second_witness
     assert witness is not None
     return witness
@@ -40,12 +40,12 @@ def certifications() -> list[Certification]:
 
 
 @pytest.fixture(scope="module")
-def witnesses(certifications: list[Certification]) -> list[SecondWitness]:
+def witnesses(certifications: list[Certification]) -> list[CameraComparison]:
     return [each.second_witness for each in certifications if each.second_witness]
 
 
 @pytest.mark.parametrize("name", COMPARED)
-def test_sound_witnesses_agree(name: str, witnesses: list[SecondWitness]) -> None:
+def test_sound_witnesses_agree(name: str, witnesses: list[CameraComparison]) -> None:
     """Scores of the difference: mean within 4/√n of 0, χ² of n within 4 of its deviations."""
     told = [each.told[name] for each in witnesses]
     scores = np.array([each.difference.value / each.difference.u for each in told])
@@ -56,7 +56,7 @@ def test_sound_witnesses_agree(name: str, witnesses: list[SecondWitness]) -> Non
 
 
 @pytest.mark.parametrize("name", COMPARED)
-def test_joined_is_between_and_no_less_sure(name: str, witnesses: list[SecondWitness]) -> None:
+def test_joined_is_between_and_no_less_sure(name: str, witnesses: list[CameraComparison]) -> None:
     """A share from 0 to 1, and by what sets them apart no wider than either."""
     for each in witnesses:
         told = each.told[name]
@@ -104,7 +104,7 @@ def test_each_shot_scatters_with_its_heights_as_it_says(
     session, reduced = certification.session, reduce_session(certification.session)
     passages = reduced.readings.passages
 
-    def told(noise: np.ndarray, u: float) -> SecondWitness:
+    def told(noise: np.ndarray, u: float) -> CameraComparison:
         seen = replace(
             passages, heights=passages.heights + noise, heights_u=np.full(noise.shape, u)
         )
@@ -113,7 +113,7 @@ def test_each_shot_scatters_with_its_heights_as_it_says(
         assert witness is not None
         return witness
 
-    def quantities(witness: SecondWitness) -> dict[str, np.ndarray]:
+    def quantities(witness: CameraComparison) -> dict[str, np.ndarray]:
         flights = witness.filmed.flights
         return {
             "speed_in": flights.speed_in,
@@ -190,6 +190,6 @@ def test_the_certificate_tells_both(certifications: list[Certification]) -> None
     table = shot_table(certification)
     assert {"video_speed_mph", "video_rebound_mph", "video_place_in"} <= set(table.columns)
     laboratory = open_laboratory("r161", procedure="bbcor", seed=3)
-    plain = replace(laboratory, instruments=Rung.SUMMED).run(lambda _: None).certification
+    plain = replace(laboratory, instruments=RecordDetail.SUMMED).run(lambda _: None).certification
     assert certificate(plain)["second_witness"] is None
     assert "video" not in certificate_text(certificate(plain))

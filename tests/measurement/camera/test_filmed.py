@@ -12,7 +12,7 @@ from virtual_lab.measurement.camera.filmed import Filmed, filmed, frames_u
 from virtual_lab.measurement.camera.windows import Sightings, sight
 from virtual_lab.measurement.reduction.flights import Flights
 from virtual_lab.records import ClipRecord
-from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.instruments.camera.course import Course
 from virtual_lab.streams import Quiet, Streams
 
@@ -39,7 +39,7 @@ def timed(course: Course) -> Flights:
     )
 
 
-def seen_by(camera, course: Course, rung: Rung, draws=None, bat=None) -> Sightings:
+def seen_by(camera, course: Course, rung: RecordDetail, draws=None, bat=None) -> Sightings:
     record, _ = camera.watch(course, draws or Quiet(), "clip", np.arange(3), rung, bat)
     return sight(record, camera.calibration(), 0.0365)
 
@@ -58,7 +58,7 @@ def test_a_camera_without_errors_gives_back_the_flights(name: str) -> None:
     """
     spec = spec_of(name, frames_in=40, frames_out=40).ideal()
     camera, course = camera_of(spec, Quiet()), course_of()
-    got = measured(camera, course, seen_by(camera, course, Rung.SUMMED))
+    got = measured(camera, course, seen_by(camera, course, RecordDetail.SUMMED))
     assert got.flights.speed_in == pytest.approx(course.passage.speed_in, rel=1e-5)
     off = got.flights.speed_out / course.passage.speed_out - 1
     assert np.all(np.abs(off) < 1e-5 + 0.012 * np.square(course.passage.slope_out))
@@ -75,7 +75,7 @@ def test_windows_of_a_plain_ball_give_back_the_flights() -> None:
     spec = replace(spec, ball=replace(spec.ball, seam_contrast=0.0))
     spec = replace(spec, light=replace(spec.light, ambient=1.0))
     camera, course = camera_of(spec, Quiet()), course_of()
-    seen = seen_by(camera, course, Rung.FULL, bat=bat_of(course))
+    seen = seen_by(camera, course, RecordDetail.FULL, bat=bat_of(course))
     got = measured(camera, course, seen)
     assert got.flights.speed_in == pytest.approx(course.passage.speed_in, rel=1e-4)
     assert got.flights.speed_out == pytest.approx(course.passage.speed_out, rel=1e-4)
@@ -94,7 +94,7 @@ def test_speeds_of_a_stitched_ball_at_1500_rpm() -> None:
     camera, course = camera_of(known, Streams(11)), course_of()
     spin = np.full((SHOTS, 3), 157.0 / np.sqrt(3))
     course = replace(course, spin_in=spin, spin_out=spin)
-    seen = seen_by(camera, course, Rung.FULL, Streams(12), bat_of(course))
+    seen = seen_by(camera, course, RecordDetail.FULL, Streams(12), bat_of(course))
     got = measured(camera, course, seen)
     u = frames_u(constants(camera), STAGE, seen, got)
     for found, true, sure in (
@@ -116,7 +116,7 @@ def test_speeds_scatter_as_they_say() -> None:
     course = replace(course, passage=replace(course.passage, slope_out=np.zeros(SHOTS)))
     scores = []
     for seed in range(150):
-        seen = seen_by(camera, course, Rung.SUMMED, Streams(seed))
+        seen = seen_by(camera, course, RecordDetail.SUMMED, Streams(seed))
         got = measured(camera, course, seen)
         u = frames_u(constants(camera), STAGE, seen, got)
         scores.append(
@@ -180,7 +180,7 @@ def test_what_a_wrong_constant_does(name: str, step: float | None, effect: float
     """0.1 % of each: 0.1 % of both speeds, to a hundredth of it, and of e_A nothing."""
     spec = spec_of("camera-overhead", frames_in=30, frames_out=30).ideal()
     camera, course = camera_of(spec, Quiet()), course_of()
-    seen = seen_by(camera, course, Rung.SUMMED)
+    seen = seen_by(camera, course, RecordDetail.SUMMED)
     value = step or float(constants(camera)[f"{STAGE}.camera.{name}"]) * 1.001
     sound = measured(camera, course, seen).flights
     # as columns, as a budget calls it
@@ -198,7 +198,7 @@ def test_a_rebound_the_gates_missed_gives_none() -> None:
     """Without its height the ball's distance is not known: NaN, and the way in stands."""
     spec = spec_of("camera-overhead").ideal()
     camera, course = camera_of(spec, Quiet()), course_of()
-    seen = seen_by(camera, course, Rung.SUMMED)
+    seen = seen_by(camera, course, RecordDetail.SUMMED)
     gates = replace(timed(course), slope_out=np.array([np.nan, 0.0, 0.0]))
     got = filmed(constants(camera), STAGE, seen, course.passage.drag, gates)
     assert np.isnan(got.flights.speed_out).tolist() == [True, False, False]

@@ -15,9 +15,9 @@ from virtual_lab.measurement.reduction.observations import (
 )
 from virtual_lab.measurement.reduction.rate import RateFit
 from virtual_lab.measurement.reduction.shot_algebra import (
-    Asked,
     BatProperties,
     MeasuredBalls,
+    ReductionSettings,
     bat_properties,
     shot_results,
 )
@@ -189,7 +189,7 @@ def worked(x: dict[str, np.ndarray]):
         recoil=recoil,
         swing=None,
     )
-    asked = Asked(
+    asked = ReductionSettings(
         reads="recoil",
         recoil="pivoted",
         pivot_from_knob=0.15,

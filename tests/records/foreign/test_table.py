@@ -311,28 +311,28 @@ def test_a_form_that_does_not_fit(more: dict, key: str, allowed: str, tmp_path: 
     assert WHERE in str(caught.value) or "csv" in caught.value.where
 
 
-def test_a_million_rows() -> None:
+def test_200_000_rows() -> None:
     """Read whole, and checked: the last of them running backwards is found."""
     table = pd.DataFrame(
         {
-            "time_ms": np.tile(np.arange(250_000.0), 4),
-            "counts": np.arange(1_000_000),
-            "shot": np.repeat(np.arange(4), 250_000) + 1,
+            "time_ms": np.tile(np.arange(50_000.0), 4),
+            "counts": np.arange(200_000),
+            "shot": np.repeat(np.arange(4), 50_000) + 1,
         }
     )
     form = ChannelForm(record="encoder", file="x.csv", rows="sample")
     record = read(table, form, 1)
-    assert record.counts.shape == (4, 250_000)
-    assert record.counts[3, -1] == 999_999
-    assert record.times[-1] == pytest.approx(249.999)
-    table.loc[table.time_ms == 249_999, "time_ms"] = 0.0
-    with pytest.raises(InputError, match=r"time_ms = 0.0; .*sample 250000"):
+    assert record.counts.shape == (4, 50_000)
+    assert record.counts[3, -1] == 199_999
+    assert record.times[-1] == pytest.approx(49.999)
+    table.loc[table.time_ms == 49_999, "time_ms"] = 0.0
+    with pytest.raises(InputError, match=r"time_ms = 0.0; .*sample 50000"):
         read(table, form, 1)
 
 
-def test_a_million_rows_of_something_else() -> None:
-    """Shot numbers by which it would have to be 10^15 readings are refused, not made."""
-    number = np.arange(1_000_000)
+def test_200_000_rows_of_something_else() -> None:
+    """Shot numbers by which it would have to be 10^10 readings are refused, not made."""
+    number = np.arange(200_000)
     table = pd.DataFrame({"item": number, "repeat": number, "mass_kg": 1.0})
-    with pytest.raises(InputError, match="expected 1000000000000 "):
+    with pytest.raises(InputError, match="expected 40000000000 "):
         read(table, form_of(MassReadings(readings=np.ones((1, 2)))))

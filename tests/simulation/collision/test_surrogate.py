@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,10 +11,9 @@ from virtual_lab.catalog import load_bat
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import Scenes
-from virtual_lab.simulation.collision.store import surrogate_of
 from virtual_lab.simulation.collision.surrogate import Box, Surrogate
-from virtual_lab.simulation.collision.surrogate_kernel import evaluate
-from virtual_lab.simulation.physics.supports import Free, Pinned
+from virtual_lab.simulation.collision.surrogate_kernel import evaluate_surrogate
+from virtual_lab.simulation.physics.supports import Free
 from virtual_lab.units import INCH, MPH
 
 BODY = load_bat("ea70").spec.body
@@ -63,9 +61,11 @@ def test_the_kernel_is_the_chebyshev_series(shape: tuple[int, ...]) -> None:
         for at in (x, y, z, w):
             value = np.polynomial.chebyshev.chebval(at, value)
         expected.append(value)
-    assert evaluate(coefficients, unit) == pytest.approx(np.array(expected), abs=1e-12)
-    alone = np.concatenate([evaluate(coefficients, unit[:, i : i + 1].copy()) for i in range(9)])
-    assert evaluate(coefficients, unit)[:9] == pytest.approx(alone, abs=1e-14)
+    assert evaluate_surrogate(coefficients, unit) == pytest.approx(np.array(expected), abs=1e-12)
+    alone = np.concatenate(
+        [evaluate_surrogate(coefficients, unit[:, i : i + 1].copy()) for i in range(9)]
+    )
+    assert evaluate_surrogate(coefficients, unit)[:9] == pytest.approx(alone, abs=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -111,35 +111,6 @@ def test_a_tolerance_out_of_reach_is_said(model: ModalModel) -> None:
 def test_a_box_upside_down_is_refused() -> None:
     with pytest.raises(InputError, match="relative_speed"):
         replace(BOX, relative_speed=(80.0, 20.0))
-
-
-def test_store(model: ModalModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same from disk; another model, support or box is another file; a spoilt one is remade."""
-    own = {"model": model, "body": BODY, "support": Free(), "box": BOX, "tolerance": 1e-3}
-
-    def get(**change: object) -> Surrogate:
-        return surrogate_of(**(own | change), folder=tmp_path)  # type: ignore[arg-type]
-
-    first = get()
-    (path,) = tmp_path.iterdir()
-    monkeypatch.setattr(ModalModel, "collide", None)
-    again = get()
-    assert np.array_equal(first.coefficients, again.coefficients)
-    assert again.error == first.error
-    monkeypatch.undo()
-    path.write_bytes(b"spoilt")
-    assert np.array_equal(get().coefficients, first.coefficients)
-    get(support=Pinned(0.7112))
-    get(box=replace(BOX, exponent=1.1))
-    get(model=ModalModel.of(BODY, Free(), 14))
-    assert len(list(tmp_path.iterdir())) == 4
-    assert not [name for name in tmp_path.iterdir() if not name.name.startswith("surrogate-")]
-
-
-def test_a_folder_that_cannot_be_written_is_done_without(model: ModalModel, tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    found = surrogate_of(model, BODY, Free(), BOX, tolerance=1e-3, folder=tmp_path / "file")
-    assert found.error <= 1e-3
 
 
 def test_what_lies_in_a_box() -> None:

@@ -17,7 +17,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.lab import certify_bat
 from virtual_lab.measurement.diagnostics import CHECKS
 from virtual_lab.measurement.procedure import Procedure
-from virtual_lab.simulation.faults import CATALOGUE, Day, FaultSheet
+from virtual_lab.simulation.faults import CATALOGUE, FaultSet, FaultSheet
 from virtual_lab.simulation.rig import installed_rigs
 from virtual_lab.units import MPH, OUNCE
 
@@ -65,10 +65,10 @@ def test_a_fault_that_cannot_befall_the_rig_names_those_it_can() -> None:
 def test_a_sound_day_is_the_day_without_faults(monkeypatch: pytest.MonkeyPatch) -> None:
     """Bit for bit: the hooks taken out of the laboratory altogether."""
     sound = certified(seed=5).certification
-    monkeypatch.setattr(Day, "station", lambda self, stage, station: station)
-    monkeypatch.setattr(Day, "calibration", lambda self, known: known)
+    monkeypatch.setattr(FaultSet, "station", lambda self, stage, station: station)
+    monkeypatch.setattr(FaultSet, "calibration", lambda self, known: known)
     monkeypatch.setattr(
-        Day,
+        FaultSet,
         "play",
         lambda self, stage, station, order, specimen, draws: station.play(order, specimen, draws),
     )
@@ -189,6 +189,6 @@ def test_a_fault_that_comes_and_goes_spares_some_shots() -> None:
 
 
 def test_order_does_not_depend_on_the_names_given_twice() -> None:
-    day = Day.of(("gate-moved", "aim-along", "gate-moved"), rig="astm-pivot")
+    day = FaultSet.of(("gate-moved", "aim-along", "gate-moved"), rig="astm-pivot")
     assert day.names == ("gate-moved", "aim-along")
     assert all(one != other for one, other in pairwise(day.names))

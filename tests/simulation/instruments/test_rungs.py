@@ -20,15 +20,15 @@ from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.faults.fault import other_sheet
 from virtual_lab.simulation.impact import contact_angle
-from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.instruments.board_kernel import rows_of_gains
 from virtual_lab.simulation.instruments.board_sums import gain_table
 from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.rig import Order, Specimen, Stage, find_rig
-from virtual_lab.simulation.truth import draw_balls, draw_bat
+from virtual_lab.simulation.rig import ShotPlan, Specimen, Stage, find_rig
+from virtual_lab.simulation.truth import draw_balls, made_bat
 from virtual_lab.streams import Streams
 
 RADIUS, GRAVITY, DRAG = 0.0366, 9.80665, 0.007
@@ -50,7 +50,9 @@ def balls(speed_in: float, speed_out: float, draws: Streams, rise: float) -> Pas
     )
 
 
-def errors(name: str, speed_in: float, speed_out: float, rise: float, rung: Rung, **changes):
+def errors(
+    name: str, speed_in: float, speed_out: float, rise: float, rung: RecordDetail, **changes
+):
     """Return errors of the four quantities of a flight, (quantity, shot), distances known."""
     spec = catalog.load("instruments", name, LightBoardSpec).spec
     spec = replace(spec, distance_u=0.0, height_u=0.0, clock_u=0.0, sabot_rate=0.0, **changes)
@@ -95,7 +97,8 @@ def test_boards_that_sum_up_scatter_as_their_edges_do(
 ) -> None:
     """Speeds in and out, offset and slope, thresholds drawn for 80 laboratories of 20 shots."""
     full, summed = (
-        errors(name, speed_in, speed_out, rise, rung) for rung in (Rung.FULL, Rung.SUMMED)
+        errors(name, speed_in, speed_out, rise, rung)
+        for rung in (RecordDetail.FULL, RecordDetail.SUMMED)
     )
     for quantity, each, sums in zip(("in", "out", "offset", "slope"), full, summed, strict=True):
         assert np.array_equal(np.isfinite(each), np.isfinite(sums)), quantity
@@ -111,7 +114,7 @@ def test_the_edges_jitter_alone() -> None:
     """Without thresholds of their own the beams' noise is the clock's."""
     full, summed = (
         errors("light-boards", 60.8, 12.0, 0.05, rung, trip_spread=0.0)
-        for rung in (Rung.FULL, Rung.SUMMED)
+        for rung in (RecordDetail.FULL, RecordDetail.SUMMED)
     )
     ratio = np.sqrt((summed**2).mean(axis=1) / (full**2).mean(axis=1))
     assert np.abs(ratio - 1).max() < WITHIN
@@ -162,7 +165,7 @@ def test_gates_that_sum_up_scatter_as_their_edges_do() -> None:
     )
     contact = gates.arrival(passage)
     scatter = []
-    for rung in Rung:
+    for rung in RecordDetail:
         record = gates.watch(
             passage, contact, contact, Streams(2), "g", np.arange(contact.size), rung
         )
@@ -182,14 +185,16 @@ class _Modal:
 def specimen(bat: str, draws: Streams) -> Specimen:
     ball = catalog.load("balls", "baseball-2003", BallSpec).spec
     return Specimen(
-        bat=draw_bat(catalog.load_bat(bat).spec, draws),
+        bat=made_bat(catalog.load_bat(bat).spec, draws),
         balls=draw_balls(ball, 12, draws),
         collision=_Modal(),
     )
 
 
-def order(shots: int, speed: float, place: float, rung: Rung, turn_rate: float = 0.0) -> Order:
-    return Order(
+def order(
+    shots: int, speed: float, place: float, rung: RecordDetail, turn_rate: float = 0.0
+) -> ShotPlan:
+    return ShotPlan(
         slot=np.arange(shots),
         ball=np.arange(shots) % 12,
         speed=np.full(shots, speed),
@@ -202,7 +207,7 @@ def order(shots: int, speed: float, place: float, rung: Rung, turn_rate: float =
 @pytest.mark.parametrize(("bat", "place"), [("r161", 0.16), ("ea70", 0.10)])
 def test_recoil_summed_up_scatters_as_its_counts_do(bat: str, place: float) -> None:
     """Three laboratories of 150 shots: their rates' errors against what momentum gives."""
-    errors: dict[Rung, list[np.ndarray]] = {rung: [] for rung in Rung}
+    errors: dict[RecordDetail, list[np.ndarray]] = {rung: [] for rung in RecordDetail}
     for seed in (3, 4, 5):
         draws = Streams(seed)
         struck = specimen(bat, draws)
@@ -210,7 +215,7 @@ def test_recoil_summed_up_scatters_as_its_counts_do(bat: str, place: float) -> N
         station = other_sheet(station, "pivot", friction=0.0)
         beam = beam_of(struck.bat.body)
         axis = beam.length - station.pivot.from_knob
-        for rung in Rung:
+        for rung in RecordDetail:
             asked = order(150, 26.8, place, rung)
             play = station.play(asked, struck, draws)
             truth, record = play.truth, play.records["encoder"]
@@ -218,7 +223,7 @@ def test_recoil_summed_up_scatters_as_its_counts_do(bat: str, place: float) -> N
             normal = truth["speed"] * np.cos(tilt) * (1 + truth["collision_efficiency"])
             impulse = struck.balls.mass[asked.ball] * normal * np.cos(tilt)
             true = impulse * (axis - truth["place"]) / beam.inertia(axis)
-            if rung is Rung.FULL:
+            if rung is RecordDetail.FULL:
                 seen = passages(play.records["gates"])
                 far, near = station.gates.distances[[0, -1]]
                 contact = seen.times[:, 0, -1] + near * seen.duration_in / (far - near)
@@ -226,7 +231,9 @@ def test_recoil_summed_up_scatters_as_its_counts_do(bat: str, place: float) -> N
             turn = station.encoder.scale * station.encoder.spec.counts_per_turn / 2 / np.pi
             off = record.rate / turn * station.gates.clock - true
             errors[rung].append(off)
-    full, summed = (np.concatenate(errors[rung]) for rung in (Rung.FULL, Rung.SUMMED))
+    full, summed = (
+        np.concatenate(errors[rung]) for rung in (RecordDetail.FULL, RecordDetail.SUMMED)
+    )
     ratio = summed.std() / full.std()
     assert abs(ratio - 1) < WITHIN
     assert abs(summed.mean() - full.mean()) < 5 * full.std() * sqrt(2 / full.size)
@@ -234,7 +241,7 @@ def test_recoil_summed_up_scatters_as_its_counts_do(bat: str, place: float) -> N
 
 def test_swing_summed_up_scatters_as_its_counts_do() -> None:
     """Rates from 36 to 50 rad/s, 30 bats' worth: rounding is white over many, not at each."""
-    errors: dict[Rung, list[np.ndarray]] = {rung: [] for rung in Rung}
+    errors: dict[RecordDetail, list[np.ndarray]] = {rung: [] for rung in RecordDetail}
     angles: list[np.ndarray] = []
     for seed, turn_rate in enumerate(np.linspace(36, 50, 30)):
         draws = Streams(seed)
@@ -243,11 +250,11 @@ def test_swing_summed_up_scatters_as_its_counts_do() -> None:
         boards = replace(station.gates, spec=replace(station.gates.spec, sabot_rate=0.0))
         station = replace(station, gates=boards)
         axis = swung.bat.body.length - station.holder.from_knob
-        for rung in Rung:
+        for rung in RecordDetail:
             play = station.play(order(40, 31.3, 0.15, rung, float(turn_rate)), swung, draws)
             truth, record = play.truth, play.records["swing"]
             turn = station.encoder.scale * station.encoder.spec.counts_per_turn / 2 / np.pi
-            if rung is Rung.FULL:
+            if rung is RecordDetail.FULL:
                 spec = boards.spec
                 seen = passages(play.records["gates"], lowest=spec.lowest, pitch=spec.pitch)
                 far, near = boards.distances[[0, -1]]
@@ -257,7 +264,9 @@ def test_swing_summed_up_scatters_as_its_counts_do() -> None:
                 angles.append(record.angle / turn - truth["angle"])
             true = truth["bat_speed"] / (axis - truth["place"])
             errors[rung].append(record.rate / turn * station.gates.clock / true - 1)
-    full, summed = (np.concatenate(errors[rung]) for rung in (Rung.FULL, Rung.SUMMED))
+    full, summed = (
+        np.concatenate(errors[rung]) for rung in (RecordDetail.FULL, RecordDetail.SUMMED)
+    )
     # 0.83 to 0.88 in four samples: one fit in a hundred is wide where few counts lie before contact
     assert 0.8 < summed.std() / full.std() < 1.1
     assert abs(summed.mean() - full.mean()) < 5 * full.std() * sqrt(2 / full.size) + 3e-5

@@ -31,7 +31,7 @@ def weighed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, FittedBat]:
     """Return a file of measurements without frequencies, and what it was fitted to."""
     source = tmp_path_factory.mktemp("fit") / "measured.toml"
     source.write_text(MEASURED)
-    return source, fit_bat(str(source), members=5)
+    return source, fit_bat(str(source), members=3)
 
 
 def test_the_file_reads_back_as_the_bat_that_was_measured(
@@ -55,7 +55,7 @@ def test_measuring_more_leaves_less_open(tmp_path: Path, weighed: tuple[Path, Fi
     less = {row["quantity"]: row for row in fitted.spread}
     path = tmp_path / "tapped.toml"
     path.write_text(MEASURED + FREQUENCIES)
-    more = {row["quantity"]: row for row in fit_bat(str(path), members=5).spread}
+    more = {row["quantity"]: row for row in fit_bat(str(path), members=3).spread}
     assert less["f1"]["high"] - less["f1"]["low"] > 5
     assert not less["f1"]["measured"]
     assert more["f1"]["measured"]
@@ -65,4 +65,4 @@ def test_measuring_more_leaves_less_open(tmp_path: Path, weighed: tuple[Path, Fi
     for row in more.values():
         assert row["low"] <= row["fit"] <= row["high"]
     # fits without frequencies are quick; the draws are the same
-    assert fit_bat(str(source), members=5).spread == fitted.spread
+    assert fit_bat(str(source), members=3).spread == fitted.spread

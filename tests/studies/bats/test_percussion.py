@@ -12,7 +12,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.lab import open_laboratory
 from virtual_lab.simulation.faults.fault import other_sheet
 from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.rig import Order, Reality, Stage
+from virtual_lab.simulation.rig import Reality, ShotPlan, Stage
 from virtual_lab.studies.bats.percussion import Percussed, percussion, save_percussion
 from virtual_lab.studies.bats.percussion_text import percussion_text
 
@@ -67,7 +67,7 @@ def test_a_loose_bat_turns_as_a_free_one_until_its_journal_bears(place: float) -
     fixed = laboratory.stations[Stage.IMPACT]
     one = np.zeros(1, dtype=int)
     speed = laboratory.rules.spec.ball_speed
-    order = Order(slot=one, ball=one, speed=np.array([speed]), place=np.array([place * INCH]))
+    order = ShotPlan(slot=one, ball=one, speed=np.array([speed]), place=np.array([place * INCH]))
     fine = other_sheet(fixed, "pivot", friction=0.0, clearance=0.0)
     fine = replace(fine, encoder=replace(fine.encoder, spec=laboratory_spec(fine)))
     counts, truth = [], {}

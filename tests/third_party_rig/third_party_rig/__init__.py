@@ -12,7 +12,7 @@ from virtual_lab.simulation.instruments.air import Air, AirSpec
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.physics.supports import Pinned
-from virtual_lab.simulation.rig import Order, Play, Specimen, Stage
+from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.simulation.truth import TrueOutcome
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
@@ -80,7 +80,7 @@ class SpeedGunStation:
     def _instruments(self) -> dict[str, Instrument]:
         return {"gates": self.gates, "air": self.air}
 
-    def play(self, order: Order, specimen: Specimen, draws: Draws) -> Play:
+    def play(self, order: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire at the bat at rest and time the ball through every curtain, both ways."""
         name, slots, balls = SpeedGunPivot.name, order.slot, specimen.balls
         speed = order.speed + self.scatter * draws.normal(f"{name}.launch", slots=slots)
@@ -97,7 +97,7 @@ class SpeedGunStation:
         )
         contact = self.gates.arrival(passage)
         leaving = contact + hit.contact_time
-        return Play(
+        return RigOutput(
             records={
                 "log": ShotLog(ball=order.ball, nominal_speed=order.speed, place=order.place),
                 "gates": self.gates.watch(passage, contact, leaving, draws, f"{name}.gates", slots),
@@ -105,7 +105,7 @@ class SpeedGunStation:
             truth={"speed": speed, "collision_efficiency": hit.collision_efficiency},
         )
 
-    def outcome(self, order: Order, specimen: Specimen) -> TrueOutcome:
+    def outcome(self, order: ShotPlan, specimen: Specimen) -> TrueOutcome:
         """Return the measurand at the order's places: this bat, the lot's mean ball."""
         return error_free(order, specimen, _support(specimen), PIVOT_FROM_KNOB)
 

@@ -12,7 +12,7 @@ from tests.video.boards import small_camera, true_model
 from tests.video.calibration.test_plane import CAMERA
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.instruments.camera.camera import Camera
-from virtual_lab.simulation.instruments.camera.scene import Bat, background
+from virtual_lab.simulation.instruments.camera.scene import FilmedBat, background
 from virtual_lab.streams import Streams
 from virtual_lab.video.bat.angles import BatAngles, bat_angles, recoil_of
 from virtual_lab.video.bat.outline import Outline, find_outline
@@ -31,14 +31,16 @@ def model_of(camera: Camera) -> CameraModel:
     )
 
 
-def outline_in(camera: Camera, rest: NDArray[np.float32], bat: Bat, off: float = 0.0) -> Outline:
+def outline_in(
+    camera: Camera, rest: NDArray[np.float32], bat: FilmedBat, off: float = 0.0
+) -> Outline:
     """Return a bat's outline in axes from under the camera, Y down; `off` misplaces its pivot."""
     x, y, _ = camera.lens.place
     pivot = (bat.pivot[0] - x, y - bat.pivot[1] - off)
     return find_outline(rest, pivot, (pivot[0], y), 0.06, model_of(camera))
 
 
-def films(camera: Camera, bat: Bat, angles: Array, seed: int) -> list[NDArray[np.generic]]:
+def films(camera: Camera, bat: FilmedBat, angles: Array, seed: int) -> list[NDArray[np.generic]]:
     """Return whole frames of a bat without a ball."""
     corner = np.zeros((1, 2), np.int64)
     still, frames = background(camera.spec), []
@@ -51,7 +53,7 @@ def films(camera: Camera, bat: Bat, angles: Array, seed: int) -> list[NDArray[np
 
 
 @pytest.fixture(scope="module")
-def filmed() -> tuple[Camera, Bat, Outline, Array, Array, list[NDArray[np.generic]]]:
+def filmed() -> tuple[Camera, FilmedBat, Outline, Array, Array, list[NDArray[np.generic]]]:
     """Return a bat at rest for 8 frames, turning at 12 rad/s for 24: 0.06 rad, 40 px at its tip."""
     camera, bat = small_camera(3), bat_of(course_of())
     camera = replace(camera, spec=replace(camera.spec, empty_frames=32))

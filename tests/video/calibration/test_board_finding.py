@@ -6,7 +6,7 @@ import pytest
 from numpy.typing import NDArray
 
 from virtual_lab.relations.board import board_of
-from virtual_lab.video.calibration.board_finding import Seen, find_board
+from virtual_lab.video.calibration.board_finding import BoardView, find_board
 
 SQUARE = 160  # pixels of the drawing
 LAID = np.array([[0.24, 0.03, 60.0], [-0.02, 0.26, 70.0], [2e-5, 3e-5, 1.0]])
@@ -32,7 +32,7 @@ def true_places(columns: int, rows: int) -> NDArray[np.float64]:
     return cv2.perspectiveTransform(flat[None].astype(float), LAID)[0]
 
 
-def off(seen: Seen | None, columns: int, rows: int) -> NDArray[np.float64]:
+def off(seen: BoardView | None, columns: int, rows: int) -> NDArray[np.float64]:
     assert seen is not None
     return seen.places - true_places(columns, rows)[seen.ids]
 

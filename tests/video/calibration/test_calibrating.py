@@ -22,7 +22,7 @@ from virtual_lab.relations.board import board_of
 from virtual_lab.simulation.instruments.camera.views import board_views
 from virtual_lab.streams import Streams
 from virtual_lab.video.calibration import calibrating
-from virtual_lab.video.calibration.board_finding import Seen, find_board
+from virtual_lab.video.calibration.board_finding import BoardView, find_board
 from virtual_lab.video.calibration.calibrating import (
     Calibrated,
     Plan,
@@ -39,10 +39,10 @@ NOISE = 0.01  # pixels
 
 
 def calibrated(
-    monkeypatch: pytest.MonkeyPatch, seen: list[Seen], plan: Plan | None = None
+    monkeypatch: pytest.MonkeyPatch, seen: list[BoardView], plan: Plan | None = None
 ) -> Calibrated:
     """Return the calibration of corners that need not be looked for."""
-    waiting: Iterator[Seen] = iter(seen)
+    waiting: Iterator[BoardView] = iter(seen)
     monkeypatch.setattr(calibrating, "find_board", lambda *_: next(waiting))
     names = (f"{number}.png" for number in range(len(seen)))
     blank = np.zeros(SIZE[::-1], np.uint8)

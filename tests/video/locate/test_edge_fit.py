@@ -17,7 +17,7 @@ from virtual_lab.video.locate.located import Flag, Located
 from virtual_lab.video.locate.noise import Noise
 from virtual_lab.video.locate.pixels import View
 from virtual_lab.video.locate.rim_cover import covered
-from virtual_lab.video.locate.rim_profiles import FIRST, PER, profiles
+from virtual_lab.video.locate.rim_profiles import FIRST, PER, blurred_profiles
 
 
 def fitted(seen: Scene, **known: object) -> EdgeFit:
@@ -186,7 +186,7 @@ def test_no_ball_is_not_found() -> None:
 def test_tables_have_closed_forms() -> None:
     """A level's edge is the normal distribution, a level that falls with depth its integral."""
     radius, width = 20.0, 0.8
-    table = profiles(radius, width, 6.0, 0.0).table
+    table = blurred_profiles(radius, width, 6.0, 0.0).table
     t = FIRST + np.arange(len(table)) / PER
     density = np.exp(-(t**2) / 2) / np.sqrt(2 * np.pi)
     columns = table.shape[1] // 2

@@ -22,7 +22,7 @@ from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.budget import Budget, Component, Variants, mean_of_hits, scatter
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["COMPARED", "SecondWitness", "Told", "second_witness"]
+__all__ = ["COMPARED", "CameraComparison", "ComparedQuantity", "second_witness"]
 
 Array = NDArray[np.float64]
 COMPARED: Mapping[str, str] = {  # name in a certificate: the shots' field it is the mean of
@@ -34,7 +34,7 @@ GATES, VIDEO = "gates", "video"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Told:
+class ComparedQuantity:
     """One quantity as the witnesses tell it."""
 
     gates: Budget
@@ -51,10 +51,12 @@ class Told:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SecondWitness:
+class CameraComparison:
     """What the camera adds to a test."""
 
-    told: Mapping[str, Told]  # by the keys of COMPARED; {} where no hit that counts was filmed
+    told: Mapping[
+        str, ComparedQuantity
+    ]  # by the keys of COMPARED; {} where no hit that counts was filmed
     hits: int  # that count and both saw
     missed: int  # that count, and the camera did not see well
     filmed: Filmed
@@ -63,7 +65,7 @@ class SecondWitness:
 
 
 @constants_known()
-def second_witness(session: Session, reduced: Reduced) -> SecondWitness | None:
+def second_witness(session: Session, reduced: Reduced) -> CameraComparison | None:
     """Return what a session's camera says, None where it had none.
 
     Raises
@@ -82,14 +84,14 @@ def second_witness(session: Session, reduced: Reduced) -> SecondWitness | None:
     moved = _by_both(reduced, seen, variants.columns, by_gates)
     both = np.isfinite(found.video.rebound_efficiency) & np.isfinite(found.gates.rebound_efficiency)
     used, weights = reduced.outcome.used & both, reduced.outcome.weights
-    told: dict[str, Told] = {}
+    told: dict[str, ComparedQuantity] = {}
     if used.any() and np.isfinite(weights[used]).all():
         share = weights[used] / weights[used].sum()
         place = np.round(reduced.readings.place, 6)[used]
         for name, field in COMPARED.items():
             hits = {who: getattr(moved.results[who], field)[:, used] for who in (GATES, VIDEO)}
             told[name] = _told(variants, hits, share, place)
-    return SecondWitness(
+    return CameraComparison(
         told=told,
         hits=int(used.sum()),
         missed=int((reduced.outcome.used & ~both).sum()),
@@ -175,7 +177,9 @@ def _shots_u(
     }
 
 
-def _told(variants: Variants, hits: Mapping[str, Array], weights: Array, places: Array) -> Told:
+def _told(
+    variants: Variants, hits: Mapping[str, Array], weights: Array, places: Array
+) -> ComparedQuantity:
     """Return a quantity by both witnesses, joined, and their difference.
 
     `hits` are those of the variants, (k, hit).
@@ -189,7 +193,7 @@ def _told(variants: Variants, hits: Mapping[str, Array], weights: Array, places:
     parts = {who: variants.components(values @ weights) for who, values in hits.items()}
     apart = hits[VIDEO] - hits[GATES]
     share = _share(parts, scatter(apart[0], weights, places, variants.effects(apart)))
-    return Told(
+    return ComparedQuantity(
         gates=mixed(1.0, 0.0),
         video=mixed(0.0, 1.0),
         joined=mixed(1 - share, share),

@@ -10,7 +10,7 @@ import numpy as np
 
 from virtual_lab.catalog.specs import CHECK_STANDARD
 from virtual_lab.measurement.diagnostics.evidence import Evidence
-from virtual_lab.measurement.diagnostics.flag import FALSE_ALARMS, Flag, chance, type_a
+from virtual_lab.measurement.diagnostics.flag import FALSE_ALARMS, Flag, chance, scatter_component
 from virtual_lab.measurement.procedure import lot_of
 
 __all__ = [
@@ -102,7 +102,7 @@ def pendulum_swing(seen: Evidence) -> Iterator[Flag]:
         return  # the swing did not die away
     _, period, slowing = np.linalg.solve(triangle, fitted.mean(axis=0))
     off = float(slowing - period)
-    scatter = type_a(spread / sqrt(releases) / abs(triangle[2, 2]), dof)
+    scatter = scatter_component(spread / sqrt(releases) / abs(triangle[2, 2]), dof)
     u, likely = chance(off, [scatter], least=DECAY_U * float(period))
     if likely < FALSE_ALARMS:
         yield Flag(
@@ -138,7 +138,7 @@ def wall_drift(seen: Evidence) -> Iterator[Flag]:
     slope = float(along @ e0 / (along @ along))
     rest = e0 - e0.mean() - slope * along
     dof = e0.size - 2
-    scatter = type_a(sqrt(rest @ rest / dof / (along @ along)), dof)
+    scatter = scatter_component(sqrt(rest @ rest / dof / (along @ along)), dof)
     u, likely = chance(slope, [scatter], least=LEAST_E0 / float(np.ptp(order)))
     if likely < FALSE_ALARMS:
         yield Flag(

@@ -16,7 +16,7 @@ from scipy.special import stdtr
 
 from virtual_lab.uncertainty.budget import Component, combine
 
-__all__ = ["FALSE_ALARMS", "Flag", "chance", "type_a"]
+__all__ = ["FALSE_ALARMS", "Flag", "chance", "scatter_component"]
 
 FALSE_ALARMS = 5e-4  # of one test, in a sound laboratory
 
@@ -35,12 +35,12 @@ def chance(value: float, components: Sequence[Component], *, least: float) -> tu
 
     `least` is a standard uncertainty that no laboratory asks to be below.
     """
-    floor = type_a(least, inf)
+    floor = scatter_component(least, inf)
     budget = combine(value, [*components, floor])
     return budget.u, 2 * float(stdtr(min(budget.dof, 1e9), -abs(value) / budget.u))
 
 
-def type_a(u: float, dof: float) -> Component:
+def scatter_component(u: float, dof: float) -> Component:
     """Return the component of a scatter of standard uncertainty `u`."""
     return Component(
         name="scatter", value=0.0, u=u, evaluation="A", dof=dof, sensitivity=1.0, contribution=u

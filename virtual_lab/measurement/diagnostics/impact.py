@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.measurement.diagnostics.evidence import Evidence
-from virtual_lab.measurement.diagnostics.flag import FALSE_ALARMS, Flag, chance, type_a
+from virtual_lab.measurement.diagnostics.flag import FALSE_ALARMS, Flag, chance, scatter_component
 from virtual_lab.measurement.reduction.flights import gate_count
 from virtual_lab.measurement.reduction.gates import INBOUND
 from virtual_lab.measurement.reduction.shot_algebra import drag_of
@@ -68,7 +68,7 @@ def boards_in_line(seen: Evidence) -> Iterator[Flag]:
         place = {_distance(k): known[_distance(k)] for k in (0, board, last)}
         middle, mean = float(share.mean()), float(off.mean())
         survey = propagate(_between(board, last, middle), place)["off"]
-        scatter = type_a(float(off.std(ddof=1)) / sqrt(off.size), off.size - 1)
+        scatter = scatter_component(float(off.std(ddof=1)) / sqrt(off.size), off.size - 1)
         u, likely = chance(mean, [*survey, scatter], least=LEAST_PLACE)
         if likely < FALSE_ALARMS:
             yield Flag(
@@ -93,7 +93,7 @@ def aim(seen: Evidence) -> Iterator[Flag]:
             continue
         mean = float(off.mean())
         survey = propagate(lambda x: {"off": x["along"][:, 0]}, {"along": lined_up})["off"]
-        scatter = type_a(float(off.std(ddof=1)) / sqrt(off.size), off.size - 1)
+        scatter = scatter_component(float(off.std(ddof=1)) / sqrt(off.size), off.size - 1)
         u, likely = chance(mean, [*survey, scatter], least=LEAST_PLACE)
         if likely < FALSE_ALARMS:
             yield Flag(
@@ -157,7 +157,7 @@ def _scatter(seen: Evidence, apart: Array, shared: Sequence[Component]) -> Compo
         marked = lever[0] ** 2 * float(marks.along.var(ddof=1))
         square = (degrees * square + more * marked) / (degrees + more)
         degrees += more
-    return type_a(sqrt(square / apart.size), degrees)
+    return scatter_component(sqrt(square / apart.size), degrees)
 
 
 def _distance(gate: int) -> str:

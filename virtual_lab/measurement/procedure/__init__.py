@@ -6,7 +6,7 @@ from virtual_lab.measurement.procedure.judge import Judgement, judge
 from virtual_lab.measurement.procedure.lot import Lot, SetAside, lot_of
 from virtual_lab.measurement.procedure.metric import Curve, Sought, metric_of, sought_of
 from virtual_lab.measurement.procedure.outcome import (
-    Outcome,
+    HitWeights,
     Verdict,
     outcome_of,
     verdict,
@@ -18,9 +18,9 @@ __all__ = [
     "CHOICE",
     "Curve",
     "Finding",
+    "HitWeights",
     "Judgement",
     "Lot",
-    "Outcome",
     "Procedure",
     "SetAside",
     "Sought",

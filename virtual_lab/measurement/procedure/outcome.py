@@ -25,7 +25,7 @@ from virtual_lab.measurement.procedure.schedule import (
 )
 
 __all__ = [
-    "Outcome",
+    "HitWeights",
     "Verdict",
     "complete_places",
     "neighbours",
@@ -49,7 +49,7 @@ class Verdict(Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
+class HitWeights:
     """How the hits make the result."""
 
     weights: Array  # (shot,), they add to 1; NaN where nothing can be said
@@ -71,7 +71,7 @@ def outcome_of(
     valid: Bools,
     metric: Array,
     sought: Sought | None = None,
-) -> Outcome:
+) -> HitWeights:
     """Return the weights of the hits.
 
     Parameters
@@ -102,7 +102,7 @@ def complete_places(procedure: Procedure, place: Array, valid: Bools) -> Array:
 
 def _of_scan(
     procedure: Procedure, scan: Scan, place: Array, valid: Bools, metric: Array, sought: Sought
-) -> Outcome:
+) -> HitWeights:
     counted = scan_hits(procedure, place, valid)
     complete = complete_places(procedure, place, valid)
     few = f"{procedure.valid_hits} valid hits at {complete.size} places, 3 make a scan"
@@ -126,7 +126,7 @@ def _of_scan(
     near = counted & np.isin(np.round(place, 6), complete)
     near &= np.abs(place - best) < scan.fit_half_width + 2 * SETTING_STEP
     weights, effects, top = _top_of_curve(scan, place, near, metric, sought)
-    return Outcome(weights=weights, effects=effects, place=top, reason=reason)
+    return HitWeights(weights=weights, effects=effects, place=top, reason=reason)
 
 
 def neighbours(scan: Scan, complete: Array, best: float) -> Array:
@@ -142,9 +142,11 @@ def _at_an_end(scan: Scan, place: float) -> bool:
     return place - step < scan.low or place + step > scan.high
 
 
-def _mean(hits: Bools, place: Array, reason: str) -> Outcome:
+def _mean(hits: Bools, place: Array, reason: str) -> HitWeights:
     weights = hits / hits.sum()
-    return Outcome(weights=weights, effects=weights, place=float(place[hits].mean()), reason=reason)
+    return HitWeights(
+        weights=weights, effects=weights, place=float(place[hits].mean()), reason=reason
+    )
 
 
 def _top_of_curve(
@@ -187,9 +189,9 @@ def _turn(cubic: Polynomial) -> float:
     return float(2 * a / bend) if bend > 0 else np.nan
 
 
-def _nothing(shots: int, reason: str) -> Outcome:
+def _nothing(shots: int, reason: str) -> HitWeights:
     nothing = np.full(shots, np.nan)
-    return Outcome(weights=nothing, effects=nothing, place=np.nan, reason=reason)
+    return HitWeights(weights=nothing, effects=nothing, place=np.nan, reason=reason)
 
 
 def verdict(procedure: Procedure, value: float, *, sound: bool, eligible: bool) -> Verdict:

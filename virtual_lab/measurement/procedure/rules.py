@@ -10,7 +10,7 @@ from annotated_types import Ge, Gt, Len
 from numpy.typing import ArrayLike, NDArray
 
 from virtual_lab.catalog.specs import Dimension, Name, Spec, Sport, Title, YesNo
-from virtual_lab.measurement.reduction.shot_algebra import Asked
+from virtual_lab.measurement.reduction.shot_algebra import ReductionSettings
 from virtual_lab.units import INCH
 
 __all__ = [
@@ -275,9 +275,9 @@ class Procedure(Spec):
         return (self.bat_speed or 0.0) / (length - self.pivot_from_knob - REFERENCE_PLACE)
 
     @property
-    def asked(self) -> Asked:
+    def asked(self) -> ReductionSettings:
         """What this asks of the reduction."""
-        return Asked(
+        return ReductionSettings(
             reads=self.reads,
             recoil=self.recoil,
             pivot_from_knob=self.pivot_from_knob,

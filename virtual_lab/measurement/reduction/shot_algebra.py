@@ -37,9 +37,9 @@ from virtual_lab.relations.pendulum import inertia_from_period, mean_amplitude_f
 __all__ = [
     "PLACE_SLOPE",
     "SLOPE_ERROR",
-    "Asked",
     "BatProperties",
     "MeasuredBalls",
+    "ReductionSettings",
     "ShotResults",
     "bat_properties",
     "drag_of",
@@ -105,7 +105,7 @@ class ShotResults:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
+class ReductionSettings:
     """What a procedure asks of the reduction."""
 
     reads: Literal["recoil", "rebound"]  # what e_A is taken from
@@ -184,7 +184,7 @@ def shot_results(
     bat: BatProperties,
     balls: MeasuredBalls,
     readings: ImpactReadings,
-    asked: Asked,
+    asked: ReductionSettings,
     flown: Flown,
     used: NDArray[np.bool_] | slice = ALL,
 ) -> ShotResults:

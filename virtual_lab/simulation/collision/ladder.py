@@ -23,8 +23,7 @@ from virtual_lab.simulation.collision.patch import PATCH, patch_shape
 from virtual_lab.simulation.collision.reference import ReferenceModel
 from virtual_lab.simulation.collision.rigid import RigidModel
 from virtual_lab.simulation.collision.scene import CollisionModel, Collisions, Scenes
-from virtual_lab.simulation.collision.store import surrogate_of
-from virtual_lab.simulation.collision.surrogate import Box
+from virtual_lab.simulation.collision.surrogate import Box, Surrogate
 from virtual_lab.simulation.physics.modes import Modes, modes_of
 from virtual_lab.simulation.physics.supports import Support, support_words
 from virtual_lab.units import INCH
@@ -198,7 +197,7 @@ def choose_efficiency(
     if not isinstance(choice.model, ModalModel) or error > allowed:
         return plain
     try:
-        surrogate = surrogate_of(choice.model, body, support, box, tolerance=SURROGATE_TOLERANCE)
+        surrogate = Surrogate.build(choice.model, box, tolerance=SURROGATE_TOLERANCE)
     except InputError as refused:
         return replace(plain, reason=f"{plain.reason}; no surrogate: {refused}")
 

@@ -24,7 +24,7 @@ from scipy.interpolate import PPoly
 from virtual_lab.catalog.specs import BatBody
 from virtual_lab.simulation.collision.patch import PATCH, patch_shape, patch_table
 from virtual_lab.simulation.collision.scene import Collisions, EnergySplit, Scenes, joined
-from virtual_lab.simulation.collision.stepping import FINE, Followed, Stepper, Struck
+from virtual_lab.simulation.collision.stepping import FINE, CollisionBatch, Followed, Stepper
 from virtual_lab.simulation.physics.ball import unloading_exponent
 from virtual_lab.simulation.physics.modes import Modes, modes_of
 from virtual_lab.simulation.physics.supports import Support, support_words
@@ -130,7 +130,7 @@ def collide_bats(
     tables = tables or [np.asarray(model.table(s.impact_position)) for model, s in batch]
     shapes = [table[:, :-1] for table in tables]
     most = max(model.modes.count - model.modes.rigid for model, _ in batch)
-    struck = Struck.together(
+    struck = CollisionBatch.together(
         [
             _struck(model, scenes, table, most)
             for (model, scenes), table in zip(batch, tables, strict=True)
@@ -145,12 +145,12 @@ def collide_bats(
     ]
 
 
-def _struck(model: ModalModel, scenes: Scenes, table: Floats, most: int) -> Struck:
+def _struck(model: ModalModel, scenes: Scenes, table: Floats, most: int) -> CollisionBatch:
     rigid, flexible = model.modes.rigid, model.modes.count - model.modes.rigid
     squares, shapes = np.ones((1, most)), np.zeros((len(scenes), most))
     squares[0, :flexible] = model.modes.angular_frequencies[rigid:] ** 2
     shapes[:, :flexible] = table[:, rigid:-1] ** 2
-    return Struck(
+    return CollisionBatch(
         squares=squares,
         bat=np.zeros(len(scenes), dtype=np.int64),
         shapes=shapes,
@@ -166,7 +166,7 @@ def _struck(model: ModalModel, scenes: Scenes, table: Floats, most: int) -> Stru
 
 
 def _collisions(
-    model: ModalModel, scenes: Scenes, shape: Floats, struck: Struck, followed: Followed
+    model: ModalModel, scenes: Scenes, shape: Floats, struck: CollisionBatch, followed: Followed
 ) -> Collisions:
     modes = model.modes
     rigid, flexible = modes.rigid, modes.count - modes.rigid

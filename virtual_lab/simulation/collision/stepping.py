@@ -21,7 +21,16 @@ from virtual_lab.simulation.collision.scene import Failure
 from virtual_lab.simulation.collision.splitting import SRKN_11, Splitting
 from virtual_lab.simulation.physics.ball import wall_contact
 
-__all__ = ["FINE", "HORIZON", "WINDOW", "Followed", "InStep", "OneByOne", "Stepper", "Struck"]
+__all__ = [
+    "FINE",
+    "HORIZON",
+    "WINDOW",
+    "CollisionBatch",
+    "Followed",
+    "InStep",
+    "OneByOne",
+    "Stepper",
+]
 
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
@@ -40,7 +49,7 @@ STAYS = 1e-6  # in e_A, and of the energy what may not close
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Struck:
+class CollisionBatch:
     """Balls on the way into bats: n scenes, N flexible modes a bat."""
 
     squares: Floats  # (bats, N), squared angular frequencies [1/s^2]
@@ -133,7 +142,7 @@ class Followed:
 class Stepper(Protocol):
     """A way to follow collisions."""
 
-    def follow(self, struck: Struck, window: float = WINDOW) -> Followed:
+    def follow(self, struck: CollisionBatch, window: float = WINDOW) -> Followed:
         """Follow all contacts that begin within `window` [s] of the first touch."""
         ...
 
@@ -146,7 +155,7 @@ class OneByOne:
     mode_step: float = 0.7  # step times the highest angular frequency
     ball_step: float = 0.14  # step times the angular frequency of the ball at its steepest
 
-    def follow(self, struck: Struck, window: float = WINDOW) -> Followed:
+    def follow(self, struck: CollisionBatch, window: float = WINDOW) -> Followed:
         """Follow all contacts that begin within `window` [s] of the first touch."""
         from virtual_lab.simulation.collision.modal_kernel import collide
 
@@ -171,7 +180,7 @@ class OneByOne:
         followed.failure[(followed.failure == Failure.SOUND) & ~closed] = Failure.OPEN
         return followed
 
-    def settled(self, struck: Struck, other: Followed, window: float = WINDOW) -> Followed:
+    def settled(self, struck: CollisionBatch, other: Followed, window: float = WINDOW) -> Followed:
         """Follow them in steps halved until e_A stays; say where it does not.
 
         It stays at once where `other` steps already came to the same.
@@ -191,11 +200,11 @@ class OneByOne:
         return found
 
     @staticmethod
-    def _stays(struck: Struck, one: Followed, other: Followed) -> NDArray[np.bool_]:
+    def _stays(struck: CollisionBatch, one: Followed, other: Followed) -> NDArray[np.bool_]:
         near = np.abs(struck.efficiency_gap(one, other)) < STAYS  # not of a nan
         return np.asarray(near & (one.failure == Failure.SOUND))
 
-    def _steps(self, struck: Struck) -> Floats:
+    def _steps(self, struck: CollisionBatch) -> Floats:
         """Return the time steps (n,): the fastest mode and the steepest ball both resolved."""
         contact = wall_contact(
             1 / struck.inverse_mass,
@@ -246,7 +255,7 @@ class InStep:
             brush=self.brush / factor**2,
         )
 
-    def follow(self, struck: Struck, window: float = WINDOW) -> Followed:
+    def follow(self, struck: CollisionBatch, window: float = WINDOW) -> Followed:
         """Follow all contacts that begin within `window` [s] of the first touch."""
         followed, doubted = self.one_pass(struck, window)
         left = np.flatnonzero(doubted)
@@ -268,14 +277,14 @@ class InStep:
         return self._looked_ahead(struck, followed)
 
     def one_pass(
-        self, struck: Struck, window: float = WINDOW
+        self, struck: CollisionBatch, window: float = WINDOW
     ) -> tuple[Followed, NDArray[np.bool_]]:
         """Return where one pass gets to, and which scenes (n,) are to be stepped again."""
         followed, sure = self._try(struck, window)
         often = (followed.contacts > 1) | (followed.reloads > 1)
         return followed, ~sure | often | (followed.time > LONG)
 
-    def _looked_ahead(self, struck: Struck, followed: Followed) -> Followed:
+    def _looked_ahead(self, struck: CollisionBatch, followed: Followed) -> Followed:
         """Tell those that meet too late to count from those that only might have."""
         from virtual_lab.simulation.collision.modal_kernel import meets_again
 
@@ -288,7 +297,7 @@ class InStep:
             )
         return followed
 
-    def _try(self, struck: Struck, window: float) -> tuple[Followed, NDArray[np.bool_]]:
+    def _try(self, struck: CollisionBatch, window: float) -> tuple[Followed, NDArray[np.bool_]]:
         """Return where one pass gets to, and which scenes (n,) it is sure of."""
         from virtual_lab.simulation.collision.batch_kernel import collide_lanes
 

@@ -208,9 +208,9 @@ def _refined(coefficients: Floats) -> tuple[int, ...]:
 
 
 def _evaluate(coefficients: Floats, unit: Floats) -> Floats:
-    from virtual_lab.simulation.collision.surrogate_kernel import evaluate
+    from virtual_lab.simulation.collision.surrogate_kernel import evaluate_surrogate
 
-    return np.asarray(evaluate(coefficients, np.ascontiguousarray(unit)))
+    return np.asarray(evaluate_surrogate(coefficients, np.ascontiguousarray(unit)))
 
 
 def _to_unit(axis: str, values: Floats, low: float, high: float) -> Floats:

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["evaluate"]
+__all__ = ["evaluate_surrogate"]
 
 Floats = NDArray[np.float64]
 BLOCK = 256  # points that go together: their polynomials stay in the nearest cache
@@ -24,7 +24,7 @@ def _polynomials(x: Floats, out: Floats) -> None:
 
 
 @njit(cache=True, fastmath=True)
-def evaluate(coefficients: Floats, unit: Floats) -> Floats:
+def evaluate_surrogate(coefficients: Floats, unit: Floats) -> Floats:
     """Return the series at `unit` (4, n), each variable from -1 to 1; shape (n,).
 
     In a block of points the sum over the first variable is one matrix product; the others

@@ -1,7 +1,7 @@
 """What goes wrong in a real laboratory: faults of a day, played where they really happen."""
 
-from virtual_lab.simulation.faults.day import CATALOGUE, Day
-from virtual_lab.simulation.faults.fault import Fault, Sound
+from virtual_lab.simulation.faults.day import CATALOGUE, FaultSet
+from virtual_lab.simulation.faults.fault import BaseFault, Fault
 from virtual_lab.simulation.faults.sheet import FaultSheet, Prediction
 
-__all__ = ["CATALOGUE", "Day", "Fault", "FaultSheet", "Prediction", "Sound"]
+__all__ = ["CATALOGUE", "BaseFault", "Fault", "FaultSet", "FaultSheet", "Prediction"]

@@ -10,11 +10,11 @@ from virtual_lab.errors import InputError, nearest
 from virtual_lab.simulation.faults import desk, gates, machines
 from virtual_lab.simulation.faults.fault import Fault
 from virtual_lab.simulation.faults.sheet import FaultSheet
-from virtual_lab.simulation.rig import Order, Play, Specimen, Stage, Station
+from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage, Station
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["CATALOGUE", "Day"]
+__all__ = ["CATALOGUE", "FaultSet"]
 
 CATALOGUE: Mapping[str, Fault] = {
     fault.name: fault for module in (gates, machines, desk) for fault in module.FAULTS
@@ -22,13 +22,13 @@ CATALOGUE: Mapping[str, Fault] = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Day:
+class FaultSet:
     """Everything that goes wrong on one day, in the order it is named; nothing: a sound day."""
 
     faults: tuple[Fault, ...] = ()
 
     @classmethod
-    def of(cls, names: Iterable[str], *, rig: str) -> Day:
+    def of(cls, names: Iterable[str], *, rig: str) -> FaultSet:
         """Return the day of some faults at an impact rig.
 
         Raises
@@ -64,15 +64,15 @@ class Day:
             known = fault.calibration(known)
         return known
 
-    def done(self, stage: Stage, order: Order, specimen: Specimen) -> tuple[Order, Specimen]:
+    def done(self, stage: Stage, order: ShotPlan, specimen: Specimen) -> tuple[ShotPlan, Specimen]:
         """Return what is done on this day instead of an order, and what it is done to."""
         for fault in self.faults:
             order, specimen = fault.order(stage, order), fault.specimen(stage, specimen)
         return order, specimen
 
     def play(
-        self, stage: Stage, station: Station, order: Order, specimen: Specimen, draws: Draws
-    ) -> Play:
+        self, stage: Stage, station: Station, order: ShotPlan, specimen: Specimen, draws: Draws
+    ) -> RigOutput:
         """Carry out an order on this day; the log holds what was asked, whatever was done."""
         done, specimen = self.done(stage, order, specimen)
         play = station.play(done, specimen, draws)

@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from virtual_lab.records import Record
-from virtual_lab.simulation.faults.fault import Fault, Sound, altered, edited, other_sheet
-from virtual_lab.simulation.rig import Order, Play, Specimen, Stage, Station
+from virtual_lab.simulation.faults.fault import BaseFault, Fault, altered, edited, other_sheet
+from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage, Station
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DEGREE, OUNCE
@@ -23,7 +23,7 @@ GRAM = 1e-3  # kg
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ScaleNotTared(Sound):
+class ScaleNotTared(BaseFault):
     """A dish was left on the scale when bat and balls were weighed."""
 
     name: ClassVar[str] = "scale-not-tared"
@@ -37,7 +37,7 @@ class ScaleNotTared(Sound):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Misread(Sound):
+class Misread(BaseFault):
     """Every reading of a channel of the bench was entered as so many times itself."""
 
     name: str
@@ -45,7 +45,7 @@ class Misread(Sound):
     factor: float
 
     def records(
-        self, stage: Stage, station: Station, order: Order, play: Play, draws: Draws
+        self, stage: Stage, station: Station, order: ShotPlan, play: RigOutput, draws: Draws
     ) -> Records:
         if stage is not Stage.BENCH:
             return play.records
@@ -54,13 +54,13 @@ class Misread(Sound):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BalanceFromKnob(Sound):
+class BalanceFromKnob(BaseFault):
     """The balance point was measured from the knob's end and entered as from the tip."""
 
     name: ClassVar[str] = "balance-from-knob"
 
     def records(
-        self, stage: Stage, station: Station, order: Order, play: Play, draws: Draws
+        self, stage: Stage, station: Station, order: ShotPlan, play: RigOutput, draws: Draws
     ) -> Records:
         if stage is not Stage.BENCH:
             return play.records
@@ -69,7 +69,7 @@ class BalanceFromKnob(Sound):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PendulumWide(Sound):
+class PendulumWide(BaseFault):
     """The pendulum was let go far out and the amplitude noted was the usual one."""
 
     name: ClassVar[str] = "pendulum-wide"
@@ -81,7 +81,7 @@ class PendulumWide(Sound):
         return other_sheet(station, "pendulum", release_amplitude=self.released)
 
     def records(
-        self, stage: Stage, station: Station, order: Order, play: Play, draws: Draws
+        self, stage: Stage, station: Station, order: ShotPlan, play: RigOutput, draws: Draws
     ) -> Records:
         if stage is not Stage.BENCH:
             return play.records
@@ -96,7 +96,7 @@ class PendulumWide(Sound):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ClampForgotten(Sound):
+class ClampForgotten(BaseFault):
     """The moment of inertia of the pendulum's clamp was never entered."""
 
     name: ClassVar[str] = "clamp-forgotten"
@@ -107,7 +107,7 @@ class ClampForgotten(Sound):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WrongLot(Sound):
+class WrongLot(BaseFault):
     """The balls fired at the bat are of a livelier lot than those measured at the wall."""
 
     name: ClassVar[str] = "wrong-lot"
@@ -123,7 +123,7 @@ class WrongLot(Sound):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BallWornOut(Sound):
+class BallWornOut(BaseFault):
     """One ball of the lot has been hit too often."""
 
     name: ClassVar[str] = "ball-worn-out"
@@ -138,14 +138,14 @@ class BallWornOut(Sound):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BallOutOfRound(Sound):
+class BallOutOfRound(BaseFault):
     """The balls are egg-shaped: every passage meets another radius, front and back."""
 
     name: ClassVar[str] = "ball-out-of-round"
     depth: float = 1.5e-3  # m, of the radius
 
     def records(
-        self, stage: Stage, station: Station, order: Order, play: Play, draws: Draws
+        self, stage: Stage, station: Station, order: ShotPlan, play: RigOutput, draws: Draws
     ) -> Records:
         if "gates" not in play.records:
             return play.records
@@ -163,7 +163,7 @@ class BallOutOfRound(Sound):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BatCracked(Sound):
+class BatCracked(BaseFault):
     """The bat cracked between the bench and the first hit: a tenth less stiff, f1 5 % lower."""
 
     name: ClassVar[str] = "bat-cracked"
@@ -182,14 +182,14 @@ class BatCracked(Sound):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RecordsSwapped(Sound):
+class RecordsSwapped(BaseFault):
     """The gate records of two shots of one round were filed under each other's number."""
 
     name: ClassVar[str] = "records-swapped"
     shots: tuple[int, int] = (1, 4)
 
     def records(
-        self, stage: Stage, station: Station, order: Order, play: Play, draws: Draws
+        self, stage: Stage, station: Station, order: ShotPlan, play: RigOutput, draws: Draws
     ) -> Records:
         first, second = (np.flatnonzero(order.slot == shot) for shot in self.shots)
         if stage is not Stage.IMPACT or not (first.size and second.size):
@@ -200,7 +200,7 @@ class RecordsSwapped(Sound):
         return edited(play, "gates", times=record.times[filed])
 
 
-def _readings(play: Play, channel: str) -> Any:
+def _readings(play: RigOutput, channel: str) -> Any:
     record: Any = play.records[channel]
     return record.readings
 

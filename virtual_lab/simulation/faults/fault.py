@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.records import Record
-from virtual_lab.simulation.rig import Order, Play, Specimen, Stage, Station
+from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage, Station
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["Fault", "Sound", "altered", "edited", "other_sheet", "some"]
+__all__ = ["BaseFault", "Fault", "altered", "edited", "other_sheet", "some"]
 
 
 class Fault(Protocol):
@@ -34,12 +34,12 @@ class Fault(Protocol):
         """Return the bat and the balls that really are on the rig."""
         ...
 
-    def order(self, stage: Stage, order: Order) -> Order:
+    def order(self, stage: Stage, order: ShotPlan) -> ShotPlan:
         """Return what the machine really does; the log keeps what was asked."""
         ...
 
     def records(
-        self, stage: Stage, station: Station, order: Order, play: Play, draws: Draws
+        self, stage: Stage, station: Station, order: ShotPlan, play: RigOutput, draws: Draws
     ) -> Mapping[str, Record]:
         """Return the records by channel as they were written down."""
         ...
@@ -50,7 +50,7 @@ class Fault(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sound:
+class BaseFault:
     """A sound day, and the base of the faults: each has a name and the hooks it needs."""
 
     def station(self, stage: Stage, station: Station) -> Station:
@@ -59,11 +59,11 @@ class Sound:
     def specimen(self, stage: Stage, specimen: Specimen) -> Specimen:
         return specimen
 
-    def order(self, stage: Stage, order: Order) -> Order:
+    def order(self, stage: Stage, order: ShotPlan) -> ShotPlan:
         return order
 
     def records(
-        self, stage: Stage, station: Station, order: Order, play: Play, draws: Draws
+        self, stage: Stage, station: Station, order: ShotPlan, play: RigOutput, draws: Draws
     ) -> Mapping[str, Record]:
         return play.records
 
@@ -87,12 +87,12 @@ def other_sheet(station: Station, part: str, **changes: Any) -> Station:
     return changed
 
 
-def edited(play: Play, channel: str, **arrays: Any) -> Mapping[str, Record]:
+def edited(play: RigOutput, channel: str, **arrays: Any) -> Mapping[str, Record]:
     """Return a play's records with some arrays of one channel changed."""
     record: Any = play.records[channel]
     return {**play.records, channel: replace(record, **arrays)}
 
 
-def some(share: float, order: Order, draws: Draws, name: str) -> NDArray[np.bool_]:
+def some(share: float, order: ShotPlan, draws: Draws, name: str) -> NDArray[np.bool_]:
     """Return which shots a fault that comes and goes strikes, a `share` of them, (shot,)."""
     return np.asarray(draws.uniform(f"fault.{name}", slots=order.slot) + 0.5 < share)

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.records import BoardRecord, Record
-from virtual_lab.simulation.faults.fault import Fault, Sound, altered, edited, other_sheet, some
-from virtual_lab.simulation.rig import Order, Play, Stage, Station
+from virtual_lab.simulation.faults.fault import BaseFault, Fault, altered, edited, other_sheet, some
+from virtual_lab.simulation.rig import RigOutput, ShotPlan, Stage, Station
 from virtual_lab.streams import Draws
 
 __all__ = ["FAULTS"]
@@ -24,7 +24,7 @@ BROKE, CLEARED = 0, 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GateMoved(Sound):
+class GateMoved(BaseFault):
     """The gate nearest the bat was knocked toward the cannon after its survey."""
 
     name: ClassVar[str] = "gate-moved"
@@ -39,7 +39,7 @@ class GateMoved(Sound):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GateClock(Sound):
+class GateClock(BaseFault):
     """The recorder's clock runs fast, far more than its sheet allows."""
 
     name: ClassVar[str] = "gate-clock"
@@ -52,13 +52,13 @@ class GateClock(Sound):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GateMisses(Sound):
+class GateMisses(BaseFault):
     """The gate nearest the bat does not see every second ball that comes in."""
 
     name: ClassVar[str] = "gate-misses"
 
     def records(
-        self, stage: Stage, station: Station, order: Order, play: Play, draws: Draws
+        self, stage: Stage, station: Station, order: ShotPlan, play: RigOutput, draws: Draws
     ) -> Records:
         if stage is not Stage.IMPACT:
             return play.records
@@ -68,7 +68,7 @@ class GateMisses(Sound):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GateDoubles(Sound):
+class GateDoubles(BaseFault):
     """The gate nearest the bat clears a second time: its last edge is a later one."""
 
     name: ClassVar[str] = "gate-doubles"
@@ -76,7 +76,7 @@ class GateDoubles(Sound):
     late: float = 0.4e-3  # s
 
     def records(
-        self, stage: Stage, station: Station, order: Order, play: Play, draws: Draws
+        self, stage: Stage, station: Station, order: ShotPlan, play: RigOutput, draws: Draws
     ) -> Records:
         if stage is not Stage.IMPACT:
             return play.records
@@ -87,7 +87,7 @@ class GateDoubles(Sound):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SabotTrip(Sound):
+class SabotTrip(BaseFault):
     """Scraps of the sabot break the first gate ahead of many a ball."""
 
     name: ClassVar[str] = "sabot-trip"
@@ -100,7 +100,7 @@ class SabotTrip(Sound):
         return other_sheet(station, "gates", sabot_rate=self.share)
 
     def records(
-        self, stage: Stage, station: Station, order: Order, play: Play, draws: Draws
+        self, stage: Stage, station: Station, order: ShotPlan, play: RigOutput, draws: Draws
     ) -> Records:
         if stage is not Stage.IMPACT or isinstance(play.records["gates"], BoardRecord):
             return play.records  # boards play their own scraps
@@ -111,14 +111,14 @@ class SabotTrip(Sound):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WallDrift(Sound):
+class WallDrift(BaseFault):
     """The wall rig shows a greater and greater e0 from its first hit to its last."""
 
     name: ClassVar[str] = "wall-drift"
     drift: float = 0.06  # relative, over the check
 
     def records(
-        self, stage: Stage, station: Station, order: Order, play: Play, draws: Draws
+        self, stage: Stage, station: Station, order: ShotPlan, play: RigOutput, draws: Draws
     ) -> Records:
         if stage is not Stage.BALLS:
             return play.records
@@ -135,7 +135,7 @@ def _gates(station: Station) -> Any:
     return gated.gates
 
 
-def _times(play: Play) -> Array:
+def _times(play: RigOutput) -> Array:
     record: Any = play.records["gates"]
     return np.asarray(record.times)
 

@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from virtual_lab.records import Record
-from virtual_lab.simulation.faults.fault import Fault, Sound, altered, edited, other_sheet, some
-from virtual_lab.simulation.rig import Order, Play, Stage, Station
+from virtual_lab.simulation.faults.fault import BaseFault, Fault, altered, edited, other_sheet, some
+from virtual_lab.simulation.rig import RigOutput, ShotPlan, Stage, Station
 from virtual_lab.streams import Draws
 from virtual_lab.units import INCH, MPH
 
@@ -21,18 +21,18 @@ Records = Mapping[str, Record]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CannonSlow(Sound):
+class CannonSlow(BaseFault):
     """The cannon gives less than it is asked for."""
 
     name: ClassVar[str] = "cannon-slow"
     short: float = 3 * MPH
 
-    def order(self, stage: Stage, order: Order) -> Order:
+    def order(self, stage: Stage, order: ShotPlan) -> ShotPlan:
         return replace(order, speed=order.speed - self.short) if stage is Stage.IMPACT else order
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AimAlong(Sound):
+class AimAlong(BaseFault):
     """The cannon is aimed too far from the tip."""
 
     name: ClassVar[str] = "aim-along"
@@ -45,7 +45,7 @@ class AimAlong(Sound):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AimAcross(Sound):
+class AimAcross(BaseFault):
     """The cannon is aimed above the bat's axis."""
 
     name: ClassVar[str] = "aim-across"
@@ -58,7 +58,7 @@ class AimAcross(Sound):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PivotOff(Sound):
+class PivotOff(BaseFault):
     """The axis is farther from the knob than it was surveyed to be."""
 
     name: ClassVar[str] = "pivot-off"
@@ -72,7 +72,7 @@ class PivotOff(Sound):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BearingFriction(Sound):
+class BearingFriction(BaseFault):
     """The bearing is dry: it drags, and rubs like a plain one under the blow."""
 
     name: ClassVar[str] = "bearing-friction"
@@ -86,7 +86,7 @@ class BearingFriction(Sound):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class EncoderHalfCounts(Sound):
+class EncoderHalfCounts(BaseFault):
     """The encoder has half the counts a turn that its sheet says."""
 
     name: ClassVar[str] = "encoder-half-counts"
@@ -98,7 +98,7 @@ class EncoderHalfCounts(Sound):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class EncoderSlip(Sound):
+class EncoderSlip(BaseFault):
     """The coupling of the encoder slips once in some of the shots, and counts are lost."""
 
     name: ClassVar[str] = "encoder-slip"
@@ -106,7 +106,7 @@ class EncoderSlip(Sound):
     lost: float = 20.0  # counts
 
     def records(
-        self, stage: Stage, station: Station, order: Order, play: Play, draws: Draws
+        self, stage: Stage, station: Station, order: ShotPlan, play: RigOutput, draws: Draws
     ) -> Records:
         if stage is not Stage.IMPACT:
             return play.records
@@ -119,14 +119,14 @@ class EncoderSlip(Sound):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class EncoderPlay(Sound):
+class EncoderPlay(BaseFault):
     """The bat is loose on the pivot: the encoder follows it only when the play is taken up."""
 
     name: ClassVar[str] = "encoder-play"
     play: float = 0.3 / 360 * tau  # rad
 
     def records(
-        self, stage: Stage, station: Station, order: Order, play: Play, draws: Draws
+        self, stage: Stage, station: Station, order: ShotPlan, play: RigOutput, draws: Draws
     ) -> Records:
         if stage is not Stage.IMPACT:
             return play.records
@@ -141,14 +141,14 @@ class EncoderPlay(Sound):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BatNotAtRest(Sound):
+class BatNotAtRest(BaseFault):
     """The bat still swings from being set when the ball is fired."""
 
     name: ClassVar[str] = "bat-not-at-rest"
     rate: float = 0.3  # rad/s, either way
 
     def records(
-        self, stage: Stage, station: Station, order: Order, play: Play, draws: Draws
+        self, stage: Stage, station: Station, order: ShotPlan, play: RigOutput, draws: Draws
     ) -> Records:
         if stage is not Stage.IMPACT:
             return play.records
@@ -163,7 +163,7 @@ def _of(station: Station, part: str) -> Any:
     return getattr(station, part)
 
 
-def _encoded(play: Play) -> Any:
+def _encoded(play: RigOutput) -> Any:
     return play.records["encoder"]
 
 

@@ -17,10 +17,10 @@ from virtual_lab import catalog
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["Instrument", "Outfitter", "Rung", "calibration_of", "errors_of"]
+__all__ = ["Instrument", "InstrumentFactory", "RecordDetail", "calibration_of", "errors_of"]
 
 
-class Rung(Enum):
+class RecordDetail(Enum):
     """How finely instruments write down what they saw."""
 
     FULL = "full"  # every edge of a gate, every count of an encoder
@@ -45,7 +45,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outfitter:
+class InstrumentFactory:
     """What fits out a laboratory's rig: its random numbers, and whether all is `ideal`."""
 
     draws: Draws

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.errors import InputError
 from virtual_lab.records import BoardRecord, PassageRecord
-from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.instruments.board_sums import gain_table
 from virtual_lab.simulation.instruments.calibrated import (
     CalibratedInstrument,
@@ -158,12 +158,12 @@ class LightBoards(CalibratedInstrument[LightBoardSpec]):
         draws: Draws,
         name: str,
         slots: Slots,
-        rung: Rung = Rung.FULL,
+        rung: RecordDetail = RecordDetail.FULL,
     ) -> BoardRecord | PassageRecord:
         """Record balls that reach the target at `contact` and leave it at `leaving` [s]."""
         if slots.shape != contact.shape:
             raise InputError("", "slots", slots.shape, f"allowed: one a shot, {contact.shape}")
-        record = self._edges if rung is Rung.FULL else self._sums
+        record = self._edges if rung is RecordDetail.FULL else self._sums
         return record(passage, contact, leaving, draws, name, slots)
 
     def _edges(

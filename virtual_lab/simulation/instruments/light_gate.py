@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import GateRecord, PassageRecord
-from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, certified
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.simulation.instruments.passage import Passage
@@ -103,10 +103,10 @@ class LightGates(CalibratedInstrument[LightGateSpec]):
         draws: Draws,
         name: str,
         slots: Slots,
-        rung: Rung = Rung.FULL,
+        rung: RecordDetail = RecordDetail.FULL,
     ) -> GateRecord | PassageRecord:
         """Record balls that reach the target at `contact` and leave it at `leaving` [s]."""
-        record = self._edges if rung is Rung.FULL else self._sums
+        record = self._edges if rung is RecordDetail.FULL else self._sums
         return record(passage, contact, leaving, draws, name, slots)
 
     def _edges(

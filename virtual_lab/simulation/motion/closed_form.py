@@ -14,12 +14,12 @@ from virtual_lab.simulation.motion.outcome import BAT, Events, Outcome
 from virtual_lab.simulation.motion.scene import Obstacle, Scene, State
 from virtual_lab.simulation.motion.touch import (
     Nearness,
+    after_contact,
     first_touch,
     first_zero,
     moved,
     nearness,
     obstacle_gap,
-    struck,
 )
 from virtual_lab.simulation.motion.track import Track
 from virtual_lab.simulation.physics.coasting import time_to_turn
@@ -57,7 +57,7 @@ def play_closed_form(scene: Scene) -> Outcome:
     hit = hit[on]
     before, near = before.part(on), _part(near, on)
     efficiency = effective(scene, near, hit)
-    after = struck(scene, before, near, efficiency, hit)
+    after = after_contact(scene, before, near, efficiency, hit)
     followed = hit[nearness(scene, after).opening <= 0]
     refusals.note(followed, time[followed], FOLLOWED)
     left = until[hit] - time[hit]

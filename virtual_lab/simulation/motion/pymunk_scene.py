@@ -21,7 +21,13 @@ from virtual_lab.simulation.motion.outcome import BAT, BAT_AGAIN, STOP, Events, 
 from virtual_lab.simulation.motion.scene import Scene, State
 from virtual_lab.simulation.motion.settings import Settings
 from virtual_lab.simulation.motion.space import Space
-from virtual_lab.simulation.motion.touch import Nearness, first_touch, moved, nearness, struck
+from virtual_lab.simulation.motion.touch import (
+    Nearness,
+    after_contact,
+    first_touch,
+    moved,
+    nearness,
+)
 from virtual_lab.simulation.motion.track import Track
 from virtual_lab.simulation.physics.coasting import time_to_turn, turned
 
@@ -231,7 +237,7 @@ class _Shot:
         if near.approach[0] <= 0:
             raise RefusedError(GRAZED)
         efficiency = effective(scene, near, ONE)
-        self.state = struck(scene, self.state, near, efficiency)
+        self.state = after_contact(scene, self.state, near, efficiency)
         if nearness(scene, self.state).opening[0] <= 0:
             raise RefusedError(FOLLOWED)
         self.touching = True

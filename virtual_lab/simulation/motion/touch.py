@@ -12,7 +12,15 @@ from virtual_lab.relations.flight import distance_after, speed_after
 from virtual_lab.simulation.motion.scene import Obstacle, Scene, State
 from virtual_lab.simulation.physics.coasting import slowed, turned
 
-__all__ = ["Nearness", "first_touch", "first_zero", "moved", "nearness", "obstacle_gap", "struck"]
+__all__ = [
+    "Nearness",
+    "after_contact",
+    "first_touch",
+    "first_zero",
+    "moved",
+    "nearness",
+    "obstacle_gap",
+]
 
 Array = NDArray[np.float64]
 Shots = NDArray[np.int_] | slice
@@ -94,7 +102,7 @@ def nearness(scene: Scene, state: State) -> Nearness:
     )
 
 
-def struck(
+def after_contact(
     scene: Scene, state: State, near: Nearness, efficiency: Array, shots: Shots = ALL
 ) -> State:
     """Return the state after smooth contacts of these efficiencies, of these `shots`.

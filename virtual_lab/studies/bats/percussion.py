@@ -27,7 +27,7 @@ from virtual_lab.records.session import Session
 from virtual_lab.simulation.faults.fault import other_sheet
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.physics.supports import Pinned
-from virtual_lab.simulation.rig import Order, Reality, Stage
+from virtual_lab.simulation.rig import Reality, ShotPlan, Stage
 from virtual_lab.studies.bats.percussion_chart import draw_percussion
 from virtual_lab.uncertainty.budget import combine, propagate, scatter
 from virtual_lab.units import INCH
@@ -83,7 +83,7 @@ class _Stand:
     ) -> tuple[Reduced, Array, Array]:
         """Return the reduced shots at a place [m], their true e_A and time of contact."""
         laboratory, stage = self.laboratory, Stage.IMPACT
-        order = Order(
+        order = ShotPlan(
             slot=FIRST_SLOT + number * shots + np.arange(shots),
             ball=np.arange(shots) % laboratory.rules.spec.balls,
             speed=np.full(shots, laboratory.rules.spec.ball_speed),

@@ -48,16 +48,16 @@ __all__ = [
     "ball",
     "beam",
     "body",
+    "centre_of_percussion_in",
     "game",
     "lead",
     "model",
     "nominal",
-    "percussion",
+    "peak_of",
     "profiled",
     "recoil",
     "restitution",
     "rules",
-    "struck",
     "support",
     "thinned",
     "top",
@@ -137,7 +137,7 @@ def model(bat: str, held: str = "free", modes: int = BENDING_MODES) -> ModalMode
     return ModalModel.of(body(bat), support(held), modes)
 
 
-def struck(
+def peak_of(
     bat: str | ModalModel,
     z: ArrayLike,
     *,
@@ -170,11 +170,11 @@ def restitution(
     bat: str, z: ArrayLike, held: str = "free", speed: float = 160.0, with_ball: str = GAME_BALL
 ) -> Array:
     """Return e by Eq. (6)."""
-    found = struck(bat, z, held=held, speed=speed, with_ball=with_ball).collision_efficiency
+    found = peak_of(bat, z, held=held, speed=speed, with_ball=with_ball).collision_efficiency
     return np.asarray(restitution_from_efficiency(found, recoil(bat, z, held)))
 
 
-def percussion(bat: str) -> float:
+def centre_of_percussion_in(bat: str) -> float:
     """Return the centre of percussion of the pivot 6 in from the knob."""
     own = beam(bat)
     pivot = own.length - 6 * INCH

@@ -29,9 +29,9 @@ from virtual_lab.studies.paper.computed import (
     body,
     lead,
     nominal,
+    peak_of,
     profiled,
     recoil,
-    struck,
     thinned,
     top,
 )
@@ -118,7 +118,7 @@ def _thinner_is_livelier() -> float:
     struck_body = thinned(ALUMINIUM, thin[0] / whole[0])
     own, mass = beam_of(struck_body), ball().mass
     r = recoil_factor_free(mass, own.mass, own.inertia_cm, Z * INCH - own.z_cm)
-    e_A = struck(ModalModel.of(struck_body, Free()), Z).collision_efficiency
+    e_A = peak_of(ModalModel.of(struck_body, Free()), Z).collision_efficiency
     e = np.asarray(restitution_from_efficiency(e_A, r))
     return float(e.max()) / 0.5 - top(ALUMINIUM, "BPF").value
 

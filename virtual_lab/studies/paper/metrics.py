@@ -33,11 +33,11 @@ from virtual_lab.studies.paper.computed import (
     ball,
     beam,
     body,
-    percussion,
+    centre_of_percussion_in,
+    peak_of,
     profiled,
     recoil,
     restitution,
-    struck,
     support,
     top,
 )
@@ -60,7 +60,7 @@ def _worst(values: Array) -> float:
 
 def _frames() -> float:
     """Return how far e_A read in the field by Eq. (2) is from that in the bat's frame."""
-    e_A = struck(WOOD, Z).collision_efficiency
+    e_A = peak_of(WOOD, Z).collision_efficiency
     v_bat = np.linspace(-50, 160, 8)[:, None]
     v_f = e_A * FAST + v_bat  # the bat's frame moves at v_bat
     return _worst(np.asarray(collision_efficiency(FAST - v_bat, v_bat, v_f)) - e_A)
@@ -82,7 +82,7 @@ def _symmetrical() -> float:
 def _slope(bat: str) -> float:
     """Return the change of peak e_A per mph of relative speed about 150 mph."""
     slow, fast = (
-        struck(bat, Z, speed=v, with_ball=BALL).collision_efficiency.max() for v in (140, 160)
+        peak_of(bat, Z, speed=v, with_ball=BALL).collision_efficiency.max() for v in (140, 160)
     )
     return float(fast - slow) / 20
 
@@ -106,20 +106,20 @@ def _node_gap(bat: str) -> float:
 
 
 def _held(bat: str, held: str) -> float:
-    gap = struck(bat, Z, held=held).collision_efficiency - struck(bat, Z).collision_efficiency
+    gap = peak_of(bat, Z, held=held).collision_efficiency - peak_of(bat, Z).collision_efficiency
     return _worst(gap)
 
 
 def _firmness() -> float:
     """Return how far v_f of a bat held by a spring of 1e6 N/m is from a clamped one's [mph]."""
-    held = struck(WOOD, Z, held="held").collision_efficiency
-    return FAST * _worst(held - struck(WOOD, Z, held="clamped").collision_efficiency)
+    held = peak_of(WOOD, Z, held="held").collision_efficiency
+    return FAST * _worst(held - peak_of(WOOD, Z, held="clamped").collision_efficiency)
 
 
 def _lost_in_cm_frame() -> float:
     """Return the model's loss over the energy in the frame of the centre of mass, less 1 - e²."""
     z = np.linspace(2, 10, 9)
-    found, r = struck(WOOD, z), recoil(WOOD, z)
+    found, r = peak_of(WOOD, z), recoil(WOOD, z)
     lost = found.energy.bending + found.energy.hoop + found.energy.hysteresis
     e = np.asarray(restitution_from_efficiency(found.collision_efficiency, r))
     return _worst(lost * (1 + r) - (1 - e**2))
@@ -130,7 +130,7 @@ def _fractions(name: str) -> float:
     z = np.linspace(2, 10, 9)
     gaps = []
     for bat in (WOOD, ALUMINIUM):
-        found, r = struck(bat, z), recoil(bat, z)
+        found, r = peak_of(bat, z), recoil(bat, z)
         e = np.asarray(restitution_from_efficiency(found.collision_efficiency, r))
         shares = energy_fractions(e, r)
         energy = found.energy
@@ -198,7 +198,7 @@ def _overestimate(speed: float) -> float:
 
 def _overestimate_of_model(speed: float) -> float:
     slow, fast = (
-        struck(WOOD, Z, speed=v, with_ball=BALL).collision_efficiency.max() for v in (speed, FAST)
+        peak_of(WOOD, Z, speed=v, with_ball=BALL).collision_efficiency.max() for v in (speed, FAST)
     )
     return FAST * float(slow - fast)
 
@@ -215,7 +215,7 @@ def _total(held: str) -> float:
     """Return how far the energy in the bat and its vibration is from the free bat's."""
 
     def total(name: str) -> Array:
-        energy = struck(WOOD, Z, held=name).energy
+        energy = peak_of(WOOD, Z, held=name).energy
         return np.asarray(energy.rigid + energy.bending + energy.hoop + energy.hysteresis)
 
     return _worst(total(held) - total("free"))
@@ -223,19 +223,23 @@ def _total(held: str) -> float:
 
 def _apart(held: str) -> float:
     """Return the least gap between the rigid-body energy of a free and of a held bat."""
-    gap = struck(WOOD, Z, held=held).energy.rigid - struck(WOOD, Z).energy.rigid
+    gap = peak_of(WOOD, Z, held=held).energy.rigid - peak_of(WOOD, Z).energy.rigid
     return float(np.abs(gap[Z < 5]).min())
 
 
 def _at_percussion(bat: str) -> float:
-    z = percussion(bat)
+    z = centre_of_percussion_in(bat)
     gap = restitution(bat, [z], "pivoted", SLOW, BALL) - restitution(bat, [z], "free", SLOW, BALL)
     return _worst(gap)
 
 
 def _recoils_at_percussion() -> float:
     return max(
-        _worst(recoil(bat, percussion(bat), "pivoted") / recoil(bat, percussion(bat)) - 1)
+        _worst(
+            recoil(bat, centre_of_percussion_in(bat), "pivoted")
+            / recoil(bat, centre_of_percussion_in(bat))
+            - 1
+        )
         for bat in BATS
     )
 
@@ -247,7 +251,9 @@ def _pivot_speed() -> float:
     """
     own = beam(WOOD)
     modes = modes_of(body(WOOD), Free(), 0)
-    hit, pivot = modes.shape(np.array([percussion(WOOD) * INCH, own.length - 6 * INCH]))
+    hit, pivot = modes.shape(
+        np.array([centre_of_percussion_in(WOOD) * INCH, own.length - 6 * INCH])
+    )
     rigid = slice(modes.rigid)
     return float(hit[rigid] @ pivot[rigid] / (hit[rigid] @ hit[rigid]))
 
@@ -255,7 +261,7 @@ def _pivot_speed() -> float:
 def _without_hoop() -> float:
     """Return the peak BPF of the aluminium bat less that of one whose shell cannot ring."""
     stiff = ModalModel.of(replace(body(ALUMINIUM), hoop=None), Free())
-    e_A = struck(stiff, Z).collision_efficiency
+    e_A = peak_of(stiff, Z).collision_efficiency
     e = np.asarray(restitution_from_efficiency(e_A, recoil(ALUMINIUM, Z)))
     return top(ALUMINIUM, "BPF").value - float(e.max()) / 0.5
 
@@ -264,7 +270,7 @@ def _softball_factor() -> float:
     """Return the peak BPF of a slow-pitch bat at 60 mph, free, with the ball of its game."""
     z, slow = np.arange(4, 9, 0.25), "softball-slowpitch"
     own, struck_ball = beam("softball-34"), ball(slow)
-    e_A = struck("softball-34", z, speed=SLOW, with_ball=slow).collision_efficiency
+    e_A = peak_of("softball-34", z, speed=SLOW, with_ball=slow).collision_efficiency
     off = z * INCH - own.z_cm
     r = struck_ball.mass * (1 / own.mass + off**2 / own.inertia_cm)
     e0 = float(struck_ball.restitution.at(SLOW * MPH))

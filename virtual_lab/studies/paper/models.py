@@ -28,9 +28,9 @@ from virtual_lab.studies.paper.computed import (
     lead,
     model,
     nominal,
+    peak_of,
     profiled,
     recoil,
-    struck,
     top,
     top_of,
 )
@@ -62,8 +62,8 @@ def _wall_time() -> float:
 
 def _modes_left_out(count: int) -> float:
     """Return how far the peak e_A of R161 with a few modes is from that with all kept here."""
-    few = struck(model(WOOD, "free", count), Z).collision_efficiency.max()
-    return float(few - struck(model(WOOD, "free", BENDING_MODES), Z).collision_efficiency.max())
+    few = peak_of(model(WOOD, "free", count), Z).collision_efficiency.max()
+    return float(few - peak_of(model(WOOD, "free", BENDING_MODES), Z).collision_efficiency.max())
 
 
 def _highest_of(count: int) -> float:
@@ -72,7 +72,7 @@ def _highest_of(count: int) -> float:
 
 def _lost(bat: str) -> float:
     """Return the least share of energy that is lost along a bat."""
-    energy = struck(bat, Z).energy
+    energy = peak_of(bat, Z).energy
     return float((energy.bending + energy.hoop + energy.hysteresis).min())
 
 
@@ -84,12 +84,12 @@ def _shell_frequency() -> float:
 
 def _shell_turns() -> float:
     """Return how many periods of the shell of EA70 a collision lasts."""
-    return 1e3 * _shell_frequency() * float(struck(ALUMINIUM, [6.0]).contact_time[0])
+    return 1e3 * _shell_frequency() * float(peak_of(ALUMINIUM, [6.0]).contact_time[0])
 
 
 def _dead_shell_factor() -> float:
     stiff = ModalModel.of(replace(body(ALUMINIUM), hoop=None), Free())
-    e_A = struck(stiff, Z).collision_efficiency
+    e_A = peak_of(stiff, Z).collision_efficiency
     e = np.asarray(restitution_from_efficiency(e_A, recoil(ALUMINIUM, Z)))
     return float(e.max()) / 0.5
 
@@ -174,7 +174,7 @@ CLAIMS: tuple[Claim, ...] = (
         "text",
         "a collision lasts at least 0.5 ms: R161 at 6 in",
         0.5,
-        lambda: float(struck(WOOD, [6.0]).contact_time[0]) * 1e3,
+        lambda: float(peak_of(WOOD, [6.0]).contact_time[0]) * 1e3,
         unit="ms",
         why="the bound in print",
     ),

@@ -24,14 +24,14 @@ from virtual_lab.studies.paper.computed import (
     WOOD,
     ball,
     beam,
+    centre_of_percussion_in,
     lead,
     model,
     nominal,
-    percussion,
+    peak_of,
     profiled,
     recoil,
     rules,
-    struck,
     top,
     top_of,
 )
@@ -48,7 +48,7 @@ MODIFIED = 97.0  # mph
 
 def _proposed(bat: str, n: float) -> float:
     """Return the greatest v_f predicted from e_A at one speed, a bat at rest, less the field's."""
-    e_A = struck(bat, PLACES, speed=160.0).collision_efficiency
+    e_A = peak_of(bat, PLACES, speed=160.0).collision_efficiency
     found = top_of(PLACES, e_A, 90.0, nominal(bat, PLACES, n))
     return found.value - top(bat, "v_f_mph", n).value
 
@@ -61,8 +61,8 @@ def _ends() -> float:
 
 def _factor(bat: str) -> float:
     """Return the BPF of the ASTM method: pivoted, 60 mph, at the centre of percussion."""
-    place = np.array([percussion(bat)])
-    e_A = struck(bat, place, held="pivoted", speed=60.0, with_ball=BALL).collision_efficiency
+    place = np.array([centre_of_percussion_in(bat)])
+    e_A = peak_of(bat, place, held="pivoted", speed=60.0, with_ball=BALL).collision_efficiency
     e = np.asarray(restitution_from_efficiency(e_A, recoil(bat, place, "pivoted")))
     return float(e[0]) / float(ball(BALL).restitution.at(60 * MPH))
 
@@ -70,8 +70,8 @@ def _factor(bat: str) -> float:
 def _by_recoil() -> float:
     """Return v_f by the recoil of a pivoted bat less that of the ball, over v_ball."""
     bat = model(WOOD, "pivoted")
-    z, own = percussion(WOOD), beam(WOOD)
-    found = struck(bat, [z], speed=60.0, with_ball=BALL)
+    z, own = centre_of_percussion_in(WOOD), beam(WOOD)
+    found = peak_of(bat, [z], speed=60.0, with_ball=BALL)
     axis = own.length - 6 * INCH
     turn = float(bat.modes.rotation(axis)[0])  # of the only rigid mode, unit modal velocity
     omega = abs(turn * float(found.modal_velocities[0, 0]))
@@ -98,7 +98,7 @@ def _swung(place: float | Array, length: float) -> Array:
 def _ncaa(bat: str) -> float:
     """Return the greatest v_f of the NCAA's own speeds [mph]."""
     speeds = _swung(PLACES, beam(bat).length)
-    e_A = struck(bat, PLACES, speed=PITCH + speeds, with_ball=BALL).collision_efficiency
+    e_A = peak_of(bat, PLACES, speed=PITCH + speeds, with_ball=BALL).collision_efficiency
     return top_of(PLACES, e_A, PITCH, speeds).value
 
 
@@ -123,7 +123,7 @@ def _field_speed() -> float:
 
 
 def _off_percussion(bat: str) -> float:
-    return abs(percussion(bat) - top(bat, "v_f_mph").place)
+    return abs(centre_of_percussion_in(bat) - top(bat, "v_f_mph").place)
 
 
 def _lighter_is_faster() -> float:
@@ -216,7 +216,7 @@ CLAIMS: tuple[Claim, ...] = (
         "a hit at the COP turns the bat smoothly: blow on the pivot over that on the barrel",
         0.0,
         1e-9,
-        lambda: _reaction(percussion(WOOD)),
+        lambda: _reaction(centre_of_percussion_in(WOOD)),
         why="algebra: rounding alone",
     ),
     at_least(
@@ -224,7 +224,7 @@ CLAIMS: tuple[Claim, ...] = (
         "text",
         "elsewhere the pivot reacts: the same 2 in nearer the tip",
         0.05,
-        lambda: abs(_reaction(percussion(WOOD) - 2)),
+        lambda: abs(_reaction(centre_of_percussion_in(WOOD) - 2)),
         why="plain beside the algebra",
     ),
     at_most(

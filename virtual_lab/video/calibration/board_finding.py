@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from virtual_lab.relations.board import Board
 from virtual_lab.video.calibration.corners import fit_crossings
 
-__all__ = ["Seen", "find_board"]
+__all__ = ["BoardView", "find_board"]
 
 Array = NDArray[np.float64]
 
@@ -20,7 +20,7 @@ BRIGHT = 99.9  # per cent of the pixels: what is brighter is a glint
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
+class BoardView:
     """A board's corners in one picture."""
 
     ids: NDArray[np.intp]  # which of `Board.corners` they are, (corner,)
@@ -28,7 +28,7 @@ class Seen:
     u: Array  # (corner,) from the pixels' noise, each way
 
 
-def find_board(picture: NDArray[Any], board: Board) -> Seen | None:
+def find_board(picture: NDArray[Any], board: Board) -> BoardView | None:
     """Return a board's corners in a grey picture; None where there are not enough.
 
     A chessboard must be seen whole, of a board with markers any part. One whose first square is
@@ -48,7 +48,7 @@ def find_board(picture: NDArray[Any], board: Board) -> Seen | None:
     good = np.isfinite(fitted.u)
     if good.sum() < LEAST:
         return None
-    return Seen(ids=ids[good], places=fitted.places[good], u=fitted.u[good])
+    return BoardView(ids=ids[good], places=fitted.places[good], u=fitted.u[good])
 
 
 def _chessboard(plain: NDArray[np.uint8], board: Board) -> tuple[NDArray[np.intp], Array]:

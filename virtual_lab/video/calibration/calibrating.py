@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from virtual_lab.errors import InputError
 from virtual_lab.relations.board import Board
 from virtual_lab.units import DEGREE
-from virtual_lab.video.calibration.board_finding import Seen, find_board
+from virtual_lab.video.calibration.board_finding import BoardView, find_board
 from virtual_lab.video.calibration.camera_fit import Solved, solve
 from virtual_lab.video.calibration.plane import on_plane
 from virtual_lab.video.clips.calibration_file import CameraFit, CameraModel
@@ -116,9 +116,9 @@ def lengths_of(model: CameraModel) -> Array:
 
 def _found(
     pictures: Iterable[tuple[str, NDArray[Any]]], board: Board
-) -> tuple[list[tuple[str, Seen | None]], tuple[int, int]]:
+) -> tuple[list[tuple[str, BoardView | None]], tuple[int, int]]:
     """Return the corners of the board in each picture, and width and height."""
-    looked: list[tuple[str, Seen | None]] = []
+    looked: list[tuple[str, BoardView | None]] = []
     size: tuple[int, int] | None = None
     for name, picture in pictures:
         own = (picture.shape[1], picture.shape[0])
@@ -132,7 +132,7 @@ def _found(
     return looked, size
 
 
-def _plane_view(looked: list[tuple[str, Seen | None]], plan: Plan) -> int:
+def _plane_view(looked: list[tuple[str, BoardView | None]], plan: Plan) -> int:
     """Return which of the pictures with a board gives the plane; never another one unasked."""
     names = [name for name, _ in looked]
     wanted = [n for n, name in enumerate(names) if plan.plane in (None, name, Path(name).name)]
@@ -229,7 +229,7 @@ def _length_u(solved: Solved, model: CameraModel) -> Array:
 
 def _warnings(
     solved: Solved,
-    seen: list[Seen],
+    seen: list[BoardView],
     names: tuple[str, ...],
     without: tuple[str, ...],
     size: tuple[int, int],

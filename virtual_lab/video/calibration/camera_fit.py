@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
-from virtual_lab.video.calibration.board_finding import Seen
+from virtual_lab.video.calibration.board_finding import BoardView
 
 __all__ = ["Solved", "solve"]
 
@@ -56,7 +56,7 @@ class Solved:
         return np.asarray(np.sqrt(np.bincount(self.view, squares) / np.bincount(self.view)))
 
 
-def solve(corners: Array, seen: list[Seen], size: tuple[int, int], plane: int) -> Solved:
+def solve(corners: Array, seen: list[BoardView], size: tuple[int, int], plane: int) -> Solved:
     """Return lens and poses.
 
     Parameters
@@ -86,7 +86,7 @@ def solve(corners: Array, seen: list[Seen], size: tuple[int, int], plane: int) -
             break
         kept = np.split(~wild, np.cumsum([len(each.ids) for each in seen])[:-1])
         seen = [
-            Seen(ids=each.ids[good], places=each.places[good], u=each.u[good])
+            BoardView(ids=each.ids[good], places=each.places[good], u=each.u[good])
             for each, good in zip(seen, kept, strict=True)
         ]
         if min(len(each.ids) for each in seen) < LEAST:
@@ -96,7 +96,7 @@ def solve(corners: Array, seen: list[Seen], size: tuple[int, int], plane: int) -
     return replace(whole, left_out=count - np.array([len(each.ids) for each in seen]))
 
 
-def _fit(corners: Array, seen: list[Seen], size: tuple[int, int], plane: int) -> Solved:
+def _fit(corners: Array, seen: list[BoardView], size: tuple[int, int], plane: int) -> Solved:
     full = _fit_with(corners, seen, size, plane, bent=5)
     if abs(full.values[8]) > SURE * full.u[8]:
         return full
@@ -104,7 +104,7 @@ def _fit(corners: Array, seen: list[Seen], size: tuple[int, int], plane: int) ->
 
 
 def _fit_with(
-    corners: Array, seen: list[Seen], size: tuple[int, int], plane: int, bent: int
+    corners: Array, seen: list[BoardView], size: tuple[int, int], plane: int, bent: int
 ) -> Solved:
     import cv2
 

@@ -100,7 +100,7 @@ def fit_edge(
     from virtual_lab.video.locate import edge_kernel as kernel
     from virtual_lab.video.locate import edge_sums as at
     from virtual_lab.video.locate.pixels import View
-    from virtual_lab.video.locate.rim_profiles import profiles
+    from virtual_lab.video.locate.rim_profiles import blurred_profiles
 
     pixels, behind = _checked(regions, corners, start, background)
     if not lens > 0:
@@ -121,14 +121,14 @@ def fit_edge(
     if usable.any():
         width = sqrt(lens**2 + PIXEL)
         radius = float(np.median(p[usable, at.RADIUS]))
-        known = profiles(radius, width, INSIDE, float(np.hypot(*ways[usable].T).max()))
+        known = blurred_profiles(radius, width, INSIDE, float(np.hypot(*ways[usable].T).max()))
         sectors = int(np.clip(round(2 * pi * radius / ARC), *SECTORS))
         prior = _prior(oval_u)
         for k in np.flatnonzero(usable):
             rim = at.Rim(known.table, known.stiffness, known.hides, width, INSIDE, ways[k])
             view = View(pixels[k], behind[k % len(behind)])
             own = kernel.Solution(*(each[k] for each in found))
-            kernel.fit(view, rim, noise.figures, prior, sectors, own)
+            kernel.fit_region(view, rim, noise.figures, prior, sectors, own)
     return _judged(found, start, corners, pixels.shape[1:])
 
 

@@ -19,9 +19,9 @@ from virtual_lab.video.locate.edge_sums import COUNT, Equations, Rim, gather
 from virtual_lab.video.locate.pixels import BLACK, OPTIONS, View, variance
 from virtual_lab.video.locate.rim_cover import covered
 from virtual_lab.video.locate.rim_profiles import LIKE
-from virtual_lab.video.locate.ring_solver import eliminate, put, substitute
+from virtual_lab.video.locate.ring_solver import copy_into, eliminate, substitute
 
-__all__ = ["STATE", "Solution", "fit"]
+__all__ = ["STATE", "Solution", "fit_region"]
 
 Floats = NDArray[np.float64]
 
@@ -124,16 +124,16 @@ def _solve(sums: Equations, turns: int, field: Pattern, step: Floats) -> float:
     for turn in range(turns):
         if turn > 0:
             _shown(field)
-            put(of_pixels[0], blocks)
-            put(of_pixels[1], links)
-            put(of_pixels[2], border)
-            put(of_pixels[3], shared)
+            copy_into(of_pixels[0], blocks)
+            copy_into(of_pixels[1], links)
+            copy_into(of_pixels[2], border)
+            copy_into(of_pixels[3], shared)
         _believe(field, sums)
         step[:] = np.nan
         if not eliminate(blocks, links, border, shared):
             break
         u = sqrt(substitute(blocks, links, border, shared, 0, field.step)[0])
-        put(substitute(blocks, links, border, shared, -1, field.step), step)
+        copy_into(substitute(blocks, links, border, shared, -1, field.step), step)
         if max(abs(step[0] - x), abs(step[1] - y)) < SMALL * u:
             break
         x, y = step[0], step[1]
@@ -173,7 +173,9 @@ def _sway(pattern: Floats, hides: Floats, contrast: float) -> float:
 
 
 @njit(**OPTIONS)
-def fit(view: View, rim: Rim, noise: Floats, prior: Floats, sectors: int, found: Solution) -> None:
+def fit_region(
+    view: View, rim: Rim, noise: Floats, prior: Floats, sectors: int, found: Solution
+) -> None:
     """Fit one region.
 
     A batch of them is no loop in here: each level of calls costs seconds to compile.
@@ -202,7 +204,7 @@ def fit(view: View, rim: Rim, noise: Floats, prior: Floats, sectors: int, found:
     for turn in range(SETTLING + ROUNDS):
         first = turn == 0
         gather(view, rim, noise, p, field.values, settling, sums, tally)
-        put(tally, state[: at.TALLY])
+        copy_into(tally, state[: at.TALLY])
         if tally[at.PIXELS] < 4 * COUNT:
             return
         for a in range(COUNT):
@@ -230,7 +232,7 @@ def fit(view: View, rim: Rim, noise: Floats, prior: Floats, sectors: int, found:
             field.amplitude[:] = ROUGH
     for a in range(3):
         row = substitute(sums.blocks, sums.links, sums.border, sums.shared, a, field.step)
-        put(row[:3], found.covariance[a])
+        copy_into(row[:3], found.covariance[a])
         found.shifts[a] = _shift(field)
     behind = noise[BLACK] + bright - p[at.LEVEL] * view.background.mean()
     state[SWAY] = _sway(field.values, rim.hides, max(abs(behind), 1.0))

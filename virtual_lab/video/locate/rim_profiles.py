@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-__all__ = ["FIRST", "PER", "SHADES", "Profiles", "profiles"]
+__all__ = ["FIRST", "PER", "SHADES", "Profiles", "blurred_profiles"]
 
 Array = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ class Profiles:
         return int(self.stiffness.shape[0])
 
 
-def profiles(radius: float, width: float, inside: float, blur: float) -> Profiles:
+def blurred_profiles(radius: float, width: float, inside: float, blur: float) -> Profiles:
     """Return tables for balls of about a radius [pixel].
 
     Parameters

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from virtual_lab.video.locate.pixels import OPTIONS
 
-__all__ = ["eliminate", "put", "substitute"]
+__all__ = ["copy_into", "eliminate", "substitute"]
 
 Floats = NDArray[np.float64]
 
 
 @njit(**OPTIONS)
-def put(values: Floats, out: Floats) -> None:
+def copy_into(values: Floats, out: Floats) -> None:
     """Copy an array into one of the same shape: numba compiles `out[:] = values` for seconds."""
     for k in range(out.size):
         out.flat[k] = values.flat[k]
@@ -126,13 +126,13 @@ def substitute(
     total = shared.shape[0]
     whole = np.zeros((total, 1))
     if right < 0:
-        put(shared[:, total], whole[:, 0])
+        copy_into(shared[:, total], whole[:, 0])
     else:
         whole[n + right, 0] = 1.0
         _down(shared[:, :total], whole)
     end = whole[:, 0].copy()
     _up(shared[:, :total], end)
-    put(end[:n], ring[count - 1])
+    copy_into(end[:n], ring[count - 1])
     for k in range(count - 2, -1, -1):
         for i in range(n):
             value = border[k, i, total] if right < 0 else 0.0

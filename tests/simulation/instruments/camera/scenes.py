@@ -7,7 +7,7 @@ import numpy as np
 from virtual_lab import catalog
 from virtual_lab.simulation.instruments.camera.camera import Camera
 from virtual_lab.simulation.instruments.camera.course import Course
-from virtual_lab.simulation.instruments.camera.scene import Bat
+from virtual_lab.simulation.instruments.camera.scene import FilmedBat
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.streams import Draws, Quiet, Streams
@@ -52,10 +52,10 @@ def course_of(seed: int = 5) -> Course:
     )
 
 
-def bat_of(course: Course) -> Bat:
+def bat_of(course: Course) -> FilmedBat:
     """Return a bat that stands where the ball's surface is at contact, and recoils."""
     stations = np.linspace(-0.1, 0.75, 60)
-    return Bat(
+    return FilmedBat(
         pivot=(0.0695, -0.6),
         stations=stations,
         half_widths=np.interp(stations, [-0.1, 0.25, 0.55, 0.75], [0.012, 0.016, 0.033, 0.033]),

@@ -11,10 +11,10 @@ import pytest
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
 from virtual_lab.records import ClipRecord, TrackRecord
-from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.instruments.camera.camera import Camera
 from virtual_lab.simulation.instruments.camera.course import Course
-from virtual_lab.simulation.instruments.camera.film import whole_frames, write_film, write_preview
+from virtual_lab.simulation.instruments.camera.film import whole_frames, write_clip, write_preview
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.streams import Streams
@@ -74,7 +74,7 @@ def test_windows_show_the_ball_where_it_was() -> None:
 
 def test_frames_come_at_the_cameras_rate_and_the_ball_at_its_speed() -> None:
     track, truth = camera(SPEC.ideal()).watch(
-        course(3), Streams(3), "track", np.arange(3), Rung.SUMMED
+        course(3), Streams(3), "track", np.arange(3), RecordDetail.SUMMED
     )
     assert isinstance(track, TrackRecord)
     steps = np.diff(track.times, axis=1)
@@ -88,7 +88,9 @@ def test_frames_come_at_the_cameras_rate_and_the_ball_at_its_speed() -> None:
 
 
 def test_places_stray_from_the_truth_by_the_uncertainty_stated() -> None:
-    track, truth = camera().watch(course(200), Streams(4), "track", np.arange(200), Rung.SUMMED)
+    track, truth = camera().watch(
+        course(200), Streams(4), "track", np.arange(200), RecordDetail.SUMMED
+    )
     assert isinstance(track, TrackRecord)
     off = (track.x - truth["frame_outline"][..., 0]) / track.u
     off = off[np.isfinite(off)]
@@ -97,7 +99,9 @@ def test_places_stray_from_the_truth_by_the_uncertainty_stated() -> None:
 
 def test_a_frame_lost_leaves_a_gap_in_the_time_stamps() -> None:
     leaky = replace(SPEC.ideal(), clock=replace(SPEC.clock.ideal(), drop_rate=0.2))
-    track, _ = camera(leaky).watch(course(20), Streams(5), "track", np.arange(20), Rung.SUMMED)
+    track, _ = camera(leaky).watch(
+        course(20), Streams(5), "track", np.arange(20), RecordDetail.SUMMED
+    )
     steps = np.diff(track.times, axis=1) * SPEC.clock.frame_rate
     steps = steps[np.isfinite(steps)]
     assert steps == pytest.approx(np.rint(steps), abs=1e-6)
@@ -107,7 +111,7 @@ def test_a_frame_lost_leaves_a_gap_in_the_time_stamps() -> None:
 def test_a_film_keeps_every_frame_and_its_time(tmp_path: Path) -> None:
     seen = list(islice(whole_frames(camera(), course(1), Streams(6), "film", np.arange(1)), 6))
     rate = SPEC.clock.frame_rate
-    assert write_film(tmp_path / "film.mp4", seen, rate) == len(seen)
+    assert write_clip(tmp_path / "film.mp4", seen, rate) == len(seen)
     reader = cv2.VideoCapture(str(tmp_path / "film.mp4"), cv2.CAP_FFMPEG)
     reader.set(cv2.CAP_PROP_CONVERT_RGB, 0)
     for _, frame in seen:
@@ -135,5 +139,5 @@ def test_a_preview_plays_every_frame_slowly(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="a preview needs frames"):
         write_preview(tmp_path / "none.webp", [], 4095)
     with pytest.raises(InputError, match="a film needs frames"):
-        write_film(tmp_path / "none.mp4", [], 5000)
+        write_clip(tmp_path / "none.mp4", [], 5000)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["film.webp"]

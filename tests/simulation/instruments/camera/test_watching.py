@@ -15,7 +15,7 @@ from tests.simulation.instruments.camera.scenes import (
     spec_of,
 )
 from virtual_lab.records import join
-from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.instruments.camera.ball import render_balls
 from virtual_lab.simulation.instruments.camera.scene import background
 from virtual_lab.simulation.instruments.camera.spec import BallLook
@@ -28,7 +28,7 @@ def test_frames_show_the_ball_where_the_flight_had_it() -> None:
     """Gates' own closed forms: the time at which a ball passes where a frame saw it."""
     course = course_of()
     camera = camera_of(spec_of("camera-overhead"), Streams(1))
-    record, truth = camera.watch(course, QUIET, "c", np.arange(SHOTS), Rung.SUMMED)
+    record, truth = camera.watch(course, QUIET, "c", np.arange(SHOTS), RecordDetail.SUMMED)
     x, z = truth["frame_position"][..., 0], truth["frame_position"][..., 2]
     before = truth["frame_time"] < course.contact[:, None]
     after = truth["frame_time"] > course.leaving[:, None]
@@ -65,7 +65,9 @@ def test_frames_that_get_lost_leave_a_gap_in_time() -> None:
     """A fifth of 96 frames: they are not there, and the times of the others tell."""
     clock = replace(spec_of("camera-overhead").clock, drop_rate=0.2)
     camera = camera_of(spec_of("camera-overhead", clock=clock), Streams(2))
-    record, truth = camera.watch(course_of(), Streams(3), "c", np.arange(SHOTS), Rung.SUMMED)
+    record, truth = camera.watch(
+        course_of(), Streams(3), "c", np.arange(SHOTS), RecordDetail.SUMMED
+    )
     there = np.isfinite(record.times)
     assert 5 < (~there).sum() < 40
     assert np.array_equal(there, np.isfinite(truth["frame_time"]))
@@ -83,7 +85,7 @@ def test_sums_are_as_uncertain_as_pixels_allow() -> None:
     """
     spec = replace(spec_of("camera-backlit"), ball=PLAIN)
     camera = camera_of(spec, QUIET)
-    record, truth = camera.watch(course_of(), QUIET, "c", np.arange(SHOTS), Rung.SUMMED)
+    record, truth = camera.watch(course_of(), QUIET, "c", np.arange(SHOTS), RecordDetail.SUMMED)
     radius, blur = truth["frame_radius"][0, 0], truth["frame_blur"][0, 0]
     behind, white = background(spec)[400, 640], spec.light.ball * spec.exposed
 
@@ -102,7 +104,7 @@ def test_sums_are_as_uncertain_as_pixels_allow() -> None:
     bounds = [1 / np.sqrt((slope**2 / variance).sum()) for slope in slopes]
     mean = float(np.sqrt(np.mean(np.square(bounds))))
     assert record.u[0, 0] == pytest.approx(1.1 * mean, rel=0.1)
-    noisy, truth = camera.watch(course_of(), Streams(4), "c", np.arange(SHOTS), Rung.SUMMED)
+    noisy, truth = camera.watch(course_of(), Streams(4), "c", np.arange(SHOTS), RecordDetail.SUMMED)
     pulls = (np.stack([noisy.x, noisy.y], axis=-1) - truth["frame_outline"]) / noisy.u[..., None]
     pulls = pulls[np.isfinite(pulls)]
     assert pulls.std() == pytest.approx(1, abs=4 / np.sqrt(2 * pulls.size))

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from virtual_lab.relations.pinhole import rotation
 from virtual_lab.simulation.instruments.camera.spec import BallLook
 
-__all__ = ["Light", "Seen", "axes_of", "render_balls"]
+__all__ = ["Light", "RenderedBalls", "axes_of", "render_balls"]
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.float32]
@@ -45,7 +45,7 @@ class Light:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
+class RenderedBalls:
     """Balls as their light reaches the pixels, each (region, row, column)."""
 
     cover: Pixels  # share of the background's light that a ball keeps off
@@ -79,7 +79,7 @@ def render_balls(
     times: ArrayLike | None = None,
     warp: ArrayLike | None = None,
     view: ArrayLike | None = None,
-) -> Seen:
+) -> RenderedBalls:
     """Return the balls of many regions of one shape.
 
     Parameters
@@ -112,7 +112,7 @@ def render_balls(
     ValueError
         Where `sigma` is out of range.
     """
-    from virtual_lab.simulation.instruments.camera.ball_kernel import render
+    from virtual_lab.simulation.instruments.camera.ball_kernel import Look, Shown, render
     from virtual_lab.simulation.instruments.camera.vectors import LANES
 
     if not LEAST_BLUR <= sigma <= MOST_BLUR:
@@ -143,20 +143,23 @@ def render_balls(
     out = np.zeros((regions, 2, *shape), np.float32)
     spread = min(sigma / sqrt(2), MOST_SPREAD)
     fine = max(float(size.max()) / (SPACING * sigma), DETAIL if look.seam_contrast else 1.0)
+    warp, path, times, body, turned, lit = (
+        np.ascontiguousarray(part, dtype=np.float64)
+        for part in (outline, course, when, axes, turns, shades)
+    )
     render(
-        _nodes(ceil(log(fine) / log(STEP))),
-        *(np.ascontiguousarray(part, dtype=np.float64) for part in (outline, course, when, axes)),
-        np.ascontiguousarray(turns, dtype=np.float64),
-        np.ascontiguousarray(shades),
-        features,
-        _table(spread),
-        sqrt(sigma**2 - spread**2),
-        spans,
-        _gauss(float(np.linalg.norm(np.diff(course, axis=1), axis=2).max()), sigma),
-        4 * (ceil(float(np.abs(outline).sum(axis=2).max())) + LANES // 4),
+        Shown(warp, path, times, body, turned, lit, spans),
+        Look(
+            nodes=_nodes(ceil(log(fine) / log(STEP))),
+            surface=features,
+            table=_table(spread),
+            blur=sqrt(sigma**2 - spread**2),
+            gauss=_gauss(float(np.linalg.norm(np.diff(course, axis=1), axis=2).max()), sigma),
+            size=4 * (ceil(float(np.abs(outline).sum(axis=2).max())) + LANES // 4),
+        ),
         out,
     )
-    return Seen(cover=out[:, 0], radiance=out[:, 1])
+    return RenderedBalls(cover=out[:, 0], radiance=out[:, 1])
 
 
 def axes_of(turn: ArrayLike) -> Array:

@@ -8,7 +8,7 @@ grid is gathered into pixels. So no step looks a place up, and none sees an edge
 from __future__ import annotations
 
 from math import ceil, cos, erf, floor, sin, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.simulation.instruments.camera.vectors import LANES, add_row
 
-__all__ = ["PHASES", "render"]
+__all__ = ["PHASES", "Look", "Shown", "render"]
 
 Floats = NDArray[np.float64]
 Pixels = NDArray[np.float32]
@@ -27,6 +27,29 @@ FAINT = 1e-7  # weights below are left out
 GROOVE, ROW, AWAY, SLANT = 0.3, 0.45, 0.55, 4.0  # shape of a seam, in its half width
 STITCHES = 54.0  # pairs in half a round of the seam
 ROUND = 1.1  # makes them evenly spaced
+
+
+class Look(NamedTuple):
+    """What all balls of a batch share."""
+
+    nodes: Floats  # (node, 4): x, y, z of the unit sphere, share of the disc
+    surface: Floats  # (4,): albedo, the seam's contrast, width and neck
+    table: Pixels  # flat: the Gaussian at eight grid points for each phase of a node
+    blur: float  # what `table` leaves of the lens's [px]
+    gauss: Floats  # (2, point): nodes and weights along a leg of the path
+    size: int  # columns of the grid
+
+
+class Shown(NamedTuple):
+    """One ball, or (region, ...) of a batch."""
+
+    warp: Floats  # (2, 5) from the unit disc to the picture [px]
+    path: Floats  # (point, 2) from the region's first pixel [px]
+    times: Floats  # (point,) 0 to 1
+    body: Floats  # (3, 3) axes of the ball in its rows
+    turn: Floats  # (3,) rotation vector during the exposure [rad]
+    light: Floats  # (5,): toward the lamp, ambient, softness
+    spans: NDArray[np.int64]  # steps in which a ball that turns is rendered
 
 
 @njit(**FAST)
@@ -57,20 +80,9 @@ def _albedo(x: float, y: float, z: float, look: Floats) -> float:
 
 
 @njit(**FAST)
-def _spread(
-    nodes: Floats,
-    warp: Floats,
-    body: Floats,
-    light: Floats,
-    look: Floats,
-    table: Pixels,
-    grid: Pixels,
-    size: int,
-) -> None:
-    """Fill `grid`, rows of the disc and of its radiance in turn, of `size` columns.
-
-    `table` holds, flat, the Gaussian at eight grid points for each phase of a node.
-    """
+def _spread(warp: Floats, body: Floats, light: Floats, seen: Look, grid: Pixels) -> None:
+    """Fill `grid`, rows of the disc and of its radiance in turn."""
+    nodes, look, table, size = seen.nodes, seen.surface, seen.table, seen.size
     for k in range(grid.size):
         grid[k] = 0
     across, down = np.empty(LANES, np.float32), np.empty(LANES, np.float32)
@@ -132,15 +144,15 @@ def _weights(
     times: Floats,
     start: float,
     end: float,
-    gauss: Floats,
-    s: float,
+    look: Look,
     first: NDArray[np.int64],
     out: Floats,
 ) -> None:
-    """Fill `out` with the pixel's square and a blur of `s`, along the path from start to end.
+    """Fill `out` with the pixel's square and the blur left, along the path from start to end.
 
     Element (k, l) is what a grid point gives a pixel (first + (k, l)) / 2 away from it.
     """
+    gauss, s = look.gauss, look.blur
     for k in range(len(out)):
         for j in range(out.shape[1]):
             out[k, j] = 0
@@ -219,44 +231,26 @@ def _turned(turn: Floats, share: float, body: Floats, out: Floats) -> None:
 
 
 @njit(**FAST)
-def render(
-    nodes: Floats,
-    warp: Floats,
-    path: Floats,
-    times: Floats,
-    body: Floats,
-    turn: Floats,
-    light: Floats,
-    look: Floats,
-    table: Pixels,
-    blur: float,
-    spans: NDArray[np.int64],
-    gauss: Floats,
-    size: int,
-    out: Pixels,
-) -> None:
-    """Render region after region, adding to `out` (region, channel, row, column).
-
-    `path` (region, point, 2) counts from the region's first pixel, `times` (region, point)
-    run from 0 to 1, `spans` (region,) are the steps in which a ball that turns is rendered;
-    `blur` is what `table` leaves of the lens's [px], `size` that of the grid.
-    """
+def render(balls: Shown, look: Look, out: Pixels) -> None:
+    """Render region after region, adding to `out` (region, channel, row, column)."""
+    size = look.size
     grid = np.empty(2 * size * size, np.float32)
     planes = np.empty((size, 2, 2, size // 2), np.float32)
-    reach = 0.5 + REACH * blur
+    reach = 0.5 + REACH * look.blur
     own = np.empty((3, 3))
     first, last = np.empty(2, np.int64), np.empty(2, np.int64)
-    for r in range(len(warp)):
+    for r in range(len(balls.warp)):
+        path, spans = balls.path[r], balls.spans[r]
         for axis in range(2):
-            low = high = path[r, 0, axis]
-            for point in range(1, path.shape[1]):
-                low, high = min(low, path[r, point, axis]), max(high, path[r, point, axis])
+            low = high = path[0, axis]
+            for point in range(1, len(path)):
+                low, high = min(low, path[point, axis]), max(high, path[point, axis])
             first[axis] = floor(2 * (low - reach)) - 1
             last[axis] = ceil(2 * (high + reach)) + 3
         weights = np.empty((last[1] - first[1], last[0] - first[0]))
-        for span in range(spans[r]):
-            start, end = span / spans[r], (span + 1) / spans[r]
-            _turned(turn[r], (start + end) / 2 - 0.5, body[r], own)
-            _spread(nodes, warp[r], own, light[r], look, table, grid, size)
-            _weights(path[r], times[r], start, end, gauss, blur, first, weights)
+        for span in range(spans):
+            start, end = span / spans, (span + 1) / spans
+            _turned(balls.turn[r], (start + end) / 2 - 0.5, balls.body[r], own)
+            _spread(balls.warp[r], own, balls.light[r], look, grid)
+            _weights(path, balls.times[r], start, end, look, first, weights)
             _gather(grid, planes, weights, first, out[r])

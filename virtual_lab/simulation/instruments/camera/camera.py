@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.records import ClipRecord, TrackRecord
-from virtual_lab.simulation.instruments import Rung
+from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, drawn
 from virtual_lab.simulation.instruments.camera.ball import Light, render_balls
 from virtual_lab.simulation.instruments.camera.course import Course
 from virtual_lab.simulation.instruments.camera.lens import TrueLens
-from virtual_lab.simulation.instruments.camera.scene import Bat, background, flicker, windows
+from virtual_lab.simulation.instruments.camera.scene import FilmedBat, background, flicker, windows
 from virtual_lab.simulation.instruments.camera.sensor import Sensor
 from virtual_lab.simulation.instruments.camera.shots import Frames, take
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
@@ -80,20 +80,20 @@ class Camera(CalibratedInstrument[CameraSpec]):
         draws: Draws,
         name: str,
         slots: Slots,
-        rung: Rung = Rung.FULL,
-        bat: Bat | None = None,
+        rung: RecordDetail = RecordDetail.FULL,
+        bat: FilmedBat | None = None,
     ) -> tuple[ClipRecord | TrackRecord, dict[str, Array]]:
         """Record the balls of a batch of shots; return what is written, and the truth of it.
 
         The truth is of every frame, (shot, frame, …), NaN where there is none: see `Frames`.
         """
         frames = take(self.spec, self.lens, self.clock, course, self.plane, draws, name, slots)
-        if rung is Rung.FULL:
+        if rung is RecordDetail.FULL:
             return self._clip(frames, draws, name, slots, bat), frames.truth()
         return self._track(frames, draws, name, slots), frames.truth()
 
     def render(
-        self, frames: Frames, corners: NDArray[np.int64], behind: Pixels, bat: Bat | None
+        self, frames: Frames, corners: NDArray[np.int64], behind: Pixels, bat: FilmedBat | None
     ) -> Pixels:
         """Return the electrons that light frees on average in windows from `corners` (n, 2) on.
 
@@ -119,7 +119,9 @@ class Camera(CalibratedInstrument[CameraSpec]):
             self.put(bat, bat.angle(frames.shot, frames.time), corners, steady)
         return np.asarray(steady * frames.brightness[:, None, None], np.float32)
 
-    def put(self, bat: Bat, angle: Array, corners: NDArray[np.int64], electrons: Pixels) -> None:
+    def put(
+        self, bat: FilmedBat, angle: Array, corners: NDArray[np.int64], electrons: Pixels
+    ) -> None:
         """Put a bat that has turned by angles (n,) over windows from `corners` on."""
         from virtual_lab.simulation.instruments.camera.scene_kernel import hide_behind
 
@@ -151,7 +153,7 @@ class Camera(CalibratedInstrument[CameraSpec]):
         draws: Draws,
         name: str,
         slots: Slots,
-        bat: Bat | None,
+        bat: FilmedBat | None,
     ) -> ClipRecord:
         spec = self.spec
         most = np.array([spec.sensor.columns, spec.sensor.rows]) - spec.window
@@ -182,7 +184,7 @@ class Camera(CalibratedInstrument[CameraSpec]):
             background=self.empty(draws, f"{name}.empty", bat),
         )
 
-    def empty(self, draws: Draws, name: str, bat: Bat | None = None) -> Pixels:
+    def empty(self, draws: Draws, name: str, bat: FilmedBat | None = None) -> Pixels:
         """Return the mean of the frames taken before the shots, (row, column), noise and all."""
         spec = self.spec
         behind = background(spec)[None]

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.instruments.camera.camera import Camera
 from virtual_lab.simulation.instruments.camera.course import Course
-from virtual_lab.simulation.instruments.camera.scene import Bat, background
+from virtual_lab.simulation.instruments.camera.scene import FilmedBat, background
 from virtual_lab.simulation.instruments.camera.shots import take
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.streams import Draws, Slots
 
-__all__ = ["whole_frames", "write_film", "write_films", "write_preview"]
+__all__ = ["whole_frames", "write_clip", "write_films", "write_preview"]
 
 Frame = NDArray[Any]
 PREVIEW_RATE = 25.0  # frames a second
@@ -31,7 +31,7 @@ def whole_frames(
     draws: Draws,
     name: str,
     slots: Slots,
-    bat: Bat | None = None,
+    bat: FilmedBat | None = None,
 ) -> Iterator[tuple[float, Frame]]:
     """Yield time stamp [s] and grey values (row, column) of the first shot's frames in turn.
 
@@ -73,11 +73,11 @@ def write_films(stem: Path, frames: Iterable[tuple[float, Frame]], spec: CameraS
             small.append((stamp, _reduced(grey, PREVIEW_WIDTH)))
             yield stamp, grey
 
-    write_film(stem.with_suffix(".mp4"), passing(), spec.clock.frame_rate)
+    write_clip(stem.with_suffix(".mp4"), passing(), spec.clock.frame_rate)
     write_preview(stem.with_suffix(".webp"), small, spec.sensor.full_scale)
 
 
-def write_film(path: Path, frames: Iterable[tuple[float, Frame]], rate: float) -> int:
+def write_clip(path: Path, frames: Iterable[tuple[float, Frame]], rate: float) -> int:
     """Write grey frames as FFV1 in MP4, their time stamps beside it; return how many.
 
     The stamps stand in ``NAME.csv``. FFV1 keeps every bit; the film is opened again and every

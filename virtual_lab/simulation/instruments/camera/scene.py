@@ -13,14 +13,14 @@ from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 if TYPE_CHECKING:
     from virtual_lab.simulation.instruments.camera.lens import TrueLens
 
-__all__ = ["Bat", "background", "flicker", "windows"]
+__all__ = ["FilmedBat", "background", "flicker", "windows"]
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Bat:
+class FilmedBat:
     """A round bat that turns about its pivot once it was hit; distances from the pivot on [m]."""
 
     pivot: tuple[float, float]  # X and Y

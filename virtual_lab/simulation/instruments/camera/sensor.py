@@ -77,7 +77,11 @@ class Sensor(CalibratedInstrument[SensorSpec]):
         exposure
             What dark current flows for [s].
         """
-        from virtual_lab.simulation.instruments.camera.sensor_kernel import expect, read_out
+        from virtual_lab.simulation.instruments.camera.sensor_kernel import (
+            Electronics,
+            expect,
+            read_out,
+        )
 
         spec = self.spec
         light = np.ascontiguousarray(electrons, dtype=np.float32)
@@ -93,12 +97,14 @@ class Sensor(CalibratedInstrument[SensorSpec]):
             self.offset,
             draws.normal(f"{name}.noise", light.shape[1:], slots),
             draws.uniform(f"{name}.shot", light.shape[1:] if dim else (0, 0), slots),
-            spec.read_noise,
-            spec.full_well,
-            self.gain,
-            spec.black_level,
-            spec.whole_counts,
-            float(spec.full_scale),
+            Electronics(
+                read=spec.read_noise,
+                full_well=spec.full_well,
+                gain=self.gain,
+                black=spec.black_level,
+                whole=spec.whole_counts,
+                top=float(spec.full_scale),
+            ),
             out,
         )
         return out

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from math import exp, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["DIM", "expect", "read_out"]
+__all__ = ["DIM", "Electronics", "expect", "read_out"]
 
 Floats = NDArray[np.float64]
 Pixels = NDArray[np.float32]
@@ -18,6 +18,17 @@ DIM = np.float32(25)  # electrons below which noise is Poisson's own, not the Ga
 
 MOST = 128  # electrons that a dim pixel gathers
 INVERSE = 1 / np.maximum(np.arange(MOST), 1)  # a product is quicker than a quotient
+
+
+class Electronics(NamedTuple):
+    """What turns electrons into grey values [e, DN]."""
+
+    read: float  # noise
+    full_well: float
+    gain: float
+    black: float
+    whole: bool  # grey values are counted
+    top: float  # greatest grey value
 
 
 @njit(**FAST)
@@ -64,18 +75,14 @@ def read_out(
     offset: Pixels,
     normal: Floats,
     uniform: Floats,
-    read: float,
-    full_well: float,
-    gain: float,
-    black: float,
-    whole: bool,
-    top: float,
+    wired: Electronics,
     out: Any,
 ) -> None:
     """Fill `out` (region, row, column) with grey values; `uniform` is as large if any is dim.
 
     Numbers of exactly 0 are the middle of their distributions: they leave the mean as it is.
     """
+    read, full_well, gain, black, whole, top = wired
     rows, columns = offset.shape
     for r in range(len(means)):
         left, above = corners[r, 0], corners[r, 1]

@@ -1,0 +1,69 @@
+"""What the constants of the default stepper are worth: ``python -m tests.benchmarks.tuning``.
+
+Each is made smaller and larger on random scenes all over two bats, against steps twice as fine
+that meet every event. Prints the worst error in e_A, the share of scenes stepped again and the
+steps of one pass; the table of `virtual_lab/simulation/collision/README.md`.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from tests.benchmarks.scenes import WIDE, default_model, struck
+from virtual_lab.simulation.collision.stepping import (
+    FINE,
+    CollisionBatch,
+    Followed,
+    InStep,
+    OneByOne,
+)
+
+SCENES, SEED = 6000, 11
+VALUES = {
+    "mode_step": (1.6, 2.0, 2.8, 3.1),
+    "ball_step": (0.3, 0.4, 0.75, 1.0),
+    "first": (0.005, 0.01, 0.04, 0.08),
+    "growth": (1.5, 2.0, 5.0, 9.0),
+    "turn": (3e-4, 1e-3, 1e-2, 3e-2),
+    "release": (1e-3, 3e-3, 3e-2, 1e-1),
+    "brush": (3e-3, 1e-2, 1e-1, 3e-1),
+}
+Batch = tuple[CollisionBatch, Followed]
+
+
+def main() -> None:
+    """Print a line a value."""
+    batches = list(_batches())
+    print(f"{'':22s}{'worst error':>12s}{'again':>8s}{'steps':>7s}")
+    _print("as it is", FINE, batches)
+    for name, values in VALUES.items():
+        for value in values:
+            _print(f"{name} {value:g}", replace(FINE, **{name: value}), batches)
+
+
+def _batches() -> Iterator[Batch]:
+    for bat in ("r161", "ea70"):
+        batch = struck(default_model(bat), WIDE.draw(SCENES, SEED))
+        yield batch, OneByOne(refinement=2.0).follow(batch)
+
+
+def _print(name: str, stepper: InStep, batches: list[Batch]) -> None:
+    worst, again, steps = 0.0, [], []
+    for batch, exact in batches:
+        gap = np.abs(batch.efficiency_gap(stepper.follow(batch), exact))
+        worst = max(worst, float(gap[exact.failure == 0].max()))
+        once, doubted = stepper.one_pass(batch)
+        again.append(doubted.mean())
+        steps.append(once.steps.mean())
+    print(f"{name:22s}{worst:12.1e}{np.mean(again):8.1%}{np.mean(steps):7.1f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
