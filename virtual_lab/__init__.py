@@ -12,7 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from virtual_lab.api import Certificate, certify, reduce
+    from virtual_lab.api import Certificate, Track, certify, reduce, track
     from virtual_lab.errors import InputError
     from virtual_lab.studies.bats.profile import Profiled, profile
 
@@ -20,10 +20,12 @@ __all__ = [
     "Certificate",
     "InputError",
     "Profiled",
+    "Track",
     "__version__",
     "certify",
     "profile",
     "reduce",
+    "track",
 ]
 __version__ = "0.1.0"
 
@@ -31,6 +33,8 @@ _HOMES = {
     "Certificate": "virtual_lab.api",
     "certify": "virtual_lab.api",
     "reduce": "virtual_lab.api",
+    "Track": "virtual_lab.api",
+    "track": "virtual_lab.api",
     "InputError": "virtual_lab.errors",
     "Profiled": "virtual_lab.studies.bats.profile",
     "profile": "virtual_lab.studies.bats.profile",

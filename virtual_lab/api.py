@@ -31,7 +31,9 @@ from virtual_lab.studies.score import score
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Certificate", "certify", "reduce"]
+    from virtual_lab.video.show.tracked_clip import TrackedClip
+
+__all__ = ["Certificate", "Track", "certify", "reduce", "track"]
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -224,3 +226,97 @@ def reduce(records: str | Path) -> Certificate:
     if inner and not (folder / SESSION).exists():
         raise InputError("", "records", str(folder), f"they are in {inner[0]}")
     return Certificate(certification=certify_session(load_session(folder)))
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Track:
+    """A ball followed through a clip: tables of flights, contacts and places."""
+
+    clip: TrackedClip
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The result as it stands in ``result.json``."""
+        return self.clip.document
+
+    @property
+    def motion(self) -> str:
+        """Return flights, free-fall, pendulum, rolling, carried or none."""
+        return str(self.document["motion"])
+
+    @cached_property
+    def flights(self) -> pd.DataFrame:
+        """A row a flight: frames, places, speeds, its own acceleration, each with its u."""
+        return _table(self.document["flights"])
+
+    @cached_property
+    def contacts(self) -> pd.DataFrame:
+        """A row a contact: time, frame, kind, restitution with its u."""
+        return _table(self.document["contacts"])
+
+    @cached_property
+    def places(self) -> pd.DataFrame:
+        """A row a place, as in ``track.csv``."""
+        import pandas as pd
+
+        from virtual_lab.video.show.course import COLUMNS, rows_of
+
+        return pd.DataFrame(list(rows_of(self.clip.course)), columns=list(COLUMNS))
+
+    def save(self, folder: str | Path) -> Path:
+        """Write track, result, plot, contact sheet and film into a new folder."""
+        self.clip.save(Path(folder))
+        return Path(folder)
+
+    def __repr__(self) -> str:
+        return f"<Track of {self.clip.title}>"
+
+
+def track(
+    clip: str | Path,
+    *,
+    ball: str | None = None,
+    calibration: str | Path | None = None,
+    corrected: str | Path | None = None,
+    **known: Any,
+) -> Track:
+    """Follow the ball through a clip, as ``virtual-lab track`` does.
+
+    Parameters
+    ----------
+    clip
+        A video, a folder of images, a TIFF stack or a .npy array.
+    ball
+        Its diameter, ``"73mm±0.5mm"``.
+    calibration, corrected
+        A calibration file; a track.csv of an earlier run, corrected by hand.
+    known
+        fps, gravity as numbers; exposure, frames, region, ball_at, scale, readout as on the
+        command line; global_shutter.
+
+    Raises
+    ------
+    InputError
+        A clip that cannot be read, or words of another form.
+    """
+    from virtual_lab.video.show.tracked_clip import Asked, track_clip
+
+    files = [None if each is None else Path(each) for each in (calibration, corrected)]
+    asked = Asked(ball=ball, calibration=files[0], track=files[1], **known)
+    return Track(clip=track_clip(Path(clip), asked))
+
+
+def _table(rows: list[dict[str, Any]]) -> pd.DataFrame:
+    """Return rows as a table, a value and its u in columns side by side."""
+    import pandas as pd
+
+    flat = []
+    for row in rows:
+        cells: dict[str, Any] = {}
+        for name, value in row.items():
+            if isinstance(value, dict):
+                cells |= {name: value["value"], f"{name}_u": value["u"]}
+            else:
+                cells[name] = value
+        flat.append(cells)
+    return pd.DataFrame(flat)

@@ -4,12 +4,16 @@ import csv
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import virtual_lab as vl
+from tests.video.scenery.filming import film
+from tests.video.scenery.scenes import SCENES
 from tests.video.scenes import Film, write_video
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
@@ -99,3 +103,99 @@ def test_two_balls_are_said(folder: Path) -> None:
     done = CliRunner().invoke(cli, ["track", str(folder / "two.npy"), *arguments])
     assert done.exit_code == 0, done.output
     assert "SECOND_BALL" in json.loads(done.stdout)["flags"]
+
+
+@pytest.fixture(scope="module")
+def thrown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, dict[str, Any]]:
+    """Return a clip of a phone, the folder of its track, and the document."""
+    at = tmp_path_factory.mktemp("thrown")
+    scene = replace(SCENES["thrown-on-wall"], count=52, size=(320, 240))
+    clip, out = film(scene, at).path, at / "found"
+    words = ["--ball", "80mm±0.8mm", "--fps", "30", "--frames", "16:51", "--out", str(out)]
+    done = CliRunner().invoke(cli, ["track", str(clip), *words, "--json"])
+    assert done.exit_code == 0, done.output
+    return clip, out, json.loads(done.stdout)
+
+
+def test_a_phones_clip(thrown: tuple[Path, Path, dict[str, Any]]) -> None:
+    """Flights, contacts and flags are there; the sheet is small enough to look at."""
+    _, out, told = thrown
+    assert told["motion"] == "flights"
+    assert [set(each) for each in told["contacts"]] == [{"time_s", "frame", "kind", "restitution"}]
+    first = told["flights"][0]
+    assert set(first) == {
+        "first_frame", "last_frame", "places",
+        "speed_in_mps", "speed_out_mps", "acceleration_mps2",
+    }  # fmt: skip
+    assert first["first_frame"] >= 16
+    restitution = told["contacts"][0]["restitution"]
+    assert abs(restitution["value"] - 0.77) < 2.5 * restitution["u"] < 0.1
+    assert told["restitution"] == told["contacts"][0]["restitution"]
+    assert "READOUT_UNKNOWN" in told["flags"]
+    sheet = cv2.imread(str(out / "sheet.png"))
+    assert sheet.shape[0] * sheet.shape[1] <= 4e6
+
+
+def test_a_track_comes_back_corrected(thrown: tuple[Path, Path, dict[str, Any]]) -> None:
+    """As it went out it gives the same; a row that is moved by hand moves the result."""
+    clip, out, told = thrown
+    rows = list(csv.DictReader((out / "track.csv").read_text().splitlines()))
+
+    def again(name: str, rows: list[dict[str, str]]) -> dict[str, Any]:
+        table = out.parent / f"{name}.csv"
+        with table.open("w", newline="") as file:
+            writer = csv.DictWriter(file, list(rows[0]))
+            writer.writeheader()
+            writer.writerows(rows)
+        words = ["--ball", "80mm±0.8mm", "--fps", "30", "--global-shutter"]
+        words += ["--track", str(table), "--out", str(out.parent / name), "--json"]
+        done = CliRunner().invoke(cli, ["track", str(clip), *words])
+        assert done.exit_code == 0, done.output
+        return json.loads(done.stdout)
+
+    same = again("same", rows)
+    value = told["contacts"][0]["restitution"]["value"]
+    assert abs(same["contacts"][0]["restitution"]["value"] - value) < 2e-3
+    assert "READOUT_UNKNOWN" not in same["flags"]
+    for row in rows:
+        if row["flight"] == "2":
+            row["y_px"] = str(float(row["y_px"]) * 1.1)
+    moved = again("moved", rows)
+    assert moved["flights"][1]["acceleration_mps2"]["value"] == pytest.approx(
+        1.1 * same["flights"][1]["acceleration_mps2"]["value"], rel=0.02
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--fps", "0"], "allowed: 1 to 1e7"),
+        (["--frames", "9:3"], "first:last"),
+        (["--region", "1,2,3"], "x,y,width,height"),
+        (["--region", "900,2,3,3"], "320 x 200"),
+        (["--ball-at", "1,2"], "x,y@frame"),
+        (["--ball-at", "1,2@999"], "last frame 43"),
+        (["--scale", "1,2:3,4"], "x,y:x,y=length"),
+        (["--scale", "1,2:3,4=1m"], "too near"),
+        (["--exposure", "8"], "a time with its unit"),
+        (["--readout", "8ms", "--global-shutter"], "give one"),
+        (["--gravity", "0"], "0.1 to 100"),
+        (["--track", "none.csv"], "none.csv"),
+    ],
+)
+def test_words_of_another_form(folder: Path, words: list[str], told: str) -> None:
+    done = CliRunner().invoke(cli, ["track", str(folder / "clip.mp4"), "--ball", "28mm", *words])
+    assert isinstance(done.exception, InputError)
+    assert told in str(done.exception)
+
+
+def test_python_gives_tables(folder: Path) -> None:
+    found = vl.track(folder / "clip.mp4", ball="28mm±0.1mm", fps=5000, global_shutter=True)
+    assert found.motion == "flights"
+    assert len(found.flights) == 2
+    speed = found.flights["speed_out_mps"].iloc[0]
+    true = np.hypot(*FILM.velocity_in) * 5.0
+    assert abs(speed - true) < 3 * found.flights["speed_out_mps_u"].iloc[0]
+    assert list(found.contacts["kind"]) == ["struck"]
+    assert len(found.places) >= 40
+    assert "flights" in repr(found)

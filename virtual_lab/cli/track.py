@@ -51,7 +51,8 @@ def track(
 ) -> None:
     """Follow the ball through CLIP: flights and contacts, speeds, restitution, gravity, track.
 
-    CLIP is a video (MP4, MOV, AVI, MKV), a folder of images, a TIFF stack or a .npy array.
+    CLIP is a video (MP4, MOV, AVI, MKV, CINE, MRAW), a folder of images, a TIFF stack or a .npy
+    array.
     """
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # its faults are told as ours
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
+from virtual_lab.video.clips.ahead import ahead
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.reading import Frame, Source, grey_of, open_source
 from virtual_lab.video.clips.timing import frame_times
@@ -44,7 +45,7 @@ class Clip:
 
     def pictures(self) -> Iterator[Frame]:
         """Yield every frame as it is stored, grey or in colour."""
-        for picture, _ in self.source.pictures():
+        for picture, _ in ahead(self.source.pictures()):
             yield picture
 
     def frames(self) -> Iterator[Frame]:

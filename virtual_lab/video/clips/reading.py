@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
+from virtual_lab.video.clips.highspeed import HIGHSPEED, cine, mraw
 
 if TYPE_CHECKING:
     import cv2
@@ -26,7 +27,7 @@ Frame = NDArray[Any]  # of 8 or 16 bits without sign
 SMALLEST = 8  # pixels, a side: less shows no ball
 IMAGES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
 GREY_FORMATS = ("Y800", "Y1\0\x10")  # FFmpeg's own grey of 8 and 16 bits
-KINDS = "a video (MP4, MOV, AVI, MKV), a folder of images, a TIFF stack or a .npy array"
+KINDS = "a video (MP4, MOV, AVI, MKV, CINE, MRAW), a folder of images, a TIFF stack or a .npy array"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,6 +78,10 @@ def open_source(path: Path) -> Source:
         raise InputError(str(path), "clip", None, f"no such file or folder, expected {KINDS}")
     if path.suffix.lower() == ".npy":
         return _array(path)
+    if path.suffix.lower() in HIGHSPEED:
+        read = cine if path.suffix.lower() == ".cine" else mraw
+        count, rate, frames = read(path)
+        return Source(path=path, declared=count, rate=rate, read=frames)
     return _stack(path) if path.suffix.lower() in (".tif", ".tiff") else _video(path)
 
 

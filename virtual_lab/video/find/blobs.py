@@ -35,6 +35,7 @@ RING = 0.35  # of the contrast: what is brighter than that in the ring is not ba
 ALIKE = 0.35  # radii between a hull's middle and an outline's
 UNFITTED = 0.2  # of a hull's radius, its u where no outline is fitted
 SURE = 0.15  # of the radius, u of an outline that needs no other threshold
+COARSE = 48  # pixels of a blob: one twice as large is made smaller first
 FINE = 16.0  # pixels of radius at which an outline is not drawn larger
 BLOB = np.dtype(
     [
@@ -125,14 +126,27 @@ def _outline(
     number: int, picture: Image, shift: Array, still: Still, box: tuple[int, int, int, int]
 ) -> Row | None:
     """Return the outline at half of the contrast in a box as a row of `BLOB`, None: no ball's."""
+    import cv2
+
     left, top, wide, high = box
     rows, columns = still.background.shape[:2]
     room = max(6, round(0.6 * max(wide, high)))
     x0, y0 = max(0, left - room), max(0, top - room)
     size = (min(columns, left + wide + room) - x0, min(rows, top + high + room) - y0)
     part, behind = still.cut(picture, shift, (x0, y0), size)
+    fine = max(1, max(wide, high) // COARSE)
+    if fine > 1:  # tenths of a pixel of a large ball take no more than that
+        smaller = (max(1, size[0] // fine), max(1, size[1] // fine))
+        cutting = np.s_[: smaller[1] * fine, : smaller[0] * fine]
+        part, behind = (
+            np.asarray(cv2.resize(each[cutting], smaller, interpolation=cv2.INTER_AREA), np.uint8)
+            for each in (part, behind)
+        )
     off = _softened(difference_of(part, behind))
-    inner = off[top - y0 : top - y0 + high, left - x0 : left - x0 + wide]
+    inner = off[
+        (top - y0) // fine : (top - y0 + high) // fine,
+        (left - x0) // fine : (left - x0 + wide) // fine,
+    ]
     bright = inner[inner > FAINT]
     contrast = float(np.percentile(bright, 85)) if bright.size >= LEAST_AREA else 0.0
     if contrast < 2 * FAINT:
@@ -154,14 +168,16 @@ def _outline(
         if other is not None and abs(other.short - short) < ALIKE * short:
             spread = float(np.hypot(spread, (other.short - short) / 2))
             short, long = (short + other.short) / 2, (long + other.long) / 2
-    at = (x + x0 + still.origin[0], y + y0 + still.origin[1])
-    there = (at[0] + float(shift[0]), at[1] + float(shift[1]))
-    reach = long + 1
-    cut = any(not reach <= p <= side - 1 - reach for p, side in zip(there, still.size, strict=True))
     ring = _disc(off.shape, x, y, 1.5 * long + 3) & ~_disc(off.shape, x, y, 1.25 * long + 1.5)
     core = _disc(off.shape, x, y, 0.6 * short)
     colour = np.median(part[core].reshape(-1, 1 if part.ndim == 2 else 3), axis=0)
     dirty = float((off[ring] > RING * contrast).mean()) if ring.any() else 1.0
+    x, y = (fine * (each + 0.5) - 0.5 for each in (x, y))
+    short, long, spread = fine * short, fine * long, fine * spread
+    at = (x + x0 + still.origin[0], y + y0 + still.origin[1])
+    there = (at[0] + float(shift[0]), at[1] + float(shift[1]))
+    reach = long + 1
+    cut = any(not reach <= p <= side - 1 - reach for p, side in zip(there, still.size, strict=True))
     colours = np.broadcast_to(colour, 3)
     return number, *at, short, long, spread, contrast, dirty, cut, *there, colours
 

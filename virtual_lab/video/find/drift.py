@@ -25,6 +25,7 @@ PARTS = 12  # of the picture, each way, that take part alike
 PIXELS = 3000
 STEEPEST = 2.0  # DN a pixel: less is noise
 STEPS = 12
+NEAR = 1.5  # pixels: a shift found so near to its guess is looked for no farther
 FEW = 6.0  # pixels that tell a shift: of fewer it stays
 BLACK = 24.0  # DN: a row or column that has nothing lighter is no picture
 EDGE = 4  # pixels
@@ -56,12 +57,14 @@ class Edges:
         pictures = _pyramid(grey, len(self.levels))[::-1]
         finest = len(self.levels) - 1
         tried = [np.zeros(2), np.array(guess, float)]
-        for first in (0, finest):
+        for first in (finest, 0):
             shift = tried[1]
             for k in range(first, finest + 1):
                 scale = 2.0 ** (finest - k)
                 shift = scale * _settled(self.levels[k], pictures[k], shift / scale)
             tried.append(shift)
+            if np.hypot(*(shift - guess)) < NEAR:
+                break  # of what moves so little the coarser levels tell no more
         costs = [_cost(self.levels[-1], pictures[-1], each) for each in tried]
         costs[0] *= STAND
         return tried[int(np.argmin(costs))]

@@ -20,6 +20,7 @@ CHANGED = 5  # pixels, a side: what changes over fewer is noise
 REPEATED = 0.3  # of the change of the frames beside it: the frame was stored twice
 ENOUGH = 3  # samples that show a pixel bare
 GHOST, GHOST_AREA = 12, 30  # DN, pixels: a ball that was taken for background
+LEAST_CHANGE = 8.0  # DN, beside it: where nothing moves all frames are alike
 BESIDE = 2  # frames on each side
 
 
@@ -82,18 +83,19 @@ def _watched(
     first, last = frames or (0, clip.count - 1)
     shifts, change = np.zeros((clip.count, 2)), np.full(clip.count, np.nan)
     found: list[Blobs] = [np.zeros(0, BLOB)]
-    shift, before = np.zeros(2), None
+    shift = np.zeros(2)
+    before: Image | None = None
     for number, frame in enumerate(clip.pictures()):
         if number > last:
             break
-        if number < first:
-            continue
         if number % 50 == 0:
             progress(f"frame {number} of {clip.count}")
         picture = eight_bits(frame, depth)
         small = still.shrunk(picture)
         shift = still.shift(small, shift)
         shifts[number] = shift
+        if number < first:
+            continue  # its drift alone: that of the next one is near
         if before is not None:
             changed = cv2.blur(cv2.absdiff(small, before), (CHANGED, CHANGED))
             change[number] = float(np.max(changed))
@@ -138,5 +140,6 @@ def repeats(change: Array) -> NDArray[np.bool_]:
     for k in range(1, len(known)):
         left, right = known[max(0, k - BESIDE) : k], known[k + 1 : k + 1 + BESIDE]
         if left.size and right.size:
-            same[k] = known[k] < REPEATED * min(left.max(), right.max())
+            beside = min(float(left.max()), float(right.max()))
+            same[k] = beside > LEAST_CHANGE and known[k] < REPEATED * beside
     return same & np.isfinite(change)

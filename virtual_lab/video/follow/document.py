@@ -56,6 +56,7 @@ def followed_document(found: Followed) -> dict[str, Any]:
         else {"value": found.motion.period, "u": found.motion.period_u},
         "flights": [flight_document(each) for each in found.flights],
         "contacts": [contact_document(each) for each in found.contacts],
+        "gravity_mps2": or_none(found.gravity),
         "speed_in_mps": or_none(before.speed_out if before else None),
         "speed_out_mps": or_none(after.speed_in if after else None),
         "restitution": or_none(one.restitution if one else None),

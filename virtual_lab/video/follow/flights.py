@@ -17,10 +17,10 @@ __all__ = [
     "SIDE",
     "Meeting",
     "Scene",
+    "beside",
     "flights_of",
     "joined",
     "meetings",
-    "others",
     "readout_of",
 ]
 
@@ -39,6 +39,7 @@ END = (0.1, 4.0)  # the same beyond the places that a piece had
 HELD = 0.75  # of the ring: a place on a flight may have this much beside it
 BETWEEN = 6.0  # frames between two flights that a contact joins
 FAR_OFF = 1000  # frames: no flight before or after
+FAR = 4.0  # radii that a second ball goes
 HALF = 0.5  # of the ball's contrast: what has less is its shadow or mirror image
 ROUNDS = 4
 APART = 0.6  # radii that two flights may miss each other by at a contact
@@ -60,6 +61,7 @@ class Scene:
     fall: float | None = None  # g, in radii a frame² by the ball's size or in px/frame²
     fall_in_radii: bool = True
     readout: float | None = 0.0  # [frames]; None: unknown, up to one
+    doubled: bool = False  # every frame is stored twice
     readout_axis: tuple[int, int] = (1, 1)  # axis of the picture (0: x), and its sense
 
     def expected(self, radius: float) -> float | None:
@@ -122,23 +124,25 @@ def _holds(scene: Scene, flights: Sequence[Piece]) -> bool:
     return fit.spread < SMOOTH * longest.radius and _falls(scene, longest, fit.pull[0], u, rms)
 
 
-def others(scene: Scene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> list[Piece]:
+def beside(scene: Scene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> list[Piece]:
     """Return pieces that fly as a second ball does, beside the flights and at the same time."""
     found = []
     taken = {int(one) for each in flights for one in each.blobs}
     bright = min(float(np.median(scene.found["contrast"][each.blobs])) for each in flights)
     for piece in pieces:
         pull, u, rms = _bent(scene, piece)
-        if len(piece.t) < FEWEST or rms > SHARP * piece.radius or taken & set(piece.blobs.tolist()):
+        if len(piece.t) < FEWEST + 2 or rms > SHARP * piece.radius:
+            continue
+        if taken & set(piece.blobs.tolist()) or np.ptp(piece.xy, axis=0).max() < FAR * piece.radius:
             continue
         if float(np.median(scene.found["contrast"][piece.blobs])) < HALF * bright:
             continue  # a shadow on a wall goes as its ball does
-        beside = 0
+        count = 0
         for flight in flights:
             both, here, there = np.intersect1d(piece.frames, flight.frames, return_indices=True)
             apart = np.hypot(*(piece.xy[here] - flight.xy[there]).T)
-            beside += int((apart > 2 * flight.radius).sum()) if both.size else 0
-        if beside >= FEWEST // 2 and _falls(scene, piece, pull, u, rms):
+            count += int((apart > 2 * flight.radius).sum()) if both.size else 0
+        if count >= FEWEST // 2 and _falls(scene, piece, pull, u, rms):
             found.append(piece)
     return found
 
@@ -252,6 +256,8 @@ def _falls(scene: Scene, piece: Piece, pull: Array, u: Array, rms: float) -> boo
     if expected is not None and expected * span**2 / 8 > max(SHOWS * piece.radius, 6 * rms):
         # gravity would show: is it there, or does a wrong frame rate make it look larger or less?
         ratio = size / expected
+        if scene.doubled and 0.125 < ratio < 0.5:
+            ratio *= 4  # stored twice, and played at the rate it was filmed with
         down = float(np.arctan2(abs(pull[0]), pull[1]))
         if 0.5 < ratio < 2.0:
             return down < UPRIGHT

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -13,7 +13,7 @@ from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.timing import UNEVEN, usual_step
 from virtual_lab.video.find.watching import Watched, repeats, watch
 from virtual_lab.video.follow.contacts import Contact, contacts_of
-from virtual_lab.video.follow.flights import Scene, flights_of, joined, others, readout_of
+from virtual_lab.video.follow.flights import Scene, beside, flights_of, joined, readout_of
 from virtual_lab.video.follow.joint import Fit
 from virtual_lab.video.follow.kinds import Motion, motion_of
 from virtual_lab.video.follow.pieces import Piece, pieces
@@ -36,6 +36,7 @@ TILTED, TILTED_OFF = (
 BEHIND = 0.35  # of the difference between fits with and without drag, as u
 MOVED = 0.1  # radii a frame: a ball that moves less may well look the same
 LEAST_PERIOD, MOST_PERIOD = 3, 10  # frames, of those left out of 30 a second to make 25 or 24
+ALTERNATE = 0.4  # of the frames that are repeats: every frame was stored twice
 AT_ONCE = 2  # repeats among the frames of flights, to ask whether they stand for time that passed
 
 
@@ -100,6 +101,7 @@ class Followed:
     contacts: list[Contact]
     motion: Motion
     scale: Scale | None
+    gravity: Said | None  # that the flights share [m/s²]
     repeated: Mask  # (frame,)
     flags: tuple[str, ...] = ()
     warnings: tuple[str, ...] = field(default=())
@@ -131,7 +133,7 @@ def following(
     """Return the same of a clip that was watched; `given`: ways corrected by hand."""
     same = repeats(watched.change)
     tries = [_flown(clip, watched, known, same, given, squeezed=False)]
-    alternate = float(same.mean()) > 0.4
+    alternate = float(same.mean()) > ALTERNATE
     if same.sum() >= AT_ONCE and not alternate and given is None:
         tries.append(_flown(clip, watched, known, same, given, squeezed=True))
     scene, found, ways = max(tries, key=lambda each: _support(each[0], each[2]))
@@ -152,7 +154,7 @@ def _flown(
     if squeezed:
         time = time - np.cumsum(same)
     time = np.where(same, np.nan, time)
-    scene = _scene(clip, watched, known, time)
+    scene = replace(_scene(clip, watched, known, time), doubled=float(same.mean()) > ALTERNATE)
     found = list(given) if given is not None else pieces(watched.found, time)
     found = [each for each in found if not known.ball_at or _passes(watched, each, known.ball_at)]
     ways = found if given is not None else flights_of(scene, found)
@@ -249,7 +251,7 @@ def _said(
     scale = scale_of(watched, known, ways or found)
     flights: list[Flight] = []
     contacts: list[Contact] = []
-    fit = None
+    fit = gravity = None
     if ways and scale:
         readout = readout_of(scene, ways)
         plain = joined(scene, ways, readout=readout)
@@ -276,8 +278,12 @@ def _said(
         flags += said[0]
         warnings += said[1]
         flights = _flights(scene, ways, fit, free, tilted, contacts, scale, step)
+        shared = from_fit(fit, partial(_pull, 0))
+        shared = widened(shared, shared.value * scale.relative_u)
+        unit = scale.metres_per_pixel / step**2
+        gravity = Said(value=unit * shared.value, u=unit * shared.u)
         _against(known, scene, flights, scale, flags, warnings)
-    if ways and (more := others(scene, ways, found)):
+    if ways and (more := beside(scene, ways, found)):
         flags.append("SECOND_BALL")
         first = min(int(each.frames[0]) for each in more)
         warnings.append(
@@ -309,6 +315,7 @@ def _said(
         contacts=contacts,
         motion=motion,
         scale=scale,
+        gravity=gravity,
         repeated=same,
         flags=tuple(dict.fromkeys(flags)),
         warnings=tuple(dict.fromkeys(warnings)),
@@ -369,9 +376,10 @@ def _flights(
     unit = scale.metres_per_pixel / step
     before = {each.after: each.t for each in contacts}
     after = {each.before: each.t for each in contacts}
-    rolled = None
+    rolled = others = None
     if scene.readout is None:
         rolled = joined(scene, ways, readout=1.0)
+        others = joined(scene, ways, readout=1.0, shared=False)
     found = []
     for k, way in enumerate(ways):
         ends = (before.get(k, float(way.t[0])), after.get(k, float(way.t[-1])))
@@ -389,8 +397,13 @@ def _flights(
             said = widened(said, *more, said.value * scale.relative_u)
             speeds.append(Said(value=unit * said.value, u=unit * said.u))
             velocities.append(unit * fit.at(k, moment)[0, 2:])
-        pull = from_fit(own, lambda f: float(np.hypot(*f.pull[k])))  # noqa: B023
-        pull = widened(pull, pull.value * scale.relative_u)
+        pull = from_fit(own, partial(_pull, k))
+        off = [pull.value * scale.relative_u]
+        if others is not None:
+            off.append((pull.value - _pull(k, others)) / np.sqrt(3))
+        if skewed is not None:
+            off.append(pull.value - _pull(k, fit))
+        pull = widened(pull, *off)
         found.append(
             Flight(
                 first_frame=int(way.frames[0]),
@@ -408,6 +421,10 @@ def _flights(
             )
         )
     return found
+
+
+def _pull(flight: int, fit: Fit) -> float:
+    return float(np.hypot(*fit.pull[flight]))
 
 
 def _speed(flight: int, t: float, fit: Fit) -> float:

@@ -193,7 +193,7 @@ class _Problem:
         u[m + 1 : m + 3] = TILT_U / max(self.size)
         if free[m]:
             vector[m] = before[m]
-        spread = 1.0
+        spread, held = 1.0, False
         inverse = np.zeros((len(vector), len(vector)))
         for _ in range(ROUNDS):
             left = self.xy - self._places(vector)
@@ -209,12 +209,20 @@ class _Problem:
             scale = np.sqrt(np.diagonal(normal)) + 1e-12
             part = np.linalg.pinv(normal / np.outer(scale, scale), rcond=1e-12)
             part = part / np.outer(scale, scale)
-            step = part @ right
-            vector[free] += step
-            vector[m] = max(vector[m], 0.0)
             inverse = np.zeros((len(vector), len(vector)))
             inverse[np.ix_(free, free)] = part
-            if np.abs(step * scale).max() < SETTLED:
+            step = np.zeros(len(vector))
+            if held:  # drag would be negative: the others have their best without it
+                kept = np.flatnonzero(free) != m
+                others = normal[np.ix_(kept, kept)]
+                step[free & (np.arange(len(vector)) != m)] = np.linalg.solve(others, right[kept])
+            else:
+                step[free] = part @ right
+            vector = vector + step
+            if vector[m] < 0:
+                vector[m], held = 0.0, True
+                continue
+            if np.abs(step[free] * scale).max() < SETTLED:
                 break
         left = self.xy - self._places(vector)
         far = np.hypot(*left.T)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +16,7 @@ from virtual_lab.video.follow.following import Followed
 from virtual_lab.video.locate.located import Flag
 from virtual_lab.video.track.tracking import Tracked
 
-__all__ = ["COLUMNS", "Course", "course_of_followed", "course_of_tracked", "write_table"]
+__all__ = ["COLUMNS", "Course", "course_of_followed", "course_of_tracked", "rows_of", "write_table"]
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -176,27 +178,33 @@ def _empty(clip: Clip) -> Course:
     )
 
 
+def rows_of(course: Course) -> Iterator[tuple[Any, ...]]:
+    """Yield a row a place, in the order of `COLUMNS`; NaN: not known."""
+    for k, frame in enumerate(course.frames):
+        if np.isnan(course.xy[k]).all() and not course.flags[k]:
+            continue
+        numbers = (
+            *course.xy[k],
+            *course.u[k],
+            course.radius[k],
+            *course.metres[k],
+            course.chi_square[k],
+        )
+        words = (course.flight[k], course.flags[k])
+        yield (int(frame), float(course.times[k]), *map(float, numbers), *words, *course.drift[k])
+
+
 def write_table(course: Course, path: Path) -> None:
     """Write the course as CSV, a row a place."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(COLUMNS)
-        for k, frame in enumerate(course.frames):
-            if np.isnan(course.xy[k]).all() and not course.flags[k]:
-                continue
-            numbers = (
-                *course.xy[k],
-                *course.u[k],
-                course.radius[k],
-                *course.metres[k],
-                course.chi_square[k],
-            )
-            writer.writerow(
-                [int(frame), repr(float(course.times[k]))]
-                + ["" if np.isnan(number) else f"{number:.7g}" for number in numbers]
-                + [course.flight[k], course.flags[k]]
-                + [f"{number:.5g}" for number in course.drift[k]]
-            )
+        for frame, time, *cells in rows_of(course):
+            told = [
+                each if isinstance(each, str) else "" if np.isnan(each) else f"{each:.7g}"
+                for each in cells
+            ]
+            writer.writerow([frame, repr(time), *told])
 
 
 def _turned(left: Array, velocity: Array) -> Array:

@@ -1,0 +1,102 @@
+"""Files of high-speed cameras, written here byte by byte."""
+
+import struct
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from virtual_lab.errors import InputError
+from virtual_lab.video.clips.calibration_file import ClipCalibration
+from virtual_lab.video.clips.clip import open_clip
+from virtual_lab.video.clips.reading import open_source
+
+SHAPE = (24, 32)
+RNG = np.random.default_rng(4)
+FRAMES = [RNG.integers(0, 4000, SHAPE).astype(np.uint16) for _ in range(7)]
+SETUP = 84  # B, where the camera's setup begins
+CIHX = """<cih><fileInfo><date>-</date></fileInfo>
+<deviceInfo><deviceName>-</deviceName></deviceInfo>
+<recordInfo><recordRate>{rate}</recordRate><shutterSpeed>0.0001</shutterSpeed></recordInfo>
+<frameInfo><totalFrame>{count}</totalFrame><recordedFrame>{count}</recordedFrame></frameInfo>
+<imageDataInfo><resolution><width>32</width><height>24</height></resolution>
+<effectiveBit><depth>12</depth><side>Lower</side></effectiveBit>
+<colorInfo><bit>{bits}</bit></colorInfo></imageDataInfo>
+<imageFileInfo><fileFormat>MRaw</fileFormat></imageFileInfo><basicInfo><comment>-</comment></basicInfo></cih>
+"""
+
+
+def write_cine(path: Path, frames: list[NDArray[np.uint16]], rate: float) -> Path:
+    """Write grey of 12 bits in 16, bottom row first, as Phantom's format has it."""
+    head = bytearray(11000)
+    offsets = len(head)
+    size = frames[0].nbytes
+    first = offsets + 8 * len(frames)
+    struct.pack_into("<2sHHHiIiI", head, 0, b"CI", 44, 0, 1, 0, len(frames), 0, len(frames))
+    struct.pack_into("<III", head, 24, 44, SETUP, offsets)
+    struct.pack_into("<IiiHHII", head, 44, 40, SHAPE[1], SHAPE[0], 1, 16, 0, size)
+    struct.pack_into("<2sH", head, 224, b"ST", offsets - SETUP)
+    struct.pack_into("<I", head, 980, 12)  # bits that are real
+    struct.pack_into("<f", head, 10472, 1.0)  # one frame of each is kept
+    struct.pack_into("<d", head, 10484, rate)
+    step = 8 + size
+    table = struct.pack(f"<{len(frames)}q", *(first + k * step for k in range(len(frames))))
+    images = b"".join(struct.pack("<II", 8, size) + each[::-1].tobytes() for each in frames)
+    path.write_bytes(bytes(head) + table + images)
+    return path
+
+
+def write_mraw(path: Path, frames: list[NDArray[np.uint16]], rate: float, bits: int) -> Path:
+    text = CIHX.format(rate=rate, count=len(frames), bits=bits)
+    path.with_suffix(".cihx").write_text(text)
+    data = b""
+    for frame in frames:
+        flat = frame.ravel()
+        if bits == 12:
+            one, two = flat[::2].astype(int), flat[1::2].astype(int)
+            packed = [one >> 4, ((one & 15) << 4) | (two >> 8), two & 255]
+            data += np.stack(packed, axis=1).astype(np.uint8).tobytes()
+        else:
+            data += flat.astype(np.uint8 if bits == 8 else np.uint16).tobytes()
+    path.write_bytes(data)
+    return path
+
+
+def test_a_cine_file(tmp_path: Path) -> None:
+    source = open_source(write_cine(tmp_path / "a.cine", FRAMES, 12000.0))
+    assert (source.declared, source.rate) == (7, 12000.0)
+    for (frame, _), true in zip(source.frames(), FRAMES, strict=True):
+        np.testing.assert_array_equal(frame, true)
+    clip = open_clip(tmp_path / "a.cine", ClipCalibration())
+    assert np.diff(clip.times) == pytest.approx(1 / 12000)
+
+
+@pytest.mark.parametrize("bits", [8, 12, 16])
+@pytest.mark.parametrize("suffix", [".mraw", ".cihx"])
+def test_an_mraw_file(bits: int, suffix: str, tmp_path: Path) -> None:
+    frames = [each & 255 if bits == 8 else each for each in FRAMES]
+    write_mraw(tmp_path / "a.mraw", frames, 5000.0, bits)
+    source = open_source(tmp_path / f"a{suffix}")
+    assert (source.declared, source.rate) == (7, 5000.0)
+    for (frame, _), true in zip(source.frames(), frames, strict=True):
+        np.testing.assert_array_equal(frame, true)
+
+
+def test_what_cannot_be_read_names_format_and_extra(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "a.cine").write_bytes(b"CI" + bytes(50))
+    with pytest.raises(InputError, match=r"\.cine; cannot be read"):
+        open_source(tmp_path / "a.cine")
+    (tmp_path / "a.mraw").write_bytes(bytes(50))
+    with pytest.raises(InputError, match="is not beside it"):
+        open_source(tmp_path / "a.mraw")
+    cut = write_mraw(tmp_path / "b.mraw", FRAMES, 5000.0, 16)
+    cut.write_bytes(cut.read_bytes()[:-100])
+    with pytest.raises(InputError, match="frames that can be read = 6"):
+        list(open_source(cut).frames())
+    monkeypatch.setitem(sys.modules, "cinereader", None)
+    with pytest.raises(InputError, match="highspeed"):
+        open_source(tmp_path / "a.cine")

@@ -1,0 +1,104 @@
+"""Files of high-speed cameras: Phantom's .cine, and Photron's .mraw with its .cihx or .cih.
+
+Their headers are read by cinereader and pyMRAW, the extra ``highspeed``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.errors import InputError
+
+__all__ = ["HIGHSPEED", "Header", "cine", "mraw"]
+
+HIGHSPEED = (".cine", ".mraw", ".cihx", ".cih")
+RATES = (1.0, 1e7)  # frames a second
+
+Header = tuple[int, float | None, Any]  # frames, rate [1/s], what yields them
+
+
+def cine(path: Path) -> Header:
+    """Return the frames of a .cine file: 8 to 16 bits, grey, P10 and P12L too."""
+    reader = _reader("cinereader", path, ".cine")
+    try:
+        head = reader.read_metadata(str(path))
+        count, first = int(head.ImageCount), int(head.FirstImageNo)
+        rate = float(head.FrameRate)
+    except Exception as fault:
+        raise _unreadable(path, ".cine", fault) from fault
+
+    def read() -> Iterator[tuple[NDArray[Any], float]]:
+        for number in range(first, first + count):
+            try:
+                image = np.asarray(reader.read_image(head, str(path), number))
+            except Exception as fault:
+                raise _unreadable(path, ".cine", fault) from fault
+            yield np.ascontiguousarray(image), np.nan
+
+    return count, _sane(rate), read
+
+
+def mraw(path: Path) -> Header:
+    """Return the frames of a .mraw file (8, 12 or 16 bits, grey) by the header beside it."""
+    reader = _reader("pyMRAW", path, ".mraw")
+    data = path.with_suffix(".mraw")
+    headers = [data.with_suffix(each) for each in (".cihx", ".cih")]
+    beside = next((each for each in headers if each.is_file()), None)
+    if beside is None or not data.is_file():
+        missing = headers[0].name if beside is None else data.name
+        raise InputError(str(path), ".mraw", None, f"{missing} is not beside it")
+    try:
+        head = reader.get_cih(str(beside))
+        count, bits = int(head["Total Frame"]), int(head["Color Bit"])
+        rows, columns = int(head["Image Height"]), int(head["Image Width"])
+        rate = float(head["Record Rate(fps)"])
+    except Exception as fault:
+        raise _unreadable(beside, "header of .mraw", fault) from fault
+    if bits not in {8, 12, 16}:
+        raise InputError(str(path), ".mraw", f"{bits} bits", "allowed: grey of 8, 12 or 16 bits")
+    size = rows * columns * bits // 8
+
+    def read() -> Iterator[tuple[NDArray[Any], float]]:
+        with data.open("rb") as file:
+            for _ in range(count):
+                raw = np.frombuffer(file.read(size), np.uint8)
+                if raw.size < size:
+                    return
+                yield _grey(raw, bits).reshape(rows, columns), np.nan
+
+    return count, _sane(rate), read
+
+
+def _grey(raw: NDArray[np.uint8], bits: int) -> NDArray[Any]:
+    """Return grey values; two of 12 bits lie in three bytes, the greater digits first."""
+    if bits == 8:
+        return raw
+    if bits == 16:
+        return raw.view("<u2")
+    one, two, three = raw.reshape(-1, 3).astype(np.uint16).T
+    return np.stack([(one << 4) | (two >> 4), ((two & 15) << 8) | three], axis=1).ravel()
+
+
+def _reader(name: str, path: Path, kind: str) -> ModuleType:
+    if not path.is_file():
+        raise InputError(str(path), "clip", None, "no such file")
+    try:
+        return import_module(name)
+    except ImportError as fault:
+        allowed = f"needs {name}: pip install 'virtual-lab[highspeed]'"
+        raise InputError(str(path), kind, None, allowed) from fault
+
+
+def _unreadable(path: Path, kind: str, fault: Exception) -> InputError:
+    return InputError(str(path), kind, None, f"cannot be read (is it cut short?): {fault!r}")
+
+
+def _sane(rate: float) -> float | None:
+    return rate if RATES[0] <= rate <= RATES[1] else None
