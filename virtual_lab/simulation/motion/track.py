@@ -13,12 +13,12 @@ from virtual_lab.relations.flight import time_after
 from virtual_lab.simulation.motion.scene import Scene, State
 from virtual_lab.simulation.motion.touch import moved
 
-__all__ = ["Crossings", "Track"]
+__all__ = ["PlaneCrossings", "Track"]
 
 Array = NDArray[np.float64]
 
 
-class Crossings(NamedTuple):
+class PlaneCrossings(NamedTuple):
     """Balls' centres going through planes across the line of fire, a row each (k,)."""
 
     shot: NDArray[np.int_]
@@ -81,7 +81,7 @@ class Track:
             whole[:, shots, column] = [getattr(here, name) for name in State.__slots__]
         return State(**dict(zip(State.__slots__, whole, strict=True)))
 
-    def passages(self, scene: Scene, planes: ArrayLike) -> Crossings:
+    def passages(self, scene: Scene, planes: ArrayLike) -> PlaneCrossings:
         """Return when balls' centres go through the planes x = `planes` [m], (p,), either way.
 
         A gate that times the edge of a ball has its plane a radius before or behind.
@@ -103,4 +103,4 @@ class Track:
         order = np.lexsort((number, time, shot))
         names = State.__slots__
         columns = {n: np.concatenate([getattr(row[3], n) for row in found])[order] for n in names}
-        return Crossings(shot[order], number[order], time[order], State(**columns))
+        return PlaneCrossings(shot[order], number[order], time[order], State(**columns))
