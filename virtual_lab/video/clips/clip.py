@@ -18,7 +18,7 @@ from virtual_lab.video.clips.timing import frame_times
 __all__ = ["Clip", "open_clip"]
 
 SAMPLES = 25  # frames kept to learn the background from
-FEWEST, ROOM = 9, 75e6  # of large ones fewer: as many as so many B hold
+FEWEST, ROOM = 9, 50e6  # of large ones fewer: as many as so many B hold
 KEPT = 60e6  # B: a shorter clip is decoded once and stays in memory
 
 
@@ -80,7 +80,8 @@ def open_clip(path: Path, calibration: ClipCalibration) -> Clip:
     source = open_source(path)
     every = 1
     stamps: list[float] = []
-    samples: list[Frame] = []
+    sampled: list[int] = []
+    samples: Frame = np.zeros(0)
     kept: list[tuple[Frame, float]] = []
     brightest = 0
     for number, (frame, stamp) in enumerate(source.pictures()):
@@ -88,23 +89,25 @@ def open_clip(path: Path, calibration: ClipCalibration) -> Clip:
             _require_size(frame, path, calibration)
             count = int(np.clip(ROOM / frame.nbytes, FEWEST, SAMPLES))
             every = max(1, -(-source.declared // count))
-        if number % every == 0:
-            samples.append(frame)
+            # filled in place: a list and its stack would take the memory twice
+            samples = np.empty((-(-source.declared // every) + 1, *frame.shape), frame.dtype)
+        if number % every == 0 and len(sampled) < len(samples):
+            samples[len(sampled)] = frame
+            sampled.append(number)
         if source.declared * frame.nbytes <= KEPT:
             kept.append((frame, stamp))
         if frame.dtype != np.uint8:
             brightest = max(brightest, int(frame.max()))
         stamps.append(stamp)
     times, warnings = frame_times(source, np.array(stamps), calibration)
-    stack = np.stack(samples)
     bits = max(8, brightest.bit_length())
     return Clip(
         source=replace(source, read=lambda: iter(kept)) if kept else source,
         times=times,
-        shape=(stack.shape[1], stack.shape[2]),
+        shape=(samples.shape[1], samples.shape[2]),
         full_scale=float(2**bits - 1),
-        samples=stack,
-        sampled=np.arange(len(samples)) * every,
+        samples=samples[: len(sampled)],
+        sampled=np.array(sampled, np.intp),
         warnings=warnings,
     )
 
