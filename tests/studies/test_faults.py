@@ -15,7 +15,7 @@ from virtual_lab.studies.faults import PROCEDURES, _bias, faults, save_faults
 
 FEW = ("gate-moved", "wrong-lot", "encoder-slip", "ball-out-of-round")
 LABORATORIES = 6
-TABLE = Path(__file__).with_name("faults-2026-11-21.csv")
+TABLE = Path(__file__).with_name("faults-2026-11-22.csv")
 
 
 def test_a_few_faults_come_out_as_predicted(tmp_path: Path) -> None:
