@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.fidelity.camera_map import FLAGGED, GOOD, INACCURATE, UNSAID
 from virtual_lab.streams import Streams
@@ -14,7 +13,6 @@ from virtual_lab.video.track.lines import Air
 
 __all__ = ["DROPPED", "METHOD", "dropped_frames"]
 
-Array = NDArray[np.float64]
 DROPPED, METHOD = "frames dropped, no time stamps", "legs"
 COUNTS = (0, 1, 2, 3, 5)  # of dropped frames, one after the other
 ERRORS = (0.002, 0.02, 0.1, 0.5)  # pixels, of a place

@@ -14,7 +14,6 @@ from virtual_lab.video.locate.located import Located
 
 __all__ = ["BEYOND", "Score", "score_places", "seconds_a_picture", "wrong_unsaid"]
 
-Array = NDArray[np.float64]
 BEYOND = 5.0  # standard uncertainties: no error of a sound picture is as large
 
 

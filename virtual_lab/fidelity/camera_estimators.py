@@ -31,7 +31,6 @@ __all__ = [
     "by_picture",
 ]
 
-Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 Place = tuple[float, float]
 

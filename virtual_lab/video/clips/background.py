@@ -11,7 +11,6 @@ from virtual_lab.video.clips.reading import Frame
 
 __all__ = ["Image", "middle_of", "uncovered_mean"]
 
-Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 
 ROWS = 64  # at a time: a sorted stack of whole frames would need the memory of them all

@@ -20,7 +20,6 @@ from virtual_lab.video.follow.pieces import Piece
 __all__ = ["read_track"]
 
 NEEDED = ("frame", "x_px", "y_px", "flight")
-MOST = 1_000_000  # rows
 
 
 def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:

@@ -25,7 +25,6 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 GRAVITY = 9.80665  # m/s², CGPM 1901
-ASSUMED_U = 0.01  # of a ball's diameter where no u of it is given: half a mm of a tennis ball's
 ROUNDEST = 0.34  # of the places: those with the least blur tell the ball's size
 TOLD = 3.0  # u of the acceleration that it may be off g by, and a share of it
 NEAR_G = 0.04

@@ -13,7 +13,7 @@ from virtual_lab.video.bat.clip import BatSeen
 
 __all__ = ["bat_text", "draw_bat", "write_bat_table"]
 
-REST, TURN, LEFT = "#0072b2", "#d55e00", "0.6"
+REST, TURN = "#0072b2", "#d55e00"
 MILLI = 1e3
 
 

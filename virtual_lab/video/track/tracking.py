@@ -38,7 +38,6 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 NAMES = tuple(field.name for field in fields(Located))
 AT_ONCE = 32  # frames whose regions are located together
