@@ -1,12 +1,24 @@
 """Laboratories that many tests look at, each played once in a process: to be read, not changed."""
 
 from functools import cache
+from typing import Any
 
 from tests.conftest import PROCEDURE
 from virtual_lab import lab
+from virtual_lab.lab.test_day import Progress, no_progress
 from virtual_lab.simulation.rig import Reality
 
-__all__ = ["certified"]
+__all__ = ["certified", "certify", "opened"]
+
+
+def opened(bat: str, **choices: Any) -> lab.Laboratory:
+    """Return the laboratory of a setup, the choices those of `lab.TestSetup.of`."""
+    return lab.Laboratory.open(lab.TestSetup.of(bat, **choices))
+
+
+def certify(bat: str, progress: Progress = no_progress, **choices: Any) -> lab.Tested:
+    """Return the test of a setup, the choices those of `lab.TestSetup.of`."""
+    return lab.certify_bat(lab.TestSetup.of(bat, **choices), progress)
 
 
 def certified(
@@ -25,4 +37,4 @@ def certified(
 def _played(
     bat: str, procedure: str, seed: int, reality: Reality, faults: tuple[str, ...]
 ) -> lab.Tested:
-    return lab.certify_bat(bat, procedure=procedure, seed=seed, reality=reality, faults=faults)
+    return certify(bat, procedure=procedure, seed=seed, reality=reality, faults=faults)

@@ -16,7 +16,7 @@ from virtual_lab.certificate.html import certificate_page, notebook_card
 from virtual_lab.certificate.tables import budget_table, shot_table
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder
-from virtual_lab.lab import Tested, certify_bat
+from virtual_lab.lab import Tested, TestSetup, certify_bat
 from virtual_lab.lab.seal import TRUTH, write_seal
 from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.output.metrics import METRICS
@@ -175,7 +175,7 @@ def certify(
     InputError
         An unknown name, a file that cannot be used, a seed that is no whole number from 0.
     """
-    tested = certify_bat(
+    setup = TestSetup.of(
         str(bat),
         procedure=str(procedure),
         rig=rig,
@@ -186,9 +186,8 @@ def certify(
         faults=(faults,) if isinstance(faults, str) else faults,
         control_bat=None if control_bat is None else str(control_bat),
         correction=correction,
-        say=say,
     )
-    return _certificate(tested)
+    return _certificate(certify_bat(setup, say))
 
 
 def _one(seed: object) -> int:

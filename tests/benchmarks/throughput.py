@@ -21,7 +21,7 @@ import numpy as np
 from tests.benchmarks.machine import Work, processor_seconds
 from tests.benchmarks.rows import Row, tell
 from virtual_lab import catalog
-from virtual_lab.lab import Campaign
+from virtual_lab.lab import Campaign, by_the_book
 from virtual_lab.measurement.procedure import Curve, metric_of
 from virtual_lab.measurement.reduction.flights import timed
 from virtual_lab.measurement.reduction.observations import observe_balls, observe_impact
@@ -68,12 +68,12 @@ def _rows() -> Iterator[Row]:
 def _play(procedure: str, rung: RecordDetail, shots: int) -> Work:
     """Return what plays and reduces the next block."""
     laboratory = Campaign.of(BATS.get(procedure, "r161"), procedure).laboratory(1)
-    session = laboratory.run(lambda _: None).certification.session
+    session = by_the_book(laboratory).certification.session
     reduced = reduce_session(session)
     known = {name: np.array(constant.value) for name, constant in reduced.constants.items()}
     bat = bat_properties(known)
     balls = measured_balls(known, observe_balls(session))
-    rules = reduced.procedure.spec
+    rules = reduced.procedure
     metric = metric_of(rules)
     order = ShotPlan(
         slot=np.arange(shots),

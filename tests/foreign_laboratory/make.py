@@ -18,8 +18,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from virtual_lab.lab import certify_bat
-from virtual_lab.measurement.certification import QUANTITIES, certify_session
+from tests.laboratories import certify
+from virtual_lab.measurement.certification import certify_session
+from virtual_lab.measurement.model import QUANTITIES
 from virtual_lab.records import Record
 from virtual_lab.records.session import Session
 from virtual_lab.units import DEGREE, INCH, MPH, OUNCE
@@ -33,7 +34,7 @@ Stage = dict[str, Record]
 
 
 def main() -> None:
-    tested = certify_bat("r161", procedure="astm-f1881", seed=SEED)
+    tested = certify("r161", procedure="astm-f1881", seed=SEED)
     session = _shortened(tested.certification.session)
     bench(dict(session.records["bench"]))
     wall(dict(session.records["balls"]))

@@ -45,7 +45,7 @@ def bits(tested: lab.Tested) -> str:
 def played(procedure: str, seeds: Iterable[int]) -> Bits:
     """Return the bits of laboratories of a campaign of their own, played in turn."""
     campaign = Campaign.of(BATS.get(procedure, "r161"), procedure)
-    return {seed: bits(campaign.laboratory(seed).run(lambda _: None)) for seed in seeds}
+    return {seed: bits(lab.by_the_book(campaign.laboratory(seed))) for seed in seeds}
 
 
 def run(procedure: str, laboratories: int, first_seed: int) -> Bits:
@@ -82,7 +82,7 @@ def test_what_ran_before_changes_nothing(procedure: str) -> None:
     """Other laboratories, and scenes far from any of a test, before the one looked at."""
     (alone,) = played(procedure, [3]).values()
     campaign = Campaign.of(BATS.get(procedure, "r161"), procedure)
-    body, box = campaign.bat.body, campaign.collision.box
+    body, box = campaign.setup.bat.spec.body, campaign.collision.box
     assert box is not None
     far = Scenes.of(
         impact_position=np.linspace(0.04, 0.3, 200),
@@ -92,11 +92,11 @@ def test_what_ran_before_changes_nothing(procedure: str) -> None:
         stiffness=box.stiffness,
         exponent=box.exponent,
     )
-    for from_knob in (campaign.rules.spec.pivot_from_knob, body.length - SIDE):
+    for from_knob in (campaign.setup.rules.spec.pivot_from_knob, body.length - SIDE):
         campaign.collision.efficiency(body, Pinned(body.length - from_knob), far)
     for seed in (8, 5):
-        campaign.laboratory(seed).run(lambda _: None)
-    assert bits(campaign.laboratory(3).run(lambda _: None)) == alone
+        lab.by_the_book(campaign.laboratory(seed))
+    assert bits(lab.by_the_book(campaign.laboratory(3))) == alone
 
 
 @dataclass
@@ -123,8 +123,8 @@ def test_scenes_of_a_test_lie_in_its_box(procedure: str) -> None:
     campaign = Campaign.of(BATS.get(procedure, "r161"), procedure)
     box, shots = campaign.collision.box, 20_000
     assert box is not None
-    laboratory, rules = campaign.laboratory(1), campaign.rules.spec
-    ready, _, _ = laboratory.measured(lambda _: None)
+    laboratory, rules = campaign.laboratory(1), campaign.setup.rules.spec
+    ready = lab.prepared(laboratory).laboratory
     ends = (rules.scan.low, rules.scan.high) if rules.scan else (np.mean(box.impact_position),) * 2
     slots, watching = np.arange(shots), Watching(campaign)
     order = ShotPlan(
@@ -132,7 +132,7 @@ def test_scenes_of_a_test_lie_in_its_box(procedure: str) -> None:
         ball=slots % rules.balls,
         speed=np.full(shots, rules.ball_speed),
         place=np.where(slots % 2, *ends),
-        turn_rate=float(rules.turn_rate(beam_of(campaign.bat.body).length)),
+        turn_rate=float(rules.turn_rate(beam_of(campaign.setup.bat.spec.body).length)),
         rung=RecordDetail.SUMMED,
     )
     specimen = replace(ready.specimen, collision=watching)
@@ -147,11 +147,14 @@ def test_scenes_of_a_test_lie_in_its_box(procedure: str) -> None:
 @pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor", "ncaa-besr"])
 def test_summed_and_full_records_share_their_truth(procedure: str) -> None:
     """Speed, place, e0 of every shot and the true constants, bit for bit; balls and bat too."""
-    laboratory = Campaign.of("r161", procedure).laboratory(4)
-    rules, slots = laboratory.rules.spec, np.arange(24)
+    setup = replace(Campaign.of("r161", procedure).setup, seed=4)
+    rules, slots = setup.rules.spec, np.arange(24)
     truths, constants, balls = [], [], []
     for rung in RecordDetail:
-        ready, bench, wall = replace(laboratory, instruments=rung).measured(lambda _: None)
+        day = lab.prepared(lab.Laboratory.open(replace(setup, detail=rung)))
+        ready, bench, wall = day.laboratory, day.bench, day.wall
+        assert bench is not None
+        assert wall is not None
         order = ShotPlan(
             slot=slots,
             ball=slots % rules.balls,

@@ -6,15 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.laboratories import certified
+from tests.laboratories import certified, certify
 from virtual_lab import api, catalog, lab
 from virtual_lab.certificate.document import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.certificate.text import certificate_text
 from virtual_lab.errors import InputError
-from virtual_lab.lab import certify_bat
+from virtual_lab.measurement.model import CONTROL
 from virtual_lab.measurement.procedure import CHOICE, Procedure
-from virtual_lab.measurement.session_reduction import CONTROL
 from virtual_lab.simulation.rig import Reality
 
 CYLINDER, STANDARD = "check-cylinder", 0.5
@@ -36,7 +35,7 @@ def rules(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 @cache
 def controlled(rules: str, reality: Reality = Reality.REAL, seed: int = 7) -> lab.Tested:
-    return certify_bat("r161", procedure=rules, control_bat=CYLINDER, reality=reality, seed=seed)
+    return certify("r161", procedure=rules, control_bat=CYLINDER, reality=reality, seed=seed)
 
 
 def test_without_errors_it_is_the_ratio_of_two_tests(rules: str) -> None:
@@ -145,13 +144,13 @@ def test_the_certificate_says_what_it_was_divided_by(rules: str) -> None:
 
 def test_bad_input(rules: str) -> None:
     with pytest.raises(InputError, match="control bat; is missing: bbcor corrects its balls"):
-        certify_bat("r161", procedure=rules, seed=1)
+        certify("r161", procedure=rules, seed=1)
     with pytest.raises(InputError, match="bbcor has no \\[correction\\]"):
-        certify_bat("r161", procedure="bbcor", control_bat=CYLINDER, seed=1)
+        certify("r161", procedure="bbcor", control_bat=CYLINDER, seed=1)
     with pytest.raises(InputError, match="did you mean"):
-        certify_bat("r161", procedure=rules, control_bat="check-cylindre", seed=1)
+        certify("r161", procedure=rules, control_bat="check-cylindre", seed=1)
     with pytest.raises(InputError, match="its own test gives no result: "):
-        certify_bat(
+        certify(
             "r161",
             procedure=rules,
             control_bat=CYLINDER,

@@ -15,10 +15,11 @@ import pytest
 from scipy.special import ellipk
 
 from tests.conftest import PROCEDURE, Play
+from tests.laboratories import opened
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.certificate.document import certificate
-from virtual_lab.lab import open_laboratory
+from virtual_lab.lab import prepared
 from virtual_lab.lab.naming import lot_constants, with_records
 from virtual_lab.measurement.session_reduction import Reduced, reduce_session
 from virtual_lab.records import Record
@@ -393,7 +394,7 @@ def by_hand(session: Session, reduced: Reduced) -> dict[str, Array]:  # noqa: PL
     Signals, which is to say passages and rates in counts, are taken as reduced.
     """
     x = {name: known.value for name, known in session.calibration.items()}
-    bench, readings, rules = session.records["bench"], reduced.readings, reduced.procedure.spec
+    bench, readings, rules = session.records["bench"], reduced.readings, reduced.procedure
 
     def mean(channel: str) -> float:
         return float(bench[channel].readings.mean())
@@ -415,7 +416,7 @@ def by_hand(session: Session, reduced: Reduced) -> dict[str, Array]:  # noqa: PL
     both = (total / count / longer / 2 / pi) ** 2 * x["hall.gravity"] * moment
     inertia = both - x["bench.pendulum.clamp_inertia"] - mass * lever**2
     # balls at the wall
-    log, seen = session.records["balls"]["log"], reduced.balls.passages
+    log, seen = session.records["balls"]["log"], reduced.model.balls.passages
     ball_mass = bench["ball-mass"].readings.mean(axis=1) - x["bench.scale.zero"]
     ball_mass = ball_mass / x["bench.scale.span"]
     v_in, v_out, *_ = flown(x, "balls", seen)
@@ -602,7 +603,7 @@ def test_balls_that_strike_farther_along_have_a_shorter_lever(played: Play) -> N
     reduced = reduce_session(played("r161", Reality.IDEAL).certification.session)
     x = {name: np.array(known.value) for name, known in reduced.constants.items()}
     name = "impact.cannon.along"
-    beside = reduced.results({**x, name: x[name] + 1e-3})
+    beside = reduced.model.shots({**x, name: x[name] + 1e-3})
     lever = reduced.bat.length - x["impact.pivot.from_knob"] - reduced.shots.place
     expected = (1 + reduced.shots.collision_efficiency) * lever / (lever - 1e-3) - 1
     expected -= 0.005 / 0.0254 * 1e-3  # the sheet's slope of e_A along the barrel
@@ -626,9 +627,8 @@ def test_a_slanting_bat_is_seen_through(late: float) -> None:
                 drawn[:, 1] = late
             return drawn
 
-    laboratory, _, _ = open_laboratory(
-        "r161", procedure="ncaa-besr", reality=Reality.IDEAL, seed=1
-    ).measured(lambda _: None)
+    day = prepared(opened("r161", procedure="ncaa-besr", reality=Reality.IDEAL, seed=1))
+    laboratory = day.laboratory
     station: Any = laboratory.stations[Stage.IMPACT]
     station = replace(station, drive=replace(station.drive, timing_scatter=0.3e-3))
     along = station.cannon.stated["along"].value
@@ -641,7 +641,7 @@ def test_a_slanting_bat_is_seen_through(late: float) -> None:
     play = station.play(asked, laboratory.specimen, Late())
     slant = play.truth["angle"]
     assert slant == pytest.approx(late * 0.3e-3 * 47.0)
-    shots = reduce_session(with_records(laboratory.session, Stage.IMPACT, [play])).shots
+    shots = reduce_session(with_records(day.session, Stage.IMPACT, [play])).shots
     assert shots.place == pytest.approx(play.truth["place"], abs=1e-6)
     assert shots.bat_speed == pytest.approx(play.truth["bat_speed"], rel=1e-6)
     assert shots.collision_efficiency == pytest.approx(play.truth["collision_efficiency"], abs=1e-6)

@@ -1,13 +1,12 @@
 """What a test at the filmed cannon leaves for `track`: a calibration of camera, ball and bat."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import rigs.filmed_cannon
-from virtual_lab.lab import open_laboratory
+from tests.laboratories import certify
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.video.clips.calibration_file import read_calibration
 
@@ -17,8 +16,9 @@ def test_the_calibration_beside_a_film_is_what_the_laboratory_knows(
 ) -> None:
     """It reads; the camera is the session's; the bat's pivot and width are within millimetres."""
     monkeypatch.setattr(rigs.filmed_cannon, "write_films", lambda *_: None)
-    laboratory = open_laboratory("r161", procedure="bbcor", rig="filmed-cannon", seed=3)
-    done = replace(laboratory, instruments=RecordDetail.SUMMED).run(lambda _: None)
+    done = certify(
+        "r161", procedure="bbcor", rig="filmed-cannon", seed=3, detail=RecordDetail.SUMMED
+    )
     assert done.film is not None
     done.film(tmp_path)
     (tmp_path / "shot-0.csv").write_text("time_s\n")

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.laboratories import certify
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
-from virtual_lab.lab import certify_bat
 from virtual_lab.lab.fitting import require_camera
 from virtual_lab.simulation.rig import Reality, Stage, find_rig
 
@@ -23,7 +23,7 @@ from virtual_lab.simulation.rig import Reality, Stage, find_rig
 )
 def test_a_rig_that_does_not_fit_is_refused(procedure: str, rig: str, said: str) -> None:
     with pytest.raises(InputError, match=said) as refused:
-        certify_bat("r161", procedure=procedure, rig=rig, seed=1)
+        certify("r161", procedure=procedure, rig=rig, seed=1)
     assert "\n" not in str(refused.value)
 
 
@@ -50,7 +50,7 @@ def rules(folder: Path, procedure: str, *changes: tuple[str, str]) -> str:
 )
 def test_a_scan_off_the_bat_is_refused(change: tuple[str, str], said: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=said):
-        certify_bat("r161", procedure=rules(tmp_path, "bbcor", change), seed=1)
+        certify("r161", procedure=rules(tmp_path, "bbcor", change), seed=1)
 
 
 @pytest.mark.parametrize(
@@ -77,13 +77,13 @@ def test_windows_without_the_nominal_ball_are_refused(
 ) -> None:
     """Twelve balls of which hardly one could count are no test."""
     with pytest.raises(InputError, match=said):
-        certify_bat("r161", procedure=rules(tmp_path, "astm-f1881", change), seed=1)
+        certify("r161", procedure=rules(tmp_path, "astm-f1881", change), seed=1)
 
 
 def test_another_rig_that_fits_is_taken(tmp_path: Path) -> None:
     """The pivoted rig's gates see the rebound too: a scan of 85 mph can be done there."""
     slow = rules(tmp_path, "bbcor", ("ball_speed = { value = 136,", "ball_speed = { value = 85,"))
-    tested = certify_bat("r161", procedure=slow, rig="astm-pivot", reality=Reality.IDEAL, seed=1)
+    tested = certify("r161", procedure=slow, rig="astm-pivot", reality=Reality.IDEAL, seed=1)
     found, true = tested.certification, tested.sealed.measurand
     assert found.session.rigs["impact"] == "astm-pivot"
     assert found.outcome.reason == ""

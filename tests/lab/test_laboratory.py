@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 
 from tests.conftest import PROCEDURE, Play
-from virtual_lab import catalog, lab
+from tests.laboratories import certify, opened
+from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.certificate.document import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.errors import InputError
-from virtual_lab.lab import certify_bat
 from virtual_lab.lab.measurand import CONTINUOUS, WIDTH
-from virtual_lab.measurement.certification import QUANTITIES, Certification, certify_session
+from virtual_lab.measurement.certification import Certification, certify_session
+from virtual_lab.measurement.model import QUANTITIES
 from virtual_lab.measurement.procedure import Procedure, Verdict
 from virtual_lab.records import GateRecord, Record
 from virtual_lab.records.session import load_session, save_session
@@ -131,7 +132,7 @@ def test_noise_free_and_ideal_know_no_seed(played: Play) -> None:
 
 def test_same_seed_same_numbers(played: Play) -> None:
     """Twice in one process, the second time from nothing but the seed."""
-    again = lab.certify_bat("r161", procedure=PROCEDURE, seed=1)
+    again = certify("r161", procedure=PROCEDURE, seed=1)
     assert numbers(again.certification) == numbers(played(seed=1).certification)
     assert again.sealed.measurand == played(seed=1).sealed.measurand
     # the salt alone is new: two certificates of one seed cannot be told to be so
@@ -146,9 +147,9 @@ def test_other_seed_other_numbers(played: Play) -> None:
 
 def test_no_seed_given_draws_one() -> None:
     """Two laboratories without a seed are two laboratories, and each says which it was."""
-    first, other = (lab.certify_bat("r161", procedure=PROCEDURE) for _ in range(2))
+    first, other = (certify("r161", procedure=PROCEDURE) for _ in range(2))
     assert first.sealed.seed != other.sealed.seed
-    again = lab.certify_bat("r161", procedure=PROCEDURE, seed=first.sealed.seed)
+    again = certify("r161", procedure=PROCEDURE, seed=first.sealed.seed)
     assert numbers(again.certification) == numbers(first.certification)
 
 
@@ -157,8 +158,7 @@ def test_every_bit_of_a_seed_counts(bit: int) -> None:
     """Two seeds of 128 bits that differ in one are two laboratories."""
     seed = 0xB7E151628AED2A6ABF7158809CF4F3C7
     first, other = (
-        lab.open_laboratory("r161", procedure=PROCEDURE, seed=each).specimen
-        for each in (seed, seed ^ 1 << bit)
+        opened("r161", procedure=PROCEDURE, seed=each).specimen for each in (seed, seed ^ 1 << bit)
     )
     assert first.bat.body.material.density != other.bat.body.material.density
     assert not (first.balls.mass == other.balls.mass).any()
@@ -166,7 +166,7 @@ def test_every_bit_of_a_seed_counts(bit: int) -> None:
 
 def test_the_records_say_whether_the_truth_is_sealed() -> None:
     def sealing(**given: Any) -> str:
-        laboratory = lab.open_laboratory("r161", procedure=PROCEDURE, **given)
+        laboratory = opened("r161", procedure=PROCEDURE, **given)
         return str(laboratory.session.simulation["sealing"]).split(":")[0]
 
     assert sealing() == "sealed"
@@ -177,7 +177,7 @@ def test_the_records_say_whether_the_truth_is_sealed() -> None:
 def test_a_negative_seed_is_refused() -> None:
     """One line: key, value, what is allowed."""
     with pytest.raises(InputError, match=r"^seed = -1; allowed: whole numbers from 0$"):
-        lab.certify_bat("r161", procedure=PROCEDURE, seed=-1)
+        certify("r161", procedure=PROCEDURE, seed=-1)
 
 
 def test_the_commitment_opens(played: Play) -> None:
@@ -200,7 +200,7 @@ def test_loaded_records_reduce_to_the_same_bits(played: Play, tmp_path: Path) ->
 def test_no_record_holds_the_seed_or_the_truth(tmp_path: Path) -> None:
     """A seed of 19 digits, decimal or hexadecimal, in no file; nor any number of the measurand."""
     seed = 7305918264950173846
-    tested = lab.certify_bat("r161", procedure=PROCEDURE, seed=seed)
+    tested = certify("r161", procedure=PROCEDURE, seed=seed)
     save_session(tested.certification.session, tmp_path)
     truth = tested.sealed.measurand
     secrets = {str(seed), f"{seed:x}", tested.sealed.salt.hex(), repr(float(seed))}
@@ -225,7 +225,7 @@ def test_attempts_run_out(tmp_path: Path) -> None:
     """A window no shot can meet: 12 balls are fired, none counts, INVALID and no number."""
     rules = _rules(tmp_path, "speed_tolerance = { value = 1.0", "speed_tolerance = { value = 1e-9")
     said: list[str] = []
-    result = lab.certify_bat("r161", procedure=rules, seed=1, say=said.append).certification
+    result = certify("r161", procedure=rules, seed=1, progress=said.append).certification
     assert len(result.judgement.reasons) == 12
     assert all(reason.startswith("ball at ") for reason in result.judgement.reasons)
     assert result.verdict is Verdict.INVALID
@@ -242,7 +242,7 @@ def test_attempts_run_out(tmp_path: Path) -> None:
 def test_fires_until_enough_hits_are_valid(tmp_path: Path) -> None:
     """A narrow window (0.4 mph at a scatter of 0.4 mph) rejects about a third."""
     rules = _rules(tmp_path, "speed_tolerance = { value = 1.0", "speed_tolerance = { value = 0.4")
-    result = lab.certify_bat("r161", procedure=rules, seed=4).certification
+    result = certify("r161", procedure=rules, seed=4).certification
     valid = int(result.judgement.valid.sum())
     assert valid == 6
     assert 6 < len(result.judgement.reasons) <= 12
@@ -355,7 +355,7 @@ def test_the_bat_is_measured_right(played: Play) -> None:
 def test_it_says_what_goes_on() -> None:
     """A sentence a stage, in the order of the day."""
     said: list[str] = []
-    lab.certify_bat("r161", procedure=PROCEDURE, reality=Reality.IDEAL, say=said.append)
+    certify("r161", procedure=PROCEDURE, reality=Reality.IDEAL, progress=said.append)
     assert [line.split(":")[0] for line in said[:3]] == ["bench", "ball-wall rig", "impact rig"]
 
 
@@ -366,7 +366,7 @@ def test_a_rig_with_its_axis_elsewhere_is_refused(tmp_path: Path) -> None:
     assert changed != text
     (tmp_path / "mine.toml").write_text(changed)
     with pytest.raises(InputError, match="pivot_from_knob"):
-        certify_bat("r161", procedure=str(tmp_path / "mine.toml"), seed=1)
+        certify("r161", procedure=str(tmp_path / "mine.toml"), seed=1)
 
 
 def test_one_hall_has_one_air_and_one_gravity(played: Play) -> None:
@@ -407,14 +407,14 @@ def test_a_scale_factor_of_nothing_is_refused(name: str, played: Play) -> None:
 def test_tests_of_one_laboratory_share_its_rigs_and_nothing_else() -> None:
     """Calibration errors are the laboratory's; bat, balls and hits are each test's own."""
     first, second = (
-        certify_bat("r161", procedure=PROCEDURE, seed=4, test=test).sealed for test in (0, 1)
+        certify("r161", procedure=PROCEDURE, seed=4, test=test).sealed for test in (0, 1)
     )
     assert first.constants == second.constants
     assert first.bat.body != second.bat.body
     assert not np.any(first.balls.mass == second.balls.mass)
     hits = min(len(first.place), len(second.place))
     assert not np.any(first.shots["speed"][:hits] == second.shots["speed"][:hits])
-    elsewhere = certify_bat("r161", procedure=PROCEDURE, seed=5, test=0).sealed
+    elsewhere = certify("r161", procedure=PROCEDURE, seed=5, test=0).sealed
     assert elsewhere.constants != first.constants
     assert elsewhere.bat.body != first.bat.body
 
@@ -422,7 +422,7 @@ def test_tests_of_one_laboratory_share_its_rigs_and_nothing_else() -> None:
 @pytest.mark.parametrize("bat", ["ea70", "knob-loaded"])
 def test_a_bat_that_stops_the_ball_near_its_tip_is_scanned_all_the_same(bat: str) -> None:
     """At 3 in its e_A is below 0.05: the ball does not reach the boards again."""
-    tested = certify_bat(bat, procedure="bbcor", seed=0, reality=Reality.IDEAL)
+    tested = certify(bat, procedure="bbcor", seed=0, reality=Reality.IDEAL)
     assert tested.certification.outcome.reason == ""
     assert tested.certification.metric is not None
     assert tested.certification.metric.value == pytest.approx(
@@ -439,7 +439,7 @@ def test_gates_that_see_no_ball_make_an_invalid_test(monkeypatch: pytest.MonkeyP
         return GateRecord(times=np.full_like(record.times, np.nan)) if "astm" in args[4] else record
 
     monkeypatch.setattr(LightGates, "watch", blind)
-    result = lab.certify_bat("r161", procedure=PROCEDURE, seed=1).certification
+    result = certify("r161", procedure=PROCEDURE, seed=1).certification
     assert result.verdict is Verdict.INVALID
     assert set(result.judgement.reasons) == {"the gates did not see the ball come in"}
     assert "No BPF can be stated" in certificate_page(certificate(result), result)

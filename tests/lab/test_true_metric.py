@@ -14,10 +14,11 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
 from tests.conftest import Play
+from tests.laboratories import certify, opened
 from virtual_lab import catalog
 from virtual_lab.certificate.document import certificate
 from virtual_lab.errors import InputError
-from virtual_lab.lab import certify_bat, open_laboratory
+from virtual_lab.lab import by_the_book
 from virtual_lab.lab.measurand import CONTINUOUS, true_curve
 from virtual_lab.lab.true_metric import TrueCurve
 from virtual_lab.measurement.procedure import Procedure
@@ -91,7 +92,7 @@ CURVES: dict[tuple[str, str], TrueCurve] = {}
 
 def exact_curve(bat: str, procedure: str) -> TrueCurve:
     if (bat, procedure) not in CURVES:
-        laboratory = open_laboratory(bat, procedure=procedure, seed=1, reality=Reality.IDEAL)
+        laboratory = opened(bat, procedure=procedure, seed=1, reality=Reality.IDEAL)
         station = cast("ImpactStation", laboratory.stations[Stage.IMPACT])
         places = np.linspace(3 * INCH, 9 * INCH, 41)
         CURVES[bat, procedure] = true_curve(
@@ -188,14 +189,14 @@ def short_of_recoil(e_A: np.ndarray, r: np.ndarray) -> np.ndarray:
 def test_a_wrong_equation_6_shows(procedure: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """In an ideal laboratory, and in the scores of eight real ones."""
     monkeypatch.setattr(shot_algebra, "restitution_from_efficiency", short_of_recoil)
-    ideal = open_laboratory("r161", procedure=procedure, seed=1, reality=Reality.IDEAL)
-    tested = ideal.run(lambda _: None)
+    ideal = opened("r161", procedure=procedure, seed=1, reality=Reality.IDEAL)
+    tested = by_the_book(ideal)
     assert tested.certification.metric is not None
     assert abs(tested.certification.metric.value - tested.sealed.measurand["metric"]) > 1e-4
     if procedure == "astm-f1881":
         scores = []
         for seed in range(8):
-            tested = open_laboratory("r161", procedure=procedure, seed=seed).run(lambda _: None)
+            tested = by_the_book(opened("r161", procedure=procedure, seed=seed))
             metric = tested.certification.metric
             assert metric is not None
             scores.append((metric.value - tested.sealed.measurand["metric"]) / metric.u)
@@ -204,23 +205,21 @@ def test_a_wrong_equation_6_shows(procedure: str, monkeypatch: pytest.MonkeyPatc
 
 def test_besr_of_another_place_shows(monkeypatch: pytest.MonkeyPatch) -> None:
     """A reduction that looks for the greatest BESR, as this one once did."""
-    laboratory = open_laboratory("r161", procedure="ncaa-besr", seed=1, reality=Reality.IDEAL)
+    laboratory = opened("r161", procedure="ncaa-besr", seed=1, reality=Reality.IDEAL)
     rules = laboratory.rules
     wrong = rules.text.replace('seeks = "batted_speed"', 'seeks = "metric"')
     assert wrong != rules.text
     misread = replace(laboratory, session=replace(laboratory.session, procedure_text=wrong))
-    tested = misread.run(lambda _: None)
-    right = laboratory.run(lambda _: None).sealed.measurand["metric"]
+    tested = by_the_book(misread)
+    right = by_the_book(laboratory).sealed.measurand["metric"]
     assert tested.certification.metric is not None
     assert abs(tested.certification.metric.value - right) > 5e-3
 
 
 def test_a_conversion_the_rules_do_not_ask_for_is_assumed() -> None:
     """Bbcor normalises nothing; asked for, the certificate says which and that it is assumed."""
-    plain = certify_bat("ea70", procedure="bbcor", reality=Reality.IDEAL)
-    asked = certify_bat(
-        "ea70", procedure="bbcor", reality=Reality.IDEAL, correction="trampoline:0.5"
-    )
+    plain = certify("ea70", procedure="bbcor", reality=Reality.IDEAL)
+    asked = certify("ea70", procedure="bbcor", reality=Reality.IDEAL, correction="trampoline:0.5")
     document = certificate(asked.certification)
     assert document["ball_correction"]["method"] == "trampoline"
     keys = {row["key"]: row["source"] for row in document["unverified"]}
@@ -234,6 +233,6 @@ def test_a_conversion_the_rules_do_not_ask_for_is_assumed() -> None:
 @pytest.mark.parametrize("asked", ["trampoline", "trampoline:1.2", "none:0.5", "ratio:x", ""])
 def test_a_conversion_that_is_none_is_refused(asked: str) -> None:
     with pytest.raises(InputError, match=r"trampoline:0\.5"):
-        open_laboratory("r161", procedure="bbcor", seed=1, correction=asked)
+        opened("r161", procedure="bbcor", seed=1, correction=asked)
     with pytest.raises(InputError, match=r"has a \[correction\]: trampoline"):
-        open_laboratory("r161", procedure="proposed", seed=1, correction="ratio:0.5")
+        opened("r161", procedure="proposed", seed=1, correction="ratio:0.5")

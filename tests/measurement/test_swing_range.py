@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from virtual_lab.lab import open_laboratory
+from tests.laboratories import opened
+from virtual_lab.lab import by_the_book
 from virtual_lab.measurement.certification import certify_session
 from virtual_lab.records.session import Session
 
@@ -19,7 +20,7 @@ def with_exponent(session: Session, exponent: float) -> Session:
 
 def test_each_exponent_is_what_its_own_rules_would_give() -> None:
     """From the same records: value, place and u of the certificate that those rules would make."""
-    tested = open_laboratory("ea70", procedure="proposed", seed=4).run(lambda _: None)
+    tested = by_the_book(opened("ea70", procedure="proposed", seed=4))
     results = tested.certification.swings
     assert [result.exponent for result in results] == [0.0, 0.1, 0.2, 0.3, 0.4, 0.5]
     for result in results[:: len(results) - 1]:
@@ -33,5 +34,5 @@ def test_each_exponent_is_what_its_own_rules_would_give() -> None:
 
 
 def test_rules_that_name_none_give_none() -> None:
-    tested = open_laboratory("r161", procedure="ncaa-modified", seed=4).run(lambda _: None)
+    tested = by_the_book(opened("r161", procedure="ncaa-modified", seed=4))
     assert tested.certification.swings == ()

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from tests.laboratories import certify
 from virtual_lab import api, lab
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
@@ -15,9 +16,7 @@ DONE = {"astm-pivot": "astm-f1881", "ball-cannon": "bbcor"}
 
 
 def certified(rig: str, motion: str, reality: Reality) -> lab.Tested:
-    return lab.certify_bat(
-        "r161", procedure=DONE[rig], rig=rig, seed=1, reality=reality, motion=motion
-    )
+    return certify("r161", procedure=DONE[rig], rig=rig, seed=1, reality=reality, motion=motion)
 
 
 @pytest.mark.parametrize("rig", DONE)

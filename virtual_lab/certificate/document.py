@@ -11,10 +11,10 @@ import numpy as np
 
 from virtual_lab.certificate.camera import witness_document
 from virtual_lab.certificate.tables import budget_rows, place_rows
-from virtual_lab.measurement.certification import QUANTITIES, Certification
+from virtual_lab.measurement.certification import Certification
+from virtual_lab.measurement.model import CONTROL, QUANTITIES
 from virtual_lab.measurement.procedure import CHOICE, Procedure
 from virtual_lab.measurement.procedure.peak_width import Width
-from virtual_lab.measurement.session_reduction import CONTROL
 from virtual_lab.measurement.swing_range import SwingResult
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.uncertainty.budget import Budget

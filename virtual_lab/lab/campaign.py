@@ -7,24 +7,22 @@ once; a laboratory then costs some milliseconds.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import hypot
 from typing import Self
 
 import numpy as np
 
-from virtual_lab import catalog
-from virtual_lab.catalog import Entry
 from virtual_lab.catalog.specs import BallSpec, BatSpec
 from virtual_lab.lab.fitting import nominal_places
-from virtual_lab.lab.laboratory import EFFICIENCY_U, Laboratory, Tested
+from virtual_lab.lab.laboratory import EFFICIENCY_U, Laboratory
+from virtual_lab.lab.setup import TestSetup
+from virtual_lab.lab.test_day import Tested, by_the_book
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.collision.surrogate import Box
-from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.rig import Reality
 
 __all__ = ["Campaign", "box_of"]
 
@@ -39,50 +37,35 @@ SLANT = 0.01  # of the speed that a hit six sigma above the bat's axis lacks
 class Campaign:
     """What is the same in every laboratory."""
 
-    rules: Entry[Procedure]
-    bat: BatSpec
-    ball: BallSpec
-    collision: Ladder
+    setup: TestSetup
 
     @classmethod
     def of(cls, bat: str, procedure: str) -> Self:
-        """Return the campaign of a bat by a procedure; `InputError` as `certify_bat`."""
-        rules = catalog.load("procedures", procedure, Procedure)
-        ball = catalog.load("balls", rules.spec.ball, BallSpec).spec
-        drawn = catalog.load_bat(bat).spec
-        speed = rules.spec.ball_speed + (rules.spec.bat_speed or 0.0)
-        return cls(
-            rules=rules,
-            bat=drawn,
-            ball=ball,
-            collision=Ladder(
-                probe=probing_scenes(ball, speed, nominal_places(rules.spec, drawn)),
-                standard_uncertainty=EFFICIENCY_U,
-                box=box_of(rules.spec, drawn, ball),
-            ),
+        """Return the campaign of a bat by a procedure; `InputError` as `TestSetup.of`."""
+        setup = TestSetup.of(bat, procedure=procedure, detail=RecordDetail.SUMMED)
+        rules, ball, drawn = setup.rules.spec, setup.ball.spec, setup.bat.spec
+        speed = rules.ball_speed + (rules.bat_speed or 0.0)
+        collision = Ladder(
+            probe=probing_scenes(ball, speed, nominal_places(rules, drawn)),
+            standard_uncertainty=EFFICIENCY_U,
+            box=box_of(rules, drawn, ball),
         )
+        return cls(setup=replace(setup, made=False, collision=collision))
+
+    @property
+    def collision(self) -> Ladder:
+        """The collision that all laboratories share."""
+        assert self.setup.collision is not None
+        return self.setup.collision
 
     def laboratory(self, seed: int) -> Laboratory:
         """Return the laboratory of a seed."""
-        return Laboratory.open(
-            bat=self.bat,
-            ball=self.ball,
-            rules=self.rules,
-            seed=seed,
-            rig=self.rules.spec.rig,
-            reality=Reality.REAL,
-            rung=None,
-            day=FaultSet(),
-            unverified={},
-            instruments=RecordDetail.SUMMED,
-            collision=self.collision,
-            made=False,
-        )
+        return Laboratory.open(replace(self.setup, seed=seed))
 
     def run(self, laboratories: int, first_seed: int) -> Iterator[Tested]:
         """Yield the certifications of laboratories of successive seeds."""
         for seed in range(first_seed, first_seed + laboratories):
-            yield self.laboratory(seed).run(lambda _: None)
+            yield by_the_book(self.laboratory(seed))
 
 
 def box_of(procedure: Procedure, bat: BatSpec, ball: BallSpec) -> Box:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import cast
-
 import numpy as np
 
 from virtual_lab.lab.laboratory import Laboratory
 from virtual_lab.lab.measurand import true_curve
-from virtual_lab.simulation.rig import ImpactStation, Stage
 
 __all__ = ["curvatures"]
 
@@ -18,8 +15,7 @@ STEP = 4e-3  # m
 def curvatures(laboratory: Laboratory, place: float) -> dict[str, float]:
     """Return d²/dz² [1/m²] of the metric (as ``metric``) and of the quantities at a place [m]."""
     places = place + STEP * np.array([-1.0, 0.0, 1.0])
-    station = cast("ImpactStation", laboratory.stations[Stage.IMPACT])
     procedure = laboratory.rules.spec
-    curve = true_curve(station, laboratory.specimen, procedure, places)
+    curve = true_curve(laboratory.impact, laboratory.specimen, procedure, places)
     values = curve.quantities | {"metric": curve.metric()}
     return {name: float(np.diff(row, 2)[0]) / STEP**2 for name, row in values.items()}

@@ -34,7 +34,7 @@ def measurand(
     weighed as its hits were. `control` is that of `TrueCurve.metric`, without error. {} where
     the test gave no result.
     """
-    procedure, outcome = reduced.procedure.spec, reduced.outcome
+    procedure, outcome = reduced.procedure, reduced.outcome
     if not np.isfinite(outcome.weights).all():
         return {}
     place = reduced.readings.place

@@ -11,14 +11,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import sqrt
-from typing import NamedTuple, Self, cast
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from virtual_lab.lab.laboratory import Laboratory, Tested
+from virtual_lab.lab.laboratory import Laboratory
 from virtual_lab.lab.measurand import true_curve
+from virtual_lab.lab.test_day import Tested
 from virtual_lab.lab.true_metric import scan_result
 from virtual_lab.measurement.procedure import (
     Curve,
@@ -33,7 +34,6 @@ from virtual_lab.measurement.procedure import (
 )
 from virtual_lab.measurement.reduction.kinematics import restitution_from_efficiency
 from virtual_lab.measurement.reduction.shot_algebra import BatProperties
-from virtual_lab.simulation.rig import ImpactStation, Stage
 from virtual_lab.streams import Draws
 
 __all__ = ["Rehearsal", "Straying"]
@@ -68,8 +68,7 @@ class Rehearsal:
         scan = procedure.scan
         low, high = (scan.low, scan.high) if scan else (percussion, percussion)
         places = np.arange(low - BESIDE, high + BESIDE + STEP, STEP)
-        station = cast("ImpactStation", laboratory.stations[Stage.IMPACT])
-        curve = true_curve(station, laboratory.specimen, procedure, places)
+        curve = true_curve(laboratory.impact, laboratory.specimen, procedure, places)
         known = [curve.collision_efficiency, curve.recoil_factor, curve.ball_restitution]
         spline = CubicSpline(places, known, axis=1)
         beam = curve.beam

@@ -31,28 +31,19 @@ from virtual_lab.measurement.procedure import (
 from virtual_lab.measurement.procedure.peak_width import Width, width_of
 from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import ShotResults
-from virtual_lab.measurement.session_reduction import Reduced, measure_bat, reduce_session
+from virtual_lab.measurement.session_reduction import Reduced, reduce_session
 from virtual_lab.measurement.swing_range import SwingResult, swing_range
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.budget import Budget, Variants, mean_of_hits
 
 __all__ = [
-    "QUANTITIES",
     "Certification",
     "certify_session",
     "evaluate",
 ]
 
 Array = NDArray[np.float64]
-
-QUANTITIES: Mapping[str, str] = {  # name in a certificate: the shots' field it is the mean of
-    "bat_performance_factor": "bat_performance_factor",
-    "collision_efficiency": "lot_collision_efficiency",
-    "restitution": "lot_restitution",
-    "recoil_factor": "asked_recoil_factor",
-    "ball_restitution": "lot_ball_restitution",
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,7 +92,7 @@ def certify_session(session: Session) -> Certification:
 
 def evaluate(session: Session, reduced: Reduced) -> Certification:
     """Return metric, uncertainty and verdict of a session already reduced."""
-    procedure, shots, outcome = reduced.procedure.spec, reduced.shots, reduced.outcome
+    procedure, shots, outcome = reduced.procedure, reduced.shots, reduced.outcome
     where, valid = reduced.readings.place, reduced.judgement.valid
     quantities: dict[str, Budget] = {}
     metric = None
@@ -109,9 +100,9 @@ def evaluate(session: Session, reduced: Reduced) -> Certification:
         variants, used = Variants.of(reduced.constants), outcome.used
         weights, effects = outcome.weights[used], outcome.effects[used]
         places = np.round(where, 6)[used]
-        for name, hits in _hits(reduced, variants.columns).items():
+        for name, hits in reduced.model(variants.columns).items():
             own = effects if name == "metric" else weights
-            quantities[name] = mean_of_hits(variants, hits, weights, places, own)
+            quantities[name] = mean_of_hits(variants, hits[..., used], weights, places, own)
         lost = shortfall(procedure, where, valid, reduced.shot_metric)
         metric = with_choice(quantities.pop("metric"), lost)
     found = findings(procedure, reduced.bat)
@@ -120,8 +111,8 @@ def evaluate(session: Session, reduced: Reduced) -> Certification:
     return Certification(
         session=session,
         procedure=procedure,
-        procedure_sheet=reduced.procedure.sheet,
-        bat=measure_bat(session),
+        procedure_sheet=reduced.preparation.procedure.sheet,
+        bat=reduced.preparation.bat,
         shots=shots,
         shot_metric=reduced.shot_metric,
         readings=reduced.readings,
@@ -133,7 +124,7 @@ def evaluate(session: Session, reduced: Reduced) -> Certification:
         swings=swing_range(reduced) if metric else (),
         other=other_support(procedure, shots, reduced.bat, outcome) if metric else None,
         second_witness=second_witness(session, reduced),
-        set_aside=reduced.lot.set_aside,
+        set_aside=reduced.model.lot.set_aside,
         findings=found,
         flags=flagged,
         reasons=reasons,
@@ -164,19 +155,12 @@ def _reasons(
 def _evidence(session: Session, reduced: Reduced) -> Evidence:
     return Evidence(
         session=session,
-        procedure=reduced.procedure.spec,
+        procedure=reduced.procedure,
         constants=reduced.constants,
         bat=reduced.bat,
-        balls=reduced.balls,
+        balls=reduced.model.balls,
         readings=reduced.readings,
         shots=reduced.shots,
         judgement=reduced.judgement,
-        results=reduced.results,
+        results=reduced.model.shots,
     )
-
-
-def _hits(reduced: Reduced, x: Mapping[str, Array]) -> dict[str, Array]:
-    """Return quantities and metric of the hits that the result rests on, (k, hit)."""
-    used, shots = reduced.outcome.used, reduced.results(x)
-    found = {name: getattr(shots, field)[..., used] for name, field in QUANTITIES.items()}
-    return found | {"metric": reduced.metric(x, shots)[..., used]}

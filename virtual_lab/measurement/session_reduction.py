@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.catalog import Entry, read
 from virtual_lab.errors import InputError
+from virtual_lab.measurement.model import MeasurementModel
 from virtual_lab.measurement.procedure import (
-    Curve,
+    Acceptance,
     HitWeights,
     Judgement,
     Lot,
@@ -22,11 +22,10 @@ from virtual_lab.measurement.procedure import (
     aimed_place,
     judge,
     lot_of,
-    metric_of,
     outcome_of,
     sought_of,
 )
-from virtual_lab.measurement.reduction.flights import Flown, timed
+from virtual_lab.measurement.reduction.flights import timed
 from virtual_lab.measurement.reduction.observations import (
     BallReadings,
     ImpactReadings,
@@ -43,19 +42,18 @@ from virtual_lab.measurement.reduction.shot_algebra import (
     ShotResults,
     bat_properties,
     measured_balls,
-    shot_results,
 )
 from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.budget import Budget, combine, propagate
 from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = [
-    "CONTROL",
+    "Preparation",
     "Reduced",
-    "Results",
+    "best_values",
     "constants_known",
-    "measure_bat",
-    "measure_lot",
+    "prepare",
+    "reduce_hits",
     "reduce_session",
 ]
 
@@ -64,36 +62,55 @@ Array = NDArray[np.float64]
 BAT_PROPERTIES = ("mass", "length", "z_cm", "inertia_cm")
 POSITIVE = ("span", "clock", "scale", "counts_per_turn", "gravity", "radius", "pitch")
 PIVOT_TOLERANCE = 5e-3  # m, a rig this far off is another rig
-CONTROL = "control.restitution_ratio"
 ALONG = "impact.cannon.along"
 
 
-class Results(Protocol):
-    """The shots' results of any values of the constants."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Preparation:
+    """What is known of bat, balls and rigs before the bat is hit."""
 
-    def __call__(self, x: Mapping[str, Array], flown: Flown = ...) -> ShotResults:
-        """Return them, with the flights the gates saw or with those `flown` tells."""
-        ...
+    procedure: Entry[Procedure]
+    constants: Mapping[str, Estimate]
+    balls: BallReadings
+    lot: Lot
+    bat: Mapping[str, Budget]  # mass, length, z_cm, inertia_cm [SI]
+
+    @property
+    def percussion(self) -> float:
+        """The place that the rules aim at or about, of the bat as measured [m]."""
+        return aimed_place(self._bat, self.procedure.spec.pivot_from_knob)
+
+    @property
+    def turn_rate(self) -> float:
+        """The angular speed that the rules ask of the bat as measured [rad/s]."""
+        return float(self.procedure.spec.turn_rate(self._bat["length"]))
+
+    @property
+    def _bat(self) -> dict[str, float]:
+        return {name: budget.value for name, budget in self.bat.items()}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reduced:
     """Records put into numbers and judged, uncertainties still to come."""
 
-    procedure: Entry[Procedure]
-    constants: Mapping[str, Estimate]
-    results: Results  # of any values of the constants
-    metric: Callable[[Mapping[str, Array], ShotResults], Array]  # of them and their shots
-    balls: BallReadings
-    lot: Lot
-    readings: ImpactReadings
+    preparation: Preparation
+    constants: Mapping[str, Estimate]  # those of the preparation and of the hits
+    model: MeasurementModel
     bat: BatProperties
-    percussion: float  # centre of percussion of the bat as measured [m]
     shots: ShotResults
     shot_metric: Array  # (shot,)
     sought: Sought  # by a scan, (shot,)
     judgement: Judgement
     outcome: HitWeights
+
+    @property
+    def procedure(self) -> Procedure:
+        return self.model.rules
+
+    @property
+    def readings(self) -> ImpactReadings:
+        return self.model.readings
 
 
 @contextmanager
@@ -106,49 +123,81 @@ def constants_known() -> Iterator[None]:
         raise InputError("session.json", key, None, "this constant is missing") from fault
 
 
-@constants_known()
 def reduce_session(session: Session) -> Reduced:
     """Reduce a session's records. `InputError` where a record or procedure is of no use."""
+    return reduce_hits(session, prepare(session))
+
+
+@constants_known()
+def prepare(session: Session) -> Preparation:
+    """Return what bench and wall rig give of a session whose bat may still be to hit.
+
+    Raises
+    ------
+    InputError
+        A record, calibration or procedure that is missing or cannot be used.
+    """
     procedure = read(session.procedure_text, "procedure.toml", Procedure)
-    rules = procedure.spec
-    _require_rig(session, rules)
-    ball_readings, readings = observe_balls(session), observe_impact(session)
-    constants = _constants(session) | ball_constants(ball_readings)
-    constants |= _place_constants(rules, constants.get(ALONG))
-    if "impact.gates.height_0" not in constants:
-        constants["impact.aim.across_square"] = across_constant(session.records["impact"])
-
-    by_gates = timed("impact", readings.passages)
-
-    best = {name: np.array(known.value) for name, known in constants.items()}
-    lot = lot_of(rules, measured_balls(best, ball_readings))
-
-    def results(x: Mapping[str, Array], flown: Flown = by_gates) -> ShotResults:
-        balls = measured_balls(x, ball_readings)
-        return shot_results(x, bat_properties(x), balls, readings, rules.asked, flown, lot.used)
-
-    def metric(x: Mapping[str, Array], shots: ShotResults) -> Array:
-        of = metric_of(rules, control=x[CONTROL] if rules.controlled else 1.0)
-        return of(Curve.measured(shots), bat_properties(x))
-
-    shots = results(best)
-    shot_metric = metric(best, shots)
-    bat = bat_properties(best)
-    sought = sought_of(rules, shot_metric, readings.place, bat)
-    measured = {name: float(getattr(bat, name)) for name in BAT_PROPERTIES}
-    percussion = aimed_place(measured, rules.pivot_from_knob)
-    turn_rate = float(rules.turn_rate(measured["length"]))
-    judgement = judge(rules, shots, readings, percussion, turn_rate)
-    return Reduced(
+    axis = session.calibration["impact.pivot.from_knob"].value
+    asked = procedure.spec.pivot_from_knob
+    if abs(axis - asked) > PIVOT_TOLERANCE:
+        allowed = f"the rig's axis is at {axis:g} m"
+        raise InputError("procedure.toml", "pivot_from_knob", f"{asked:g} m", allowed)
+    balls = observe_balls(session)
+    constants = _constants(session) | ball_constants(balls)
+    constants |= _place_constants(procedure.spec, constants.get(ALONG))
+    return Preparation(
         procedure=procedure,
         constants=constants,
-        results=results,
-        metric=metric,
-        balls=ball_readings,
-        lot=lot,
+        balls=balls,
+        lot=lot_of(procedure.spec, measured_balls(best_values(constants), balls)),
+        bat=_bat_budgets(constants),
+    )
+
+
+@constants_known()
+def reduce_hits(
+    session: Session, preparation: Preparation, acceptance: Acceptance = judge
+) -> Reduced:
+    """Reduce what was recorded at the bat, all shots together: their rings are fitted as one.
+
+    Parameters
+    ----------
+    session
+        With the records of the impact rig.
+    preparation
+        Of the same session.
+    acceptance
+        Which hits count, by default as the rules say.
+
+    Raises
+    ------
+    InputError
+        As `prepare`.
+    """
+    rules, constants = preparation.procedure.spec, dict(preparation.constants)
+    _require_channels(session, rules)
+    readings = observe_impact(session)
+    if "impact.gates.height_0" not in constants:
+        constants["impact.aim.across_square"] = across_constant(session.records["impact"])
+    model = MeasurementModel(
+        rules=rules,
+        balls=preparation.balls,
+        lot=preparation.lot,
         readings=readings,
+        by_gates=timed("impact", readings.passages),
+    )
+    best = best_values(constants)
+    shots = model.shots(best)
+    shot_metric = model.metric(best, shots)
+    bat = bat_properties(best)
+    sought = sought_of(rules, shot_metric, readings.place, bat)
+    judgement = acceptance(rules, shots, readings, preparation.percussion, preparation.turn_rate)
+    return Reduced(
+        preparation=preparation,
+        constants=constants,
+        model=model,
         bat=bat,
-        percussion=percussion,
         shots=shots,
         shot_metric=shot_metric,
         sought=sought,
@@ -157,33 +206,21 @@ def reduce_session(session: Session) -> Reduced:
     )
 
 
-def _require_rig(session: Session, procedure: Procedure) -> None:
-    """Refuse records that lack what the rules read, and a rig whose axis is elsewhere."""
+def best_values(constants: Mapping[str, Estimate]) -> dict[str, Array]:
+    """Return the constants' values, as a model takes them."""
+    return {name: np.array(known.value) for name, known in constants.items()}
+
+
+def _require_channels(session: Session, procedure: Procedure) -> None:
+    """Refuse records that lack what the rules read."""
     written = session.records.get("impact", {}).keys()
     for channel in sorted(procedure.needs - written):
         allowed = f"{procedure.name} needs this record"
         raise InputError(f"impact/{channel}", "record", None, allowed)
-    axis, asked = session.calibration["impact.pivot.from_knob"].value, procedure.pivot_from_knob
-    if abs(axis - asked) > PIVOT_TOLERANCE:
-        raise InputError(
-            "procedure.toml", "pivot_from_knob", f"{asked:g} m", f"the rig's axis is at {axis:g} m"
-        )
 
 
-@constants_known()
-def measure_lot(session: Session) -> Lot:
-    """Return which balls the rules admit, of a session whose bat is still to be hit."""
-    rules = read(session.procedure_text, "procedure.toml", Procedure).spec
-    readings = observe_balls(session)
-    constants = _constants(session) | ball_constants(readings)
-    best = {name: np.array(known.value) for name, known in constants.items()}
-    return lot_of(rules, measured_balls(best, readings))
-
-
-@constants_known()
-def measure_bat(session: Session) -> dict[str, Budget]:
+def _bat_budgets(constants: Mapping[str, Estimate]) -> dict[str, Budget]:
     """Return the bat's measured inertial properties with their uncertainties [SI]."""
-    constants = _constants(session)
 
     def properties(x: Mapping[str, Array]) -> dict[str, Array]:
         bat = bat_properties(x)

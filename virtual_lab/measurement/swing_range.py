@@ -29,7 +29,7 @@ def swing_range(reduced: Reduced) -> tuple[SwingResult, ...]:
     The hits are those of the test. The scan closed in on the best place of the procedure's own
     exponent; for another one the top lies a few tenths of an inch beside it.
     """
-    rules = reduced.procedure.spec
+    rules = reduced.procedure
     if rules.game is None or not rules.game.exponents:
         return ()
     place, valid = reduced.readings.place, reduced.judgement.valid
@@ -43,7 +43,8 @@ def swing_range(reduced: Reduced) -> tuple[SwingResult, ...]:
         return ()
 
     variants = Variants.of(reduced.constants)
-    moved, bat = Curve.measured(reduced.results(variants.columns)), bat_properties(variants.columns)
+    moved = Curve.measured(reduced.model.shots(variants.columns))
+    bat = bat_properties(variants.columns)
     found = []
     for exponent, (other, outcome) in others.items():
         used = outcome.used

@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import Any
 
 from virtual_lab import catalog
-from virtual_lab.lab import certify_bat
-from virtual_lab.measurement.certification import QUANTITIES
+from virtual_lab.lab import TestSetup, certify_bat
+from virtual_lab.measurement.model import QUANTITIES
 from virtual_lab.simulation.rig import Reality
 
 __all__ = ["bias"]
@@ -24,7 +24,8 @@ def bias(procedure: str = "astm-f1881") -> list[dict[str, Any]]:
     """
     rows = []
     for bat in catalog.names("bats"):
-        tested = certify_bat(bat, procedure=procedure, seed=0, reality=Reality.NOISE_FREE)
+        setup = TestSetup.of(bat, procedure=procedure, seed=0, reality=Reality.NOISE_FREE)
+        tested = certify_bat(setup)
         measured, true = tested.certification.quantities, tested.sealed.measurand
         errors = {
             name: measured[name].value - true[name] if measured else None for name in QUANTITIES

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
-from virtual_lab.lab.laboratory import Laboratory
+from virtual_lab.lab import Laboratory, TestSetup, by_the_book
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.reduction.observations import along_of
 from virtual_lab.measurement.session_reduction import reduce_session
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.rig import Reality, ShotPlan, Stage
+from virtual_lab.simulation.rig import ShotPlan, Stage
 
 __all__ = ["check_cylinder"]
 
@@ -52,27 +52,23 @@ def check_cylinder(
     InputError
         An unknown fault, or one that cannot befall the rig; a day no hit of which is valid.
     """
-    rules, stage = catalog.load("procedures", PROCEDURE, Procedure), Stage.IMPACT
-    wrong = FaultSet.of(faults, rig=rules.spec.rig)
-    laboratory = Laboratory.open(
-        bat=catalog.load_bat(CYLINDER).spec,
-        ball=catalog.load("balls", BALL, BallSpec).spec,
-        rules=rules,
+    stage = Stage.IMPACT
+    rules = catalog.load("procedures", PROCEDURE, Procedure).spec
+    wrong = FaultSet.of(faults, rig=rules.rig)
+    setup = TestSetup.of(
+        CYLINDER,
+        procedure=PROCEDURE,
         seed=seed,
-        rig=rules.spec.rig,
-        reality=Reality.REAL,
-        rung=None,
-        day=FaultSet(),
-        unverified={},
-        instruments=RecordDetail.FULL if faults else RecordDetail.SUMMED,
+        detail=RecordDetail.FULL if faults else RecordDetail.SUMMED,
     )
-    session = laboratory.run(lambda _: None).certification.session
+    laboratory = Laboratory.open(replace(setup, ball=catalog.load("balls", BALL, BallSpec)))
+    session = by_the_book(laboratory).certification.session
     order = ShotPlan(
         slot=np.arange(hits),
         ball=np.zeros(hits, dtype=int),
-        speed=np.full(hits, rules.spec.ball_speed),
+        speed=np.full(hits, rules.ball_speed),
         place=np.full(hits, reduce_session(session).readings.place[0] - along_of(session)),
-        rung=laboratory.instruments,
+        rung=setup.detail,
     )
     values = []
     for number in range(1, days + 1):

@@ -8,7 +8,6 @@ was filmed.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from math import sqrt
 from typing import Any
 
@@ -17,8 +16,7 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from virtual_lab.errors import InputError
-from virtual_lab.lab import open_laboratory
-from virtual_lab.lab.laboratory import Laboratory
+from virtual_lab.lab import Laboratory, TestSetup, prepared
 from virtual_lab.lab.naming import with_records
 from virtual_lab.measurement.camera.comparison import second_witness
 from virtual_lab.measurement.session_reduction import reduce_session
@@ -70,9 +68,11 @@ def clip_coverage(
         raise InputError("", "clips", clips, "allowed: 2 and more")
     found: list[Array] = []
     for number, seed in enumerate(range(first_seed, first_seed + clips), start=1):
-        laboratory = open_laboratory(bat, procedure=procedure, rig=RIG, seed=seed)
+        setup = TestSetup.of(
+            bat, procedure=procedure, rig=RIG, seed=seed, detail=RecordDetail.SUMMED
+        )
         rung = RecordDetail.SUMMED if summed else RecordDetail.FULL
-        found.append(_clip(replace(laboratory, instruments=RecordDetail.SUMMED), rung))
+        found.append(_clip(Laboratory.open(setup), rung))
         if number % 50 == 0:
             say(f"{number} of {clips} clips")
     values = np.array(found)
@@ -81,8 +81,8 @@ def clip_coverage(
 
 def _clip(laboratory: Laboratory, rung: RecordDetail) -> Array:
     """Return value, u and truth of each quantity of one shot, (quantity, 3)."""
-    ready, _, _ = laboratory.measured(lambda _: None)
-    rules, stage = ready.rules.spec, Stage.IMPACT
+    day = prepared(laboratory)
+    ready, rules, stage = day.laboratory, laboratory.rules.spec, Stage.IMPACT
     order = ShotPlan(
         slot=np.zeros(1, dtype=int),
         ball=np.zeros(1, dtype=int),
@@ -91,7 +91,7 @@ def _clip(laboratory: Laboratory, rung: RecordDetail) -> Array:
         rung=rung,
     )
     play = ready.stations[stage].play(order, ready.specimen, ready.draws)
-    session = with_records(ready.session, stage, [play])
+    session = with_records(day.session, stage, [play])
     reduced = reduce_session(session)
     witness = second_witness(session, reduced)
     assert witness is not None

@@ -16,8 +16,16 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from virtual_lab.errors import InputError
-from virtual_lab.lab import Campaign, Rehearsal, Tested, certify_bat, curvatures
-from virtual_lab.measurement.certification import QUANTITIES, Certification
+from virtual_lab.lab import (
+    Campaign,
+    Rehearsal,
+    Tested,
+    TestSetup,
+    certify_bat,
+    curvatures,
+)
+from virtual_lab.measurement.certification import Certification
+from virtual_lab.measurement.model import QUANTITIES
 from virtual_lab.records import AimMarks
 from virtual_lab.streams import Streams
 
@@ -122,7 +130,7 @@ def tests(
         yield from Campaign.of(bat, procedure).run(laboratories, first_seed)
     else:
         for seed in range(first_seed, first_seed + laboratories):
-            yield certify_bat(bat, procedure=procedure, seed=seed)
+            yield certify_bat(TestSetup.of(bat, procedure=procedure, seed=seed))
 
 
 def _marks(certification: Certification) -> AimMarks:

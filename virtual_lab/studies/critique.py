@@ -25,7 +25,7 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import Sport
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder
-from virtual_lab.lab import certify_bat
+from virtual_lab.lab import TestSetup, certify_bat
 from virtual_lab.measurement.procedure import Procedure, Verdict
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.simulation.rig import Reality
@@ -281,7 +281,8 @@ def _result(
     reality: Reality = Reality.REAL,
     test: int | None = None,
 ) -> float:
-    tested = certify_bat(bat, procedure=procedure, seed=seed, reality=reality, test=test)
+    setup = TestSetup.of(bat, procedure=procedure, seed=seed, reality=reality, test=test)
+    tested = certify_bat(setup)
     found = tested.certification
     if found.metric is None or found.verdict is Verdict.INVALID:
         return nan

@@ -20,7 +20,7 @@ from scipy.stats import binomtest
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder
-from virtual_lab.lab import certify_bat
+from virtual_lab.lab import TestSetup, certify_bat
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.simulation.faults import FaultSheet, Prediction
 
@@ -135,7 +135,7 @@ def _every() -> tuple[str, ...]:
 
 
 def _play(bat: str, procedure: str, seed: int, on: tuple[str, ...]) -> _Seen:
-    found = certify_bat(bat, procedure=procedure, seed=seed, faults=on).certification
+    found = certify_bat(TestSetup.of(bat, procedure=procedure, seed=seed, faults=on)).certification
     metric = found.metric.value if found.metric else np.nan
     efficiency = found.quantities["collision_efficiency"].value if found.metric else np.nan
     return _Seen(catches=_catches(found), efficiency=efficiency, metric=metric)

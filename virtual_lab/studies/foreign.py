@@ -7,7 +7,7 @@ from pathlib import Path
 
 from virtual_lab.catalog import load, names
 from virtual_lab.errors import InputError, nearest
-from virtual_lab.lab import certify_bat
+from virtual_lab.lab import TestSetup, certify_bat
 from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.records.foreign.laboratory import FORM, load_laboratory, procedure_name
@@ -23,14 +23,14 @@ def our_own(procedure: str) -> Session:
     It takes the quickest way there: no noise, rigid bats. `InputError` as `certify_bat`.
     """
     bat, rules = names("bats")[0], load("procedures", procedure, Procedure).spec
-    tested = certify_bat(
+    setup = TestSetup.of(
         bat,
         procedure=procedure,
         reality=Reality.NOISE_FREE,
         rung="rigid",
         control_bat=bat if rules.controlled else None,
     )
-    return tested.certification.session
+    return certify_bat(setup).certification.session
 
 
 def certify_laboratory(folder: Path) -> Certification:

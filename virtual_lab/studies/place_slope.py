@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from virtual_lab.errors import InputError
-from virtual_lab.lab import open_laboratory
+from virtual_lab.lab import Laboratory, TestSetup
 from virtual_lab.lab.measurand import true_curve
 from virtual_lab.measurement.procedure import aimed_place
 from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.rig import ImpactStation, Reality, Stage
+from virtual_lab.simulation.rig import Reality
 from virtual_lab.units import INCH
 
 __all__ = ["place_slopes"]
@@ -44,18 +44,16 @@ def place_slopes(bats: tuple[str, ...] = (), *, procedure: str) -> list[dict[str
 
 
 def _slope(bat: str, procedure: str) -> dict[str, Any]:
-    laboratory = open_laboratory(
-        bat, procedure=procedure, seed=0, reality=Reality.IDEAL, rung="modal"
-    )
+    setup = TestSetup.of(bat, procedure=procedure, seed=0, reality=Reality.IDEAL, rung="modal")
+    laboratory = Laboratory.open(setup)
     rules, specimen = laboratory.rules.spec, laboratory.specimen
     if rules.scan is not None:
         raise InputError("", "procedure", procedure, "allowed: one that tests at one place")
     beam = beam_of(specimen.bat.body)
     known = {name: getattr(beam, name) for name in ("mass", "length", "z_cm", "inertia_cm")}
     place = aimed_place(known, rules.pivot_from_knob)
-    station = cast("ImpactStation", laboratory.stations[Stage.IMPACT])
     ends = place + STEP * np.array([-1.0, 1.0])
-    curve = true_curve(station, specimen, rules, ends)
+    curve = true_curve(laboratory.impact, specimen, rules, ends)
     rise = float(np.diff(curve.collision_efficiency)[0])
     return {
         "bat": bat,

@@ -13,7 +13,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.files import read_bytes, read_json
 from virtual_lab.lab.measurand import CONTINUOUS, WIDTH
 from virtual_lab.lab.seal import TRUTH, Alteration, alterations
-from virtual_lab.measurement.certification import QUANTITIES
+from virtual_lab.measurement.model import QUANTITIES
 from virtual_lab.output.tables import number, table_text
 
 __all__ = ["score", "score_folder", "score_text"]

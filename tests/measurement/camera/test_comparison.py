@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.laboratories import certify
 from virtual_lab.certificate.document import certificate
 from virtual_lab.certificate.tables import shot_table
 from virtual_lab.certificate.text import certificate_text
-from virtual_lab.lab import open_laboratory
 from virtual_lab.measurement.camera.comparison import COMPARED, CameraComparison, second_witness
 from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.measurement.session_reduction import reduce_session
@@ -22,10 +22,15 @@ LABORATORIES = 24
 
 def filmed(seed: int, *, faults: tuple[str, ...] = (), reality: Reality = Reality.REAL):
     """Return a test at the filmed cannon, its camera tracking by itself."""
-    laboratory = open_laboratory(
-        "r161", procedure="bbcor", rig="filmed-cannon", seed=seed, faults=faults, reality=reality
+    return certify(
+        "r161",
+        procedure="bbcor",
+        rig="filmed-cannon",
+        seed=seed,
+        faults=faults,
+        reality=reality,
+        detail=RecordDetail.SUMMED,
     )
-    return replace(laboratory, instruments=RecordDetail.SUMMED).run(lambda _: None)
 
 
 def witness_of(seed: int, **given) -> CameraComparison:
@@ -109,7 +114,8 @@ def test_each_shot_scatters_with_its_heights_as_it_says(
             passages, heights=passages.heights + noise, heights_u=np.full(noise.shape, u)
         )
         readings = replace(reduced.readings, passages=seen)
-        witness = second_witness(session, replace(reduced, readings=readings))
+        model = replace(reduced.model, readings=readings)
+        witness = second_witness(session, replace(reduced, model=model))
         assert witness is not None
         return witness
 
@@ -189,7 +195,6 @@ def test_the_certificate_tells_both(certifications: list[Certification]) -> None
     assert "agree" in text
     table = shot_table(certification)
     assert {"video_speed_mph", "video_rebound_mph", "video_place_in"} <= set(table.columns)
-    laboratory = open_laboratory("r161", procedure="bbcor", seed=3)
-    plain = replace(laboratory, instruments=RecordDetail.SUMMED).run(lambda _: None).certification
+    plain = certify("r161", procedure="bbcor", seed=3, detail=RecordDetail.SUMMED).certification
     assert certificate(plain)["second_witness"] is None
     assert "video" not in certificate_text(certificate(plain))

@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.laboratories import opened
 from virtual_lab import catalog
 from virtual_lab.certificate.document import certificate
 from virtual_lab.certificate.text import certificate_text
-from virtual_lab.lab import open_laboratory
+from virtual_lab.lab import by_the_book
 from virtual_lab.lab.laboratory import Laboratory
 from virtual_lab.measurement.procedure import Procedure, lot_of
 from virtual_lab.measurement.reduction.shot_algebra import MeasuredBalls
@@ -54,7 +55,7 @@ def test_where_no_ball_is_admitted_every_shot_is_rejected_later() -> None:
 @pytest.fixture(scope="module")
 def lively() -> Laboratory:
     """Return a laboratory whose balls 3 and 7 are livelier than the rules admit."""
-    laboratory = open_laboratory("r161", procedure="astm-f1881", seed=5)
+    laboratory = opened("r161", procedure="astm-f1881", seed=5)
     lot = laboratory.specimen.balls
     e0 = np.where(np.isin(np.arange(12), [3, 7]), 0.5585, np.minimum(lot.restitution, 0.552))
     specimen = replace(laboratory.specimen, balls=replace(lot, restitution=e0))
@@ -62,7 +63,7 @@ def lively() -> Laboratory:
 
 
 def test_they_are_not_fired_and_the_certificate_says_so(lively: Laboratory) -> None:
-    tested = lively.run(lambda _: None)
+    tested = by_the_book(lively)
     found = tested.certification
     assert {each.ball for each in found.set_aside} == {3, 7}
     assert not set(found.readings.ball) & {3, 7}

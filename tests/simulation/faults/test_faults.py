@@ -14,7 +14,6 @@ from tests.laboratories import certified
 from virtual_lab import catalog, lab
 from virtual_lab.api import certify
 from virtual_lab.errors import InputError
-from virtual_lab.lab import certify_bat
 from virtual_lab.measurement.diagnostics import CHECKS
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.simulation.faults import CATALOGUE, FaultSet, FaultSheet
@@ -54,12 +53,12 @@ def test_every_fault_reads(name: str) -> None:
 
 def test_an_unknown_fault_is_named_with_the_nearest() -> None:
     with pytest.raises(InputError, match="did you mean gate-moved"):
-        certify_bat("r161", procedure="astm-f1881", seed=1, faults=("gate-move",))
+        certify("r161", procedure="astm-f1881", seed=1, faults=("gate-move",))
 
 
 def test_a_fault_that_cannot_befall_the_rig_names_those_it_can() -> None:
     with pytest.raises(InputError, match="befalls astm-pivot, not the rig ball-cannon"):
-        certify_bat("r161", procedure="bbcor", seed=1, faults=("encoder-slip",))
+        certify("r161", procedure="bbcor", seed=1, faults=("encoder-slip",))
 
 
 def test_a_sound_day_is_the_day_without_faults(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -72,7 +71,7 @@ def test_a_sound_day_is_the_day_without_faults(monkeypatch: pytest.MonkeyPatch) 
         "play",
         lambda self, stage, station, order, specimen, draws: station.play(order, specimen, draws),
     )
-    bare = certify_bat("r161", procedure="astm-f1881", seed=5).certification
+    bare = certify("r161", procedure="astm-f1881", seed=5).certification
     assert sound.metric == bare.metric
     for stage, records in sound.session.records.items():
         for channel, each in records.items():

@@ -5,9 +5,9 @@ from math import gamma, pi, sqrt
 import numpy as np
 import pytest
 
+from tests.laboratories import certify
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
-from virtual_lab.lab import certify_bat
 from virtual_lab.measurement.reduction.kinematics import (
     recoil_factor_pivoted,
     restitution_from_efficiency,
@@ -104,7 +104,7 @@ def test_the_check_cylinder_is_nearly_rigid() -> None:
 
 def test_the_impact_rig_finds_the_check_cylinder_rigid() -> None:
     """From the gates and the encoder, without noise: e = e0, and e_A = (e0 - r) / (1 + r)."""
-    tested = certify_bat("check-cylinder", procedure="astm-f1881", reality=Reality.IDEAL, seed=0)
+    tested = certify("check-cylinder", procedure="astm-f1881", reality=Reality.IDEAL, seed=0)
     found = {name: known.value for name, known in tested.certification.quantities.items()}
     assert found["bat_performance_factor"] == pytest.approx(1, abs=0.01)
     r, e0 = found["recoil_factor"], found["ball_restitution"]

@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tests.laboratories import opened
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
-from virtual_lab.lab import open_laboratory
 from virtual_lab.simulation.faults.fault import other_sheet
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.rig import Reality, ShotPlan, Stage
@@ -63,7 +63,7 @@ def test_play_costs_nothing_but_hard_by_the_centre_of_percussion(found: Percusse
 @pytest.mark.parametrize("place", [3.0, 10.0])
 def test_a_loose_bat_turns_as_a_free_one_until_its_journal_bears(place: float) -> None:
     """By hand: a free rigid bat struck, stopped at the axis after 0.2 mm, then turning about it."""
-    laboratory = open_laboratory("r161", procedure="astm-f1881", seed=0, reality=Reality.NOISE_FREE)
+    laboratory = opened("r161", procedure="astm-f1881", seed=0, reality=Reality.NOISE_FREE)
     fixed = laboratory.stations[Stage.IMPACT]
     one = np.zeros(1, dtype=int)
     speed = laboratory.rules.spec.ball_speed

@@ -16,7 +16,7 @@ from virtual_lab.measurement.camera.filmed import Filmed, FramesU, filmed, frame
 from virtual_lab.measurement.camera.windows import Sightings, sight
 from virtual_lab.measurement.reduction.flights import Flown, heights_moved, timed
 from virtual_lab.measurement.reduction.shot_algebra import ShotResults, drag_of
-from virtual_lab.measurement.session_reduction import Reduced, constants_known
+from virtual_lab.measurement.session_reduction import Reduced, best_values, constants_known
 from virtual_lab.records import ClipRecord, TrackRecord
 from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.budget import Budget, Component, Variants, mean_of_hits, scatter
@@ -76,7 +76,7 @@ def second_witness(session: Session, reduced: Reduced) -> CameraComparison | Non
     record = session.records["impact"].get("camera")
     if not isinstance(record, ClipRecord | TrackRecord):
         return None
-    best = {name: np.array(known.value) for name, known in reduced.constants.items()}
+    best = best_values(reduced.constants)
     seen = sight(record, camera_constants(session), float(best["ball.radius"]))
     variants, passages = Variants.of(reduced.constants), reduced.readings.passages
     by_gates, risen = timed("impact", passages), heights_moved("impact", passages)
@@ -141,10 +141,10 @@ class _Both:
 
 
 def _by_both(reduced: Reduced, seen: Sightings, x: Mapping[str, Array], by_gates: Flown) -> _Both:
-    gates = reduced.results(x, by_gates)
+    gates = reduced.model.shots(x, by_gates)
     drag = drag_of(x, gates.ball_mass)
     found = filmed(x, "impact", seen, drag, by_gates(x, drag))
-    video = reduced.results(x, lambda *_: found.flights)
+    video = reduced.model.shots(x, lambda *_: found.flights)
     return _Both(gates=gates, video=video, filmed=found)
 
 

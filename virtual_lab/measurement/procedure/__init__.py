@@ -2,7 +2,7 @@
 
 from virtual_lab.measurement.procedure.choice import CHOICE, shortfall, with_choice
 from virtual_lab.measurement.procedure.eligibility import Finding, findings
-from virtual_lab.measurement.procedure.judge import Judgement, judge
+from virtual_lab.measurement.procedure.judge import Acceptance, Judgement, judge
 from virtual_lab.measurement.procedure.lot import Lot, SetAside, lot_of
 from virtual_lab.measurement.procedure.metric import Curve, Sought, metric_of, sought_of
 from virtual_lab.measurement.procedure.outcome import (
@@ -16,6 +16,7 @@ from virtual_lab.measurement.procedure.schedule import aimed_place, next_places,
 
 __all__ = [
     "CHOICE",
+    "Acceptance",
     "Curve",
     "Finding",
     "HitWeights",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import ShotResults
 from virtual_lab.units import DEGREE, INCH, MPH, OUNCE
 
-__all__ = ["Judgement", "judge"]
+__all__ = ["Acceptance", "Judgement", "judge"]
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -31,6 +32,19 @@ class Judgement:
     def valid(self) -> Bools:
         """Which shots count, (shot,)."""
         return np.array([not reason for reason in self.reasons], dtype=bool)
+
+
+class Acceptance(Protocol):
+    """Whoever says which hits count: the rules by `judge`, or a person who may overrule them."""
+
+    def __call__(
+        self,
+        procedure: Procedure,
+        results: ShotResults,
+        readings: ImpactReadings,
+        percussion: float,
+        turn_rate: float,
+    ) -> Judgement: ...
 
 
 def judge(

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder
-from virtual_lab.lab import open_laboratory
-from virtual_lab.lab.laboratory import Laboratory
+from virtual_lab.lab import Laboratory, TestSetup, by_the_book
 from virtual_lab.measurement.procedure import aimed_place
 from virtual_lab.measurement.reduction.observations import along_of
 from virtual_lab.measurement.reduction.shot_algebra import ShotResults
@@ -67,9 +66,10 @@ class _Stand:
 
     @classmethod
     def of(cls, bat: str, seed: int, reality: Reality) -> _Stand:
-        laboratory = open_laboratory(bat, procedure=PROCEDURE, seed=seed, reality=reality)
-        tested = laboratory.run(lambda _: None)
-        return cls(laboratory=laboratory, session=tested.certification.session)
+        setup = TestSetup.of(bat, procedure=PROCEDURE, seed=seed, reality=reality)
+        laboratory = Laboratory.open(setup)
+        session = by_the_book(laboratory).certification.session
+        return cls(laboratory=laboratory, session=session)
 
     def counting_finely(self) -> _Stand:
         """Return the same with an encoder of no counts: one count would hide what is sought."""
@@ -246,7 +246,7 @@ def _stated(reduced: Reduced, field: str, error: Array) -> float:
     def mean(shots: ShotResults) -> Array:
         return cast("Array", getattr(shots, field)[..., seen].mean(axis=-1))
 
-    parts = propagate(lambda x: {field: mean(reduced.results(x))}, reduced.constants)[field]
+    parts = propagate(lambda x: {field: mean(reduced.model.shots(x))}, reduced.constants)[field]
     own = scatter(error[seen], np.full(many, 1 / many), np.zeros(many))
     return combine(float(error[seen].mean()), [*parts, own]).u
 

@@ -1,0 +1,65 @@
+"""A test by steps: who takes them, and in which order, changes nothing that does not hang on it."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from tests.conftest import PROCEDURE
+from tests.laboratories import certified, opened
+from virtual_lab import lab
+from virtual_lab.measurement.procedure import Judgement, judge
+from virtual_lab.records import Record
+
+REASON = "sabot scrap on the bat"
+
+
+def same(one: dict[str, dict[str, Record]], other: dict[str, dict[str, Record]]) -> bool:
+    """Return whether two sessions hold the same records, bit for bit."""
+    return one.keys() == other.keys() and all(
+        np.array_equal(getattr(record, name), getattr(other[stage][channel], name), equal_nan=True)
+        for stage, records in one.items()
+        for channel, record in records.items()
+        for name in record.columns
+    )
+
+
+def test_the_order_of_steps_and_rounds_changes_no_record() -> None:
+    """The wall first and the scale last, the six balls fired one by one: metric and all records."""
+    by_the_book = certified(seed=3).certification
+    day = lab.TestDay.begin(opened("r161", procedure=PROCEDURE, seed=3))
+    day = day.hit_wall().swing().weigh().prepare()
+    while (places := day.next_places()).size:
+        day = day.fire(places[:1]).judge()
+    found = day.finish().certification
+    assert len(day.rounds) > 5
+    assert same(dict(found.session.records), dict(by_the_book.session.records))
+    assert found.metric == by_the_book.metric
+
+
+def test_a_person_may_reject_a_hit() -> None:
+    """Another ball is fired for it, the certificate gives the person's reason, the mean is new."""
+
+    def wary(*given, **named) -> Judgement:
+        reasons = judge(*given, **named).reasons
+        return Judgement(reasons=tuple(REASON if n == 2 else why for n, why in enumerate(reasons)))
+
+    day = lab.prepared(opened("r161", procedure=PROCEDURE, seed=3))
+    while (places := day.next_places()).size:
+        day = day.fire(places).judge(wary)
+    found, sound = day.finish().certification, certified(seed=3).certification
+    assert found.judgement.reasons[2] == REASON
+    assert found.judgement.valid.sum() == sound.judgement.valid.sum()
+    assert len(found.judgement.reasons) == len(sound.judgement.reasons) + 1
+    assert found.metric is not None
+    assert sound.metric is not None
+    assert found.metric.value != sound.metric.value
+
+
+def test_a_day_is_not_changed_by_what_follows_it() -> None:
+    """A step returns another day: one can go back to any and do otherwise."""
+    day = lab.prepared(opened("r161", procedure=PROCEDURE, seed=3))
+    before = replace(day)
+    fired = day.fire(day.next_places()).judge()
+    assert day == before
+    assert day.reduced is None
+    assert fired.reduced is not None

@@ -1,0 +1,163 @@
+"""Everything that is chosen before a test begins."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+from virtual_lab import catalog
+from virtual_lab.catalog import Entry
+from virtual_lab.catalog.specs import BallSpec, BatSpec
+from virtual_lab.errors import InputError
+from virtual_lab.lab.fitting import unverified_rigs
+from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.simulation.collision.ladder import Ladder
+from virtual_lab.simulation.faults import FaultSet
+from virtual_lab.simulation.instruments import RecordDetail
+from virtual_lab.simulation.rig import Motion, Reality, Stage
+
+__all__ = ["TestSetup"]
+
+BENCH_RIG, BALL_RIG = "bench", "ball-wall"
+SOUND = FaultSet()
+METHODS = ("ratio", "trampoline")  # of converting a result to a standard ball
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TestSetup:
+    """The choices for one test, names resolved."""
+
+    bat: Entry[BatSpec]
+    ball: Entry[BallSpec]
+    rules: Entry[Procedure]
+    rig: str
+    seed: int | None = None  # None draws one, which stands in the sealed truth alone
+    reality: Reality = Reality.REAL
+    rung: str | None = None  # of the collision; None takes the cheapest that is good enough
+    motion: Motion = Motion.CLOSED_FORM
+    faults: FaultSet = SOUND
+    test: int | None = None
+    control_bat: Entry[BatSpec] | None = None
+    detail: RecordDetail = RecordDetail.FULL
+    made: bool = True  # False: the bat as drawn
+    collision: Ladder | None = None  # that many laboratories share
+
+    @classmethod
+    def of(
+        cls,
+        bat: str | Entry[BatSpec],
+        *,
+        procedure: str | Entry[Procedure],
+        rig: str | None = None,
+        seed: int | None = None,
+        reality: Reality = Reality.REAL,
+        rung: str | None = None,
+        motion: str = Motion.CLOSED_FORM.value,
+        faults: Sequence[str] = (),
+        test: int | None = None,
+        control_bat: str | Entry[BatSpec] | None = None,
+        correction: str | None = None,
+        detail: RecordDetail = RecordDetail.FULL,
+    ) -> Self:
+        """Return the setup of a bat's test by a procedure.
+
+        Parameters
+        ----------
+        bat, procedure, control_bat
+            Names in the catalog, paths of .toml files, or entries that were read. A control bat
+            is one whose e is known, for rules that correct by one: it is tested first, with the
+            same balls.
+        rig
+            An installed rig that gives what the procedure needs; None takes the one it names.
+        seed
+            Of everything random.
+        reality
+            How much of a real day is played.
+        rung
+            Of the collision: ``rigid``, ``modal`` or ``reference``; None takes the cheapest whose
+            error is at most a tenth of the standard uncertainty of e_A that such a test reaches.
+        motion
+            Of ball and bat: ``closed-form``, or ``pymunk``, a scene for each shot.
+        faults
+            Names of what goes wrong on the day, in the catalog.
+        test
+            Which of the laboratory's tests this is: they share rigs and calibrations, and each
+            has its own bat, balls, readings and hits. None: its only one.
+        correction
+            ``METHOD:E0`` by which to convert to a standard ball where the rules do not.
+        detail
+            How much the instruments write.
+
+        Raises
+        ------
+        InputError
+            Unknown names, files that cannot be used, a negative seed, a fault that cannot befall
+            the rig, a correction of another form.
+        """
+        if seed is not None and seed < 0:
+            raise InputError("", "seed", seed, "allowed: whole numbers from 0")
+        rules = (
+            catalog.load("procedures", procedure, Procedure)
+            if isinstance(procedure, str)
+            else procedure
+        )
+        if correction is not None:
+            rules = _with_correction(rules, correction)
+        bats = [
+            catalog.load_bat(each) if isinstance(each, str) else each for each in (bat, control_bat)
+        ]
+        drawn, control = bats
+        assert drawn is not None
+        rig = rig or rules.spec.rig
+        return cls(
+            bat=drawn,
+            ball=catalog.load("balls", rules.spec.ball, BallSpec),
+            rules=rules,
+            rig=rig,
+            seed=seed,
+            reality=reality,
+            rung=rung,
+            motion=Motion.named(motion),
+            faults=FaultSet.of(faults, rig=rig),
+            test=test,
+            control_bat=control,
+            detail=detail,
+        )
+
+    @property
+    def rigs(self) -> dict[Stage, str]:
+        """Which rig stands at each stage."""
+        return {Stage.BENCH: BENCH_RIG, Stage.BALLS: BALL_RIG, Stage.IMPACT: self.rig}
+
+    @property
+    def unverified(self) -> dict[str, str]:
+        """How many numbers behind the simulation nobody checked, by what they stand in."""
+        found = _doubtful(f"bats/{self.bat.spec.name}", self.bat)
+        if self.control_bat:
+            found |= _doubtful(f"bats/{self.control_bat.spec.name}", self.control_bat)
+        found |= _doubtful(f"balls/{self.ball.spec.name}", self.ball)
+        return found | unverified_rigs(self.rigs.values())
+
+
+def _doubtful(where: str, entry: Entry[BatSpec] | Entry[BallSpec]) -> dict[str, str]:
+    doubtful = sum(not datum.verified for datum in entry.sheet)
+    return {where: f"{doubtful} of {len(entry.sheet)}"} if doubtful else {}
+
+
+def _with_correction(rules: Entry[Procedure], asked: str) -> Entry[Procedure]:
+    """Return the rules with a conversion ``METHOD:E0``; `InputError` where they have one."""
+    if rules.spec.correction is not None:
+        allowed = f"{rules.spec.name} has a [correction]: {rules.spec.correction.method}"
+        raise InputError("", "correction", asked, allowed)
+    method, _, standard = asked.partition(":")
+    try:
+        value = float(standard)
+    except ValueError:
+        value = 0.0
+    if method not in METHODS or not 0 < value < 1:
+        allowed = f"allowed: {' or '.join(METHODS)}, a colon and an e0 below 1: trampoline:0.5"
+        raise InputError("", "correction", asked, allowed)
+    number = f'{{ value = {value!r}, unit = "1", source = "assumed", verified = false }}'
+    table = f'[correction]  # asked for by the operator\nmethod = "{method}"\nstandard = {number}\n'
+    return catalog.read(f"{rules.text}\n{table}", f"procedures/{rules.spec.name}", Procedure)

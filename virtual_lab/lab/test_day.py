@@ -1,0 +1,250 @@
+"""A test step by step: each step returns the day with what it recorded and what really happened.
+
+Who takes the steps, and in which order, is the operator's affair: `by_the_book` is the one that
+follows the procedure. What a step draws belongs to the number of its reading or shot, so that it
+gives the same records whatever was done before it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.lab.filming import film_of
+from virtual_lab.lab.laboratory import Laboratory
+from virtual_lab.lab.measurand import measurand
+from virtual_lab.lab.naming import constant_name, with_records
+from virtual_lab.measurement.certification import Certification, evaluate
+from virtual_lab.measurement.model import CONTROL
+from virtual_lab.measurement.procedure import Acceptance, judge, next_places, to_set
+from virtual_lab.measurement.reduction.observations import along_of
+from virtual_lab.measurement.session_reduction import Preparation, Reduced, prepare, reduce_hits
+from virtual_lab.records.session import Session
+from virtual_lab.simulation.collision.modal import kernel_is_compiled
+from virtual_lab.simulation.rig import Motion, Reality, RigOutput, ShotPlan, Stage
+from virtual_lab.simulation.truth import Sealed
+from virtual_lab.units import INCH
+
+__all__ = ["Progress", "TestDay", "Tested", "by_the_book", "no_progress"]
+
+Array = NDArray[np.float64]
+Progress = Callable[[str], None]
+SWUNG = frozenset({"pendulum"})  # the bench's channels that swing the bat; the others measure it
+
+
+def no_progress(_: str) -> None:
+    """Show nothing of what goes on."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tested:
+    """A certification, and the truth beside it that only a study may open."""
+
+    certification: Certification
+    sealed: Sealed
+    control: Tested | None = None  # of the control bat, where the rules ask for one
+    film: Callable[[Path], None] | None = None  # films the first shot into a folder, if one can
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TestDay:
+    """A test in progress."""
+
+    laboratory: Laboratory
+    session: Session  # everything recorded so far
+    bench: RigOutput | None = None
+    wall: RigOutput | None = None
+    preparation: Preparation | None = None
+    plans: tuple[ShotPlan, ...] = ()  # what was fired at the bat, round by round
+    rounds: tuple[RigOutput, ...] = ()
+    reduced: Reduced | None = None  # of the rounds so far
+
+    @classmethod
+    def begin(cls, laboratory: Laboratory) -> TestDay:
+        """Return the morning of the test."""
+        return cls(laboratory=laboratory, session=laboratory.session)
+
+    def weigh(self) -> TestDay:
+        """Weigh, measure and balance the bat, weigh the balls."""
+        return self._on_bench(lambda channel: channel not in SWUNG)
+
+    def swing(self) -> TestDay:
+        """Swing the bat on the pendulum."""
+        return self._on_bench(lambda channel: channel in SWUNG)
+
+    def hit_wall(self) -> TestDay:
+        """Fire every ball at the wall, at the rules' speeds in turn: it ages.
+
+        The lot has the e0 that its hits found on average. That lot is the measurand's, and the
+        bat meets it: what a ball gains or loses between the wall and the bat is left out.
+        """
+        laboratory, rules = self.laboratory, self.laboratory.rules.spec
+        speeds = np.tile(rules.wall_speeds, rules.wall_hits)
+        ball = np.arange(rules.balls).repeat(speeds.size)
+        order = ShotPlan(
+            slot=np.arange(ball.size),
+            ball=ball,
+            speed=np.tile(speeds, rules.balls),
+            place=np.zeros(ball.shape),
+            rung=laboratory.setup.detail,
+        )
+        wall = laboratory.play(Stage.BALLS, order)
+        specimen = laboratory.specimen
+        balls = specimen.balls.as_found(order.ball, wall.truth["restitution_loss"])
+        return replace(
+            self,
+            laboratory=replace(laboratory, specimen=replace(specimen, balls=balls)),
+            session=with_records(self.session, Stage.BALLS, [wall]),
+            wall=wall,
+        )
+
+    def prepare(self) -> TestDay:
+        """Reduce what bench and wall gave: where to hit, and with which balls."""
+        preparation = prepare(self.session)
+        specimen = self.laboratory.specimen
+        balls = replace(specimen.balls, used=preparation.lot.used)
+        laboratory = replace(self.laboratory, specimen=replace(specimen, balls=balls))
+        return replace(self, laboratory=laboratory, preparation=preparation)
+
+    def next_places(self) -> Array:
+        """Return where the rules ask for the next hits [m from the tip]; none: they are content."""
+        assert self.preparation is not None, "prepare() comes first"
+        rules, place = self.laboratory.rules.spec, self.preparation.percussion
+        if self.reduced is None:
+            nothing = np.zeros(0)
+            return next_places(rules, place, nothing, nothing.astype(bool), nothing)
+        reduced = self.reduced
+        fired, valid = reduced.readings.place, reduced.judgement.valid
+        return next_places(rules, place, fired, valid, reduced.sought.value)
+
+    def fire(self, places: Array) -> TestDay:
+        """Fire one ball at each of the places asked for [m], set by what is known of the cannon."""
+        assert self.preparation is not None, "prepare() comes first"
+        laboratory = self.laboratory
+        ideal = laboratory.setup.reality is Reality.IDEAL
+        shots = sum(plan.slot.size for plan in self.plans) + np.arange(places.size)
+        balls = np.arange(laboratory.rules.spec.balls)[laboratory.specimen.balls.used]
+        plan = ShotPlan(
+            slot=shots,
+            ball=balls[shots % balls.size],
+            speed=np.full(shots.shape, laboratory.rules.spec.ball_speed),
+            place=to_set(places - along_of(self.session), exact=ideal),
+            turn_rate=self.preparation.turn_rate,
+            rung=laboratory.setup.detail,
+            motion=laboratory.setup.motion,
+        )
+        rounds = (*self.rounds, laboratory.play(Stage.IMPACT, plan))
+        return replace(
+            self,
+            session=with_records(self.session, Stage.IMPACT, list(rounds)),
+            plans=(*self.plans, plan),
+            rounds=rounds,
+        )
+
+    def judge(self, acceptance: Acceptance = judge) -> TestDay:
+        """Reduce the hits so far and say which count, by default as the rules have it."""
+        assert self.preparation is not None, "prepare() comes first"
+        return replace(self, reduced=reduce_hits(self.session, self.preparation, acceptance))
+
+    def finish(self) -> Tested:
+        """Return the result with its uncertainty and verdict, and seal what really happened."""
+        assert self.reduced is not None, "fire() and judge() come first"
+        laboratory = self.laboratory
+        rungs = {
+            "collision": laboratory.collision.report(),
+            "motion": _motion_report(laboratory.setup.motion),
+        }
+        session = replace(self.session, simulation={**self.session.simulation, "rungs": rungs})
+        return Tested(
+            certification=evaluate(session, self.reduced),
+            sealed=self._seal(self.reduced),
+            film=film_of(
+                laboratory.impact,
+                *laboratory.setup.faults.done(Stage.IMPACT, self.plans[0], laboratory.specimen),
+                laboratory.draws,
+                session,
+            ),
+        )
+
+    def _on_bench(self, asked: Callable[[str], bool]) -> TestDay:
+        laboratory = self.laboratory
+        balls = np.arange(laboratory.rules.spec.balls)
+        order = ShotPlan(
+            slot=balls,
+            ball=balls,
+            speed=np.full(balls.shape, np.nan),
+            place=np.full(balls.shape, np.nan),
+        )
+        bench = laboratory.play(Stage.BENCH, order)
+        before = self.session.records.get(Stage.BENCH.value, {})
+        records = {name: record for name, record in bench.records.items() if asked(name)}
+        session = replace(
+            self.session,
+            records={**self.session.records, Stage.BENCH.value: {**before, **records}},
+        )
+        return replace(self, session=session, bench=bench)
+
+    def _seal(self, reduced: Reduced) -> Sealed:
+        assert self.bench is not None
+        assert self.wall is not None
+        laboratory, rounds = self.laboratory, self.rounds
+        return Sealed(
+            seed=laboratory.seed,
+            salt=laboratory.salt,
+            reality=laboratory.setup.reality.value,
+            bat=laboratory.specimen.bat,
+            bat_properties=self.bench.truth,
+            balls=laboratory.specimen.balls,
+            constants={
+                constant_name(stage, name): value
+                for stage, station in laboratory.stations.items()
+                for name, value in station.true_constants.items()
+            }
+            | ({CONTROL: laboratory.control} if laboratory.rules.spec.controlled else {}),
+            measurand=measurand(
+                laboratory.impact, laboratory.specimen, reduced, laboratory.control
+            ),
+            place=reduced.readings.place,
+            shots={
+                name: np.concatenate([output.truth[name] for output in rounds])
+                for name in rounds[0].truth
+            },
+            wall_hits=self.wall.truth,
+            faults=laboratory.setup.faults.names,
+        )
+
+
+def by_the_book(laboratory: Laboratory, progress: Progress = no_progress) -> Tested:
+    """Measure bat and balls, fire, judge, and fire again until the rules are content."""
+    day = prepared(laboratory, progress)
+    if not kernel_is_compiled():
+        progress("compiling the collision kernel, which happens once and takes about five seconds")
+    while (places := day.next_places()).size:
+        progress(f"impact rig: round {len(day.rounds) + 1}, {_round_in_words(places)}")
+        day = day.fire(places).judge()
+    return day.finish()
+
+
+def prepared(laboratory: Laboratory, progress: Progress = no_progress) -> TestDay:
+    """Return the day of a laboratory that has measured bat and balls and may fire."""
+    rules = laboratory.rules.spec
+    progress("bench: weighing, balancing and swinging the bat, weighing the balls")
+    day = TestDay.begin(laboratory).weigh().swing()
+    progress(f"ball-wall rig: {rules.wall_hits} hits of each of {rules.balls} balls")
+    return day.hit_wall().prepare()
+
+
+def _motion_report(motion: Motion) -> dict[str, str]:
+    pinned = "" if motion is Motion.CLOSED_FORM else ", as asked for"
+    return {"rung": motion.value, "reason": f"{motion.value}{pinned}"}
+
+
+def _round_in_words(places: Array) -> str:
+    """Return how many shots a round has, and where they go if not to one place."""
+    where = sorted({round(float(place) / INCH, 2) for place in places})
+    along = f" at {', '.join(f'{place:g}' for place in where)} in" if len(where) > 1 else ""
+    return f"{places.size} shots{along}"

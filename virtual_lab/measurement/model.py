@@ -1,0 +1,73 @@
+"""What a test's readings give for any values of the laboratory's constants."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.measurement.procedure import Curve, Lot, Procedure, metric_of
+from virtual_lab.measurement.reduction.flights import Flown
+from virtual_lab.measurement.reduction.observations import BallReadings, ImpactReadings
+from virtual_lab.measurement.reduction.shot_algebra import (
+    ShotResults,
+    bat_properties,
+    measured_balls,
+    shot_results,
+)
+
+__all__ = ["CONTROL", "QUANTITIES", "MeasurementModel"]
+
+Array = NDArray[np.float64]
+CONTROL = "control.restitution_ratio"
+
+QUANTITIES: Mapping[str, str] = {  # name in a certificate: the shots' field it is the mean of
+    "bat_performance_factor": "bat_performance_factor",
+    "collision_efficiency": "lot_collision_efficiency",
+    "restitution": "lot_restitution",
+    "recoil_factor": "asked_recoil_factor",
+    "ball_restitution": "lot_ball_restitution",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasurementModel:
+    """The results of a test as functions of its constants.
+
+    The constants are numbers, or arrays whose last axis is of length 1 and stands for the shots:
+    whatever leads it (laboratories, variants, Monte Carlo draws) leads the results, (..., shot).
+    What is computed and what is propagated into the uncertainty is one and the same.
+    """
+
+    rules: Procedure
+    balls: BallReadings
+    lot: Lot
+    readings: ImpactReadings
+    by_gates: Flown
+
+    def __call__(self, constants: Mapping[str, Array]) -> dict[str, Array]:
+        """Return the quantities of a certificate and ``metric``, each (..., shot)."""
+        shots = self.shots(constants)
+        found = {name: getattr(shots, field) for name, field in QUANTITIES.items()}
+        return found | {"metric": self.metric(constants, shots)}
+
+    def shots(self, constants: Mapping[str, Array], flown: Flown | None = None) -> ShotResults:
+        """Return the shots' results, with the flights the gates saw or with those of `flown`."""
+        return shot_results(
+            constants,
+            bat_properties(constants),
+            measured_balls(constants, self.balls),
+            self.readings,
+            self.rules.asked,
+            flown or self.by_gates,
+            self.lot.used,
+        )
+
+    def metric(self, constants: Mapping[str, Array], shots: ShotResults) -> Array:
+        """Return the procedure's metric of each of the shots."""
+        control = constants[CONTROL] if self.rules.controlled else 1.0
+        return metric_of(self.rules, control=control)(
+            Curve.measured(shots), bat_properties(constants)
+        )
