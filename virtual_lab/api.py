@@ -11,7 +11,8 @@ from operator import index
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from virtual_lab.certificate.document import certificate
+from virtual_lab.certificate.document import CertificateDocument
+from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page, notebook_card
 from virtual_lab.certificate.tables import budget_table, shot_table
 from virtual_lab.errors import InputError
@@ -46,10 +47,15 @@ class Certificate:
     film: Callable[[Path], None] | None = None  # of the first shot
 
     @cached_property
-    def document(self) -> dict[str, Any]:
-        """The certificate as it stands in ``certificate.json``."""
+    def printed(self) -> CertificateDocument:
+        """The certificate as the typed document that text, page and figures are made from."""
         digest = hashlib.sha256(self._truth).hexdigest() if self.sealed else None
         return certificate(self.certification, truth_digest=digest)
+
+    @cached_property
+    def document(self) -> dict[str, Any]:
+        """The certificate as it stands in ``certificate.json``."""
+        return self.printed.as_json()
 
     @cached_property
     def shots(self) -> pd.DataFrame:
@@ -88,9 +94,8 @@ class Certificate:
             allowed = "the rig has no camera; one that has is filmed-cannon"
             raise InputError("", "film", "the first shot", allowed)
         with new_folder(target) as draft:
-            text = json.dumps(self.document, indent=2, allow_nan=False)
-            (draft / "certificate.json").write_text(text + "\n", encoding="utf-8")
-            page = certificate_page(self.document, self.certification)
+            (draft / "certificate.json").write_text(self.printed.text(), encoding="utf-8")
+            page = certificate_page(self.printed)
             (draft / "certificate.html").write_text(page, encoding="utf-8")
             self.shots.to_csv(draft / "readings.csv", index=False)
             (draft / "records").mkdir()
@@ -122,7 +127,7 @@ class Certificate:
         return f"<Certificate of {words.rstrip()}>"
 
     def _repr_html_(self) -> str:
-        return notebook_card(self.document)
+        return notebook_card(self.printed)
 
 
 def certify(

@@ -7,16 +7,20 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from html.parser import HTMLParser
 from itertools import pairwise
+from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
 from tests.laboratories import certified
 from virtual_lab.api import Certificate
-from virtual_lab.certificate.document import certificate
+from virtual_lab.certificate.document import document_of, json_schema, read_document
 from virtual_lab.certificate.figures import encoder_figure, hits_figure
+from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page, notebook_card
 from virtual_lab.certificate.text import certificate_text
+from virtual_lab.errors import InputError
 from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.simulation.rig import Reality
 
@@ -71,7 +75,7 @@ def case(name: str) -> Certification:
 
 @cache
 def page(name: str) -> str:
-    return certificate_page(certificate(case(name)), case(name))
+    return certificate_page(certificate(case(name)))
 
 
 def words(html: str) -> str:
@@ -206,8 +210,10 @@ def test_the_budget_speaks_in_words_and_its_shares_add_up() -> None:
 
 def test_a_constant_of_an_unknown_rig_keeps_its_name() -> None:
     document = certificate(quick())
-    document["budget"][0]["component"] = "impact.radar.angle"
-    assert "impact.radar.angle" in certificate_page(document, quick())
+    first, *others = document.budget
+    odd = dataclasses.replace(first, component="impact.radar.angle")
+    page = certificate_page(dataclasses.replace(document, budget=(odd, *others)))
+    assert "impact.radar.angle" in page
 
 
 def test_the_number_is_the_digest_of_the_certificate_as_saved(tmp_path: object) -> None:
@@ -218,19 +224,58 @@ def test_the_number_is_the_digest_of_the_certificate_as_saved(tmp_path: object) 
 
 @pytest.mark.parametrize("name", ["pass", "ideal", "no valid hit"])
 def test_figures_are_light_and_the_same_every_time(name: str) -> None:
-    for draw in (hits_figure, encoder_figure):
-        figure = draw(case(name))
-        assert figure == draw(case(name))
-        assert len(figure.encode()) < HEAVIEST
-        assert "<metadata" not in figure
+    document = certificate(case(name))
+    drawings = [hits_figure(document)]
+    if document.encoder:
+        drawings.append(encoder_figure(document.encoder))
+        assert encoder_figure(document.encoder) == drawings[1]
+    assert hits_figure(document) == drawings[0]
+    for drawing in drawings:
+        assert len(drawing.encode()) < HEAVIEST
 
 
-def test_a_figure_leaves_the_users_matplotlib_as_it_was() -> None:
-    import matplotlib as mpl
+def test_a_certificate_is_printed_from_its_own_file(tmp_path: Path) -> None:
+    """Read back it is the same document, text and page; every kind, scans and invalid ones too."""
+    for name in CASES:
+        document = certificate(case(name))
+        path = tmp_path / "certificate.json"
+        path.write_text(document.text())
+        again = read_document(path)
+        assert again == document
+        assert certificate_text(again) == certificate_text(document)
+        assert certificate_page(again) == page(name)
 
-    before = dict(mpl.rcParams)
-    hits_figure(quick())
-    assert dict(mpl.rcParams) == before
+
+def test_a_certificate_that_is_none_names_the_key(tmp_path: Path) -> None:
+    parsed = certificate(quick()).as_json()
+    for change, key in (
+        ({"schema": 1}, "schema"),
+        ({"verdict": "GOOD"}, "verdict"),
+        ({"metric": {**parsed["metric"], "u": "small"}}, r"metric\.u"),
+        ({"colour": "red"}, "colour"),
+    ):
+        with pytest.raises(InputError, match=f"x.json: {key}"):
+            document_of({**parsed, **change}, "x.json")
+    assert "CertificateDocument" in json_schema()["title"]
+
+
+def points(drawing: str, mark: str) -> list[tuple[float, float]]:
+    """Return where a figure's marks of a kind stand [pt]."""
+    places = re.findall(rf'<g transform="translate\(([\d.]+),([\d.]+)\)"><{mark} r="2.4"', drawing)
+    return [(float(x), float(y)) for x, y in places]
+
+
+def test_a_figure_shows_the_numbers_to_scale() -> None:
+    """Six hits at even steps of the shot; heights in the ratio of their metric, upwards."""
+    document = certificate(quick())
+    rows = [row for row in document.shots if not row.reason]
+    shown = points(hits_figure(document), "circle")[: len(rows)]
+    values = np.array([row.metric for row in rows])
+    heights = np.array([-y for _, y in shown])
+    scaled = (heights - heights.min()) / np.ptp(heights)
+    assert scaled == pytest.approx((values - values.min()) / np.ptp(values), abs=0.002)
+    steps = np.diff([x for x, _ in shown]) / np.diff([row.shot for row in rows])
+    assert np.ptp(steps) < 0.02
 
 
 def test_a_card_is_one_element_of_html() -> None:
@@ -257,12 +302,14 @@ def test_a_card_is_one_element_of_html() -> None:
 def test_the_width_of_a_scan_is_told_where_the_rules_ask_for_it() -> None:
     """As text and as HTML the number of the document, rounded by its uncertainty."""
     document = certificate(scanned("bbcor"))
-    width = document["width_m"]
-    value, u = (f"{width[key] / 0.0254:.{places}f}" for key, places in (("value", 3), ("u", 3)))
+    width = document.width_m
+    assert width is not None
+    assert width.u is not None
+    value, u = (f"{number / 0.0254:.3f}" for number in (width.value, width.u))
     assert f"for {value} in (u = {u} in), from" in words(page("scan with fresh hits"))
     assert f"{value} (u {u}) in wide within 0.01 of the curve's top" in certificate_text(document)
-    assert width["to_in"] - width["from_in"] == pytest.approx(width["value"] / 0.0254)
-    assert certificate(scanned("ncaa-besr"))["width_m"] is None
+    assert width.to_in - width.from_in == pytest.approx(width.value / 0.0254)
+    assert certificate(scanned("ncaa-besr")).width_m is None
     assert "Width" not in words(page("scan and a fitted top"))
 
 
@@ -270,10 +317,11 @@ def test_a_width_cut_off_at_an_end_is_at_least_so_much() -> None:
     """Of a steel cylinder, whose e hardly falls along the barrel: so in three laboratories of 8."""
     flat = certified("check-cylinder", procedure="bbcor", seed=5).certification
     document = certificate(flat)
-    width = document["width_m"]
-    assert (width["u"], width["at_least"]) == (None, True)
-    least = f"at least {width['value'] / 0.0254:.2f} in"
-    assert least in words(certificate_page(document, flat))
+    width = document.width_m
+    assert width is not None
+    assert (width.u, width.at_least) == (None, True)
+    least = f"at least {width.value / 0.0254:.2f} in"
+    assert least in words(certificate_page(document))
     assert f"{least} wide" in certificate_text(document)
 
 
@@ -281,13 +329,13 @@ def test_a_width_cut_off_at_an_end_is_at_least_so_much() -> None:
 def test_a_result_says_what_it_is_conditional_on(name: str) -> None:
     """In JSON, text and page; records of a real laboratory rest on no model of a collision."""
     document = certificate(case(name))
-    sentence = document["conditional_on"]
-    number = len(document["unverified"])
+    sentence = document.conditional_on
+    number = len(document.unverified)
     assert "the force law of the ball alone moves the peak e of a bat by 0.045" in sentence
     assert f"the procedure as it is known here ({number} of its values are unverified)" in sentence
     assert sentence in words(page(name))
     assert sentence in certificate_text(document)
-    real = certificate(case("real laboratory"))["conditional_on"]
+    real = certificate(case("real laboratory")).conditional_on
     assert "force law" not in real
     assert "the procedure as it is known here" in real
 
@@ -297,20 +345,21 @@ def test_a_place_chosen_raises_the_result_and_says_so() -> None:
     chosen = scanned("bbcor")
     document = certificate(chosen)
     mean = chosen.shot_metric[chosen.outcome.used].mean()
-    raised = document["choice"]["correction"]
+    assert document.choice is not None
+    raised = document.choice.correction
     assert raised > 0
-    assert document["metric"]["value"] == pytest.approx(mean + raised, rel=1e-12)
-    (line,) = (row for row in document["budget"] if row["component"] == "choice of the place")
-    assert line["contribution"] == pytest.approx(document["choice"]["u"])
+    assert document.metric.value == pytest.approx(mean + raised, rel=1e-12)
+    (line,) = (row for row in document.budget if row.component == "choice of the place")
+    assert line.contribution == pytest.approx(document.choice.u)
     assert "raised by" in words(page("scan with fresh hits"))
     assert "raised by" in certificate_text(document)
-    assert certificate(quick())["choice"] is None
+    assert certificate(quick()).choice is None
     assert "raised by" not in words(page("pass"))
 
 
 @pytest.mark.parametrize("name", ["pass", "scan with fresh hits"])
 def test_twelve_balls_are_one_line_of_the_budget(name: str) -> None:
-    rows = [row["component"] for row in certificate(case(name))["budget"]]
+    rows = [row.component for row in certificate(case(name)).budget]
     assert rows.count("balls.repeatability") == 1
     assert not [row for row in rows if row.startswith("balls.restitution")]
 

@@ -8,10 +8,10 @@ import pytest
 
 from tests.conftest import Play
 from virtual_lab import catalog
-from virtual_lab.certificate.document import certificate
+from virtual_lab.certificate.filling import certificate
 from virtual_lab.simulation.rig import Reality
 
-SUFFIX = re.compile(r"_(mph|in|kg|m|kg_m2|hz|per_s|percent)$")
+SUFFIX = re.compile(r"_(mph|in|kg|m|kg_m2|hz|per_s|percent|ms|deg)$")
 RATIOS = {
     "ball",
     "ball_restitution",
@@ -23,17 +23,21 @@ RATIOS = {
     "error",
     "exponent",
     "hits",
+    "hits_needed",
     "missed",
+    "rebound_efficiency",
+    "recoil_efficiency",
     "recoil_factor",
     "restitution",
     "schema",
     "share_of_video",
     "shot",
-    "shots",
     "standard",
+    "swing_exponent",
     "valid_hits",
 }
 OF_THE_METRIC = {"metric", "swing_range", "choice", "places"}  # in the unit of metric.unit
+OF_RATIOS = {"rebound_check"}
 SI = {"": 1.0, "m/s": 1.0}
 
 
@@ -51,7 +55,9 @@ def numbers(value: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]
 
 def has_unit(path: tuple[str, ...]) -> bool:
     """Return whether keys say what unit a number is in."""
-    if any(SUFFIX.search(key) or key in RATIOS for key in path):
+    if any(SUFFIX.search(key) or key in RATIOS for key in path) or path[-1] == "shots":
+        return True
+    if path == ("shots", "metric") or path[0] in OF_RATIOS:
         return True
     # a budget's lines are in SI: the constant's own, and contributions in the metric's
     return path[0] in OF_THE_METRIC or path[0] == "budget"
@@ -64,7 +70,7 @@ def bat_of(procedure: str) -> str:
 @pytest.mark.parametrize("procedure", catalog.names("procedures"))
 def test_every_number_has_a_unit(procedure: str, played: Play) -> None:
     found = played(bat_of(procedure), Reality.IDEAL, procedure=procedure).certification
-    document = certificate(found)
+    document = certificate(found).as_json()
     paths = set(numbers(document))
     assert len(paths) > 30
     assert [path for path in paths if not has_unit(path)] == []

@@ -8,7 +8,7 @@ import pytest
 
 from tests.laboratories import certified, certify
 from virtual_lab import api, catalog, lab
-from virtual_lab.certificate.document import certificate
+from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.certificate.text import certificate_text
 from virtual_lab.errors import InputError
@@ -133,13 +133,15 @@ def test_it_is_kept_with_the_certificate_and_can_be_reduced_again(
 def test_the_certificate_says_what_it_was_divided_by(rules: str) -> None:
     found = controlled(rules).certification
     document = certificate(found)
-    ratio = document["ball_correction"]["control"]
-    assert f"over {ratio['value']:.4f} (u {ratio['u']:.4f}) of the control bat" in (
+    assert document.ball_correction is not None
+    ratio = document.ball_correction.control
+    assert ratio is not None
+    assert f"over {ratio.value:.4f} (u {ratio.u:.4f}) of the control bat" in (
         certificate_text(document)
     )
-    assert f"divided by {ratio['value']:.4f}" in certificate_page(document, found)
+    assert f"divided by {ratio.value:.4f}" in certificate_page(document)
     plain = certified(seed=7).certification
-    assert certificate(plain)["ball_correction"] is None
+    assert certificate(plain).ball_correction is None
 
 
 def test_bad_input(rules: str) -> None:

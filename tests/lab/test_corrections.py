@@ -18,7 +18,7 @@ from tests.conftest import PROCEDURE, Play
 from tests.laboratories import opened
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
-from virtual_lab.certificate.document import certificate
+from virtual_lab.certificate.filling import certificate
 from virtual_lab.lab import prepared
 from virtual_lab.lab.naming import lot_constants, with_records
 from virtual_lab.measurement.session_reduction import Reduced, reduce_session
@@ -664,7 +664,7 @@ PRINTED_BAT = {
 def test_every_uncertainty_printed_is_its_budgets(procedure: str, played: Play) -> None:
     """Metric, all quantities and bat properties: the root of the sum of (sensitivity u)²."""
     found = played("r161", procedure=procedure).certification
-    document = certificate(found)
+    document = certificate(found).as_json()
     assert found.metric is not None
     budgets = {"metric": found.metric} | {
         name: budget for name, budget in found.quantities.items() if name in document

@@ -12,7 +12,7 @@ from tests.conftest import PROCEDURE, Play
 from tests.laboratories import certify, opened
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
-from virtual_lab.certificate.document import certificate
+from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.errors import InputError
 from virtual_lab.lab.measurand import CONTINUOUS, WIDTH
@@ -442,4 +442,4 @@ def test_gates_that_see_no_ball_make_an_invalid_test(monkeypatch: pytest.MonkeyP
     result = certify("r161", procedure=PROCEDURE, seed=1).certification
     assert result.verdict is Verdict.INVALID
     assert set(result.judgement.reasons) == {"the gates did not see the ball come in"}
-    assert "No BPF can be stated" in certificate_page(certificate(result), result)
+    assert "No BPF can be stated" in certificate_page(certificate(result))

@@ -16,7 +16,7 @@ from scipy.optimize import minimize_scalar
 from tests.conftest import Play
 from tests.laboratories import certify, opened
 from virtual_lab import catalog
-from virtual_lab.certificate.document import certificate
+from virtual_lab.certificate.filling import certificate
 from virtual_lab.errors import InputError
 from virtual_lab.lab import by_the_book
 from virtual_lab.lab.measurand import CONTINUOUS, true_curve
@@ -221,8 +221,8 @@ def test_a_conversion_the_rules_do_not_ask_for_is_assumed() -> None:
     plain = certify("ea70", procedure="bbcor", reality=Reality.IDEAL)
     asked = certify("ea70", procedure="bbcor", reality=Reality.IDEAL, correction="trampoline:0.5")
     document = certificate(asked.certification)
-    assert document["ball_correction"]["method"] == "trampoline"
-    keys = {row["key"]: row["source"] for row in document["unverified"]}
+    assert document.ball_correction.method == "trampoline"
+    keys = {row.key: row.source for row in document.unverified}
     assert keys["correction.standard"] == "assumed"
     e, e0 = (plain.sealed.measurand[name] for name in ("restitution", "ball_restitution"))
     assert asked.certification.metric is not None

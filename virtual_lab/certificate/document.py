@@ -1,229 +1,409 @@
-"""The certificate as a document: what `certificate.json` holds and the page is made from."""
+"""The certificate as a typed document: what ``certificate.json`` holds, and all that is printed.
+
+Text, page, card and figures are made from it alone, so that a certificate can be printed, compared
+and checked from its own file. Numbers are as measured, unrounded, in SI where the name says no
+other unit; what is not known is null.
+"""
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from importlib.metadata import version
-from math import isfinite
-from typing import Any
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
 
-import numpy as np
+from virtual_lab.catalog.specs import Spec
+from virtual_lab.catalog.validation import validate
+from virtual_lab.errors import InputError
+from virtual_lab.files import read_json
 
-from virtual_lab.certificate.camera import witness_document
-from virtual_lab.certificate.tables import budget_rows, place_rows
-from virtual_lab.measurement.certification import Certification
-from virtual_lab.measurement.model import CONTROL, QUANTITIES
-from virtual_lab.measurement.procedure import CHOICE, Procedure
-from virtual_lab.measurement.procedure.peak_width import Width
-from virtual_lab.measurement.swing_range import SwingResult
-from virtual_lab.output.metrics import METRICS
-from virtual_lab.uncertainty.budget import Budget
-from virtual_lab.units import INCH, MPH
+__all__ = [
+    "BatAsMeasured",
+    "BudgetLine",
+    "CameraWord",
+    "CertificateDocument",
+    "ComparedResult",
+    "EncoderTrace",
+    "MetricStated",
+    "ReboundCheck",
+    "ShotRow",
+    "Stated",
+    "SwingRow",
+    "WidthStated",
+    "document_of",
+    "json_schema",
+    "read_document",
+]
 
-__all__ = ["SCHEMA", "certificate"]
-
-SCHEMA = 1
-DECISION_RULE = (
-    "PASS where the value is at most the limit (simple acceptance); "
-    "marginal where the limit lies within the 95 % interval"
+SCHEMA = 2
+OPTIONAL = (  # not stated where the metric is the same quantity
+    "bat_performance_factor",
+    "collision_efficiency",
+    "restitution",
+    "recoil_factor",
+    "ball_restitution",
 )
-LAW_SPREAD = 0.045  # of r161's peak e over the laws of the ball: virtual-lab sensitivity r161
-SIMULATED = "SIMULATED: no real bat was tested and no accredited laboratory issued this."
+Numbers = tuple[float, ...]
 
 
-def certificate(certification: Certification, *, truth_digest: str | None = None) -> dict[str, Any]:
-    """Return the certificate, ready for JSON: numbers as measured, unrounded, NaN as null.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stated(Spec):
+    """A value with its standard uncertainty; null where the test gave none."""
 
-    `truth_digest` binds it to the sealed truth of a simulated test.
-    """
-    session, procedure = certification.session, certification.procedure
-    valid = certification.judgement.valid
-    metric = certification.metric
-    shots, recoil = certification.shots, certification.readings.recoil
-    used = certification.outcome.used
-    document = {
-        "schema": SCHEMA,
-        "statement": SIMULATED if session.simulation else "",
-        "procedure": {
-            "name": procedure.name,
-            "title": procedure.title,
-            "edition": procedure.edition,
-        },
-        "bat": {
-            "name": session.bat,
-            "mass_kg": _estimate(certification.bat["mass"]),
-            "length_m": _estimate(certification.bat["length"]),
-            "z_cm_m": _estimate(certification.bat["z_cm"]),
-            "inertia_cm_kg_m2": _estimate(certification.bat["inertia_cm"]),
-        },
-        "ball": {
-            "name": session.ball,
-            "ball_restitution_is": "the mean of the lot, every ball measured",
-            "set_aside": [asdict(ball) for ball in certification.set_aside],
-        },
-        "rigs": dict(session.rigs),
-        "laboratory": session.laboratory,
-        "customer": session.customer,
-        "date": session.date,
-        "metric": {
-            "name": procedure.metric,
-            "value": metric.value if metric else None,
-            "u": metric.u if metric else None,
-            "interval_95": list(metric.interval_95) if metric else None,
-            "degrees_of_freedom": _finite(metric.dof) if metric else None,
-            "u_type_a": metric.u_type_a if metric else None,
-            "u_type_b": metric.u_type_b if metric else None,
-            "unit": METRICS[procedure.metric].si_unit,
-            "limit": procedure.most,
-            "place_in": certification.outcome.place / INCH if metric else None,
-        },
-        "verdict": certification.verdict.value,
-        "marginal": certification.marginal,
-        "decision_rule": DECISION_RULE,
-    }
-    for name in QUANTITIES:
-        if name != procedure.metric or _of_standard_ball(procedure):
-            document[name] = _estimate(certification.quantities.get(name))
-    document |= {
-        "recoil": {
-            "which": procedure.recoil,
-            "other": asdict(certification.other) if certification.other else None,
-        },
-        "ball_correction": _correction(certification),
-        "nominal_speed_mph": procedure.ball_speed / MPH,
-        "nominal_bat_speed_mph": (procedure.bat_speed or 0.0) / MPH,
-        "v_rel_mph": float(shots.relative_speed[used].mean() / MPH) if used.any() else None,
-        "impact_position_in": float(certification.outcome.place / INCH)
-        if isfinite(certification.outcome.place)
-        else None,
-        "width_m": _width(certification.width),
-        "swing_range": [_swing(result) for result in certification.swings],
-        "places": place_rows(certification) if procedure.scan else [],
-        "findings": [asdict(finding) for finding in certification.findings],
-        "flags": [asdict(flag) for flag in certification.flags],
-        "incomplete": certification.outcome.reason,
-        "reasons": list(certification.reasons),
-        "valid_hits": int(valid.sum()),
-        "rejected_hits": [
-            {"shot": shot, "reason": reason}
-            for shot, reason in enumerate(certification.judgement.reasons)
-            if reason
-        ],
-        "rebound_check": _rebound_check(certification),
-        "second_witness": witness_document(certification.second_witness),
-        "ring": {
-            "frequencies_hz": recoil.ring_frequency.tolist(),
-            "decays_per_s": recoil.ring_decay.tolist(),
-        }
-        if recoil
-        else None,
-        "choice": _choice(metric),
-        "conditional_on": conditional_on(certification),
-        "budget": budget_rows(metric) if metric else [],
-        "unverified": [
-            {
-                "key": datum.key,
-                "value": f"{datum.value} {datum.unit}".removesuffix(" 1"),
-                "source": datum.source,
-            }
-            for datum in certification.unverified
-        ],
-        "simulation": dict(session.simulation)
-        | ({"truth_digest": truth_digest} if truth_digest else {}),
-        "versions": {
-            name: version(name) for name in ("virtual-lab", "numpy", "scipy", "pandas", "numba")
-        },
-    }
-    return document
+    value: float | None
+    u: float | None
 
 
-def conditional_on(certification: Certification) -> str:
-    """Return in a sentence what the result and its uncertainty take for granted."""
-    unverified = len(certification.unverified)
-    values = "1 of its values is" if unverified == 1 else f"{unverified} of its values are"
-    model = (
-        "the model of the collision (the force law of the ball alone moves the peak e of a bat "
-        f"by {LAW_SPREAD:g}) and on "
-        if certification.session.simulation
-        else ""
-    )
-    return (
-        f"The result and its uncertainty are conditional on {model}the procedure as it is known "
-        f"here ({values} unverified)."
-    )
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProcedureStated(Spec):
+    """Which rules, and what of them a certificate says."""
+
+    name: str
+    title: str
+    edition: str
+    hits_needed: int
+    at_percussion: bool  # whether the bat is hit at its centre of percussion
+    swing_exponent: float | None  # of the swing law that the metric is judged by
 
 
-def _choice(metric: Budget | None) -> dict[str, float] | None:
-    """Return by how much the value is raised for the place chosen by a scan, None where by none."""
-    chosen = [part for part in metric.components if part.name == CHOICE] if metric else []
-    return {"correction": chosen[0].value, "u": chosen[0].u} if chosen else None
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BatAsMeasured(Spec):
+    """The bat's inertial properties; places from the barrel tip."""
+
+    name: str
+    mass_kg: Stated
+    length_m: Stated
+    z_cm_m: Stated
+    inertia_cm_kg_m2: Stated
 
 
-def _estimate(budget: Budget | None) -> dict[str, float | None]:
-    return {"value": budget.value if budget else None, "u": budget.u if budget else None}
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BallSetAside(Spec):
+    """A ball that the rules do not admit."""
+
+    ball: int
+    reason: str
 
 
-def _width(width: Width | None) -> dict[str, Any] | None:
-    if width is None:
-        return None
-    whole = width.span.whole
-    return {
-        "value": width.budget.value,
-        "u": width.budget.u if whole else None,
-        "drop": width.drop,
-        "at_least": not whole,
-        "from_in": width.span.low / INCH,
-        "to_in": width.span.high / INCH,
-    }
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BallsUsed(Spec):
+    """The lot."""
+
+    name: str
+    ball_restitution_is: str
+    set_aside: tuple[BallSetAside, ...]
 
 
-def _swing(result: SwingResult) -> dict[str, Any]:
-    """Return v_f for one exponent of the swing law, in SI units as the metric."""
-    return {
-        "exponent": result.exponent,
-        "value": result.budget.value,
-        "u": result.budget.u,
-        "interval_95": list(result.budget.interval_95),
-        "place_in": result.place / INCH,
-    }
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MetricStated(Spec):
+    """The result by which the bat is judged, in SI."""
+
+    name: str
+    value: float | None
+    u: float | None
+    interval_95: tuple[float, float] | None
+    degrees_of_freedom: float | None  # null: infinite
+    u_type_a: float | None
+    u_type_b: float | None
+    unit: str
+    limit: float | None
+    place_in: float | None
 
 
-def _finite(value: float) -> float | None:
-    return value if isfinite(value) else None
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OtherRecoil(Spec):
+    """What the same e_A would give with the recoil factor of the other support."""
+
+    which: str
+    recoil_factor: float
+    restitution: float
+    bat_performance_factor: float
 
 
-def _of_standard_ball(procedure: Procedure) -> bool:
-    """Return whether the metric is carried to another ball than the lot's own."""
-    return procedure.correction is not None and procedure.correction.method != "none"
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecoilStated(Spec):
+    """Which support's recoil factor counts."""
+
+    which: str
+    other: OtherRecoil | None
 
 
-def _correction(certification: Certification) -> dict[str, Any] | None:
-    """Return what is done about balls that are not the standard one, None where nothing is."""
-    correction = certification.procedure.correction
-    if correction is None or not _of_standard_ball(certification.procedure):
-        return None
-    ratio = certification.session.calibration.get(CONTROL)
-    return {
-        "method": correction.method,
-        "standard": correction.standard,
-        "control": {"value": ratio.value, "u": ratio.u, "source": ratio.source} if ratio else None,
-    }
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ControlRatio(Spec):
+    """What a control bat gave with this lot, over what it is known by."""
+
+    value: float
+    u: float
+    source: str
 
 
-def _rebound_check(certification: Certification) -> dict[str, Any] | None:
-    """Return how the ball's own rebound agrees with the recoil: the gates' e_A less the encoder's.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BallCorrection(Spec):
+    """What is done about balls that are not the standard one."""
 
-    None where nothing watched the recoil.
-    """
-    if certification.readings.recoil is None:
-        return None
-    shots, valid = certification.shots, certification.judgement.valid
-    seen = valid & np.isfinite(shots.rebound_efficiency)
-    if not seen.any():
-        return {"shots": 0, "collision_efficiency": None, "difference": None}
-    rebound = shots.rebound_efficiency[seen]
-    return {
-        "shots": int(seen.sum()),
-        "collision_efficiency": float(rebound.mean()),
-        "difference": float((rebound - shots.recoil_efficiency[seen]).mean()),
-    }
+    method: str
+    standard: float
+    control: ControlRatio | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WidthStated(Spec):
+    """How far along the barrel the curve stays near its top [m]."""
+
+    value: float
+    u: float | None
+    drop: float
+    at_least: bool
+    from_in: float
+    to_in: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SwingRow(Spec):
+    """The metric for another exponent of the swing law."""
+
+    exponent: float
+    value: float
+    u: float
+    interval_95: tuple[float, float]
+    place_in: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlaceRow(Spec):
+    """One place of a scan: hits, their mean metric and its scatter."""
+
+    place_in: float
+    hits: int
+    mean: float
+    s: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RuleFinding(Spec):
+    """One rule of eligibility, and whether the bat meets it."""
+
+    sentence: str
+    met: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlagRaised(Spec):
+    """What does not hang together in the records."""
+
+    name: str
+    sentence: str
+    invalidates: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RejectedHit(Spec):
+    """A shot that does not count."""
+
+    shot: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShotRow(Spec):
+    """One shot; null where nothing was seen or the rig has no such instrument."""
+
+    shot: int
+    ball: int
+    place_in: float
+    speed_mph: float | None
+    bat_speed_mph: float | None
+    recoil_rad_per_s: float | None
+    recoil_efficiency: float | None
+    rebound_efficiency: float | None
+    metric: float | None
+    used: bool  # in the result
+    reason: str  # why it does not count; empty where it does
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReboundCheck(Spec):
+    """e_A by the ball's own rebound, beside that by the bat's recoil."""
+
+    shots: int
+    collision_efficiency: float | None
+    difference: float | None
+    u: float | None  # of the difference's mean, by scatter
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ComparedResult(Spec):
+    """One quantity by the gates, by video, and joined."""
+
+    gates: Stated
+    video: Stated
+    joined: Stated
+    difference: Stated
+    share_of_video: float
+    agree: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraWord(Spec):
+    """What a camera says of the same hits."""
+
+    hits: int
+    missed: int
+    collision_efficiency: ComparedResult | None
+    restitution: ComparedResult | None
+    bat_performance_factor: ComparedResult | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RingStated(Spec):
+    """The bending ring that the encoder shows."""
+
+    frequencies_hz: Numbers
+    decays_per_s: Numbers
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trace(Spec):
+    """A record over the time after contact, with what is fitted to it."""
+
+    time_ms: Numbers
+    angle_deg: Numbers
+    fit_deg: Numbers
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EncoderTrace(Spec):
+    """The encoder's record of one shot, for the figure."""
+
+    shot: int
+    settled_ms: float  # from where on the ring is fitted
+    turn: Trace
+    ring: Trace
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChoiceStated(Spec):
+    """By how much a scan's result is raised for the place chosen."""
+
+    correction: float
+    u: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BudgetLine(Spec):
+    """One component of the metric's uncertainty."""
+
+    component: str
+    value: float
+    u: float
+    type: Literal["A", "B"]
+    degrees_of_freedom: float | None  # null: infinite
+    sensitivity: float
+    contribution: float
+    share_percent: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnverifiedValue(Spec):
+    """A value of the procedure that nobody could check against its source."""
+
+    key: str
+    value: str
+    source: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CertificateDocument(Spec):
+    """All that a certificate says."""
+
+    schema: int
+    statement: str
+    procedure: ProcedureStated
+    bat: BatAsMeasured
+    ball: BallsUsed
+    rigs: dict[str, str]
+    laboratory: str
+    customer: str
+    date: str
+    metric: MetricStated
+    verdict: Literal["PASS", "FAIL", "INVALID", "MEASURED"]
+    marginal: bool
+    decision_rule: str
+    bat_performance_factor: Stated | None = None
+    collision_efficiency: Stated | None = None
+    restitution: Stated | None = None
+    recoil_factor: Stated | None = None
+    ball_restitution: Stated | None = None
+    recoil: RecoilStated
+    ball_correction: BallCorrection | None
+    nominal_speed_mph: float
+    nominal_bat_speed_mph: float
+    v_rel_mph: float | None
+    impact_position_in: float | None
+    width_m: WidthStated | None
+    swing_range: tuple[SwingRow, ...]
+    places: tuple[PlaceRow, ...]  # of a scan
+    findings: tuple[RuleFinding, ...]
+    flags: tuple[FlagRaised, ...]
+    incomplete: str
+    reasons: tuple[str, ...]  # why the verdict is INVALID
+    valid_hits: int
+    rejected_hits: tuple[RejectedHit, ...]
+    shots: tuple[ShotRow, ...]
+    rebound_check: ReboundCheck | None
+    second_witness: CameraWord | None
+    ring: RingStated | None
+    encoder: EncoderTrace | None
+    choice: ChoiceStated | None
+    conditional_on: str
+    budget: tuple[BudgetLine, ...]  # largest first
+    unverified: tuple[UnverifiedValue, ...]
+    simulation: dict[str, Any]  # how it was simulated; {} of real records
+    versions: dict[str, str]
+
+    @property
+    def quantities(self) -> dict[str, Stated]:
+        """What stands beside the metric, by name."""
+        found = {name: getattr(self, name) for name in OPTIONAL}
+        return {name: stated for name, stated in found.items() if stated is not None}
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the document as JSON has it."""
+        found = asdict(self)
+        for name in OPTIONAL:
+            if found[name] is None:
+                del found[name]
+        document: dict[str, Any] = _lists(found)
+        return document
+
+    def text(self) -> str:
+        """Return the text of ``certificate.json``."""
+        return json.dumps(self.as_json(), indent=2, allow_nan=False) + "\n"
+
+
+def document_of(parsed: dict[str, Any], where: str) -> CertificateDocument:
+    """Return the document that parsed JSON holds; `InputError` names the key that does not fit."""
+    if parsed.get("schema") != SCHEMA:
+        allowed = f"allowed: {SCHEMA}; make the certificate again with 'virtual-lab reduce RECORDS'"
+        raise InputError(where, "schema", parsed.get("schema"), allowed)
+    return validate(parsed, where, CertificateDocument)
+
+
+def read_document(path: Path) -> CertificateDocument:
+    """Return the certificate in a file; `InputError` where it holds none."""
+    return document_of(read_json(path), str(path))
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON Schema of ``certificate.json``."""
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(CertificateDocument).json_schema()
+
+
+def _lists(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _lists(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_lists(item) for item in value]
+    return value

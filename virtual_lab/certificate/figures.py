@@ -1,308 +1,209 @@
-"""The certificate's figures as inline SVG: black and grey, text as text, the same every time.
+"""The certificate's figures, from its document.
 
 What a figure says is told by shape and line style, so it survives a black-and-white printer.
 """
 
 from __future__ import annotations
 
-import io
-import re
-from html import escape
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
-from virtual_lab.measurement.certification import Certification
-from virtual_lab.measurement.reduction.recoil import DEGREE, SETTLE
-from virtual_lab.output.metrics import METRICS, Printed
-from virtual_lab.output.style import BAND, STYLE, WIDTH
-from virtual_lab.records import EncoderRecord
-from virtual_lab.units import INCH
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from virtual_lab.certificate.document import CertificateDocument, EncoderTrace, ShotRow
+from virtual_lab.output.metrics import METRICS
+from virtual_lab.output.svg import DASHED, PAGE_WIDTH, Panel, figure
 
 __all__ = ["encoder_figure", "hits_figure", "swings_figure"]
 
-Array = NDArray[np.float64]
-
-RING_SHOWN = 20e-3  # s, the slowest ring is seen to turn a few times
 LEAST_RANGE = 2e-3  # of the metric's axis: hits all alike are shown as such
-EVERY = 8  # of the slow turn's samples drawn: more would only make the page heavier
+ROOM = 0.12  # of the range, left above and below
+LEFT, RIGHT, TOP = 46.0, PAGE_WIDTH - 4, 30.0  # pt
+X_LABEL_ROOM = 32.0  # pt, below the axes
+Points = list[tuple[float, float]]
 
 
-def hits_figure(certification: Certification) -> str:
+def hits_figure(document: CertificateDocument) -> str:
     """Return the metric hit by hit, over the place on a scan, and against the limit, as SVG."""
-    metric, printed = certification.metric, METRICS[certification.procedure.metric]
-    draw_hits = _draw_scan if certification.procedure.scan else _draw_hits
-
-    def draw(figure: Figure) -> None:
-        if metric is None:
-            draw_hits(figure.add_subplot(), certification, printed, with_limit=True)
-            return
-        left, right = figure.subplots(1, 2, width_ratios=(3, 1))
-        draw_hits(left, certification, printed, with_limit=False)
-        _draw_result(right, certification, printed)
-
-    valid, fired = (
-        int(certification.judgement.valid.sum()),
-        len(certification.judgement.reasons),
-    )
-    limit = certification.procedure.most
-    most = "no limit" if limit is None else f"limit {limit / printed.unit_si:.{printed.places}f}"
-    description = f"{fired} shots, {valid} valid; {most}"
-    height = 2.3 if certification.procedure.scan else 1.5
-    return _svg(draw, height, "hits", f"{printed.symbol} of every hit", description)
+    metric, printed = document.metric, METRICS[document.metric.name]
+    height = 166.0 if document.places else 122.0
+    limit = None if metric.limit is None else metric.limit / printed.unit_si
+    most = "no limit" if limit is None else f"limit {limit:.{printed.places}f}"
+    stated = metric.value is not None
+    panels = [_hits_panel(document, RIGHT - 136 if stated else RIGHT, height - X_LABEL_ROOM)]
+    if stated:
+        panels.append(_result_panel(document, RIGHT - 80, height - X_LABEL_ROOM))
+    elif limit is not None:
+        _put_limit(panels[0], limit, most)
+    description = f"{len(document.shots)} shots, {document.valid_hits} valid; {most}"
+    return figure(panels, height, "hits", f"{printed.symbol} of every hit", description)
 
 
-def swings_figure(certification: Certification) -> str:
+def swings_figure(document: CertificateDocument) -> str:
     """Return the metric over the exponent of the swing law, with its 95 % intervals, as SVG."""
-    printed = METRICS[certification.procedure.metric]
-    unit_si, results = printed.unit_si, certification.swings
-    exponents = np.array([result.exponent for result in results])
-    values = np.array([result.budget.value for result in results]) / unit_si
-    intervals = np.array([result.budget.interval_95 for result in results]) / unit_si
-    game = certification.procedure.game
-    assert game is not None
+    printed = METRICS[document.metric.name]
+    exponents = [row.exponent for row in document.swing_range]
+    values = [row.value / printed.unit_si for row in document.swing_range]
+    low, high = (
+        [row.interval_95[end] / printed.unit_si for row in document.swing_range] for end in (0, 1)
+    )
+    wide = 0.05 * (exponents[-1] - exponents[0])
+    panel = Panel(
+        left=LEFT,
+        right=RIGHT,
+        top=TOP - 12,
+        bottom=122 - X_LABEL_ROOM,
+        x=(exponents[0] - wide, exponents[-1] + wide),
+        y=_limits([*low, *high]),
+        x_label="exponent n of the swing law",
+        y_label=_axis_label(document),
+        x_ticks=exponents,
+    )
+    panel.ribbon(exponents, low, high, "95 % interval")
+    panel.line(exponents, values)
+    panel.dots(exponents, values, printed.symbol, radius=1.6)
+    if document.procedure.swing_exponent is not None:
+        panel.upright(document.procedure.swing_exponent, "judged by this n")
+    description = f"{printed.symbol} for exponents {exponents[0]:g} to {exponents[-1]:g}"
+    return figure([panel], 122, "swings", f"{printed.symbol} over the swing law", description)
 
-    def draw(figure: Figure) -> None:
-        axes = figure.add_subplot()
-        axes.fill_between(
-            exponents, *intervals.T, facecolor=BAND, edgecolor="none", label="95 % interval"
-        )
-        axes.plot(exponents, values, "o-", color="black", markersize=3, label=printed.symbol)
-        axes.axvline(
-            game.exponent, color="black", linewidth=0.6, linestyle=":", label="judged by this n"
-        )
-        axes.set(xlabel="exponent n of the swing law", xticks=exponents)
-        _finish(axes, printed, "")
 
-    description = f"{printed.symbol} for exponents {exponents.min():g} to {exponents.max():g}"
-    return _svg(draw, 1.7, "swings", f"{printed.symbol} over the swing law", description)
-
-
-def encoder_figure(certification: Certification) -> str:
-    """Return the encoder's record of one shot, with its fit and the ring, as SVG.
-
-    The turn and the ring are fitted here anew, at the frequencies and decays that the
-    reduction found for all shots together: a display, no result is taken from it.
-    """
-    shot = _shot_to_show(certification)
-    after, angle = _shot_record(certification, shot)
-    recoil = certification.readings.recoil
-    assert recoil is not None
-    turn, ring = _fit(after, angle, recoil.ring_frequency, recoil.ring_decay)
-
-    def draw(figure: Figure) -> None:
-        left, right = figure.subplots(1, 2)
-        _draw_turn(left, after, angle, turn)
-        _draw_ring(right, after, angle - turn, ring)
-
+def encoder_figure(trace: EncoderTrace) -> str:
+    """Return the encoder's record of one shot, with its turn and the ring, as SVG."""
+    middle, bottom = (LEFT + RIGHT) / 2, 140 - X_LABEL_ROOM
+    turn, ring = trace.turn, trace.ring
+    whole = Panel(
+        left=LEFT,
+        right=middle - 12,
+        top=TOP,
+        bottom=bottom,
+        x=(turn.time_ms[0], turn.time_ms[-1]),
+        y=_limits(turn.angle_deg),
+        title="the whole record",
+        x_label="time after contact, ms",
+        y_label="angle, °",
+    )
+    late = [number for number, time in enumerate(turn.time_ms) if time >= 0]
+    whole.line(turn.time_ms, turn.angle_deg, "record", width=2.4, colour="#999")
+    whole.line(
+        [turn.time_ms[n] for n in late],
+        [turn.fit_deg[n] for n in late],
+        "turn of the joint fit",
+        dashes="3.3 1.4",
+    )
+    rest = Panel(
+        left=middle + 36,
+        right=RIGHT,
+        top=TOP,
+        bottom=bottom,
+        x=(0.0, round(ring.time_ms[-1])),
+        y=_limits(ring.angle_deg),
+        title="the record less the turn: the ring",
+        x_label="time after contact, ms",
+        y_label="angle, °",
+    )
+    settled = [number for number, time in enumerate(ring.time_ms) if time > trace.settled_ms]
+    rest.dots(ring.time_ms, ring.angle_deg, "record", radius=0.8, fill="#888")
+    rest.line(
+        [ring.time_ms[n] for n in settled], [ring.fit_deg[n] for n in settled], "fit", width=0.7
+    )
+    rest.upright(trace.settled_ms)
     description = (
-        f"Shot {shot}: angle of the bat against time after contact, with the turn of the "
-        f"joint fit, and what is left of the record less the turn: a bending ring of "
-        f"{len(recoil.ring_frequency)} frequencies."
+        f"Shot {trace.shot}: angle of the bat against time after contact, with the turn of the "
+        "joint fit, and what is left of the record less the turn: a bending ring."
     )
-    return _svg(draw, 1.95, "encoder", f"Encoder record of shot {shot}", description)
+    title = f"Encoder record of shot {trace.shot}"
+    return figure([whole, rest], 140, "encoder", title, description)
 
 
-def _shot_to_show(certification: Certification) -> int:
-    """Return the first valid shot, the first whose contact the gates saw where none is valid."""
-    shown = certification.judgement.valid
-    if not shown.any():
-        shown = np.isfinite(certification.shots.speed)
-    return int(shown.argmax())
-
-
-def _draw_hits(
-    axes: Axes, certification: Certification, printed: Printed, *, with_limit: bool
-) -> None:
-    values, valid = certification.shot_metric / printed.unit_si, certification.judgement.valid
-    shot = np.arange(values.size)
-    _draw_interval(axes, certification, printed, "mean")
-    if with_limit:
-        _draw_limit(axes, certification, printed)
-    if valid.any():
-        axes.plot(shot[valid], values[valid], "o", color="black", label="valid hit")
-    if not valid.all():
-        axes.plot(shot[~valid], values[~valid], "x", color="black", label="invalid hit")
-    for missing in shot[~np.isfinite(values)]:
-        axes.annotate(
-            "no value",
-            (missing, 0.02),
-            xycoords=("data", "axes fraction"),
-            rotation=90,
-            ha="center",
-            va="bottom",
-        )
-    axes.set(xlabel="shot", xlim=(-0.6, max(values.size, 2) - 0.4))
-    axes.set_xticks(shot)
-    _finish(axes, printed, "hit by hit")
-
-
-def _draw_scan(
-    axes: Axes, certification: Certification, printed: Printed, *, with_limit: bool
-) -> None:
-    values, valid = certification.shot_metric / printed.unit_si, certification.judgement.valid
-    place, used = certification.readings.place / INCH, certification.outcome.used
-    _draw_interval(axes, certification, printed, "result")
-    if with_limit:
-        _draw_limit(axes, certification, printed)
-    if (valid & ~used).any():
-        axes.plot(
-            place[valid & ~used],
-            values[valid & ~used],
-            "o",
-            markerfacecolor="white",
-            color="black",
-            label="other valid hit",
-        )
-    if (valid & used).any():
-        axes.plot(
-            place[valid & used], values[valid & used], "o", color="black", label="in the result"
-        )
-    axes.set(xlabel="place from the tip, in")
-    _finish(axes, printed, "along the barrel")
-
-
-def _draw_interval(axes: Axes, certification: Certification, printed: Printed, label: str) -> None:
-    metric = certification.metric
-    if metric is not None:
-        low, high = (bound / printed.unit_si for bound in metric.interval_95)
-        axes.axhspan(low, high, facecolor=BAND, edgecolor="none", label="95 % interval")
-        axes.axhline(metric.value / printed.unit_si, color="black", label=label)
-
-
-def _finish(axes: Axes, printed: Printed, title: str) -> None:
-    axes.set_ylabel(f"{printed.symbol}, {printed.unit}" if printed.unit else printed.symbol)
-    axes.ticklabel_format(axis="y", useOffset=False)
-    axes.margins(y=0.12)
-    low, high = axes.get_ylim()
-    if high - low < LEAST_RANGE:
-        axes.set_ylim((low + high - LEAST_RANGE) / 2, (low + high + LEAST_RANGE) / 2)
-    axes.set_title(title, pad=16)
-    axes.legend(loc="lower left", bbox_to_anchor=(0, 0.98), ncols=4, borderpad=0, handlelength=1.4)
-
-
-def _draw_result(axes: Axes, certification: Certification, printed: Printed) -> None:
-    metric, most = certification.metric, certification.procedure.most
-    assert metric is not None
-    value = metric.value / printed.unit_si
-    half = metric.interval_95[1] / printed.unit_si - value
-    limit = value if most is None else most / printed.unit_si
-    axes.errorbar(0, value, half, fmt="o", color="black", markersize=3, capsize=5, linewidth=0.9)
-    _draw_limit(axes, certification, printed)
-    reach = max(abs(limit - value), half, 0.01)
-    axes.set_ylim(min(limit, value - half) - 0.3 * reach, max(limit, value + half) + 0.3 * reach)
-    axes.set(xlim=(-1, 1), xticks=[])
-    axes.set_xlabel("result and its\n95 % interval")
-    axes.ticklabel_format(axis="y", useOffset=False)
-    axes.set_title("against the limit" if most is not None else "no limit is set", pad=16)
-
-
-def _draw_limit(axes: Axes, certification: Certification, printed: Printed) -> None:
-    most = certification.procedure.most
-    if most is None:
-        return
-    limit = most / printed.unit_si
-    axes.axhline(limit, color="black", linewidth=1.4, linestyle=(0, (5, 2.5)))
-    axes.annotate(
-        f"limit {limit:.{printed.places}f}",
-        (1, limit),
-        xycoords=("axes fraction", "data"),
-        xytext=(0, 2),
-        textcoords="offset points",
-        ha="right",
-        va="bottom",
+def _hits_panel(document: CertificateDocument, right: float, bottom: float) -> Panel:
+    metric, unit_si = document.metric, METRICS[document.metric.name].unit_si
+    scan = bool(document.places)
+    across = [row.place_in if scan else float(row.shot) for row in document.shots]
+    seen = [(x, row) for x, row in zip(across, document.shots, strict=True) if row.metric]
+    heights = [row.metric / unit_si for _, row in seen if row.metric is not None]
+    interval = [bound / unit_si for bound in metric.interval_95 or ()]
+    if metric.value is None and metric.limit is not None:
+        heights.append(metric.limit / unit_si)
+    edge = 0.05 * (max(across) - min(across)) if scan else 0.6
+    panel = Panel(
+        left=LEFT,
+        right=right,
+        top=TOP,
+        bottom=bottom,
+        x=(min(across) - edge, max(across, default=0.0) + edge)
+        if scan
+        else (-edge, max(len(across), 2) - 1 + edge),
+        y=_limits([*heights, *interval]),
+        title="along the barrel" if scan else "hit by hit",
+        x_label="place from the tip, in" if scan else "shot",
+        y_label=_axis_label(document),
+        x_ticks=None if scan or len(across) > 30 else across,
     )
+    if metric.value is not None:
+        panel.band(interval[0], interval[1], "95 % interval")
+        panel.level(metric.value / unit_si, "result" if scan else "mean")
+    for label, rows, fill, cross in _kinds(seen, scan):
+        points = [(x, row.metric / unit_si) for x, row in rows if row.metric is not None]
+        if points:
+            xs, ys = zip(*points, strict=True)
+            panel.dots(xs, ys, label, fill=fill, cross=cross)
+    if not scan:
+        for x, row in zip(across, document.shots, strict=True):
+            if row.metric is None:
+                panel.note(x + 0.12, panel.y[0], " no value", anchor="start", upright=True)
+    return panel
 
 
-def _draw_turn(axes: Axes, after: Array, angle: Array, turn: Array) -> None:
-    late = after >= 0
-    axes.plot(after[::EVERY] * 1e3, angle[::EVERY], color="0.6", linewidth=2.4, label="record")
-    axes.plot(
-        after[late][::EVERY] * 1e3,
-        turn[late][::EVERY],
-        color="black",
-        linestyle="--",
-        label="turn of the joint fit",
+def _kinds(
+    seen: Sequence[tuple[float, ShotRow]], scan: bool
+) -> list[tuple[str, list[tuple[float, ShotRow]], str, bool]]:
+    """Return the kinds of hits to be marked: label, hits, fill of the disc, whether a cross."""
+    valid = [(x, row) for x, row in seen if not row.reason]
+    if scan:
+        return [
+            ("other valid hit", [(x, row) for x, row in valid if not row.used], "white", False),
+            ("in the result", [(x, row) for x, row in valid if row.used], "black", False),
+        ]
+    invalid = [(x, row) for x, row in seen if row.reason]
+    return [("valid hit", valid, "black", False), ("invalid hit", invalid, "none", True)]
+
+
+def _result_panel(document: CertificateDocument, left: float, bottom: float) -> Panel:
+    metric, printed = document.metric, METRICS[document.metric.name]
+    assert metric.value is not None
+    assert metric.interval_95 is not None
+    value, low, high = (number / printed.unit_si for number in (metric.value, *metric.interval_95))
+    limit = None if metric.limit is None else metric.limit / printed.unit_si
+    against = value if limit is None else limit
+    reach = max(abs(against - value), high - value, 0.01)
+    panel = Panel(
+        left=left,
+        right=RIGHT,
+        top=TOP,
+        bottom=bottom,
+        x=(-1.0, 1.0),
+        y=(min(against, low) - 0.3 * reach, max(against, high) + 0.3 * reach),
+        title="no limit is set" if limit is None else "against the limit",
+        x_label="result and its\n95 % interval",
+        x_ticks=(),
     )
-    axes.set(xlabel="time after contact, ms", ylabel="angle, °")
-    axes.set_title("the whole record")
-    axes.legend(loc="upper left", borderpad=0.2)
+    panel.whisker(0.0, low, high)
+    panel.dots([0.0], [value], radius=1.6)
+    if limit is not None:
+        _put_limit(panel, limit, f"limit {limit:.{printed.places}f}")
+    return panel
 
 
-def _draw_ring(axes: Axes, after: Array, rest: Array, ring: Array) -> None:
-    shown = (after >= 0) & (after <= RING_SHOWN)
-    fitted = shown & (after > SETTLE)
-    axes.plot(after[shown] * 1e3, rest[shown], ".", color="0.55", markersize=2.5, label="record")
-    axes.plot(after[fitted] * 1e3, ring[fitted], color="black", linewidth=0.7, label="fit")
-    axes.axvline(SETTLE * 1e3, color="black", linewidth=0.6, linestyle=":")
-    low, high = float(rest[shown].min()), float(rest[shown].max())
-    room = max(high - low, 1e-3)
-    axes.set_ylim(low - 0.08 * room, high + 0.25 * room)  # the legend's own strip above the ring
-    axes.set(xlabel="time after contact, ms", ylabel="angle, °")
-    axes.set_title("the record less the turn: the ring")
-    axes.legend(loc="upper right", ncols=2, borderpad=0.2, markerscale=2)
+def _put_limit(panel: Panel, limit: float, words: str) -> None:
+    panel.level(limit, width=1.4, dashes=DASHED)
+    panel.note(panel.x[1], limit, words)
 
 
-def _shot_record(certification: Certification, shot: int) -> tuple[Array, Array]:
-    """Return time after contact [s] and angle [°] of one shot, (sample,)."""
-    session = certification.session
-    encoder = session.records["impact"]["encoder"]
-    assert isinstance(encoder, EncoderRecord)
-    known, seen = session.calibration, certification.readings.passages
-    last = seen.times.shape[2] - 1
-    far = known["impact.gates.distance_0"].value
-    near = known[f"impact.gates.distance_{last}"].value
-    contact = seen.times[shot, 0, -1] + near * seen.duration_in[shot] / (far - near)
-    turn = known["impact.encoder.counts_per_turn"].value * known["impact.encoder.scale"].value
-    return encoder.times - contact, encoder.counts[shot] * (360 / turn)
+def _axis_label(document: CertificateDocument) -> str:
+    printed = METRICS[document.metric.name]
+    return f"{printed.symbol}, {printed.unit}" if printed.unit else printed.symbol
 
 
-def _fit(after: Array, angle: Array, frequency: Array, decay: Array) -> tuple[Array, Array]:
-    """Return turn and ring, (sample,): powers of time beside rings of known pitch and decay."""
-    fitted = after > SETTLE
-    columns = [(after / after[-1]) ** power for power in range(DEGREE + 1)]
-    for pitch, loss in zip(frequency, decay, strict=True):
-        # before contact there is no ring, and an envelope run backwards would overflow
-        envelope, phase = np.exp(-loss * np.maximum(after, 0)), 2 * np.pi * pitch * after
-        columns += [envelope * np.cos(phase), envelope * np.sin(phase)]
-    basis = np.stack(columns, axis=1)
-    weights = np.linalg.lstsq(basis[fitted], angle[fitted], rcond=None)[0]
-    turns = DEGREE + 1
-    return basis[:, :turns] @ weights[:turns], basis[:, turns:] @ weights[turns:]
-
-
-def _svg(draw: Any, height: float, name: str, title: str, description: str) -> str:
-    """Return what `draw` puts on a figure as an SVG element to stand inside a page."""
-    from matplotlib import style
-    from matplotlib.figure import Figure
-
-    with style.context(STYLE, after_reset=True):  # whatever the user's own style is
-        figure = Figure(figsize=(WIDTH, height), layout="constrained")
-        draw(figure)
-        written = io.StringIO()
-        figure.savefig(written, format="svg", transparent=True, metadata={"Date": None})
-    text = re.sub(r"<metadata>.*?</metadata>", "", written.getvalue(), flags=re.DOTALL)
-    text = text[text.index("<svg") :]
-    # ids are unique in a page, and two figures both have an "axes_1"
-    # hundredths of a point are finer than any printer; the page gets lighter by half
-    text = re.sub(r'\b(d|x|y)="[^"]*"', lambda found: _shorter(found[0]), text)
-    text = re.sub(r'\bid="', f'id="{name}-', text)
-    text = re.sub(r'href="#|url\(#', lambda found: f"{found[0]}{name}-", text)
-    size = re.search(r'viewBox="[^"]*"', text)
-    assert size is not None
-    head = (
-        f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" '
-        f'{size[0]} role="img" aria-labelledby="{name}-title {name}-description">'
-        f'<title id="{name}-title">{escape(title)}</title>'
-        f'<desc id="{name}-description">{escape(description)}</desc>'
-    )
-    return head + text[text.index(">") + 1 :].strip()
-
-
-def _shorter(coordinates: str) -> str:
-    return re.sub(r"\d+\.\d+", lambda found: f"{float(found[0]):.2f}", coordinates)
+def _limits(values: Sequence[float]) -> tuple[float, float]:
+    """Return limits of an axis with some room about the values."""
+    low, high = min(values, default=0.0), max(values, default=1.0)
+    room = max(ROOM * (high - low), (LEAST_RANGE - (high - low)) / 2)
+    return low - room, high + room

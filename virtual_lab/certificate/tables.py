@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from math import isfinite
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from virtual_lab.certificate.camera import witness_columns
+from virtual_lab.certificate.filling import budget_lines
+from virtual_lab.measurement.camera.comparison import CameraComparison
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.uncertainty.budget import Budget
-from virtual_lab.units import INCH, MPH, OUNCE
+from virtual_lab.units import DEGREE, INCH, MPH, OUNCE
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["budget_rows", "budget_table", "place_rows", "shot_table"]
+__all__ = ["budget_table", "shot_table"]
 
 
 def shot_table(certification: Certification) -> pd.DataFrame:
@@ -47,7 +48,7 @@ def shot_table(certification: Certification) -> pd.DataFrame:
         columns |= {"bat_speed_mph": shots.bat_speed / MPH}
     return pd.DataFrame(
         columns
-        | witness_columns(certification.second_witness)
+        | _camera_columns(certification.second_witness)
         | {
             "collision_efficiency": shots.collision_efficiency,
             "rebound_efficiency": shots.rebound_efficiency,
@@ -63,43 +64,27 @@ def shot_table(certification: Certification) -> pd.DataFrame:
     )
 
 
-def place_rows(certification: Certification) -> list[dict[str, Any]]:
-    """Return a row a place of a scan: hits, their mean metric and its scatter, as measured."""
-    place, valid = certification.readings.place, certification.judgement.valid
-    rows = []
-    for at in np.unique(place[valid]):
-        hits = certification.shot_metric[valid & (place == at)]
-        rows.append(
-            {
-                "place_in": float(at / INCH),
-                "hits": int(hits.size),
-                "mean": float(hits.mean()),
-                "s": float(hits.std(ddof=1)) if hits.size > 1 else None,
-            }
-        )
-    return rows
-
-
-def budget_rows(budget: Budget) -> list[dict[str, Any]]:
-    """Return the components of an uncertainty, largest first, shares of the variance in %."""
-    variance = sum(part.contribution**2 for part in budget.components)
-    return [
-        {
-            "component": part.name,
-            "value": part.value,
-            "u": part.u,
-            "type": part.evaluation,
-            "degrees_of_freedom": part.dof if isfinite(part.dof) else None,
-            "sensitivity": part.sensitivity,
-            "contribution": part.contribution,
-            "share_percent": 100 * part.contribution**2 / variance if variance else 0.0,
-        }
-        for part in budget.components
-    ]
-
-
 def budget_table(budget: Budget) -> pd.DataFrame:
     """Return the uncertainty budget as a table, largest component first."""
     import pandas as pd
 
-    return pd.DataFrame(budget_rows(budget))
+    return pd.DataFrame([asdict(line) for line in budget_lines(budget)])
+
+
+def _camera_columns(camera: CameraComparison | None) -> dict[str, Any]:
+    """Return what the camera says of every shot, as columns of the readings."""
+    if camera is None:
+        return {}
+    filmed, u = camera.filmed, camera.u
+    return {
+        "video_speed_mph": filmed.flights.speed_in / MPH,
+        "video_speed_u_mph": u["speed_in"] / MPH,
+        "video_rebound_mph": filmed.flights.speed_out / MPH,
+        "video_rebound_u_mph": u["speed_out"] / MPH,
+        "video_place_in": filmed.place / INCH,
+        "video_place_u_in": u["place"] / INCH,
+        "video_angle_deg": np.asarray(filmed.angle_in) / DEGREE,
+        "video_angle_u_deg": u["angle"] / DEGREE,
+        "video_efficiency": camera.shots.rebound_efficiency,
+        "video_efficiency_u": u["efficiency"],
+    }

@@ -1,11 +1,19 @@
-"""A certificate as plain text for a terminal."""
+"""A certificate as plain text for a terminal, from its document."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
-from virtual_lab.certificate.camera import witness_text
+from virtual_lab.certificate.document import (
+    BallCorrection,
+    CameraWord,
+    CertificateDocument,
+    ComparedResult,
+    MetricStated,
+    Stated,
+    SwingRow,
+    WidthStated,
+)
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.rounding import with_uncertainty
 from virtual_lab.output.tables import table_text
@@ -13,108 +21,101 @@ from virtual_lab.units import INCH
 
 __all__ = ["certificate_text"]
 
-WORDS = {
+SYMBOLS = {
     "bat_performance_factor": "BPF",
     "collision_efficiency": "e_A",
     "restitution": "e",
     "recoil_factor": "r",
     "ball_restitution": "e0",
 }
+COMPARED = ("collision_efficiency", "restitution", "bat_performance_factor")
 
 
-def certificate_text(document: Mapping[str, Any]) -> str:
+def certificate_text(document: CertificateDocument) -> str:
     """Return what a certificate says, in a dozen lines."""
-    metric, procedure = document["metric"], document["procedure"]
-    marginal = ", marginal: the limit lies within the 95 % interval" if document["marginal"] else ""
+    metric, procedure = document.metric, document.procedure
+    marginal = ", marginal: the limit lies within the 95 % interval" if document.marginal else ""
     lines = [
-        f"{document['bat']['name']} by {procedure['name']} ({procedure['edition']})",
-        f"  {document['verdict']}{marginal}",
+        f"{document.bat.name} by {procedure.name} ({procedure.edition})",
+        f"  {document.verdict}{marginal}",
     ]
-    if metric["value"] is not None:
+    if metric.value is not None:
         lines.append("  " + _metric_line(metric))
         lines += [
-            f"  {word:4} {with_uncertainty(document[name]['value'], document[name]['u'])}"
-            f"{'   ' + document['recoil']['which'] if name == 'recoil_factor' else ''}"
-            for name, word in WORDS.items()
-            if name in document
+            f"  {SYMBOLS[name]:4} {_with_u(stated)}"
+            f"{'   ' + document.recoil.which if name == 'recoil_factor' else ''}"
+            for name, stated in document.quantities.items()
         ]
-        place = document["impact_position_in"]
-        lines.append(f"  at {document['v_rel_mph']:.2f} mph, {place:.2f} in from the tip")
+        lines.append(
+            f"  at {document.v_rel_mph:.2f} mph, {document.impact_position_in:.2f} in from the tip"
+        )
         lines += _choice_lines(document)
-        lines += _width_lines(document["width_m"])
-        lines += _swing_lines(metric, document["swing_range"])
-        lines += _control_lines(document["ball_correction"])
-        lines += witness_text(document["second_witness"])
-    lines += [f"  invalid: {reason}" for reason in document["reasons"]]
+        lines += _width_lines(document.width_m)
+        lines += _swing_lines(metric, document.swing_range)
+        lines += _control_lines(document.ball_correction)
+        lines += _camera_lines(document.second_witness)
+    lines += [f"  invalid: {reason}" for reason in document.reasons]
     lines += [
-        f"  {'meets' if finding['met'] else 'FAILS'}: {finding['sentence']}"
-        for finding in document["findings"]
+        f"  {'meets' if finding.met else 'FAILS'}: {finding.sentence}"
+        for finding in document.findings
     ]
-    lines += [f"  FLAG {flag['name']}: {flag['sentence']}" for flag in document["flags"]]
-    lines.append(
-        f"  {document['valid_hits']} valid hits, {len(document['rejected_hits'])} rejected"
-    )
-    lines += [f"    shot {hit['shot']}: {hit['reason']}" for hit in document["rejected_hits"]]
-    lines += [
-        f"  ball {each['ball']} set aside: {each['reason']}"
-        for each in document["ball"]["set_aside"]
-    ]
-    lines.append(f"  {document['conditional_on']}")
-    if document["statement"]:
-        lines.append(f"  {document['statement']}")
-    if "sealing" in document["simulation"]:
-        lines.append(f"  {document['simulation']['sealing']}")
+    lines += [f"  FLAG {flag.name}: {flag.sentence}" for flag in document.flags]
+    lines.append(f"  {document.valid_hits} valid hits, {len(document.rejected_hits)} rejected")
+    lines += [f"    shot {hit.shot}: {hit.reason}" for hit in document.rejected_hits]
+    lines += [f"  ball {each.ball} set aside: {each.reason}" for each in document.ball.set_aside]
+    lines.append(f"  {document.conditional_on}")
+    if document.statement:
+        lines.append(f"  {document.statement}")
+    if "sealing" in document.simulation:
+        lines.append(f"  {document.simulation['sealing']}")
     return "\n".join(lines)
 
 
-def _metric_line(metric: Mapping[str, Any]) -> str:
-    printed = METRICS[metric["name"]]
-    value, u, limit = (
-        None if number is None else number / printed.unit_si
-        for number in (metric["value"], metric["u"], metric["limit"])
-    )
-    low, high = (bound / printed.unit_si for bound in metric["interval_95"])
-    assert value is not None
-    assert u is not None
+def _metric_line(metric: MetricStated) -> str:
+    printed = METRICS[metric.name]
+    assert metric.value is not None
+    assert metric.u is not None
+    assert metric.interval_95 is not None
+    low, high = (bound / printed.unit_si for bound in metric.interval_95)
     unit = f" {printed.unit}" if printed.unit else ""
-    most = "no limit" if limit is None else f"limit {limit:.{printed.places}f}"
-    places = printed.places + 1
-    return (
-        f"{printed.symbol:4} {with_uncertainty(value, u)}{unit}"
-        f"   95 % interval {low:.{places}f} to {high:.{places}f}, {most}"
+    most = (
+        "no limit"
+        if metric.limit is None
+        else f"limit {metric.limit / printed.unit_si:.{printed.places}f}"
     )
+    places = printed.places + 1
+    value = with_uncertainty(metric.value / printed.unit_si, metric.u / printed.unit_si)
+    interval = f"95 % interval {low:.{places}f} to {high:.{places}f}"
+    return f"{printed.symbol:4} {value}{unit}   {interval}, {most}"
 
 
-def _choice_lines(document: Mapping[str, Any]) -> list[str]:
-    if document["choice"] is None:
+def _choice_lines(document: CertificateDocument) -> list[str]:
+    if document.choice is None:
         return []
-    unit_si = METRICS[document["metric"]["name"]].unit_si
-    raised = document["choice"]["correction"] / unit_si
+    raised = document.choice.correction / METRICS[document.metric.name].unit_si
     return [f"  raised by {raised:.2g}: what the place chosen lacks on average of the best one"]
 
 
-def _width_lines(width: Mapping[str, Any] | None) -> list[str]:
+def _width_lines(width: WidthStated | None) -> list[str]:
     if width is None:
         return []
-    along = width["value"] / INCH
-    stated = (
-        f"at least {along:.2f}" if width["at_least"] else with_uncertainty(along, width["u"] / INCH)
-    )
-    where = f"{width['from_in']:.2f} to {width['to_in']:.2f} in from the tip"
-    return [f"  {stated} in wide within {width['drop']:g} of the curve's top, {where}"]
+    along = width.value / INCH
+    stated = f"at least {along:.2f}" if width.u is None else with_uncertainty(along, width.u / INCH)
+    where = f"{width.from_in:.2f} to {width.to_in:.2f} in from the tip"
+    return [f"  {stated} in wide within {width.drop:g} of the curve's top, {where}"]
 
 
-def _swing_lines(metric: Mapping[str, Any], results: Sequence[Mapping[str, Any]]) -> list[str]:
+def _swing_lines(metric: MetricStated, results: Sequence[SwingRow]) -> list[str]:
     if not results:
         return []
-    printed = METRICS[metric["name"]]
+    printed = METRICS[metric.name]
     rows = [
         {
-            "n": f"{row['exponent']:g}",
+            "n": f"{row.exponent:g}",
             f"{printed.symbol}, {printed.unit}": with_uncertainty(
-                row["value"] / printed.unit_si, row["u"] / printed.unit_si
+                row.value / printed.unit_si, row.u / printed.unit_si
             ),
-            "best place, in": f"{row['place_in']:.2f}",
+            "best place, in": f"{row.place_in:.2f}",
         }
         for row in results
     ]
@@ -123,9 +124,35 @@ def _swing_lines(metric: Mapping[str, Any], results: Sequence[Mapping[str, Any]]
     ]
 
 
-def _control_lines(correction: Mapping[str, Any] | None) -> list[str]:
-    if correction is None or correction["control"] is None:
+def _control_lines(correction: BallCorrection | None) -> list[str]:
+    if correction is None or correction.control is None:
         return []
-    control = correction["control"]
-    ratio = with_uncertainty(control["value"], control["u"])
-    return [f"  over {ratio} of the control bat with this lot ({control['source']})"]
+    control = correction.control
+    ratio = with_uncertainty(control.value, control.u)
+    return [f"  over {ratio} of the control bat with this lot ({control.source})"]
+
+
+def _camera_lines(camera: CameraWord | None) -> list[str]:
+    """Return what the camera says of the same hits."""
+    if camera is None:
+        return []
+    if not camera.hits:
+        return ["  the camera saw no hit that counts well enough"]
+    missed = f", {camera.missed} more not seen well" if camera.missed else ""
+    lines = [f"  gates and video of {camera.hits} hits{missed}:"]
+    for name in COMPARED:
+        compared: ComparedResult | None = getattr(camera, name)
+        if compared is None:
+            continue
+        ways = ("gates", compared.gates), ("video", compared.video), ("joined", compared.joined)
+        values = ", ".join(f"{way} {_with_u(stated)}" for way, stated in ways)
+        agreed = "agree" if compared.agree else "DISAGREE"
+        off = _with_u(compared.difference)
+        lines.append(f"    {SYMBOLS[name]:4} {values}; {agreed}, {off} apart")
+    return lines
+
+
+def _with_u(stated: Stated) -> str:
+    assert stated.value is not None
+    assert stated.u is not None
+    return with_uncertainty(stated.value, stated.u)

@@ -129,7 +129,7 @@ def certify(
     if as_json:
         print_json(certificate.document | {"folder": str(target)})
     else:
-        click.echo(certificate_text(certificate.document))
+        click.echo(certificate_text(certificate.printed))
         click.echo(f"\n{target / 'certificate.html'}")
 
 
@@ -165,7 +165,7 @@ def reduce(records: Path, out: Path | None, as_json: bool) -> None:
     if as_json:
         print_json(certificate.document)
     else:
-        click.echo(certificate_text(certificate.document))
+        click.echo(certificate_text(certificate.printed))
 
 
 @click.command()

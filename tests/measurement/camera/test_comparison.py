@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.laboratories import certify
-from virtual_lab.certificate.document import certificate
+from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.tables import shot_table
 from virtual_lab.certificate.text import certificate_text
 from virtual_lab.measurement.camera.comparison import COMPARED, CameraComparison, second_witness
@@ -185,16 +185,20 @@ def test_the_certificate_tells_both(certifications: list[Certification]) -> None
     """Document, text and readings of a filmed test; nothing of the sort where no camera was."""
     certification = certifications[3]
     document = certificate(certification)
-    told = document["second_witness"]
-    assert told["hits"] + told["missed"] == int(certification.outcome.used.sum())
-    assert told["collision_efficiency"]["agree"] is True
-    gates, stated = told["collision_efficiency"]["gates"], document["collision_efficiency"]
-    assert gates == {key: pytest.approx(value, rel=1e-12) for key, value in stated.items()}
+    camera = document.second_witness
+    assert camera is not None
+    assert camera.hits + camera.missed == int(certification.outcome.used.sum())
+    assert camera.collision_efficiency is not None
+    assert camera.collision_efficiency.agree
+    gates, stated = camera.collision_efficiency.gates, document.collision_efficiency
+    assert stated is not None
+    assert gates.value == pytest.approx(stated.value, rel=1e-12)
+    assert gates.u == pytest.approx(stated.u, rel=1e-12)
     text = certificate_text(document)
     assert "gates and video of" in text
     assert "agree" in text
     table = shot_table(certification)
     assert {"video_speed_mph", "video_rebound_mph", "video_place_in"} <= set(table.columns)
     plain = certify("r161", procedure="bbcor", seed=3, detail=RecordDetail.SUMMED).certification
-    assert certificate(plain)["second_witness"] is None
+    assert certificate(plain).second_witness is None
     assert "video" not in certificate_text(certificate(plain))

@@ -9,7 +9,8 @@ import pytest
 from scipy import stats
 
 from tests.laboratories import certified
-from virtual_lab.certificate.document import certificate
+from virtual_lab.certificate.document import FlagRaised
+from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.certificate.text import certificate_text
 from virtual_lab.measurement.certification import certify_session
@@ -72,10 +73,10 @@ def test_each_check_of_boards_speaks(fault: str, check: str) -> None:
 def test_a_flag_stands_on_every_certificate() -> None:
     found = certified("r161", procedure="astm-f1881", seed=12, faults=("aim-across",))
     document = certificate(found.certification)
-    (flag,) = document["flags"]
-    assert flag["name"] == "aim"
-    assert flag["sentence"] in certificate_text(document)
-    assert flag["sentence"] in certificate_page(document, found.certification)
+    (flag,) = document.flags
+    assert flag.name == "aim"
+    assert flag.sentence in certificate_text(document)
+    assert flag.sentence in certificate_page(document)
 
 
 def test_a_softball_bat_under_a_baseball_procedure_is_flagged() -> None:
@@ -85,10 +86,9 @@ def test_a_softball_bat_under_a_baseball_procedure_is_flagged() -> None:
     assert flag.name == "sports"
     assert "bat is of softball, the ball is of baseball, the procedure is of" in flag.sentence
     document = certificate(found.certification)
-    said = {"name": "sports", "sentence": flag.sentence, "invalidates": False}
-    assert document["flags"] == [said]
+    assert document.flags == (FlagRaised(name="sports", sentence=flag.sentence, invalidates=False),)
     assert flag.sentence in certificate_text(document)
-    assert flag.sentence in certificate_page(document, found.certification)
+    assert flag.sentence in certificate_page(document)
     unknown = replace(found.certification.session, bat_sport="")
     assert certify_session(unknown).flags == ()
     swapped = replace(found.certification.session, bat_sport="baseball", ball_sport="softball")
@@ -152,9 +152,9 @@ def test_recoil_and_rebound_that_contradict_each_other_decide_nothing(sound: Ses
     assert found.reasons == ("by the flag recoil-and-rebound",)
     assert not found.marginal
     document = certificate(found)
-    assert document["verdict"] == "INVALID"
+    assert document.verdict == "INVALID"
     assert "invalid: by the flag recoil-and-rebound" in certificate_text(document)
-    assert "by the flag recoil-and-rebound" in certificate_page(document, found)
+    assert "by the flag recoil-and-rebound" in certificate_page(document)
 
 
 def test_a_bat_of_an_impossible_density_decides_nothing(sound: Session) -> None:

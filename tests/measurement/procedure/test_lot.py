@@ -8,7 +8,7 @@ import pytest
 
 from tests.laboratories import opened
 from virtual_lab import catalog
-from virtual_lab.certificate.document import certificate
+from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.text import certificate_text
 from virtual_lab.lab import by_the_book
 from virtual_lab.lab.laboratory import Laboratory
@@ -68,7 +68,7 @@ def test_they_are_not_fired_and_the_certificate_says_so(lively: Laboratory) -> N
     assert {each.ball for each in found.set_aside} == {3, 7}
     assert not set(found.readings.ball) & {3, 7}
     document = certificate(found)
-    assert [each["ball"] for each in document["ball"]["set_aside"]] == [3, 7]
+    assert [each.ball for each in document.ball.set_aside] == [3, 7]
     assert "ball 3 set aside: e0 0.55" in certificate_text(document)
     assert not [flag for flag in found.flags if flag.name == "lot-rules"]
     # the lot's e0, measured and true, is the mean of the other ten

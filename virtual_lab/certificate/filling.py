@@ -1,0 +1,407 @@
+"""A test's certification put into the certificate's document."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from importlib.metadata import version
+from math import isfinite, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.certificate.document import (
+    SCHEMA,
+    BallCorrection,
+    BallSetAside,
+    BallsUsed,
+    BatAsMeasured,
+    BudgetLine,
+    CameraWord,
+    CertificateDocument,
+    ChoiceStated,
+    ComparedResult,
+    ControlRatio,
+    EncoderTrace,
+    FlagRaised,
+    MetricStated,
+    OtherRecoil,
+    PlaceRow,
+    ProcedureStated,
+    ReboundCheck,
+    RecoilStated,
+    RejectedHit,
+    RingStated,
+    RuleFinding,
+    ShotRow,
+    Stated,
+    SwingRow,
+    Trace,
+    UnverifiedValue,
+    WidthStated,
+)
+from virtual_lab.measurement.camera.comparison import CameraComparison, ComparedQuantity
+from virtual_lab.measurement.certification import Certification
+from virtual_lab.measurement.model import CONTROL, QUANTITIES
+from virtual_lab.measurement.procedure import CHOICE, Procedure
+from virtual_lab.measurement.procedure.peak_width import Width
+from virtual_lab.measurement.reduction.recoil import DEGREE, SETTLE
+from virtual_lab.measurement.swing_range import SwingResult
+from virtual_lab.output.metrics import METRICS
+from virtual_lab.records import EncoderRecord
+from virtual_lab.uncertainty.budget import Budget
+from virtual_lab.units import INCH, MPH
+
+__all__ = ["budget_lines", "certificate"]
+
+Array = NDArray[np.float64]
+DECISION_RULE = (
+    "PASS where the value is at most the limit (simple acceptance); "
+    "marginal where the limit lies within the 95 % interval"
+)
+LAW_SPREAD = 0.045  # of r161's peak e over the laws of the ball: virtual-lab sensitivity r161
+SIMULATED = "SIMULATED: no real bat was tested and no accredited laboratory issued this."
+PACKAGES = ("virtual-lab", "numpy", "scipy", "pandas", "numba")
+RING_SHOWN = 20e-3  # s, the slowest ring is seen to turn a few times
+EVERY = 8  # of the slow turn's samples shown: more would only make the page heavier
+
+
+def certificate(
+    certification: Certification, *, truth_digest: str | None = None
+) -> CertificateDocument:
+    """Return the certificate of a test.
+
+    `truth_digest` binds it to the sealed truth of a simulated one.
+    """
+    session, procedure = certification.session, certification.procedure
+    metric, outcome = certification.metric, certification.outcome
+    recoil, judgement = certification.readings.recoil, certification.judgement
+    speed = certification.shots.relative_speed[outcome.used]
+    stated = {
+        name: _stated(certification.quantities.get(name))
+        for name in QUANTITIES
+        if name != procedure.metric or _of_standard_ball(procedure)
+    }
+    digest = {"truth_digest": truth_digest} if truth_digest else {}
+    return CertificateDocument(
+        schema=SCHEMA,
+        statement=SIMULATED if session.simulation else "",
+        procedure=ProcedureStated(
+            name=procedure.name,
+            title=procedure.title,
+            edition=procedure.edition,
+            hits_needed=procedure.valid_hits,
+            at_percussion=procedure.place == "centre-of-percussion",
+            swing_exponent=procedure.game.exponent if procedure.game else None,
+        ),
+        bat=BatAsMeasured(
+            name=session.bat,
+            mass_kg=_stated(certification.bat["mass"]),
+            length_m=_stated(certification.bat["length"]),
+            z_cm_m=_stated(certification.bat["z_cm"]),
+            inertia_cm_kg_m2=_stated(certification.bat["inertia_cm"]),
+        ),
+        ball=BallsUsed(
+            name=session.ball,
+            ball_restitution_is="the mean of the lot, every ball measured",
+            set_aside=tuple(BallSetAside(**asdict(each)) for each in certification.set_aside),
+        ),
+        rigs=dict(session.rigs),
+        laboratory=session.laboratory,
+        customer=session.customer,
+        date=session.date,
+        metric=_metric(certification),
+        verdict=certification.verdict.value,
+        marginal=certification.marginal,
+        decision_rule=DECISION_RULE,
+        **stated,
+        recoil=RecoilStated(
+            which=procedure.recoil,
+            other=OtherRecoil(**asdict(certification.other)) if certification.other else None,
+        ),
+        ball_correction=_correction(certification),
+        nominal_speed_mph=procedure.ball_speed / MPH,
+        nominal_bat_speed_mph=(procedure.bat_speed or 0.0) / MPH,
+        v_rel_mph=float(speed.mean() / MPH) if speed.size else None,
+        impact_position_in=_known(outcome.place / INCH),
+        width_m=_width(certification.width),
+        swing_range=tuple(_swing(result) for result in certification.swings),
+        places=tuple(_places(certification)) if procedure.scan else (),
+        findings=tuple(RuleFinding(**asdict(each)) for each in certification.findings),
+        flags=tuple(FlagRaised(**asdict(each)) for each in certification.flags),
+        incomplete=outcome.reason,
+        reasons=certification.reasons,
+        valid_hits=int(judgement.valid.sum()),
+        rejected_hits=tuple(
+            RejectedHit(shot=shot, reason=reason)
+            for shot, reason in enumerate(judgement.reasons)
+            if reason
+        ),
+        shots=tuple(_shots(certification)),
+        rebound_check=_rebound_check(certification),
+        second_witness=_camera(certification.second_witness),
+        ring=RingStated(
+            frequencies_hz=tuple(recoil.ring_frequency.tolist()),
+            decays_per_s=tuple(recoil.ring_decay.tolist()),
+        )
+        if recoil
+        else None,
+        encoder=_encoder(certification),
+        choice=_choice(metric),
+        conditional_on=_conditional_on(certification),
+        budget=tuple(budget_lines(metric)) if metric else (),
+        unverified=tuple(
+            UnverifiedValue(
+                key=datum.key,
+                value=f"{datum.value} {datum.unit}".removesuffix(" 1"),
+                source=datum.source,
+            )
+            for datum in certification.unverified
+        ),
+        simulation=dict(session.simulation) | digest,
+        versions={name: version(name) for name in PACKAGES},
+    )
+
+
+def budget_lines(budget: Budget) -> list[BudgetLine]:
+    """Return the components of an uncertainty, largest first, shares of the variance in %."""
+    variance = sum(part.contribution**2 for part in budget.components)
+    return [
+        BudgetLine(
+            component=part.name,
+            value=part.value,
+            u=part.u,
+            type="A" if part.evaluation == "A" else "B",
+            degrees_of_freedom=_known(part.dof),
+            sensitivity=part.sensitivity,
+            contribution=part.contribution,
+            share_percent=100 * part.contribution**2 / variance if variance else 0.0,
+        )
+        for part in budget.components
+    ]
+
+
+def _metric(certification: Certification) -> MetricStated:
+    procedure, metric = certification.procedure, certification.metric
+    return MetricStated(
+        name=procedure.metric,
+        value=metric.value if metric else None,
+        u=metric.u if metric else None,
+        interval_95=metric.interval_95 if metric else None,
+        degrees_of_freedom=_known(metric.dof) if metric else None,
+        u_type_a=metric.u_type_a if metric else None,
+        u_type_b=metric.u_type_b if metric else None,
+        unit=METRICS[procedure.metric].si_unit,
+        limit=procedure.most,
+        place_in=certification.outcome.place / INCH if metric else None,
+    )
+
+
+def _shots(certification: Certification) -> list[ShotRow]:
+    shots, readings, outcome = certification.shots, certification.readings, certification.outcome
+    turned = readings.recoil is not None
+    swung = readings.swing is not None
+    return [
+        ShotRow(
+            shot=shot,
+            ball=int(readings.ball[shot]),
+            place_in=float(readings.place[shot] / INCH),
+            speed_mph=_known(shots.speed[shot] / MPH),
+            bat_speed_mph=_known(shots.bat_speed[shot] / MPH) if swung else None,
+            recoil_rad_per_s=_known(shots.recoil_rate[shot]) if turned else None,
+            recoil_efficiency=_known(shots.recoil_efficiency[shot]) if turned else None,
+            rebound_efficiency=_known(shots.rebound_efficiency[shot]),
+            metric=_known(certification.shot_metric[shot]),
+            used=bool(outcome.used[shot]),
+            reason=reason,
+        )
+        for shot, reason in enumerate(certification.judgement.reasons)
+    ]
+
+
+def _places(certification: Certification) -> list[PlaceRow]:
+    place, valid = certification.readings.place, certification.judgement.valid
+    rows = []
+    for at in np.unique(place[valid]):
+        hits = certification.shot_metric[valid & (place == at)]
+        rows.append(
+            PlaceRow(
+                place_in=float(at / INCH),
+                hits=int(hits.size),
+                mean=float(hits.mean()),
+                s=float(hits.std(ddof=1)) if hits.size > 1 else None,
+            )
+        )
+    return rows
+
+
+def _camera(comparison: CameraComparison | None) -> CameraWord | None:
+    if comparison is None:
+        return None
+    found = {name: _compared(each) for name, each in comparison.told.items()}
+    return CameraWord(
+        hits=comparison.hits,
+        missed=comparison.missed,
+        collision_efficiency=found.get("collision_efficiency"),
+        restitution=found.get("restitution"),
+        bat_performance_factor=found.get("bat_performance_factor"),
+    )
+
+
+def _compared(quantity: ComparedQuantity) -> ComparedResult:
+    return ComparedResult(
+        gates=_stated(quantity.gates),
+        video=_stated(quantity.video),
+        joined=_stated(quantity.joined),
+        difference=_stated(quantity.difference),
+        share_of_video=quantity.share,
+        agree=quantity.agree,
+    )
+
+
+def _conditional_on(certification: Certification) -> str:
+    """Return in a sentence what the result and its uncertainty take for granted."""
+    unverified = len(certification.unverified)
+    values = "1 of its values is" if unverified == 1 else f"{unverified} of its values are"
+    model = (
+        "the model of the collision (the force law of the ball alone moves the peak e of a bat "
+        f"by {LAW_SPREAD:g}) and on "
+        if certification.session.simulation
+        else ""
+    )
+    return (
+        f"The result and its uncertainty are conditional on {model}the procedure as it is known "
+        f"here ({values} unverified)."
+    )
+
+
+def _choice(metric: Budget | None) -> ChoiceStated | None:
+    """Return by how much the value is raised for the place chosen by a scan, None where by none."""
+    chosen = [part for part in metric.components if part.name == CHOICE] if metric else []
+    return ChoiceStated(correction=chosen[0].value, u=chosen[0].u) if chosen else None
+
+
+def _stated(budget: Budget | None) -> Stated:
+    return Stated(value=budget.value if budget else None, u=budget.u if budget else None)
+
+
+def _width(width: Width | None) -> WidthStated | None:
+    if width is None:
+        return None
+    whole = width.span.whole
+    return WidthStated(
+        value=width.budget.value,
+        u=width.budget.u if whole else None,
+        drop=width.drop,
+        at_least=not whole,
+        from_in=width.span.low / INCH,
+        to_in=width.span.high / INCH,
+    )
+
+
+def _swing(result: SwingResult) -> SwingRow:
+    return SwingRow(
+        exponent=result.exponent,
+        value=result.budget.value,
+        u=result.budget.u,
+        interval_95=result.budget.interval_95,
+        place_in=result.place / INCH,
+    )
+
+
+def _known(value: float) -> float | None:
+    return float(value) if isfinite(value) else None
+
+
+def _of_standard_ball(procedure: Procedure) -> bool:
+    """Return whether the metric is carried to another ball than the lot's own."""
+    return procedure.correction is not None and procedure.correction.method != "none"
+
+
+def _correction(certification: Certification) -> BallCorrection | None:
+    """Return what is done about balls that are not the standard one, None where nothing is."""
+    correction = certification.procedure.correction
+    if correction is None or not _of_standard_ball(certification.procedure):
+        return None
+    ratio = certification.session.calibration.get(CONTROL)
+    control = ControlRatio(value=ratio.value, u=ratio.u, source=ratio.source) if ratio else None
+    return BallCorrection(method=correction.method, standard=correction.standard, control=control)
+
+
+def _rebound_check(certification: Certification) -> ReboundCheck | None:
+    """Return how the ball's own rebound agrees with the recoil: the gates' e_A less the encoder's.
+
+    None where nothing watched the recoil.
+    """
+    if certification.readings.recoil is None:
+        return None
+    shots, valid = certification.shots, certification.judgement.valid
+    seen = valid & np.isfinite(shots.rebound_efficiency)
+    if not seen.any():
+        return ReboundCheck(shots=0, collision_efficiency=None, difference=None, u=None)
+    rebound = shots.rebound_efficiency[seen]
+    gap = rebound - shots.recoil_efficiency[seen]
+    return ReboundCheck(
+        shots=int(seen.sum()),
+        collision_efficiency=float(rebound.mean()),
+        difference=float(gap.mean()),
+        u=float(gap.std(ddof=1)) / sqrt(gap.size) if gap.size > 1 else None,
+    )
+
+
+def _encoder(certification: Certification) -> EncoderTrace | None:
+    """Return the encoder's record of one shot with turn and ring; None where it wrote no counts.
+
+    They are fitted here once more, at the frequencies and decays that the reduction found for all
+    shots together: a display, no result is taken from it.
+    """
+    counts = certification.session.records["impact"].get("encoder")
+    recoil, seen = certification.readings.recoil, np.isfinite(certification.shots.speed)
+    if not isinstance(counts, EncoderRecord) or recoil is None or not seen.any():
+        return None
+    valid = certification.judgement.valid
+    shot = int((valid if valid.any() else seen).argmax())
+    after, angle = _angle_of(certification, counts, shot)
+    turn, ring = _turn_and_ring(after, angle, recoil.ring_frequency, recoil.ring_decay)
+    shown = (after >= 0) & (after <= RING_SHOWN)
+    return EncoderTrace(
+        shot=shot,
+        settled_ms=SETTLE * 1e3,
+        turn=_trace(after[::EVERY], angle[::EVERY], turn[::EVERY]),
+        ring=_trace(after[shown], (angle - turn)[shown], ring[shown]),
+    )
+
+
+def _trace(after: Array, angle: Array, fit: Array) -> Trace:
+    time, shown, fitted = (
+        tuple(np.round(values, places).tolist())
+        for values, places in ((after * 1e3, 4), (angle, 5), (fit, 5))
+    )
+    return Trace(time_ms=time, angle_deg=shown, fit_deg=fitted)
+
+
+def _angle_of(
+    certification: Certification, record: EncoderRecord, shot: int
+) -> tuple[Array, Array]:
+    """Return time after contact [s] and angle [°] of one shot, (sample,)."""
+    known, seen = certification.session.calibration, certification.readings.passages
+    far = known["impact.gates.distance_0"].value
+    near = known[f"impact.gates.distance_{seen.times.shape[2] - 1}"].value
+    contact = seen.times[shot, 0, -1] + near * seen.duration_in[shot] / (far - near)
+    turn = known["impact.encoder.counts_per_turn"].value * known["impact.encoder.scale"].value
+    return record.times - contact, record.counts[shot] * (360 / turn)
+
+
+def _turn_and_ring(
+    after: Array, angle: Array, frequency: Array, decay: Array
+) -> tuple[Array, Array]:
+    """Return turn and ring, (sample,): powers of time beside rings of known pitch and decay."""
+    fitted = after > SETTLE
+    columns = [(after / after[-1]) ** power for power in range(DEGREE + 1)]
+    for pitch, loss in zip(frequency, decay, strict=True):
+        # before contact there is no ring, and an envelope run backwards would overflow
+        envelope, phase = np.exp(-loss * np.maximum(after, 0)), 2 * np.pi * pitch * after
+        columns += [envelope * np.cos(phase), envelope * np.sin(phase)]
+    basis = np.stack(columns, axis=1)
+    weights = np.linalg.lstsq(basis[fitted], angle[fitted], rcond=None)[0]
+    turns = DEGREE + 1
+    return basis[:, :turns] @ weights[:turns], basis[:, turns:] @ weights[turns:]
