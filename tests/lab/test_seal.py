@@ -15,7 +15,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.lab.seal import alterations, write_seal
 
 EDITS: dict[str, Any] = {
-    "schema": 2,
+    "schema": 9,
     "statement": "",
     "procedure.edition": "ASTM F1881-23",
     "bat.mass_kg.value": 0.8,
