@@ -138,7 +138,7 @@ class ControlRatio(Spec):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BallCorrection(Spec):
+class CorrectionStated(Spec):
     """What is done about balls that are not the standard one."""
 
     method: str
@@ -335,7 +335,7 @@ class CertificateDocument(Spec):
     recoil_factor: Stated | None = None
     ball_restitution: Stated | None = None
     recoil: RecoilStated
-    ball_correction: BallCorrection | None
+    ball_correction: CorrectionStated | None
     nominal_speed_mph: float
     nominal_bat_speed_mph: float
     v_rel_mph: float | None

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from virtual_lab.certificate.document import (
     SCHEMA,
-    BallCorrection,
     BallSetAside,
     BallsUsed,
     BatAsMeasured,
@@ -21,6 +20,7 @@ from virtual_lab.certificate.document import (
     ChoiceStated,
     ComparedResult,
     ControlRatio,
+    CorrectionStated,
     EncoderTrace,
     FlagRaised,
     MetricStated,
@@ -138,7 +138,7 @@ def certificate(
         ),
         shots=tuple(_shots(certification)),
         rebound_check=_rebound_check(certification),
-        second_witness=_camera(certification.second_witness),
+        second_witness=_camera(certification.camera),
         ring=RingStated(
             frequencies_hz=tuple(recoil.ring_frequency.tolist()),
             decays_per_s=tuple(recoil.ring_decay.tolist()),
@@ -237,7 +237,7 @@ def _places(certification: Certification) -> list[PlaceRow]:
 def _camera(comparison: CameraComparison | None) -> CameraWord | None:
     if comparison is None:
         return None
-    found = {name: _compared(each) for name, each in comparison.told.items()}
+    found = {name: _compared(each) for name, each in comparison.quantities.items()}
     return CameraWord(
         hits=comparison.hits,
         missed=comparison.missed,
@@ -317,14 +317,14 @@ def _of_standard_ball(procedure: Procedure) -> bool:
     return procedure.correction is not None and procedure.correction.method != "none"
 
 
-def _correction(certification: Certification) -> BallCorrection | None:
+def _correction(certification: Certification) -> CorrectionStated | None:
     """Return what is done about balls that are not the standard one, None where nothing is."""
     correction = certification.procedure.correction
     if correction is None or not _of_standard_ball(certification.procedure):
         return None
     ratio = certification.session.calibration.get(CONTROL)
     control = ControlRatio(value=ratio.value, u=ratio.u, source=ratio.source) if ratio else None
-    return BallCorrection(method=correction.method, standard=correction.standard, control=control)
+    return CorrectionStated(method=correction.method, standard=correction.standard, control=control)
 
 
 def _rebound_check(certification: Certification) -> ReboundCheck | None:

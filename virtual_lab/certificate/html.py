@@ -10,12 +10,12 @@ import re
 from math import isfinite, sqrt
 
 from virtual_lab.certificate.document import (
-    BallCorrection,
     BatAsMeasured,
     CameraWord,
     CertificateDocument,
     ComparedResult,
     ControlRatio,
+    CorrectionStated,
     MetricStated,
     ReboundCheck,
     Stated,
@@ -180,7 +180,7 @@ def _bat(bat: BatAsMeasured) -> list[dict[str, str]]:
     ]
 
 
-def _correction(correction: BallCorrection | None) -> str:
+def _correction(correction: CorrectionStated | None) -> str:
     """Return what was done about balls that are not the standard one, as a sentence."""
     if correction is None:
         return ""

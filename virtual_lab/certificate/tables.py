@@ -48,7 +48,7 @@ def shot_table(certification: Certification) -> pd.DataFrame:
         columns |= {"bat_speed_mph": shots.bat_speed / MPH}
     return pd.DataFrame(
         columns
-        | _camera_columns(certification.second_witness)
+        | _camera_columns(certification.camera)
         | {
             "collision_efficiency": shots.collision_efficiency,
             "rebound_efficiency": shots.rebound_efficiency,

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from virtual_lab.certificate.document import (
-    BallCorrection,
     CameraWord,
     CertificateDocument,
     ComparedResult,
+    CorrectionStated,
     MetricStated,
     Stated,
     SwingRow,
@@ -124,7 +124,7 @@ def _swing_lines(metric: MetricStated, results: Sequence[SwingRow]) -> list[str]
     ]
 
 
-def _control_lines(correction: BallCorrection | None) -> list[str]:
+def _control_lines(correction: CorrectionStated | None) -> list[str]:
     if correction is None or correction.control is None:
         return []
     control = correction.control

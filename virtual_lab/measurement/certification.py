@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.catalog import Datum
-from virtual_lab.measurement.camera.comparison import CameraComparison, second_witness
+from virtual_lab.measurement.camera.comparison import CameraComparison, compare_camera
 from virtual_lab.measurement.diagnostics import Evidence, Flag, flags
 from virtual_lab.measurement.other_support import OtherSupport, other_support
 from virtual_lab.measurement.procedure import (
@@ -35,7 +35,7 @@ from virtual_lab.measurement.session_reduction import Reduced, reduce_session
 from virtual_lab.measurement.swing_range import SwingResult, swing_range
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.records.session import Session
-from virtual_lab.uncertainty.budget import Budget, Variants, mean_of_hits
+from virtual_lab.uncertainty.budget import Budget, Propagator, Variants, mean_of_hits
 
 __all__ = [
     "Certification",
@@ -64,7 +64,7 @@ class Certification:
     width: Width | None  # None too where the rules ask for none
     swings: tuple[SwingResult, ...]  # where the rules name several swing laws
     other: OtherSupport | None
-    second_witness: CameraComparison | None  # where a camera watched the hits
+    camera: CameraComparison | None  # where a camera watched the hits
     set_aside: tuple[SetAside, ...]  # balls that the rules do not admit
     findings: tuple[Finding, ...]  # what the rules ask of a bat before it is hit
     flags: tuple[Flag, ...]  # what does not hang together in the records
@@ -90,14 +90,20 @@ def certify_session(session: Session) -> Certification:
     return evaluate(session, reduce_session(session))
 
 
-def evaluate(session: Session, reduced: Reduced) -> Certification:
-    """Return metric, uncertainty and verdict of a session already reduced."""
+def evaluate(
+    session: Session, reduced: Reduced, propagator: Propagator = Variants.of
+) -> Certification:
+    """Return metric, uncertainty and verdict of a session already reduced.
+
+    `propagator` carries the uncertainty of the constants through the measurement model, by
+    default to first order.
+    """
     procedure, shots, outcome = reduced.procedure, reduced.shots, reduced.outcome
     where, valid = reduced.readings.place, reduced.judgement.valid
     quantities: dict[str, Budget] = {}
     metric = None
     if np.isfinite(outcome.weights).all():
-        variants, used = Variants.of(reduced.constants), outcome.used
+        variants, used = propagator(reduced.constants), outcome.used
         weights, effects = outcome.weights[used], outcome.effects[used]
         places = np.round(where, 6)[used]
         for name, hits in reduced.model(variants.columns).items():
@@ -121,9 +127,9 @@ def evaluate(session: Session, reduced: Reduced) -> Certification:
         metric=metric,
         quantities=quantities,
         width=width_of(procedure, where, valid, reduced.shot_metric) if metric else None,
-        swings=swing_range(reduced) if metric else (),
+        swings=swing_range(reduced, propagator) if metric else (),
         other=other_support(procedure, shots, reduced.bat, outcome) if metric else None,
-        second_witness=second_witness(session, reduced),
+        camera=compare_camera(session, reduced, propagator),
         set_aside=reduced.model.lot.set_aside,
         findings=found,
         flags=flagged,

@@ -9,7 +9,7 @@ import numpy as np
 from virtual_lab.measurement.procedure import Curve, HitWeights, Procedure, metric_of, outcome_of
 from virtual_lab.measurement.reduction.shot_algebra import bat_properties
 from virtual_lab.measurement.session_reduction import Reduced
-from virtual_lab.uncertainty.budget import Budget, Variants, mean_of_hits
+from virtual_lab.uncertainty.budget import Budget, Propagator, Variants, mean_of_hits
 
 __all__ = ["SwingResult", "swing_range"]
 
@@ -23,7 +23,7 @@ class SwingResult:
     budget: Budget
 
 
-def swing_range(reduced: Reduced) -> tuple[SwingResult, ...]:
+def swing_range(reduced: Reduced, propagator: Propagator = Variants.of) -> tuple[SwingResult, ...]:
     """Return the metric for each of the game's `exponents`; () where the rules name none.
 
     The hits are those of the test. The scan closed in on the best place of the procedure's own
@@ -42,7 +42,7 @@ def swing_range(reduced: Reduced) -> tuple[SwingResult, ...]:
     if not all(np.isfinite(outcome.weights).all() for _, outcome in others.values()):
         return ()
 
-    variants = Variants.of(reduced.constants)
+    variants = propagator(reduced.constants)
     moved = Curve.measured(reduced.model.shots(variants.columns))
     bat = bat_properties(variants.columns)
     found = []

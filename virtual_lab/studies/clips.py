@@ -18,7 +18,7 @@ from scipy.stats import binomtest
 from virtual_lab.errors import InputError
 from virtual_lab.lab import Laboratory, TestSetup, prepared
 from virtual_lab.lab.naming import with_records
-from virtual_lab.measurement.camera.comparison import second_witness
+from virtual_lab.measurement.camera.comparison import compare_camera
 from virtual_lab.measurement.session_reduction import reduce_session
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import ShotPlan, Stage
@@ -93,15 +93,15 @@ def _clip(laboratory: Laboratory, rung: RecordDetail) -> Array:
     play = ready.stations[stage].play(order, ready.specimen, ready.draws)
     session = with_records(day.session, stage, [play])
     reduced = reduce_session(session)
-    witness = second_witness(session, reduced)
-    assert witness is not None
+    camera = compare_camera(session, reduced)
+    assert camera is not None
     if not reduced.judgement.valid[0]:
         return np.full((len(QUANTITIES), 3), np.nan)
-    flights = witness.filmed.flights
+    flights = camera.filmed.flights
     measured = {
         "speed_in": flights.speed_in,
         "speed_out": flights.speed_out,
-        "efficiency": witness.shots.rebound_efficiency,
+        "efficiency": camera.shots.rebound_efficiency,
     }
     true = {
         "speed_in": play.truth["speed"],
@@ -109,7 +109,7 @@ def _clip(laboratory: Laboratory, rung: RecordDetail) -> Array:
         "efficiency": play.truth["collision_efficiency"],
     }
     return np.array(
-        [[measured[name][0], witness.u[name][0], true[name][0]] for name in QUANTITIES.values()]
+        [[measured[name][0], camera.u[name][0], true[name][0]] for name in QUANTITIES.values()]
     )
 
 

@@ -134,7 +134,7 @@ def tests(
 
 
 def _marks(certification: Certification) -> AimMarks:
-    """Return the marks on the witness paper, which tell how the aim strays."""
+    """Return the marks of the test shots, which show how the aim strays."""
     marks = certification.session.records["impact"]["aim"]
     assert isinstance(marks, AimMarks)
     return marks

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, sqrt
-from typing import Self
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,9 @@ from virtual_lab.uncertainty.estimate import Estimate
 __all__ = [
     "Budget",
     "Component",
+    "Propagator",
     "Variants",
+    "Variation",
     "combine",
     "effective_dof",
     "interval_95",
@@ -66,9 +68,33 @@ class Budget:
     components: tuple[Component, ...]
 
 
+class Variation(Protocol):
+    """Constants moved within their uncertainty, and what a model's outputs then say of it."""
+
+    @property
+    def columns(self) -> Mapping[str, Array]:
+        """The constants as columns (k, 1), the estimates first."""
+        ...
+
+    def components(self, values: Array) -> list[Component]:
+        """Return what the constants contribute to an output of shape (k,)."""
+        ...
+
+    def effects(self, values: Array) -> Array:
+        """Return effects on outputs (k, ...), (m, ...): their squares add up to the variance."""
+        ...
+
+    def u(self, values: Array) -> Array:
+        """Return the standard uncertainties of a row of results, (n,), from outputs (k, n)."""
+        ...
+
+
+Propagator = Callable[[Mapping[str, Estimate]], Variation]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variants:
-    """Constants as columns (k, 1): the estimates, then each uncertain one up, then each down.
+    """The first order: each uncertain constant up by its standard uncertainty, then each down.
 
     What a model makes of the columns tells what each constant does to each of its outputs.
     """
@@ -164,7 +190,7 @@ def combine(value: float, components: Sequence[Component]) -> Budget:
 
 
 def mean_of_hits(
-    variants: Variants, hits: Array, weights: Array, places: Array, effects: Array | None = None
+    variants: Variation, hits: Array, weights: Array, places: Array, effects: Array | None = None
 ) -> Budget:
     """Return the budget of a weighted sum of hits: constants, then the scatter that remains.
 

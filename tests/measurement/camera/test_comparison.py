@@ -9,7 +9,7 @@ from tests.laboratories import certify
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.tables import shot_table
 from virtual_lab.certificate.text import certificate_text
-from virtual_lab.measurement.camera.comparison import COMPARED, CameraComparison, second_witness
+from virtual_lab.measurement.camera.comparison import COMPARED, CameraComparison, compare_camera
 from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.measurement.session_reduction import reduce_session
 from virtual_lab.simulation.instruments import RecordDetail
@@ -33,10 +33,10 @@ def filmed(seed: int, *, faults: tuple[str, ...] = (), reality: Reality = Realit
     )
 
 
-def witness_of(seed: int, **given) -> CameraComparison:
-    witness = filmed(seed, **given).certification.second_witness
-    assert witness is not None
-    return witness
+def camera_of(seed: int, **given) -> CameraComparison:
+    camera = filmed(seed, **given).certification.camera
+    assert camera is not None
+    return camera
 
 
 @pytest.fixture(scope="module")
@@ -45,14 +45,14 @@ def certifications() -> list[Certification]:
 
 
 @pytest.fixture(scope="module")
-def witnesses(certifications: list[Certification]) -> list[CameraComparison]:
-    return [each.second_witness for each in certifications if each.second_witness]
+def comparisons(certifications: list[Certification]) -> list[CameraComparison]:
+    return [each.camera for each in certifications if each.camera]
 
 
 @pytest.mark.parametrize("name", COMPARED)
-def test_sound_witnesses_agree(name: str, witnesses: list[CameraComparison]) -> None:
+def test_sound_gates_and_camera_agree(name: str, comparisons: list[CameraComparison]) -> None:
     """Scores of the difference: mean within 4/√n of 0, χ² of n within 4 of its deviations."""
-    told = [each.told[name] for each in witnesses]
+    told = [each.quantities[name] for each in comparisons]
     scores = np.array([each.difference.value / each.difference.u for each in told])
     n = len(scores)
     assert abs(scores.mean()) < 4 / np.sqrt(n)
@@ -61,10 +61,10 @@ def test_sound_witnesses_agree(name: str, witnesses: list[CameraComparison]) -> 
 
 
 @pytest.mark.parametrize("name", COMPARED)
-def test_joined_is_between_and_no_less_sure(name: str, witnesses: list[CameraComparison]) -> None:
+def test_joined_is_between_and_no_less_sure(name: str, comparisons: list[CameraComparison]) -> None:
     """A share from 0 to 1, and by what sets them apart no wider than either."""
-    for each in witnesses:
-        told = each.told[name]
+    for each in comparisons:
+        told = each.quantities[name]
         assert 0 <= told.share <= 1
         low, high = sorted([told.gates.value, told.video.value])
         assert low - 1e-12 <= told.joined.value <= high + 1e-12
@@ -74,7 +74,7 @@ def test_joined_is_between_and_no_less_sure(name: str, witnesses: list[CameraCom
 
 def test_an_ideal_day_gives_the_same_twice() -> None:
     """No errors, no noise: gates and video to 1e-5 of e_A, whatever the geometry."""
-    told = witness_of(1, reality=Reality.IDEAL).told["collision_efficiency"]
+    told = camera_of(1, reality=Reality.IDEAL).quantities["collision_efficiency"]
     assert told.video.value == pytest.approx(told.gates.value, abs=1e-5)
 
 
@@ -85,13 +85,13 @@ def test_speeds_of_every_shot(certifications: list[Certification]) -> None:
     """
     ratios = []
     for each in certifications:
-        witness = each.second_witness
-        assert witness is not None
+        camera = each.camera
+        assert camera is not None
         valid = each.judgement.valid
-        ratios.append(np.median(witness.filmed.flights.speed_in[valid] / each.shots.speed[valid]))
-        u = witness.u["speed_in"][valid] / each.shots.speed[valid]
+        ratios.append(np.median(camera.filmed.flights.speed_in[valid] / each.shots.speed[valid]))
+        u = camera.u["speed_in"][valid] / each.shots.speed[valid]
         assert ((u > 4e-4) & (u < 8e-4)).all()
-        off = witness.filmed.place[valid] - each.shots.place[valid]
+        off = camera.filmed.place[valid] - each.shots.place[valid]
         assert abs(float(np.median(off))) < 3e-3
     off = np.array(ratios) - 1
     assert abs(off.mean()) < 4 * 6e-4 / np.sqrt(len(off))
@@ -115,18 +115,18 @@ def test_each_shot_scatters_with_its_heights_as_it_says(
         )
         readings = replace(reduced.readings, passages=seen)
         model = replace(reduced.model, readings=readings)
-        witness = second_witness(session, replace(reduced, model=model))
-        assert witness is not None
-        return witness
+        camera = compare_camera(session, replace(reduced, model=model))
+        assert camera is not None
+        return camera
 
-    def quantities(witness: CameraComparison) -> dict[str, np.ndarray]:
-        flights = witness.filmed.flights
+    def quantities(camera: CameraComparison) -> dict[str, np.ndarray]:
+        flights = camera.filmed.flights
         return {
             "speed_in": flights.speed_in,
             "speed_out": flights.speed_out,
-            "efficiency": witness.shots.rebound_efficiency,
-            "place": witness.filmed.place,
-            "angle": witness.filmed.angle_in,
+            "efficiency": camera.shots.rebound_efficiency,
+            "place": camera.filmed.place,
+            "angle": camera.filmed.angle_in,
         }
 
     level = np.zeros(passages.heights.shape)
@@ -147,19 +147,19 @@ def test_a_camera_at_another_scale_shows_in_the_restitution(
 ) -> None:
     """An entered frame rate 2 % off spoils both speeds alike: e_A keeps, e0 at the speed does not.
 
-    The two witnesses then disagree in BPF by the slope of e0, and agree in the ratio.
+    The two then disagree in BPF by the slope of e0, and agree in the ratio.
     """
     done = certifications[3]
     session = done.session
     clock = session.calibration["impact.camera.clock"]
     wrong = {"impact.camera.clock": Estimate(value=clock.value * 1.02, u=clock.u)}
     again = certify_session(replace(session, calibration={**session.calibration, **wrong}))
-    assert again.second_witness is not None
-    sound = done.second_witness
+    assert again.camera is not None
+    sound = done.camera
     assert sound is not None
-    ratio = again.second_witness.filmed.flights.speed_in / sound.filmed.flights.speed_in
+    ratio = again.camera.filmed.flights.speed_in / sound.filmed.flights.speed_in
     assert ratio == pytest.approx(np.full(len(ratio), 1.02), rel=1e-9, nan_ok=True)
-    assert not again.second_witness.told["bat_performance_factor"].agree
+    assert not again.camera.quantities["bat_performance_factor"].agree
 
 
 def test_a_moved_gate_is_told_by_the_camera(certifications: list[Certification]) -> None:
@@ -169,9 +169,9 @@ def test_a_moved_gate_is_told_by_the_camera(certifications: list[Certification])
     """
 
     def ratio(certification: Certification) -> float:
-        witness = certification.second_witness
-        assert witness is not None
-        return float(np.nanmedian(witness.filmed.flights.speed_in / certification.shots.speed))
+        camera = certification.camera
+        assert camera is not None
+        return float(np.nanmedian(camera.filmed.flights.speed_in / certification.shots.speed))
 
     off = [ratio(filmed(seed, faults=("gate-moved",)).certification) for seed in range(6)]
     sound = [ratio(each) for each in certifications[:6]]

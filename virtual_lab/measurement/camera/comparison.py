@@ -19,10 +19,18 @@ from virtual_lab.measurement.reduction.shot_algebra import ShotResults, drag_of
 from virtual_lab.measurement.session_reduction import Reduced, best_values, constants_known
 from virtual_lab.records import ClipRecord, TrackRecord
 from virtual_lab.records.session import Session
-from virtual_lab.uncertainty.budget import Budget, Component, Variants, mean_of_hits, scatter
+from virtual_lab.uncertainty.budget import (
+    Budget,
+    Component,
+    Propagator,
+    Variants,
+    Variation,
+    mean_of_hits,
+    scatter,
+)
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["COMPARED", "CameraComparison", "ComparedQuantity", "second_witness"]
+__all__ = ["COMPARED", "CameraComparison", "ComparedQuantity", "compare_camera"]
 
 Array = NDArray[np.float64]
 COMPARED: Mapping[str, str] = {  # name in a certificate: the shots' field it is the mean of
@@ -35,7 +43,7 @@ GATES, VIDEO = "gates", "video"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComparedQuantity:
-    """One quantity as the witnesses tell it."""
+    """One quantity by the gates, by video, and joined."""
 
     gates: Budget
     video: Budget
@@ -54,9 +62,8 @@ class ComparedQuantity:
 class CameraComparison:
     """What the camera adds to a test."""
 
-    told: Mapping[
-        str, ComparedQuantity
-    ]  # by the keys of COMPARED; {} where no hit that counts was filmed
+    # by the keys of COMPARED; {} where no hit that counts was filmed
+    quantities: Mapping[str, ComparedQuantity]
     hits: int  # that count and both saw
     missed: int  # that count, and the camera did not see well
     filmed: Filmed
@@ -65,7 +72,9 @@ class CameraComparison:
 
 
 @constants_known()
-def second_witness(session: Session, reduced: Reduced) -> CameraComparison | None:
+def compare_camera(
+    session: Session, reduced: Reduced, propagator: Propagator = Variants.of
+) -> CameraComparison | None:
     """Return what a session's camera says, None where it had none.
 
     Raises
@@ -78,21 +87,21 @@ def second_witness(session: Session, reduced: Reduced) -> CameraComparison | Non
         return None
     best = best_values(reduced.constants)
     seen = sight(record, camera_constants(session), float(best["ball.radius"]))
-    variants, passages = Variants.of(reduced.constants), reduced.readings.passages
+    variants, passages = propagator(reduced.constants), reduced.readings.passages
     by_gates, risen = timed("impact", passages), heights_moved("impact", passages)
     found = _by_both(reduced, seen, best, by_gates)
     moved = _by_both(reduced, seen, variants.columns, by_gates)
     both = np.isfinite(found.video.rebound_efficiency) & np.isfinite(found.gates.rebound_efficiency)
     used, weights = reduced.outcome.used & both, reduced.outcome.weights
-    told: dict[str, ComparedQuantity] = {}
+    compared: dict[str, ComparedQuantity] = {}
     if used.any() and np.isfinite(weights[used]).all():
         share = weights[used] / weights[used].sum()
         place = np.round(reduced.readings.place, 6)[used]
         for name, field in COMPARED.items():
             hits = {who: getattr(moved.results[who], field)[:, used] for who in (GATES, VIDEO)}
-            told[name] = _told(variants, hits, share, place)
+            compared[name] = _compared(variants, hits, share, place)
     return CameraComparison(
-        told=told,
+        quantities=compared,
         hits=int(used.sum()),
         missed=int((reduced.outcome.used & ~both).sum()),
         filmed=found.filmed,
@@ -118,7 +127,7 @@ def camera_constants(session: Session) -> dict[str, Estimate]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Both:
-    """The shots of any values of the constants by both witnesses, (..., shot)."""
+    """The shots of any values of the constants by gates and by video, (..., shot)."""
 
     gates: ShotResults
     video: ShotResults
@@ -177,10 +186,10 @@ def _shots_u(
     }
 
 
-def _told(
-    variants: Variants, hits: Mapping[str, Array], weights: Array, places: Array
+def _compared(
+    variants: Variation, hits: Mapping[str, Array], weights: Array, places: Array
 ) -> ComparedQuantity:
-    """Return a quantity by both witnesses, joined, and their difference.
+    """Return a quantity by gates and by video, joined, and their difference.
 
     `hits` are those of the variants, (k, hit).
     """
@@ -205,7 +214,7 @@ def _told(
 def _share(parts: Mapping[str, list[Component]], apart: Component) -> float:
     """Return the video's share in what has the least uncertainty.
 
-    Only what sets the witnesses apart counts: the constants, and half of the scatter of their
+    Only what sets the two apart counts: the constants, and half of the scatter of their
     differences for each. How the hits themselves scatter is the same for both.
     """
     gates = np.array([part.sensitivity * part.u for part in parts[GATES]])
