@@ -22,10 +22,10 @@ from virtual_lab.certificate.document import (
     WidthStated,
 )
 from virtual_lab.certificate.figures import encoder_figure, hits_figure, swings_figure
-from virtual_lab.certificate.inputs import INPUTS, STAGES
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.rounding import decimals
 from virtual_lab.output.template import template
+from virtual_lab.records.constants import constant_of
 from virtual_lab.units import INCH, OUNCE, OZ_IN2
 
 __all__ = ["certificate_page", "notebook_card"]
@@ -40,6 +40,26 @@ CAMERA_SYMBOLS = {
     "bat_performance_factor": "BPF",
 }
 CAMERA_WAYS = ("gates", "video", "joined")
+STAGES = {"bench": "Bench", "balls": "Wall rig", "impact": "Bat rig", "hall": "Hall"}
+INPUTS = {  # of a budget, no constants of a calibration: words, unit of print, SI times this
+    "hits": ("Scatter from hit to hit", "", 1.0),
+    "choice of the place": ("Choice of the place", "", 1.0),
+    "bat.mass": ("Bat mass, readings", "g", 1000.0),
+    "bat.length": ("Bat length, readings", "mm", 1000.0),
+    "bat.balance": ("Balance point, readings", "mm", 1000.0),
+    "bat.barrel_radius": ("Barrel radius, readings", "mm", 1000.0),
+    "bat.period": ("Pendulum period, readings", "ms", 1000.0),
+    "balls.repeatability": ("Ball restitution, wall hits of each ball", "", 1.0),
+    "balls.slope_repeatability": ("Fall of ball restitution with speed, wall hits", "s/m", 1.0),
+    "procedure.place_slope_error": ("Slope of e_A along the barrel, at the aim", "", 1.0),
+    "aim.across_square": ("cannon, mean square aim across the bat", "mm²", 1000000.0),
+    "camera.clock": ("camera, clock rate", "ppm", 1000000.0),
+    "camera.focal": ("camera, focal length", "px", 1.0),
+    "camera.plane": ("camera, height of the line of fire", "mm", 1000.0),
+    "camera.place_x": ("camera, place along the flight", "mm", 1000.0),
+    "camera.place_y": ("camera, place along the bat", "mm", 1000.0),
+    "camera.place_z": ("camera, height", "mm", 1000.0),
+}
 VERDICTS = {
     "PASS": "the bat meets the limit",
     "FAIL": "the bat exceeds the limit",
@@ -290,19 +310,21 @@ def _budget(document: CertificateDocument) -> list[dict[str, str]]:
 def _input(name: str, u: float) -> dict[str, str]:
     """Return what a budget calls a constant, and its uncertainty in a handy unit."""
     stage, _, rest = name.partition(".")
-    if gate := re.fullmatch(r"gates\.(distance|height)_(\d+)", rest):
-        words, unit, factor = f"light gates, {gate[1]} of gate {int(gate[2]) + 1}", "mm", 1e3
-    elif name in INPUTS:
+    number = re.search(r"_(\d+)$", name)
+    if name in INPUTS:
         words, unit, factor = INPUTS[name]
-        return {"words": words, "u": f"{_digits(u * factor)} {unit}".strip()}
+    elif known := constant_of(name):
+        words, unit, factor = known.words, known.printed, known.per_si
+        if number:
+            words = words.format(number=int(number[1]) + 1)
+        if stage in STAGES:
+            words = f"{STAGES[stage]}: {words}"
     elif rest in INPUTS and stage in STAGES:
         words, unit, factor = INPUTS[rest]
+        words = f"{STAGES[stage]}: {words}"
     else:
         return {"words": name, "u": f"{u:.2g} (SI)"}
-    return {
-        "words": f"{STAGES.get(stage, stage)}: {words}",
-        "u": f"{_digits(u * factor)} {unit}".strip(),
-    }
+    return {"words": words, "u": f"{_digits(u * factor)} {unit}".strip()}
 
 
 def _rebound(check: ReboundCheck | None) -> dict[str, object]:

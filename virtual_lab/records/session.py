@@ -24,7 +24,7 @@ from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.files import inside, parse_table, read_bytes, read_json, read_text
 from virtual_lab.records import RECORD_TYPES, Record
-from virtual_lab.records.foreign.constants import require_plausible
+from virtual_lab.records.constants import require_plausible
 from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["SCHEMA", "SESSION", "Session", "load_session", "require_channel", "save_session"]

@@ -7,8 +7,9 @@ from pathlib import Path
 
 from virtual_lab.catalog import load, names
 from virtual_lab.errors import InputError, nearest
-from virtual_lab.lab import TestSetup, certify_bat
+from virtual_lab.lab import Laboratory, TestSetup, certify_bat
 from virtual_lab.measurement.certification import Certification, certify_session
+from virtual_lab.measurement.model import CONTROL
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.records.foreign.laboratory import FORM, load_laboratory, procedure_name
 from virtual_lab.records.session import Session
@@ -47,7 +48,7 @@ def certify_laboratory(folder: Path) -> Certification:
         raise InputError(str(folder), FORM, None, "stands beside a session.json; keep one of them")
     session, procedure = load_laboratory(folder), procedure_name(folder)
     try:
-        needed = list(our_own(procedure).calibration)
+        needed = _constants_of(procedure)
     except InputError:
         needed = []  # rules for machines that are not ours: what is missing shows further on
     if needed:
@@ -58,6 +59,13 @@ def certify_laboratory(folder: Path) -> Certification:
         sources = {"session.json": str(form), "procedure.toml": procedure}
         where = sources.get(fault.where, fault.where)
         raise InputError(where, fault.key, fault.value, fault.allowed) from fault
+
+
+def _constants_of(procedure: str) -> list[str]:
+    """Return the constants that our own laboratory for a procedure knows."""
+    laboratory = Laboratory.open(TestSetup.of(names("bats")[0], procedure=procedure))
+    control = [CONTROL] if laboratory.rules.spec.controlled else []
+    return [*laboratory.session.calibration, *control]
 
 
 def _require_constants(given: list[str], needed: list[str], where: str) -> None:

@@ -15,7 +15,7 @@ from virtual_lab.catalog.specs import CHECK_STANDARD
 from virtual_lab.files import new_folder
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.records import RECORD_TYPES, Record
-from virtual_lab.records.foreign.constants import constant_of
+from virtual_lab.records.constants import constant_of
 from virtual_lab.records.foreign.laboratory import BLANK, FORM
 from virtual_lab.records.foreign.table import column_names
 from virtual_lab.records.session import Session

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
-from virtual_lab.records.foreign.constants import constant_of, read_constants
+from virtual_lab.records.constants import constant_of
+from virtual_lab.records.foreign.constants import read_constants
 from virtual_lab.studies.foreign import our_own
 from virtual_lab.units import DIMENSIONS
 

@@ -1,0 +1,223 @@
+"""The constants of a calibration: what each is, in which unit it is printed, what is plausible."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+from virtual_lab.errors import InputError
+from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.units import DIMENSIONS
+
+__all__ = ["GREATEST", "Constant", "constant_of", "require_plausible"]
+
+GREATEST = 1e18  # of any constant, SI: products of such numbers stay finite
+
+
+class Constant(NamedTuple):
+    """What a constant is."""
+
+    dimension: str
+    meaning: str  # of its value, in a form to fill in
+    words: str  # in a budget
+    printed: str  # unit there
+    per_si: float  # printed units to the SI unit
+    low: float = 0.0  # SI; beyond this range no such thing is made, nor known as badly
+    high: float = GREATEST
+
+
+CONSTANTS = {  # by "instrument.constant"
+    "scale.zero": Constant(
+        "mass", "what the scale shows of nothing", "scale, zero", "g", 1000.0, -1, 1
+    ),
+    "scale.span": Constant(
+        "number",
+        "mass shown, less the zero, over true mass",
+        "scale, span",
+        "ppm",
+        1000000.0,
+        0.5,
+        2,
+    ),
+    "scale.resolution": Constant("mass", "its smallest step", "scale, smallest step", "g", 1000.0),
+    "rule.offset": Constant(
+        "length", "length shown less true length", "rule, offset", "mm", 1000.0, -1, 1
+    ),
+    "rule.resolution": Constant("length", "its smallest step", "rule, smallest step", "mm", 1000.0),
+    "stand.offset": Constant(
+        "length", "balance point shown less true one", "balance stand, offset", "mm", 1000.0, -1, 1
+    ),
+    "stand.resolution": Constant(
+        "length", "its smallest step", "balance stand, smallest step", "mm", 1000.0
+    ),
+    "pendulum.clock": Constant(
+        "number", "time shown over true time", "pendulum, clock rate", "ppm", 1000000.0, 0.5, 2
+    ),
+    "pendulum.amplitude_offset": Constant(
+        "angle",
+        "amplitude shown less true one",
+        "pendulum, amplitude reading",
+        "mrad",
+        1000.0,
+        -1,
+        1,
+    ),
+    "pendulum.pivot_from_knob": Constant(
+        "length",
+        "from the knob's end to the axis it swings on",
+        "pendulum, axis to knob",
+        "mm",
+        1000.0,
+        -1,
+        2,
+    ),
+    "pendulum.clamp_inertia": Constant(
+        "inertia",
+        "of the clamp alone, about that axis",
+        "pendulum, inertia of the clamp",
+        "g m²",
+        1000.0,
+        0,
+        10,
+    ),
+    "pendulum.clamp_moment": Constant(
+        "moment",
+        "mass of the clamp times its lever below the axis",
+        "pendulum, balance of the clamp",
+        "g m",
+        1000.0,
+        -10,
+        10,
+    ),
+    "gates.distance": Constant(
+        "length",
+        "from the ball's centre at contact; 0: farthest gate",
+        "light gates, distance of gate {number}",
+        "mm",
+        1000.0,
+        0,
+        100,
+    ),
+    "gates.height": Constant(
+        "length",
+        "of the gate above the line of fire, against its nominal",
+        "light gates, height of gate {number}",
+        "mm",
+        1000.0,
+        -10,
+        10,
+    ),
+    "gates.lowest": Constant(
+        "length",
+        "of the lowest beam above the line of fire",
+        "light boards, lowest beam",
+        "mm",
+        1000.0,
+        -10,
+        10,
+    ),
+    "gates.pitch": Constant(
+        "length", "from beam to beam", "light boards, pitch of the beams", "mm", 1000.0, 0.0001, 1
+    ),
+    "gates.clock": Constant(
+        "number", "time shown over true time", "light gates, clock rate", "ppm", 1000000.0, 0.5, 2
+    ),
+    "hall.gravity": Constant(
+        "acceleration", "in the hall", "Hall: gravity", "mm/s²", 1000.0, 9, 11
+    ),
+    "air.density": Constant(
+        "density", "of the air in the hall", "air density", "kg/m³", 1.0, 0, 10
+    ),
+    "air.drag_coefficient": Constant(
+        "number", "of the ball", "drag coefficient of the ball", "", 1.0, 0, 5
+    ),
+    "pivot.from_knob": Constant(
+        "length",
+        "from the knob's end to the axis the bat turns on",
+        "pivot to knob",
+        "mm",
+        1000.0,
+        -1,
+        2,
+    ),
+    "pivot.height": Constant(
+        "length",
+        "of the bat's axis above the line of fire",
+        "bat above the line of fire",
+        "mm",
+        1000.0,
+        -10,
+        10,
+    ),
+    "cannon.along": Constant(
+        "length",
+        "where balls strike less where they were set to",
+        "cannon, aim along the bat",
+        "mm",
+        1000.0,
+        -1,
+        1,
+    ),
+    "encoder.scale": Constant(
+        "number", "angle shown over true angle", "encoder, scale", "ppm", 1000000.0, 0.5, 2
+    ),
+    "encoder.counts_per_turn": Constant(
+        "number", "of the encoder", "encoder, counts a turn", "", 1.0, 1, 1000000000.0
+    ),
+    "swing.scale": Constant(
+        "number",
+        "angle shown over true angle",
+        "encoder of the swing, scale",
+        "ppm",
+        1000000.0,
+        0.5,
+        2,
+    ),
+    "swing.counts_per_turn": Constant(
+        "number", "of the encoder", "encoder of the swing, counts a turn", "", 1.0, 1, 1000000000.0
+    ),
+    "control.restitution_ratio": Constant(
+        "number",
+        "e of the control bat with this lot, over its own",
+        "Control bat with this lot of balls",
+        "",
+        1.0,
+        0.1,
+        10,
+    ),
+    "ball.radius": Constant("length", "of the ball", "Ball radius", "mm", 1000.0, 0.005, 0.2),
+    "ball.restitution_slope": Constant(
+        "slope of speed",
+        "of the ball's e0 over its speed",
+        "Fall of ball restitution with speed",
+        "s/m",
+        1.0,
+        -1,
+        1,
+    ),
+}
+
+
+def constant_of(key: str) -> Constant | None:
+    """Return what a constant ``stage.instrument.constant`` is, None where it is not ours.
+
+    A number at the end tells apart constants of a kind: ``distance_0``, ``distance_1``.
+    """
+    return CONSTANTS.get(re.sub(r"_\d+$", "", ".".join(key.split(".")[-2:])))
+
+
+def require_plausible(key: str, known: Estimate, where: str) -> None:
+    """Refuse a constant beyond the range of its kind, or whose u is wider than that.
+
+    A budget takes the constant one u up and down, where a model far off says nothing.
+    """
+    of = constant_of(key)
+    low, high = (of.low, of.high) if of else (-GREATEST, GREATEST)
+    for name, value, least, most in (
+        ("value", known.value, low, high),
+        ("u", known.u, 0.0, high - low),
+    ):
+        if not least <= value <= most:
+            unit = next(iter(DIMENSIONS[of.dimension])) if of else ""
+            allowed = f"allowed: {least:g} to {most:g} {unit}".removesuffix(" 1").strip()
+            raise InputError(where, f"calibration.{key}.{name}", f"{value:g}", allowed)
