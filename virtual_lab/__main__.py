@@ -6,7 +6,7 @@ import os
 import signal
 from contextlib import suppress
 
-from virtual_lab.drafts import remove_drafts
+from virtual_lab.files.drafts import remove_drafts
 
 __all__ = ["main"]
 

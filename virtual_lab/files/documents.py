@@ -16,8 +16,8 @@ from errno import EEXIST
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from virtual_lab.drafts import draft_in
 from virtual_lab.errors import InputError
+from virtual_lab.files.drafts import draft_in
 
 if TYPE_CHECKING:
     import pandas as pd
