@@ -1,6 +1,6 @@
 """Random numbers by (seed, branch, name) and by (slot, index): the same bits whoever asks.
 
-A slot is the number of a shot in its laboratory, or of a reading. A number hangs on nothing that
+A slot is the number of a shot in its laboratory, or of a reading. A number depends on nothing that
 was drawn before it or beside it: not on rounds, batches or the order of actions.
 
 Everything random in a laboratory is drawn through `Draws`. `Streams` draws; `Quiet` answers
@@ -55,7 +55,7 @@ class Draws(Protocol):
 class Streams:
     """The numbers of one seed, a whole number of any size.
 
-    Each `branch` of a seed has numbers of its own: what one laboratory draws anew for each of
+    Each `branch` of a seed has numbers of its own: what one laboratory draws for each of
     its tests.
     """
 

@@ -138,7 +138,7 @@ def read(text: str, where: str, spec: type[T]) -> Entry[T]:
 
 @lru_cache(maxsize=64)
 def _read(text: str, where: str, spec: Hashable) -> Any:
-    """Read a text once: a test reads its rules anew after every round."""
+    """Read a text once: a test reads its rules after every round."""
     document = parse_toml(text, where)
     return Entry(validate(document, where, cast("type", spec)), text, tuple(_sheet(document)))
 

@@ -29,7 +29,7 @@ def validate(document: Mapping[str, Any], where: str, spec: type[T]) -> T:
         return cast("T", _adapter(cast("Hashable", spec)).validate_python(document))
     except ValidationError as fault:
         errors = fault.errors(include_url=False)
-        # of a key mistyped two are told: what it is not, and that it is missing
+        # a mistyped key gives two errors: it is not known, and it is missing
         unknown = [each for each in errors if each["type"] == "unexpected_keyword_argument"]
         error = (unknown or errors)[0]
         place = _place(document, error["loc"])

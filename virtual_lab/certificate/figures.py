@@ -1,6 +1,6 @@
 """The certificate's figures, from its document.
 
-What a figure says is told by shape and line style, so it survives a black-and-white printer.
+Shape and line style carry what a figure says, so it survives a black-and-white printer.
 """
 
 from __future__ import annotations

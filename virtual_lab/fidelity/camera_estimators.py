@@ -175,7 +175,7 @@ def _template(picture: Picture) -> Place | None:
 
 
 def _ecc(picture: Picture) -> Place | None:
-    """Return the shift of greatest correlation; rendered anew there once, as shifts blur."""
+    """Return the shift of greatest correlation; rendered there once more, as shifts blur."""
     import cv2
 
     matte, at = picture.matte, picture

@@ -176,7 +176,7 @@ def _start(case: Case, x: Array, y: Array, draws: Streams, slots: Slots) -> Loca
 
 
 def _clip(samples: NDArray[np.uint8]) -> Clip:
-    """Return a clip that has been opened: only what one look at all its frames told is left."""
+    """Return a clip that was opened, with the statistics of one pass over its frames."""
     return Clip(
         source=Source(path=Path("made"), declared=0, read=lambda: iter(())),
         times=np.zeros(0),

@@ -112,8 +112,8 @@ def unsaid_share(rows: list[Row], method: str) -> float:
 
 def _summary(rows: list[Row]) -> str:
     methods = dict.fromkeys(row["method"] for row in rows)
-    told = ", ".join(f"{method} {unsaid_share(rows, method):.2%}" for method in methods)
-    return f"beyond five standard uncertainties and unsaid, over the whole map: {told}"
+    shares = ", ".join(f"{method} {unsaid_share(rows, method):.2%}" for method in methods)
+    return f"beyond five standard uncertainties and unsaid, over the whole map: {shares}"
 
 
 def _cell(batch: Batch, found: Located) -> Row:

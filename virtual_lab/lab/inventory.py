@@ -91,7 +91,7 @@ def _rebounds(name: str, kind: str | None) -> dict[str, Any]:
                 {"distance_m": distance, "speed_mph": float(speed)}
                 for distance, speed in zip(gates.distances, slowest, strict=True)
             ],
-            "told_mph": float(slowest[-2]),  # two gates tell a speed
+            "told_mph": float(slowest[-2]),  # a speed takes two gates
         }
     }
 
@@ -124,5 +124,5 @@ def _rebound_line(slowest: Mapping[str, Any]) -> str:
     )
     return (
         f"slowest level rebound seen, {slowest['fall_mm']:g} mm of fall: {gates}; "
-        f"two gates tell a speed: from {slowest['told_mph']:.1f} mph"
+        f"a speed takes two gates: from {slowest['told_mph']:.1f} mph"
     )

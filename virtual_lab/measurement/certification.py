@@ -146,7 +146,7 @@ def evaluate(
 def _reasons(
     procedure: Procedure, outcome: HitWeights, metric: Budget | None, flagged: tuple[Flag, ...]
 ) -> Iterator[str]:
-    """Tell why a test decides nothing; nothing where it does."""
+    """Return why a test decides nothing; nothing where it does."""
     if outcome.reason:
         yield outcome.reason
     if metric is not None and not metric.u <= procedure.most_u:

@@ -21,7 +21,7 @@ FRAMES = ("shot", "frame")
 class ClipRecord(Record):
     """Square windows on the frames in which the ball was seen, (shot, frame); NaN: no more frames.
 
-    A frame's time is the middle of its exposure. `left` and `top` tell which pixel of the frame a
+    A frame's time is the middle of its exposure. `left` and `top` say which pixel of the frame a
     window's first is. Frames the camera lost are not there: their neighbours' times are apart.
     """
 

@@ -201,7 +201,7 @@ CONSTANTS = {  # by "instrument.constant"
 def constant_of(key: str) -> Constant | None:
     """Return what a constant ``stage.instrument.constant`` is, None where it is not ours.
 
-    A number at the end tells apart constants of a kind: ``distance_0``, ``distance_1``.
+    A number at the end distinguishes constants of a kind: ``distance_0``, ``distance_1``.
     """
     return CONSTANTS.get(re.sub(r"_\d+$", "", ".".join(key.split(".")[-2:])))
 

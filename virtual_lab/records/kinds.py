@@ -154,7 +154,7 @@ class EncoderRecord(Record):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AimMarks(Record):
-    """Where test shots marked a witness paper, off the aim: along and across the bat."""
+    """Where test shots marked an aim paper, off the aim: along and across the bat."""
 
     along: Array
     across: Array

@@ -96,7 +96,7 @@ Propagator = Callable[[Mapping[str, Estimate]], Variation]
 class Variants:
     """The first order: each uncertain constant up by its standard uncertainty, then each down.
 
-    What a model makes of the columns tells what each constant does to each of its outputs.
+    The model's outputs of the columns show what each constant does to each of them.
     """
 
     uncertain: Mapping[str, Estimate]

@@ -139,7 +139,7 @@ class _Both:
 
     @property
     def quantities(self) -> dict[str, Array]:
-        """What the camera tells of each shot."""
+        """What the camera gives of each shot."""
         return {
             "speed_in": self.filmed.flights.speed_in,
             "speed_out": self.filmed.flights.speed_out,

@@ -2,7 +2,7 @@
 
 With quadratic drag the way s = d exprel(±κd) is linear in time, v s' = 1 at the target, so each
 way is a weighted straight line through the frames' places whatever the speed. How high the ball
-flew, which is how far from the camera it was, the gates tell.
+flew, which is how far from the camera it was, comes from the gates.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def filmed(x: Constants, stage: str, seen: Sightings, drag: Array, timed: Flight
     timed
         What the gates say, of which heights and slopes are used.
     """
-    # heights change slowly along the way: how far a ball is, the first set of constants tells
+    # heights change slowly along the way: how far a ball is comes from the first set of constants
     first = {name: np.ravel(value)[:1, None] for name, value in x.items() if _of(stage, name)}
     level = np.asarray(timed.offset).reshape(-1, len(seen.times))[:1, :, None]
     ahead = -_places(first, stage, seen, level)[0][0]
@@ -92,7 +92,7 @@ class FramesU:
 
 
 def frames_u(x: Constants, stage: str, seen: Sightings, found: Filmed) -> FramesU:
-    """Return how surely the frames tell what was `found`.
+    """Return the uncertainties that the frames leave of what was `found`.
 
     Noise is new in every frame. The ball's pattern errs alike in neighbouring ones: how slowly
     it turns is not known, so it counts as slow as would harm most.
@@ -155,7 +155,7 @@ def _rays(x: Constants, stage: str, seen: Sightings) -> list[Array]:
     """Return the directions of pixels in axes of the camera, x/z, y/z, (..., shot, frame).
 
     And how much farther than its centre a lens that bends moves the middle of a disc there.
-    Of many sets of constants few differ in the lens, and each lens is reckoned with once.
+    Of many sets of constants few differ in the lens, and each lens is used once.
     """
     columns = np.broadcast_arrays(*(x[f"{stage}.camera.{name}"] for name in LENS))
     sets = np.stack([np.ravel(column) for column in columns], axis=1)

@@ -1,4 +1,4 @@
-"""The ball in the windows a camera kept of each shot: found, refined, told in or out."""
+"""The ball in the windows a camera kept of each shot: found, located, sorted into coming in and going out."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ Mask = NDArray[np.bool_]
 Known = Mapping[str, Estimate]
 
 AT_ONCE = 512  # windows that are looked at together
-BRIGHT = 0.9  # of a ball's pixels: those above this quantile tell how much it stands out
+BRIGHT = 0.9  # of a ball's pixels: those above this quantile show how much it stands out
 HALF = 0.45  # of that: what stands out more is the ball
 TOUCHING = 8e-3  # m, from the farthest the ball comes: nearer it may be on the bat
 LEAST = 4  # frames of a way
-MOST = 24  # and as many are refined: more tell little that is new, as the ball's pattern is slow
+MOST = 24  # and as many are refined: more add little that is new, as the ball's pattern is slow
 OVAL_U = 1e-3  # of outlines off the axis, as far as lens and pose are known
 USELESS = Flag.NOT_FOUND | Flag.POOR_FIT | Flag.SATURATED | Flag.CLIPPED | Flag.OVERLAP
 

@@ -82,7 +82,7 @@ def pendulum_swing(seen: Evidence) -> Iterator[Flag]:
     """Hold the slowing of a swing that dies away against the amplitudes that were read.
 
     A wide swing takes longer, by the square of its amplitude, so within a release the periods
-    shorten as it dies away; how much they do tells the amplitude that it really had.
+    shorten as it dies away; how much they do shows the amplitude that it really had.
     """
     record: Any = seen.session.records["bench"]["pendulum"]
     releases, passages = record.times.shape

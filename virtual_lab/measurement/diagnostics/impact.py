@@ -79,7 +79,7 @@ def boards_in_line(seen: Evidence) -> Iterator[Flag]:
 
 
 def aim(seen: Evidence) -> Iterator[Flag]:
-    """Hold the mean of the marks on the witness paper against the aim, both ways."""
+    """Compare the mean of the marks on the aim paper with the aim, both ways."""
     marks = seen.session.records["impact"].get("aim")
     if not isinstance(marks, AimMarks):
         return
@@ -147,7 +147,7 @@ def _scatter(seen: Evidence, apart: Array, shared: Sequence[Component]) -> Compo
     """Return the scatter of a mean: that of the shots, and that which the marks' own makes.
 
     What sets a shot's recoil apart from its rebound is above all where along the bat it struck,
-    and the marks tell how much that scatters better than a few shots do.
+    and the marks show how much that scatters better than a few shots do.
     """
     degrees, square = apart.size - 1.0, float(apart.var(ddof=1))
     marks = seen.session.records["impact"].get("aim")

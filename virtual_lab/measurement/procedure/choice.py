@@ -38,7 +38,7 @@ class Shortfall(NamedTuple):
 
 
 def shortfall(procedure: Procedure, place: Array, valid: Bools, metric: Array) -> Shortfall:
-    """Return how far the place chosen by a scan is behind its best one, as its hits tell.
+    """Return how far the place chosen by a scan is behind its best one, by its hits.
 
     The difference to each neighbour is normal about that of their means, with the scatter within
     the places; what of it lies above 0 was lost. 0 where nothing was chosen, or the result is

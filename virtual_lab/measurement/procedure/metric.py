@@ -37,7 +37,7 @@ class Curve:
 
     @property
     def quantities(self) -> dict[str, Array]:
-        """What a certificate tells beside the metric, by its names there."""
+        """What a certificate states beside the metric, by its names there."""
         return {
             "bat_performance_factor": np.asarray(
                 bat_performance_factor(self.restitution, self.ball_restitution)

@@ -95,7 +95,7 @@ class Scan(Spec):
     consecutive: YesNo = False  # an invalid shot among the final hits begins them again
     # what has its greatest value at the best place: the metric, or v_f at the test's own speeds
     seeks: Literal["metric", "batted_speed"] = "metric"
-    # how far below its top the metric's curve still counts as near it; None: no width is told
+    # how far below its top the metric's curve still counts as near it; None: no width is stated
     width_drop: Annotated[float | None, Dimension("number")] = None
 
     def __post_init__(self) -> None:

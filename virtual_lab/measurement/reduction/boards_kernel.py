@@ -81,8 +81,8 @@ def _top(broken: Beams, scale: float) -> tuple[float, float, float]:
     """Return the top of the parabola through the squares, its u, and what the chords are off it.
 
     The last one squared. An edge's noise moves the square of a chord in proportion to the chord,
-    a beam's threshold by the same of any chord. Thresholds tell more of the top's uncertainty:
-    it is reckoned from squares that all scatter alike, which is a little much for edges.
+    a beam's threshold by the same of any chord. Thresholds give more of the top's uncertainty:
+    it is computed from squares that all scatter alike, which is a little much for edges.
     """
     places, _, squares = broken
     s0, s1, s2, s3, s4 = 0.0, 0.0, 0.0, 0.0, 0.0

@@ -81,14 +81,14 @@ def flights(x: Mapping[str, Array], stage: str, seen: Passages, drag: Array) -> 
 
 
 def timed(stage: str, seen: Passages) -> Flown:
-    """Return what tells the flights of a stage's passages, as `flights` does."""
+    """Return what `flights` gives of a stage's passages, as a function of the constants."""
     return lambda x, drag: flights(x, stage, seen, drag)
 
 
 def heights_moved(stage: str, seen: Passages) -> Flown:
-    """Return what tells the flights, (3, shot), of one set of constants, heights moved by their u.
+    """Return a function to the flights, (3, shot), of one set of constants, heights moved by their u.
 
-    What a way's heights tell best, one thing a row, as their errors there are independent: the
+    What a way's heights give best, one thing a row, as their errors there are independent: the
     level in midway between the gates, the slope in, the slope out.
     """
 

@@ -29,7 +29,7 @@ FIRST_DECAY = 5.0  # 1/s
 WIDEST_DECAY = 300.0  # 1/s
 STANDS_OUT = 20.0  # a ring's peak over the median of the periodogram
 MAX_STEPS = 10
-SEARCHED = 48  # shots, which tell the rings to far below what one shot's noise hides
+SEARCHED = 48  # shots, which give the rings to far below what one shot's noise hides
 FEW = 32  # shots that go together: their residuals stay in the cache
 CONVERGED = 1e-5  # of a frequency or decay in units of 1/record, far below what noise hides
 FINEST = 1e-3  # counts, rms that is no ring where what is shown are no whole counts
@@ -59,7 +59,7 @@ def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
     times, counts = record.times[tail], record.counts[:, tail]
     origin, span = times[0], times[-1] - times[0]
     clock = (times - origin) / span
-    # all shots ring alike, so a few of a large batch tell the frequencies
+    # all shots ring alike, so a few of a large batch give the frequencies
     whole = bool(np.array_equal(counts[:1], np.rint(counts[:1])))
     rings, basis = _find_rings(
         clock, counts[:SEARCHED].T, span, no_ring=COUNTING if whole else FINEST
