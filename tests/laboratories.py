@@ -5,7 +5,7 @@ from typing import Any
 
 from tests.conftest import PROCEDURE
 from virtual_lab import lab
-from virtual_lab.lab.test_day import Progress, no_progress
+from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.simulation.rig import Reality
 
 __all__ = ["certified", "certify", "opened"]
@@ -16,7 +16,7 @@ def opened(bat: str, **choices: Any) -> lab.Laboratory:
     return lab.Laboratory.open(lab.TestSetup.of(bat, **choices))
 
 
-def certify(bat: str, progress: Progress = no_progress, **choices: Any) -> lab.Tested:
+def certify(bat: str, progress: Progress = quiet, **choices: Any) -> lab.Tested:
     """Return the test of a setup, the choices those of `lab.TestSetup.of`."""
     return lab.certify_bat(lab.TestSetup.of(bat, **choices), progress)
 

@@ -1,4 +1,4 @@
-"""The README is true: its code runs, its commands exist, its tables are those on file."""
+"""The pages are true: their code runs, their commands exist, their tables are those on file."""
 
 from __future__ import annotations
 
@@ -13,7 +13,13 @@ from virtual_lab import catalog
 from virtual_lab.cli import cli
 
 ROOT = Path(__file__).parents[1]
-README = (ROOT / "README.md").read_text()
+README = (ROOT / "README.md").read_text("utf-8")
+STUDIES = (ROOT / "virtual_lab" / "studies" / "README.md").read_text("utf-8")
+FIDELITY = (ROOT / "virtual_lab" / "fidelity" / "README.md").read_text("utf-8")
+BENCHMARKS = (ROOT / "tests" / "benchmarks" / "README.md").read_text("utf-8")
+PAGES = sorted(
+    path for path in (ROOT / name for name in ("README.md", "CONTRIBUTING.md")) if path.exists()
+) + sorted(path for top in ("virtual_lab", "data", "tests") for path in (ROOT / top).rglob("*.md"))
 
 
 def test_the_python_example_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -26,34 +32,52 @@ def test_the_python_example_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 def test_the_first_command_and_the_common_jobs_run_in_turn(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """In one folder, none in the way of another; `critique`, a study, takes minutes."""
+    """In one folder, none in the way of another."""
     monkeypatch.chdir(tmp_path)
-    (first,) = re.findall(r"virtual-lab (certify .*)", README.split("## Five common jobs")[0])
-    jobs = README.split("## Five common jobs")[1].split("```")[1]
+    (first,) = re.findall(r"virtual-lab (certify .*)", README.split("## Five jobs")[0])
+    jobs = README.split("## Five jobs")[1].split("```")[1]
     words = [line.split("#")[0].split() for line in jobs.strip().splitlines()]
-    assert [each[:2] for each in words][1:3] == [
-        ["virtual-lab", "score"],
-        ["virtual-lab", "reduce"],
-    ]
-    assert len(words) == 5
+    assert [each[1] for each in words] == ["certify", "score", "reduce", "profile", "coverage"]
     for each in [["virtual-lab", *first.split()], *words]:
-        if each[1] != "critique":
-            assert cli.main(each[1:], standalone_mode=False) in (None, 0), each
+        assert cli.main(each[1:], standalone_mode=False) in (None, 0), each
+    assert (tmp_path / "out" / "r161-astm-f1881" / "certificate.html").exists()
 
 
-def test_every_command_named_exists() -> None:
-    named = set(re.findall(r"virtual-lab ([a-z-]+)", README))
-    assert {"certify", "score", "reduce", "critique", "show", "coverage"} <= named
+def test_the_readme_is_short_and_begins_with_a_certificate() -> None:
+    assert len(README.splitlines()) <= 130
+    assert README.index("data/figures/certificate.png") < README.index("```")
+    assert (ROOT / "data" / "figures" / "certificate.png").stat().st_size <= 150_000
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_command_and_option_named_exists(page: Path) -> None:
     context = click.Context(cli)
-    for command in named:
-        assert cli.get_command(context, command), command
+    text = page.read_text("utf-8")
+    for words in re.findall(r"`(?:uv run )?virtual-lab ([a-z][^`\n]*)`", text):
+        named, *rest = words.split("#")[0].split()
+        command = cli.get_command(context, named)
+        assert command, (page, words)
+        if isinstance(command, click.Group) and rest:
+            command = command.get_command(context, rest[0])
+            assert command, (page, words)
+        known = {option for each in command.params for option in each.opts}
+        assert {each for each in rest if each.startswith("--")} <= known, (page, words)
 
 
-def test_every_file_named_exists() -> None:
-    for name in re.findall(r"\]\(([^)#:]+)\)", README) + re.findall(
-        r"`((?:data|tests|rigs)/\S+?)`", README
-    ):
-        assert (ROOT / name.rstrip("/")).exists(), name
+def test_every_command_is_named_in_some_page() -> None:
+    """A newcomer who reads on meets each of them."""
+    text = "\n".join(page.read_text("utf-8") for page in PAGES)
+    for name in cli.commands:
+        assert re.search(rf"virtual-lab {name}\b|`{name}`", text), name
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_file_named_exists(page: Path) -> None:
+    text = page.read_text("utf-8")
+    for name in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", text):
+        assert (page.parent / name.rstrip("/")).exists(), (page, name)
+    for name in re.findall(r"`((?:data|tests|rigs)/[^\s`]+?)`", text):
+        assert "NAME" in name or list(ROOT.glob(name.rstrip("/"))), (page, name)
 
 
 def test_every_place_in_the_house_exists() -> None:
@@ -67,7 +91,7 @@ def test_every_place_in_the_house_exists() -> None:
 def test_the_coverage_table_is_the_one_on_file() -> None:
     """Every row in print; each 95 % interval held the truth in 94 % of the laboratories or so."""
     (path,) = (ROOT / "tests" / "studies").glob("coverage-*.csv")
-    assert path.stem.removeprefix("coverage-") in README
+    assert path.stem.removeprefix("coverage-") in STUDIES
     with path.open() as lines:
         rows = list(csv.DictReader(lines))
     assert {row["procedure"] for row in rows} == set(catalog.names("procedures"))
@@ -75,14 +99,14 @@ def test_the_coverage_table_is_the_one_on_file() -> None:
         held, low, high = (f"{100 * float(row[key]):.1f}" for key in ("coverage", "low", "high"))
         assert float(row["high"]) >= 0.94, row
         if row["quantity"] in ("metric", "collision_efficiency"):
-            assert f"| {held} % ({low} to {high}) |" in README
-            assert f"| {row['laboratories']} |" in README
+            assert f"| {held} % ({low} to {high}) |" in STUDIES
+            assert f"| {row['laboratories']} |" in STUDIES
 
 
 def test_the_table_of_faults_is_the_one_on_file() -> None:
-    """As many are caught as the README says, and as many sound laboratories flagged."""
+    """As many are caught as the page says, and as many sound laboratories flagged."""
     (path,) = (ROOT / "tests" / "studies").glob("faults-*.csv")
-    assert f"`tests/studies/{path.name}`" in README
+    assert f"`tests/studies/{path.name}`" in STUDIES
     with path.open() as lines:
         rows = list(csv.DictReader(lines))
     played = [row for row in rows if row["fault"] != "none"]
@@ -91,18 +115,18 @@ def test_the_table_of_faults_is_the_one_on_file() -> None:
         procedure: sum(row["procedure"] == procedure for row in caught)
         for procedure in ("astm-f1881", "bbcor")
     }
-    assert f"{by_rig['astm-f1881']} are caught" in README
-    assert f"at the ball cannon {by_rig['bbcor']};" in README
+    assert f"{by_rig['astm-f1881']} are caught" in STUDIES
+    assert f"at the ball cannon {by_rig['bbcor']};" in STUDIES
     sound = [row for row in rows if row["fault"] == "none"]
     flagged = sum(round(float(row["caught"]) * int(row["laboratories"])) for row in sound)
     total = sum(int(row["laboratories"]) for row in sound)
-    assert f"of {total} sound laboratories {flagged} was flagged" in " ".join(README.split())
+    assert f"of {total} sound laboratories {flagged} was flagged" in " ".join(STUDIES.split())
 
 
 def test_the_table_of_clips_is_the_one_on_file() -> None:
     """Every interval of the table holds in some 94 % of the clips, as far as so many tell."""
     (path,) = (ROOT / "tests" / "studies").glob("clips-*.csv")
-    assert f"`tests/studies/{path.name}`" in README
+    assert f"`tests/studies/{path.name}`" in STUDIES
     with path.open() as lines:
         rows = list(csv.DictReader(lines))
     assert [row["quantity"] for row in rows] == ["v_in", "v_out", "e_A"]
@@ -110,7 +134,7 @@ def test_the_table_of_clips_is_the_one_on_file() -> None:
         held, low, high = (f"{100 * float(row[key]):.1f}" for key in ("coverage", "low", "high"))
         assert float(row["high"]) >= 0.94, row
         start = f"| {row['quantity']} | {row['clips']} | {held} % ({low} to {high}) |"
-        assert start in README, start
+        assert start in STUDIES, start
 
 
 def test_the_chart_table_is_the_one_on_file() -> None:
@@ -121,7 +145,7 @@ def test_the_chart_table_is_the_one_on_file() -> None:
     for row in rows:
         time = float(f"{float(row['us_a_shot']):.2g}")
         points.add(f"{float(row['worst_error']):.0e} | {time:g}")
-    table = README.split("worst error | µs |\n|---|---|---|\n")[1].split("\n\n")[0].splitlines()
+    table = FIDELITY.split("worst error | µs |\n|---|---|---|\n")[1].split("\n\n")[0].splitlines()
     assert len(table) == 11
     for line in table:
         assert line.split(" | ", 1)[1].removesuffix(" |") in points, line
@@ -129,9 +153,9 @@ def test_the_chart_table_is_the_one_on_file() -> None:
 
 def test_the_benchmark_table_is_the_one_on_file() -> None:
     (path,) = (ROOT / "tests" / "benchmarks").glob("collision-*.txt")
-    assert f"`tests/benchmarks/{path.name}`" in README
+    assert f"`tests/benchmarks/{path.name}`" in BENCHMARKS
     lines = [line.split() for line in path.read_text().splitlines()]
-    table = README.split(path.name)[1].split("|---|---|\n")[1].split("\n\n")[0].splitlines()
+    table = BENCHMARKS.split(path.name)[1].split("|---|---|\n")[1].split("\n\n")[0].splitlines()
     assert len(table) > 8
     for row in table:
         what, value = (cell.split() for cell in row.strip("| ").split(" | "))

@@ -9,8 +9,7 @@ import pytest
 
 from virtual_lab.errors import InputError
 from virtual_lab.studies import critique as study
-from virtual_lab.studies.critique import Critique, Ranked, critique, misranking, save_critique
-from virtual_lab.studies.text import critique_text
+from virtual_lab.studies.critique import Critique, Ranked, critique, misranking
 
 BATS = ("r161", "ea70", "barrel-loaded", "knob-loaded")
 
@@ -18,7 +17,7 @@ BATS = ("r161", "ea70", "barrel-loaded", "knob-loaded")
 @pytest.fixture(scope="module")
 def paper() -> Critique:
     return critique(
-        BATS, procedures=("astm-f1881", "ncaa-modified", "proposed"), laboratories=2, first_seed=11
+        BATS, procedures=("astm-f1881", "ncaa-modified", "proposed"), laboratories=2, seed=11
     )
 
 
@@ -105,11 +104,11 @@ def test_the_field_may_swing_with_constant_energy(tmp_path: Path) -> None:
     (pair,) = found.pairs
     assert pair["v_f_mph"] > 2
     assert -0.01 < pair["difference"] < 0
-    said = critique_text(found.metrics, found.pairs, found.balls)
+    said = found.text
     assert "v_f, constant energy" in said
     assert "in the field struck by game-2003" in said
     assert "v_f_mph_energy" in found.metrics[0]
-    save_critique(found, tmp_path / "out")
+    found.save(tmp_path / "out")
 
 
 def test_probability_is_the_normal_laws() -> None:
@@ -147,16 +146,16 @@ def test_verdicts(field: float, differences: list[float], verdict: str) -> None:
 
 def test_a_procedure_without_a_result_is_said_to_have_none(tmp_path: Path) -> None:
     found = made_up((nan, 1.0), (nan, 2.0))
-    said = critique_text(found.metrics, found.pairs, found.balls)
+    said = found.text
     assert "no result" in said
-    save_critique(found, tmp_path / "out")
+    found.save(tmp_path / "out")
     pairs = pd.read_csv(tmp_path / "out" / "pairs.csv")
     assert pairs["verdict"].tolist() == ["no result"]
 
 
 def test_the_text_ranks_from_the_greatest_down() -> None:
     found = made_up((90.0, 91.0), (90.1, 91.3))
-    said = critique_text(found.metrics, found.pairs, found.balls)
+    said = found.text
     assert "103.0 (1)" in said
     assert "v_f 90.00 (2)" in said
     assert "+3.00 mph" in said
@@ -164,7 +163,7 @@ def test_the_text_ranks_from_the_greatest_down() -> None:
 
 
 def test_the_folder_holds_tables_and_picture(paper: Critique, tmp_path: Path) -> None:
-    save_critique(paper, tmp_path / "out")
+    paper.save(tmp_path / "out")
     names = sorted(path.name for path in (tmp_path / "out").iterdir())
     assert names == ["critique.png", "metrics.csv", "pairs.csv"]
     assert len(pd.read_csv(tmp_path / "out" / "pairs.csv")) == 6 * 3 * 3

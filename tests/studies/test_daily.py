@@ -13,7 +13,7 @@ import pytest
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
-from virtual_lab.studies.daily import daily, save_daily
+from virtual_lab.studies.daily import daily
 
 HIT = 0.003 / sqrt(10)  # of the mean of ten hits of the check ball, data/balls/check-ball.toml
 
@@ -91,7 +91,7 @@ def test_a_day_is_a_block_of_its_own() -> None:
 def test_what_is_written(tmp_path: Path) -> None:
     """The days as CSV, the charts as PNG, and one document that JSON can hold."""
     played = daily(drift=0.001, rules=(1, 4))
-    save_daily(played, tmp_path / "out")
+    played.save(tmp_path / "out")
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
         "daily.csv",
         "daily.png",
@@ -114,7 +114,7 @@ def test_a_calm_laboratory_without_rules_is_drawn_too(tmp_path: Path) -> None:
     played = daily(days=26, rules=())
     assert played.since is None
     assert [row["first_alarm_day"] for row in played.alarms] == [None] * 3
-    save_daily(played, tmp_path / "out")
+    played.save(tmp_path / "out")
 
 
 @pytest.mark.parametrize(

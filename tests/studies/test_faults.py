@@ -11,7 +11,7 @@ import pytest
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.faults import FaultSheet, Prediction
-from virtual_lab.studies.faults import PROCEDURES, _bias, faults, save_faults
+from virtual_lab.studies.faults import PROCEDURES, _bias, faults
 
 FEW = ("gate-moved", "wrong-lot", "encoder-slip", "ball-out-of-round")
 LABORATORIES = 6
@@ -24,7 +24,7 @@ def test_a_few_faults_come_out_as_predicted(tmp_path: Path) -> None:
     Caught is caught in all 6; the biases lie within three standard uncertainties of those
     predicted; no sound day is flagged, which 1 % a day leaves 94 % likely.
     """
-    rows = faults(FEW, procedures=("astm-f1881",), laboratories=LABORATORIES, first_seed=600)
+    rows = faults(FEW, procedures=("astm-f1881",), laboratories=LABORATORIES, seed=600)
     assert [row["fault"] for row in rows] == ["none", *FEW]
     for row in rows:
         print(row)
@@ -33,7 +33,7 @@ def test_a_few_faults_come_out_as_predicted(tmp_path: Path) -> None:
     assert rows[0]["caught"] == 0
     assert rows[3]["by"].startswith(f"encoder-fit {LABORATORIES}")
     assert rows[1]["e_A_bias"] == pytest.approx(-0.0040, abs=0.0002)
-    save_faults(rows, tmp_path / "new")
+    rows.save(tmp_path / "new")
     assert (tmp_path / "new" / "faults.csv").read_text().count("\n") == len(rows) + 1
 
 

@@ -11,9 +11,9 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from virtual_lab.studies.paper import CLAIMS, Claim, Findings, Row, save_paper
+from virtual_lab.studies.paper import CLAIMS, Claim, Findings, Row
 from virtual_lab.studies.paper.claim import about, at_least, at_most, between
-from virtual_lab.studies.paper.text import cells, paper_text
+from virtual_lab.studies.paper.text import cells
 
 
 @pytest.mark.parametrize("claim", CLAIMS, ids=[claim.name for claim in CLAIMS])
@@ -67,20 +67,20 @@ def test_text_folder_and_json_say_the_same(tmp_path: Path) -> None:
     """Of a few rows; the pictures are of all four bats."""
     failing = about("II C", "text", "made up", 2.6, 0.05, lambda: 3.0, unit="mph")
     claims = [*(claim for claim in CLAIMS if claim.section == "II C"), failing]
-    found = Findings(rows=tuple(claim.row() for claim in claims))
+    found = Findings(found=tuple(claim.row() for claim in claims))
     assert found.held == len(claims) - 1
-    text = paper_text(found.rows)
+    text = found.text
     assert f"{len(claims) - 1} of {len(claims)} hold" in text
-    assert cells(found.rows)[-1]["holds"] == "NO"
-    assert cells(found.rows)[-1]["deviation"] == "+0.4"
+    assert cells(found.found)[-1]["holds"] == "NO"
+    assert cells(found.found)[-1]["deviation"] == "+0.4"
     document = json.loads(json.dumps(found.document, allow_nan=False))
     assert document["rows"][-1]["holds"] is False
     assert document["rows"][-1]["paper"] == 2.6
-    save_paper(found, tmp_path / "out")
+    found.save(tmp_path / "out")
     names = sorted(path.name for path in (tmp_path / "out").iterdir())
     assert names == ["paper.csv", "paper.html", "paper.png"]
     table = pd.read_csv(tmp_path / "out" / "paper.csv")
-    assert table["found"].tolist() == pytest.approx([row.found for row in found.rows])
+    assert table["found"].tolist() == pytest.approx([row.found for row in found.found])
     page = (tmp_path / "out" / "paper.html").read_text("utf-8")
     assert "<svg" in page
     assert page.count("<tr>") == len(claims) + 1

@@ -9,7 +9,7 @@ import pytest
 
 from virtual_lab.errors import InputError
 from virtual_lab.lab.seal import write_seal
-from virtual_lab.studies.score import score_folder, score_text
+from virtual_lab.studies.score import score_folder
 
 ROWS = {"metric", "collision_efficiency", "restitution", "recoil_factor", "ball_restitution"}
 SEALING = "sealed: seed of 128 random bits, with the truth alone"
@@ -34,11 +34,12 @@ def rewrite(path: Path, **changes: Any) -> None:
 
 
 def test_a_whole_seal(folder: Path) -> None:
-    document = score_folder(folder)
+    scored = score_folder(folder)
+    document = scored.document
     assert set(document) == {"seal", "altered", "sealing"} | ROWS
     assert (document["seal"], document["altered"]) == ("whole", [])
     assert document["metric"]["z"] == pytest.approx(1)
-    assert score_text(document).splitlines()[-2:] == ["seal whole", SEALING]
+    assert scored.text.splitlines()[-2:] == ["seal whole", SEALING]
 
 
 @pytest.mark.parametrize(
@@ -55,13 +56,14 @@ def test_a_whole_seal(folder: Path) -> None:
 def test_what_cannot_be_scored_is_told_as_altered(changes: dict[str, Any], folder: Path) -> None:
     """Without rows where there are none to be had; the same unsealed is bad input."""
     rewrite(folder / "certificate.json", **changes)
-    document = score_folder(folder)
+    scored = score_folder(folder)
+    document = scored.document
     (top,) = changes
     keys = {each["key"].split(".")[0] for each in document["altered"]}
     assert (document["seal"], keys) == ("broken", {top})
     json.dumps(document, allow_nan=False)
     rows = set(document) & ROWS
-    text = score_text(document)
+    text = scored.text
     assert rows == (ROWS if top == "simulation" and changes[top] == {} else set())
     assert ("no score" in text) == (not rows)
     assert f"  certificate.json, {top}" in text
@@ -70,7 +72,7 @@ def test_what_cannot_be_scored_is_told_as_altered(changes: dict[str, Any], folde
 def test_a_certificate_that_is_no_json_is_altered_as_a_file(folder: Path) -> None:
     """NaN is a word of Python's, none of JSON's."""
     rewrite(folder / "certificate.json", metric={"value": float("nan"), "u": 0.01})
-    (one,) = score_folder(folder)["altered"]
+    (one,) = score_folder(folder).document["altered"]
     assert (one["file"], one["key"]) == ("certificate.json", "")
 
 
@@ -78,7 +80,7 @@ def test_a_cut_certificate_and_an_altered_truth(folder: Path) -> None:
     certificate, truth = folder / "certificate.json", folder / "truth" / "truth.json"
     certificate.write_text(certificate.read_text()[:90])
     truth.write_text("{}")
-    found = score_folder(folder)["altered"]
+    found = score_folder(folder).document["altered"]
     assert [each["file"] for each in found] == ["certificate.json", "truth/truth.json"]
 
 
@@ -87,16 +89,17 @@ def test_a_truth_sealed_again_is_not_the_certificates(folder: Path) -> None:
     truth = folder / "truth" / "truth.json"
     rewrite(truth, reality="ideal")
     write_seal(folder)
-    document = score_folder(folder)
+    scored = score_folder(folder)
+    document = scored.document
     assert document["altered"] == [{"file": "truth/truth.json", "key": "", "change": "altered"}]
     certificate = folder / "certificate.json"
     simulation = json.loads(certificate.read_text())["simulation"]
     simulation["truth_digest"] = hashlib.sha256(truth.read_bytes()).hexdigest()
     rewrite(certificate, simulation=simulation)
-    found = score_folder(folder)["altered"]
+    found = score_folder(folder).document["altered"]
     assert [each["key"] for each in found] == ["simulation.truth_digest"]
     write_seal(folder)
-    assert score_folder(folder)["seal"] == "whole"
+    assert score_folder(folder).document["seal"] == "whole"
 
 
 @pytest.mark.parametrize("name", ["certificate.json", "truth/truth.json", "truth/seal.json"])

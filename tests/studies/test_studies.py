@@ -13,7 +13,7 @@ from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.studies.bias import bias
 from virtual_lab.studies.coverage import coverage
 from virtual_lab.studies.effects import effects
-from virtual_lab.studies.place_slope import place_slopes
+from virtual_lab.studies.place_slope import slope
 from virtual_lab.studies.score import score
 from virtual_lab.units import INCH
 
@@ -31,9 +31,7 @@ def test_coverage_in_a_few_laboratories(bat: str, procedure: str) -> None:
     standard uncertainties lies within 4/sqrt(80), and the bias within 4 standard errors of the
     one expected. Six fresh hits alone tell the scatter of bbcor: t of 5 degrees spreads by 1.3.
     """
-    rows = coverage(
-        bat, procedure=procedure, laboratories=LABORATORIES, first_seed=50_000, summed=True
-    )
+    rows = coverage(bat, procedure=procedure, laboratories=LABORATORIES, seed=50_000, summed=True)
     for row in rows:
         print(row)
         assert row["laboratories"] + row["invalid"] == LABORATORIES
@@ -81,7 +79,7 @@ def test_effects_need_laboratories() -> None:
 )
 def test_the_slope_on_a_procedures_sheet(procedure: str, bats: tuple[str, ...]) -> None:
     """As ``virtual-lab slope`` gives it, to the rounding on the sheet, and u at least that."""
-    *_, mean, deviation = place_slopes(bats, procedure=procedure)
+    *_, mean, deviation = slope(bats, procedure=procedure)
     sheet = catalog.load("procedures", procedure, Procedure).spec
     assert sheet.place_slope * INCH == pytest.approx(mean["slope_per_in"], abs=6e-4)
     assert sheet.place_slope_u * INCH == pytest.approx(deviation["slope_per_in"], abs=6e-4)
@@ -89,14 +87,14 @@ def test_the_slope_on_a_procedures_sheet(procedure: str, bats: tuple[str, ...]) 
 
 def test_a_slope_of_no_place() -> None:
     with pytest.raises(InputError, match="2 and more"):
-        place_slopes(("r161",), procedure="astm-f1881")
+        slope(("r161",), procedure="astm-f1881")
     with pytest.raises(InputError, match="at one place"):
-        place_slopes(procedure="bbcor")
+        slope(procedure="bbcor")
 
 
 def test_coverage_with_every_edge_and_count() -> None:
     """Laboratories that draw their own bats, and records in full."""
-    for row in coverage("r161", laboratories=12, first_seed=50_000):
+    for row in coverage("r161", laboratories=12, seed=50_000):
         assert row["coverage"] >= 9 / 12  # fewer by chance 1 in 5000
 
 

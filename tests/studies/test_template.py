@@ -19,8 +19,9 @@ from virtual_lab.errors import InputError
 from virtual_lab.measurement.certification import certify_session
 from virtual_lab.records.foreign.laboratory import load_laboratory
 from virtual_lab.records.session import Session
-from virtual_lab.studies import foreign, template
-from virtual_lab.studies.template import write_template
+from virtual_lab.studies import foreign
+from virtual_lab.studies import template as forms
+from virtual_lab.studies.template import template
 
 PROCEDURES = catalog.names("procedures")
 HAS_TO_BE_FILLED = re.compile(r"""^"?([\w.]+)"? = .*"\?\"""", re.MULTILINE)
@@ -30,7 +31,7 @@ our_own = cache(foreign.our_own)
 
 @pytest.fixture(autouse=True)
 def _each_procedure_played_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (foreign, template):
+    for module in (foreign, forms):
         monkeypatch.setattr(module, "our_own", our_own)
 
 
@@ -56,7 +57,7 @@ def fill_in(folder: Path, session: Session) -> None:
 @pytest.mark.parametrize("procedure", PROCEDURES)
 def test_an_empty_form_lists_what_it_lacks(procedure: str, tmp_path: Path) -> None:
     """Every key with a question mark; then, one by one, the tables."""
-    folder = write_template(procedure, tmp_path / "form")
+    folder = template(procedure, tmp_path / "form")
     text = (folder / "laboratory.toml").read_text("utf-8")
     with pytest.raises(InputError, match="not filled in") as caught:
         load_laboratory(folder)
@@ -71,7 +72,7 @@ def test_a_form_filled_in_gives_the_same_numbers(procedure: str, tmp_path: Path)
     """What our own laboratory measured, written into the form by hand."""
     session = our_own(procedure)
     expected = certify_session(session)
-    folder = write_template(procedure, tmp_path / "form")
+    folder = template(procedure, tmp_path / "form")
     fill_in(folder, session)
     found = reduce(folder).certification
     assert found.verdict is expected.verdict
@@ -84,7 +85,7 @@ def test_a_form_filled_in_gives_the_same_numbers(procedure: str, tmp_path: Path)
 @pytest.mark.parametrize("procedure", PROCEDURES)
 def test_the_tables_have_their_index_columns(procedure: str, tmp_path: Path) -> None:
     """A row for every shot, gate and reading; long ones their first row; no values anywhere."""
-    folder = write_template(procedure, tmp_path / "form")
+    folder = template(procedure, tmp_path / "form")
     for stage, records in our_own(procedure).records.items():
         for channel, record in records.items():
             form = pd.read_csv(io.StringIO((folder / stage / f"{channel}.csv").read_text()))
@@ -100,7 +101,7 @@ def test_the_tables_have_their_index_columns(procedure: str, tmp_path: Path) -> 
 
 def test_a_form_with_empty_tables(tmp_path: Path) -> None:
     """Only the form proper filled in: the first table is named."""
-    folder = write_template("astm-f1881", tmp_path / "form")
+    folder = template("astm-f1881", tmp_path / "form")
     tables = {path: path.read_text() for path in folder.glob("*/*.csv")}
     fill_in(folder, our_own("astm-f1881"))
     load_laboratory(folder)
@@ -119,7 +120,7 @@ def test_rules_of_your_own_come_along(tmp_path: Path) -> None:
         "\nballs = { value = 12", "\nballs = { value = 7"
     )
     rules.write_text(text)
-    folder = write_template(str(rules), tmp_path / "form")
+    folder = template(str(rules), tmp_path / "form")
     assert (folder / "procedure.toml").read_text() == text
     assert 'procedure = "procedure.toml"' in (folder / "laboratory.toml").read_text()
     assert len((folder / "bench" / "ball-mass.csv").read_text().splitlines()) == 1 + 7 * 5

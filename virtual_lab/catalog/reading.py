@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Hashable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.resources import files
@@ -33,11 +35,14 @@ __all__ = [
     "KINDS",
     "Datum",
     "Entry",
+    "datums",
     "find",
     "load",
     "load_bat",
     "names",
     "sheet",
+    "sheets_in_place",
+    "source",
     "text",
     "title",
     "unverified",
@@ -47,6 +52,7 @@ __all__ = [
 DATA = Path(str(files("virtual_lab.data")))
 KINDS = ("bats", "balls", "procedures", "instruments", "rigs", "conditions", "faults")
 T = TypeVar("T")
+_in_place: ContextVar[Mapping[tuple[str, str], str]] = ContextVar("in_place", default={})  # noqa: B039
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +84,7 @@ def names(kind: str) -> tuple[str, ...]:
 
 def title(kind: str, name: str) -> str:
     """Return the title line of a catalog file."""
-    return str(sheet(kind, name)[0]["title"])
+    return str(parse_toml(*source(kind, name))["title"])
 
 
 def find(kind: str, name: str) -> Path:
@@ -101,8 +107,8 @@ def find(kind: str, name: str) -> Path:
 
 def sheet(kind: str, name: str) -> tuple[dict[str, Any], tuple[Datum, ...]]:
     """Return a file as it was parsed, and its numbers with their provenance."""
-    document = parse_toml(*_text(find(kind, name)))
-    numbers = load_bat(name).sheet if kind == "bats" else tuple(_sheet(document))
+    document = parse_toml(*source(kind, name))
+    numbers = load_bat(name).sheet if kind == "bats" else tuple(datums(document))
     return document, numbers
 
 
@@ -123,12 +129,12 @@ def unverified(kind: str, name: str) -> dict[str, str]:
 
 def text(kind: str, name: str) -> str:
     """Return the text of a catalog entry's (or user's own) file."""
-    return _text(find(kind, name))[0]
+    return source(kind, name)[0]
 
 
 def load(kind: str, name: str, spec: type[T]) -> Entry[T]:
     """Return the catalog entry (or user's file) `name`, read as `spec`."""
-    return read(*_text(find(kind, name)), spec)
+    return read(*source(kind, name), spec)
 
 
 def read(text: str, where: str, spec: type[T]) -> Entry[T]:
@@ -140,27 +146,27 @@ def read(text: str, where: str, spec: type[T]) -> Entry[T]:
 def _read(text: str, where: str, spec: Hashable) -> Any:
     """Read a text once: a test reads its rules after every round."""
     document = parse_toml(text, where)
-    return Entry(validate(document, where, cast("type", spec)), text, tuple(_sheet(document)))
+    return Entry(validate(document, where, cast("type", spec)), text, tuple(datums(document)))
 
 
 def load_bat(name: str) -> Entry[BatSpec]:
     """Return a bat, either drawn in full or as a modification of another (``base = "…"``)."""
-    return read_bat(*_text(find("bats", name)))
+    return read_bat(*source("bats", name))
 
 
 def read_bat(text: str, where: str) -> Entry[BatSpec]:
     """Return the bat that TOML `text` describes, resolving ``base`` in the catalog."""
     document = parse_toml(text, where)
     if "base" not in document:
-        return Entry(validate(document, where, BatSpec), text, tuple(_sheet(document)))
+        return Entry(validate(document, where, BatSpec), text, tuple(datums(document)))
     change = validate(document, where, ModifiedBat)
     if change.base not in names("bats"):
         hint = nearest(change.base, names("bats"))
         raise InputError(where, "base", change.base, f"{hint}known: {', '.join(names('bats'))}")
     base = load_bat(change.base)
-    own = {datum.key for datum in _sheet(document)}
+    own = {datum.key for datum in datums(document)}
     inherited = (datum for datum in base.sheet if not _replaced(datum.key, change, own))
-    return Entry(_modified(base.spec, change, where), text, (*_sheet(document), *inherited))
+    return Entry(_modified(base.spec, change, where), text, (*datums(document), *inherited))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -209,12 +215,27 @@ def _replaced(key: str, change: ModifiedBat, own: set[str]) -> bool:
     return key in own
 
 
-def _text(path: Path) -> tuple[str, str]:
-    """Return a file's text, and its name in errors: of one that ships, without its folder."""
+def source(kind: str, name: str) -> tuple[str, str]:
+    """Return an entry's text, and its name in errors: of one that ships, without its folder."""
+    own = _in_place.get().get((kind, name))
+    if own is not None:
+        return own, name
+    path = find(kind, name)
     return read_text(path), path.name if path.is_relative_to(DATA) else str(path)
 
 
-def _sheet(document: Any, prefix: str = "") -> Iterator[Datum]:
+@contextmanager
+def sheets_in_place(texts: Mapping[tuple[str, str], str]) -> Iterator[None]:
+    """Let texts stand in the place of files, by kind and name, as long as the context lasts."""
+    token = _in_place.set({**_in_place.get(), **texts})
+    try:
+        yield
+    finally:
+        _in_place.reset(token)
+
+
+def datums(document: Any, prefix: str = "") -> Iterator[Datum]:
+    """Yield the numbers of a parsed file with their provenance."""
     if isinstance(document, Mapping):
         if "value" in document and "unit" in document:
             yield Datum(
@@ -227,8 +248,8 @@ def _sheet(document: Any, prefix: str = "") -> Iterator[Datum]:
             )
             return
         for key, item in document.items():
-            yield from _sheet(item, f"{prefix}.{key}" if prefix else key)
+            yield from datums(item, f"{prefix}.{key}" if prefix else key)
     elif isinstance(document, list):
         for index, item in enumerate(document):
             label = item.get("name", index) if isinstance(item, Mapping) else index
-            yield from _sheet(item, f"{prefix}.{label}")
+            yield from datums(item, f"{prefix}.{label}")

@@ -12,24 +12,12 @@ import sys
 
 import click
 
-from virtual_lab.cli.bench import certify, reduce, score, template
-from virtual_lab.cli.calibrate import board, calibrate
-from virtual_lab.cli.fidelity import chart, stability
-from virtual_lab.cli.percussion import percussion
-from virtual_lab.cli.shelf import compare, fit_bat, list_, profile, show
-from virtual_lab.cli.study import (
-    bias,
-    clips,
-    convergence,
-    coverage,
-    critique,
-    daily,
-    faults,
-    paper,
-    sensitivity,
-    slope,
-)
-from virtual_lab.cli.track import track
+from virtual_lab.cli.bats import fit_bat, list_, percussion, profile, sensitivity, show, slope
+from virtual_lab.cli.camera import board, calibrate, track
+from virtual_lab.cli.certifying import certify, reduce, score, template
+from virtual_lab.cli.fidelity import chart, convergence, stability
+from virtual_lab.cli.plumbing import Sections
+from virtual_lab.cli.studying import bias, coverage, critique, daily, faults, paper
 from virtual_lab.errors import InputError
 
 __all__ = ["main"]
@@ -70,23 +58,7 @@ def _leave(code: int, message: str) -> None:
     sys.exit(code)
 
 
-@click.group(
-    invoke_without_command=True,
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 96},
-)
-@click.version_option(package_name=PROGRAM, prog_name=PROGRAM)
-@click.pass_context
-def cli(context: click.Context) -> None:
-    """Run a bat certification laboratory that does not exist exactly as a real one.
-
-    Exit codes: 0 it ran, whatever the verdict; 2 bad input; 3 something sealed was altered
-    (score); 1 a fault of this program; 130 and 143 interrupted by Ctrl-C and SIGTERM.
-    """
-    if context.invoked_subcommand is None:
-        click.echo(context.get_help())
-
-
-@cli.command()
+@click.command("completion")
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
 def completion(shell: str) -> None:
     """Print the completion script for a SHELL, to be sourced from its start-up file."""
@@ -97,31 +69,38 @@ def completion(shell: str) -> None:
     click.echo(script(cli, {}, PROGRAM, "_VIRTUAL_LAB_COMPLETE").source())
 
 
-for command in (
-    certify,
-    score,
-    reduce,
-    template,
-    list_,
-    show,
-    profile,
-    compare,
-    fit_bat,
-    coverage,
-    clips,
-    bias,
-    faults,
-    sensitivity,
-    slope,
-    critique,
-    percussion,
-    paper,
-    convergence,
-    chart,
-    stability,
-    daily,
-    track,
-    calibrate,
-    board,
-):
-    cli.add_command(command)
+@click.pass_context
+def _program(context: click.Context) -> None:
+    """Run a bat certification laboratory that does not exist exactly as a real one.
+
+    Exit codes: 0 it ran, whatever the verdict; 2 bad input; 3 something sealed was altered
+    (score); 1 a fault of this program; 130 and 143 interrupted by Ctrl-C and SIGTERM.
+    """
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
+
+
+cli = Sections(
+    name=PROGRAM,
+    callback=_program,
+    help=_program.__doc__,
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 96},
+    sections={
+        "Test a bat": (certify, score, reduce, template),
+        "Bats, and what else is in the catalog": (
+            list_,
+            show,
+            profile,
+            fit_bat,
+            sensitivity,
+            slope,
+            percussion,
+        ),
+        "Studies of laboratories and procedures": (coverage, bias, faults, critique, daily, paper),
+        "Camera": (track, calibrate, board),
+        "Speed and accuracy": (chart, stability, convergence),
+        "Shell": (completion,),
+    },
+)
+click.version_option(package_name=PROGRAM, prog_name=PROGRAM)(cli)

@@ -4,81 +4,77 @@ from __future__ import annotations
 
 from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from virtual_lab.cli.shared import json_option, print_json, teller
+from virtual_lab.cli.plumbing import Answer, command, names
+
+if TYPE_CHECKING:
+    from virtual_lab.output.progress import Progress
+
+__all__ = ["chart", "convergence", "stability"]
 
 
 @click.group()
 def chart() -> None:
-    """Draw speed against accuracy."""
+    """Draw speed against accuracy: of the collision, the motion, the camera."""
 
 
 @click.group()
 def stability() -> None:
-    """Map where the numerics hold."""
+    """Map where the numerics hold: of the collision, the motion, the camera."""
 
 
-def _study(group: click.Group, name: str, picture: str, words: str) -> None:
-    """Add the command of a module of `fidelity`, which can `measure`, `save` and tell in `text`."""
-    module = f"virtual_lab.fidelity.{name}_{group.name}"
+def _study(group: click.Group, name: str, words: str) -> None:
+    """Add the command of a module of `fidelity`, which can `measure`, `save` and print `text`."""
 
-    @group.command(name, help=words)
-    @click.option(
-        "--out",
-        type=click.Path(path_type=Path),
-        default=Path(f"out/{group.name}-{name}"),
-        show_default=True,
-        help="New folder for pictures and tables.",
-    )
-    @json_option
-    def command(out: Path, as_json: bool) -> None:
-        from virtual_lab.files import check_new_folder
+    def measured(progress: Progress) -> Answer:
+        study = import_module(f"virtual_lab.fidelity.{name}_{group.name}")
+        rows = study.measure(say=progress)
 
-        check_new_folder(out)
-        study = import_module(module)
-        rows = study.measure(say=teller())
-        study.save(rows, out)
-        if as_json:
-            print_json(rows)
-        else:
-            click.echo(f"{study.text(rows)}\n\n{out / picture}")
+        def save(folder: Path) -> None:
+            study.save(rows, folder)
+
+        return Answer(document=rows, text=study.text(rows), save=save)
+
+    measured.__doc__ = words
+    group.add_command(command(name, folder=f"{group.name}-{name}")(measured))
 
 
+_study(chart, "collision", "Error of the collision rungs against their time per shot.")
 _study(
-    chart,
-    "collision",
-    "collision.png",
-    "Error of the collision rungs against their time a shot.",
-)
-_study(
-    chart,
-    "motion",
-    "motion.png",
-    "Error of the motion rungs, and of pymunk alone, against their time a shot.",
+    chart, "motion", "Error of the motion rungs, and of pymunk alone, against their time per shot."
 )
 _study(
     chart,
     "camera",
-    "camera.png",
-    "Error of every way of locating the ball in a picture against its time a frame.",
+    "Error of every way of locating the ball in a picture against its time per frame.",
 )
 _study(
     stability,
     "collision",
-    "stability.png",
     "Map the steps of the modal rung against modes, place, speed and ball.",
 )
 _study(
     stability,
     "motion",
-    "stability.png",
     "Map the steps of pymunk, alone and as a rung, against speed, place and its settings.",
 )
 _study(
     stability,
     "camera",
-    "stability.png",
     "Map the ways of locating the ball against all that may go wrong in a picture.",
 )
+
+
+@command("convergence", table=True)
+@click.argument("bats", nargs=-1, metavar="[BAT]...", shell_complete=names("bats"))
+def convergence(bats: tuple[str, ...], progress: Progress) -> Any:
+    """Worst error in e_A over the number of modes, for BATs or every bat of the catalog."""
+    from virtual_lab.fidelity.mode_convergence import convergence as study
+    from virtual_lab.output.result import Rows
+
+    rows = study(bats, say=progress)
+    title = "Worst error in e_A against 120 modes, by the number of bending modes"
+    return Rows(name="convergence", title=title, rows=rows)

@@ -8,8 +8,9 @@ from virtual_lab.errors import InputError
 from virtual_lab.lab.fitting import require_places
 from virtual_lab.lab.laboratory import Laboratory
 from virtual_lab.lab.setup import TestSetup
-from virtual_lab.lab.test_day import Progress, Tested, by_the_book, no_progress
+from virtual_lab.lab.test_day import Tested, by_the_book
 from virtual_lab.measurement.model import CONTROL
+from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.truth import made_bat
 from virtual_lab.uncertainty.estimate import Estimate
@@ -20,7 +21,7 @@ BRANCH = 1_000_000  # of the seed, beyond any number of tests: hits of the contr
 UNCORRECTED = Estimate(value=1.0)
 
 
-def certify_bat(setup: TestSetup, progress: Progress = no_progress) -> Tested:
+def certify_bat(setup: TestSetup, progress: Progress = quiet) -> Tested:
     """Take a bat through a procedure.
 
     Where the rules correct by a control bat, that goes through the same procedure first, at the

@@ -23,21 +23,17 @@ from virtual_lab.measurement.model import CONTROL
 from virtual_lab.measurement.procedure import Acceptance, judge, next_places, to_set
 from virtual_lab.measurement.reduction.observations import along_of
 from virtual_lab.measurement.session_reduction import Preparation, Reduced, prepare, reduce_hits
+from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.collision.modal import kernel_is_compiled
 from virtual_lab.simulation.rig import Motion, Reality, RigOutput, ShotPlan, Stage
 from virtual_lab.simulation.truth import Sealed
 from virtual_lab.units import INCH
 
-__all__ = ["Progress", "TestDay", "Tested", "by_the_book", "no_progress"]
+__all__ = ["TestDay", "Tested", "by_the_book", "prepared"]
 
 Array = NDArray[np.float64]
-Progress = Callable[[str], None]
 SWUNG = frozenset({"pendulum"})  # the bench's channels that swing the bat; the others measure it
-
-
-def no_progress(_: str) -> None:
-    """Show nothing of what goes on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -218,7 +214,7 @@ class TestDay:
         )
 
 
-def by_the_book(laboratory: Laboratory, progress: Progress = no_progress) -> Tested:
+def by_the_book(laboratory: Laboratory, progress: Progress = quiet) -> Tested:
     """Measure bat and balls, fire, judge, and fire again until the rules are content."""
     day = prepared(laboratory, progress)
     if not kernel_is_compiled():
@@ -229,7 +225,7 @@ def by_the_book(laboratory: Laboratory, progress: Progress = no_progress) -> Tes
     return day.finish()
 
 
-def prepared(laboratory: Laboratory, progress: Progress = no_progress) -> TestDay:
+def prepared(laboratory: Laboratory, progress: Progress = quiet) -> TestDay:
     """Return the day of a laboratory that has measured bat and balls and may fire."""
     rules = laboratory.rules.spec
     progress("bench: weighing, balancing and swinging the bat, weighing the balls")

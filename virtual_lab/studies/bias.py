@@ -7,28 +7,40 @@ is left is this one draw of the rounding (it is in the budget); the rest is the 
 
 from __future__ import annotations
 
-from typing import Any
-
 from virtual_lab import catalog
 from virtual_lab.lab import TestSetup, certify_bat
 from virtual_lab.measurement.model import QUANTITIES
+from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.output.result import Rows
+from virtual_lab.output.tables import Column
 from virtual_lab.simulation.rig import Reality
 
 __all__ = ["bias"]
 
+COLUMNS = {"bat": Column("bat")} | {
+    name: Column(name.replace("_", " "), form="+.1e") for name in QUANTITIES
+}
 
-def bias(procedure: str = "astm-f1881") -> list[dict[str, Any]]:
+
+def bias(procedure: str = "astm-f1881", *, progress: Progress = quiet) -> Rows:
     """Return a row a bat of the catalog: measured less true of every quantity.
 
     None where a bat gives no result: a scan may find no maximum.
     """
-    rows = []
-    for bat in catalog.names("bats"):
-        setup = TestSetup.of(bat, procedure=procedure, seed=0, reality=Reality.NOISE_FREE)
-        tested = certify_bat(setup)
+    rows, bats = [], catalog.names("bats")
+    for number, bat in enumerate(bats):
+        progress("bats", number, len(bats))
+        tested = certify_bat(
+            TestSetup.of(bat, procedure=procedure, seed=0, reality=Reality.NOISE_FREE)
+        )
         measured, true = tested.certification.quantities, tested.sealed.measurand
         errors = {
             name: measured[name].value - true[name] if measured else None for name in QUANTITIES
         }
         rows.append({"bat": bat, **errors})
-    return rows
+    return Rows(
+        name="bias",
+        title=f"by {procedure}, nothing random: measured less true",
+        columns=COLUMNS,
+        rows=rows,
+    )

@@ -7,7 +7,6 @@ was filmed.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import sqrt
 from typing import Any
 
@@ -20,6 +19,9 @@ from virtual_lab.lab import Laboratory, TestSetup, prepared
 from virtual_lab.lab.naming import with_records
 from virtual_lab.measurement.camera.comparison import compare_camera
 from virtual_lab.measurement.session_reduction import reduce_session
+from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.output.result import Rows
+from virtual_lab.output.tables import Column
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import ShotPlan, Stage
 from virtual_lab.units import INCH
@@ -30,6 +32,17 @@ Array = NDArray[np.float64]
 NORMAL_95 = 1.959964
 PLACE = 6 * INCH  # from the tip
 RIG = "filmed-cannon"
+COLUMNS = {
+    "clips": Column("clips that gave it"),
+    "missed": Column("clips that gave none"),
+    "coverage": Column("95 % intervals that held the truth", form=".1%"),
+    "low": Column("  at least", form=".1%"),
+    "high": Column("  at most", form=".1%"),
+    "rms_error_percent": Column("rms error", "%", ".3f"),
+    "rms_u_percent": Column("rms of the stated u", "%", ".3f"),
+    "mean_error_percent": Column("mean error", "%", "+.4f"),
+    "mean_error_se_percent": Column("  its standard error", "%", ".4f"),
+}
 QUANTITIES = {"v_in": "speed_in", "v_out": "speed_out", "e_A": "efficiency"}
 
 
@@ -38,22 +51,24 @@ def clip_coverage(
     *,
     procedure: str = "bbcor",
     clips: int = 2000,
-    first_seed: int = 1,
+    seed: int = 1,
     summed: bool = False,
-    say: Callable[[str], None] = lambda _: None,
-) -> list[dict[str, Any]]:
+    progress: Progress = quiet,
+) -> Rows:
     """Film one shot in each of many laboratories and count intervals that hold what was filmed.
 
     Parameters
     ----------
     bat, procedure
         Names in the catalog, or paths; the procedure's rules allow a ball cannon.
+    clips, seed
+        How many laboratories film a shot each, and the seed of the first.
     summed
         Whether the camera writes places with the least scatter instead of windows.
 
     Returns
     -------
-    list of dict
+    Rows
         A row a quantity: `clips` that gave it, `coverage` of the 95 % interval with its
         Clopper-Pearson interval, relative root mean squares of error and u, mean relative error
         with its standard error, and `missed`: clips whose shot the rules reject, as where the
@@ -67,16 +82,23 @@ def clip_coverage(
     if clips < 2:
         raise InputError("", "clips", clips, "allowed: 2 and more")
     found: list[Array] = []
-    for number, seed in enumerate(range(first_seed, first_seed + clips), start=1):
+    rung = RecordDetail.SUMMED if summed else RecordDetail.FULL
+    for number in range(clips):
         setup = TestSetup.of(
-            bat, procedure=procedure, rig=RIG, seed=seed, detail=RecordDetail.SUMMED
+            bat, procedure=procedure, rig=RIG, seed=seed + number, detail=RecordDetail.SUMMED
         )
-        rung = RecordDetail.SUMMED if summed else RecordDetail.FULL
         found.append(_clip(Laboratory.open(setup), rung))
-        if number % 50 == 0:
-            say(f"{number} of {clips} clips")
+        progress("clips", number + 1, clips)
     values = np.array(found)
-    return [{"quantity": name} | _row(*values[:, place].T) for place, name in enumerate(QUANTITIES)]
+    return Rows(
+        name="clips",
+        title=f"one shot at {bat} on film in each of {clips} laboratories, by {procedure}",
+        columns=COLUMNS,
+        across="quantity",
+        rows=[
+            {"quantity": name} | _row(*values[:, place].T) for place, name in enumerate(QUANTITIES)
+        ],
+    )
 
 
 def _clip(laboratory: Laboratory, rung: RecordDetail) -> Array:

@@ -7,7 +7,7 @@ balls really strike; and, of a metric found by a scan, what a rehearsal of the s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from math import sqrt
 from typing import Any
 
@@ -26,12 +26,40 @@ from virtual_lab.lab import (
 )
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.measurement.model import QUANTITIES
+from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.output.result import Rows
+from virtual_lab.output.tables import Column
 from virtual_lab.records import AimMarks
 from virtual_lab.streams import Streams
 
 __all__ = ["coverage", "tests"]
 
 Array = NDArray[np.float64]
+COLUMNS = {
+    "laboratories": Column("laboratories with a result"),
+    "invalid": Column("laboratories whose test was INVALID"),
+    "rejected": Column("hits that the rules rejected", form=".1%"),
+    "coverage": Column("intervals that held the truth", form=".1%"),
+    "low": Column("  at least", form=".1%"),
+    "high": Column("  at most", form=".1%"),
+    "above": Column("truth above the interval", form=".1%"),
+    "below": Column("truth below the interval", form=".1%"),
+    "thirds": Column("held, by thirds of u", form=lambda row: _thirds(row["thirds"])),
+    "mean_z": Column("mean error", "u", "+.3f"),
+    "mean_z_se": Column("  its standard error", "u", ".3f"),
+    "sd_z": Column("standard deviation of the errors", "u", ".3f"),
+    "rms_error": Column("rms error", "SI", ".4g"),
+    "rms_u": Column("rms of the stated u", "SI", ".4g"),
+    "bias": Column("bias (mean error)", "SI", "+.2e"),
+    "bias_se": Column("  its standard error", "SI", ".1e"),
+    "expected": Column("bias expected", "SI", "+.2e"),
+    "expected_se": Column("  its standard error", "SI", ".1e"),
+}
+WORDS = (
+    "Error: measured less true. At least, at most: the Clopper-Pearson 95 % interval of that\n"
+    "share. SI: the unit of the quantity, 1 or m/s. Thirds: laboratories with the least, the\n"
+    "middle and the greatest u."
+)
 
 
 def coverage(
@@ -39,21 +67,21 @@ def coverage(
     *,
     procedure: str = "astm-f1881",
     laboratories: int = 1000,
-    first_seed: int = 1,
+    seed: int = 1,
     summed: bool = False,
-    say: Callable[[str], None] = lambda _: None,
-) -> list[dict[str, Any]]:
+    progress: Progress = quiet,
+) -> Rows:
     """Certify one bat design in many laboratories and count intervals that hold the truth.
 
     Every laboratory draws its own bat, balls and calibration errors; `summed` keeps to the bat
     as drawn and lets instruments write sums, which takes a tenth of the time. The same seeds
     draw the same standardised errors for every bat, so two bats over the same seeds are one
-    sample (their errors correlate by 0.98); take another `first_seed` for a second opinion.
-    INVALID tests state no result and are counted apart.
+    sample (their errors correlate by 0.98); take another `seed`, that of the first laboratory, for
+    a second opinion. INVALID tests state no result and are counted apart.
 
     Returns
     -------
-    list of dict
+    Rows
         A row a quantity, the metric first: `laboratories` with a result, `invalid`, the share of
         all hits that the rules `rejected`, `coverage` with its Clopper-Pearson 95 % interval `low`
         to `high`, how often the truth lay `above` and `below` the interval, the coverage of the
@@ -76,15 +104,16 @@ def coverage(
     bends: dict[str, float] = {}
     rehearsal = None
     invalid, hits = 0, []
-    played = tests(bat, procedure, laboratories, first_seed, summed=summed)
+    played = tests(bat, procedure, laboratories, seed, summed=summed)
     for number, tested in enumerate(played, start=1):
+        progress("laboratories", number, laboratories)
         certification = tested.certification
         hits.append(certification.judgement.valid)
         if certification.verdict.value == "INVALID":
             invalid += 1
             continue
         if not bends:
-            first = shared.laboratory(first_seed)
+            first = shared.laboratory(seed)
             bends = curvatures(first, certification.outcome.place)
             rehearsal = Rehearsal.of(first, tested) if first.rules.spec.scan else None
         along = _marks(certification).along - certification.readings.along
@@ -92,26 +121,31 @@ def coverage(
         for name in names:
             beside = 0.0 if rehearsal and name == "metric" else float(np.mean(along**2))
             found[name].append(_result(tested, name, bends[name] * beside / 2))
-        if number % 100 == 0:
-            say(f"{number} of {laboratories} laboratories")
     rows = {name: _row(np.array(found[name])) for name in names}
     if rehearsal:
         straying = rehearsal.straying(*np.sqrt(np.mean(strayed, axis=0)))
-        bias, bias_se = rehearsal.bias(straying, Streams(first_seed), laboratories)
+        bias, bias_se = rehearsal.bias(straying, Streams(seed), laboratories)
         rows["metric"]["expected"] += bias
         rows["metric"]["expected_se"] = bias_se
     rejected = 1 - float(np.mean(np.concatenate(hits)))
-    return [
-        {
-            "bat": bat,
-            "procedure": procedure,
-            "quantity": name,
-            "invalid": invalid,
-            "rejected": rejected,
-        }
-        | row
-        for name, row in rows.items()
-    ]
+    return Rows(
+        name="coverage",
+        title=f"{bat} by {procedure}: how often the 95 % interval holds the truth",
+        columns=COLUMNS,
+        across="quantity",
+        words=WORDS,
+        rows=[
+            {
+                "bat": bat,
+                "procedure": procedure,
+                "quantity": name,
+                "invalid": invalid,
+                "rejected": rejected,
+            }
+            | row
+            for name, row in rows.items()
+        ],
+    )
 
 
 def tests(
@@ -158,6 +192,10 @@ def _result(tested: Tested, name: str, beside: float) -> tuple[float, ...]:
     low, high = budget.interval_95
     missed = float(true > high) - float(true < low)
     return missed, budget.value - true, budget.u, budget.shift + beside
+
+
+def _thirds(parts: list[float | None]) -> str:
+    return ", ".join("" if part is None else f"{part:.0%}" for part in parts)
 
 
 def _row(found: Array) -> dict[str, Any]:

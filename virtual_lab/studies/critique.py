@@ -9,12 +9,12 @@ are each test's own. That made bats differ from the drawing is part of what a ra
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from itertools import combinations
 from math import nan
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,13 +24,18 @@ from scipy.stats import binomtest
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Sport
 from virtual_lab.errors import InputError
-from virtual_lab.files import new_folder
 from virtual_lab.lab import TestSetup, certify_bat
 from virtual_lab.measurement.procedure import Procedure, Verdict
 from virtual_lab.output.metrics import METRICS
+from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.output.result import StudyResult
 from virtual_lab.simulation.rig import Reality
 from virtual_lab.studies.bats.compare import compare
 from virtual_lab.studies.critique_chart import draw_critique
+from virtual_lab.studies.critique_text import critique_text
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = [
     "FIELD_TIE_MPH",
@@ -39,7 +44,6 @@ __all__ = [
     "Critique",
     "critique",
     "misranking",
-    "save_critique",
 ]
 
 Array = NDArray[np.float64]
@@ -61,8 +65,8 @@ class Ranked:
     measured: Array  # (laboratory, bat)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Critique:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Critique(StudyResult):
     """Procedures beside the field."""
 
     bats: tuple[str, ...]
@@ -117,6 +121,37 @@ class Critique:
         return rows
 
     @property
+    def name(self) -> str:
+        return "critique"
+
+    @property
+    def title(self) -> str:
+        """What was asked."""
+        procedures = ", ".join(each.procedure for each in self.ranked)
+        return f"Critique of {procedures} by {', '.join(self.bats)}"
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """The pairs."""
+        return self.pairs
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """Metrics and pairs."""
+        import pandas as pd
+
+        return {"metrics": pd.DataFrame(self.metrics), "pairs": pd.DataFrame(self.pairs)}
+
+    @property
+    def text(self) -> str:
+        """How each procedure places each bat, and which pairs it misranks."""
+        return critique_text(self.metrics, self.pairs, self.balls)
+
+    def draw(self, path: Path) -> None:
+        """Draw which procedure misranks which pair."""
+        draw_critique(self.pairs, path)
+
+    @property
     def document(self) -> dict[str, Any]:
         """All of it for JSON."""
         return {
@@ -135,8 +170,8 @@ def critique(
     reference_inertia: str | None = None,
     ball: str | None = None,
     laboratories: int = 20,
-    first_seed: int = 1,
-    say: Callable[[str], None] = lambda _: None,
+    seed: int = 1,
+    progress: Progress = quiet,
 ) -> Critique:
     """Return how procedures rank bats, beside the field.
 
@@ -150,10 +185,10 @@ def critique(
     swings, reference_inertia, ball
         Of the field, as `virtual_lab.studies.bats.compare.compare` takes them; a procedure has its
         own.
-    laboratories, first_seed
+    laboratories, seed
         How many test every bat by every procedure, and the seed of the first.
-    say
-        Told which bats are being tested.
+    progress
+        Told which laboratory tests by which procedure.
 
     Raises
     ------
@@ -172,9 +207,9 @@ def critique(
         exact = [_result(bat, procedure, seed=0, reality=Reality.IDEAL) for bat in bats]
         measured = np.empty((laboratories, len(bats)))
         for i in range(laboratories):
-            say(f"{rules.name}: laboratory {i + 1} of {laboratories}")
+            progress(f"{rules.name}: laboratories", i, laboratories)
             for j, bat in enumerate(bats):
-                measured[i, j] = _result(bat, procedure, seed=first_seed + i, test=j)
+                measured[i, j] = _result(bat, procedure, seed=seed + i, test=j)
         ranked.append(
             Ranked(
                 procedure=rules.name,
@@ -240,16 +275,6 @@ def misranking(field: float, differences: Array) -> dict[str, Any]:
         "high": float(share.high),
         "verdict": verdict,
     }
-
-
-def save_critique(found: Critique, folder: Path) -> None:
-    """Write metrics and pairs as CSV and the picture as PNG into a new folder."""
-    import pandas as pd
-
-    with new_folder(folder) as draft:
-        pd.DataFrame(found.metrics).to_csv(draft / "metrics.csv", index=False)
-        pd.DataFrame(found.pairs).to_csv(draft / "pairs.csv", index=False)
-        draw_critique(found.pairs, draft / "critique.png")
 
 
 def _of_this_game(sports: Set[Sport | None]) -> list[str]:

@@ -18,11 +18,13 @@ from numpy.typing import NDArray
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
-from virtual_lab.files import new_folder
 from virtual_lab.lab.naming import constant_name
 from virtual_lab.measurement.reduction.gates import passages
 from virtual_lab.measurement.reduction.observations import BallReadings
 from virtual_lab.measurement.reduction.shot_algebra import measured_balls
+from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.output.result import StudyResult
+from virtual_lab.output.tables import Column, table_text
 from virtual_lab.records import GateRecord
 from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
 from virtual_lab.simulation.physics.ageing import lasting_loss
@@ -37,18 +39,25 @@ from virtual_lab.units import MPH
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Daily", "daily", "save_daily"]
+__all__ = ["Daily", "daily"]
 
 Array = NDArray[np.float64]
 BALL_RIG = "ball-wall"
 SPEED = 60 * MPH  # of the wall test
-NO_BAT = "check-cylinder"  # a specimen has a bat, which a wall never meets
+CYLINDER = "check-cylinder"
+ALARMS = {
+    "rule": Column("rule"),
+    "first_alarm_day": Column("first alarm", "day", lambda row: _day(row["first_alarm_day"])),
+    "earlier_alarms": Column("alarms before the change", "days"),
+    "delay_days": Column("delay after it", "days", lambda row: _day(row["delay_days"])),
+}
+NO_BAT = CYLINDER  # a specimen has a bat, which a wall never meets
 MOST_DAYS, MOST_HITS = 10_000, 1000
 LEAST_BASELINE = 5
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Daily:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Daily(StudyResult):
     """Mornings of one laboratory; arrays (day,)."""
 
     ball: str
@@ -100,6 +109,46 @@ class Daily:
         return _alarms(self.cylinder_charted, self.since)
 
     @property
+    def name(self) -> str:
+        return "daily"
+
+    @property
+    def title(self) -> str:
+        """What was watched, and how long."""
+        return f"{self.values.size} mornings of {self.ball} and {CYLINDER}"
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """A row a rule and check standard."""
+        return [
+            {"standard": standard} | row
+            for standard, rows in ((self.ball, self.alarms), (CYLINDER, self.cylinder_alarms))
+            for row in rows
+        ]
+
+    @property
+    def text(self) -> str:
+        """The alarms of both standards."""
+        checks = (
+            ("check ball at the wall, e0", self.alarms),
+            ("check cylinder at the impact rig, e_A", self.cylinder_alarms),
+        )
+        return "\n\n".join(f"{words}\n{table_text(rows, ALARMS)}" for words, rows in checks)
+
+    @property
+    def pictures(self) -> tuple[str, ...]:
+        """A control chart a standard."""
+        return ("daily", "cylinder")
+
+    def draw(self, path: Path) -> None:
+        """Draw the control chart of the ball or, into ``cylinder.png``, of the cylinder."""
+        if path.stem == "cylinder":
+            label = "$e_A$ of the check cylinder"
+            draw_control_chart(self.cylinder, self.cylinder_charted, label, path)
+        else:
+            draw_control_chart(self.values, self.charted, "$e_0$ of the check ball", path)
+
+    @property
     def document(self) -> dict[str, Any]:
         """All of it for JSON."""
         rows = self.table.astype(object)
@@ -128,6 +177,7 @@ def daily(
     since: int | None = None,
     rules: Collection[int] = tuple(RULES),
     seed: int = 1,
+    progress: Progress = quiet,
 ) -> Daily:
     """Play the mornings of one laboratory and chart them.
 
@@ -169,7 +219,9 @@ def daily(
         allowed = f"a wall that gives something back on all {days} days"
         raise InputError("", "drift", drift, f"allowed: {allowed}")
     spec = catalog.load("balls", ball, BallSpec).spec
+    progress("check ball at the wall")
     values = _mornings(spec, wall, hits, seed)
+    progress("check cylinder at the impact rig")
     cylinder = check_cylinder(days, hits, seed=seed, faults=faults, since=begin)
     return Daily(
         ball=spec.name,
@@ -184,15 +236,8 @@ def daily(
     )
 
 
-def save_daily(played: Daily, folder: Path) -> None:
-    """Write the days as CSV and the control charts as PNG, one a standard, into a new folder."""
-    with new_folder(folder) as draft:
-        played.table.to_csv(draft / "daily.csv", index=False)
-        draw_control_chart(
-            played.values, played.charted, "$e_0$ of the check ball", draft / "daily.png"
-        )
-        label = "$e_A$ of the check cylinder"
-        draw_control_chart(played.cylinder, played.cylinder_charted, label, draft / "cylinder.png")
+def _day(day: int | None) -> str:
+    return "none" if day is None else str(day)
 
 
 def _baseline(charted: Charted) -> dict[str, float]:

@@ -8,10 +8,9 @@ and the budget states it as sensitivity times u. What the regression leaves is t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import sqrt
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +27,9 @@ from virtual_lab.measurement.reduction.observations import (
 )
 from virtual_lab.measurement.reduction.shot_algebra import SLOPE_ERROR, measured_balls
 from virtual_lab.measurement.session_reduction import ALONG
+from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.output.result import Rows
+from virtual_lab.output.tables import Column
 from virtual_lab.relations.pendulum import mean_amplitude_factor
 from virtual_lab.simulation.physics.section import outer_diameter
 from virtual_lab.studies.coverage import tests
@@ -37,6 +39,15 @@ from virtual_lab.units import INCH
 __all__ = ["effects"]
 
 Array = NDArray[np.float64]
+COLUMNS = {
+    "term": Column("term of the budget"),
+    "stated": Column("effect stated", "SI", "+.3e"),
+    "realised": Column("effect found", "SI", "+.3e"),
+    "se": Column("its standard error", "SI", ".1e"),
+    "apart": Column("apart", "standard errors", "+.1f"),
+    "laboratories": Column("laboratories"),
+}
+WORDS = "Effect: what one standard uncertainty of the term does to the metric. SI: its unit."
 ACROSS = "impact.aim.across_square"
 HITS = "hits"
 BARREL_PLACE = np.array(6 * INCH)  # where the bench takes the barrel's radius, from the tip
@@ -59,16 +70,17 @@ def effects(
     *,
     procedure: str = "astm-f1881",
     laboratories: int = 1000,
-    first_seed: int = 1,
+    seed: int = 1,
     summed: bool = False,
-    say: Callable[[str], None] = lambda _: None,
-) -> list[dict[str, Any]]:
+    progress: Progress = quiet,
+) -> Rows:
     """Return a row a term of the metric's budget, largest first; parameters as `coverage`.
 
     Returns
     -------
-    list of dict
-        `term`; `stated`, its effect by the budget, with its sign (SI, mean over laboratories);
+    Rows
+        A row a term: `term`; `stated`, its effect by the budget, with its sign (SI, mean over
+        laboratories);
         `realised`, the effect found, with its standard error `se`; `apart`, their difference in
         standard errors; the number of `laboratories`. The pooled balls, `hits` and the choice of
         a place have no sign: theirs are root mean squares. `realised` is None of what the sealed
@@ -85,13 +97,11 @@ def effects(
         Unknown names, or too few laboratories for the number of terms.
     """
     cases: list[_Case] = []
-    for number, tested in enumerate(
-        tests(bat, procedure, laboratories, first_seed, summed=summed), start=1
-    ):
+    played = tests(bat, procedure, laboratories, seed, summed=summed)
+    for number, tested in enumerate(played, start=1):
+        progress("laboratories", number, laboratories)
         if tested.certification.verdict.value != "INVALID":
             cases.append(_case(tested))
-        if number % 100 == 0:
-            say(f"{number} of {laboratories} laboratories")
     names = list(dict.fromkeys(name for case in cases for name in case.components))
     if len(cases) < LEAST * len(names) or not cases:
         allowed = f"allowed: {LEAST} and more with a result for each of {len(names)} terms"
@@ -122,7 +132,13 @@ def effects(
                 "laboratories": len(cases),
             }
         )
-    return sorted(rows, key=lambda row: -abs(row["stated"]))
+    return Rows(
+        name="effects",
+        title=f"{bat} by {procedure}: the effect of every term of the budget on the metric",
+        columns=COLUMNS,
+        words=WORDS,
+        rows=sorted(rows, key=lambda row: -abs(row["stated"])),
+    )
 
 
 def _case(tested: Tested) -> _Case:

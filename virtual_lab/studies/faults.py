@@ -7,10 +7,9 @@ of one day against the same day, and chance does not blur it.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import hypot, sqrt
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,12 +18,14 @@ from scipy.stats import binomtest
 
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
-from virtual_lab.files import new_folder
 from virtual_lab.lab import TestSetup, certify_bat
 from virtual_lab.measurement.certification import Certification
+from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.output.result import Rows
+from virtual_lab.output.tables import Column
 from virtual_lab.simulation.faults import FaultSheet, Prediction
 
-__all__ = ["PROCEDURES", "faults", "save_faults"]
+__all__ = ["PROCEDURES", "faults"]
 
 PROCEDURES = ("astm-f1881", "bbcor")
 CAUGHT = 0.95  # of the laboratories, at least
@@ -32,6 +33,34 @@ FALSE_ALARMS = 0.01  # of the sound ones, at most
 FAR = 3.0  # standard uncertainties
 RESULTS = ("e_A", "metric")
 PARTS = ("bias", "bias_se", "predicted", "z")
+
+
+def _share(row: Mapping[str, Any]) -> str:
+    return f"{row['caught']:.0%} ({row['low']:.0%} to {row['high']:.0%})"
+
+
+def _bias_text(row: Mapping[str, Any], what: str) -> str:
+    if row[f"{what}_bias"] is None:
+        return ""
+    measured = f"{row[f'{what}_bias']:+.5f} ± {row[f'{what}_bias_se']:.5f}"
+    if row[f"{what}_z"] is None:
+        return measured
+    return f"{measured}, predicted {row[f'{what}_predicted']:+.5f}, z {row[f'{what}_z']:+.1f}"
+
+
+COLUMNS = {
+    "procedure": Column("procedure"),
+    "fault": Column("fault"),
+    "prediction": Column("predicted"),
+    "caught": Column("caught", "of the laboratories", _share),
+    "by": Column("by"),
+    "e_A_bias": Column("bias of e_A", form=lambda row: _bias_text(row, "e_A")),
+    "metric_bias": Column("bias of the metric", "SI", lambda row: _bias_text(row, "metric")),
+    "as_predicted": Column(
+        "came out",
+        form=lambda row: "as predicted" if row["as_predicted"] else "NOT as predicted",
+    ),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,9 +78,9 @@ def faults(
     bat: str = "r161",
     procedures: Sequence[str] = (),
     laboratories: int = 60,
-    first_seed: int = 1,
-    say: Callable[[str], None] = lambda _: None,
-) -> list[dict[str, Any]]:
+    seed: int = 1,
+    progress: Progress = quiet,
+) -> Rows:
     """Play faults in many laboratories and hold what comes of them against what was predicted.
 
     Parameters
@@ -60,14 +89,14 @@ def faults(
         Faults in the catalog; none: every one.
     bat, procedures
         Names in the catalog; no procedures: all that the faults have predictions for.
-    laboratories, first_seed
+    laboratories, seed
         How many seeds, and the first.
-    say
-        Told what goes on, a sentence at a time.
+    progress
+        Told which fault is played, and where.
 
     Returns
     -------
-    list of dict
+    Rows
         A row a procedure and fault, the sound day first (``fault`` is ``none``): the share of
         the laboratories that caught it (a flag, or the verdict INVALID) with its Clopper-Pearson
         95 % interval and `by` what; bias of e_A and of the metric with their Monte Carlo
@@ -87,8 +116,14 @@ def faults(
         catalog.find("procedures", procedure)
     if procedures:
         _require_played(sheets, procedures)
-    seeds = range(first_seed, first_seed + laboratories)
+    seeds = range(seed, seed + laboratories)
     rows = []
+
+    def counted(what: str) -> Iterator[int]:
+        for number, each in enumerate(seeds):
+            progress(f"{procedure}, {what}: laboratories", number, laboratories)
+            yield each
+
     for procedure in procedures or PROCEDURES:
         predicted = {
             sheet.name: prediction
@@ -98,22 +133,13 @@ def faults(
         }
         if not predicted:
             continue
-        say(f"{procedure}: {laboratories} sound laboratories")
-        sound = [_play(bat, procedure, seed, ()) for seed in seeds]
+        sound = [_play(bat, procedure, each, ()) for each in counted("no fault")]
         rows.append(_sound_row(procedure, sound))
         for name, prediction in predicted.items():
-            say(f"{procedure}: {name}")
-            spoiled = [_play(bat, procedure, seed, (name,)) for seed in seeds]
+            spoiled = [_play(bat, procedure, each, (name,)) for each in counted(name)]
             rows.append(_row(name, prediction, spoiled, sound))
-    return rows
-
-
-def save_faults(rows: Sequence[dict[str, Any]], folder: Path) -> None:
-    """Write ``faults.csv`` into a new folder."""
-    import pandas as pd
-
-    with new_folder(folder) as draft:
-        pd.DataFrame(rows).to_csv(draft / "faults.csv", index=False, float_format="%.5g")
+    title = f"faults of a real day, {laboratories} laboratories each"
+    return Rows(name="faults", title=title, columns=COLUMNS, rows=rows)
 
 
 def _require_played(sheets: Sequence[FaultSheet], procedures: Sequence[str]) -> None:

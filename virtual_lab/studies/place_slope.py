@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,17 +11,24 @@ from virtual_lab.errors import InputError
 from virtual_lab.lab import Laboratory, TestSetup
 from virtual_lab.lab.measurand import true_curve
 from virtual_lab.measurement.procedure import aimed_place
+from virtual_lab.output.result import Rows
+from virtual_lab.output.tables import Column
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.rig import Reality
 from virtual_lab.units import INCH
 
-__all__ = ["place_slopes"]
+__all__ = ["slope"]
 
+COLUMNS = {
+    "bat": Column("bat"),
+    "place_in": Column("place from the tip", "in"),
+    "slope_per_in": Column("slope of e_A", "1/in", "+.4f"),
+}
 STEP = 4e-3  # m, to either side
 BATS = ("r161", "ea70", "barrel-loaded", "knob-loaded")  # of baseball
 
 
-def place_slopes(bats: tuple[str, ...] = (), *, procedure: str) -> list[dict[str, Any]]:
+def slope(bats: Sequence[str] = (), *, procedure: str = "astm-f1881") -> Rows:
     """Return de_A/dz at the centre of percussion, a row a bat, then their mean and deviation.
 
     Each bat is its drawing, met by the procedure's nominal ball at its speed. Without names the
@@ -36,11 +44,13 @@ def place_slopes(bats: tuple[str, ...] = (), *, procedure: str) -> list[dict[str
         raise InputError("", "bats", len(bats), "a deviation needs 2 and more")
     rows = [_slope(bat, procedure) for bat in bats]
     slopes = [row["slope_per_in"] for row in rows]
-    return [
+    every = [
         *rows,
         {"bat": "mean", "place_in": None, "slope_per_in": float(np.mean(slopes))},
         {"bat": "deviation", "place_in": None, "slope_per_in": float(np.std(slopes, ddof=1))},
     ]
+    title = f"how e_A changes along the barrel where {procedure} hits"
+    return Rows(name="slope", title=title, columns=COLUMNS, rows=every)
 
 
 def _slope(bat: str, procedure: str) -> dict[str, Any]:

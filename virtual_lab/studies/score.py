@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +14,22 @@ from virtual_lab.files import read_bytes, read_json
 from virtual_lab.lab.measurand import CONTINUOUS, WIDTH
 from virtual_lab.lab.seal import TRUTH, Alteration, alterations
 from virtual_lab.measurement.model import QUANTITIES
-from virtual_lab.output.tables import number, table_text
+from virtual_lab.output.result import StudyResult
+from virtual_lab.output.tables import Column, number, table_text
 
-__all__ = ["score", "score_folder", "score_text"]
+__all__ = ["Scored", "score", "score_folder"]
 
 CERTIFICATE = "certificate.json"
 BOUND = {(TRUTH, ""), (CERTIFICATE, "simulation.truth_digest")}  # the one holds the other's digest
+COLUMNS = {
+    "quantity": Column("quantity"),
+    "measured": Column("measured", "SI", lambda row: number(row["measured"])),
+    "u": Column("u", "SI", lambda row: number(row["u"])),
+    "true": Column("true", "SI", lambda row: number(row["true"])),
+    "error": Column("error", "SI", lambda row: number(row["error"], "+.6f")),
+    "z": Column("error", "u", lambda row: number(row["z"], "+.2f")),
+}
+ALTERED = 3  # exit code
 ABOUT = ("seal", "altered", "sealing")  # keys of a score that are no quantities
 
 
@@ -43,18 +53,59 @@ def score(certificate: Mapping[str, Any], measurand: Mapping[str, float]) -> dic
     return rows
 
 
-def score_folder(folder: Path) -> dict[str, Any]:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Scored(StudyResult):
+    """A certificate beside the truth, and whether the seal on both is whole."""
+
+    document: dict[str, Any]
+
+    @property
+    def name(self) -> str:
+        return "score"
+
+    @property
+    def title(self) -> str:
+        """Whether the seal is whole."""
+        return f"Score of a certificate, seal {self.document['seal']}"
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """A row a quantity."""
+        return [
+            {"quantity": name} | row for name, row in self.document.items() if name not in ABOUT
+        ]
+
+    @property
+    def code(self) -> int:
+        """The exit code of the command."""
+        return ALTERED if self.document["altered"] else 0
+
+    @property
+    def text(self) -> str:
+        """Measured against true as a table, and what was altered, a line each."""
+        lines = [
+            table_text(self.rows, COLUMNS) if self.rows else "no score: see what was altered",
+            f"seal {self.document['seal']}",
+            *(f"  {Alteration(**each)}" for each in self.document["altered"]),
+        ]
+        if self.document["sealing"]:
+            lines.append(str(self.document["sealing"]))
+        return "\n".join(lines)
+
+
+def score_folder(folder: str | Path) -> Scored:
     """Score the test in an output folder and say whether its seal is whole.
 
-    Before the rows of `score` stand `seal` (whole or broken), `altered` (what is not as it was
-    sealed: `file`, `key`, `change`) and `sealing` (whether who knows the records could find the
-    truth again). Where what was altered cannot be scored, the rows are left out.
+    In the document, before the rows of `score`, stand `seal` (whole or broken), `altered` (what is
+    not as it was sealed: `file`, `key`, `change`) and `sealing` (whether who knows the records
+    could find the truth again). Where what was altered cannot be scored, the rows are left out.
 
     Raises
     ------
     InputError
         Certificate, truth or seal are missing; or nothing was altered, and yet they hold no score.
     """
+    folder = Path(folder)
     read_bytes(folder / CERTIFICATE)
     digest = hashlib.sha256(read_bytes(folder / TRUTH)).hexdigest()
     altered = alterations(folder)
@@ -67,12 +118,13 @@ def score_folder(folder: Path) -> dict[str, Any]:
     named = {(each.file, each.key) for each in altered}
     if simulation.get("truth_digest", digest) != digest and not named & BOUND:
         altered.append(Alteration(TRUTH, "", "altered"))  # and the seal to match
-    return {
+    document = {
         "seal": "broken" if altered else "whole",
         "altered": [asdict(each) for each in altered],
         "sealing": simulation.get("sealing"),
         **rows,
     }
+    return Scored(document=document)
 
 
 def _scored(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -101,27 +153,3 @@ def _row(measured: Mapping[str, Any], true: float) -> dict[str, float | None]:
         "error": error,
         "z": error / u if error is not None and u else None,
     }
-
-
-def score_text(document: Mapping[str, Any]) -> str:
-    """Return measured against true as a table, and what was altered, a line each."""
-    rows = [
-        {
-            "quantity": name,
-            "measured": number(row["measured"]),
-            "u": number(row["u"]),
-            "true": number(row["true"]),
-            "error": number(row["error"], "+.6f"),
-            "error/u": number(row["z"], "+.2f"),
-        }
-        for name, row in document.items()
-        if name not in ABOUT
-    ]
-    lines = [
-        table_text(rows) if rows else "no score: see what was altered",
-        f"seal {document['seal']}",
-        *(f"  {Alteration(**each)}" for each in document["altered"]),
-    ]
-    if document["sealing"]:
-        lines.append(str(document["sealing"]))
-    return "\n".join(lines)

@@ -22,19 +22,19 @@ from virtual_lab.records.session import Session
 from virtual_lab.studies.foreign import our_own
 from virtual_lab.units import DIMENSIONS
 
-__all__ = ["write_template"]
+__all__ = ["template"]
 
 MOST_ROWS = 1000  # a longer table is no form to fill in by hand
 OWN_RULES = "procedure.toml"
 
 
-def write_template(procedure: str, folder: Path) -> Path:
+def template(procedure: str, folder: str | Path) -> Path:
     """Write the forms of a procedure (a name, or a .toml file) into a new folder.
 
     Raises `InputError` where there is no such procedure, or the folder cannot be written; nothing
     is left half-written.
     """
-    session = our_own(procedure)
+    session, folder = our_own(procedure), Path(folder)
     own = procedure.endswith(".toml")
     with new_folder(folder) as draft:
         if own:

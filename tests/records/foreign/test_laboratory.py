@@ -56,6 +56,7 @@ def test_by_the_command_line(run: Run, tmp_path: Path) -> None:  # noqa: F811
     known = KNOWN["bat_performance_factor"]
     assert abs(document["metric"]["value"] - known["value"]) < 0.02 * known["u"]
     again = json.loads(run("reduce", "theirs/records", "--json")[1])
+    assert document.pop("folder") == "theirs"
     assert again == document
     kept = json.loads((tmp_path / "theirs/records/session.json").read_text())
     assert kept["laboratory"] == "Crosstown Bat Laboratory"

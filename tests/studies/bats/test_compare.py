@@ -14,7 +14,7 @@ from virtual_lab.relations.peaks import peak
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.physics.supports import Free
-from virtual_lab.studies.bats.compare import Compared, compare, save_comparison
+from virtual_lab.studies.bats.compare import Compared, compare
 from virtual_lab.studies.bats.profile import GameConditions, profile, read_inertia
 from virtual_lab.units import INCH, MPH, OZ_IN2
 
@@ -159,7 +159,7 @@ def test_an_inertia_that_cannot_be_read(text: str, said: str) -> None:
 
 
 def test_files_hold_what_was_compared(compared: Compared, tmp_path: Path) -> None:
-    save_comparison(compared, tmp_path / "out")
+    compared.save(tmp_path / "out")
     found = {path.name for path in (tmp_path / "out").iterdir()}
     assert found == {"compare.csv", "peaks.csv", "differences.csv", "compare.png"}
     curves = pd.read_csv(tmp_path / "out" / "compare.csv")

@@ -7,7 +7,7 @@ import pytest
 from virtual_lab.catalog import load_bat
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.studies.bats.fit_bat import FittedBat, fit_bat, write_bat
+from virtual_lab.studies.bats.fit_bat import FittedBat, fit_bat
 from virtual_lab.units import INCH, OUNCE, OZ_IN2
 
 MEASURED = """
@@ -37,8 +37,8 @@ def weighed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, FittedBat]:
 def test_the_file_reads_back_as_the_bat_that_was_measured(
     tmp_path: Path, weighed: tuple[Path, FittedBat]
 ) -> None:
-    (source, fitted), target = weighed, tmp_path / "mine.toml"
-    write_bat(fitted, target, source.name)
+    (_, fitted), target = weighed, tmp_path / "mine.toml"
+    fitted.write(target)
     spec = load_bat(str(target)).spec
     beam = beam_of(spec.body)
     found = (beam.length, beam.mass, beam.z_cm, beam.inertia(33 * INCH))
@@ -47,7 +47,7 @@ def test_the_file_reads_back_as_the_bat_that_was_measured(
     assert spec.sport == "softball"
     assert "peak e_A" in target.read_text()
     with pytest.raises(InputError, match="cannot be written"):
-        write_bat(fitted, target, source.name)
+        fitted.write(target)
 
 
 def test_measuring_more_leaves_less_open(tmp_path: Path, weighed: tuple[Path, FittedBat]) -> None:

@@ -13,8 +13,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.simulation.faults.fault import other_sheet
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.rig import Reality, ShotPlan, Stage
-from virtual_lab.studies.bats.percussion import Percussed, percussion, save_percussion
-from virtual_lab.studies.bats.percussion_text import percussion_text
+from virtual_lab.studies.bats.percussion import Percussed, percussion
 
 INCH = 0.0254
 
@@ -98,10 +97,10 @@ def laboratory_spec(station: object) -> object:
 
 
 def test_the_table_and_its_words(found: Percussed, tmp_path: Path) -> None:
-    said = percussion_text(found.rows, found.percussion_in)
+    said = found.text
     assert "At the centre of percussion, 6.40 in, the axis bears" in said
     assert "The gates miss most rebounds at 2, " in said
-    save_percussion(found, tmp_path / "out")
+    found.save(tmp_path / "out")
     assert len(pd.read_csv(tmp_path / "out" / "percussion.csv")) == len(found.rows) == 14
     assert (tmp_path / "out" / "percussion.png").read_bytes().startswith(b"\x89PNG")
 

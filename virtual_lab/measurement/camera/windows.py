@@ -1,4 +1,4 @@
-"""The ball in the windows a camera kept of each shot: found, located, sorted into coming in and going out."""
+"""The ball in the windows a camera kept of each shot: found, located, and sorted by way."""
 
 from __future__ import annotations
 

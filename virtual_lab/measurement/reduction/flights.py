@@ -86,7 +86,7 @@ def timed(stage: str, seen: Passages) -> Flown:
 
 
 def heights_moved(stage: str, seen: Passages) -> Flown:
-    """Return a function to the flights, (3, shot), of one set of constants, heights moved by their u.
+    """Return the flights of one set of constants as `timed`, (3, shot), heights moved by their u.
 
     What a way's heights give best, one thing a row, as their errors there are independent: the
     level in midway between the gates, the slope in, the slope out.

@@ -1,4 +1,4 @@
-"""How far a bat's numbers hang on the law of the ball, which nobody measures in a bat test.
+"""Sensitivity of a bat's results to the force law of the ball, which no bat test measures.
 
 Laws of the same restitution on a wall, and of the same time of compression there: what is
 left to differ is the shape of the force. What a table says holds for the first law only.
@@ -6,9 +6,8 @@ left to differ is the shape of the force. What a table says holds for the first 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +19,8 @@ from virtual_lab.measurement.reduction.kinematics import (
     recoil_factor_free,
     restitution_from_efficiency,
 )
+from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.output.result import Rows
 from virtual_lab.relations.peaks import peak
 from virtual_lab.relations.swing import bat_speed
 from virtual_lab.simulation.collision.reference import ReferenceModel
@@ -34,6 +35,7 @@ from virtual_lab.simulation.physics.ball import (
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.physics.supports import Free
 from virtual_lab.studies.bats.profile import CONDITIONS, GameConditions
+from virtual_lab.studies.bats.text import LAW_COLUMNS, spread_of
 from virtual_lab.units import INCH, MPH
 
 __all__ = ["sensitivity"]
@@ -58,14 +60,14 @@ LAWS = (
 )
 
 
-def sensitivity(bat: str, *, say: Callable[[str], None] = lambda _: None) -> list[dict[str, Any]]:
+def sensitivity(bat: str, *, progress: Progress = quiet) -> Rows:
     """Return a row a law: the ball on a wall, and the peaks of the free bat in the standard game.
 
     Parameters
     ----------
     bat
         Name in the catalog or path of a .toml file.
-    say
+    progress
         Told which law is at work.
 
     Raises
@@ -86,7 +88,7 @@ def sensitivity(bat: str, *, say: Callable[[str], None] = lambda _: None) -> lis
     goal = _on_wall(_Law("", PowerLaw.of, ball.exponent), ball.mass, speed, e0, ball.stiffness)
     rows = []
     for law in LAWS:
-        say(f"{law.name}, exponent {law.exponent:g}")
+        progress(f"{law.name}, exponent {law.exponent:g}")
         stiffness = _stiffness(law, ball.mass, speed, e0, float(goal.compression_time))
         scenes = Scenes.of(
             impact_position=z,
@@ -121,7 +123,13 @@ def sensitivity(bat: str, *, say: Callable[[str], None] = lambda _: None) -> lis
                 for key, number in ((name, value), (f"{name}_at_in", place))
             }
         )
-    return rows
+    return Rows(
+        name="sensitivity",
+        title=f"{spec.name}: greatest values (and where, in from the tip) by force law of the ball",
+        columns=LAW_COLUMNS,
+        rows=rows,
+        words=spread_of(rows),
+    )
 
 
 def _stiffness(law: _Law, mass: float, speed: float, e0: float, time: float) -> float:

@@ -12,24 +12,62 @@ from typing import TYPE_CHECKING, Any
 
 from virtual_lab.catalog.specs import Sport
 from virtual_lab.errors import InputError
-from virtual_lab.files import new_folder
+from virtual_lab.output.result import StudyResult
 from virtual_lab.studies.bats.curves import draw_comparison
-from virtual_lab.studies.bats.profile import Profiled, profiles
+from virtual_lab.studies.bats.profile import Profiled, chosen_swings, profiles
+from virtual_lab.studies.bats.profile import profile as profile_of_one
+from virtual_lab.studies.bats.text import comparison_text
 from virtual_lab.units import OZ_IN2
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["SWINGS", "Compared", "compare", "save_comparison"]
+__all__ = ["SWINGS", "Compared", "compare", "profile"]
 
 SWINGS = (0.0, 0.5)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Compared:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Compared(StudyResult):
     """The profiles of some bats, for each exponent n of the swing law (None: constant energy)."""
 
     profiles: tuple[Profiled, ...]  # bat by bat, n by n
+
+    @property
+    def name(self) -> str:
+        return "compare"
+
+    @property
+    def title(self) -> str:
+        """Which bats."""
+        return f"Comparison of {', '.join(self.balls)}"
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """The peaks."""
+        return self.peaks
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """The curves."""
+        return self.curves
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """Curves, peaks and differences."""
+        import pandas as pd
+
+        beside = {"peaks": self.peaks, "differences": self.differences}
+        return {self.name: self.curves} | {key: pd.DataFrame(rows) for key, rows in beside.items()}
+
+    @property
+    def text(self) -> str:
+        """The peaks, and how far they lie from those of the first bat."""
+        return comparison_text(self.peaks, self.differences, self.balls)
+
+    def draw(self, path: Path) -> None:
+        """Draw the paper's Figs. 3 and 4 of these bats."""
+        draw_comparison(self.curves, path)
 
     @property
     def curves(self) -> pd.DataFrame:
@@ -91,6 +129,47 @@ class Compared:
         }
 
 
+def profile(
+    bats: str | Sequence[str],
+    *,
+    swings: float | Sequence[float] = (),
+    swing_law: str = "power",
+    reference_inertia: str | None = None,
+    ball: str | None = None,
+) -> Profiled | Compared:
+    """Return the profile of one free bat, or the comparison of several, under game conditions.
+
+    Parameters
+    ----------
+    bats
+        One name in the catalog or path of a .toml file, or several.
+    swings
+        Exponents n of the swing law, 0 to 0.5; by default 0, of several bats 0 and 0.5.
+    swing_law
+        ``power``: bats are swung by their inertia to the power -n; ``energy``: with the same
+        energy into bat and batter, which has no exponent.
+    reference_inertia, ball
+        As `compare` takes them.
+
+    Raises
+    ------
+    InputError
+        What `compare` refuses, or several exponents for one bat.
+    """
+    several = (bats,) if isinstance(bats, str) else tuple(bats)
+    asked = (swings,) if isinstance(swings, int | float) else tuple(swings)
+    alone = len(several) == 1
+    chosen = chosen_swings(swing_law, asked, SWINGS[:1] if alone else SWINGS)
+    if not alone:
+        return compare(several, swings=chosen, reference_inertia=reference_inertia, ball=ball)
+    if len(chosen) > 1:
+        allowed = "one bat is profiled with one exponent; name several bats to compare them"
+        raise InputError("", "swing", chosen[1], allowed)
+    return profile_of_one(
+        several[0], swing=chosen[0], reference_inertia=reference_inertia, ball=ball
+    )
+
+
 def compare(
     bats: Sequence[str],
     *,
@@ -132,17 +211,6 @@ def compare(
         if names.count(name) > 1:
             raise InputError("", "bats", name, "stands there twice; every bat needs its own name")
     return Compared(profiles=tuple(one for each in found for one in each))
-
-
-def save_comparison(compared: Compared, folder: Path) -> None:
-    """Write curves, peaks and differences as CSV and the figure as PNG into a new folder."""
-    import pandas as pd
-
-    with new_folder(folder) as draft:
-        compared.curves.to_csv(draft / "compare.csv", index=False)
-        pd.DataFrame(compared.peaks).to_csv(draft / "peaks.csv", index=False)
-        pd.DataFrame(compared.differences).to_csv(draft / "differences.csv", index=False)
-        draw_comparison(compared.curves, draft / "compare.png")
 
 
 def _named(profiled: Profiled) -> dict[str, Any]:

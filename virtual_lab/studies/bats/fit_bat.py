@@ -8,7 +8,6 @@ measured decides.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,9 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec, BatBody
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_files
+from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.output.result import StudyResult
+from virtual_lab.output.tables import Column, table_text
 from virtual_lab.relations.peaks import peak
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import Scenes
@@ -29,9 +31,18 @@ from virtual_lab.studies.bats.bat_templates import TEMPLATES, BatMeasurements, F
 from virtual_lab.studies.bats.profile import CONDITIONS, GameConditions
 from virtual_lab.units import INCH, MPH
 
-__all__ = ["FittedBat", "fit_bat", "write_bat"]
+__all__ = ["FittedBat", "fit_bat"]
 
 Array = NDArray[np.float64]
+COLUMNS = {
+    "quantity": Column("quantity"),
+    "unit": Column("unit"),
+    "fit": Column("this bat"),
+    "low": Column("lowest that meets the data"),
+    "high": Column("highest"),
+    "sd": Column("standard deviation"),
+    "measured": Column("measured", form=lambda row: "yes" if row["measured"] else "no"),
+}
 MEMBERS = 12
 PLACES_IN = np.arange(2.0, 10.01, 0.5)
 SHOWN_IN = (3.0, 5.0, 6.0, 7.0, 9.0)
@@ -39,11 +50,12 @@ SPEED_MPH = 160.0
 DIGITS = 7
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FittedBat:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class FittedBat(StudyResult):
     """A fitted bat, its misfits, and the spread of what was not measured."""
 
     measured: BatMeasurements
+    source: str  # where the measurements come from
     fitted: Fitted
     members: int  # bats behind the spread
     spread: list[dict[str, Any]]  # a row a quantity: fit, low, high, sd, measured
@@ -62,8 +74,38 @@ class FittedBat:
             "spread": self.spread,
         }
 
-    def toml(self, source: str) -> str:
-        """Return the bat file; `source` says where its numbers come from."""
+    @property
+    def name(self) -> str:
+        return "fit-bat"
+
+    @property
+    def title(self) -> str:
+        """Which bat."""
+        return f"{self.measured.name} fitted to what was measured of it"
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """The spread."""
+        return self.spread
+
+    @property
+    def text(self) -> str:
+        """The spread, and by how much the fit misses the data."""
+        worst = ", ".join(
+            f"{name} {value / INCH:+.1e} in" if name.startswith("node") else f"{name} {value:+.1e}"
+            for name, value in self.fitted.misfits.items()
+        )
+        return f"{table_text(self.spread, COLUMNS)}\n\nmisfits (relative): {worst}"
+
+    def write(self, path: Path) -> None:
+        """Write the bat file, whole or not at all; one that exists is left alone."""
+        with new_files(path.parent) as draft:
+            (draft / path.name).write_text(self.toml, encoding="utf-8")
+
+    @property
+    def toml(self) -> str:
+        """The bat file; every number says where it comes from."""
+        source = self.source
         template = TEMPLATES[self.measured.template]
         body, name = self.fitted.body, self.measured.name
         lines = [
@@ -112,7 +154,7 @@ def fit_bat(
     *,
     members: int = MEMBERS,
     seed: int = 1,
-    say: Callable[[str], None] = lambda _: None,
+    progress: Progress = quiet,
 ) -> FittedBat:
     """Return a bat that meets the measurements in a file, and the spread of those that do.
 
@@ -124,7 +166,7 @@ def fit_bat(
         How many bats the spread is taken from; draws whose fit fails are left out.
     seed
         Of the draws.
-    say
+    progress
         Told how far the work is.
 
     Raises
@@ -141,14 +183,14 @@ def fit_bat(
     best = fit(measured)
     draws = Streams(seed).normal("fit-bat", (members, len(template.parameters)))
     bodies = []
-    for number, draw in enumerate(draws, 1):
-        say(f"bat {number} of {members} that meets the data")
+    for number, draw in enumerate(draws):
+        progress("bats that meet the data", number, members)
         wanted = template.usual + template.spread * draw
         try:
             bodies.append(fit(measured, wanted, best.parameters).body)
         except InputError:  # too far from the data for the steps allowed
             continue
-    say("collisions")
+    progress("collisions")
     units, own = _quantities(best.body, measured)
     others = [_quantities(body, measured)[1] for body in bodies] or [own]
     table = np.array([list(values.values()) for values in others])
@@ -164,7 +206,13 @@ def fit_bat(
         }
         for (name, value), unit, column in zip(own.items(), units, table.T, strict=True)
     ]
-    return FittedBat(measured=measured, fitted=best, members=len(bodies), spread=rows)
+    return FittedBat(
+        measured=measured,
+        source=Path(path).name,
+        fitted=best,
+        members=len(bodies),
+        spread=rows,
+    )
 
 
 def _quantities(body: BatBody, measured: BatMeasurements) -> tuple[list[str], dict[str, float]]:
@@ -204,9 +252,3 @@ def _line(key: str, value: float | tuple[float, ...], unit: str, source: str) ->
 def _text(words: str) -> str:
     """Return a TOML string, which JSON's escapes suit."""
     return json.dumps(words, ensure_ascii=False)
-
-
-def write_bat(fitted: FittedBat, path: Path, source: str) -> None:
-    """Write the bat file, whole or not at all; one that exists is left alone."""
-    with new_files(path.parent) as draft:
-        (draft / path.name).write_text(fitted.toml(source), encoding="utf-8")

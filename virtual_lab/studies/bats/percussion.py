@@ -7,7 +7,6 @@ beside e_A by the ball's own rebound, which asks nothing of a pivot.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
@@ -16,22 +15,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
-from virtual_lab.files import new_folder
 from virtual_lab.lab import Laboratory, TestSetup, by_the_book
 from virtual_lab.measurement.procedure import aimed_place
 from virtual_lab.measurement.reduction.observations import along_of
 from virtual_lab.measurement.reduction.shot_algebra import ShotResults
 from virtual_lab.measurement.session_reduction import Reduced, reduce_session
+from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.output.result import StudyResult
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.faults.fault import other_sheet
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.physics.supports import Pinned
 from virtual_lab.simulation.rig import Reality, ShotPlan, Stage
 from virtual_lab.studies.bats.percussion_chart import draw_percussion
+from virtual_lab.studies.bats.percussion_text import percussion_text
 from virtual_lab.uncertainty.budget import combine, propagate, scatter
 from virtual_lab.units import INCH
 
-__all__ = ["Percussed", "percussion", "save_percussion"]
+__all__ = ["Percussed", "percussion"]
 
 Array = NDArray[np.float64]
 PROCEDURE = "astm-f1881"
@@ -43,13 +44,31 @@ LOOSE = {"clearance": 0.2e-3}  # m
 READINGS = {"recoil": "recoil_efficiency", "rebound": "rebound_efficiency"}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Percussed:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Percussed(StudyResult):
     """A row a place."""
 
     bat: str
     percussion_in: float  # from the tip, of the bat as drawn
     rows: list[dict[str, Any]]
+
+    @property
+    def name(self) -> str:
+        return "percussion"
+
+    @property
+    def title(self) -> str:
+        """Which bat."""
+        return f"{self.bat} struck beside its centre of percussion"
+
+    @property
+    def text(self) -> str:
+        """The places, and in words where the reading suffers."""
+        return percussion_text(self.rows, self.percussion_in)
+
+    def draw(self, path: Path) -> None:
+        """Draw errors, shifts and loads over the place."""
+        draw_percussion(self.rows, self.percussion_in, self.bat, path)
 
     @property
     def document(self) -> dict[str, Any]:
@@ -100,9 +119,9 @@ def percussion(
     bat: str,
     *,
     laboratories: int = 10,
-    first_seed: int = 1,
+    seed: int = 1,
     shots: int = 6,
-    say: Callable[[str], None] = lambda _: None,
+    progress: Progress = quiet,
 ) -> Percussed:
     """Return how well e_A is read at places along the barrel, 2 to 12 in from the tip.
 
@@ -110,11 +129,11 @@ def percussion(
     ----------
     bat
         Name in the catalog or path of a .toml file.
-    laboratories, first_seed
+    laboratories, seed
         How many fire at each place, and the seed of the first.
     shots
         Of each laboratory at each place: a reading is their mean.
-    say
+    progress
         Told which laboratory is firing.
 
     Returns
@@ -145,10 +164,10 @@ def percussion(
     places = np.sort(np.append(PLACES_IN * INCH, centre + np.array(BESIDE_IN) * INCH))
     rows = [_drawn(still, place, shots) for place in places]
     found: list[list[dict[str, float]]] = [[] for _ in places]
-    for seed in range(first_seed, first_seed + laboratories):
-        say(f"laboratory {seed - first_seed + 1} of {laboratories}")
-        stand = _Stand.of(bat, seed, Reality.REAL)
+    for laboratory in range(laboratories):
+        stand = _Stand.of(bat, seed + laboratory, Reality.REAL)
         for number, place in enumerate(places):
+            progress("places", laboratory * len(places) + number, laboratories * len(places))
             found[number].append(_read(stand, float(place), shots, number))
     for row, read in zip(rows, found, strict=True):
         row |= {"seen": float(np.mean([each["seen"] for each in read]))}
@@ -158,15 +177,6 @@ def percussion(
     return Percussed(
         bat=still.laboratory.session.bat, percussion_in=float(centre / INCH), rows=rows
     )
-
-
-def save_percussion(found: Percussed, folder: Path) -> None:
-    """Write ``percussion.csv`` and ``percussion.png`` into a new folder."""
-    import pandas as pd
-
-    with new_folder(folder) as draft:
-        pd.DataFrame(found.rows).to_csv(draft / "percussion.csv", index=False)
-        draw_percussion(found.rows, found.percussion_in, found.bat, draft / "percussion.png")
 
 
 def _drawn(still: _Stand, place: float, shots: int) -> dict[str, Any]:

@@ -2,40 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from virtual_lab.output.tables import table_text
+from virtual_lab.output.tables import Column, table_text
 
 __all__ = ["percussion_text"]
 
-FORMS = {  # column: key in a row, format, scale
-    "z, in": ("z_in", ".2f", 1.0),
-    "e_A": ("e_A", ".4f", 1.0),
-    "axis, N s": ("reaction_ns", "+.2f", 1.0),
-    "axis, N": ("reaction_n", "+.0f", 1.0),
-    "ring, mrad": ("ring_mrad", ".2f", 1.0),
-    "seen": ("seen", ".0%", 1.0),
-    "recoil: error": ("recoil_error", "+.2f", 1e3),
-    "rms": ("recoil_rms", ".2f", 1e3),
-    "u": ("recoil_u", ".2f", 1e3),
-    "rebound: error": ("rebound_error", "+.2f", 1e3),
-    "rms ": ("rebound_rms", ".2f", 1e3),
-    "u ": ("rebound_u", ".2f", 1e3),
-    "plain": ("plain_shift", "+.3f", 1e3),
-    "loose": ("loose_shift", "+.3f", 1e3),
+
+def _milli(key: str, form: str) -> Callable[[Mapping[str, Any]], str]:
+    """Return what prints a number in thousandths, blank where there is none."""
+    return lambda row: "" if row[key] is None else f"{1e3 * row[key]:{form}}"
+
+
+COLUMNS = {
+    "z_in": Column("place from the tip", "in", ".2f"),
+    "e_A": Column("true e_A", form=".4f"),
+    "reaction_ns": Column("impulse on the axis", "N s", "+.2f"),
+    "reaction_n": Column("mean force", "N", "+.0f"),
+    "ring_mrad": Column("ring", "mrad", ".2f"),
+    "seen": Column("rebounds seen", form=".0%"),
+    "recoil_error": Column("by recoil: error", "1e-3", _milli("recoil_error", "+.2f")),
+    "recoil_rms": Column("rms", "1e-3", _milli("recoil_rms", ".2f")),
+    "recoil_u": Column("u", "1e-3", _milli("recoil_u", ".2f")),
+    "rebound_error": Column("by rebound: error", "1e-3", _milli("rebound_error", "+.2f")),
+    "rebound_rms": Column("rms", "1e-3", _milli("rebound_rms", ".2f")),
+    "rebound_u": Column("u", "1e-3", _milli("rebound_u", ".2f")),
+    "plain_shift": Column("shift, plain bearing", "1e-3", _milli("plain_shift", "+.3f")),
+    "loose_shift": Column("shift, loose bearing", "1e-3", _milli("loose_shift", "+.3f")),
 }
 
 
 def percussion_text(rows: Sequence[Mapping[str, Any]], percussion_in: float) -> str:
     """Return a table of the places, and in words where the reading suffers."""
-    cells = [
-        {
-            column: "" if row[key] is None else f"{scale * row[key]:{form}}"
-            for column, (key, form, scale) in FORMS.items()
-        }
-        for row in rows
-    ]
     near = min(rows, key=lambda row: abs(row["z_in"] - percussion_in))
     worst = max(rows, key=lambda row: abs(row["plain_shift"]))
     loose = max(rows, key=lambda row: abs(row["loose_shift"]))
@@ -54,6 +53,6 @@ def percussion_text(rows: Sequence[Mapping[str, Any]], percussion_in: float) -> 
     if lost:
         words.append(f"The gates miss most rebounds at {', '.join(lost)} in.")
     return (
-        f"errors, u and shifts of e_A in 1e-3, without and with randomness\n{table_text(cells)}\n\n"
-        + "\n".join(words)
+        f"e_A by recoil and by rebound: error with nothing random; rms and u with randomness\n"
+        f"{table_text(rows, COLUMNS)}\n\n" + "\n".join(words)
     )

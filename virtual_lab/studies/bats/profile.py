@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec, BatBody, BatSpec, Dimension, Spec
 from virtual_lab.errors import InputError
-from virtual_lab.files import new_folder
 from virtual_lab.measurement.reduction.kinematics import (
     bat_performance_factor,
     batted_speed,
     recoil_factor_free,
     restitution_from_efficiency,
 )
+from virtual_lab.output.result import StudyResult
 from virtual_lab.relations.peaks import Peak, peak
 from virtual_lab.relations.swing import (
     KNOB_OFFSET,
@@ -40,6 +40,7 @@ from virtual_lab.simulation.physics.beam import Beam, beam_of
 from virtual_lab.simulation.physics.modes import barrel_nodes
 from virtual_lab.simulation.physics.supports import Free
 from virtual_lab.studies.bats.curves import draw_profile
+from virtual_lab.studies.bats.text import profile_text
 from virtual_lab.units import DIMENSIONS, INCH, MPH, OUNCE, OZ_IN2, to_si
 
 if TYPE_CHECKING:
@@ -53,7 +54,6 @@ __all__ = [
     "profile",
     "profiles",
     "read_inertia",
-    "save_profile",
 ]
 
 Array = NDArray[np.float64]
@@ -108,8 +108,8 @@ class GameConditions(Spec):
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Profiled:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Profiled(StudyResult):
     """A bat's inertial and modal properties, and its collision at places z, arrays (place,)."""
 
     bat: BatSpec
@@ -126,6 +126,31 @@ class Profiled:
     collision_efficiency: Array
     bat_speed: Array  # [m/s]
     batted_speed: Array  # [m/s]
+
+    @property
+    def name(self) -> str:
+        return "profile"
+
+    @property
+    def title(self) -> str:
+        """Which bat meets which ball."""
+        return f"Profile of {self.bat.name} struck by {self.ball.name}"
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """A row a place, in the units of the field."""
+        return [
+            {str(key): value for key, value in row.items()} for row in self.table.to_dict("records")
+        ]
+
+    @property
+    def text(self) -> str:
+        """The bat's properties beside the published ones, and its curve."""
+        return profile_text(self.document, self.bat.published)
+
+    def draw(self, path: Path) -> None:
+        """Draw the paper's Fig. 2."""
+        draw_profile(self.table, self.bat.title, path)
 
     @property
     def table(self) -> pd.DataFrame:
@@ -301,13 +326,6 @@ def read_inertia(text: str, axis_beyond_knob: float = -KNOB_OFFSET) -> float:
     if not low <= inertia <= high:
         raise InputError("", "reference inertia", text, f"allowed: {low:g} to {high:g} kg m^2")
     return inertia
-
-
-def save_profile(profiled: Profiled, folder: Path) -> None:
-    """Write ``profile.csv`` and ``profile.png`` into a new folder."""
-    with new_folder(folder) as draft:
-        profiled.table.to_csv(draft / "profile.csv", index=False)
-        draw_profile(profiled.table, profiled.bat.title, draft / "profile.png")
 
 
 def _inertia(beam: Beam, axis_beyond_knob: float) -> float:

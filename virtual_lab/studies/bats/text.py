@@ -2,20 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from virtual_lab.catalog.specs import PublishedBat
-from virtual_lab.output.tables import number, table_text
+from virtual_lab.output.tables import Column, number, table_text
 from virtual_lab.units import INCH, OUNCE, OZ_IN2
 
 __all__ = [
+    "LAW_COLUMNS",
     "balls_text",
     "comparison_text",
     "profile_text",
-    "sensitivity_text",
+    "spread_of",
     "swing_text",
 ]
+
+PEAKS = {"e": ("", ".4f"), "BPF": ("", ".4f"), "e_A": ("", ".4f"), "v_f_mph": ("mph", ".2f")}
+PROPERTIES = {  # key: words, unit
+    "mass_oz": ("mass", "oz"),
+    "z_cm_in": ("balance point from the tip", "in"),
+    "i_cm_oz_in2": ("moment of inertia about it", "oz in²"),
+    "i_knob_oz_in2": ("moment of inertia, 1 in from the knob", "oz in²"),
+    **{f"f{i}_hz": (f"bending frequency {i}", "Hz") for i in range(1, 5)},
+    **{f"node{i}_in": (f"node of mode {i} from the tip", "in") for i in range(1, 3)},
+}
+CURVE = {
+    "z_in": Column("place from the tip", "in", ".2f"),
+    "e": Column("e", form=".4f"),
+    "r": Column("r", form=".4f"),
+    "e_A": Column("e_A", form="+.4f"),
+    "v_bat_mph": Column("bat speed", "mph", ".2f"),
+    "v_f_mph": Column("batted-ball speed", "mph", ".2f"),
+}
 
 
 def profile_text(document: Mapping[str, Any], published: PublishedBat | None) -> str:
@@ -31,21 +50,18 @@ def profile_text(document: Mapping[str, Any], published: PublishedBat | None) ->
     said = _published(published)
     rows = [
         {
-            "property": name,
+            "property": PROPERTIES[name][0],
+            "unit": PROPERTIES[name][1],
             "computed": f"{value:.6g}",
             "published": number(said.get(name), "g"),
         }
         for name, value in computed.items()
     ]
-    columns = ("z_in", "e", "r", "e_A", "v_bat_mph", "v_f_mph")
-    forms = ("5.2f", ".4f", ".4f", "+.4f", ".2f", ".2f")
-    curve = [
-        {name: f"{document[name][i]:{form}}" for name, form in zip(columns, forms, strict=True)}
-        for i in range(len(document["z_in"]))
-    ]
+    curve = [{key: document[key][i] for key in CURVE} for i in range(len(document["z_in"]))]
     swung = swing_text(document["swing_exponent"])
     return (
-        f"{table_text(rows)}\n\nstruck by {document['ball']}, swing: {swung}\n{table_text(curve)}"
+        f"{table_text(rows)}\n\nstruck by {document['ball']}, swing: {swung}\n"
+        f"{table_text(curve, CURVE)}"
     )
 
 
@@ -67,46 +83,51 @@ def comparison_text(
     balls: Mapping[str, str],
 ) -> str:
     """Return the peaks of several bats, and how far they lie from those of the first."""
-    forms = {"e": ".4f", "BPF": ".4f", "e_A": ".4f", "v_f_mph": ".2f"}
-    tops = [
-        {"bat": row["bat"], "swing": swing_text(row["n"])}
-        | {name: f"{row[name]:{form}} @ {row[f'{name}_at_in']:.2f}" for name, form in forms.items()}
-        for row in peaks
-    ]
-    apart = [
-        {"bat": f"{row['bat']} against {row['against']}", "swing": swing_text(row["n"])}
-        | {name: f"{row[f'{name}_percent']:+.1f} %" for name in ("e", "BPF", "e_A")}
-        | {"v_f": f"{row['v_f_mph']:+.2f} mph"}
-        for row in differences
-    ]
+    swung = {"n": Column("swing", form=lambda row: swing_text(row["n"]))}
+    tops = {"bat": Column("bat")} | swung | _peak_columns()
+    apart = (
+        {"bat": Column("bat", form=lambda row: f"{row['bat']} against {row['against']}")}
+        | swung
+        | {f"{name}_percent": Column(name, "%", "+.1f") for name in ("e", "BPF", "e_A")}
+        | {"v_f_mph": Column("v_f", "mph", "+.2f")}
+    )
     return (
-        f"peak @ inches from the tip, {balls_text(balls)}\n"
-        f"{table_text(tops)}\n\n{table_text(apart)}"
+        f"greatest values (and where, inches from the tip), {balls_text(balls)}\n"
+        f"{table_text(peaks, tops)}\n\n{table_text(differences, apart)}"
     )
 
 
-def sensitivity_text(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return what each law of the ball makes of a bat, and how far the results spread."""
-    forms = {"e": ".4f", "BPF": ".4f", "e_A": ".4f", "v_f_mph": ".2f"}
-    cells = [
-        {
-            "law": row["law"],
-            "exponent": f"{row['exponent']:g}",
-            "wall, ms": f"{row['wall_time_ms']:.3f}",
-            "wall, kN": f"{row['wall_force_kn']:.1f}",
-        }
-        | {name: f"{row[name]:{form}} @ {row[f'{name}_at_in']:.2f}" for name, form in forms.items()}
-        for row in rows
-    ]
-    apart = {
-        name: max(row[name] for row in rows) - min(row[name] for row in rows)
-        for pair in forms
-        for name in (pair, f"{pair}_at_in")
+def spread_of(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return in a line how far results spread over the laws of the ball."""
+    return "spread over the laws: " + ", ".join(
+        f"{name.removesuffix('_mph')} {_spread(rows, name):{form}}{f' {unit}' if unit else ''} "
+        f"({_spread(rows, f'{name}_at_in'):.2f} in)"
+        for name, (unit, form) in PEAKS.items()
+    )
+
+
+def _spread(rows: Sequence[Mapping[str, Any]], key: str) -> float:
+    return float(max(row[key] for row in rows) - min(row[key] for row in rows))
+
+
+def _peak_columns() -> dict[str, Column]:
+    """Return a column a greatest value, its place in brackets."""
+
+    def top(name: str, form: str) -> Callable[[Mapping[str, Any]], str]:
+        return lambda row: f"{row[name]:{form}} ({row[f'{name}_at_in']:.2f})"
+
+    return {
+        name: Column(name.removesuffix("_mph"), unit, top(name, form))
+        for name, (unit, form) in PEAKS.items()
     }
-    spread = {"law": "spread", "exponent": "", "wall, ms": "", "wall, kN": ""} | {
-        name: f"{apart[name]:{form}} @ {apart[f'{name}_at_in']:.2f}" for name, form in forms.items()
-    }
-    return f"{rows[0]['bat']}: peak @ inches from the tip\n{table_text([*cells, spread])}"
+
+
+LAW_COLUMNS = {
+    "law": Column("law"),
+    "exponent": Column("exponent", form="g"),
+    "wall_time_ms": Column("time on a wall", "ms", ".3f"),
+    "wall_force_kn": Column("force on a wall", "kN", ".1f"),
+} | _peak_columns()
 
 
 def _published(bat: PublishedBat | None) -> dict[str, float]:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from virtual_lab.files import new_folder
+from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.output.result import StudyResult
 from virtual_lab.studies.paper import conclusions, examples, metrics, models, procedures
 from virtual_lab.studies.paper.claim import Claim, Row
 from virtual_lab.studies.paper.page import draw_page, write_page
+from virtual_lab.studies.paper.text import paper_text
 
-__all__ = ["CLAIMS", "Findings", "paper", "save_paper"]
+__all__ = ["CLAIMS", "Findings", "paper"]
 
 CLAIMS: tuple[Claim, ...] = (
     *metrics.CLAIMS,
@@ -23,43 +24,61 @@ CLAIMS: tuple[Claim, ...] = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Findings:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Findings(StudyResult):
     """The claims with what was found."""
 
-    rows: tuple[Row, ...]
+    found: tuple[Row, ...]
+
+    @property
+    def name(self) -> str:
+        return "paper"
+
+    @property
+    def title(self) -> str:
+        """How many claims hold."""
+        return f"The paper of 2003: {self.held} of {len(self.found)} claims hold"
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """A row a claim."""
+        return [row.document for row in self.found]
+
+    @property
+    def text(self) -> str:
+        """All claims in a table."""
+        return paper_text(self.found)
+
+    def draw(self, path: Path) -> None:
+        """Draw the paper's Figs. 2 to 4."""
+        draw_page().savefig(path)
+
+    def fill(self, folder: Path) -> None:
+        """Write table, picture and page."""
+        self.table.to_csv(folder / "paper.csv", index=False)
+        figure = draw_page()
+        write_page(self.found, figure, folder / "paper.html")
+        figure.savefig(folder / "paper.png")
 
     @property
     def held(self) -> int:
         """How many rows hold."""
-        return sum(row.holds for row in self.rows)
+        return sum(row.holds for row in self.found)
 
     @property
     def document(self) -> dict[str, Any]:
         """All of it for JSON."""
         return {
-            "claims": len(self.rows),
+            "claims": len(self.found),
             "hold": self.held,
-            "rows": [row.document for row in self.rows],
+            "rows": self.rows,
         }
 
 
-def paper(*, say: Callable[[str], None] = lambda _: None) -> Findings:
-    """Return every claim of the paper with what is found; `say` is called with each section."""
+def paper(*, progress: Progress = quiet) -> Findings:
+    """Return every claim of the paper with what is found."""
     rows: list[Row] = []
     for claim in CLAIMS:
-        if not rows or rows[-1].claim.section != claim.section:
-            say(f"Sec. {claim.section}")
+        progress("claims", len(rows), len(CLAIMS))
         rows.append(claim.row())
-    return Findings(rows=tuple(rows))
-
-
-def save_paper(found: Findings, folder: Path) -> None:
-    """Write ``paper.csv``, ``paper.html`` and ``paper.png`` into a new folder."""
-    import pandas as pd
-
-    with new_folder(folder) as draft:
-        pd.DataFrame([row.document for row in found.rows]).to_csv(draft / "paper.csv", index=False)
-        figure = draw_page()
-        write_page(found.rows, figure, draft / "paper.html")
-        figure.savefig(draft / "paper.png")
+    return Findings(found=tuple(rows))

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from virtual_lab import catalog
-from virtual_lab.lab.inventory import sheet_document, sheet_text
 from virtual_lab.measurement.reduction.gates import passages
 from virtual_lab.relations.flight import slowest_within
 from virtual_lab.simulation.instruments import RecordDetail
@@ -12,6 +11,7 @@ from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoa
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.streams import Quiet
+from virtual_lab.studies.inventory import sheet_document, sheet_text
 from virtual_lab.units import MPH, STANDARD_GRAVITY
 
 RADIUS = 0.0366

@@ -1,4 +1,4 @@
-"""What the studies of faults and of procedures print in a terminal."""
+"""What the study of procedures prints in a terminal."""
 
 from __future__ import annotations
 
@@ -8,36 +8,9 @@ from typing import Any
 from virtual_lab.output.tables import number, table_text
 from virtual_lab.studies.bats.text import balls_text, swing_text
 
-__all__ = ["critique_text", "faults_text"]
+__all__ = ["critique_text"]
 
 FIELD = "v_f_mph_"  # begins the keys of the field's speeds
-
-
-def faults_text(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return which faults were caught by what, and the biases they left beside those predicted."""
-    cells = [
-        {
-            "procedure": row["procedure"],
-            "fault": row["fault"],
-            "predicted": row["prediction"],
-            "caught": f"{row['caught']:.0%} ({row['low']:.0%} to {row['high']:.0%})",
-            "by": row["by"],
-            "bias of e_A": _bias_text(row, "e_A"),
-            "bias of the metric": _bias_text(row, "metric"),
-            "came out": "as predicted" if row["as_predicted"] else "NOT as predicted",
-        }
-        for row in rows
-    ]
-    return table_text(cells)
-
-
-def _bias_text(row: Mapping[str, Any], what: str) -> str:
-    if row[f"{what}_bias"] is None:
-        return ""
-    measured = f"{row[f'{what}_bias']:+.5f} ± {row[f'{what}_bias_se']:.5f}"
-    if row[f"{what}_z"] is None:
-        return measured
-    return f"{measured}, predicted {row[f'{what}_predicted']:+.5f}, z {row[f'{what}_z']:+.1f}"
 
 
 def critique_text(

@@ -5,39 +5,46 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict
+from importlib.metadata import entry_points
 from importlib.resources import files
 from typing import Any
 
 from virtual_lab import catalog
 from virtual_lab.errors import InputError, nearest
-from virtual_lab.output.tables import table_text
-from virtual_lab.relations.flight import slowest_within
-from virtual_lab.simulation.instruments.light_board import LightBoardSpec
-from virtual_lab.simulation.instruments.light_gate import LightGateSpec
-from virtual_lab.simulation.rig import installed_rigs
+from virtual_lab.output.result import Rows
+from virtual_lab.output.tables import Column, table_text
 from virtual_lab.units import MPH
 
 __all__ = ["sheet_document", "sheet_text", "shelf"]
 
-GATES: dict[str, type[LightGateSpec | LightBoardSpec]] = {
-    "light-gate": LightGateSpec,
-    "light-board": LightBoardSpec,
-}
+RIGS = "virtual_lab.rigs"  # the group of entry points
+COLUMNS = {"kind": Column("kind"), "name": Column("name"), "title": Column("what it is")}
 
 
-def shelf(kind: str | None = None) -> list[dict[str, str]]:
+def shelf(kind: str | None = None) -> Rows:
     """Return kind, name and title of everything in the catalog, or of one kind.
 
     Rigs are those installed, whoever made them.
     """
     rows = []
     for each in catalog.KINDS if kind is None else (kind,):
+        found = {name: catalog.title(each, name) for name in catalog.names(each)}
         if each == "rigs":
-            found = {name: rig.title for name, rig in installed_rigs().items()}
-        else:
-            found = {name: catalog.title(each, name) for name in catalog.names(each)}
+            found = _installed_rigs(found)
         rows += [{"kind": each, "name": name, "title": text} for name, text in found.items()]
-    return rows
+    return Rows(name="list", title="", columns=COLUMNS, rows=rows)
+
+
+def _installed_rigs(known: Mapping[str, str]) -> dict[str, str]:
+    """Return the titles of the rigs installed here, none of which need be loaded for that.
+
+    One without a sheet in the catalog goes by what its package says of itself.
+    """
+    return {
+        point.name: known.get(point.name)
+        or str((point.dist and point.dist.metadata["Summary"]) or point.value)
+        for point in sorted(entry_points(group=RIGS))
+    }
 
 
 def sheet_document(name: str) -> dict[str, Any]:
@@ -80,9 +87,15 @@ def _sheet(kind: str, name: str) -> dict[str, Any]:
 
 def _rebounds(name: str, kind: str | None) -> dict[str, Any]:
     """Return the slowest speeds back at which a level ball has not fallen below the beams yet."""
-    if kind not in GATES:
+    if kind not in ("light-gate", "light-board"):
         return {}
-    gates = catalog.load("instruments", name, GATES[kind]).spec
+    from virtual_lab.relations.flight import slowest_within
+    from virtual_lab.simulation.instruments.light_board import LightBoardSpec
+    from virtual_lab.simulation.instruments.light_gate import LightGateSpec
+
+    kinds = {"light-gate": LightGateSpec, "light-board": LightBoardSpec}
+    spec: type[LightGateSpec | LightBoardSpec] = kinds[kind]
+    gates = catalog.load("instruments", name, spec).spec
     slowest = slowest_within(gates.distances, gates.room) / MPH
     return {
         "slowest_rebound": {

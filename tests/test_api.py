@@ -1,0 +1,190 @@
+"""What a Python user meets: names, sheets changed in a call, a sweep, one shape of results."""
+
+from __future__ import annotations
+
+import json
+import pydoc
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import virtual_lab as vl
+from virtual_lab.lab import Campaign, certify_bat
+
+
+@pytest.fixture(scope="module")
+def tested() -> vl.Certificate:
+    return vl.certify("r161", seed=7)
+
+
+def test_dir_help_and_completion_show_the_same_names() -> None:
+    """In a program of its own, in which nothing has been asked for yet."""
+    code = (
+        "import virtual_lab as vl; print(*dir(vl));"
+        "print([name for name in dir(vl) if not hasattr(vl, name)])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    names, missing = done.stdout.splitlines()
+    assert missing == "[]"
+    commands = {"certify", "score", "reduce", "template", "profile", "sensitivity", "slope"}
+    commands |= {"percussion", "coverage", "bias", "faults", "critique", "daily", "paper", "track"}
+    assert commands | {"calibrate", "convergence", "sweep", "fit_bat"} <= set(names.split())
+    assert "instruments" in pydoc.render_doc(vl.coverage)
+    with pytest.raises(AttributeError):
+        vl.nothing  # noqa: B018
+
+
+def test_the_names_load_nothing_heavy() -> None:
+    code = "import sys, virtual_lab.api; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert not {"numpy", "scipy", "numba", "pandas", "click"} & set(done.stdout.split())
+
+
+def test_a_certificate_in_numbers(tested: vl.Certificate) -> None:
+    """As ``certificate.json`` has them; a drawn seed is not told."""
+    metric = tested.document["metric"]
+    assert (tested.value, tested.u) == (metric["value"], metric["u"])
+    assert tested.interval == tuple(metric["interval_95"])
+    assert (tested.seed, tested.unit) == (7, "")
+    assert vl.certify("r161").seed is None
+    assert "\n" not in repr(tested)
+    assert vl.reduce.__doc__
+    speed = vl.certify("r161", procedure="proposed", seed=7)
+    assert speed.unit == "mph"
+    assert speed.value == pytest.approx(speed.document["metric"]["value"] / 0.44704)
+
+
+def test_a_certificate_is_drawn(tested: vl.Certificate, tmp_path: Path) -> None:
+    axes = tested.plot(tmp_path / "hits.png").axes[0]
+    assert len(axes.lines[0].get_ydata()) == tested.document["valid_hits"]
+    assert (tmp_path / "hits.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_procedure_changed_in_a_call(tested: vl.Certificate, tmp_path: Path) -> None:
+    """The certificate says that it is another one; its records alone give it again."""
+    rules = vl.procedure("astm-f1881").with_({"windows.speed_tolerance": "1 m/s"}, valid_hits=9)
+    assert rules.spec.windows.speed_tolerance == 1.0
+    assert rules.spec.valid_hits == 9
+    changed = vl.certify("r161", procedure=rules, seed=7)
+    assert changed.document["valid_hits"] == 9
+    assert changed.document["procedure"]["name"] == "astm-f1881-changed"
+    assert changed.document["procedure"]["title"].endswith("windows.speed_tolerance, valid_hits")
+    row = rules.numbers.set_index("key").loc["valid_hits"]
+    assert (row["source"], row["verified"]) == ("changed", False)
+    changed.save(tmp_path / "test")
+    again = vl.reduce(tmp_path / "test" / "records")
+    assert again.value == changed.value
+    rules.save(tmp_path / "mine.toml")
+    assert vl.certify("r161", procedure=tmp_path / "mine.toml", seed=7).value == changed.value
+    assert vl.certify("r161", procedure=vl.procedure("astm-f1881"), seed=7).value == tested.value
+
+
+def test_an_instrument_changed_in_a_call(tested: vl.Certificate) -> None:
+    """The u of where the gates stand, here alone: the next test has the catalog's."""
+    worse = vl.instrument("pivot-gates").with_(distance_u="0.73 mm")
+    found = vl.certify("r161", instruments=[worse], seed=7)
+
+    def part(certificate: vl.Certificate) -> float:
+        return certificate.certification.session.calibration["impact.gates.distance_0"].u
+
+    assert part(found) == pytest.approx(10 * part(tested))
+    assert found.u > 1.001 * tested.u
+    assert vl.certify("r161", seed=7).value == tested.value
+
+
+def test_bats_and_balls_as_sheets() -> None:
+    bat = vl.bat("r161").with_({"body.material.density": 700.0})
+    assert bat.spec.body.material.density == 700.0
+    heavier = vl.certify(bat, seed=7).document["bat"]
+    assert heavier["name"] == "r161-changed"
+    assert (
+        heavier["mass_kg"]["value"]
+        > 1.05 * vl.certify("r161", seed=7).document["bat"]["mass_kg"]["value"]
+    )
+    ball = vl.ball("baseball-2003").with_(mass="5.2 oz")
+    assert vl.certify("r161", ball=ball, seed=7).document["ball"]["name"] == "baseball-2003-changed"
+    profiled = vl.profile(bat)
+    assert profiled.document["bat"] == "r161-changed"
+
+
+@pytest.mark.parametrize(
+    ("sheet", "changes", "said"),
+    [
+        ("procedure", {"valid_hit": 8}, "did you mean valid_hits?"),
+        ("procedure", {"valid_hits": "8 mph"}, "valid_hits"),
+        ("procedure", {"valid_hits": "many"}, "a number in 1"),
+        ("procedure", {"windows.speed": 1}, "speed"),
+        ("procedure", {"gates.tick": 1}, "unknown key"),
+        ("procedure", {"limit": None, "nothing": None}, "unknown key"),
+        ("procedure", {"attempts": -1}, "attempts"),
+        ("bat", {"body.material.density": "7 kg"}, "density"),
+        ("instrument", {"distance": 1}, "did you mean distance"),
+    ],
+)
+def test_a_change_that_cannot_be_made(sheet: str, changes: dict, said: str) -> None:
+    name = {"procedure": "astm-f1881", "bat": "r161", "instrument": "pivot-gates"}[sheet]
+    with pytest.raises(vl.InputError, match=said) as caught:
+        getattr(vl, sheet)(name).with_(changes)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_instrument_that_cannot_be_used() -> None:
+    with pytest.raises(vl.InputError, match="distance_u"):
+        vl.certify("r161", instruments=[vl.instrument("pivot-gates").with_(distance_u=-1.0)])
+    with pytest.raises(vl.InputError, match="instruments"):
+        vl.certify("r161", instruments=["pivot-gates"])  # type: ignore[list-item]
+
+
+@pytest.mark.parametrize("kind", ["bats", "balls", "procedures", "instruments", "rigs"])
+def test_every_sheet_is_written_as_it_was_read(kind: str) -> None:
+    from virtual_lab.api.sheets import toml_text
+    from virtual_lab.files import parse_toml
+
+    for row in vl.shelf(kind):
+        if row["name"] == "speed-gun-pivot":
+            continue
+        sheet = vl.Sheet.of(kind, row["name"])
+        assert parse_toml(toml_text(sheet.document), "again") == sheet.document
+        assert "\n" not in repr(sheet)
+
+
+def test_a_sweep_is_its_tests_one_by_one() -> None:
+    """Rows of laboratories in turn, as the campaign plays them; units are the printed ones."""
+    said: list[tuple[int, int]] = []
+    found = vl.sweep(
+        "r161",
+        procedures=["astm-f1881", "proposed"],
+        seeds=np.arange(3, 6),
+        progress=lambda _text, done=0, total=0: said.append((done, total)),
+    )
+    assert said == [(each, 6) for each in range(6)]
+    assert found["seed"].tolist() == [3, 4, 5] * 2
+    (alone,) = Campaign.of("r161", "proposed").run(1, 4)
+    row = found.iloc[4]
+    assert row["value"] == alone.certification.metric.value / 0.44704
+    assert row["true"] == alone.sealed.measurand["metric"] / 0.44704
+    assert (row["metric"], row["unit"]) == ("v_f", "mph")
+    assert row["error"] == pytest.approx(row["value"] - row["true"])
+    assert row["low"] < row["value"] < row["high"]
+    with pytest.raises(vl.InputError, match="seed"):
+        vl.sweep("r161", seeds=[0.5], progress=lambda *_: None)  # type: ignore[list-item]
+
+
+def test_a_seed_of_anybodys_kind() -> None:
+    """One of numpy's is that number."""
+    plain = certify_bat("ea70", procedure="astm-f1881", seed=3).certification.metric.value
+    assert vl.certify("ea70", seed=np.int64(3)).value == plain
+
+
+def test_results_of_studies_have_one_shape(tmp_path: Path) -> None:
+    found = vl.slope()
+    assert repr(found) == "<how e_A changes along the barrel where astm-f1881 hits, 6 rows>"
+    assert found.table["bat"].tolist()[-2:] == ["mean", "deviation"]
+    assert json.dumps(found.document)
+    found.save(tmp_path / "slope")
+    assert [path.name for path in (tmp_path / "slope").iterdir()] == ["slope.csv"]
+    with pytest.raises(vl.InputError, match="no picture"):
+        found.plot(tmp_path / "slope.png")

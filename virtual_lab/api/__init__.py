@@ -1,0 +1,641 @@
+"""What a Python user holds: a tested bat, its tables, its certificate, and how to keep them.
+
+Everything here loads what it needs when it is used, so that importing it costs nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import import_module
+from operator import index
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from virtual_lab.api.sheets import Sheet, with_sheets
+from virtual_lab.errors import InputError
+from virtual_lab.output.progress import Progress, quiet, shown
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from virtual_lab.certificate.document import CertificateDocument
+    from virtual_lab.lab import Tested
+    from virtual_lab.measurement.certification import Certification
+    from virtual_lab.output.metrics import Printed
+    from virtual_lab.simulation.truth import Sealed
+    from virtual_lab.video.calibration.calibrating import Calibrated
+    from virtual_lab.video.show.tracked_clip import TrackedClip
+
+__all__ = [
+    "Calibration",
+    "Certificate",
+    "Sheet",
+    "Track",
+    "ball",
+    "bat",
+    "calibrate",
+    "certify",
+    "instrument",
+    "of",
+    "procedure",
+    "reduce",
+    "rig",
+    "sweep",
+    "track",
+]
+
+STUDIES = "virtual_lab.studies"
+ELSEWHERE = {  # name: module, name there; functions take sheets and paths in the place of names
+    "Compared": (f"{STUDIES}.bats.compare", "Compared"),
+    "InputError": ("virtual_lab.errors", "InputError"),
+    "Profiled": (f"{STUDIES}.bats.profile", "Profiled"),
+    "bias": (f"{STUDIES}.bias", "bias"),
+    "clip_coverage": (f"{STUDIES}.clips", "clip_coverage"),
+    "convergence": ("virtual_lab.fidelity.mode_convergence", "convergence"),
+    "coverage": (f"{STUDIES}.coverage", "coverage"),
+    "critique": (f"{STUDIES}.critique", "critique"),
+    "daily": (f"{STUDIES}.daily", "daily"),
+    "effects": (f"{STUDIES}.effects", "effects"),
+    "faults": (f"{STUDIES}.faults", "faults"),
+    "fit_bat": (f"{STUDIES}.bats.fit_bat", "fit_bat"),
+    "paper": (f"{STUDIES}.paper", "paper"),
+    "percussion": (f"{STUDIES}.bats.percussion", "percussion"),
+    "profile": (f"{STUDIES}.bats.compare", "profile"),
+    "score": (f"{STUDIES}.score", "score_folder"),
+    "sensitivity": (f"{STUDIES}.bats.ball_law", "sensitivity"),
+    "shelf": (f"{STUDIES}.inventory", "shelf"),
+    "slope": (f"{STUDIES}.place_slope", "slope"),
+    "template": (f"{STUDIES}.template", "template"),
+}
+
+
+def of(name: str) -> Any:
+    """Return what the package offers under a name, loaded now."""
+    if name not in ELSEWHERE:
+        return globals()[name]
+    module, there = ELSEWHERE[name]
+    found = getattr(import_module(module), there)
+    return found if isinstance(found, type) else with_sheets(found)
+
+
+def bat(name: str | Path) -> Sheet:
+    """Return the sheet of a bat: a name in the catalog or a .toml file."""
+    return Sheet.of("bats", name)
+
+
+def ball(name: str | Path) -> Sheet:
+    """Return the sheet of a ball: a name in the catalog or a .toml file."""
+    return Sheet.of("balls", name)
+
+
+def procedure(name: str | Path) -> Sheet:
+    """Return the sheet of a test procedure: a name in the catalog or a .toml file."""
+    return Sheet.of("procedures", name)
+
+
+def instrument(name: str | Path) -> Sheet:
+    """Return the sheet of an instrument: a name in the catalog or a .toml file."""
+    return Sheet.of("instruments", name)
+
+
+def rig(name: str | Path) -> Sheet:
+    """Return the sheet of a rig: a name in the catalog or a .toml file."""
+    return Sheet.of("rigs", name)
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Certificate:
+    """A bat's certificate and everything behind it."""
+
+    certification: Certification
+    sealed: Sealed | None = None
+    control: Certificate | None = None  # of the control bat
+    film: Callable[[Path], None] | None = None  # of the first shot
+    seed: int | None = None  # the one that was given, None where it was drawn
+
+    @cached_property
+    def printed(self) -> CertificateDocument:
+        """The certificate as the typed document that text, page and figures are made from."""
+        import hashlib
+
+        from virtual_lab.certificate.filling import certificate
+
+        digest = hashlib.sha256(self._truth).hexdigest() if self.sealed else None
+        return certificate(self.certification, truth_digest=digest)
+
+    @cached_property
+    def document(self) -> dict[str, Any]:
+        """The certificate as it stands in ``certificate.json``."""
+        return self.printed.as_json()
+
+    @property
+    def text(self) -> str:
+        """The certificate for a terminal."""
+        from virtual_lab.certificate.text import certificate_text
+
+        return certificate_text(self.printed)
+
+    @cached_property
+    def shots(self) -> pd.DataFrame:
+        """A row a shot: what each instrument gave and what was reduced from it."""
+        from virtual_lab.certificate.tables import shot_table
+
+        return shot_table(self.certification)
+
+    @cached_property
+    def budget(self) -> pd.DataFrame:
+        """The uncertainty budget of the metric, largest component first."""
+        from virtual_lab.certificate.tables import budget_table
+
+        metric = self.certification.metric
+        if metric is None:
+            raise ValueError("too few valid hits for an uncertainty budget")
+        return budget_table(metric)
+
+    @property
+    def verdict(self) -> str:
+        """PASS, FAIL or INVALID."""
+        return self.certification.verdict.value
+
+    @property
+    def value(self) -> float | None:
+        """The metric in its `unit`, None where there are too few valid hits."""
+        return self._in_print(self.printed.metric.value)
+
+    @property
+    def u(self) -> float | None:
+        """Its standard uncertainty, in the same unit."""
+        return self._in_print(self.printed.metric.u)
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """Its 95 % interval, in the same unit."""
+        found = self.printed.metric.interval_95
+        if found is None:
+            return None
+        low, high = (end / self._print.unit_si for end in found)
+        return low, high
+
+    @property
+    def unit(self) -> str:
+        """The unit the metric is printed in; nothing for a number without one."""
+        return self._print.unit
+
+    @property
+    def _print(self) -> Printed:
+        from virtual_lab.output.metrics import METRICS
+
+        return METRICS[self.printed.metric.name]
+
+    def _in_print(self, value: float | None) -> float | None:
+        return None if value is None else value / self._print.unit_si
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Return the metric hit by hit with its result, interval and limit; draw it into a file."""
+        from virtual_lab.studies.certificate_plot import plot_hits
+
+        figure = plot_hits(self.certification)
+        if path is not None:
+            figure.savefig(path)
+        return figure
+
+    def score(self) -> dict[str, Any]:
+        """Open the sealed truth: recovered against true, in units and standard uncertainties."""
+        from virtual_lab.studies.score import score
+
+        if self.sealed is None:
+            raise ValueError("these records came without a sealed truth")
+        return score(self.document, self.sealed.document()["measurand"])
+
+    def save(self, folder: str | Path, *, film: bool = False) -> Path:
+        """Write certificate, readings, raw records and truth into a new folder, and seal it.
+
+        `film` adds the first shot in whole frames: lossless with its time stamps, as a preview,
+        and the calibration that ``virtual-lab track`` reads.
+
+        Raises `InputError` where the folder is not empty or cannot be written, or nothing films;
+        nothing is left half-written.
+        """
+        from virtual_lab.certificate.html import certificate_page
+        from virtual_lab.files import new_folder
+        from virtual_lab.lab.seal import TRUTH, write_seal
+        from virtual_lab.records.session import save_session
+
+        target = Path(folder)
+        if film and self.film is None:
+            allowed = "the rig has no camera; one that has is filmed-cannon"
+            raise InputError("", "film", "the first shot", allowed)
+        with new_folder(target) as draft:
+            (draft / "certificate.json").write_text(self.printed.text(), encoding="utf-8")
+            page = certificate_page(self.printed)
+            (draft / "certificate.html").write_text(page, encoding="utf-8")
+            self.shots.to_csv(draft / "readings.csv", index=False)
+            (draft / "records").mkdir()
+            save_session(self.certification.session, draft / "records")
+            if self.sealed:
+                (draft / TRUTH).parent.mkdir()
+                (draft / TRUTH).write_bytes(self._truth)
+            if self.control:
+                self.control.save(draft / "control")
+            if film and self.film:
+                (draft / "film").mkdir()
+                self.film(draft / "film")
+            if self.sealed:
+                write_seal(draft)
+        return target
+
+    @cached_property
+    def _truth(self) -> bytes:
+        import json
+
+        assert self.sealed is not None
+        return (json.dumps(self.sealed.document(), indent=1, allow_nan=False) + "\n").encode()
+
+    def __repr__(self) -> str:
+        from virtual_lab.output.metrics import METRICS
+        from virtual_lab.output.rounding import with_uncertainty
+
+        found = self.certification
+        words = f"{found.session.bat} by {found.procedure.name}: {self.verdict}"
+        if found.metric:
+            printed = METRICS[found.procedure.metric]
+            numbers = found.metric.value / printed.unit_si, found.metric.u / printed.unit_si
+            words += f", {printed.symbol} {with_uncertainty(*numbers)} {printed.unit}"
+        return f"<Certificate of {words.rstrip()}>"
+
+    def _repr_html_(self) -> str:
+        from virtual_lab.certificate.html import notebook_card
+
+        return notebook_card(self.printed)
+
+
+def certify(
+    bat: str | Path | Sheet,
+    *,
+    procedure: str | Path | Sheet = "astm-f1881",
+    ball: str | Path | Sheet | None = None,
+    instruments: Sequence[Sheet] = (),
+    rig: str | None = None,
+    seed: int | None = None,
+    reality: str = "real",
+    rung: str | None = None,
+    motion: str = "closed-form",
+    faults: str | Sequence[str] = (),
+    control_bat: str | Path | Sheet | None = None,
+    correction: str | None = None,
+    progress: Progress = quiet,
+) -> Certificate:
+    """Take a bat through a procedure and return its certificate.
+
+    Parameters
+    ----------
+    bat, procedure, control_bat
+        Names in the catalog (``vl.shelf()``), paths of .toml files, or sheets (``vl.bat``,
+        ``vl.procedure``), whose values may be changed:
+        ``vl.procedure("bbcor").with_(valid_hits=8)``. A control bat is one whose e is known, for
+        rules that correct their balls by one: it is tested first, with the same balls.
+    ball
+        Likewise, in the place of the procedure's own.
+    instruments
+        Sheets of instruments and rigs with changed values, each in the place of the catalog's:
+        ``vl.instrument("pivot-gates").with_(distance_u="0.2 mm")``.
+    rig
+        A rig that gives what the procedure needs; None takes the one it names.
+    seed
+        Of everything random in the laboratory: the test is reproducible then, not sealed. None
+        draws one of 128 bits, which stands in the sealed truth alone.
+    reality
+        ``real``; ``noise-free``: no randomness, but ring, counts, drag and friction; ``ideal``:
+        every individual and every instrument equals its nominal.
+    rung
+        Of the collision: ``rigid``, ``modal`` or ``reference``; None takes the cheapest that is
+        good enough, and the certificate says which and why.
+    motion
+        Of ball and bat: ``closed-form``, or ``pymunk``, one scene per shot.
+    faults
+        Names of what goes wrong on the day (``vl.shelf("faults")``); only the sealed truth holds
+        them.
+    correction
+        ``METHOD:E0``, such as ``trampoline:0.5``: convert the result to a standard ball where the
+        rules do not; the certificate marks it as assumed.
+    progress
+        Told what goes on, a sentence at a time.
+
+    Raises
+    ------
+    InputError
+        An unknown name, a file that cannot be used, a seed that is no whole number from 0.
+    """
+    from virtual_lab.lab import TestSetup, certify_bat
+    from virtual_lab.simulation.rig import Reality
+
+    given = None if seed is None else _whole(seed)
+    if ball is not None:
+        procedure = _with_ball(procedure, ball)
+        instruments = (*instruments, *([ball] if isinstance(ball, Sheet) else []))
+
+    def test(bat: str, procedure: str, control_bat: str | None) -> Tested:
+        setup = TestSetup.of(
+            bat,
+            procedure=procedure,
+            rig=rig,
+            seed=given,
+            reality=Reality.named(reality),
+            rung=rung,
+            motion=motion,
+            faults=(faults,) if isinstance(faults, str) else faults,
+            control_bat=control_bat,
+            correction=correction,
+        )
+        return certify_bat(setup, progress)
+
+    return _certificate(
+        with_sheets(test)(bat, procedure, control_bat, instruments=instruments), given
+    )
+
+
+def _with_ball(procedure: str | Path | Sheet, ball: str | Path | Sheet) -> Sheet:
+    """Return a procedure that is played with another ball."""
+    rules = procedure if isinstance(procedure, Sheet) else Sheet.of("procedures", procedure)
+    return rules.with_(ball=ball.name if isinstance(ball, Sheet) else str(ball))
+
+
+def _whole(seed: object) -> int:
+    """Return a seed as a plain number, whoever's kind of whole number it is."""
+    try:
+        return index(seed)  # type: ignore[arg-type]
+    except TypeError as fault:
+        allowed = "one whole number from 0; for several, vl.sweep"
+        raise InputError("", "seed", seed, f"allowed: {allowed}") from fault
+
+
+def _certificate(tested: Tested, seed: int | None) -> Certificate:
+    return Certificate(
+        certification=tested.certification,
+        sealed=tested.sealed,
+        film=tested.film,
+        control=_certificate(tested.control, seed) if tested.control else None,
+        seed=seed,
+    )
+
+
+def reduce(records: str | Path) -> Certificate:
+    """Return the certificate of a folder of raw records, without any truth.
+
+    The folder holds a ``session.json`` of ours, or the ``laboratory.toml`` of another laboratory.
+
+    Raises
+    ------
+    InputError
+        A record, calibration or procedure that is missing or cannot be used.
+    """
+    from virtual_lab.measurement.certification import certify_session
+    from virtual_lab.records.foreign.laboratory import FORM
+    from virtual_lab.records.session import SESSION, load_session
+
+    folder = Path(records)
+    if (folder / FORM).exists():
+        from virtual_lab.studies.foreign import certify_laboratory
+
+        return Certificate(certification=certify_laboratory(folder))
+    inner = [path.parent for path in sorted(folder.glob(f"*/{SESSION}"))]
+    if inner and not (folder / SESSION).exists():
+        raise InputError("", "records", str(folder), f"they are in {inner[0]}")
+    return Certificate(certification=certify_session(load_session(folder)))
+
+
+def sweep(
+    bats: str | Path | Sheet | Sequence[str | Path | Sheet],
+    *,
+    procedures: str | Path | Sheet | Sequence[str | Path | Sheet] = ("astm-f1881",),
+    seeds: int | Iterable[int] = range(100),
+    instruments: Sequence[Sheet] = (),
+    progress: Progress | None = None,
+) -> pd.DataFrame:
+    """Test bats by procedures in many laboratories and return a row a test.
+
+    The bats are as drawn and instruments write sums instead of every edge and count (as
+    ``vl.coverage(…, summed=True)``): a test takes some milliseconds.
+
+    Parameters
+    ----------
+    bats, procedures
+        One or several: names, paths or sheets.
+    seeds
+        One or several whole numbers from 0, each a laboratory.
+    instruments
+        Sheets with changed values, as `certify` takes them.
+    progress
+        Told how many tests are done; by default it is shown on stderr.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``bat``, ``procedure``, ``seed``, ``verdict``, ``metric`` (its symbol), ``unit``,
+        ``value``, ``u``, ``low`` and ``high`` of the 95 % interval, ``true`` and ``error``, all in
+        the unit; and of e_A, e, r, e0 the value, its u and the truth (``restitution``,
+        ``restitution_u``, ``restitution_true``, …). A test without a result has NaN.
+
+    Raises
+    ------
+    InputError
+        Unknown names, files that cannot be used, a seed that is no whole number from 0.
+    """
+    from virtual_lab.studies.sweep import sweep as study
+
+    many = [_whole(seed) for seed in (seeds if isinstance(seeds, Iterable) else (seeds,))]
+    several = [
+        (each,) if isinstance(each, str | Path | Sheet) else each for each in (bats, procedures)
+    ]
+    run = with_sheets(study)
+    if progress is not None:
+        return run(*several, many, instruments=instruments, progress=progress)
+    with shown() as shown_progress:
+        return run(*several, many, instruments=instruments, progress=shown_progress)
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Track:
+    """A ball followed through a clip: tables of flights, contacts and places."""
+
+    clip: TrackedClip
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The result as it stands in ``result.json``."""
+        return self.clip.document
+
+    @property
+    def text(self) -> str:
+        """The result for a terminal."""
+        return self.clip.text
+
+    @property
+    def motion(self) -> str:
+        """Return flights, free-fall, pendulum, rolling, carried or none."""
+        return str(self.document["motion"])
+
+    @cached_property
+    def flights(self) -> pd.DataFrame:
+        """A row a flight: frames, places, speeds, its own acceleration, each with its u."""
+        return _table(self.document["flights"])
+
+    @cached_property
+    def contacts(self) -> pd.DataFrame:
+        """A row a contact: time, frame, kind, restitution with its u."""
+        return _table(self.document["contacts"])
+
+    @cached_property
+    def places(self) -> pd.DataFrame:
+        """A row a place, as in ``track.csv``."""
+        import pandas as pd
+
+        from virtual_lab.video.show.course import COLUMNS, rows_of
+
+        return pd.DataFrame(list(rows_of(self.clip.course)), columns=list(COLUMNS))
+
+    def save(self, folder: str | Path) -> Path:
+        """Write track, result, plot, contact sheet and film into a new folder."""
+        self.clip.save(Path(folder))
+        return Path(folder)
+
+    def __repr__(self) -> str:
+        return f"<Track of {self.clip.title}>"
+
+
+def track(
+    clip: str | Path,
+    *,
+    ball: str | None = None,
+    calibration: str | Path | None = None,
+    corrected: str | Path | None = None,
+    progress: Progress = quiet,
+    **known: Any,
+) -> Track:
+    """Follow the ball through a clip, as ``virtual-lab track`` does.
+
+    Parameters
+    ----------
+    clip
+        A video, a folder of images, a TIFF stack or a .npy array.
+    ball
+        Its diameter, ``"73mm±0.5mm"``.
+    calibration, corrected
+        A calibration file; a track.csv of an earlier run, corrected by hand.
+    progress
+        Told what goes on.
+    known
+        fps, gravity as numbers; exposure, frames, region, ball_at, scale, readout as on the
+        command line; global_shutter.
+
+    Raises
+    ------
+    InputError
+        A clip that cannot be read, or words of another form.
+    """
+    from virtual_lab.video.show.tracked_clip import Asked, track_clip
+
+    files = [None if each is None else Path(each) for each in (calibration, corrected)]
+    asked = Asked(ball=ball, calibration=files[0], track=files[1], **known)
+    return Track(clip=track_clip(Path(clip), asked, progress=progress))
+
+
+def _table(rows: list[dict[str, Any]]) -> pd.DataFrame:
+    """Return rows as a table, a value and its u in columns side by side."""
+    import pandas as pd
+
+    flat = []
+    for row in rows:
+        cells: dict[str, Any] = {}
+        for name, value in row.items():
+            if isinstance(value, dict):
+                cells |= {name: value["value"], f"{name}_u": value["u"]}
+            else:
+                cells[name] = value
+        flat.append(cells)
+    return pd.DataFrame(flat)
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Calibration:
+    """A camera calibrated with pictures of a board."""
+
+    found: Calibrated
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """Lens, pose and scale with their uncertainties."""
+        from virtual_lab.video.show.calibration_text import calibration_document
+
+        return calibration_document(self.found)
+
+    @property
+    def text(self) -> str:
+        """The same for a terminal."""
+        from virtual_lab.video.show.calibration_text import calibration_text
+
+        return calibration_text(self.found)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the .toml file that `track` reads, and a picture of what is left over beside it."""
+        from virtual_lab.files import new_files
+        from virtual_lab.video.show.calibration_plot import draw_calibration
+        from virtual_lab.video.show.calibration_text import calibration_toml
+
+        target = Path(path)
+        with new_files(target.parent) as draft:
+            draw_calibration(self.found, draft / target.with_suffix(".png").name)
+            (draft / target.name).write_text(calibration_toml(self.found), encoding="utf-8")
+        return target
+
+    def __repr__(self) -> str:
+        return f"<Calibration with {len(self.document['views'])} pictures of a board>"
+
+
+def calibrate(
+    pictures: str | Path | Sequence[str | Path],
+    *,
+    board: str,
+    plane: str | None = None,
+    height: str | None = None,
+    height_u: str | None = None,
+    square_u: str | None = None,
+) -> Calibration:
+    """Calibrate a camera with pictures of a board, as ``virtual-lab calibrate`` does.
+
+    Parameters
+    ----------
+    pictures
+        Images, folders of them, TIFF stacks or clips.
+    board
+        ``"charuco:14x9:40mm:30mm"`` or ``"chessboard:14x9:40mm"``, counted in squares.
+    plane
+        The picture in which the board lies flat; the first by default.
+    height, height_u
+        Of the ball's plane over the board there, and its standard uncertainty: ``"36.5mm"``.
+    square_u
+        Standard uncertainty of a square's side.
+
+    Raises
+    ------
+    InputError
+        Pictures that cannot be read or do not show the board, lengths without a unit.
+    """
+    from virtual_lab.relations.board import board_of, length_of
+    from virtual_lab.video.calibration.calibrating import Plan
+    from virtual_lab.video.calibration.calibrating import calibrate as fit
+    from virtual_lab.video.clips.pictures import read_pictures
+
+    several = (pictures,) if isinstance(pictures, str | Path) else pictures
+    known = board_of(board)
+    plan = Plan(
+        board=known,
+        square_u=length_of(square_u or "0m", "--square-u", 0, known.square / 10),
+        height=length_of(height or "0m", "--height", -10, 10),
+        height_u=length_of(height_u or "0m", "--height-u", 0, 0.1),
+        plane=plane,
+    )
+    return Calibration(found=fit(read_pictures([Path(each) for each in several]), plan))

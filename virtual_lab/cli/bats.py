@@ -1,0 +1,156 @@
+"""Commands on bats, and on all that the catalog holds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from virtual_lab.cli.plumbing import (
+    Answer,
+    ball_option,
+    command,
+    inertia_option,
+    laboratories_option,
+    law_option,
+    names,
+    procedure_option,
+    seed_option,
+)
+from virtual_lab.errors import InputError
+
+if TYPE_CHECKING:
+    from virtual_lab.output.progress import Progress
+
+__all__ = ["fit_bat", "list_", "percussion", "profile", "sensitivity", "show", "slope"]
+
+KINDS = ("bats", "balls", "procedures", "instruments", "rigs", "conditions", "faults")
+
+
+@command("list", table=True)
+@click.argument("kind", required=False, metavar="[KIND]", type=click.Choice(KINDS))
+def list_(kind: str | None) -> Any:
+    """List the catalog (bats, balls, procedures, instruments, rigs, conditions, faults)."""
+    from virtual_lab.studies.inventory import shelf
+
+    return shelf(kind)
+
+
+@command("show")
+@click.argument("name", shell_complete=names(*KINDS))
+def show(name: str) -> Answer:
+    """Show a specification, every number with its unit and source, or a certificate.json."""
+    if name.endswith(".json"):
+        from virtual_lab.certificate.document import read_document
+        from virtual_lab.certificate.text import certificate_text
+
+        certificate = read_document(Path(name))
+        return Answer(document=certificate.as_json(), text=certificate_text(certificate))
+    from virtual_lab.studies.inventory import sheet_document, sheet_text
+
+    document = sheet_document(name)
+    return Answer(document=document, text=sheet_text(document))
+
+
+@command("profile", keeps=True, table=True, picture=True)
+@click.argument("bats", nargs=-1, required=True, metavar="BAT...", shell_complete=names("bats"))
+@law_option
+@click.option(
+    "--swing",
+    "swings",
+    type=float,
+    multiple=True,
+    metavar="N",
+    help="Exponent n of the power law, 0 to 0.5; of several bats several may be given"
+    "  [default: 0; of several bats 0 and 0.5]",
+)
+@inertia_option
+@ball_option
+def profile(
+    bats: tuple[str, ...],
+    swing_law: str,
+    swings: tuple[float, ...],
+    reference_inertia: str | None,
+    ball: str | None,
+) -> Any:
+    """Show e, r, e_A and v_f of one BAT along its barrel, or compare several BATs.
+
+    Of one bat: its curves, modal frequencies and nodes. Of several: the greatest e, BPF, e_A and
+    v_f of each, and how far apart they are.
+    """
+    from virtual_lab.studies.bats.compare import profile as study
+
+    return study(
+        bats, swings=swings, swing_law=swing_law, reference_inertia=reference_inertia, ball=ball
+    )
+
+
+@command("fit-bat", table=True)
+@click.argument("measured", type=click.Path(), metavar="MEASURED.TOML")
+@click.option(
+    "--out",
+    "target",
+    type=click.Path(path_type=Path),
+    required=True,
+    metavar="FILE",
+    help="New bat file, .toml.",
+)
+@click.option(
+    "--members",
+    type=click.IntRange(min=2),
+    default=12,
+    show_default=True,
+    metavar="NUMBER",
+    help="Bats that meet the data, from which their spread is taken.",
+)
+@seed_option("")
+def fit_bat(measured: str, target: Path, members: int, seed: int, progress: Progress) -> Any:
+    """Fit a bat file to what was MEASURED of a bat, and show what the measurements leave open."""
+    from virtual_lab.studies.bats.fit_bat import fit_bat as fit
+
+    if target.suffix != ".toml":
+        raise InputError("", "out", str(target), "a bat file's name ends in .toml")
+    if target.exists():
+        raise InputError("", "out", str(target), "is there already; name another file")
+    fitted = fit(measured, members=members, seed=seed, progress=progress)
+    fitted.write(target)
+    return fitted
+
+
+@command("sensitivity", table=True)
+@click.argument("bat", shell_complete=names("bats"))
+def sensitivity(bat: str, progress: Progress) -> Any:
+    """Show the sensitivity of a BAT's results to the force law of the ball."""
+    from virtual_lab.studies.bats.ball_law import sensitivity as study
+
+    return study(bat, progress=progress)
+
+
+@command("slope", table=True)
+@click.argument("bats", nargs=-1, metavar="[BAT]...", shell_complete=names("bats"))
+@procedure_option()
+def slope(bats: tuple[str, ...], procedure: str) -> Any:
+    """Show how e_A changes along the barrel where a procedure hits BATs (or those of baseball)."""
+    from virtual_lab.studies.place_slope import slope as study
+
+    return study(bats, procedure=procedure)
+
+
+@command("percussion", keeps=True, table=True, picture=True)
+@click.argument("bat", shell_complete=names("bats"))
+@laboratories_option(10)
+@seed_option("; of the first laboratory, the others follow")
+@click.option(
+    "--shots",
+    type=click.IntRange(min=2),
+    default=6,
+    show_default=True,
+    metavar="NUMBER",
+    help="Shots of each laboratory at each place.",
+)
+def percussion(bat: str, progress: Progress, **asked: Any) -> Any:
+    """Fire at a pivoted BAT along its barrel: what hits off the centre of percussion cost."""
+    from virtual_lab.studies.bats.percussion import percussion as study
+
+    return study(bat, progress=progress, **asked)

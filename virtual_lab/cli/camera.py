@@ -1,0 +1,130 @@
+"""Commands for a camera: follow the ball in a clip, calibrate, rehearse the calibration."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from virtual_lab.cli.plumbing import Answer, command, names, seed_option
+from virtual_lab.errors import InputError
+
+if TYPE_CHECKING:
+    from virtual_lab.output.progress import Progress
+
+__all__ = ["board", "calibrate", "track"]
+
+board_option = click.option(
+    "--board",
+    "board",
+    required=True,
+    metavar="KIND:COLUMNSxROWS:SQUARE[:MARKER]",
+    help="charuco:14x9:40mm:30mm or chessboard:14x9:40mm, counted in squares.",
+)
+
+
+def _beside_the_clip(asked: Mapping[str, Any]) -> Path:
+    clip: Path = asked["clip"]
+    return clip.parent / f"{clip.absolute().stem or 'clip'}-track"
+
+
+@command("track", folder=_beside_the_clip)
+@click.argument("clip", type=click.Path(path_type=Path))
+@click.option(
+    "--calibration",
+    type=click.Path(path_type=Path),
+    help="TOML file: metres_per_pixel, frames_per_second, exposure_s, timestamps, …",
+)
+@click.option("--ball", metavar="73mm±0.5mm", help="The ball's diameter, in mm, cm, m or in.")
+@click.option("--fps", type=float, help="Pictures stored in a true second, repeats counted.")
+@click.option("--exposure", metavar="1/120", help="Time that a picture is exposed, in s, ms.")
+@click.option("--gravity", type=float, help="Gravity where it was filmed [m/s²], 9.81 by default.")
+@click.option("--frames", metavar="17:52", help="First and last frame to look at.")
+@click.option("--region", metavar="X,Y,W,H", help="Part of the picture to look at [pixels].")
+@click.option("--ball-at", metavar="X,Y@FRAME", help="Where the ball is, if others move too.")
+@click.option("--scale", metavar="X,Y:X,Y=50cm", help="Two points and their distance.")
+@click.option("--readout", metavar="16ms", help="Time a rolling shutter takes over the picture.")
+@click.option("--global-shutter", is_flag=True, help="All rows are exposed at once.")
+@click.option(
+    "--track",
+    "corrected",
+    type=click.Path(path_type=Path),
+    help="track.csv of an earlier run, corrected by hand: its places and flights are taken.",
+)
+def track(clip: Path, progress: Progress, **asked: Any) -> Any:
+    """Follow the ball through CLIP: flights and contacts, speeds, restitution, gravity, track.
+
+    CLIP is a video (MP4, MOV, AVI, MKV, CINE, MRAW), a folder of images, a TIFF stack or a .npy
+    array. Written beside it, into CLIP-track, are track, result, plot, contact sheet and film.
+    """
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # its messages would stand beside ours
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+    from virtual_lab.api import track as follow
+
+    return follow(clip, progress=progress, **asked)
+
+
+@command("calibrate")
+@click.argument("pictures", nargs=-1, required=True, type=click.Path(path_type=Path))
+@board_option
+@click.option("--plane", metavar="PICTURE", help="In which the board lies flat  [default: first]")
+@click.option("--height", metavar="36.5mm", help="Of the ball's plane over the board there.")
+@click.option("--height-u", metavar="1mm", help="Its standard uncertainty.")
+@click.option("--square-u", metavar="5um", help="Standard uncertainty of a square's side.")
+@click.option(
+    "--out",
+    "target",
+    type=click.Path(path_type=Path),
+    required=True,
+    metavar="FILE",
+    help="New calibration file, .toml; a picture of what is left over stands beside it.",
+)
+def calibrate(pictures: tuple[Path, ...], target: Path, progress: Progress, **asked: Any) -> Answer:
+    """Calibrate the camera that took PICTURES of a board, for `track`.
+
+    PICTURES are images, folders of them, TIFF stacks or clips. In one, the board lies in the plane
+    the ball will fly in, or below it by --height; in the others it is held askew, 30 deg or so.
+    """
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")  # its messages would stand beside ours
+    if target.suffix != ".toml":
+        raise InputError("", "--out", str(target), "a name that ends in .toml")
+    for file in (target, target.with_suffix(".png")):
+        if file.exists():
+            raise InputError("", "--out", str(file), "is there already; name another")
+    from virtual_lab.api import calibrate as find_lens
+
+    progress("looking for the board")
+    found = find_lens(pictures, **asked)
+    found.save(target)
+    return Answer(document=found.document, text=found.text, files=(target,))
+
+
+@command("board", folder="board")
+@click.option(
+    "--camera",
+    default="camera-overhead",
+    show_default=True,
+    shell_complete=names("instruments"),
+    help="Name in the catalog, or a .toml file.",
+)
+@board_option
+@click.option("--views", type=int, default=10, show_default=True, help="How many pictures.")
+@seed_option("  [default: drawn]", None)
+def board(board: str, **asked: Any) -> Answer:
+    """Take pictures of a calibration board with a simulated camera, to rehearse `calibrate`."""
+    from virtual_lab.relations.board import board_of
+
+    known = board_of(board)
+    from virtual_lab.lab.boards import film_board
+
+    where: dict[str, str] = {}
+    files: list[Path] = []
+
+    def save(folder: Path) -> None:
+        files.append(film_board(board=known, folder=folder, **asked))
+        where.update(pictures=str(files[0]), truth=str(folder / "truth"))
+
+    return Answer(document=where, text="", save=save, files=files)

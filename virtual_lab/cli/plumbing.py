@@ -1,0 +1,303 @@
+"""What the commands share: where results go, JSON, tables, pictures, progress, completion.
+
+A command is a function that returns what it found: an object with a `document` for JSON and a
+`text` for the terminal, as every `StudyResult` has, and where results are kept with `save`,
+`table` and `plot`.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+import re
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass, field
+from functools import wraps
+from pathlib import Path
+from typing import Any, NoReturn
+
+import click
+
+from virtual_lab.errors import InputError
+from virtual_lab.files import check_new_folder, first_free, new_files
+from virtual_lab.output.progress import shown
+
+__all__ = [
+    "Answer",
+    "Sections",
+    "ball_option",
+    "command",
+    "fault_option",
+    "inertia_option",
+    "laboratories_option",
+    "law_option",
+    "names",
+    "procedure_option",
+    "rigs",
+    "seed_option",
+    "usage",
+]
+
+Function = Callable[..., Any]
+WHOLE = 1000  # characters: no sentence of ours is cut short
+LONGEST_NAME = 60  # of a part of a folder's name
+TABLES, PICTURES = (".csv",), (".png", ".svg", ".pdf")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """What a command found where no study's result says it."""
+
+    document: Any
+    text: str
+    code: int = 0  # the program's exit code
+    save: Callable[[Path], object] | None = None
+    files: Sequence[Path] = field(default_factory=tuple)  # written already, to be named
+
+
+class Sections(click.Group):
+    """A group whose help lists its commands by what they are for."""
+
+    def __init__(self, *, sections: Mapping[str, Sequence[click.Command]], **known: Any) -> None:
+        super().__init__(**known)
+        self.sections = sections
+        for commands in sections.values():
+            for each in commands:
+                self.add_command(each)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write a table of commands a section."""
+        widest = max(len(name) for name in self.commands)
+        for title, commands in self.sections.items():
+            with formatter.section(title):
+                rows = [(str(each.name), each.get_short_help_str(WHOLE)) for each in commands]
+                formatter.write_dl([(name.ljust(widest), words) for name, words in rows])
+
+
+def command(
+    name: str,
+    *,
+    folder: str | Callable[[Mapping[str, Any]], Path] = "",
+    keeps: bool = False,
+    table: bool = False,
+    picture: bool = False,
+) -> Callable[[Function], click.Command]:
+    """Return what makes a command of a function.
+
+    Parameters
+    ----------
+    name
+        Of the command.
+    folder
+        The usual folder's name, in ``out/``, with the command's parameters in braces, or what
+        makes its path of them; results are written there where ``--out`` names no other. Without
+        one they are written where ``--out`` says so.
+    keeps
+        Whether the command has ``--out`` at all; one with a usual folder has.
+    table, picture
+        Whether it has ``--csv`` and ``--plot``.
+    """
+
+    def decorate(function: Function) -> click.Command:
+        tells = "progress" in inspect.signature(function).parameters
+
+        @wraps(function)
+        def run(
+            *,
+            as_json: bool,
+            out: Path | None = None,
+            csv: Path | None = None,
+            plot: Path | None = None,
+            **asked: Any,
+        ) -> int:
+            target = out
+            if target is None and folder:
+                target = first_free(_usual_folder(folder, asked))
+            if target is not None:
+                check_new_folder(target)
+            for path, endings in ((csv, TABLES), (plot, PICTURES)):
+                if path is not None:
+                    _check_new_file(path, endings)
+            with shown() if tells else nullcontext() as progress:
+                found = function(**asked, **({"progress": progress} if tells else {}))
+                if target is not None:
+                    found.save(target)
+                if csv is not None:
+                    with new_files(csv.parent) as draft:
+                        found.table.to_csv(draft / csv.name, index=False)
+                if plot is not None:
+                    with new_files(plot.parent) as draft:
+                        found.plot(draft / plot.name)
+            _print(found, target, [path for path in (csv, plot) if path], as_json=as_json)
+            return int(getattr(found, "code", 0))
+
+        shared = _shared_options(folder, keeps=keeps, table=table, picture=picture)
+        # click lists options from the last to the first: the shared ones come after the own
+        run.__click_params__ = [*reversed(shared), *getattr(run, "__click_params__", [])]  # type: ignore[attr-defined]
+        return click.command(name)(run)
+
+    return decorate
+
+
+def _shared_options(
+    folder: object, *, keeps: bool, table: bool, picture: bool
+) -> list[click.Option]:
+    options = []
+    path = click.Path(path_type=Path)
+    if folder or keeps:
+        usual = ""
+        if isinstance(folder, str) and folder:
+            usual = f"out/{folder.replace('{', '').replace('}', '').upper()}, then -2"
+        words = f"New folder for all that is written.{f'  [default: {usual}]' if usual else ''}"
+        options.append(click.Option(["--out"], type=path, metavar="FOLDER", help=words))
+    if table:
+        words = "Write the table into a new file, .csv."
+        options.append(click.Option(["--csv"], type=path, metavar="FILE", help=words))
+    if picture:
+        words = "Draw the picture into a new file, .png, .svg or .pdf."
+        options.append(click.Option(["--plot"], type=path, metavar="FILE", help=words))
+    words = "One JSON document on stdout."
+    return [*options, click.Option(["--json", "as_json"], is_flag=True, help=words)]
+
+
+def _usual_folder(
+    folder: str | Callable[[Mapping[str, Any]], Path], asked: Mapping[str, Any]
+) -> Path:
+    """Return where results go: the seed is in the name only where the operator gave it."""
+    if not isinstance(folder, str):
+        return folder(asked)
+    parts = {key: _part(value) for key, value in asked.items() if isinstance(value, str)}
+    name = folder.format_map(parts)
+    source = click.get_current_context().get_parameter_source("seed")
+    if source is click.core.ParameterSource.COMMANDLINE:
+        name += f"-seed-{asked['seed']}"
+    return Path("out") / name
+
+
+def _part(value: str) -> str:
+    """Return what of a name or a file's path goes into a folder's name."""
+    return re.sub(r"[^\w.-]+", "-", Path(value).stem)[:LONGEST_NAME]
+
+
+def _check_new_file(path: Path, endings: Sequence[str]) -> None:
+    """Refuse a file that is there, or of another kind."""
+    if path.suffix not in endings:
+        raise InputError(
+            "", "file", str(path), f"allowed: a name that ends in {', '.join(endings)}"
+        )
+    try:
+        there = path.exists() or path.is_symlink()
+    except OSError as fault:
+        raise InputError("", "file", str(path), f"cannot be written ({fault.strerror})") from fault
+    if there:
+        raise InputError("", "file", str(path), "is there already; name another")
+
+
+def _print(found: Any, folder: Path | None, files: Sequence[Path], *, as_json: bool) -> None:
+    """Print what was found, and in every case where it was written."""
+    written = [*([folder] if folder else []), *files]
+    if not as_json:
+        named = [*(getattr(found, "files", ()) or ([folder] if folder else ())), *files]
+        parts = [found.text, "\n".join(map(str, named))]
+        click.echo("\n\n".join(part for part in parts if part))
+        return
+    document = found.document
+    if folder and isinstance(document, dict):
+        document, written = document | {"folder": str(folder)}, [*files]
+    click.echo(json.dumps(document, indent=2, allow_nan=False))
+    for path in written:
+        click.echo(str(path), err=True)
+
+
+def usage(message: str) -> NoReturn:
+    """Refuse words that do not go together."""
+    raise click.UsageError(message)
+
+
+def names(*kinds: str) -> Callable[..., list[str]]:
+    """Return a completer for catalog names of some kinds."""
+
+    def complete(_ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[str]:
+        from virtual_lab import catalog
+
+        found = [name for kind in kinds for name in catalog.names(kind)]
+        return [name for name in found if name.startswith(incomplete)]
+
+    return complete
+
+
+def rigs(_ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[str]:
+    """Complete the name of an installed rig that fires at bats."""
+    from virtual_lab.simulation.rig import Stage, installed_rigs
+
+    found = [name for name, rig in installed_rigs().items() if rig.stage is Stage.IMPACT]
+    return [name for name in found if name.startswith(incomplete)]
+
+
+def procedure_option(
+    default: str | None = "astm-f1881", words: str = ""
+) -> Callable[[Function], Function]:
+    """Return the option of one procedure."""
+    return click.option(
+        "--procedure",
+        default=default,
+        show_default=default is not None,
+        shell_complete=names("procedures"),
+        help=f"Test procedure: a name ('virtual-lab list procedures') or a .toml file{words}.",
+    )
+
+
+def laboratories_option(default: int) -> Callable[[Function], Function]:
+    """Return the option of how many laboratories."""
+    return click.option(
+        "--laboratories",
+        type=click.IntRange(min=2),
+        default=default,
+        show_default=True,
+        metavar="NUMBER",
+        help="Laboratories, each with balls and errors of its own.",
+    )
+
+
+def seed_option(words: str, default: int | None = 1) -> Callable[[Function], Function]:
+    """Return the option of a seed."""
+    return click.option(
+        "--seed",
+        type=click.IntRange(min=0),
+        default=default,
+        show_default=default is not None,
+        metavar="NUMBER",
+        help=f"Seed of all that is random{words}",
+    )
+
+
+fault_option = click.option(
+    "--fault",
+    "faults",
+    multiple=True,
+    metavar="FAULT",
+    help="What goes wrong ('virtual-lab list faults'); may be given several times.",
+    shell_complete=names("faults"),
+)
+
+inertia_option = click.option(
+    "--reference-inertia",
+    metavar="BAT|'NUMBER UNIT'",
+    shell_complete=names("bats"),
+    help="I0 of the swing law: a bat's own, or e.g. '17000 oz in^2', the paper's (default).",
+)
+
+law_option = click.option(
+    "--swing-law",
+    type=click.Choice(["power", "energy"]),
+    default="power",
+    show_default=True,
+    help="Swing by I^-n, or with the same energy into bat and batter.",
+)
+
+ball_option = click.option(
+    "--ball",
+    shell_complete=names("balls"),
+    help="Ball in the field  [default: the game conditions' own, of the bat's sport]",
+)

@@ -1,0 +1,180 @@
+"""Commands that study the laboratory and its procedures: what may open the truth."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from virtual_lab.cli.plumbing import (
+    ball_option,
+    command,
+    fault_option,
+    inertia_option,
+    laboratories_option,
+    law_option,
+    names,
+    procedure_option,
+    seed_option,
+    usage,
+)
+
+if TYPE_CHECKING:
+    from virtual_lab.output.progress import Progress
+
+__all__ = ["bias", "coverage", "critique", "daily", "faults", "paper"]
+
+FIRST = "; of the first laboratory, the others follow"
+
+
+@command("coverage", keeps=True, table=True)
+@click.argument("bat", default="r161", shell_complete=names("bats"))
+@procedure_option(None, "  [default: astm-f1881; of clips bbcor]")
+@laboratories_option(1000)
+@seed_option(FIRST)
+@click.option(
+    "--summed",
+    is_flag=True,
+    help="Instruments write sums (a camera: places), the bat is as drawn: ten times as fast.",
+)
+@click.option(
+    "--effects",
+    is_flag=True,
+    help="Show the effect of every term of the budget, stated and found, not the coverage.",
+)
+@click.option(
+    "--clips",
+    type=click.IntRange(min=2),
+    metavar="NUMBER",
+    help="Film one shot in each of so many laboratories, and count the camera's intervals "
+    "of v_in, v_out and e_A instead.",
+)
+@click.pass_context
+def coverage(
+    context: click.Context,
+    /,
+    bat: str,
+    procedure: str | None,
+    laboratories: int,
+    effects: bool,
+    clips: int | None,
+    progress: Progress,
+    **asked: Any,
+) -> Any:
+    """Certify BAT in many laboratories and count the 95 % intervals that hold the truth."""
+    if clips is not None:
+        given = context.get_parameter_source("laboratories")
+        if effects or given is click.core.ParameterSource.COMMANDLINE:
+            usage("--clips goes with neither --effects nor --laboratories")
+        from virtual_lab.studies.clips import clip_coverage
+
+        rules = procedure or "bbcor"
+        return clip_coverage(bat, procedure=rules, clips=clips, progress=progress, **asked)
+    asked |= {"procedure": procedure or "astm-f1881", "laboratories": laboratories}
+    if effects:
+        from virtual_lab.studies.effects import effects as study
+    else:
+        from virtual_lab.studies.coverage import coverage as study
+    return study(bat, progress=progress, **asked)
+
+
+@command("bias", keeps=True, table=True)
+@procedure_option()
+def bias(procedure: str, progress: Progress) -> Any:
+    """Measure what the method gets wrong when nothing is random, for every bat."""
+    from virtual_lab.studies.bias import bias as study
+
+    return study(procedure, progress=progress)
+
+
+@command("faults", keeps=True, table=True)
+@click.argument("faults", nargs=-1, metavar="[FAULT]...", shell_complete=names("faults"))
+@laboratories_option(60)
+@seed_option(FIRST)
+@click.option(
+    "--procedure",
+    "procedures",
+    multiple=True,
+    help="One with predictions; may be given several times  [default: astm-f1881, bbcor]",
+    shell_complete=names("procedures"),
+)
+def faults(faults: tuple[str, ...], progress: Progress, **asked: Any) -> Any:
+    """Play FAULTs of a real day (or all) and compare the outcome with the predictions."""
+    from virtual_lab.studies.faults import faults as study
+
+    return study(faults, progress=progress, **asked)
+
+
+@command("critique", keeps=True, table=True, picture=True)
+@click.argument("bats", nargs=-1, required=True, metavar="BAT BAT...", shell_complete=names("bats"))
+@click.option(
+    "--procedure",
+    "procedures",
+    multiple=True,
+    shell_complete=names("procedures"),
+    help="May be given several times  [default: all of the sport of the field's balls]",
+)
+@law_option
+@click.option(
+    "--swing",
+    "swings",
+    type=float,
+    multiple=True,
+    metavar="N",
+    help="Exponent n of the power law in the field; may be given several times"
+    "  [default: 0, 0.3, 0.5]",
+)
+@inertia_option
+@ball_option
+@laboratories_option(20)
+@seed_option(FIRST)
+def critique(
+    bats: tuple[str, ...],
+    swing_law: str,
+    swings: tuple[float, ...],
+    progress: Progress,
+    **asked: Any,
+) -> Any:
+    """Show which test procedures rank BATs as the field does, and which do not."""
+    from virtual_lab.studies.bats.profile import chosen_swings
+    from virtual_lab.studies.critique import SWINGS
+    from virtual_lab.studies.critique import critique as study
+
+    chosen = chosen_swings(swing_law, swings, SWINGS)
+    return study(bats, swings=chosen, progress=progress, **asked)
+
+
+@command("daily", folder="daily", table=True, picture=True)
+@click.option("--ball", default="check-ball", show_default=True, shell_complete=names("balls"))
+@click.option("--days", type=int, default=60, show_default=True, help="Mornings in all.")
+@click.option("--baseline", type=int, default=25, show_default=True, help="Days that set limits.")
+@click.option("--hits", type=int, default=10, show_default=True, help="Each morning.")
+@click.option(
+    "--drift", type=float, default=0.0, help="Share of the restitution the wall loses each day."
+)
+@click.option("--step", type=float, default=0.0, help="Share of it that the wall loses at once.")
+@fault_option
+@click.option("--since", type=int, help="First day of all that  [default: after the baseline]")
+@click.option(
+    "--rule",
+    "rules",
+    type=int,
+    multiple=True,
+    default=(1, 2, 3, 4),
+    show_default=True,
+    help="Western Electric rule, 1 to 4; may be given several times.",
+)
+@seed_option("")
+def daily(progress: Progress, **asked: Any) -> Any:
+    """Fire a check ball at wall and check cylinder each morning and keep control charts."""
+    from virtual_lab.studies.daily import daily as study
+
+    return study(progress=progress, **asked)
+
+
+@command("paper", keeps=True, table=True, picture=True)
+def paper(progress: Progress) -> Any:
+    """Compare every number, figure and claim of the 2003 paper with what is found here."""
+    from virtual_lab.studies.paper import paper as study
+
+    return study(progress=progress)

@@ -1,0 +1,103 @@
+"""Progress of what takes long: how much is done, how fast, and the time left.
+
+On a terminal one line is written over and over; in a pipe a line comes every ten seconds, so that
+a log tells that the program lives. What is over within two seconds says nothing.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from shutil import get_terminal_size
+from typing import Protocol, TextIO
+
+__all__ = ["Progress", "quiet", "shown"]
+
+PATIENCE = 2.0  # s, before the first word on a terminal
+TERMINAL_STEP, PIPE_STEP = 0.2, 10.0  # s, between two lines
+CLEAR = "\r\x1b[K"
+
+
+class Progress(Protocol):
+    """Told what is being done and, where it is counted, how many of how many are done."""
+
+    def __call__(self, text: str, done: int = 0, total: int = 0) -> None: ...
+
+
+def quiet(text: str, done: int = 0, total: int = 0) -> None:
+    """Say nothing."""
+
+
+@contextmanager
+def shown(stream: TextIO | None = None) -> Iterator[Progress]:
+    """Yield what shows progress on a stream, by default stderr, as long as the context lasts."""
+    stream = stream or sys.stderr
+    if stream is None:  # a program without a terminal, as on a desktop
+        yield quiet
+        return
+    status, over = _Status(), threading.Event()
+    writer = threading.Thread(target=_write, args=(status, stream, over), daemon=True)
+    writer.start()
+    try:
+        yield status.update
+    finally:
+        over.set()
+        writer.join()
+
+
+class _Status:
+    """The last that was said, and since when that kind of work has been going on."""
+
+    def __init__(self) -> None:
+        self.begun = self.since = time.monotonic()
+        self.text, self.done, self.total, self.first = "", 0, 0, 0
+
+    def update(self, text: str, done: int = 0, total: int = 0) -> None:
+        if (text, total) != (self.text, self.total):
+            self.since, self.first = time.monotonic(), done
+        self.text, self.done, self.total = text, done, total
+
+    def line(self) -> str:
+        now = time.monotonic()
+        if not self.total:
+            return f"{self.text or 'working'}, {_duration(now - self.begun)}"
+        line = f"{self.text}: {self.done} of {self.total}"
+        if self.done > self.first and now > self.since:
+            rate = (self.done - self.first) / (now - self.since)
+            left = (self.total - self.done) / rate
+            line += f", {_rate(rate)}, {_duration(left)} left"
+        return line
+
+
+def _write(status: _Status, stream: TextIO, over: threading.Event) -> None:
+    terminal = stream.isatty()
+    if over.wait(PATIENCE if terminal else PIPE_STEP):
+        return
+    while True:
+        line = f"… {status.line()}"
+        if terminal:
+            line = CLEAR + line[: get_terminal_size().columns - 1]
+        try:
+            print(line, end="" if terminal else "\n", file=stream, flush=True)
+            if over.wait(TERMINAL_STEP if terminal else PIPE_STEP):
+                if terminal:
+                    print(CLEAR, end="", file=stream, flush=True)
+                return
+        except (OSError, ValueError):  # the reader has gone: nobody is told any more
+            return
+
+
+def _rate(rate: float) -> str:
+    """Return how many a second or, of slow work, a minute."""
+    return f"{rate:.3g} a second" if rate >= 1 else f"{60 * rate:.3g} a minute"
+
+
+def _duration(seconds: float) -> str:
+    whole = round(seconds)
+    hours, minutes = divmod(whole // 60, 60)
+    if hours:
+        return f"{hours} h {minutes:02d} min"
+    return f"{minutes} min {whole % 60:02d} s" if minutes else f"{whole} s"

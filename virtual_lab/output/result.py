@@ -1,0 +1,123 @@
+"""What a study hands back: rows, their text, a picture where there is one, and how it is kept."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from virtual_lab.errors import InputError
+from virtual_lab.files import new_folder
+from virtual_lab.output.tables import Column, table_text
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Rows", "StudyResult"]
+
+
+class StudyResult(ABC):
+    """The shape of every study's result.
+
+    A study states its `name` (of its files), a `title` in one line and its `rows`; the rest
+    follows from these unless the study has more to say. One with a picture has `draw`.
+    """
+
+    __slots__ = ()
+
+    @property
+    @abstractmethod
+    def name(self) -> str: ...
+    @property
+    @abstractmethod
+    def title(self) -> str: ...
+    @property
+    @abstractmethod
+    def rows(self) -> Sequence[Mapping[str, Any]]: ...
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """The rows as a table, columns by the keys of the JSON document."""
+        import pandas as pd
+
+        return pd.DataFrame(self.rows)
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """What `save` writes as CSV, by the name of the file."""
+        return {self.name: self.table}
+
+    @property
+    def document(self) -> Any:
+        """All of it for JSON."""
+        return self.rows
+
+    @property
+    def text(self) -> str:
+        """All of it for a terminal."""
+        return table_text(self.rows)
+
+    @property
+    def pictures(self) -> tuple[str, ...]:
+        """What `save` draws, by the name of the file."""
+        return (self.name,) if hasattr(self, "draw") else ()
+
+    def plot(self, path: str | Path) -> Path:
+        """Draw the picture into a file, its format by the name's ending: .png, .svg, .pdf."""
+        draw = getattr(self, "draw", None)
+        if draw is None:
+            raise InputError("", "plot", self.name, "this result has no picture")
+        draw(Path(path))
+        return Path(path)
+
+    def save(self, folder: str | Path) -> Path:
+        """Write the tables as CSV and the pictures as PNG into a new folder.
+
+        Raises `InputError` where the folder is not empty or cannot be written; nothing is left
+        half-written.
+        """
+        with new_folder(Path(folder)) as draft:
+            self.fill(draft)
+        return Path(folder)
+
+    def fill(self, folder: Path) -> None:
+        """Write what `save` writes into a folder that is there."""
+        for name, table in self.tables.items():
+            table.to_csv(folder / f"{name}.csv", index=False)
+        for name in self.pictures:
+            self.plot(folder / f"{name}.png")
+
+    def __repr__(self) -> str:
+        return f"<{self.title}, {len(self.rows)} rows>"
+
+    def _repr_html_(self) -> str:
+        return str(self.table.to_html(index=False, float_format="{:.4g}".format))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Rows(StudyResult):
+    """A study whose rows say it all; it is also the sequence of its rows."""
+
+    name: str
+    title: str
+    rows: list[dict[str, Any]]
+    columns: Mapping[str, Column] = field(default_factory=dict)
+    across: str = ""  # the key that heads the columns of a table turned on its side
+    words: str = ""  # beneath the table
+
+    @property
+    def text(self) -> str:
+        """The title, the table and the words beneath it."""
+        body = table_text(self.rows, self.columns, across=self.across)
+        return "\n\n".join(part for part in (self.title, body, self.words) if part)
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        return iter(self.rows)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, place: int) -> dict[str, Any]:
+        return self.rows[place]

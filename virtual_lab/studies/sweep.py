@@ -1,0 +1,79 @@
+"""Many tests as one table: bats by procedures in laboratories, a row a test."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import nan
+from typing import TYPE_CHECKING, Any
+
+from virtual_lab.lab import Campaign, Tested
+from virtual_lab.measurement.model import QUANTITIES
+from virtual_lab.output.metrics import METRICS
+from virtual_lab.output.progress import Progress, quiet
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["sweep"]
+
+
+def sweep(
+    bats: Sequence[str],
+    procedures: Sequence[str],
+    seeds: Sequence[int],
+    *,
+    progress: Progress = quiet,
+) -> pd.DataFrame:
+    """Return the tests as `virtual_lab.sweep` describes them.
+
+    Raises
+    ------
+    InputError
+        Unknown names, files that cannot be used.
+    """
+    import pandas as pd
+
+    rows: list[dict[str, Any]] = []
+    total = len(bats) * len(procedures) * len(seeds)
+    for bat in bats:
+        for procedure in procedures:
+            campaign = Campaign.of(bat, procedure)
+            for seed in seeds:
+                progress("tests", len(rows), total)
+                rows.append({"seed": seed} | _row(next(campaign.run(1, seed))))
+    table = pd.DataFrame(rows)
+    return table[
+        ["bat", "procedure", *(name for name in table if name not in ("bat", "procedure"))]
+    ]
+
+
+def _row(tested: Tested) -> dict[str, Any]:
+    found, true = tested.certification, tested.sealed.measurand
+    printed = METRICS[found.procedure.metric]
+    budget = found.metric
+    value, u = (budget.value, budget.u) if budget else (nan, nan)
+    low, high = budget.interval_95 if budget else (nan, nan)
+    numbers = {
+        "value": value,
+        "u": u,
+        "low": low,
+        "high": high,
+        "true": true["metric"],
+        "error": value - true["metric"],
+    }
+    row: dict[str, Any] = {
+        "bat": found.session.bat,
+        "procedure": found.procedure.name,
+        "verdict": found.verdict.value,
+        "metric": printed.symbol,
+        "unit": printed.unit,
+    }
+    row |= {name: number / printed.unit_si for name, number in numbers.items()}
+    for name in QUANTITIES:
+        one = found.quantities.get(name)
+        row |= {
+            name: one.value if one else nan,
+            f"{name}_u": one.u if one else nan,
+            f"{name}_true": true[name],
+        }
+    return row
