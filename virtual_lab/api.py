@@ -23,7 +23,7 @@ from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.rounding import with_uncertainty
 from virtual_lab.records.foreign.laboratory import FORM
 from virtual_lab.records.session import SESSION, load_session, save_session
-from virtual_lab.simulation.rig import Motion, Reality
+from virtual_lab.simulation.rig import MotionRung, Reality
 from virtual_lab.simulation.truth import Sealed
 from virtual_lab.studies.foreign import certify_laboratory
 from virtual_lab.studies.score import score
@@ -133,7 +133,7 @@ def certify(
     seed: int | None = None,
     reality: Reality | str = Reality.REAL,
     rung: str | None = None,
-    motion: str = Motion.CLOSED_FORM.value,
+    motion: str = MotionRung.CLOSED_FORM.value,
     faults: str | Sequence[str] = (),
     control_bat: str | Path | None = None,
     correction: str | None = None,

@@ -14,7 +14,7 @@ from virtual_lab.lab.fitting import unverified_rigs
 from virtual_lab.lab.laboratory import BALL_RIG, BENCH_RIG, Laboratory, Say, Tested
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.simulation.faults import FaultSet
-from virtual_lab.simulation.rig import Motion, Reality
+from virtual_lab.simulation.rig import MotionRung, Reality
 
 __all__ = ["certify_bat", "open_laboratory"]
 
@@ -29,7 +29,7 @@ def certify_bat(
     seed: int | None = None,
     reality: Reality = Reality.REAL,
     rung: str | None = None,
-    motion: str = Motion.CLOSED_FORM.value,
+    motion: str = MotionRung.CLOSED_FORM.value,
     faults: Sequence[str] = (),
     test: int | None = None,
     control_bat: str | None = None,
@@ -94,7 +94,7 @@ def open_laboratory(
     seed: int | None = None,
     reality: Reality = Reality.REAL,
     rung: str | None = None,
-    motion: str = Motion.CLOSED_FORM.value,
+    motion: str = MotionRung.CLOSED_FORM.value,
     faults: Sequence[str] = (),
     test: int | None = None,
     correction: str | None = None,
@@ -121,7 +121,7 @@ def open_laboratory(
         rig=rig or rules.spec.rig,
         reality=reality,
         rung=rung,
-        motion=Motion.named(motion),
+        motion=MotionRung.named(motion),
         day=FaultSet.of(faults, rig=rig or rules.spec.rig),
         test=test,
         unverified=catalog.unverified("bats", bat)

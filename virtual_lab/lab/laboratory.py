@@ -46,7 +46,7 @@ from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import (
     ImpactStation,
-    Motion,
+    MotionRung,
     Reality,
     RigOutput,
     ShotPlan,
@@ -93,7 +93,7 @@ class Laboratory:
     specimen: Specimen
     session: Session
     instruments: RecordDetail = RecordDetail.FULL
-    motion: Motion = Motion.CLOSED_FORM
+    motion: MotionRung = MotionRung.CLOSED_FORM
     control: float = 1.0  # true e of the control bat with these balls over the e it is known by
 
     @classmethod
@@ -110,7 +110,7 @@ class Laboratory:
         day: FaultSet,
         unverified: Mapping[str, str],
         instruments: RecordDetail = RecordDetail.FULL,
-        motion: Motion = Motion.CLOSED_FORM,
+        motion: MotionRung = MotionRung.CLOSED_FORM,
         collision: Ladder | None = None,
         made: bool = True,
         test: int | None = None,
@@ -313,8 +313,8 @@ def _sealing(seed: int | None, reality: Reality) -> str:
     return f"sealed: seed of {SEED_BITS} random bits, with the truth alone"
 
 
-def _motion_report(motion: Motion) -> dict[str, str]:
-    pinned = "" if motion is Motion.CLOSED_FORM else ", as asked for"
+def _motion_report(motion: MotionRung) -> dict[str, str]:
+    pinned = "" if motion is MotionRung.CLOSED_FORM else ", as asked for"
     return {"rung": motion.value, "reason": f"{motion.value}{pinned}"}
 
 
