@@ -111,15 +111,13 @@ class AstmPivot:
         spec = catalog.load("rigs", self.name, AstmPivotSpec).spec
         factory = InstrumentFactory(draws=draws, ideal=ideal)
         pivot = factory.as_asked(spec.pivot)
-        encoder = factory.commission(
-            Encoder.commission, EncoderSpec, spec.encoder, "astm-pivot.encoder"
-        )
         return AstmPivotStation(
             holder=Pivot.commission(pivot, draws, "astm-pivot.pivot"),
-            encoder=encoder,
+            encoder=factory.commission(
+                Encoder.commission, EncoderSpec, spec.encoder, "astm-pivot.encoder"
+            ),
             frame=spec.frame,
             stop=spec.stop,
-            recorded=encoder.spec.duration,
             **fitted(spec, factory, self.name, LightGates, LightGateSpec),
         )
 
@@ -243,6 +241,8 @@ class AstmPivotStation(RestingBatStation):
             # during contact, a millisecond that no reduction uses, the angle grows smoothly
             touching = np.clip((ticks[early] - touch) / (release - touch), 0.0, 1.0)
             found[:, early] *= touching**2 * (3 - 2 * touching)
+            over = found > self.stop.angle
+            found[over] = self.stop.angle - self.stop.restitution * (found[over] - self.stop.angle)
             for shot, after, change in flown.kicks:
                 if shot in range(*part.indices(len(contact))):
                     own = found[shot - (part.start or 0)]

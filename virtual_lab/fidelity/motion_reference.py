@@ -121,14 +121,19 @@ def _solid(
             bar = 2 * spec.radius + radius
             between = spec.bottom + radius < up < spec.top - radius
             past = not spec.bottom - bar <= up <= spec.top + bar
-            if between or past or not low < y[2] < high:
+            if between or past:
                 return "", 0.0, 0.0, np.nan
         normal = away(y) / np.linalg.norm(away(y))
         y[3:6] -= (1 + spec.restitution) * (y[3:6] @ normal) * normal
         return "frame", np.nan, np.nan, np.nan
 
     reach = frame.spec.radius + scene.ball_radius
-    return _falling(lambda y: float(np.linalg.norm(away(y))) - reach), bounce
+
+    def gap(y: Array) -> float:
+        beside = low < high and not low < y[2] < high  # a post's business
+        return 1.0 if beside else float(np.linalg.norm(away(y))) - reach
+
+    return _falling(gap), bounce
 
 
 def _falling(gap: Callable[[Array], float]) -> Any:

@@ -202,7 +202,6 @@ class RestingBatStation(CannonStation):
 
     frame: FrameSpec
     stop: StopSpec
-    recorded: float = 0.0  # for how long something watches its recoil [s]
 
     def play(self, order: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire at the bat at rest and time the ball through every gate, both ways."""
@@ -231,7 +230,7 @@ class RestingBatStation(CannonStation):
         )
         axis = body.length - self.holder.from_knob
         bat = RestingBat(body, axis, place, across, blows.efficiency, mass)
-        around = Surroundings(self.frame, self.stop, self.gates.distances, self.recorded)
+        around = Surroundings(self.frame, self.stop, self.gates.distances)
         shots = flown(passage, order, bat, around)
         contact = self.gates.arrival(shots.passage)
         return BallFlights(

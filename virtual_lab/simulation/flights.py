@@ -35,12 +35,11 @@ RECORD = 0.5  # s after the contact, for which one is played whose ball meets mo
 
 
 class Surroundings(NamedTuple):
-    """What stands around a bat at rest, and for how long its recoil is recorded [s]."""
+    """What stands around a bat at rest."""
 
     frame: FrameSpec
     stop: StopSpec
     gates: Array  # distances of the frames, those of their gates (gate,) [m]
-    recorded: float = 0.0
 
 
 class RestingBat(NamedTuple):
@@ -60,7 +59,7 @@ class FlownShots(NamedTuple):
     passage: Passage
     late: Array | float = 0.0  # from the first contact until ball and target part for good [s]
     met: NDArray[np.bool_] | bool = True  # whether the ball came to the bat
-    # shot, time after the contact [s], what the bat's rate then changes by [rad/s]
+    # shot, time after the contact [s], what a second blow then adds to the bat's rate [rad/s]
     kicks: tuple[tuple[int, float, float], ...] = ()
 
 
@@ -68,10 +67,10 @@ def flown(passage: Passage, order: ShotPlan, bat: RestingBat, around: Surroundin
     """Return the flights at a pivoted bat at rest by the order's rung of the motion.
 
     Closed form, but pymunk for a shot whose ball may meet a frame on its way in, or whose bat may
-    reach its stop while it is recorded or come back to the ball; for all shots where the order
-    asks for it. What a scene comes to replaces speeds, slopes and places of its flight. The blow
-    is that of a level ball, as it is in closed form. A frame on the way back needs no scene: no
-    gate beyond it sees the ball, whatever then becomes of it.
+    come back from its stop to the ball; for all shots where the order asks for it. What a scene
+    comes to replaces speeds, slopes and places of its flight. The blow is that of a level ball, as
+    it is in closed form. A frame on the way back needs no scene: no gate beyond it sees the ball,
+    whatever then becomes of it.
 
     Raises
     ------
@@ -102,8 +101,9 @@ def flown(passage: Passage, order: ShotPlan, bat: RestingBat, around: Surroundin
             whole[name][shot] = value
         late[shot] = pieces.time[back] - pieces.time[first]
         met[shot] = pieces.struck[first] == BAT
-        changes = zip(pieces.time[first + 1 :], np.diff(pieces.state.rate)[first:], strict=True)
-        kicks += [(int(shot), t - pieces.time[first], by) for t, by in changes if by]
+        for again in np.flatnonzero(pieces.struck == BAT_AGAIN):
+            more = float(np.diff(pieces.state.rate)[again - 1])
+            kicks.append((int(shot), float(pieces.time[again] - pieces.time[first]), more))
     if met.all() and np.isinf(whole["reach"]).all():
         whole.pop("reach")
     if not late.any():
@@ -160,7 +160,7 @@ def _beyond_closed_form(
         stopped = stop.angle / rate
         slow = passage.speed_out <= stop.restitution * rate * lever
     beyond = framed(passage.speed_in, 0.0) | beside
-    beyond |= (rate > 0) & ((stopped <= around.recorded) | slow & _at_hand(passage, bat, stopped))
+    beyond |= (rate > 0) & slow & _at_hand(passage, bat, stopped)
     with np.errstate(divide="ignore"):
         back = (passage.speed_out > 0) & framed(passage.speed_out, passage.slope_out)
     return beyond, back

@@ -160,7 +160,7 @@ def test_each_shot_has_its_own_rung() -> None:
     assert own.time[own.shot != 1].tolist() == other.time[other.shot != 1].tolist()
     assert struck(outcome, 1)[0] == FRAME
     assert own.shot.tolist() == sorted(own.shot.tolist())
-    assert_as_reference(scene(**shots, frames=(frame_at(-0.6),)), outcome, 1, 2e-7)
+    assert_as_reference(scene(**shots, frames=(frame_at(-0.6),)), outcome, 1, 1e-6)
 
 
 def test_a_bat_that_comes_back_strikes_again() -> None:
