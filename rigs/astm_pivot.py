@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import inf
-from typing import Annotated, Self
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 from annotated_types import Ge, Gt
@@ -19,34 +19,19 @@ from numpy.typing import NDArray
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BatBody, Dimension, Spec
 from virtual_lab.records import AimMarks, EncoderRecord, GateRecord, Record, ShotLog
-from virtual_lab.simulation.collision.scene import CollisionModel, Collisions, Scenes
-from virtual_lab.simulation.flights import at_rest
-from virtual_lab.simulation.impact import (
-    contact_angle,
-    error_free,
-    impact_efficiency,
-    scenes_of,
-    thrown_back,
+from virtual_lab.simulation.cannon_station import (
+    BallFlights,
+    RestingBatSpec,
+    RestingBatStation,
+    fitted,
 )
-from virtual_lab.simulation.instruments import (
-    Instrument,
-    InstrumentFactory,
-    RecordDetail,
-    calibration_of,
-    errors_of,
-)
-from virtual_lab.simulation.instruments.air import Air, AirSpec
+from virtual_lab.simulation.instruments import Instrument, InstrumentFactory, RecordDetail
 from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, certified
-from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
 from virtual_lab.simulation.instruments.encoder import Encoder, EncoderSpec
-from virtual_lab.simulation.instruments.gravity import Gravity, GravitySpec
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
-from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.physics.coasting import coasting, ringing
-from virtual_lab.simulation.physics.supports import Pinned
-from virtual_lab.simulation.rig import Motion, RigOutput, ShotPlan, Specimen, Stage
-from virtual_lab.simulation.truth import TrueOutcome
+from virtual_lab.simulation.rig import MotionRung, RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 
@@ -92,6 +77,8 @@ class PivotSpec(Spec):
 class Pivot(CalibratedInstrument[PivotSpec]):
     """The bearing of one laboratory."""
 
+    height: ClassVar[float] = 0.0  # the cannon is lined up on this bat
+
     @property
     def from_knob(self) -> float:
         """The true distance of the axis from the knob [m]."""
@@ -99,16 +86,10 @@ class Pivot(CalibratedInstrument[PivotSpec]):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AstmPivotSpec(Spec):
-    """Which instruments make up the rig, and its bearing."""
+class AstmPivotSpec(RestingBatSpec):
+    """Which instruments make up the rig, its bearing and what stands around the bat."""
 
-    name: str
-    title: str
-    cannon: str
-    gates: str
     encoder: str
-    air: str
-    gravity: str
     pivot: PivotSpec
 
 
@@ -118,7 +99,7 @@ class AstmPivot:
     name = "astm-pivot"
     title = "ASTM pivoted bat: 60 mph cannon, light gates, encoder on the pivot"
     stage = Stage.IMPACT
-    motions = frozenset(Motion)
+    motions = frozenset(MotionRung)
     channels: Mapping[str, type[Record]] = {
         "log": ShotLog,
         "gates": GateRecord,
@@ -128,140 +109,73 @@ class AstmPivot:
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> AstmPivotStation:
         spec = catalog.load("rigs", self.name, AstmPivotSpec).spec
-        outfitter = InstrumentFactory(draws=draws, ideal=ideal)
-        fit = outfitter.commission
-        pivot = outfitter.as_asked(spec.pivot)
+        factory = InstrumentFactory(draws=draws, ideal=ideal)
+        pivot = factory.as_asked(spec.pivot)
         return AstmPivotStation(
-            pivot=Pivot.commission(pivot, draws, "astm-pivot.pivot"),
-            cannon=fit(Cannon.commission, CannonSpec, spec.cannon, "astm-pivot.cannon"),
-            gates=fit(LightGates.commission, LightGateSpec, spec.gates, "astm-pivot.gates"),
-            encoder=fit(Encoder.commission, EncoderSpec, spec.encoder, "astm-pivot.encoder"),
-            air=fit(Air.commission, AirSpec, spec.air, "hall.air"),
-            hall=fit(Gravity.commission, GravitySpec, spec.gravity, "hall.gravity"),
-            ideal=ideal,
+            holder=Pivot.commission(pivot, draws, "astm-pivot.pivot"),
+            encoder=factory.commission(
+                Encoder.commission, EncoderSpec, spec.encoder, "astm-pivot.encoder"
+            ),
+            frame=spec.frame,
+            stop=spec.stop,
+            **fitted(spec, factory, self.name, LightGates, LightGateSpec),
         )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AstmPivotStation:
+class AstmPivotStation(RestingBatStation):
     """The rig in one laboratory."""
 
-    pivot: Pivot
-    cannon: Cannon
-    gates: LightGates
+    name = "astm-pivot"
+
+    holder: Pivot
     encoder: Encoder
-    air: Air
-    hall: Gravity
-    ideal: bool
 
-    @property
-    def calibration(self) -> dict[str, Estimate]:
-        return calibration_of(self._instruments)
-
-    @property
-    def true_constants(self) -> dict[str, float]:
-        return errors_of(self._instruments)
-
-    @property
-    def _instruments(self) -> dict[str, Instrument]:
+    def instruments(self) -> dict[str, Instrument]:
         return {
-            "pivot": self.pivot,
+            "pivot": self.holder,
             "cannon": self.cannon,
             "gates": self.gates,
             "encoder": self.encoder,
             "air": self.air,
         }
 
+    @property
+    def gravity(self) -> float:
+        return 0.0 if self.ideal else self.hall.acceleration
+
     def play(self, order: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire at the bat; every shot finds it at rest and is timed from its trigger."""
-        balls, body, slots = specimen.balls, specimen.bat.body, order.slot
-        launch = self.cannon.fire(order.speed, draws, "astm-pivot.launch", slots)
-        e0 = balls.draw_hits(order.ball, launch.speed, draws, "astm-pivot.hit", slots)
-        place = order.place + launch.along
-        tilt = contact_angle(specimen, place, launch.across)
-        scenes = scenes_of(specimen, order.ball, place, launch.speed * np.cos(tilt), e0)
+        fired = self.fly(order, specimen, draws)
+        name, slots = "astm-pivot.encoder", order.slot
         if order.rung is RecordDetail.SUMMED:
-            efficiency, contact_time = impact_efficiency(
-                specimen,
-                order.rung,
-                scenes,
-                self.pivot.from_knob,
-                self.pivot.spec.nominal_from_knob,
-            )
-        else:
-            model = specimen.collision(body, Pinned(body.length - self.pivot.from_knob))
-            collisions = model.collide(scenes)
-            efficiency, contact_time = collisions.collision_efficiency, collisions.contact_time
-        back, up = thrown_back(efficiency, tilt, launch.speed, 0.0)
-        passage = Passage(
-            speed_in=launch.speed,
-            speed_out=back,
-            drag=self.air.drag(balls.spec.radius, balls.mass[order.ball]),
-            radius=balls.spec.radius,
-            gravity=0.0 if self.ideal else self.hall.acceleration,
-            height=launch.across,
-            slope_out=up,
-        )
-        passage = at_rest(
-            passage, order, specimen, self.pivot.from_knob, place, launch.across, efficiency
-        )
-        contact = self.gates.arrival(passage)
-        leaving = contact + contact_time
-        if order.rung is RecordDetail.SUMMED:
-            rate = self._rate(scenes, efficiency, tilt, specimen)
-            span = self.encoder.spec.duration - leaving - GAP
+            rate = self._rate(fired, specimen)
+            span = self.encoder.spec.duration - fired.leaving - GAP
             encoder: Record = self.encoder.sum_up(
-                rate / self.gates.clock, draws, "astm-pivot.encoder", slots, span=span, gap=GAP
+                rate / self.gates.clock, draws, name, slots, span=span, gap=GAP
             )
         else:
-            turn = self._recoil(specimen, model, collisions, tilt, contact, leaving)
-            encoder = self.encoder.read(turn, draws, "astm-pivot.encoder", slots)
-        return RigOutput(
-            records={
-                "log": order.log(),
-                "gates": self.gates.watch(
-                    passage, contact, leaving, draws, "astm-pivot.gates", slots, order.rung
-                ),
-                "encoder": encoder,
-                "aim": self.cannon.mark(draws, "astm-pivot.aim"),
-            },
-            truth={
-                "speed": launch.speed,
-                "place": place,
-                "across": launch.across,
-                "ball_restitution": e0,
-                "collision_efficiency": efficiency,
-                "rebound_speed": passage.speed_out,
-                "contact_time": contact_time,
-            },
-        )
+            encoder = self.encoder.read(self._recoil(specimen, fired), draws, name, slots)
+        timed = self.timed(fired, order, draws)
+        return replace(timed, records={**timed.records, "encoder": encoder})
 
-    def outcome(self, order: ShotPlan, specimen: Specimen) -> TrueOutcome:
-        """Return what an error-free test would find, on an axis exactly where it should be.
-
-        An ideal laboratory is to show algebra alone, and e_A knows the axis to 1e-5: there it is
-        that of the bat where it was surveyed to hang.
-        """
-        nominal = self.pivot.spec.nominal_from_knob
-        hung = self.pivot.from_knob if self.ideal else nominal
-        return error_free(order, specimen, Pinned(specimen.bat.body.length - hung), nominal)
-
-    def _rate(self, scenes: Scenes, efficiency: Array, tilt: Array, specimen: Specimen) -> Array:
+    def _rate(self, fired: BallFlights, specimen: Specimen) -> Array:
         """Return the rate of the rigid bat as the ball leaves [rad/s], (shot,)."""
-        body = specimen.bat.body
-        axis = body.length - self.pivot.from_knob
-        impulse = scenes.ball_mass * scenes.relative_speed * (1 + efficiency) * np.cos(tilt)
+        body, scenes = specimen.bat.body, fired.blows.scenes
+        axis = body.length - self.holder.from_knob
+        impulse = scenes.ball_mass * scenes.relative_speed * (1 + fired.blows.efficiency)
+        impulse = impulse * np.cos(fired.tilt) * fired.flown.met
         rate = impulse * (axis - scenes.impact_position) / beam_of(body).inertia(axis)
         return rate - self._rubbed(rate, impulse, body)
 
     def _rubbed(self, rate: Array, impulse: Array, body: BatBody) -> Array:
         """Return the rate the bearing takes while the blow loads it; none at percussion [rad/s]."""
         beam = beam_of(body)
-        axis = beam.length - self.pivot.from_knob
+        axis = beam.length - self.holder.from_knob
         reaction = np.abs(impulse - beam.mass * (axis - beam.z_cm) * rate)
         lost = (
-            self.pivot.spec.friction
-            * self.pivot.spec.journal_radius
+            self.holder.spec.friction
+            * self.holder.spec.journal_radius
             * reaction
             / beam.inertia(axis)
         )
@@ -276,24 +190,20 @@ class AstmPivotStation:
         taken not to bounce. (shot,) [rad/s], [rad].
         """
         beam = beam_of(body)
-        lever = beam.length - self.pivot.from_knob - beam.z_cm
+        lever = beam.length - self.holder.from_knob - beam.z_cm
         reaction = impulse - beam.mass * lever * rate
         yields = 1 / beam.mass + lever**2 / beam.inertia_cm  # of the free bat, at the axis
-        length = beam.inertia(beam.length - self.pivot.from_knob) / (beam.mass * lever)
-        return -reaction * yields / length, self.pivot.spec.clearance / length
+        length = beam.inertia(beam.length - self.holder.from_knob) / (beam.mass * lever)
+        return -reaction * yields / length, self.holder.spec.clearance / length
 
-    def _recoil(
-        self,
-        specimen: Specimen,
-        model: CollisionModel,
-        collisions: Collisions,
-        tilt: Array,
-        contact: Array,
-        leaving: Array,
-    ) -> Callable[[slice], Array]:
+    def _recoil(self, specimen: Specimen, fired: BallFlights) -> Callable[[slice], Array]:
         """Return what tells the true angles at the encoder [rad] of some shots, (shot, sample)."""
-        body, modes = specimen.bat.body, model.modes
-        axis = body.length - self.pivot.from_knob
+        body, tilt, contact, flown = specimen.bat.body, fired.tilt, fired.contact, fired.flown
+        leaving = contact + fired.blows.contact_time
+        modes, collisions = fired.blows.modes, fired.blows.collisions
+        assert modes is not None
+        assert collisions is not None
+        axis = body.length - self.holder.from_knob
         turn = modes.rotation(axis) * np.cos(tilt)[:, None]
         inertia = beam_of(body).inertia(axis)
         # the recorder's ticks are the gates' clock, which runs a little fast or slow
@@ -307,9 +217,9 @@ class AstmPivotStation:
             rate,
             ticks,
             leaving,
-            constant=self.pivot.spec.constant_torque / inertia,
-            linear=self.pivot.spec.viscous_torque / inertia,
-            quadratic=self.pivot.spec.air_torque / inertia,
+            constant=self.holder.spec.constant_torque / inertia,
+            linear=self.holder.spec.viscous_torque / inertia,
+            quadratic=self.holder.spec.air_torque / inertia,
         )
         shots[:, 0] += start
         if self.encoder.spec.sees_ring:
@@ -331,6 +241,14 @@ class AstmPivotStation:
             # during contact, a millisecond that no reduction uses, the angle grows smoothly
             touching = np.clip((ticks[early] - touch) / (release - touch), 0.0, 1.0)
             found[:, early] *= touching**2 * (3 - 2 * touching)
+            over = found > self.stop.angle
+            found[over] = self.stop.angle - self.stop.restitution * (found[over] - self.stop.angle)
+            for shot, after, change in flown.kicks:
+                if shot in range(*part.indices(len(contact))):
+                    own = found[shot - (part.start or 0)]
+                    own += change * np.maximum(ticks - contact[shot] - after, 0.0)
+            if not np.all(flown.met):
+                found *= np.broadcast_to(flown.met, contact.shape)[part, None]
             return np.asarray(found)
 
         return angle

@@ -11,17 +11,18 @@ from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 
 from virtual_lab import catalog
-from virtual_lab.catalog.specs import Dimension, Spec
+from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import GateRecord, Record, ShotLog
+from virtual_lab.simulation.cannon_station import CannonRigSpec, fitted
 from virtual_lab.simulation.instruments import (
     Instrument,
     InstrumentFactory,
     calibration_of,
     errors_of,
 )
-from virtual_lab.simulation.instruments.air import Air, AirSpec
-from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
-from virtual_lab.simulation.instruments.gravity import Gravity, GravitySpec
+from virtual_lab.simulation.instruments.air import HallAir
+from virtual_lab.simulation.instruments.cannon import Cannon
+from virtual_lab.simulation.instruments.gravity import Gravity
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.physics.ageing import loss_of_restitution
@@ -36,15 +37,9 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BallWallSpec(Spec):
+class BallWallSpec(CannonRigSpec):
     """Which instruments make up the rig."""
 
-    name: str
-    title: str
-    cannon: str
-    gates: str
-    air: str
-    gravity: str
     rest: Annotated[float, Ge(0), Dimension("time")]  # between two hits of one ball
     # of what a rigid wall would give back: 1 for one that stands fast
     wall_restitution: Annotated[float, Gt(0), Le(1), Dimension("number")]
@@ -60,16 +55,11 @@ class BallWall:
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> BallWallStation:
         spec = catalog.load("rigs", self.name, BallWallSpec).spec
-        outfitter = InstrumentFactory(draws=draws, ideal=ideal)
-        fit = outfitter.commission
+        factory = InstrumentFactory(draws=draws, ideal=ideal)
         return BallWallStation(
-            cannon=fit(Cannon.commission, CannonSpec, spec.cannon, "ball-wall.cannon"),
-            gates=fit(LightGates.commission, LightGateSpec, spec.gates, "ball-wall.gates"),
-            air=fit(Air.commission, AirSpec, spec.air, "hall.air"),
-            hall=fit(Gravity.commission, GravitySpec, spec.gravity, "hall.gravity"),
             rest=spec.rest,
             wall_restitution=spec.wall_restitution,
-            ideal=ideal,
+            **fitted(spec, factory, self.name, LightGates, LightGateSpec),
         )
 
 
@@ -79,7 +69,7 @@ class BallWallStation:
 
     cannon: Cannon
     gates: LightGates
-    air: Air
+    air: HallAir
     hall: Gravity
     rest: float  # [s]
     wall_restitution: float

@@ -16,10 +16,11 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt
 
-from rigs.ball_cannon import BallCannon, BallCannonSpec, BallCannonStation, BallFlights, fitted
+from rigs.ball_cannon import BallCannon, BallCannonSpec, BallCannonStation, parts
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import ClipRecord, Record
+from virtual_lab.simulation.cannon_station import BallFlights
 from virtual_lab.simulation.instruments import Instrument, InstrumentFactory, calibration_of
 from virtual_lab.simulation.instruments.camera.camera import Camera
 from virtual_lab.simulation.instruments.camera.course import Course
@@ -58,14 +59,11 @@ class FilmedCannon(BallCannon):
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> FilmedCannonStation:
         spec = catalog.load("rigs", self.name, FilmedCannonSpec).spec
-        outfitter = InstrumentFactory(draws=draws, ideal=ideal)
-        return FilmedCannonStation(
-            **fitted(spec, outfitter),
-            camera=outfitter.commission(
-                Camera.commission, CameraSpec, spec.camera, "filmed-cannon.camera"
-            ),
-            spec=spec,
+        factory = InstrumentFactory(draws=draws, ideal=ideal)
+        camera = factory.commission(
+            Camera.commission, CameraSpec, spec.camera, "filmed-cannon.camera"
         )
+        return FilmedCannonStation(**parts(spec, factory), camera=camera, spec=spec)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,7 +120,11 @@ class FilmedCannonStation(BallCannonStation):
         )
         beam = beam_of(body)
         mass, lever = specimen.balls.mass[order.ball], axis - flown.place
-        blow = mass * flown.passage.speed_in * (1 + flown.collision_efficiency)
+        blow = (
+            mass
+            * flown.passage.speed_in
+            * (1 + np.where(flown.flown.met, flown.blows.efficiency, -1.0))
+        )
         stations = np.linspace(0.0, body.length, STATIONS)
         bat = FilmedBat(
             pivot=(before, self.spec.over - axis),

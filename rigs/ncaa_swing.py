@@ -19,32 +19,15 @@ from numpy.typing import NDArray
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import AimMarks, BoardRecord, EncoderRecord, Record, ShotLog
-from virtual_lab.simulation.impact import (
-    contact_angle,
-    error_free,
-    impact_efficiency,
-    scenes_of,
-    thrown_back,
-)
-from virtual_lab.simulation.instruments import (
-    Instrument,
-    InstrumentFactory,
-    RecordDetail,
-    calibration_of,
-    errors_of,
-)
-from virtual_lab.simulation.instruments.air import Air, AirSpec
-from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
+from virtual_lab.simulation.cannon_station import CannonRigSpec, CannonStation, fitted
+from virtual_lab.simulation.impact import contact_angle, thrown_back
+from virtual_lab.simulation.instruments import Instrument, InstrumentFactory, RecordDetail
 from virtual_lab.simulation.instruments.encoder import Encoder, EncoderSpec
-from virtual_lab.simulation.instruments.gravity import Gravity, GravitySpec
 from virtual_lab.simulation.instruments.holder import Holder, HolderSpec
 from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec
 from virtual_lab.simulation.instruments.passage import Passage
-from virtual_lab.simulation.physics.supports import Pinned
 from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage
-from virtual_lab.simulation.truth import TrueOutcome
 from virtual_lab.streams import Draws
-from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["RIG", "NcaaSwing"]
 
@@ -68,16 +51,10 @@ class DriveSpec(Spec):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NcaaSwingSpec(Spec):
+class NcaaSwingSpec(CannonRigSpec):
     """Which instruments make up the rig, its drive, and what holds the bat."""
 
-    name: str
-    title: str
-    cannon: str
-    gates: str
     encoder: str
-    air: str
-    gravity: str
     drive: DriveSpec
     holder: HolderSpec
 
@@ -107,42 +84,28 @@ class NcaaSwing:
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> NcaaSwingStation:
         spec = catalog.load("rigs", self.name, NcaaSwingSpec).spec
-        outfitter = InstrumentFactory(draws=draws, ideal=ideal)
-        fit = outfitter.commission
-        holder, drive = outfitter.as_asked(spec.holder), outfitter.as_asked(spec.drive)
+        factory = InstrumentFactory(draws=draws, ideal=ideal)
+        holder, drive = factory.as_asked(spec.holder), factory.as_asked(spec.drive)
         return NcaaSwingStation(
             drive=drive,
             holder=Holder.commission(holder, draws, "ncaa-swing.holder"),
-            cannon=fit(Cannon.commission, CannonSpec, spec.cannon, "ncaa-swing.cannon"),
-            gates=fit(LightBoards.commission, LightBoardSpec, spec.gates, "ncaa-swing.gates"),
-            encoder=fit(Encoder.commission, EncoderSpec, spec.encoder, "ncaa-swing.encoder"),
-            air=fit(Air.commission, AirSpec, spec.air, "hall.air"),
-            hall=fit(Gravity.commission, GravitySpec, spec.gravity, "hall.gravity"),
+            encoder=factory.commission(
+                Encoder.commission, EncoderSpec, spec.encoder, "ncaa-swing.encoder"
+            ),
+            **fitted(spec, factory, self.name, LightBoards, LightBoardSpec),
         )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NcaaSwingStation:
+class NcaaSwingStation(CannonStation):
     """The rig in one laboratory."""
 
+    name = "ncaa-swing"
+
     drive: DriveSpec
-    holder: Holder
-    cannon: Cannon
-    gates: LightBoards
     encoder: Encoder
-    air: Air
-    hall: Gravity
 
-    @property
-    def calibration(self) -> dict[str, Estimate]:
-        return calibration_of(self._instruments)
-
-    @property
-    def true_constants(self) -> dict[str, float]:
-        return errors_of(self._instruments)
-
-    @property
-    def _instruments(self) -> dict[str, Instrument]:
+    def instruments(self) -> dict[str, Instrument]:
         return {
             "pivot": self.holder,
             "cannon": self.cannon,
@@ -167,10 +130,8 @@ class NcaaSwingStation:
         tilt = contact_angle(specimen, axis - lever, across)
         closing = launch.speed * cosine + bat_speed
         e0 = balls.draw_hits(order.ball, closing, draws, "ncaa-swing.hit", slots)
-        scenes = scenes_of(specimen, order.ball, axis - lever, closing * np.cos(tilt), e0)
-        efficiency, contact_time = impact_efficiency(
-            specimen, order.rung, scenes, self.holder.from_knob, self.holder.spec.nominal_from_knob
-        )
+        blows = self.blows(order, specimen, axis - lever, closing * np.cos(tilt), e0)
+        efficiency = blows.efficiency
         square, up = thrown_back(efficiency, tilt, closing, bat_speed)
         back = square * cosine - launch.speed * sine**2
         passage = Passage(
@@ -185,16 +146,10 @@ class NcaaSwingStation:
             plane=lever * sine,
         )
         contact = self.gates.arrival(passage)
-        leaving = contact + contact_time
+        leaving = contact + blows.contact_time
         return RigOutput(
-            records={
-                "log": order.log(),
-                "gates": self.gates.watch(
-                    passage, contact, leaving, draws, "ncaa-swing.gates", slots, order.rung
-                ),
-                "swing": self._count(order, swing, contact, draws),
-                "aim": self.cannon.mark(draws, "ncaa-swing.aim"),
-            },
+            records=self.records(passage, contact, leaving, order, draws)
+            | {"swing": self._count(order, swing, contact, draws)},
             truth={
                 "speed": launch.speed,
                 "bat_speed": bat_speed,
@@ -204,15 +159,9 @@ class NcaaSwingStation:
                 "ball_restitution": e0,
                 "collision_efficiency": efficiency,
                 "rebound_speed": back,
-                "contact_time": contact_time,
+                "contact_time": blows.contact_time,
             },
         )
-
-    def outcome(self, order: ShotPlan, specimen: Specimen) -> TrueOutcome:
-        """Return what an error-free test would find, on an axis exactly where it should be."""
-        from_knob = self.holder.spec.nominal_from_knob
-        support = Pinned(specimen.bat.body.length - from_knob)
-        return error_free(order, specimen, support, from_knob)
 
     def _swing(self, order: ShotPlan, draws: Draws) -> _Swing:
         drive = self.drive

@@ -18,7 +18,7 @@ from virtual_lab.catalog.specs import BallSpec, Dimension, Spec
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.simulation.faults import FaultSheet
-from virtual_lab.simulation.instruments.air import AirSpec
+from virtual_lab.simulation.instruments.air import HallAirSpec
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.simulation.instruments.cannon import CannonSpec
 from virtual_lab.simulation.instruments.encoder import EncoderSpec
@@ -34,7 +34,7 @@ from virtual_lab.studies.bats.profile import GameConditions
 
 DATA = Path(str(files("virtual_lab.data")))
 INSTRUMENTS = {
-    "air": AirSpec,
+    "air": HallAirSpec,
     "camera": CameraSpec,
     "cannon": CannonSpec,
     "encoder": EncoderSpec,

@@ -36,15 +36,16 @@ def test_everything_a_user_gets(folder: Path) -> None:
         cli, [*arguments, "--ball", "28mm±0.1mm", "--out", str(out), "--json"]
     )
     assert done.exit_code == 0, done.output
-    told = json.loads(done.stdout)
-    assert told == json.loads((out / "result.json").read_text())
-    speed, true = told["speed_in_mps"], np.hypot(*FILM.velocity_in) * 5.0
+    found = json.loads(done.stdout)
+    assert found.pop("folder") == str(out)
+    assert found == json.loads((out / "result.json").read_text())
+    speed, true = found["speed_in_mps"], np.hypot(*FILM.velocity_in) * 5.0
     assert speed.keys() == {"value", "u"}
     assert abs(speed["value"] - true) < 2 * speed["u"] < 0.02 * true
-    assert told["speed_out_mps"].keys() == told["restitution"].keys() == {"value", "u"}
-    assert told["flags"] == []
-    assert told["warnings"] == []
-    assert told["counts"] == {
+    assert found["speed_out_mps"].keys() == found["restitution"].keys() == {"value", "u"}
+    assert found["flags"] == []
+    assert found["warnings"] == []
+    assert found["counts"] == {
         "frames": 44, "with_ball": 44, "in": 19, "out": 25, "in_contact": 0, "lost": 0,
     }  # fmt: skip
     assert sorted(path.name for path in out.iterdir()) == [

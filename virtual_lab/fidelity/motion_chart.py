@@ -32,9 +32,10 @@ from virtual_lab.fidelity.naive_pymunk import (
     round_hit,
 )
 from virtual_lab.simulation.motion import play
-from virtual_lab.simulation.motion.outcome import Outcome
-from virtual_lab.simulation.motion.scene import Balls, Barrel, Bat, Scene, State
-from virtual_lab.simulation.motion.settings import Settings
+from virtual_lab.simulation.motion.played import BAT as STRUCK
+from virtual_lab.simulation.motion.played import PlayedShots
+from virtual_lab.simulation.motion.pymunk_scene import PymunkSettings
+from virtual_lab.simulation.motion.scene import PivotedBat, ShotScene, ShotState
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.units import INCH
 
@@ -129,23 +130,18 @@ def rod() -> Rod:
     )
 
 
-def scene_of(start: dict[str, float], speed: float, ahead: Array, duration: float) -> Scene:
+def scene_of(start: dict[str, float], speed: float, ahead: Array, duration: float) -> ShotScene:
     """Return shots at the bat of `rod`, their balls `ahead` [m] of its axis, (n,)."""
     bat, many = rod(), np.ones(len(ahead))
-    width = (2 * bat.radius, 2 * bat.radius)
-    usual = dict.fromkeys(State.__slots__, 0.0) | {"vx": speed} | start
-    return Scene(
-        start=State.of(**(usual | {"x": -ahead})),
-        balls=Balls(
-            mass=bat.ball_mass * many,
-            restitution=bat.restitution * many,
-            drag=0 * many,
-            radius=bat.ball_radius,
-        ),
-        bat=Bat(
-            barrel=Barrel(Profile(z=(0.0, bat.length), outer_diameter=width)),
-            axis=bat.axis,
-            inertia=bat.inertia,
+    return ShotScene(
+        start=ShotState.of(**({"vx": speed} | start | {"x": -ahead})),
+        ball_mass=bat.ball_mass * many,
+        ball_drag=0 * many,
+        ball_radius=bat.ball_radius,
+        bat=PivotedBat(
+            Profile(z=(0.0, bat.length), outer_diameter=(2 * bat.radius, 2 * bat.radius)),
+            bat.axis,
+            bat.inertia,
         ),
         efficiency=bat.efficiency,
         duration=duration,
@@ -165,37 +161,41 @@ def _accuracy(name: str) -> Iterator[Row]:
     true, spent = _timed(partial(_truth, scene))
     yield _row(SCIPY, name, "1e-13", us_a_shot=spent / SHOTS * 1e6)
     _, spent = _timed(partial(play, _scene(name, 1e-3, BATCH), "closed-form"))
-    yield _errors(closed, true, _row(CLOSED, name, "exact", us_a_shot=spent / BATCH * 1e6))
+    yield _errors(scene, closed, true, _row(CLOSED, name, "exact", us_a_shot=spent / BATCH * 1e6))
     for step in STEPS:
         scene = _scene(name, step, FEW_SHOTS)
         try:
-            carried, spent = _timed(partial(play, scene, "pymunk", settings=Settings(step=step)))
+            carried, spent = _timed(
+                partial(play, scene, "pymunk", settings=PymunkSettings(step=step))
+            )
         except InputError:
             yield _row(OURS, name, f"{step:.0e} s: refused")
             continue
         row = _row(OURS, name, f"{step:.0e} s", us_a_shot=spent / FEW_SHOTS * 1e6)
-        yield _errors(carried, _truth(scene), row)
+        yield _errors(scene, carried, _truth(scene), row)
     for step in STEPS:
         yield _naive(name, step)
 
 
-def _scene(name: str, step: float, shots: int) -> Scene:
+def _scene(name: str, step: float, shots: int) -> ShotScene:
     """Return shots whose contacts fall evenly into a step."""
     spread = SPEED * step * (np.arange(shots) + 0.5) / shots
     ahead = AHEAD + spread
     return scene_of(STARTS[name], SPEED, ahead, float(ahead.max()) / SPEED + AFTER)
 
 
-def _truth(scene: Scene) -> list[Any]:
-    return [reference(scene, shot) for shot in range(len(scene))]
+def _truth(scene: ShotScene) -> list[Any]:
+    return [reference(scene, shot) for shot in range(scene.shots)]
 
 
-def _errors(found: Outcome, true: list[Any], row: Row) -> Row:
-    ball = found.ball_velocity - [t.ball_velocity for t in true]
+def _errors(scene: ShotScene, found: PlayedShots, true: list[Any], row: Row) -> Row:
+    hit = found.first(STRUCK)
+    e_A = scene.efficiency(hit.place, hit.speed, hit.shot)
+    ball = np.array(hit.state[3:6]).T - [t.ball_velocity for t in true]
     return row | {
-        "e_A": _rms(found.collision_efficiency - [t.efficiency for t in true]),
+        "e_A": _rms(e_A - [t.efficiency for t in true]),
         "ball_m_s": _rms(np.linalg.norm(ball, axis=1)),
-        "bat_rad_s": _rms(found.bat_rate - [t.bat_rate for t in true]),
+        "bat_rad_s": _rms(hit.state.rate - [t.bat_rate for t in true]),
     }
 
 
@@ -207,7 +207,7 @@ def _naive(name: str, step: float) -> Row:
     balls = np.array([hit.velocity for hit in hits])
     if name == ROUND:
         angle = np.arcsin(STARTS[ROUND]["y"] / (bat.radius + bat.ball_radius))
-        e_A = bat.efficiency(*(np.array(v) for v in (6 * INCH, 0.0, bat.ball_mass, 0.5)))
+        e_A = bat.efficiency(np.array(6 * INCH))
         up = (1 + e_A) * SPEED * np.cos(angle) * np.sin(angle)
         planned = PLANNED_ROUND.get(step)
         return row | {"ball_m_s": _rms(balls[:, 1] - up), "planned": planned}
@@ -226,7 +226,7 @@ def _naive(name: str, step: float) -> Row:
     }
 
 
-def _naive_hit(name: str, bat: Rod, scene: Scene, shot: int, step: float) -> Hit:
+def _naive_hit(name: str, bat: Rod, scene: ShotScene, shot: int, step: float) -> Hit:
     one = scene.start.part(shot)
     if name == ROUND:
         return round_hit(bat, (float(one.x), float(one.y)), SPEED, step=step)
@@ -246,7 +246,7 @@ def _iterations(count: int, scene: str) -> Row:
     bat, errors = rod(), []
     for place in np.array(PLACES_IN[scene]) * INCH:
         hit = hit_of(bat, (-AHEAD, place), (SPEED, 0.0), step=1e-4, iterations=count)
-        true = bat.efficiency(*(np.array(v) for v in (place, 0.0, bat.ball_mass, 0.5)))
+        true = bat.efficiency(np.asarray(place))
         errors.append(-hit.velocity[0] / SPEED - float(true))
     planned = PLANNED_ITERATIONS.get((scene, count))
     words = f"{count} iterations" if count > 1 else "1 iteration"
@@ -261,11 +261,11 @@ def _misses(speed: float, step: float, planned: float) -> Iterator[Row]:
     spread = speed * step * (np.arange(SHOTS) + 0.5) / SHOTS
     shots = scene_of(STARTS[SQUARE], speed, 0.2 + spread, duration=0.03)
     try:
-        found = play(shots, "pymunk", settings=Settings(step=step))
+        found = play(shots, "pymunk", settings=PymunkSettings(step=step))
     except InputError:
         yield _row(OURS, scene, f"{setting}: refused")
     else:
-        yield _row(OURS, scene, setting, share=float(np.isnan(found.time).mean()))
+        yield _row(OURS, scene, setting, share=1 - len(found.first(STRUCK).shot) / SHOTS)
 
 
 def _losses(step: float, planned: float) -> Iterator[Row]:
@@ -274,11 +274,11 @@ def _losses(step: float, planned: float) -> Iterator[Row]:
     # a ball that rests far away limits no step
     alone = scene_of({"rate": SPIN, "vx": 0.0}, 0.0, np.array([9.0]), duration=1.0)
     try:
-        end = play(alone, "pymunk", settings=Settings(step=step)).end
+        end = play(alone, "pymunk", settings=PymunkSettings(step=step)).at(alone, alone.duration)
     except InputError:
         yield _row(OURS, scene, f"{setting}: refused")
     else:
-        yield _row(OURS, scene, setting, share=abs(float(1 - (end.rate[0] / SPIN) ** 2)))
+        yield _row(OURS, scene, setting, share=abs(float(1 - (end.rate[0, 0] / SPIN) ** 2)))
 
 
 def _rms(error: Array) -> float:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.simulation.motion.scene import Obstacle, Scene
+from virtual_lab.simulation.motion.scene import GateFrame, ShotScene
 
 __all__ = ["Reference", "reference"]
 
@@ -37,13 +37,11 @@ class Reference:
     rate: float
 
 
-def reference(scene: Scene, shot: int) -> Reference:
+def reference(scene: ShotScene, shot: int) -> Reference:
     """Return what a shot of a scene comes to."""
     from scipy.integrate import solve_ivp
 
-    start = scene.start.part(shot)
-    names = ("x", "y", "z", "vx", "vy", "vz", "angle", "rate")
-    state, now = np.array([getattr(start, name) for name in names]), 0.0
+    state, now = np.array(scene.start)[:, shot], 0.0
     contacts: list[tuple[float, str, float, float]] = []
     first: tuple[float, Array, float] = (np.nan, np.full(3, np.nan), np.nan)
     watched = _watched(scene)
@@ -83,48 +81,59 @@ def reference(scene: Scene, shot: int) -> Reference:
     )
 
 
-def _slope(scene: Scene, shot: int, state: Array) -> Array:
+def _slope(scene: ShotScene, shot: int, state: Array) -> Array:
     velocity, rate = state[3:6], state[7]
     plan = velocity * (1, 0, 1)
-    pull = -scene.balls.drag[shot] * np.linalg.norm(plan) * plan - scene.gravity * UP
-    bat = scene.bat
-    torque = bat.constant_torque + bat.viscous_torque * abs(rate) + bat.air_torque * rate**2
-    return np.array([*velocity, *pull, rate, -np.sign(rate) * torque / bat.inertia])
+    pull = -scene.ball_drag[shot] * np.linalg.norm(plan) * plan - scene.gravity * UP
+    return np.array([*velocity, *pull, rate, 0.0])
 
 
-def _watched(scene: Scene) -> list[tuple[Any, Callable[..., Any]]]:
+def _watched(scene: ShotScene) -> list[tuple[Any, Callable[..., Any]]]:
     """Return pairs of an event, falling through zero at a contact, and what it then does."""
     pairs: list[tuple[Any, Callable[..., Any]]] = [
         (_falling(lambda y: _gap(scene, y)), lambda shot, y: _hit(scene, shot, y))
     ]
-    if stops := scene.stops:
-        for limit, sign in ((stops.low, 1), (stops.high, -1)):
+    if stop := scene.stop:
 
-            def turn(_: int, y: Array, limit: float = limit) -> tuple[str, float, float, float]:
-                speed = abs(y[7])
-                y[6], y[7] = limit, -stops.restitution * y[7]
-                return "stop", limit, speed, np.nan
+        def turn(_: int, y: Array) -> tuple[str, float, float, float]:
+            y[6], y[7] = stop.angle, -stop.restitution * y[7]
+            return "stop", np.nan, np.nan, np.nan
 
-            def angle(y: Array, limit: float = limit, sign: int = sign) -> float:
-                return float(sign * (y[6] - limit))
-
-            pairs.append((_falling(angle), turn))
-    for obstacle in scene.obstacles:
-
-        def bounce(_: int, y: Array, solid: Obstacle = obstacle) -> tuple[str, float, float, float]:
-            away = _from(solid, y)
-            normal = away / np.linalg.norm(away)
-            speed = -float(y[3:6] @ normal)
-            if not solid.low - scene.balls.radius < y[1] < solid.high + scene.balls.radius:
-                return "", 0.0, 0.0, np.nan
-            y[3:6] += (1 + solid.restitution) * speed * normal
-            return solid.kind, float(y[2]), speed, np.nan
-
-        def clear(y: Array, solid: Obstacle = obstacle) -> float:
-            return float(np.linalg.norm(_from(solid, y))) - solid.radius - scene.balls.radius
-
-        pairs.append((_falling(clear), bounce))
+        pairs.append((_falling(lambda y: float(stop.angle - y[6])), turn))
+    for frame in scene.frames:
+        ends = frame.spec.tip_side - frame.spec.radius, frame.spec.knob_side + frame.spec.radius
+        for low, high in (ends, ends[:1] * 2, ends[1:] * 2):  # bars, and either post
+            pairs.append(_solid(scene, frame, low, high))
     return pairs
+
+
+def _solid(
+    scene: ShotScene, frame: GateFrame, low: float, high: float
+) -> tuple[Any, Callable[..., Any]]:
+    """Return the event and the rebound of a ball on what stands from `low` to `high` [m]."""
+
+    def away(y: Array) -> Array:
+        return np.array([y[0] - frame.x, 0.0, y[2] - min(max(y[2], low), high)])
+
+    def bounce(_: int, y: Array) -> tuple[str, float, float, float]:
+        spec, radius, up = frame.spec, scene.ball_radius, y[1] - frame.up
+        if low < high:
+            bar = 2 * spec.radius + radius
+            between = spec.bottom + radius < up < spec.top - radius
+            past = not spec.bottom - bar <= up <= spec.top + bar
+            if between or past:
+                return "", 0.0, 0.0, np.nan
+        normal = away(y) / np.linalg.norm(away(y))
+        y[3:6] -= (1 + spec.restitution) * (y[3:6] @ normal) * normal
+        return "frame", np.nan, np.nan, np.nan
+
+    reach = frame.spec.radius + scene.ball_radius
+
+    def gap(y: Array) -> float:
+        beside = low < high and not low < y[2] < high  # a post's business
+        return 1.0 if beside else float(np.linalg.norm(away(y))) - reach
+
+    return _falling(gap), bounce
 
 
 def _falling(gap: Callable[[Array], float]) -> Any:
@@ -135,16 +144,7 @@ def _falling(gap: Callable[[Array], float]) -> Any:
     return event
 
 
-def _from(obstacle: Obstacle, state: Array) -> Array:
-    """Return the vector in the plan from the obstacle's middle line to the ball."""
-    ends = np.array([[x, 0.0, z] for x, z in zip(obstacle.x, obstacle.z, strict=True)])
-    ball, way = state[:3] * (1, 0, 1), ends[1] - ends[0]
-    square = way @ way
-    share = np.clip((ball - ends[0]) @ way / square, 0, 1) if square else 0.0
-    return np.asarray(ball - ends[0] - share * way)
-
-
-def _offset(scene: Scene, state: Array) -> tuple[Array, Array]:
+def _offset(scene: ShotScene, state: Array) -> tuple[Array, Array]:
     """Return the vector from the bat's axis to the ball, and that from the pivot to its foot."""
     along = np.array([np.sin(state[6]), 0.0, -np.cos(state[6])])  # from the pivot to the tip
     arm = state[:3] - np.array([0.0, 0.0, scene.bat.axis])
@@ -152,17 +152,17 @@ def _offset(scene: Scene, state: Array) -> tuple[Array, Array]:
     return arm - foot, foot
 
 
-def _gap(scene: Scene, state: Array) -> float:
+def _gap(scene: ShotScene, state: Array) -> float:
     offset, foot = _offset(scene, state)
     along = np.array([np.sin(state[6]), 0.0, -np.cos(state[6])])
     place = np.array([scene.bat.axis - foot @ along])
-    reach = scene.bat.barrel.radius(place)[0] + scene.balls.radius
-    if not 0 <= place[0] <= scene.bat.barrel.length:
+    reach = scene.bat.radius(place)[0] + scene.ball_radius
+    if not 0 <= place[0] <= scene.bat.length:
         return 1.0  # beside its ends
     return float(np.linalg.norm(offset) - reach)
 
 
-def _hit(scene: Scene, shot: int, state: Array) -> tuple[str, float, float, float]:
+def _hit(scene: ShotScene, shot: int, state: Array) -> tuple[str, float, float, float]:
     offset, foot = _offset(scene, state)
     normal = offset / np.linalg.norm(offset)
     turning = -state[7] * UP  # the angle grows from -z toward +x: about -y
@@ -170,9 +170,9 @@ def _hit(scene: Scene, shot: int, state: Array) -> tuple[str, float, float, floa
     speed = float((of_bat - state[3:6]) @ normal)
     along = np.array([np.sin(state[6]), 0.0, -np.cos(state[6])])
     place = float(scene.bat.axis - foot @ along)
-    mass = float(scene.balls.mass[shot])
-    given = np.array([place]), np.array([speed]), np.array([mass])
-    efficiency = float(scene.efficiency(*given, scene.balls.restitution[shot : shot + 1])[0])
+    mass = float(scene.ball_mass[shot])
+    given = np.array([place]), np.array([speed]), np.array([shot])
+    efficiency = float(scene.efficiency(*given)[0])
     impulse = mass * speed * (1 + efficiency) * normal
     state[3:6] += impulse / mass
     state[7] -= np.cross(foot, -impulse)[1] / scene.bat.inertia

@@ -22,9 +22,9 @@ from virtual_lab.fidelity.naive_pymunk import hit_of, off_round_end, round_hit
 from virtual_lab.files import new_folder
 from virtual_lab.output.tables import table_text
 from virtual_lab.simulation.motion import play
-from virtual_lab.simulation.motion.pymunk_scene import MissedContactError, carried
-from virtual_lab.simulation.motion.scene import Scene
-from virtual_lab.simulation.motion.settings import Settings
+from virtual_lab.simulation.motion.played import BAT
+from virtual_lab.simulation.motion.pymunk_scene import PymunkSettings, carry
+from virtual_lab.simulation.motion.scene import ShotScene
 from virtual_lab.units import INCH, MPH
 
 __all__ = ["measure", "save", "text"]
@@ -106,7 +106,7 @@ def _cell(axis: str, method: str, step: float, value: float) -> Row:
     count = SHOTS[method]
     ahead = AHEAD + speed * step * (np.arange(count) + 0.5) / count
     scene = scene_of(start, speed, ahead, float(ahead.max()) / speed + AFTER)
-    settings = Settings(
+    settings = PymunkSettings(
         step=step,
         slop=value if axis == SLOP else 1e-5,
         iterations=int(value) if axis == ITERATIONS else 10,
@@ -125,32 +125,29 @@ def _cell(axis: str, method: str, step: float, value: float) -> Row:
     return row | {"state": state, "shots": count, "worst_error": worst}
 
 
-def _by_rung(scene: Scene, settings: Settings) -> tuple[bool, Array]:
+def _by_rung(scene: ShotScene, settings: PymunkSettings) -> tuple[bool, Array]:
     refused = False
     try:
         settings.check(scene)
     except InputError:
         refused = True
-    try:
-        found = carried(scene, settings)
-    except MissedContactError:
-        return refused, np.full(len(scene), np.nan)
-    true = play(scene, "closed-form")
-    gap = np.linalg.norm(found.ball_velocity - true.ball_velocity, axis=1)
-    return refused, gap / true.relative_speed
+    found, true = (each.first(BAT) for each in (carry(scene, settings), play(scene, "closed-form")))
+    gap = np.array(found.state[3:6]) - np.array(true.state[3:6])
+    return refused, np.linalg.norm(gap, axis=0) / true.speed
 
 
-def _alone(axis: str, scene: Scene, settings: Settings) -> Array:
+def _alone(axis: str, scene: ShotScene, settings: PymunkSettings) -> Array:
     """Return the errors of pymunk that does the collision too."""
-    bat, start, true = rod(), scene.start, play(scene, "closed-form")
-    velocity = true.ball_velocity[:, [0, 2]]
+    bat, start, true = rod(), scene.start, play(scene, "closed-form").first(BAT)
+    thrown = np.array(true.state[3:6]).T
+    velocity = thrown[:, [0, 2]]
     found = np.empty_like(velocity)
-    for shot in range(len(scene)):
+    for shot in range(scene.shots):
         at, speed = float(start.x[shot]), float(start.vx[shot])
         if axis == ACROSS:  # in the section of the barrel: x and y
             across = at, float(start.y[shot])
             hit = round_hit(bat, across, speed, step=settings.step)
-            velocity[shot] = true.ball_velocity[shot, :2]
+            velocity[shot] = thrown[shot, :2]
         else:
             hit = hit_of(
                 bat,
@@ -166,7 +163,7 @@ def _alone(axis: str, scene: Scene, settings: Settings) -> Array:
         if axis == PLACE:
             velocity[shot] = off_round_end(bat, float(start.z[shot]), speed)
         found[shot] = hit.velocity
-    return np.asarray(np.linalg.norm(found - velocity, axis=1) / true.relative_speed)
+    return np.asarray(np.linalg.norm(found - velocity, axis=1) / true.speed)
 
 
 def _draw(rows: list[Row], path: Path) -> None:

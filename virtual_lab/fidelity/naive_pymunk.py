@@ -45,10 +45,10 @@ class Rod:
         """Return r for a blow at a lever [m]."""
         return self.ball_mass * lever**2 / self.inertia
 
-    def efficiency(self, place: Array, speed: Array, mass: Array, e0: Array) -> Array:
+    def efficiency(self, place: Array, *_: Any) -> Array:
         """Return e_A with e = e0, as a scene of motion asks for it."""
-        r = mass * (self.axis - place) ** 2 / self.inertia
-        return np.asarray((e0 - r) / (1 + r) + 0 * speed)
+        r = self.ball_mass * (self.axis - place) ** 2 / self.inertia
+        return np.asarray((self.restitution - r) / (1 + r))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ from virtual_lab.catalog.specs import BallSpec, BatSpec
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import Procedure, aimed_place
 from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.rig import Motion, Rig, Stage, installed_rigs
+from virtual_lab.simulation.rig import MotionRung, Rig, Stage, installed_rigs
 from virtual_lab.units import INCH, OUNCE
 
 __all__ = [
@@ -48,9 +48,9 @@ def require_rig(rig: Rig, procedure: Procedure) -> None:
         raise InputError("", "rig", rig.name, f"it swings the bat; {procedure.name} has it at rest")
 
 
-def require_motion(rig: Rig, motion: Motion) -> None:
+def require_motion(rig: Rig, motion: MotionRung) -> None:
     """Refuse a motion that the rig does not have."""
-    able: Iterable[Motion] = getattr(rig, "motions", {Motion.CLOSED_FORM})
+    able: Iterable[MotionRung] = getattr(rig, "motions", {MotionRung.CLOSED_FORM})
     if motion not in able:
         names = ", ".join(sorted(each.value for each in able))
         raise InputError("", "motion", motion.value, f"allowed at {rig.name}: {names}")

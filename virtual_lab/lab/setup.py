@@ -15,7 +15,7 @@ from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.simulation.collision.ladder import Ladder
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.rig import Motion, Reality, Stage
+from virtual_lab.simulation.rig import MotionRung, Reality, Stage
 
 __all__ = ["TestSetup"]
 
@@ -35,7 +35,7 @@ class TestSetup:
     seed: int | None = None  # None draws one, which stands in the sealed truth alone
     reality: Reality = Reality.REAL
     rung: str | None = None  # of the collision; None takes the cheapest that is good enough
-    motion: Motion = Motion.CLOSED_FORM
+    motion: MotionRung = MotionRung.CLOSED_FORM
     faults: FaultSet = SOUND
     test: int | None = None
     control_bat: Entry[BatSpec] | None = None
@@ -53,7 +53,7 @@ class TestSetup:
         seed: int | None = None,
         reality: Reality = Reality.REAL,
         rung: str | None = None,
-        motion: str = Motion.CLOSED_FORM.value,
+        motion: str = MotionRung.CLOSED_FORM.value,
         faults: Sequence[str] = (),
         test: int | None = None,
         control_bat: str | Entry[BatSpec] | None = None,
@@ -118,7 +118,7 @@ class TestSetup:
             seed=seed,
             reality=reality,
             rung=rung,
-            motion=Motion.named(motion),
+            motion=MotionRung.named(motion),
             faults=FaultSet.of(faults, rig=rig),
             test=test,
             control_bat=control,

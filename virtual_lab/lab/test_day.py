@@ -26,7 +26,7 @@ from virtual_lab.measurement.session_reduction import Preparation, Reduced, prep
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.collision.modal import kernel_is_compiled
-from virtual_lab.simulation.rig import Motion, Reality, RigOutput, ShotPlan, Stage
+from virtual_lab.simulation.rig import MotionRung, Reality, RigOutput, ShotPlan, Stage
 from virtual_lab.simulation.truth import Sealed
 from virtual_lab.units import INCH
 
@@ -234,8 +234,8 @@ def prepared(laboratory: Laboratory, progress: Progress = quiet) -> TestDay:
     return day.hit_wall().prepare()
 
 
-def _motion_report(motion: Motion) -> dict[str, str]:
-    pinned = "" if motion is Motion.CLOSED_FORM else ", as asked for"
+def _motion_report(motion: MotionRung) -> dict[str, str]:
+    pinned = "" if motion is MotionRung.CLOSED_FORM else ", as asked for"
     return {"rung": motion.value, "reason": f"{motion.value}{pinned}"}
 
 

@@ -3,111 +3,254 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.catalog.specs import BatBody
 from virtual_lab.errors import InputError
 from virtual_lab.relations.flight import time_before
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.motion import play
-from virtual_lab.simulation.motion.scene import Balls, Barrel, Bat, Scene, State
+from virtual_lab.simulation.motion.played import BAT, BAT_AGAIN, FRAME, Pieces
+from virtual_lab.simulation.motion.scene import (
+    FrameSpec,
+    GateFrame,
+    PivotedBat,
+    ShotScene,
+    ShotState,
+    StopSpec,
+)
+from virtual_lab.simulation.motion.touch import moved
 from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.rig import Motion, ShotPlan, Specimen
-from virtual_lab.simulation.truth import TrueBalls
+from virtual_lab.simulation.rig import MotionRung, ShotPlan
 
-__all__ = ["at_rest"]
+__all__ = ["FlownShots", "RestingBat", "Surroundings", "flown", "scene_of"]
 
 Array = NDArray[np.float64]
-FAR = 1.0  # m before the contact, where a scene begins
-AFTER = 1e-3  # s, that a scene goes on after the contact: the ball has parted
+AHEAD = 1.0  # m before the contact, where a scene begins
+AFTER = 1e-3  # s, that a scene of a free way back goes on after the contact: the ball has parted
+RECORD = 0.5  # s after the contact, for which one is played whose ball meets more than the bat
 
 
-def at_rest(
-    passage: Passage,
-    order: ShotPlan,
-    specimen: Specimen,
-    pivot_from_knob: float,
-    place: Array,
-    across: Array,
-    efficiency: Array,
-) -> Passage:
+class Surroundings(NamedTuple):
+    """What stands around a bat at rest."""
+
+    frame: FrameSpec
+    stop: StopSpec
+    gates: Array  # distances of the frames, those of their gates (gate,) [m]
+
+
+class RestingBat(NamedTuple):
+    """A bat at rest and the blows on it, arrays (shot,)."""
+
+    body: BatBody
+    axis: float  # from the tip [m]
+    place: Array  # of the ball's centre, from the tip [m]
+    across: Array  # of the ball's centre, above the bat's axis [m]
+    efficiency: Array  # e_A
+    mass: Array  # of the ball [kg]
+
+
+class FlownShots(NamedTuple):
+    """Flights, and what else became of shots that were played as scenes."""
+
+    passage: Passage
+    late: Array | float = 0.0  # from the first contact until ball and target part for good [s]
+    met: NDArray[np.bool_] | bool = True  # whether the ball came to the bat
+    # shot, time after the contact [s], what a second blow then adds to the bat's rate [rad/s]
+    kicks: tuple[tuple[int, float, float], ...] = ()
+
+
+def flown(passage: Passage, order: ShotPlan, bat: RestingBat, around: Surroundings) -> FlownShots:
     """Return the flights at a pivoted bat at rest by the order's rung of the motion.
 
-    By pymunk each shot is played from `FAR` up to its rebound, and what it comes to replaces
-    the speeds, the slope of the way back and the place of contact. The blow is that of a level
-    ball, as it is in closed form.
-
-    Parameters
-    ----------
-    passage : Passage
-        In closed form.
-    pivot_from_knob : float
-        [m].
-    place, across, efficiency : (shot,) array
-        Of the ball's centre from the tip, and above the bat's axis [m]; e_A.
+    Closed form, but pymunk for a shot whose ball may meet a frame on its way in, or whose bat may
+    come back from its stop to the ball; for all shots where the order asks for it. What a scene
+    comes to replaces speeds, slopes and places of its flight. The blow is that of a level ball, as
+    it is in closed form. A frame on the way back needs no scene: no gate beyond it sees the ball,
+    whatever then becomes of it.
 
     Raises
     ------
     InputError
         A shot that pymunk cannot play.
     """
-    if order.motion is Motion.CLOSED_FORM:
+    beyond, framed = _beyond_closed_form(passage, bat, around)
+    asked = order.motion is MotionRung.PYMUNK
+    if not asked:
+        passage = _stopped(passage, around, framed & ~beyond)
+    shots = np.arange(len(beyond)) if asked else np.flatnonzero(beyond)
+    if not shots.size:
+        return FlownShots(passage)
+    whole, count = _columns(passage, len(beyond)), len(beyond)
+    whole |= {"plane_out": whole["plane"].copy(), "height_out": whole["height"].copy()}
+    whole.setdefault("reach", np.full(count, np.inf))
+    late, met, kicks = np.zeros(count), np.ones(count, dtype=bool), []
+    for shot in shots:
+        one = slice(shot, shot + 1)
+        blow = RestingBat(bat.body, bat.axis, *(each[one] for each in bat[2:]))
+        alone = replace(passage, **_columns(passage, count, one))
+        scene = scene_of(alone, blow, around, RECORD if beyond[shot] or framed[shot] else AFTER)
+        pieces = _played(scene, asked)
+        if pieces is None:
+            continue
+        first, back = _contacts(pieces)
+        for name, value in _as_flown(scene, pieces, first, back).items():
+            whole[name][shot] = value
+        late[shot] = pieces.time[back] - pieces.time[first]
+        met[shot] = pieces.struck[first] == BAT
+        for again in np.flatnonzero(pieces.struck == BAT_AGAIN):
+            more = float(np.diff(pieces.state.rate)[again - 1])
+            kicks.append((int(shot), float(pieces.time[again] - pieces.time[first]), more))
+    if met.all() and np.isinf(whole["reach"]).all():
+        whole.pop("reach")
+    if not late.any():
+        whole = {name: each for name, each in whole.items() if not name.endswith("e_out")}
+    return FlownShots(replace(passage, **whole), late, met, tuple(kicks))
+
+
+def scene_of(passage: Passage, bat: RestingBat, around: Surroundings, after: float) -> ShotScene:
+    """Return the scene of one shot: flights and blow of (1,), to `after` [s] past the contact."""
+    held = PivotedBat(bat.body.profile, bat.axis, beam_of(bat.body).inertia(bat.axis))
+    touching = -np.sqrt((held.radius(bat.place) + passage.radius) ** 2 - bat.across**2)
+    span = time_before(AHEAD, passage.speed_in, passage.drag)
+    up = float((bat.across - passage.height)[0])
+    return ShotScene(
+        start=ShotState.of(
+            x=touching - AHEAD,
+            y=bat.across - passage.gravity / 2 * span**2,
+            z=bat.place,
+            vx=passage.speed_in * np.exp(passage.drag * AHEAD),
+            vy=passage.gravity * span,
+        ),
+        ball_mass=bat.mass,
+        ball_drag=np.broadcast_to(passage.drag, (1,)),
+        ball_radius=passage.radius,
+        bat=held,
+        efficiency=lambda *_: bat.efficiency,
+        duration=float(span[0]) + after,
+        gravity=passage.gravity,
+        stop=around.stop,
+        frames=tuple(GateFrame(around.frame, float(touching[0]) - at, up) for at in around.gates),
+    )
+
+
+def _beyond_closed_form(
+    passage: Passage, bat: RestingBat, around: Surroundings
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which shots may need a scene, and of which a frame may stop the way back.
+
+    Bounds, so that closed form is right wherever they say no.
+    """
+    frame, stop, radius, g = around.frame, around.stop, passage.radius, passage.gravity
+    far = around.gates[0] + frame.radius + radius
+    slowing = far * np.exp(passage.drag * far)
+
+    def framed(speed: Array, slope: Array | float) -> NDArray[np.bool_]:
+        rise, fall = np.abs(slope) * far, g / 2 * (slowing / speed) ** 2
+        high = passage.height + rise >= frame.top - radius
+        return np.asarray(high | (passage.height - rise - fall <= frame.bottom + radius))
+
+    inertia, lever = beam_of(bat.body).inertia(bat.axis), bat.axis - bat.place
+    rate = bat.mass * passage.speed_in * (1 + bat.efficiency) * lever / inertia
+    beside = (bat.place <= frame.tip_side + radius) | (bat.place >= frame.knob_side - radius)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        stopped = stop.angle / rate
+        slow = passage.speed_out <= stop.restitution * rate * lever
+    beyond = framed(passage.speed_in, 0.0) | beside
+    beyond |= (rate > 0) & slow & _at_hand(passage, bat, stopped)
+    with np.errstate(divide="ignore"):
+        back = (passage.speed_out > 0) & framed(passage.speed_out, passage.slope_out)
+    return beyond, back
+
+
+def _at_hand(passage: Passage, bat: RestingBat, since: Array) -> NDArray[np.bool_]:
+    """Return whether balls may be as high as the bat at some time from `since` to `RECORD` [s]."""
+    reach = max(bat.body.profile.outer_diameter) / 2 + passage.radius
+    up = passage.slope_out * passage.speed_out
+    first, last = (bat.across + (up - passage.gravity / 2 * t) * t for t in (since, RECORD))
+    above, falls = (first > reach) & (last > reach), up <= passage.gravity * since
+    return np.asarray((since < RECORD) & ~above & ~(falls & (first < -reach)))
+
+
+def _stopped(passage: Passage, around: Surroundings, chosen: NDArray[np.bool_]) -> Passage:
+    """Return flights that end at the first frame that balls on their way back do not clear."""
+    shots = np.flatnonzero(chosen)
+    if not shots.size:
         return passage
-    body = specimen.bat.body
-    barrel, axis = Barrel(body.profile), body.length - pivot_from_knob
-    touching = -np.sqrt((barrel.radius(place) + passage.radius) ** 2 - across**2)
-    span = time_before(FAR, passage.speed_in, passage.drag)
-    start = State.of(
-        x=touching - FAR,
-        y=across - passage.gravity / 2 * span**2,
-        z=place,
-        vx=passage.speed_in * np.exp(passage.drag * FAR),
-        vy=passage.gravity * span,
-        vz=0.0,
-        angle=0.0,
-        rate=0.0,
+    some = replace(passage, **_columns(passage, len(chosen), shots))
+    faces = around.gates - around.frame.radius - passage.radius
+    _, height = some.outbound(faces[None])
+    frame = GateFrame(around.frame, 0.0)
+    first = np.where(frame.clears(height, passage.radius), np.inf, faces).min(axis=1)
+    reach = np.full(len(chosen), np.inf)
+    reach[shots] = first
+    return replace(passage, reach=reach) if np.isfinite(first).any() else passage
+
+
+def _columns(passage: Passage, count: int, chosen: Any = slice(None)) -> dict[str, Any]:
+    """Return what a batch of flights has for each shot, as own arrays."""
+    names: tuple[str, ...] = (
+        "speed_in",
+        "speed_out",
+        "drag",
+        "height",
+        "slope_in",
+        "slope_out",
+        "plane",
     )
-    balls = _balls(specimen.balls, order, passage)
-    bat = Bat(barrel=barrel, axis=axis, inertia=beam_of(body).inertia(axis))
-    found = np.empty((4, len(start)))
-    for shot in range(len(start)):
-        found[:, shot] = _played(
-            Scene(
-                start=start.part([shot]),
-                balls=balls.part([shot]),
-                bat=bat,
-                efficiency=lambda *_, given=efficiency[shot]: np.array([given]),
-                duration=float(span[shot]) + AFTER,
-                gravity=passage.gravity,
-            )
-        )
-    met, speed_in, speed_out, rise = found
-    return replace(
-        passage,
-        speed_in=speed_in,
-        speed_out=speed_out,
-        slope_out=rise / np.where(speed_out == 0, np.nan, speed_out),
-        plane=touching - met,
-    )
+    optional = ("height_out", "plane_out", "reach")
+    names += tuple(name for name in optional if getattr(passage, name) is not None)
+    whole = {name: np.broadcast_to(getattr(passage, name), (count,)) for name in names}
+    return {name: values[chosen].astype(float) for name, values in whole.items()}
 
 
-def _balls(balls: TrueBalls, order: ShotPlan, passage: Passage) -> Balls:
-    return Balls(
-        mass=balls.mass[order.ball],
-        restitution=balls.restitution[order.ball],
-        drag=np.broadcast_to(passage.drag, order.ball.shape),
-        radius=passage.radius,
-    )
-
-
-def _played(scene: Scene) -> tuple[float, float, float, float]:
-    """Return of one shot the ball's x at contact, speeds in, back and up [m, m/s]."""
-    outcome = play(scene, rung=Motion.PYMUNK.value)
-    why = str(outcome.refused[0]) or ("" if np.isfinite(outcome.time[0]) else "the ball misses")
+def _played(scene: ShotScene, asked: bool) -> Pieces | None:
+    """Return the pieces of one shot; None where the closed form did it after all."""
+    played = play(scene, rung=MotionRung.PYMUNK.value if asked else None)
+    if not asked and played.rung[0] == MotionRung.CLOSED_FORM.value:
+        return None
+    why = str(played.refused[0])
+    if not why and len(played.pieces.time) < 2:
+        why = "the ball misses"
     if why:
-        raise InputError("", "motion", Motion.PYMUNK.value, f"allowed: closed-form; {why}")
-    # at a contact the track has the state after it
-    before = outcome.track.at(scene, np.nextafter(outcome.time, 0.0))
-    back, up = -outcome.ball_velocity[0, 0], outcome.ball_velocity[0, 1]
-    return float(before.x[0, 0]), float(before.vx[0, 0]), float(back), float(up)
+        raise InputError("", "motion", MotionRung.PYMUNK.value, f"allowed: closed-form; {why}")
+    return played.pieces
+
+
+def _contacts(pieces: Pieces) -> tuple[int, int]:
+    """Return on which pieces the ball comes to the bat, or to what it meets instead, and goes back.
+
+    It goes back after it last touched the bat, before any frame.
+    """
+    bats = np.flatnonzero(pieces.struck == BAT)
+    first = int(bats[0]) if bats.size else 1
+    frames = np.flatnonzero(pieces.struck[first + 1 :] == FRAME) + first + 1
+    free = slice(first, frames[0] if frames.size else None)
+    last = first + int(np.flatnonzero(np.isin(pieces.struck[free], (BAT, BAT_AGAIN)))[-1:].sum())
+    turned = np.flatnonzero(pieces.state.vx[last : free.stop] < 0)
+    return first, last + int(turned[:1].sum())
+
+
+def _as_flown(scene: ShotScene, pieces: Pieces, first: int, back: int) -> dict[str, Any]:
+    """Return what a scene of one shot comes to as flights in and back."""
+    once = np.zeros(1, dtype=np.int_)
+    begun = pieces.state.part(slice(first - 1, first))
+    before = moved(scene, begun, pieces.time[first] - pieces.time[first - 1 : first], once)
+    state, up = pieces.state.part(back), scene.frames[0].up
+    contact = scene.start.x[0] + AHEAD  # where it would be in closed form
+    frames = np.flatnonzero(pieces.struck[back + 1 :] == FRAME) + back + 1
+    found = {
+        "speed_in": before.vx[0],
+        "plane": contact - before.x[0],
+        "speed_out": -state.vx,
+        "slope_out": -state.vy / (state.vx or np.nan),
+        "plane_out": contact - state.x,
+        "height_out": state.y - up,
+        "reach": contact - pieces.state.x[frames[0]] if frames.size else np.inf,
+    }
+    if pieces.struck[first] != BAT:
+        found["height"] = before.y[0] - up
+    return found

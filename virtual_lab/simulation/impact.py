@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.catalog.specs import BatBody
 from virtual_lab.simulation.collision.patch import PATCH, patch_shape
-from virtual_lab.simulation.collision.scene import Scenes
+from virtual_lab.simulation.collision.scene import Collisions, Scenes
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.physics.ball import Event, PowerLaw
 from virtual_lab.simulation.physics.modes import Modes, modes_of
@@ -21,9 +22,10 @@ from virtual_lab.simulation.truth import TrueOutcome, TrueRecoil
 
 __all__ = [
     "CONTACT_TIME",
+    "Blows",
+    "blows_of",
     "contact_angle",
     "error_free",
-    "impact_efficiency",
     "scenes_of",
     "thrown_back",
     "wall_restitution",
@@ -32,6 +34,16 @@ __all__ = [
 Array = NDArray[np.float64]
 CONTACT_TIME = 0.7e-3  # s, where no record is fine enough to tell
 WORK_POINTS = 64  # of Gauss's rule: exact to rounding for the powers of any ball
+
+
+class Blows(NamedTuple):
+    """What balls and bat come to, arrays (shot,); the bat's vibration only at full detail."""
+
+    scenes: Scenes
+    efficiency: Array  # e_A
+    contact_time: Array  # [s]
+    modes: Modes | None = None
+    collisions: Collisions | None = None
 
 
 def scenes_of(
@@ -55,10 +67,10 @@ def contact_angle(specimen: Specimen, place: Array, across: Array) -> Array:
     return np.arcsin(across / (specimen.balls.spec.radius + barrel))
 
 
-def impact_efficiency(
+def blows_of(
     specimen: Specimen, rung: RecordDetail, scenes: Scenes, at: float, surveyed: float
-) -> tuple[Array, Array]:
-    """Return e_A and the contact times [s] of a bat whose axis is `at` [m] from its knob.
+) -> Blows:
+    """Return the collisions of scenes with a bat whose axis is `at` [m] from its knob.
 
     Instruments that write sums need e_A alone, and e_A knows nothing of where exactly the axis
     is: all laboratories then share the support where the axis was `surveyed`.
@@ -67,9 +79,10 @@ def impact_efficiency(
     if rung is RecordDetail.SUMMED:
         support = Pinned(body.length - surveyed)
         efficiency = specimen.collision.efficiency(body, support, scenes)
-        return efficiency, np.full(efficiency.shape, CONTACT_TIME)
-    collisions = specimen.collision(body, Pinned(body.length - at)).collide(scenes)
-    return collisions.collision_efficiency, collisions.contact_time
+        return Blows(scenes, efficiency, np.full(efficiency.shape, CONTACT_TIME))
+    model = specimen.collision(body, Pinned(body.length - at))
+    found = model.collide(scenes)
+    return Blows(scenes, found.collision_efficiency, found.contact_time, model.modes, found)
 
 
 def thrown_back(

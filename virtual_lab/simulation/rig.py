@@ -36,7 +36,7 @@ __all__ = [
     "CollisionChoice",
     "FilmingStation",
     "ImpactStation",
-    "Motion",
+    "MotionRung",
     "Reality",
     "Rig",
     "RigOutput",
@@ -74,14 +74,14 @@ class Reality(Enum):
         return Streams(seed, branch) if self is Reality.REAL else Quiet()
 
 
-class Motion(Enum):
+class MotionRung(Enum):
     """How ball and bat are carried through flight, contact and rebound."""
 
     CLOSED_FORM = "closed-form"  # all shots at once
     PYMUNK = "pymunk"  # a scene a shot
 
     @classmethod
-    def named(cls, name: str) -> Motion:
+    def named(cls, name: str) -> MotionRung:
         """Return the motion of a name; `InputError` where there is none."""
         names = [motion.value for motion in cls]
         if name not in names:
@@ -133,7 +133,7 @@ class ShotPlan:
     place: Array
     turn_rate: float = 0.0
     rung: RecordDetail = RecordDetail.FULL
-    motion: Motion = Motion.CLOSED_FORM
+    motion: MotionRung = MotionRung.CLOSED_FORM
 
     def log(self) -> ShotLog:
         """Return the operator's log of the order."""

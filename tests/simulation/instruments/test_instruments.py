@@ -18,7 +18,7 @@ from scipy.special import ellipk
 from tests.catalog.test_reading import INSTRUMENTS
 from virtual_lab import catalog
 from virtual_lab.simulation.instruments import calibration_of, errors_of
-from virtual_lab.simulation.instruments.air import Air, AirSpec
+from virtual_lab.simulation.instruments.air import HallAir, HallAirSpec
 from virtual_lab.simulation.instruments.camera.camera import Camera
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
@@ -34,7 +34,7 @@ from virtual_lab.simulation.instruments.scale import Scale, ScaleSpec
 from virtual_lab.streams import Quiet, Streams
 
 MAKERS = {
-    "air": Air,
+    "air": HallAir,
     "camera": Camera,
     "cannon": Cannon,
     "encoder": Encoder,
@@ -234,7 +234,7 @@ def test_cannon_marks_tell_its_aim() -> None:
 
 def test_drag_rate_by_hand() -> None:
     """κ = ρ C_d π R²/(2 m): 1.2 x 0.4 x π x 0.0366² / (2 x 0.145) = 6.9655e-3 per metre."""
-    spec = AirSpec(
+    spec = HallAirSpec(
         kind="air",
         title="",
         density=1.2,
@@ -242,11 +242,11 @@ def test_drag_rate_by_hand() -> None:
         drag_coefficient=0.4,
         drag_coefficient_u=0.0,
     )
-    air = Air.commission(spec, Quiet(), "a")
+    air = HallAir.commission(spec, Quiet(), "a")
     by_hand = 1.2 * 0.4 * pi * 0.0366**2 / 0.29
     assert air.drag(0.0366, np.array([0.145]))[0] == pytest.approx(by_hand, rel=1e-14)
     assert by_hand == pytest.approx(6.9655e-3, rel=1e-4)
-    still = Air.commission(spec.ideal(), Streams(1), "a")
+    still = HallAir.commission(spec.ideal(), Streams(1), "a")
     assert still.drag(0.0366, np.array([0.145]))[0] == 0
 
 
@@ -461,7 +461,7 @@ def test_specs_are_those_of_the_catalog() -> None:
     """Every kind that ships is made here (`test_catalog` reads each), and none is made up."""
     assert set(KIND.values()) == set(MAKERS) == set(INSTRUMENTS)
     assert {type(spec_of(name)) for name in KIND} <= {
-        AirSpec,
+        HallAirSpec,
         CameraSpec,
         CannonSpec,
         EncoderSpec,

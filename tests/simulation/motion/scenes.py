@@ -8,7 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab import catalog
-from virtual_lab.simulation.motion.scene import Balls, Barrel, Bat, Scene, State
+from virtual_lab.simulation.motion.scene import (
+    FrameSpec,
+    GateFrame,
+    PivotedBat,
+    ShotScene,
+    ShotState,
+    StopSpec,
+)
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.units import INCH
 
@@ -16,39 +23,43 @@ Array = NDArray[np.float64]
 BODY = catalog.load_bat("r161").spec.body
 AXIS = BODY.length - 6 * INCH
 INERTIA = beam_of(BODY).inertia(AXIS)
-RADIUS = 0.0366
+RADIUS, MASS, E0 = 0.0366, 0.145, 0.5
+FRAME = FrameSpec(bottom=-0.2, top=0.2, tip_side=-0.1, knob_side=0.4, radius=0.02, restitution=0.6)
 
 
-def rigid(place: Array, speed: Array, mass: Array, e0: Array) -> Array:
+def rigid(place: Array, *_: Any) -> Array:
     """Return the e_A of a rigid pivoted bat whose e is that of the ball on a wall."""
-    r = mass * (AXIS - place) ** 2 / INERTIA
-    return (e0 - r) / (1 + r) + 0 * speed
+    r = MASS * (AXIS - place) ** 2 / INERTIA
+    return (E0 - r) / (1 + r)
 
 
-def scene(friction: bool = True, **other: Any) -> Scene:
-    """Return shots at an ordinary pivoted bat: keys of the start and the ball, or of a scene."""
-    start = {"x": -0.9, "y": 0.0, "z": 6 * INCH, "vx": 26.8, "vy": 0.0, "vz": 0.0}
-    start |= {"angle": 0.0, "rate": 0.0}
-    state = State.of(**{name: other.pop(name, value) for name, value in start.items()})
-    ball = {"mass": 0.145, "restitution": 0.5, "drag": 0.006 if friction else 0.0}
-    arrays = {name: np.full(len(state), other.pop(name, value)) for name, value in ball.items()}
-    torques = {"constant_torque": 0.02, "viscous_torque": 0.002, "air_torque": 0.0021}
-    bat = Bat(
-        barrel=Barrel(BODY.profile),
-        axis=AXIS,
-        inertia=INERTIA,
-        **(torques if friction else {}),
-    )
+def stop(angle: float, restitution: float = 0.5) -> StopSpec:
+    return StopSpec(angle=angle, reach=0.4, radius=0.03, restitution=restitution)
+
+
+def frame_at(x: float, **other: float) -> GateFrame:
+    values = {name: getattr(FRAME, name) for name in FRAME.__slots__} | other
+    return GateFrame(FrameSpec(**values), x)
+
+
+def scene(**other: Any) -> ShotScene:
+    """Return shots at an ordinary pivoted bat: keys of the start, or of a scene."""
+    start = {"x": -0.9, "z": 6 * INCH, "vx": 26.8}
+    start |= {name: other.pop(name) for name in ShotState._fields if name in other}
+    state = ShotState.of(**start)
+    drag = other.pop("drag", 0.006)
     usual: dict[str, Any] = {"efficiency": rigid, "duration": 0.2, "gravity": 9.80665}
-    return Scene(
+    return ShotScene(
         start=state,
-        balls=Balls(**arrays, radius=RADIUS),
-        bat=bat,
+        ball_mass=np.full(len(state.x), MASS),
+        ball_drag=np.full(len(state.x), drag),
+        ball_radius=RADIUS,
+        bat=PivotedBat(BODY.profile, AXIS, INERTIA),
         **(usual | other),
     )
 
 
-def scattered(count: int, seed: int, **other: Any) -> Scene:
+def scattered(count: int, seed: int, **other: Any) -> ShotScene:
     """Return random shots: a bat at rest or swung, a ball aslant, high, low or wide."""
     rng = np.random.default_rng(seed)
     rate = -rng.uniform(0, 45, count) * (rng.uniform(size=count) > 0.3)
@@ -61,8 +72,6 @@ def scattered(count: int, seed: int, **other: Any) -> Scene:
         "vy": rng.uniform(-1, 1, count),
         "angle": -rate * arrival + rng.uniform(-0.1, 0.1, count),
         "rate": rate,
-        "mass": rng.uniform(0.14, 0.15, count),
-        "restitution": rng.uniform(0.4, 0.6, count),
         "drag": rng.uniform(0, 0.01, count),
         "duration": 0.12,
     }

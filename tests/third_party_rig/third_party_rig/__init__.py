@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from virtual_lab.records import GateRecord, Record, ShotLog
 from virtual_lab.simulation.impact import error_free, scenes_of
 from virtual_lab.simulation.instruments import Instrument, calibration_of, errors_of
-from virtual_lab.simulation.instruments.air import Air, AirSpec
+from virtual_lab.simulation.instruments.air import HallAir, HallAirSpec
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.physics.supports import Pinned
@@ -21,7 +21,7 @@ __all__ = ["RIG", "SpeedGunPivot"]
 
 PIVOT_FROM_KNOB = 6 * 0.0254  # m
 SPEED_SCATTER = 0.2  # m/s, of the launcher
-AIR = AirSpec(
+AIR = HallAirSpec(
     kind="air",
     title="Still air",
     density=1.2,
@@ -54,7 +54,7 @@ class SpeedGunPivot:
             gates=LightGates.commission(
                 GATES.ideal() if ideal else GATES, draws, f"{self.name}.gates"
             ),
-            air=Air.commission(AIR.ideal() if ideal else AIR, draws, f"{self.name}.air"),
+            air=HallAir.commission(AIR.ideal() if ideal else AIR, draws, f"{self.name}.air"),
             scatter=0.0 if ideal else SPEED_SCATTER,
         )
 
@@ -64,7 +64,7 @@ class SpeedGunStation:
     """The rig in one laboratory."""
 
     gates: LightGates
-    air: Air
+    air: HallAir
     scatter: float
 
     @property

@@ -67,8 +67,7 @@ class PivotOff(BaseFault):
     def station(self, stage: Stage, station: Station) -> Station:
         if stage is not Stage.IMPACT:
             return station
-        part = "holder" if hasattr(station, "holder") else "pivot"
-        return altered(station, part, from_knob=_of(station, part).from_knob + self.shift)
+        return altered(station, "holder", from_knob=_of(station, "holder").from_knob + self.shift)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,7 +81,7 @@ class BearingFriction(BaseFault):
     def station(self, stage: Stage, station: Station) -> Station:
         if stage is not Stage.IMPACT:
             return station
-        return other_sheet(station, "pivot", constant_torque=self.torque, friction=self.friction)
+        return other_sheet(station, "holder", constant_torque=self.torque, friction=self.friction)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

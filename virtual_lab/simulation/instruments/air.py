@@ -12,13 +12,13 @@ from virtual_lab.relations.flight import Array, drag_rate
 from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, certified
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["Air", "AirSpec"]
+__all__ = ["HallAir", "HallAirSpec"]
 
 Number = Annotated[float, Ge(0), Dimension("number")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AirSpec(Spec):
+class HallAirSpec(Spec):
     """What was measured on the day."""
 
     kind: str
@@ -41,7 +41,7 @@ class AirSpec(Spec):
 
 
 @dataclass(frozen=True, slots=True)
-class Air(CalibratedInstrument[AirSpec]):
+class HallAir(CalibratedInstrument[HallAirSpec]):
     """The air of one laboratory."""
 
     def drag(self, radius: float, mass: Array) -> Array:

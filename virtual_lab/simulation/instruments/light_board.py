@@ -164,7 +164,8 @@ class LightBoards(CalibratedInstrument[LightBoardSpec]):
         if slots.shape != contact.shape:
             raise InputError("", "slots", slots.shape, f"allowed: one a shot, {contact.shape}")
         record = self._edges if rung is RecordDetail.FULL else self._sums
-        return record(passage, contact, leaving, draws, name, slots)
+        written = record(passage, contact, leaving, draws, name, slots)
+        return passage.seen(written, self.distances)
 
     def _edges(
         self,

@@ -107,7 +107,8 @@ class LightGates(CalibratedInstrument[LightGateSpec]):
     ) -> GateRecord | PassageRecord:
         """Record balls that reach the target at `contact` and leave it at `leaving` [s]."""
         record = self._edges if rung is RecordDetail.FULL else self._sums
-        return record(passage, contact, leaving, draws, name, slots)
+        written = record(passage, contact, leaving, draws, name, slots)
+        return passage.seen(written, self.distances)
 
     def _edges(
         self,

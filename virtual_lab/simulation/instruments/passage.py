@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from virtual_lab.relations.flight import time_after, time_before
 __all__ = ["Passage"]
 
 Array = NDArray[np.float64]
+R = TypeVar("R", bound=Any)  # a record of gates: its columns are (shot, way, gate, ...)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,19 +33,47 @@ class Passage:
     slope_in: Array | float = 0.0  # height gained a metre of distance, on the way in
     slope_out: Array | float = 0.0  # the same on the way back
     plane: Array | float = 0.0  # distance of the contact from where the target nominally is [m]
+    # where ball and target parted, if elsewhere than they met [m]
+    height_out: Array | None = None
+    plane_out: Array | None = None
+    reach: Array | None = None  # how far the ball comes back, if a frame stops it [m]
 
     def inbound(self, distance: Array) -> tuple[Array, Array]:
         """Return time before contact [s] and height [m] at `distance` (shot or 1, …)."""
         ahead = distance - _column(self.plane, distance)
         time = time_before(ahead, _column(self.speed_in, distance), _column(self.drag, distance))
-        return time, self._height(ahead, time, self.slope_in)
+        return time, self._height(self.height, ahead, time, self.slope_in)
 
     def outbound(self, distance: Array) -> tuple[Array, Array]:
         """Return time after leaving [s], NaN where the ball goes on, and height [m]."""
-        back = distance - _column(self.plane, distance)
+        back = distance - _column(self.parted_plane, distance)
         speed = np.where(self.speed_out > 0, self.speed_out, np.nan)
         time = time_after(back, _column(speed, distance), _column(self.drag, distance))
-        return time, self._height(back, time, self.slope_out)
+        return time, self._height(self.parted_height, back, time, self.slope_out)
+
+    @property
+    def parted_plane(self) -> Array | float:
+        """Where the way back begins, as `plane` [m]."""
+        return self.plane if self.plane_out is None else self.plane_out
+
+    @property
+    def parted_height(self) -> Array | float:
+        """The height there [m]."""
+        return self.height if self.height_out is None else self.height_out
+
+    def seen(self, record: R, distances: Array) -> R:
+        """Return a record of gates without the times of those that a frame kept the ball from."""
+        if self.reach is None:
+            return record
+        near, far = (_column(each, distances[None]) for each in (self.plane, self.reach))
+        beyond, never = np.broadcast_arrays(distances > far, distances < near)
+        gone = np.stack([never, never | beyond], axis=1)
+        columns = {name: getattr(record, name) for name in record.columns}
+        for name, values in columns.items():
+            hidden = gone.reshape(gone.shape + (1,) * (values.ndim - gone.ndim))
+            columns[name] = np.where(hidden, np.nan, values)
+            columns[name].setflags(write=False)
+        return replace(record, **columns)
 
     def way(self, *, out: bool) -> Array:
         """Return the flights of one way as rows for compiled code, (5, shot).
@@ -56,15 +86,17 @@ class Passage:
                 np.broadcast_arrays(
                     np.where(speed > 0, 1 / speed, np.nan),
                     self.drag if out else -self.drag,
-                    self.height,
+                    self.parted_height if out else self.height,
                     self.slope_out if out else self.slope_in,
-                    self.plane,
+                    self.parted_plane if out else self.plane,
                 )
             )
 
-    def _height(self, way: Array, time: Array, slope: Array | float) -> Array:
+    def _height(
+        self, height: Array | float, way: Array, time: Array, slope: Array | float
+    ) -> Array:
         fall = self.gravity / 2 * time**2
-        return np.asarray(_column(self.height, way) + _column(slope, way) * way - fall)
+        return np.asarray(_column(height, way) + _column(slope, way) * way - fall)
 
 
 def _column(values: Array | float, like: Array) -> Array:

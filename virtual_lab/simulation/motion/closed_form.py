@@ -1,7 +1,7 @@
 """The cheap rung: one contact of ball and bat between free flights, all shots at once.
 
 It refuses, shot by shot and with the reason, what it cannot do: a stop reached within the
-record, an obstacle in the way, a second contact, a blow on the edge of the tip or the knob.
+record, a frame in the way, a second contact, a blow on the edge of the tip or the knob.
 """
 
 from __future__ import annotations
@@ -9,179 +9,94 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.errors import InputError
-from virtual_lab.simulation.motion.outcome import BAT, Events, Outcome
-from virtual_lab.simulation.motion.scene import Obstacle, Scene, State
+from virtual_lab.relations.flight import time_after
+from virtual_lab.simulation.motion.played import BAT, START, Pieces, PlayedShots
+from virtual_lab.simulation.motion.scene import GateFrame, ShotScene, ShotState
 from virtual_lab.simulation.motion.touch import (
     Nearness,
-    after_contact,
     first_touch,
-    first_zero,
     moved,
     nearness,
-    obstacle_gap,
+    parted,
+    time_to_stop,
 )
-from virtual_lab.simulation.motion.track import Track
-from virtual_lab.simulation.physics.coasting import time_to_turn
 
-__all__ = ["EDGE", "FOLLOWED", "GRAZED", "RUNG", "effective", "play_closed_form"]
+__all__ = ["EDGE", "FOLLOWED", "GRAZED", "RUNG", "play_closed_form"]
 
 Array = NDArray[np.float64]
 RUNG = "closed-form"
 EDGE = "the ball strikes the edge of the bat's end, where no collision model holds"
-STOPPED = "the bat reaches a stop within the record"
 GRAZED = "the ball grazes the bat by less than its roundness is known"
 FOLLOWED = "the bat follows faster than the ball leaves it: no such e_A can be"
+AGAIN = "ball and bat meet again"
+STOPPED = "the bat reaches its stop within the record"
+FRAMED = "the frame of a gate stands in the ball's way"
+REASONS = (EDGE, GRAZED, FOLLOWED, AGAIN, STOPPED, FRAMED)
 
 
-def play_closed_form(scene: Scene) -> Outcome:
-    """Return what the shots come to; those refused hold NaN.
-
-    Raises
-    ------
-    InputError
-        From the scene's `efficiency`.
-    """
-    count = len(scene)
+def play_closed_form(scene: ShotScene) -> PlayedShots:
+    """Return what the shots come to; those refused have no pieces."""
+    everyone, count = np.arange(scene.shots), scene.shots
     until = np.full(count, scene.duration)
-    time = first_touch(scene, scene.start, until)
+    time = first_touch(scene, scene.start, until, everyone)
     hit = np.flatnonzero(np.isfinite(time))
     before = moved(scene, scene.start.part(hit), time[hit], hit)
     near = nearness(scene, before)
-    edge = (near.place < 0) | (near.place > scene.bat.barrel.length)
-    refusals = _Refusals(count)
-    refusals.note(hit[edge], time[hit[edge]], EDGE)
-    grazed = ~edge & (near.approach <= 0)
-    refusals.note(hit[grazed], time[hit[grazed]], GRAZED)
-    on = ~edge & ~grazed
-    hit = hit[on]
-    before, near = before.part(on), _part(near, on)
-    efficiency = effective(scene, near, hit)
-    after = after_contact(scene, before, near, efficiency, hit)
-    followed = hit[nearness(scene, after).opening <= 0]
-    refusals.note(followed, time[followed], FOLLOWED)
+    after = parted(scene, before, near, scene.efficiency(near.place, near.approach, hit), hit)
+    why = {reason: np.full(count, np.inf) for reason in REASONS}  # and when it arises [s]
+    edge = (near.place < 0) | (near.place > scene.bat.length)
+    for reason, struck in (
+        (EDGE, edge),
+        (GRAZED, ~edge & (near.approach <= 0)),
+        (FOLLOWED, ~edge & (near.approach > 0) & (nearness(scene, after).approach >= 0)),
+    ):
+        why[reason][hit[struck]] = time[hit[struck]]
+    good = ~edge & np.isinf(why[GRAZED][hit]) & np.isinf(why[FOLLOWED][hit])
+    hit, after = hit[good], after.part(good)
+    near = Nearness(*(each[..., good] for each in near))
     left = until[hit] - time[hit]
-    again = time[hit] + first_touch(scene, after, left, parting=True, shots=hit)
-    refusals.note(hit, again, "ball and bat meet again")
-    flown = np.minimum(time, until)
+    why[AGAIN][hit] = time[hit] + first_touch(scene, after, left, hit, parting=True)
     for shots, state, span, began in (
-        (np.arange(count), scene.start, flown, np.zeros(count)),
+        (everyone, scene.start, np.minimum(time, until), np.zeros(count)),
         (hit, after, left, time[hit]),
     ):
-        refusals.note(shots, began + _stopped(scene, state, span), STOPPED)
-        for obstacle in scene.obstacles:
-            met = began + _met(obstacle, scene, shots, state, span)
-            refusals.note(shots, met, f"a {obstacle.kind} stands in the ball's way")
-    return _outcome(scene, time, hit, near, efficiency, after, refusals.why)
-
-
-def effective(scene: Scene, near: Nearness, shots: NDArray[np.int_]) -> Array:
-    """Return the scene's e_A for contacts of these shots, which are on the bat.
-
-    Raises
-    ------
-    InputError
-        An e_A that is no number: nothing could be said of what follows.
-    """
-    if not len(shots):
-        return np.zeros(0)
-    balls = scene.balls
-    given = near.place, near.approach, balls.mass[shots], balls.restitution[shots]
-    found = np.asarray(scene.efficiency(*given), dtype=float)
-    if not np.isfinite(found).all():
-        bad = float(found[~np.isfinite(found)][0])
-        raise InputError("motion", "efficiency", bad, "allowed: finite numbers")
-    return found
-
-
-class _Refusals:
-    """Of each shot the first thing, in time, that the closed form cannot do."""
-
-    def __init__(self, shots: int) -> None:
-        self.why: NDArray[np.object_] = np.full(shots, "", dtype=object)
-        self.when = np.full(shots, np.inf)
-
-    def note(self, shots: NDArray[np.int_], times: Array, why: str) -> None:
-        """Note a reason that arises in shots at times [s], inf where it does not."""
-        first = times < self.when[shots]
-        self.why[shots[first]] = why
-        self.when[shots[first]] = times[first]
-
-
-def _stopped(scene: Scene, state: State, span: Array) -> Array:
-    """Return when the bat comes to a stop within a span [s]; inf where it does not."""
-    if not scene.stops:
-        return np.full(len(state), np.inf)
-    limit = np.where(state.rate > 0, scene.stops.high, scene.stops.low)
-    time = time_to_turn(state.rate, limit - state.angle, **scene.bat.friction)
-    return np.where((time <= span) & (state.rate != 0), time, np.inf)
+        stops = time_to_stop(scene, state)
+        met = np.where(stops <= span, began + stops, np.inf)
+        why[STOPPED][shots] = np.minimum(why[STOPPED][shots], met)
+        for frame in scene.frames:
+            met = began + _met(frame, scene, shots, state, span)
+            why[FRAMED][shots] = np.minimum(why[FRAMED][shots], met)
+    when = np.stack(list(why.values()))
+    refused = np.where(np.isfinite(when.min(axis=0)), np.array(REASONS)[when.argmin(axis=0)], "")
+    done, sound = refused == "", refused[hit] == ""
+    starts = np.flatnonzero(done)
+    return PlayedShots(
+        rung=np.full(count, RUNG),
+        reason=np.where(done, "closed form does all of it", ""),
+        refused=refused,
+        pieces=Pieces.joined(
+            [
+                Pieces.of(starts, np.zeros(len(starts)), START, scene.start.part(starts)),
+                Pieces.of(hit, time[hit], BAT, after, near.place, near.approach).part(sound),
+            ]
+        ),
+    )
 
 
 def _met(
-    obstacle: Obstacle, scene: Scene, shots: NDArray[np.int_], state: State, span: Array
+    frame: GateFrame, scene: ShotScene, shots: NDArray[np.int_], state: ShotState, span: Array
 ) -> Array:
-    """Return when flights from `state` strike an obstacle within a span [s]; inf if not."""
-
-    def gap(time: Array, part: NDArray[np.int_]) -> tuple[Array, Array]:
-        here = moved(scene, state.part(part), time, shots[part])
-        return obstacle_gap(obstacle, scene, here), np.hypot(here.vx, here.vz)
-
-    time = first_zero(gap, np.zeros(len(shots)), span)
-    met = np.isfinite(time)
-    height = moved(scene, state, np.where(met, time, 0.0), shots).y
-    return np.where(obstacle.meets(height, scene.balls.radius), time, np.inf)
-
-
-def _part(near: Nearness, chosen: NDArray[np.bool_]) -> Nearness:
-    return Nearness(**{name: getattr(near, name)[chosen] for name in Nearness.__slots__})
-
-
-def _outcome(
-    scene: Scene,
-    time: Array,
-    hit: NDArray[np.int_],
-    near: Nearness,
-    efficiency: Array,
-    after: State,
-    refused: NDArray[np.object_],
-) -> Outcome:
-    count = len(scene)
-    good = refused == ""
-
-    def of_hits(values: Array) -> Array:
-        whole = np.full((count, *values.shape[1:]), np.nan)
-        whole[hit] = values
-        whole[~good] = np.nan
-        return whole
-
-    # the last free motion of each shot, and when it began
-    last = scene.start.with_part(hit, after)
-    began = np.zeros(count)
-    began[hit] = time[hit]
-    end = moved(scene, last, scene.duration - began)
-    nothing = np.full(int((~good).sum()), np.nan)
-    end = end.with_part(~good, State(**dict.fromkeys(State.__slots__, nothing)))
-    sound = good[hit]
-    columns = hit[sound], time[hit][sound], near.place[sound], near.approach[sound]
-    rows = zip(*(column.tolist() for column in columns), strict=True)
-    return Outcome(
-        rung=np.full(count, RUNG),
-        reason=np.where(good, "closed form does all of it", "").astype(np.str_),
-        refused=refused.astype(np.str_),
-        time=of_hits(time[hit]),
-        place=of_hits(near.place),
-        relative_speed=of_hits(near.approach),
-        collision_efficiency=of_hits(efficiency),
-        ball_velocity=of_hits(np.stack([after.vx, after.vy, after.vz], axis=-1)),
-        bat_rate=of_hits(after.rate),
-        end=end,
-        pivot_drift=np.where(good, 0.0, np.nan),
-        events=Events.of([(shot, when, BAT, z, v) for shot, when, z, v in rows]),
-        track=Track.of(
-            scene,
-            [
-                (np.flatnonzero(good), np.zeros(int(good.sum())), scene.start.part(good)),
-                (hit[sound], time[hit][sound], after.part(sound)),
-            ],
-        ),
+    """Return when flights come to a frame they do not clear within a span [s]; inf if not."""
+    spec, radius = frame.spec, scene.ball_radius
+    speed = np.hypot(state.vx, state.vz)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ahead = np.abs(frame.x - state.x) - spec.radius - radius
+        way = np.where((frame.x - state.x) * state.vx > 0, ahead * speed / np.abs(state.vx), np.nan)
+        time = np.where(way >= 0, time_after(way, speed, scene.ball_drag[shots]), np.inf)
+    here = moved(scene, state, np.where(time < span, time, 0.0), shots)
+    # how far aside a ball goes while it is between the posts
+    aside = 2 * (spec.radius + radius) * np.abs(state.vz) / np.where(state.vx, state.vx, 1.0)
+    beside = (here.z - np.abs(aside) < spec.tip_side + radius) | (
+        here.z + np.abs(aside) > spec.knob_side - radius
     )
+    return np.where((time < span) & (beside | ~frame.clears(here.y, radius)), time, np.inf)

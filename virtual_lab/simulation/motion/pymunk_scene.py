@@ -1,297 +1,283 @@
 """The dear rung: a pymunk space carries ball and bat, one shot at a time.
 
-Between contacts each step is given the mean velocity of the exact motion, so that its length
-costs no accuracy. Ball and bat never collide in pymunk: the step that would bring them together
-ends at their touch, and the collision model's e_A and the angular momentum say how they part.
-Stops act at their angle. Frames and walls are pymunk's own shapes: a swept circle tells when the
-ball comes to one, the step ends there, and pymunk throws the ball back.
+Each step is given the mean velocity of the exact motion, so that its length costs no accuracy.
+Ball and bat never collide in pymunk: the step that would bring them together ends at their touch,
+and the collision model's e_A and the angular momentum say how they part. The bat turns back at its
+stop. Posts and bars are pymunk's own shapes: a swept circle tells when the ball comes to one, the
+step ends there, and pymunk throws the ball back.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass
+from math import cos, inf, isfinite, sin
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.relations.flight import distance_after, time_after
-from virtual_lab.simulation.motion.closed_form import EDGE, FOLLOWED, GRAZED, effective
-from virtual_lab.simulation.motion.outcome import BAT, BAT_AGAIN, STOP, Events, Outcome
-from virtual_lab.simulation.motion.scene import Scene, State
-from virtual_lab.simulation.motion.settings import Settings
-from virtual_lab.simulation.motion.space import Space
+from virtual_lab.errors import InputError
+from virtual_lab.relations.flight import time_after
+from virtual_lab.simulation.motion.closed_form import EDGE, FOLLOWED, GRAZED
+from virtual_lab.simulation.motion.played import (
+    BAT,
+    BAT_AGAIN,
+    FRAME,
+    START,
+    STOP,
+    Pieces,
+    PlayedShots,
+)
+from virtual_lab.simulation.motion.scene import GateFrame, ShotScene, ShotState
 from virtual_lab.simulation.motion.touch import (
-    Nearness,
-    after_contact,
     first_touch,
     moved,
     nearness,
+    parted,
+    time_to_stop,
 )
-from virtual_lab.simulation.motion.track import Track
-from virtual_lab.simulation.physics.coasting import time_to_turn, turned
 
-__all__ = ["RUNG", "MissedContactError", "play_pymunk"]
+__all__ = ["RUNG", "PymunkSettings", "carry", "play_pymunk"]
 
 Array = NDArray[np.float64]
 RUNG = "pymunk"
-DEEP = 1e-6  # m, an overlap that no rounding explains
-BEYOND = 1e-9  # m, by which a ball must overlap an obstacle for pymunk to see it
+BALL = 1  # its category: it alone meets what stands
+BEYOND = 1e-9  # m, by which a ball must overlap a shape for pymunk to see it
+OVER = 1e-6  # m, of overlap that no rounding explains
 MOST_CONTACTS = 100
 ONE = np.zeros(1, dtype=np.int_)
 
 
-class MissedContactError(RuntimeError):
-    """Ball and bat overlap or have passed through each other: a fault of this program."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PymunkSettings:
+    """Of the pymunk space, SI: its own defaults are for pixels."""
+
+    step: float = 1e-3  # [s]; a shorter one is dearer and no better
+    iterations: int = 10
+    slop: float = 1e-6  # overlap that is left alone [m]
+
+    @classmethod
+    def safe(cls, scene: ShotScene) -> Self:
+        """Return the usual settings, their step at most half of what a scene allows."""
+        return cls(step=min(cls().step, longest_step(scene) / 2))
+
+    def check(self, scene: ShotScene) -> None:
+        """Raise `InputError` where a setting is unsafe for a scene."""
+        most = longest_step(scene)
+        for key, value, good, allowed in (
+            ("step", self.step, 1e-7 <= self.step < most, f"from 1e-07 s, below {most:.3g} s"),
+            ("iterations", self.iterations, 10 <= self.iterations <= 1000, "10 to 1000"),
+            ("slop", self.slop, 0 <= self.slop <= 1e-4, "0 to 0.0001 m"),
+        ):
+            if not (good and isfinite(value)):
+                raise InputError("motion settings", key, value, f"allowed: {allowed}")
 
 
-class RefusedError(Exception):
-    """What this rung cannot do either; its text is the reason."""
+def longest_step(scene: ShotScene) -> float:
+    """Return the time [s] in which a ball and what it should strike close by less than their size.
 
-
-def play_pymunk(scene: Scene, settings: Settings | None = None) -> Outcome:
-    """Return what the shots come to; those refused hold NaN.
-
-    Raises
-    ------
-    InputError
-        Unsafe settings, or from the scene's `efficiency`.
-    MissedContactError
-        A contact that should have been was not.
+    In a longer step the ball could pass through.
     """
-    settings = settings or Settings.safe(scene)
+    bat, start = scene.bat, scene.start
+    sizes = [float(np.min(bat.radius(np.linspace(0.0, bat.length / 3, 50))))]
+    sizes += [frame.spec.radius for frame in scene.frames]
+    sizes += [scene.stop.radius] if scene.stop else []
+    speed = np.max(np.hypot(start.vx, start.vz) + np.abs(start.rate) * bat.axis)
+    return float((scene.ball_radius + min(sizes)) / speed) if speed > 0 else inf
+
+
+def play_pymunk(scene: ShotScene, settings: PymunkSettings | None = None) -> PlayedShots:
+    """Return what the shots come to; `InputError` where settings are unsafe."""
+    settings = settings or PymunkSettings.safe(scene)
     settings.check(scene)
-    return carried(scene, settings)
+    return carry(scene, settings)
 
 
-def carried(scene: Scene, settings: Settings) -> Outcome:
-    """Return what the shots come to by settings as they are."""
-    shots = [_Shot(scene.part(slice(i, i + 1)), settings) for i in range(len(scene))]
-    for shot in shots:
-        shot.play()
-    count = len(shots)
-
-    def column(name: str, *shape: int) -> Array:
-        return np.array([getattr(shot, name) for shot in shots], dtype=float).reshape(count, *shape)
-
-    rows = [(i, *row) for i, shot in enumerate(shots) for row in shot.events]
-    return Outcome(
-        rung=np.full(count, RUNG),
-        reason=np.full(count, f"{RUNG} was asked for"),
+def carry(scene: ShotScene, settings: PymunkSettings) -> PlayedShots:
+    """Return what the shots come to by settings as they are; those refused have no pieces."""
+    shots = [_Shot(scene.part(np.array([shot])), settings) for shot in range(scene.shots)]
+    pieces = [
+        piece._replace(shot=np.array([number]))
+        for number, shot in enumerate(shots)
+        for piece in shot.play()
+    ]
+    nothing = Pieces.of(np.zeros(0), np.zeros(0), START, ShotState.of().part(slice(0, 0)))
+    return PlayedShots(
+        rung=np.full(len(shots), RUNG),
+        reason=np.full(len(shots), f"{RUNG} was asked for"),
         refused=np.array([shot.refused for shot in shots], dtype=np.str_),
-        time=column("time"),
-        place=column("place"),
-        relative_speed=column("relative_speed"),
-        collision_efficiency=column("efficiency"),
-        ball_velocity=column("ball_velocity", 3),
-        bat_rate=column("bat_rate"),
-        end=State.of(**{n: [getattr(s.state, n)[0] for s in shots] for n in State.__slots__}),
-        pivot_drift=column("drift"),
-        events=Events.of(rows),
-        track=Track.of(scene, [shot.pieces(i) for i, shot in enumerate(shots)]),
+        pieces=Pieces.joined([nothing, *pieces]),
     )
 
 
-@dataclass(slots=True)
+class _Solid(NamedTuple):
+    """What stands in the hall: its shape, its name, and the frame whose bars it stands for."""
+
+    shape: Any
+    kind: str
+    frame: GateFrame | None = None
+
+
 class _Shot:
-    """One shot on its way."""
+    """One shot on its way through a pymunk space, whose x and y are x and z of the scene."""
 
-    scene: Scene
-    settings: Settings
-    now: float = 0.0
-    touching: bool = False
-    refused: str = ""
-    time: float = np.nan
-    place: float = np.nan
-    relative_speed: float = np.nan
-    efficiency: float = np.nan
-    ball_velocity: Array = field(default_factory=lambda: np.full(3, np.nan))
-    bat_rate: float = np.nan
-    drift: float = 0.0
-    events: list[tuple[float, str, float, float]] = field(default_factory=list)
-    state: State = field(init=False)
-    begun: list[tuple[float, State]] = field(init=False)  # free motion, from when and where
-    space: Space = field(init=False)
-    ahead: tuple[Any, str] = (None, "")  # the shape this step ends at, and its kind
+    def __init__(self, scene: ShotScene, settings: PymunkSettings) -> None:
+        import pymunk
 
-    def __post_init__(self) -> None:
-        self.state = self.scene.start
-        self.begun = [(0.0, self.state)]
-        self.space = Space(self.scene, self.settings)
+        self.scene, self.settings = scene, settings
+        self.state, self.now, self.refused = scene.start, 0.0, ""
+        self.struck: list[str] = []
+        self.touching = False
+        self.space = pymunk.Space()
+        self.space.iterations, self.space.collision_slop = settings.iterations, settings.slop
+        self.ball = pymunk.Body(float(scene.ball_mass[0]), inf)
+        circle = pymunk.Circle(self.ball, scene.ball_radius)
+        circle.elasticity = 1.0  # pymunk multiplies: the solid's own stands
+        circle.filter = pymunk.ShapeFilter(categories=BALL)
+        # centre and moment are those of its axis: the joint does no work, whatever the step
+        self.bat = pymunk.Body(1.0, scene.bat.inertia)
+        self.bat.position = (0.0, scene.bat.axis)
+        joint = pymunk.PivotJoint(self.space.static_body, self.bat, self.bat.position)
+        self.space.add(self.ball, circle, self.bat, joint)
+        self.solids = self._stand(self.space.static_body)
+        self.ahead: _Solid | None = None  # what this step ends at
+        self.space.on_collision(pre_solve=self._pass_others)
 
-    def play(self) -> None:
-        """Carry the shot to the end of the record."""
-        try:
-            while self.now < self.scene.duration:
-                self._step(min(self.settings.step, self.scene.duration - self.now))
-        except RefusedError as why:
-            self.refused = str(why)
-            self._forget()
+    def _stand(self, hall: Any) -> list[_Solid]:
+        import pymunk
 
-    def _forget(self) -> None:
-        nothing = np.full(1, np.nan)
-        self.time = self.place = self.relative_speed = self.efficiency = self.bat_rate = np.nan
-        self.ball_velocity = np.full(3, np.nan)
-        self.drift = np.nan
-        self.state = State(**dict.fromkeys(State.__slots__, nothing))
-        self.events, self.begun = [], []
+        found = []
+        if stop := self.scene.stop:
+            way = stop.angle + np.arcsin(self.scene.bat.widest / stop.reach)
+            post = stop.reach * sin(way), self.scene.bat.axis - stop.reach * cos(way)
+            found.append((_Solid(pymunk.Circle(hall, stop.radius, post), STOP), stop.restitution))
+        for frame in self.scene.frames:
+            spec = frame.spec
+            ends = (
+                (frame.x, spec.tip_side - spec.radius),
+                (frame.x, spec.knob_side + spec.radius),
+            )
+            bars = pymunk.Segment(hall, *ends, spec.radius)
+            found += [
+                (_Solid(pymunk.Circle(hall, spec.radius, end), FRAME), spec.restitution)
+                for end in ends
+            ]
+            found.append((_Solid(bars, FRAME, frame), spec.restitution))
+        for solid, restitution in found:
+            solid.shape.elasticity = restitution
+            solid.shape.filter = pymunk.ShapeFilter(mask=BALL)
+            self.space.add(solid.shape)
+        return [solid for solid, _ in found]
 
-    def pieces(self, shot: int) -> tuple[NDArray[np.int_], Array, State]:
-        """Return the pieces of free motion as `Track` takes them."""
-        parts = [state for _, state in self.begun]
-        names = State.__slots__
-        empty = np.zeros(0)
-        whole = {n: np.concatenate([empty, *(getattr(s, n) for s in parts)]) for n in names}
-        times = np.array([time for time, _ in self.begun])
-        return np.full(len(parts), shot), times, State(**whole)
+    def _pass_others(self, arbiter: Any, _space: Any, _data: Any) -> None:
+        arbiter.process_collision = self.ahead is not None and self.ahead.shape in arbiter.shapes
 
-    def _step(self, step: float) -> None:
-        """Go a step, or to the first contact within it."""
-        before, self.ahead = self.state, (None, "")
-        touch = self._touch(step)
-        stop = self._stop(min(step, touch))
-        solid = self._solid(min(step, touch, stop))
-        span = min(step, touch, stop, solid)
-        mean = self._carry(span)
-        self.now += span
-        if len(self.events) > MOST_CONTACTS:
-            raise RefusedError(f"more than {MOST_CONTACTS} contacts in one record")
-        if solid <= span:
-            self._rebound(mean)
-        elif stop <= span:
-            self._turn_back()
-        elif touch <= span:
-            self._strike()
-        else:
-            self._assert_apart(before)
-            return
-        self.begun.append((self.now, self.state))
+    def play(self) -> list[Pieces]:
+        """Carry the shot to the end of the record; a refused one has no pieces."""
+        pieces = [Pieces.of(ONE, np.zeros(1), START, self.state)]
+        while self.now < self.scene.duration and not self.refused:
+            step = min(self.settings.step, self.scene.duration - self.now)
+            touch = self._touch(step)
+            stop = float(time_to_stop(self.scene, self.state)[0])
+            solid = self._solid(min(step, touch, stop))
+            span = min(step, touch, stop, solid)
+            mean = self._carry(span)
+            self.now += span
+            if solid <= span:
+                pieces.append(self._rebound(mean))
+            elif stop <= span:
+                pieces.append(self._turn_back())
+            elif touch <= span:
+                pieces.append(self._strike())
+            if len(self.struck) > MOST_CONTACTS:
+                self.refused = f"more than {MOST_CONTACTS} contacts in one record"
+        return [] if self.refused else pieces
+
+    def _piece(self, struck: str, *hit: Array) -> Pieces:
+        self.struck.append(struck)
+        return Pieces.of(ONE, np.array([self.now]), struck, self.state, *hit)
 
     def _carry(self, span: float) -> Array:
-        """Let pymunk move the bodies by their mean velocities, then give them their own.
-
-        Returns that mean velocity of the ball in the plan, (2,).
-        """
+        """Let pymunk move the bodies by their mean velocities [m/s]; return the ball's, (2,)."""
         if span == 0:
             return np.zeros(2)
-        start, space, time = self.state, self.space, np.array([span])
-        after = moved(self.scene, start, time)
-        speed = np.hypot(start.vx, start.vz)
-        way = distance_after(time, speed, self.scene.balls.drag)
-        share = way / (speed * span) if speed[0] > 0 else np.zeros(1)
-        given = float((start.vx * share)[0]), float((start.vz * share)[0])
-        rate = float(turned(start.rate, time, **self.scene.bat.friction)[0]) / span
-        place = float(start.x[0]), float(start.z[0])
-        space.carry(place, given, float(start.angle[0]), rate, span, self.ahead[0])
-        self.drift = max(self.drift, space.drift)
-        x, z = space.ball.position
-        angle = np.array([space.bat.angle])
-        self.state = replace(after, x=np.array([x]), z=np.array([z]), angle=angle)
-        return np.array(given)
+        start, after = self.state, moved(self.scene, self.state, np.array([span]), ONE)
+        mean = np.array([after.x[0] - start.x[0], after.z[0] - start.z[0]]) / span
+        self.ball.position = float(start.x[0]), float(start.z[0])
+        self.ball.velocity = float(mean[0]), float(mean[1])
+        self.bat.angle, self.bat.angular_velocity = float(start.angle[0]), float(start.rate[0])
+        self.space.step(span)
+        x, z = self.ball.position
+        self.state = after._replace(
+            x=np.array([x]), z=np.array([z]), angle=np.array([self.bat.angle])
+        )
+        return mean
 
     def _touch(self, step: float) -> float:
         """Return when ball and bat touch within a step [s], inf if they do not."""
         start, bat = self.state, self.scene.bat
-        z = float(start.z[0]) - bat.axis
-        x, (beside, _) = float(start.x[0]), self._beside(start)
+        x, z, angle = float(start.x[0]), float(start.z[0]) - bat.axis, float(start.angle[0])
         swept = np.hypot(start.vx[0], start.vz[0]) + abs(start.rate[0]) * np.hypot(x, z)
-        if abs(beside) > self.scene.balls.radius + bat.barrel.widest + 2 * swept * step:
+        if (
+            abs(x * cos(angle) + z * sin(angle))
+            > self.scene.ball_radius + bat.widest + 2 * swept * step
+        ):
             self.touching = False
-            return np.inf
-        found = first_touch(self.scene, start, np.array([step]), parting=self.touching)
-        return float(found[0])
-
-    def _stop(self, step: float) -> float:
-        """Return when the bat reaches a stop within a step [s], inf if it does not."""
-        stops = self.scene.stops
-        rate = self.state.rate
-        if not stops or rate[0] == 0:
-            return np.inf
-        limit = stops.high if rate[0] > 0 else stops.low
-        time = time_to_turn(rate, limit - self.state.angle, **self.scene.bat.friction)[0]
-        return float(time) if time <= step else np.inf
+            return inf
+        until = np.array([step])
+        return float(first_touch(self.scene, start, until, ONE, parting=self.touching)[0])
 
     def _solid(self, step: float) -> float:
-        """Return when the ball comes to an obstacle within a step [s], inf if it does not."""
-        if not self.scene.obstacles or step == 0:
-            return np.inf
-        balls, start = self.scene.balls, self.state
-        after = moved(self.scene, start, np.array([step]))
+        """Return when the ball comes to a post or bar within a step [s], inf if it does not."""
+        self.ahead = None
+        if not self.solids or step == 0:
+            return inf
+        scene, start = self.scene, self.state
+        after = moved(scene, start, np.array([step]), ONE)
         here, there = ((float(s.x[0]), float(s.z[0])) for s in (start, after))
-        speed = float(np.hypot(start.vx[0], start.vz[0]))
-        way = float(np.hypot(there[0] - here[0], there[1] - here[1]))
-        for share, solid, obstacle in self.space.ahead(here, there):
-            time = float(time_after(share * way + BEYOND, speed, balls.drag[0]))
-            height = moved(self.scene, start, np.array([time])).y
-            if obstacle.meets(height, balls.radius)[0]:
-                self.ahead = solid, obstacle.kind
-                return time
-        return np.inf
+        way = there[0] - here[0], there[1] - here[1]
+        speed, first = float(np.hypot(start.vx[0], start.vz[0])), inf
+        for solid in self.solids:
+            hit = solid.shape.segment_query(here, there, scene.ball_radius)
+            # one it is already over it rolls over
+            over = solid.shape.point_query(here).distance < scene.ball_radius - OVER
+            if over or not (hit and hit.shape) or hit.normal.dot(way) >= 0:
+                continue
+            flown = hit.alpha * np.hypot(*way) + BEYOND
+            time = float(time_after(flown, speed, scene.ball_drag[0]))
+            height = moved(scene, start, np.array([time]), ONE).y
+            cleared = solid.frame and solid.frame.clears(height, scene.ball_radius)[0]
+            if time < first and not cleared:
+                first, self.ahead = time, solid
+        return first
 
-    def _strike(self) -> None:
+    def _strike(self) -> Pieces:
         """Part ball and bat by the collision model."""
-        scene = self.scene
-        near = nearness(scene, self.state)
-        if not 0 <= near.place[0] <= scene.bat.barrel.length:
-            raise RefusedError(EDGE)
-        if near.approach[0] <= 0:
-            raise RefusedError(GRAZED)
-        efficiency = effective(scene, near, ONE)
-        self.state = after_contact(scene, self.state, near, efficiency)
-        if nearness(scene, self.state).opening[0] <= 0:
-            raise RefusedError(FOLLOWED)
+        scene, near = self.scene, nearness(self.scene, self.state)
+        efficiency = scene.efficiency(near.place, near.approach, ONE)
+        if not 0 <= near.place[0] <= scene.bat.length:
+            self.refused = EDGE
+        elif near.approach[0] <= 0:
+            self.refused = GRAZED
+        self.state = parted(scene, self.state, near, efficiency, ONE)
+        if not self.refused and nearness(scene, self.state).approach[0] >= 0:
+            self.refused = FOLLOWED
         self.touching = True
-        first = np.isnan(self.time)
-        if first:
-            self._remember(near, efficiency)
-        kind = BAT if first else BAT_AGAIN
-        self.events.append((self.now, kind, float(near.place[0]), float(near.approach[0])))
+        again = BAT in self.struck
+        return self._piece(BAT_AGAIN if again else BAT, near.place, near.approach)
 
-    def _remember(self, near: Nearness, efficiency: Array) -> None:
-        self.time, self.place = self.now, float(near.place[0])
-        self.relative_speed, self.efficiency = float(near.approach[0]), float(efficiency[0])
-        state = self.state
-        self.ball_velocity = np.array([state.vx[0], state.vy[0], state.vz[0]])
-        self.bat_rate = float(state.rate[0])
+    def _turn_back(self) -> Pieces:
+        assert self.scene.stop
+        angle, rate = np.array([self.scene.stop.angle]), self.state.rate
+        self.state = self.state._replace(angle=angle, rate=-self.scene.stop.restitution * rate)
+        return self._piece(STOP)
 
-    def _turn_back(self) -> None:
-        stops, rate = self.scene.stops, self.state.rate
-        assert stops
-        limit = stops.high if rate[0] > 0 else stops.low
-        self.events.append((self.now, STOP, limit, abs(float(rate[0]))))
-        self.state = replace(self.state, angle=np.array([limit]), rate=-stops.restitution * rate)
-
-    def _rebound(self, mean: Array) -> None:
+    def _rebound(self, mean: Array) -> Pieces:
         """Take the velocity pymunk gave the ball, scaled from the step's mean to its end's."""
-        went = np.array(self.space.ball.velocity)
-        change = went - mean
-        if not change.any():
-            raise MissedContactError(f"pymunk saw no contact with an obstacle at {self.now:.9g} s")
-        state = self.state
-        share = np.hypot(state.vx[0], state.vz[0]) / np.hypot(*mean)
-        speed = float(-share * (mean @ change) / np.hypot(*change))
-        self.events.append((self.now, self.ahead[1], float(state.z[0]), speed))
-        self.state = replace(state, vx=share * went[:1], vz=share * went[1:])
-
-    def _assert_apart(self, before: State) -> None:
-        """Raise where a contact was missed."""
-        bat, radius = self.scene.bat, self.scene.balls.radius
-        after = self.state
-        for obstacle in self.space.within(DEEP):
-            if obstacle.meets(after.y, radius)[0]:
-                raise RefusedError(f"the ball comes on a {obstacle.kind} from above or below")
-        (was, _), (beside, lever) = self._beside(before), self._beside(after)
-        near = radius + bat.barrel.widest
-        if abs(beside) > near and was * beside > 0:
-            return
-        here = nearness(self.scene, after)
-        height = max(abs(float(before.y[0])), abs(float(after.y[0])))
-        through = was * beside < 0 and 0 < bat.axis - lever < bat.barrel.length
-        if here.gap[0] < -DEEP or (through and height < radius):
-            raise MissedContactError(f"ball and bat met unseen by {self.now:.9g} s")
-
-    def _beside(self, state: State) -> tuple[float, float]:
-        """Return the ball's place across and along the bat, from its axis [m]."""
-        x, z = float(state.x[0]), float(state.z[0]) - self.scene.bat.axis
-        cos, sin = np.cos(state.angle[0]), np.sin(state.angle[0])
-        return float(x * cos + z * sin), float(x * sin - z * cos)
+        went = np.array(self.ball.velocity)
+        if not (went - mean).any():
+            raise RuntimeError(f"pymunk saw no contact with a frame at {self.now:.9g} s")
+        assert self.ahead
+        share = np.hypot(self.state.vx[0], self.state.vz[0]) / np.hypot(*mean)
+        self.state = self.state._replace(vx=share * went[:1], vz=share * went[1:])
+        return self._piece(self.ahead.kind)

@@ -1,44 +1,33 @@
-"""What moves around a collision, and what came of it: arrays over n shots.
+"""One pivoted bat, one ball a shot, the stop of the bat and the frames of the gates.
 
 Axes: x along the line of fire, z along the resting bat from its tip, y up. At angle 0 the bat's
 axis lies on x = 0, its tip at z = 0. Angle and rate are positive as the bat recoils, so a bat
-swung toward the ball has a negative rate. The bat turns about a vertical axis; its weight does
-nothing. The barrel is a cylinder where it is struck: its taper moves the surface, no normal.
+swung toward the ball has a negative rate. The bat turns about a vertical axis without friction;
+its weight does nothing. The barrel is a cylinder where it is struck: its taper moves the surface,
+no normal.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
+from annotated_types import Ge, Gt, Le
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import PchipInterpolator
 
-from virtual_lab.catalog.specs import BallSpec, Profile
-from virtual_lab.errors import InputError
-from virtual_lab.simulation.collision.scene import CollisionModel, Scenes
+from virtual_lab.catalog.specs import Dimension, Profile, Spec
+from virtual_lab.simulation.physics.section import outer_diameter
 
-__all__ = [
-    "Balls",
-    "Barrel",
-    "Bat",
-    "Efficiency",
-    "Obstacle",
-    "Scene",
-    "State",
-    "Stops",
-    "efficiency_of",
-]
+__all__ = ["FrameSpec", "GateFrame", "PivotedBat", "ShotScene", "ShotState", "StopSpec"]
 
 Array = NDArray[np.float64]
-Efficiency = Callable[[Array, Array, Array, Array], Array]
+Share = Annotated[float, Ge(0), Le(1), Dimension("number")]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class State:
+class ShotState(NamedTuple):
     """Where ball and bat are and how they move, each (n,): SI, axes as in the module."""
 
     x: Array
@@ -52,55 +41,27 @@ class State:
 
     @classmethod
     def of(cls, **given: ArrayLike) -> Self:
-        """Broadcast numbers and arrays to (n,)."""
-        names = [field.name for field in fields(cls)]
-        arrays = np.broadcast_arrays(*(np.atleast_1d(given[name]) for name in names))
-        return cls(**{n: np.array(a, dtype=float) for n, a in zip(names, arrays, strict=True)})
+        """Broadcast numbers and arrays to (n,); what is not given is 0."""
+        wanted = (np.atleast_1d(given.get(name, 0.0)) for name in cls._fields)
+        return cls(*(np.array(each, dtype=float) for each in np.broadcast_arrays(*wanted)))
 
-    def __len__(self) -> int:
-        return len(self.x)
-
-    def part(self, chosen: Any) -> Self:
-        """Return some of the shots."""
-        return replace(self, **{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
-
-    def with_part(self, chosen: Any, other: State) -> Self:
-        """Return all shots, the chosen ones as `other` has them."""
-        arrays = {f.name: getattr(self, f.name).copy() for f in fields(self)}
-        for name, array in arrays.items():
-            array[chosen] = getattr(other, name)
-        return replace(self, **arrays)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Balls:
-    """Of each shot its ball, (n,): mass [kg], e0, drag κ [1/m]; one radius [m]."""
-
-    mass: Array
-    restitution: Array
-    drag: Array
-    radius: float
+    @classmethod
+    def joined(cls, states: list[ShotState]) -> Self:
+        """Return the shots of several states one after the other."""
+        return cls(*np.concatenate([np.array(state) for state in states], axis=1))
 
     def part(self, chosen: Any) -> Self:
         """Return some of the shots."""
-        names = ("mass", "restitution", "drag")
-        return replace(self, **{name: getattr(self, name)[chosen] for name in names})
+        return type(self)(*(each[chosen] for each in self))
 
 
 @dataclass(frozen=True)
-class Barrel:
-    """Outline of a bat: its radius over the place from the tip."""
+class PivotedBat:
+    """A bat on its axis, `axis` [m] from the tip, and its moment of inertia about it [kg m²]."""
 
     profile: Profile
-
-    @cached_property
-    def _radius(self) -> PchipInterpolator:
-        half = np.array(self.profile.outer_diameter) / 2
-        return PchipInterpolator(np.array(self.profile.z), half)
-
-    @cached_property
-    def _slope(self) -> Any:
-        return self._radius.derivative()
+    axis: float
+    inertia: float
 
     @property
     def length(self) -> float:
@@ -118,153 +79,84 @@ class Barrel:
         return float(1.5 * np.abs(np.diff(d) / np.diff(z)).max())
 
     def radius(self, place: Array) -> Array:
-        """Return the radius [m]; beyond the ends, that of the end."""
-        return np.asarray(self._radius(np.clip(place, 0.0, self.length)))
-
-    def slope(self, place: Array) -> Array:
-        """Return the slope of the radius; beyond the ends, none."""
-        on = (place >= 0) & (place <= self.length)
-        return np.where(on, self._slope(np.clip(place, 0.0, self.length)), 0.0)
+        """Return the radius [m] at places from the tip; beyond the ends, that of the end."""
+        return outer_diameter(self.profile, np.clip(place, 0.0, self.length)) / 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Bat:
-    """A bat on its axis, and the torques of bearing and air: c, c ω and c ω²."""
+class StopSpec(Spec):
+    """A post that ends the recoil of the bat."""
 
-    barrel: Barrel
-    axis: float  # from the tip [m]
-    inertia: float  # about the axis [kg m²]
-    constant_torque: float = 0.0  # [N m]
-    viscous_torque: float = 0.0  # [N m s]
-    air_torque: float = 0.0  # [N m s²]
-
-    @property
-    def friction(self) -> dict[str, float]:
-        """Torques over the moment of inertia, as `physics.coasting` takes them."""
-        return {
-            "constant": self.constant_torque / self.inertia,
-            "linear": self.viscous_torque / self.inertia,
-            "quadratic": self.air_torque / self.inertia,
-        }
+    angle: Annotated[float, Gt(0), Dimension("angle")]  # of the bat that rests on it
+    reach: Annotated[float, Gt(0), Dimension("length")]  # from the axis to the post
+    radius: Annotated[float, Gt(0), Dimension("length")]
+    restitution: Share  # of the bat's rate, and of a ball that meets the post
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stops:
-    """Angles [rad] the bat cannot pass, and the share of its rate it keeps there."""
+class FrameSpec(Spec):
+    """The frame around every gate: two posts, a bar above and one below."""
 
-    low: float
-    high: float
-    restitution: float = 0.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Obstacle:
-    """What stands in the hall: upright, round-edged, between two points of the plan.
-
-    A post has both points in one. A ball strikes it if, where their outlines meet in the plan,
-    its own outline reaches between `low` and `high`; it rebounds in the plan, as if smooth. What
-    stops the bat are `Stops`: it swings past obstacles.
-    """
-
-    kind: str  # "frame" or "wall"
-    x: tuple[float, float]
-    z: tuple[float, float]
-    radius: float
-    restitution: float
-    low: float = -np.inf
-    high: float = np.inf
-
-    def meets(self, height: ArrayLike, ball_radius: float) -> NDArray[np.bool_]:
-        """Return whether balls at a `height` [m] reach between the edges."""
-        y = np.asarray(height)
-        return np.asarray((y > self.low - ball_radius) & (y < self.high + ball_radius))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Scene:
-    """Shots to be played, all from time 0 to `duration` [s] at one bat.
-
-    `efficiency` gives e_A for places [m], normal relative speeds [m/s], ball masses and e0 at
-    first contacts and later ones alike; the contact takes no time here.
-
-    Raises
-    ------
-    InputError
-        A number outside its range, or a start inside the bat or beyond a stop.
-    """
-
-    start: State
-    balls: Balls
-    bat: Bat
-    efficiency: Efficiency
-    duration: float
-    gravity: float = 0.0
-    stops: Stops | None = None
-    obstacles: tuple[Obstacle, ...] = ()
+    bottom: Annotated[float, Dimension("length")]  # of the opening, from the line of fire
+    top: Annotated[float, Dimension("length")]
+    tip_side: Annotated[float, Dimension("length")]  # of the opening, along the bat from its tip
+    knob_side: Annotated[float, Dimension("length")]
+    radius: Annotated[float, Gt(0), Dimension("length")]  # of bars and posts
+    restitution: Share
 
     def __post_init__(self) -> None:
-        for part in (self.start, self.balls):
-            for field in fields(part):
-                value = np.atleast_1d(getattr(part, field.name))
-                _require(field.name, value, np.isfinite(value), "finite numbers")
-                if field.name != "radius" and len(value) != len(self.start):
-                    raise InputError("motion", field.name, len(value), "allowed: one a shot")
-        e0, low = self.balls.restitution, self.balls.drag >= 0
-        _require("mass", self.balls.mass, self.balls.mass > 0, "above 0")
-        _require("restitution", e0, (e0 > 0) & (e0 <= 1), "above 0, to 1")
-        _require("drag", self.balls.drag, low, "0 and up")
-        for name, number in (
-            ("radius", self.balls.radius),
-            ("inertia", self.bat.inertia),
-            ("duration", self.duration),
-        ):
-            _require(name, number, number > 0 and np.isfinite(number), "above 0, finite")
-        length = self.bat.barrel.length
-        _require("axis", self.bat.axis, 0 < self.bat.axis <= length, f"on the bat, to {length:g}")
-        for name, number in self.bat.friction.items():
-            _require(f"{name} torque", number, number >= 0, "0 and up")
-        self._check_surroundings()
-
-    def __len__(self) -> int:
-        return len(self.start)
-
-    def part(self, chosen: Any) -> Self:
-        """Return some of the shots."""
-        return replace(self, start=self.start.part(chosen), balls=self.balls.part(chosen))
-
-    def _check_surroundings(self) -> None:
-        for obstacle in self.obstacles:
-            kind, e = obstacle.kind, obstacle.restitution
-            if kind not in ("frame", "wall"):
-                raise InputError("motion", "obstacle kind", kind, "allowed: frame, wall")
-            _require("obstacle radius", obstacle.radius, obstacle.radius > 0, "above 0")
-            _require("obstacle restitution", e, 0 <= e <= 1, "0 to 1")
-        if self.stops:
-            low, high, angle = self.stops.low, self.stops.high, self.start.angle
-            _require("stops", low, low < high, f"low below high, {high:g}")
-            _require("angle", angle, (low <= angle) & (angle <= high), f"{low:g} to {high:g}")
-            e = self.stops.restitution
-            _require("stop restitution", e, 0 <= e <= 1, "0 to 1")
+        if not (self.bottom < 0 < self.top and self.tip_side < self.knob_side):
+            raise ValueError("the opening must lie about the line of fire")
 
 
-def efficiency_of(model: CollisionModel, ball: BallSpec) -> Efficiency:
-    """Return the e_A of a rung of the collision ladder, the ball's law as specified."""
+class GateFrame(NamedTuple):
+    """A frame in the plane x of its gate, `up` [m] that the bat's axis is below the line of fire.
 
-    def efficiency(place: Array, speed: Array, mass: Array, restitution: Array) -> Array:
-        scenes = Scenes.of(
-            impact_position=place,
-            relative_speed=speed,
-            ball_mass=mass,
-            ball_restitution=restitution,
-            stiffness=ball.stiffness,
-            exponent=ball.exponent,
+    A ball whose outline is not within the opening as it comes to the plane is thrown back in the
+    plan, as if smooth. One that comes down on a bar while it passes rolls over it.
+    """
+
+    spec: FrameSpec
+    x: float
+    up: float = 0.0
+
+    def clears(self, height: ArrayLike, ball_radius: float) -> NDArray[np.bool_]:
+        """Return whether balls at heights [m] above the bat's axis pass between or beside bars."""
+        y, spec = np.asarray(height) - self.up, self.spec
+        inside = (spec.bottom + ball_radius < y) & (y < spec.top - ball_radius)
+        bar = 2 * spec.radius + ball_radius
+        return np.asarray(inside | (y < spec.bottom - bar) | (y > spec.top + bar))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShotScene:
+    """Shots to be played, all from time 0 to `duration` [s] at one bat.
+
+    `efficiency` gives e_A for places [m], normal relative speeds [m/s] and numbers of shots, at
+    first contacts and later ones alike; the contact takes no time here.
+    """
+
+    start: ShotState
+    ball_mass: Array  # [kg]
+    ball_drag: Array  # κ [1/m]
+    ball_radius: float
+    bat: PivotedBat
+    efficiency: Callable[[Array, Array, Any], Array]
+    duration: float
+    gravity: float = 0.0
+    stop: StopSpec | None = None
+    frames: tuple[GateFrame, ...] = ()
+
+    @property
+    def shots(self) -> int:
+        return len(self.start.x)
+
+    def part(self, chosen: NDArray[np.int_]) -> Self:
+        """Return the scene of some shots."""
+        return replace(
+            self,
+            start=self.start.part(chosen),
+            ball_mass=self.ball_mass[chosen],
+            ball_drag=self.ball_drag[chosen],
+            efficiency=lambda place, speed, shot: self.efficiency(place, speed, chosen[shot]),
         )
-        return model.collide(scenes).collision_efficiency
-
-    return efficiency
-
-
-def _require(key: str, value: ArrayLike, good: ArrayLike, allowed: str) -> None:
-    bad = np.atleast_1d(value)[~np.atleast_1d(good)]
-    if len(bad):
-        raise InputError("motion", key, float(bad[0]), f"allowed: {allowed}")

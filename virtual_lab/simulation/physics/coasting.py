@@ -7,15 +7,12 @@ from math import ceil, log
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["coasting", "ringing", "slowed", "time_to_rest", "time_to_turn", "turned"]
+__all__ = ["coasting", "ringing"]
 
 Array = NDArray[np.float64]
 
 ORDER = 14
 ROUNDING = 1e-17
-TURNS = 12
-ROOTS, DOUBLE_WEIGHTS = np.polynomial.legendre.leggauss(10)
-NODES, WEIGHTS = (1 + ROOTS) / 2, DOUBLE_WEIGHTS / 2  # on 0 to 1
 
 
 def coasting(
@@ -69,75 +66,6 @@ def _shift(series: Array, by: Array) -> None:
     for first in range(last):
         for power in range(last - 1, first - 1, -1):
             series[power] += by * series[power + 1]
-
-
-def time_to_rest(rate: Array, *, constant: float, linear: float, quadratic: float) -> Array:
-    """Return when a bat of `rate` [rad/s], of either sense, comes to rest [s]; inf where never.
-
-    Friction as in `coast`. ∫ dω / (constant + linear ω + quadratic ω²) from 0 to the rate.
-    """
-    speed = np.abs(rate)
-    if constant == 0:
-        return np.where(speed == 0, 0.0, np.inf)
-    square = linear**2 - 4 * constant * quadratic
-    base = 2 * constant + linear * speed
-    reach = speed * np.sqrt(abs(square)) / base
-    whole = np.arctanh(reach) if square > 0 else np.arctan(reach)
-    share = np.where(reach > 0, whole / np.where(reach > 0, reach, 1.0), 1.0)
-    return np.asarray(2 * speed / base * share)
-
-
-def slowed(rate: Array, time: Array, *, constant: float, linear: float, quadratic: float) -> Array:
-    """Return the rate [rad/s] a `time` [s] after `rate`; friction as in `coast`, of either sense.
-
-    The solution of the Riccati equation in closed form; a bat that came to rest stays so.
-    """
-    if constant == linear == quadratic == 0 or not np.any(rate):
-        return np.asarray(rate + 0 * time)
-    friction = {"constant": constant, "linear": linear, "quadratic": quadratic}
-    rest = time_to_rest(rate, **friction)
-    left = _left(np.abs(rate), np.minimum(time, rest), **friction)
-    return np.asarray(np.sign(rate) * np.where(time < rest, left, 0.0))
-
-
-def turned(rate: Array, time: Array, *, constant: float, linear: float, quadratic: float) -> Array:
-    """Return the angle turned [rad] in `time` [s] from `rate`; friction as in `slowed`.
-
-    Gauss's rule with ten nodes on the closed form: to rounding while viscous and air torque
-    take no more than two thirds of the rate.
-    """
-    if constant == linear == quadratic == 0 or not np.any(rate):
-        return np.asarray(rate * time)
-    friction = {"constant": constant, "linear": linear, "quadratic": quadratic}
-    turning = np.minimum(time, time_to_rest(rate, **friction))
-    at_nodes = _left(np.abs(rate)[..., None], turning[..., None] * NODES, **friction)
-    return np.asarray(np.sign(rate) * turning * (at_nodes @ WEIGHTS))
-
-
-def time_to_turn(
-    rate: Array, way: Array, *, constant: float, linear: float, quadratic: float
-) -> Array:
-    """Return when a bat has turned `way` [rad], of the sense of its rate [s]; inf where never."""
-    friction = {"constant": constant, "linear": linear, "quadratic": quadratic}
-    rest = time_to_rest(rate, **friction)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        time = np.where(way == 0, 0.0, np.abs(way / rate))
-        for _ in range(TURNS):  # of Newton, from below: friction only slows
-            time = np.minimum(time, rest)
-            short = np.abs(way) - np.abs(turned(rate, time, **friction))
-            time = time + short / np.abs(slowed(rate, time, **friction))
-    return np.where(np.isfinite(time) & (time < rest), time, np.inf)
-
-
-def _left(speed: Array, time: Array, *, constant: float, linear: float, quadratic: float) -> Array:
-    """Return the speed [rad/s] left after times [s] up to that of rest."""
-    square = linear**2 - 4 * constant * quadratic
-    half = np.sqrt(abs(square)) / 2
-    way = time
-    if half > 0:
-        way = (np.tanh(half * time) if square > 0 else np.tan(half * time)) / half
-    left = speed * (1 - linear / 2 * way) - constant * way
-    return np.asarray(left / (1 + (linear / 2 + quadratic * speed) * way))
 
 
 def ringing(

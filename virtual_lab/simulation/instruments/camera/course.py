@@ -54,9 +54,11 @@ class Course:
         pressed = lasts * share * (1 - share) * (speed_in * (1 - share) + speed_out * share)
         way_in = distance_after(before, speed_in, -drag)
         way_out = distance_after(after, speed_out, drag)
-        x = pressed - way_in - way_out - of(flight.plane)
+        plane = np.where(after > 0, of(flight.parted_plane), of(flight.plane))
+        x = pressed - way_in - way_out - plane
         rise = of(flight.slope_in) * way_in + of(flight.slope_out) * way_out
-        z = of(flight.height) + rise - flight.gravity / 2 * (before**2 + after**2)
+        height = np.where(after > 0, of(flight.parted_height), of(flight.height))
+        z = height + rise - flight.gravity / 2 * (before**2 + after**2)
         return np.stack([x, self.along[shot], z], axis=1)
 
     def axes(self, shot: Shots, time: Array) -> tuple[Array, Array]:

@@ -1,0 +1,260 @@
+"""A cannon that fires at a held bat, and gates that time the ball: what the impact rigs share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.catalog.specs import Spec
+from virtual_lab.records import Record
+from virtual_lab.simulation.flights import FlownShots, RestingBat, Surroundings, flown
+from virtual_lab.simulation.impact import (
+    Blows,
+    blows_of,
+    contact_angle,
+    error_free,
+    scenes_of,
+    thrown_back,
+)
+from virtual_lab.simulation.instruments import (
+    Instrument,
+    InstrumentFactory,
+    calibration_of,
+    errors_of,
+)
+from virtual_lab.simulation.instruments.air import HallAir, HallAirSpec
+from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
+from virtual_lab.simulation.instruments.gravity import Gravity, GravitySpec
+from virtual_lab.simulation.instruments.passage import Passage
+from virtual_lab.simulation.motion.scene import FrameSpec, StopSpec
+from virtual_lab.simulation.physics.supports import Pinned
+from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen
+from virtual_lab.simulation.truth import TrueOutcome
+from virtual_lab.streams import Draws
+from virtual_lab.uncertainty.estimate import Estimate
+
+__all__ = [
+    "BallFlights",
+    "CannonRigSpec",
+    "CannonStation",
+    "RestingBatSpec",
+    "RestingBatStation",
+    "fitted",
+]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CannonRigSpec(Spec):
+    """Which instruments make up the rig."""
+
+    name: str
+    title: str
+    cannon: str
+    gates: str
+    air: str
+    gravity: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RestingBatSpec(CannonRigSpec):
+    """And what stands around its bat."""
+
+    frame: FrameSpec
+    stop: StopSpec
+
+
+def fitted(
+    spec: CannonRigSpec, factory: InstrumentFactory, name: str, gates: type[Any], sheet: type[Any]
+) -> dict[str, Any]:
+    """Return the instruments of a rig, drawn under its `name`, by the fields of its station."""
+    fit = factory.commission
+    return {
+        "cannon": fit(Cannon.commission, CannonSpec, spec.cannon, f"{name}.cannon"),
+        "gates": fit(gates.commission, sheet, spec.gates, f"{name}.gates"),
+        "air": fit(HallAir.commission, HallAirSpec, spec.air, "hall.air"),
+        "hall": fit(Gravity.commission, GravitySpec, spec.gravity, "hall.gravity"),
+        "ideal": factory.ideal,
+    }
+
+
+class BallGates(Instrument, Protocol):
+    """Gates of either kind."""
+
+    @property
+    def distances(self) -> Array: ...
+    @property
+    def clock(self) -> float: ...
+    @property
+    def watch(self) -> Callable[..., Record]: ...
+    def arrival(self, passage: Passage) -> Array: ...
+
+
+class BatHolder(Instrument, Protocol):
+    """What holds a bat."""
+
+    @property
+    def spec(self) -> Any: ...
+    @property
+    def from_knob(self) -> float: ...
+    @property
+    def height(self) -> float: ...
+
+
+class BallFlights(NamedTuple):
+    """What the balls of an order do, arrays (shot,)."""
+
+    flown: FlownShots
+    blows: Blows
+    tilt: Array  # of the line of centres to the line of fire [rad]
+    contact: Array  # when the ball meets the bat [s]
+    leaving: Array  # and leaves it
+    place: Array  # struck, from the barrel tip [m]
+    across: Array  # height of the ball above the bat's axis [m]
+    ball_restitution: Array
+
+    @property
+    def passage(self) -> Passage:
+        return self.flown.passage
+
+    @property
+    def efficiency(self) -> Array:
+        """e_A, NaN of a ball that did not come to the bat."""
+        return np.where(self.flown.met, self.blows.efficiency, np.nan)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CannonStation:
+    """The rig in one laboratory."""
+
+    name: ClassVar[str]  # under which it draws
+
+    holder: BatHolder
+    cannon: Cannon
+    gates: BallGates
+    air: HallAir
+    hall: Gravity
+    ideal: bool
+
+    def instruments(self) -> dict[str, Instrument]:
+        """Return what measures, by name."""
+        return {
+            "pivot": self.holder,
+            "cannon": self.cannon,
+            "gates": self.gates,
+            "air": self.air,
+            "hall": self.hall,
+        }
+
+    @property
+    def calibration(self) -> dict[str, Estimate]:
+        return calibration_of(self.instruments())
+
+    @property
+    def true_constants(self) -> dict[str, float]:
+        return errors_of(self.instruments())
+
+    @property
+    def gravity(self) -> float:
+        """That bends the flights [m/s²]."""
+        return self.hall.acceleration
+
+    def outcome(self, order: ShotPlan, specimen: Specimen) -> TrueOutcome:
+        """Return what an error-free test would find, on an axis exactly where it should be.
+
+        An ideal laboratory is to show algebra alone, and e_A knows the axis to 1e-5: there it is
+        that of the bat where it was surveyed to hang.
+        """
+        nominal = self.holder.spec.nominal_from_knob
+        hung = self.holder.from_knob if self.ideal else nominal
+        return error_free(order, specimen, Pinned(specimen.bat.body.length - hung), nominal)
+
+    def records(
+        self, passage: Passage, contact: Array, leaving: Array, order: ShotPlan, draws: Draws
+    ) -> dict[str, Record]:
+        """Return what log, gates and witness paper say of balls that fly."""
+        name, slots = self.name, order.slot
+        return {
+            "log": order.log(),
+            "gates": self.gates.watch(
+                passage, contact, leaving, draws, f"{name}.gates", slots, order.rung
+            ),
+            "aim": self.cannon.mark(draws, f"{name}.aim"),
+        }
+
+    def blows(
+        self, order: ShotPlan, specimen: Specimen, place: Array, speed: Array, e0: Array
+    ) -> Blows:
+        """Return the collisions at places [m] and normal relative speeds [m/s]."""
+        scenes = scenes_of(specimen, order.ball, place, speed, e0)
+        nominal = self.holder.spec.nominal_from_knob
+        return blows_of(specimen, order.rung, scenes, self.holder.from_knob, nominal)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RestingBatStation(CannonStation):
+    """One whose bat hangs at rest until it is struck."""
+
+    frame: FrameSpec
+    stop: StopSpec
+
+    def play(self, order: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
+        """Fire at the bat at rest and time the ball through every gate, both ways."""
+        return self.timed(self.fly(order, specimen, draws), order, draws)
+
+    def fly(self, order: ShotPlan, specimen: Specimen, draws: Draws) -> BallFlights:
+        """Fire at the bat at rest: return what the balls do."""
+        name, slots, balls, body = self.name, order.slot, specimen.balls, specimen.bat.body
+        launch = self.cannon.fire(order.speed, draws, f"{name}.launch", slots)
+        e0 = balls.draw_hits(order.ball, launch.speed, draws, f"{name}.hit", slots)
+        place = order.place + launch.along
+        across = launch.across - self.holder.height
+        tilt = contact_angle(specimen, place, across)
+        blows = self.blows(order, specimen, place, launch.speed * np.cos(tilt), e0)
+        back, up = thrown_back(blows.efficiency, tilt, launch.speed, 0.0)
+        mass = balls.mass[order.ball]
+        passage = Passage(
+            speed_in=launch.speed,
+            speed_out=back,
+            drag=self.air.drag(balls.spec.radius, mass),
+            radius=balls.spec.radius,
+            gravity=self.gravity,
+            height=launch.across,
+            slope_in=launch.slope,
+            slope_out=up,
+        )
+        axis = body.length - self.holder.from_knob
+        bat = RestingBat(body, axis, place, across, blows.efficiency, mass)
+        around = Surroundings(self.frame, self.stop, self.gates.distances)
+        shots = flown(passage, order, bat, around)
+        contact = self.gates.arrival(shots.passage)
+        return BallFlights(
+            flown=shots,
+            blows=blows,
+            tilt=tilt,
+            contact=contact,
+            leaving=contact + blows.contact_time + shots.late,
+            place=place,
+            across=across,
+            ball_restitution=e0,
+        )
+
+    def timed(self, fired: BallFlights, order: ShotPlan, draws: Draws) -> RigOutput:
+        """Write down what the gates see of balls that fly, and the truth of them."""
+        return RigOutput(
+            records=self.records(fired.passage, fired.contact, fired.leaving, order, draws),
+            truth={
+                "speed": fired.passage.speed_in,
+                "place": fired.place,
+                "across": fired.across,
+                "ball_restitution": fired.ball_restitution,
+                "collision_efficiency": fired.efficiency,
+                "rebound_speed": fired.passage.speed_out,
+                "contact_time": fired.blows.contact_time,
+            },
+        )
