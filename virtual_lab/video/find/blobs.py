@@ -164,9 +164,10 @@ def _outline(
         # a rim in shade takes the edge inward in light, a gamma does in grey values
         light = _softened(difference_of_light(part, behind))
         level = float(np.median(light[_disc(light.shape, x, y, 0.6 * short)]))
-        other = fit_outline(light, x, y, short, level, rounds=1)
+        other = fit_outline(light, x, y, (short + long) / 2, level, rounds=1)
         if other is not None and abs(other.short - short) < ALIKE * short:
-            spread = float(np.hypot(spread, (other.short - short) / 2))
+            # the edge lies between the two, nobody knows where
+            spread = float(np.hypot(spread, (other.short - short) / np.sqrt(12)))
             short, long = (short + other.short) / 2, (long + other.long) / 2
     ring = _disc(off.shape, x, y, 1.5 * long + 3) & ~_disc(off.shape, x, y, 1.25 * long + 1.5)
     core = _disc(off.shape, x, y, 0.6 * short)

@@ -44,7 +44,8 @@ HALF = 0.5  # of the ball's contrast: what has less is its shadow or mirror imag
 ROUNDS = 4
 APART = 0.6  # radii that two flights may miss each other by at a contact
 SMOOTH = 0.12  # radii, rms: a flight's places lie on its way
-SHARP = 0.04  # radii, likewise, where the acceleration is far from g
+SHARP = 0.04  # radii, likewise, where the acceleration is far from g; or, of a way that bends by
+CLEAN, DEEP = 0.015, 3.0  # so many radii, a share of its sag: no hand draws such a parabola
 READOUTS = (0.0, 0.25, 0.5, 0.75, 1.0)  # frames, tried
 GOOD = 0.015  # radii: a spread that no other readout need mend
 SURELY, LOOSELY = 4.0, 1.5  # factors of the misfit: to say so, and to tell which places belong
@@ -174,7 +175,7 @@ def meetings(flights: Sequence[Piece], fit: Fit) -> list[Meeting]:
                 first=k,
                 t=float(t[best]),
                 apart=float(apart[best]),
-                place=(before[best, :2] + after[best, :2]) / 2,
+                place=(fit.seen(k, t[best]) + fit.seen(k + 1, t[best]))[0] / 2,
                 before=before[best, 2:],
                 after=after[best, 2:],
             )
@@ -261,8 +262,9 @@ def _falls(scene: Scene, piece: Piece, pull: Array, u: Array, rms: float) -> boo
         down = float(np.arctan2(abs(pull[0]), pull[1]))
         if 0.5 < ratio < 2.0:
             return down < UPRIGHT
-        sure = len(piece.t) >= 2 * FEWEST and size > 8 * u[0] and rms < SHARP * piece.radius
-        return sure and down < UPRIGHT and bent > SAG * piece.radius
+        sharp = len(piece.t) >= 2 * FEWEST and rms < SHARP * piece.radius
+        sharp |= bent > DEEP * piece.radius and rms < CLEAN * bent
+        return sharp and size > 8 * u[0] and down < UPRIGHT and bent > SAG * piece.radius
     if bent < SAG * piece.radius:
         return True
     return float(np.arctan2(abs(pull[0]), pull[1])) < UPRIGHT

@@ -247,36 +247,35 @@ def _said(
     warnings = list(clip.warnings)
     step = _step(known, scene) * _thinned(ways)
     motion = motion_of(scene, found, ways, step)
-    scale = scale_of(watched, known, ways or found)
     flights: list[Flight] = []
     contacts: list[Contact] = []
-    fit = gravity = None
-    if ways and scale:
+    fit = square = scale = gravity = None
+    if ways:
         readout = readout_of(scene, ways)
-        plain = joined(scene, ways, readout=readout)
+        fit = joined(scene, ways, readout=readout)
         skewed = joined(scene, ways, readout=readout, tilted=True)
-        fit = plain
-        free = joined(scene, ways, readout=readout, drag=False, shared=False)
-        if (
-            skewed.cost < TILTED * plain.cost
-            and float(np.hypot(*skewed.tilt)) * _extent(ways) > TILTED_OFF
-        ):
+        turned = float(np.hypot(*skewed.tilt)) * _extent(ways)
+        if skewed.cost < TILTED * fit.cost and turned > TILTED_OFF:
+            fit, square = skewed, fit
             flags.append("TILTED")
             warnings.append(
-                "the acceleration changes over the picture as before a tilted camera: speeds are "
-                "those of the middle of the picture, and their u and the restitution's cover it"
+                "the acceleration changes over the picture as before a tilted camera: scale, "
+                "speeds and restitution are by a perspective that was fitted, and their u covers "
+                "what it changes"
             )
+    scale = scale_of(watched, known, ways or found, fit)
+    if fit and scale:
         if readout and scene.readout is None:
             flags.append("ROLLING_SHUTTER")
             warnings.append(
                 f"the shutter rolls: the flights fit a readout of about {readout:.2g} of a frame; "
                 "give --readout to say how long it is"
             )
-        tilted = skewed if "TILTED" in flags else None
-        contacts, said = contacts_of(scene, ways, fit, free, tilted, step)
+        free = joined(scene, ways, readout=readout, drag=False, shared=False, tilted=bool(square))
+        contacts, said = contacts_of(scene, ways, fit, free, square, step)
         flags += said[0]
         warnings += said[1]
-        flights = _flights(scene, ways, fit, free, tilted, contacts, scale, step)
+        flights = _flights(scene, ways, fit, free, square, contacts, scale, step)
         shared = from_fit(fit, partial(_pull, 0))
         shared = widened(shared, shared.value * scale.relative_u)
         unit = scale.metres_per_pixel / step**2
@@ -338,26 +337,37 @@ def _extent(ways: Sequence[Piece]) -> float:
     return float(np.ptp(together, axis=0).max())
 
 
-def scale_of(watched: Watched, known: Known, ways: Sequence[Piece]) -> Scale | None:
+def scale_of(
+    watched: Watched, known: Known, ways: Sequence[Piece], fit: Fit | None
+) -> Scale | None:
     """Return the scale: given, or by the ball's size in the pictures that blur it least."""
     if known.metres_per_pixel:
         relative = known.metres_per_pixel_u / known.metres_per_pixel
         return Scale(metres_per_pixel=known.metres_per_pixel, relative_u=relative, source="given")
     if not known.ball or not ways:
         return None
-    radius, radius_u = size_of(watched, np.concatenate([each.blobs for each in ways]))
+    radius, radius_u = size_of(watched, np.concatenate([each.blobs for each in ways]), fit)
     relative = float(np.hypot(known.ball_u / known.ball, radius_u / radius))
     return Scale(metres_per_pixel=known.ball / (2 * radius), relative_u=relative, source="ball")
 
 
-def size_of(watched: Watched, blobs: NDArray[np.intp]) -> tuple[float, float]:
-    """Return the radius of a ball and its u [pixels] by its roundest pictures."""
+def size_of(watched: Watched, blobs: NDArray[np.intp], fit: Fit | None) -> tuple[float, float]:
+    """Return the radius of a ball and its u [pixels] by its roundest pictures.
+
+    Blur draws an outline out by as much as it narrows it at half of the contrast, or little more,
+    and so does shading: the mean of the axes is not biased. A perspective makes balls larger or
+    smaller than in the middle of the picture, where the scale is told.
+    """
     some = watched.found[blobs[blobs >= 0]]
     ratio = some["length"] / some["radius"]
-    round_ = some[ratio <= np.quantile(ratio, ROUNDEST)]
-    radius = float(np.median(round_["radius"]))
-    scatter = 1.4826 * float(np.median(np.abs(some["radius"] - np.median(some["radius"]))))
-    edge = float(np.median(round_["radius_u"]))
+    size = (some["radius"] + some["length"]) / 2
+    if fit:
+        off = np.stack([some["x"], some["y"]], axis=1) - fit.centre
+        size = size / (1 - off @ fit.tilt)
+    least = ratio <= np.quantile(ratio, ROUNDEST)
+    radius = float(np.median(size[least]))
+    scatter = 1.4826 * float(np.median(np.abs(size - np.median(size))))
+    edge = float(np.median(some["radius_u"][least]))
     return radius, float(np.hypot(edge, 0.5 * scatter))
 
 
@@ -366,19 +376,20 @@ def _flights(
     ways: list[Piece],
     fit: Fit,
     free: Fit,
-    skewed: Fit | None,
+    square: Fit | None,
     contacts: list[Contact],
     scale: Scale,
     step: float,
 ) -> list[Flight]:
-    own = joined(scene, ways, readout=fit.readout, shared=False)
+    tilted = square is not None
+    own = joined(scene, ways, readout=fit.readout, shared=False, tilted=tilted)
     unit = scale.metres_per_pixel / step
     before = {each.after: each.t for each in contacts}
     after = {each.before: each.t for each in contacts}
     rolled = others = None
     if scene.readout is None:
-        rolled = joined(scene, ways, readout=1.0)
-        others = joined(scene, ways, readout=1.0, shared=False)
+        rolled = joined(scene, ways, readout=1.0, tilted=tilted)
+        others = joined(scene, ways, readout=1.0, shared=False, tilted=tilted)
     found = []
     for k, way in enumerate(ways):
         ends = (before.get(k, float(way.t[0])), after.get(k, float(way.t[-1])))
@@ -387,8 +398,8 @@ def _flights(
             moment = t + fit.readout * float(np.median(scene.late(way.blobs))) if fit.readout else t
             said = from_fit(fit, partial(_speed, k, moment))
             more = [BEHIND * (said.value - _speed(k, moment, free))]
-            if skewed is not None:
-                more.append(said.value - _speed(k, moment, skewed))
+            if square is not None:
+                more.append(said.value - _speed(k, moment, square))
             if rolled is not None:
                 late = moment + float(np.median(scene.late(way.blobs)))
                 other = _speed(k, late, rolled)
@@ -400,8 +411,6 @@ def _flights(
         off = [pull.value * scale.relative_u]
         if others is not None:
             off.append((pull.value - _pull(k, others)) / np.sqrt(3))
-        if skewed is not None:
-            off.append(pull.value - _pull(k, fit))
         pull = widened(pull, *off)
         found.append(
             Flight(
