@@ -13,10 +13,10 @@ from tests.video.stitched import LENS, Array, Scene, scene
 from virtual_lab.errors import InputError
 from virtual_lab.video.locate import edge_sums as at
 from virtual_lab.video.locate.edge_fit import EdgeFit, fit_edge
+from virtual_lab.video.locate.edge_kernel import covered
 from virtual_lab.video.locate.located import Flag, Located
 from virtual_lab.video.locate.noise import Noise
 from virtual_lab.video.locate.pixels import View
-from virtual_lab.video.locate.rim_cover import covered
 from virtual_lab.video.locate.rim_profiles import FIRST, PER, blurred_profiles
 
 

@@ -2,8 +2,9 @@
 
 A ball is lit from one side, so that half of its greatest contrast lies inside its darker rim; each
 ray therefore has a level of its own, and where its edge is sharp the level goes on to the rim as it
-falls or rises inside: a lamp leaves the rim of a light ball so dark that the half lies 3 % inside. The edges are joined by a circle that is shifted and drawn
-out (blur), robustly: rays that meet something else do not count.
+falls or rises inside: a lamp leaves the rim of a light ball so dark that the half lies 3 % inside.
+The edges are joined by a circle that is shifted and drawn out (blur), robustly: rays that meet
+something else do not count.
 """
 
 from __future__ import annotations
@@ -113,9 +114,7 @@ def fit_outline(
     return Outline(float(x), float(y), radius - drawn, radius + drawn, ROUNDED * abs(width))
 
 
-def _crossing(
-    level: Array, along: Array, share: Array | float
-) -> tuple[Array, NDArray[np.bool_]]:
+def _crossing(level: Array, along: Array, share: Array | float) -> tuple[Array, NDArray[np.bool_]]:
     """Return where rays first fall below a share on the way out, and whether they do."""
     share = np.broadcast_to(share, len(level))
     middle = int(np.searchsorted(along, 0.6 * along[-1] / REACH))

@@ -45,16 +45,19 @@ def _factor(a: Floats) -> bool:
 
 
 @njit(**OPTIONS)
-def _down(low: Floats, b: Floats) -> None:
-    """Solve low x = b in place; b is (n, columns)."""
+def _down(low: Floats, b: Floats, first: int) -> None:
+    """Solve low x = b in place; b is (n, columns), those from the first on.
+
+    No slices are passed: numba would compile everything once more for them.
+    """
     n, columns = b.shape
     for i in range(n):
         for k in range(i):
             part = low[i, k]
-            for c in range(columns):
+            for c in range(first, columns):
                 b[i, c] -= part * b[k, c]
         whole = 1.0 / low[i, i]
-        for c in range(columns):
+        for c in range(first, columns):
             b[i, c] *= whole
 
 
@@ -70,9 +73,9 @@ def _up(low: Floats, b: Floats) -> None:
 
 @njit(**OPTIONS)
 def _take(a: Floats, b: Floats, out: Floats) -> None:
-    """Subtract a^T b from out."""
+    """Subtract a^T b from out, of a as many columns as out has rows."""
     for k in range(a.shape[0]):
-        for i in range(a.shape[1]):
+        for i in range(out.shape[0]):
             part = a[k, i]
             for j in range(b.shape[1]):
                 out[i, j] -= part * b[k, j]
@@ -101,15 +104,15 @@ def eliminate(blocks: Floats, links: Floats, border: Floats, shared: Floats) -> 
     for k in range(last):
         if not _factor(blocks[k]):
             return False
-        _down(blocks[k], border[k])
+        _down(blocks[k], border[k], 0)
         if k < last - 1:
-            _down(blocks[k], links[k])
+            _down(blocks[k], links[k], 0)
             _take(links[k], links[k], blocks[k + 1])
             _take(links[k], border[k], border[k + 1])
-        _take(border[k, :, : n + m], border[k], shared)
-    if not _factor(shared[:, : n + m]):
+        _take(border[k], border[k], shared)
+    if not _factor(shared):
         return False
-    _down(shared[:, : n + m], shared[:, n + m :])
+    _down(shared, shared, n + m)
     return True
 
 
@@ -126,13 +129,15 @@ def substitute(
     total = shared.shape[0]
     whole = np.zeros((total, 1))
     if right < 0:
-        copy_into(shared[:, total], whole[:, 0])
+        for i in range(total):
+            whole[i, 0] = shared[i, total]
     else:
         whole[n + right, 0] = 1.0
-        _down(shared[:, :total], whole)
-    end = whole[:, 0].copy()
-    _up(shared[:, :total], end)
-    copy_into(end[:n], ring[count - 1])
+        _down(shared, whole, 0)
+    end = whole.copy().reshape(total)
+    _up(shared, end)
+    for i in range(n):
+        ring[count - 1, i] = end[i]
     for k in range(count - 2, -1, -1):
         for i in range(n):
             value = border[k, i, total] if right < 0 else 0.0

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -36,8 +38,8 @@ class Pictures:
     film: list[int]
 
 
-def pictures_of(course: Course) -> Pictures:
-    """Return the frames that sheet and film show: read once, in order."""
+def pictures_of(course: Course, thumbs: Mapping[int, Image]) -> Pictures:
+    """Return the frames that sheet and film show, out of small JPEGs; others are read."""
     import cv2
 
     sheet, film = _for_sheet(course), _spread(len(course.frames), FRAMES)
@@ -48,9 +50,12 @@ def pictures_of(course: Course) -> Pictures:
     darkest, brightest = _range(course)
     size = (max(1, round(columns * scale)), max(1, round(rows * scale)))
     way = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    kept = [int(each) for each in wanted if each in thumbs]
+    small = {k: np.asarray(cv2.imdecode(thumbs[k], cv2.IMREAD_UNCHANGED)) for k in kept}
+    left = np.array([each for each in wanted if each not in small], np.intp)
     frames = {
         number: _resized(_shown(frame, darkest, brightest), size, way)
-        for number, frame in course.clip.chosen(wanted, colour=True)
+        for number, frame in chain(small.items(), course.clip.chosen(left, colour=True))
     }
     return Pictures(frames=frames, scale=float(scale), sheet=sheet, film=film)
 

@@ -85,7 +85,7 @@ class TrackedClip:
         from virtual_lab.video.show.track_plot import draw_track
 
         self.progress("drawing")
-        pictures = pictures_of(self.course)
+        pictures = pictures_of(self.course, self.followed.watched.thumbs)
         with new_folder(folder) as draft:
             write_table(self.course, draft / "track.csv")
             text = json.dumps(self.document, indent=2, allow_nan=False)
@@ -129,6 +129,8 @@ def track_clip(
     found = replace(found, warnings=(*found.warnings, *notes))
     if _wants_sharp(asked, found, watched):
         return _sharp(found, calibration, progress)
+    # samples of a large clip take 50 MB, and have told what they can but how dark a picture is
+    found = replace(found, clip=replace(clip, samples=clip.samples[:2].copy()))
     return TrackedClip(
         followed=found,
         course=course_of_followed(found),

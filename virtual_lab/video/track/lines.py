@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from virtual_lab.relations.flight import distance_after
 
@@ -151,5 +150,7 @@ def _pattern(
     if excess <= pattern_u**2:
         return np.asarray(power * worst)
     # told by few residuals, and by nothing else
+    from scipy.special import stdtrit
+
     wide = (float(stdtrit(2 * spare, 0.975)) / NORMAL_95) ** 2
     return np.asarray(wide * (noise + power * worst) - noise)

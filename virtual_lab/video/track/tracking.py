@@ -149,7 +149,7 @@ def sharpened(
     background = _bare(found)
     frames = ball["frame"].astype(np.intp)
     start, exposure = starts(clip, background, ball, calibration.exposure_s)
-    progress(f"locating the ball in {len(frames)} frames")
+    progress(f"locating the ball in {len(frames)} frames (its loops are compiled at the first use)")
     located = locate_in(clip, frames, background, start, locator)
     spotted = Spotted(
         clip=clip, frames=frames, start=start, exposure=exposure, background=background
