@@ -52,12 +52,12 @@ def calibrate(
     from virtual_lab.relations.board import board_of, length_of
     from virtual_lab.video.calibration.calibrating import Plan
     from virtual_lab.video.calibration.calibrating import calibrate as run
-    from virtual_lab.video.clips.pictures import read_pictures
-    from virtual_lab.video.show.calibration_plot import draw_calibration
-    from virtual_lab.video.show.calibration_text import (
+    from virtual_lab.video.clips.reading import read_pictures
+    from virtual_lab.video.show.calibration import (
         calibration_document,
         calibration_text,
         calibration_toml,
+        draw_calibration,
     )
 
     drawing = out.with_suffix(".png")

@@ -8,8 +8,7 @@ import numpy as np
 
 from virtual_lab.fidelity.camera_map import FLAGGED, GOOD, INACCURATE, UNSAID
 from virtual_lab.streams import Streams
-from virtual_lab.video.track.legs import Places, split
-from virtual_lab.video.track.lines import Air
+from virtual_lab.video.track.legs import Air, Places, split
 
 __all__ = ["DROPPED", "METHOD", "dropped_frames"]
 

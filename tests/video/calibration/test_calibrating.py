@@ -31,7 +31,7 @@ from virtual_lab.video.calibration.calibrating import (
 )
 from virtual_lab.video.calibration.plane import plane_of
 from virtual_lab.video.clips.calibration_file import read_calibration
-from virtual_lab.video.show.calibration_text import calibration_toml
+from virtual_lab.video.show.calibration import calibration_toml
 
 BOARD = board_of("charuco:14x9:40mm:30mm")
 SMALL = board_of("charuco:9x6:60mm:44mm")

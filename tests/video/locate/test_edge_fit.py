@@ -14,9 +14,9 @@ from virtual_lab.errors import InputError
 from virtual_lab.video.locate import edge_sums as at
 from virtual_lab.video.locate.edge_fit import EdgeFit, fit_edge
 from virtual_lab.video.locate.edge_kernel import covered
+from virtual_lab.video.locate.edge_sums import View
 from virtual_lab.video.locate.located import Flag, Located
 from virtual_lab.video.locate.noise import Noise
-from virtual_lab.video.locate.pixels import View
 from virtual_lab.video.locate.rim_profiles import FIRST, PER, blurred_profiles
 
 
@@ -210,7 +210,7 @@ def test_tables_have_closed_forms() -> None:
 
 def test_the_ring_is_solved_as_a_whole_matrix_is() -> None:
     """Solution and inverse against numpy's, of a random system of the same shape."""
-    from virtual_lab.video.locate.ring_solver import eliminate, substitute
+    from virtual_lab.video.locate.edge_kernel import eliminate, substitute
 
     random = np.random.default_rng(4)
     count, n, m = 6, 3, 4

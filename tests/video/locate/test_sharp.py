@@ -14,11 +14,9 @@ from virtual_lab.simulation.instruments.camera.film import whole_frames
 from virtual_lab.simulation.instruments.camera.shots import take
 from virtual_lab.streams import Streams
 from virtual_lab.video.clips.calibration_file import CameraModel, ClipCalibration
-from virtual_lab.video.locate.limb import on_the_limb
+from virtual_lab.video.locate.located import Regions
 from virtual_lab.video.locate.noise import Noise
-from virtual_lab.video.locate.regions import Regions
-from virtual_lab.video.locate.seeing import lens_of, noise_of_ball
-from virtual_lab.video.locate.sharp import Sharp, place
+from virtual_lab.video.locate.sharp import Sharp, lens_of, noise_of_ball, on_the_limb, place
 from virtual_lab.video.track.speeds import speeds
 from virtual_lab.video.track.tracking import track
 
@@ -174,7 +172,7 @@ def test_a_shadow_needs_no_pattern() -> None:
 
 def test_noise_has_what_the_clip_gives() -> None:
     """A clip of one frame has no noise to measure; a figure stands in."""
-    from virtual_lab.video.locate.seeing import noise_of_clip
+    from virtual_lab.video.locate.sharp import noise_of_clip
 
     class Short:
         samples = np.full((1, 8, 8), 40, np.uint8)

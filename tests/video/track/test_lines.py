@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from virtual_lab.video.track.lines import Air, fit_flight
+from virtual_lab.video.track.legs import Air, fit_flight
 
 Array = NDArray[np.float64]
 RATE = 5000.0

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from virtual_lab.errors import InputError
 from virtual_lab.records import ClipRecord, TrackRecord
 from virtual_lab.uncertainty.estimate import Estimate
-from virtual_lab.video.locate.located import Flag, Located
+from virtual_lab.video.locate.located import Flag, Located, Regions
 from virtual_lab.video.locate.noise import ROUNDING, Noise
-from virtual_lab.video.locate.regions import Regions
 from virtual_lab.video.locate.sharp import place
 
 __all__ = ["Sightings", "sight"]

@@ -99,7 +99,7 @@ def fit_edge(
     """
     from virtual_lab.video.locate import edge_kernel as kernel
     from virtual_lab.video.locate import edge_sums as at
-    from virtual_lab.video.locate.pixels import View
+    from virtual_lab.video.locate.edge_sums import View
     from virtual_lab.video.locate.rim_profiles import blurred_profiles
 
     pixels, behind = _checked(regions, corners, start, background)

@@ -27,8 +27,7 @@ from virtual_lab.video.clips.options import (
 )
 from virtual_lab.video.find.watching import Watched, watch
 from virtual_lab.video.follow.correction import read_track
-from virtual_lab.video.follow.document import followed_document
-from virtual_lab.video.follow.following import Followed, Known, following
+from virtual_lab.video.follow.following import Followed, Known, followed_document, following
 from virtual_lab.video.locate.sharp import Sharp
 from virtual_lab.video.show.course import (
     Course,
@@ -81,8 +80,12 @@ class TrackedClip:
         Raises `InputError` where the folder is not empty or cannot be written.
         """
         from virtual_lab.video.show.bat_plot import draw_bat, write_bat_table
-        from virtual_lab.video.show.track_film import pictures_of, write_film, write_sheet
-        from virtual_lab.video.show.track_plot import draw_track
+        from virtual_lab.video.show.pictures import (
+            draw_track,
+            pictures_of,
+            write_film,
+            write_sheet,
+        )
 
         self.progress("drawing")
         pictures = pictures_of(self.course, self.followed.watched.thumbs)

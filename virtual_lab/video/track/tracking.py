@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -12,29 +12,29 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.video.calibration.plane import Plane, distance_of, plane_of
-from virtual_lab.video.clips.background import Image, middle_of, uncovered_mean
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import Clip, open_clip
 from virtual_lab.video.clips.reading import Frame
 from virtual_lab.video.clips.timing import usual_step
 from virtual_lab.video.follow.following import GRAVITY, Followed, Known, follow
 from virtual_lab.video.follow.pieces import GAP, Piece
-from virtual_lab.video.locate.located import Flag, Located, part_of
-from virtual_lab.video.locate.regions import Locator, Regions, squares
-from virtual_lab.video.track.legs import Legs, Places, split
-from virtual_lab.video.track.lines import Air
-from virtual_lab.video.track.starting import starts
+from virtual_lab.video.locate.located import Flag, Located, Locator, Regions, part_of, squares
+from virtual_lab.video.track.legs import Air, Legs, Places, split
 
 __all__ = [
     "AT_ONCE",
+    "Image",
     "Spotted",
     "Tracked",
     "expected_radius",
     "followed",
     "known_of",
     "locate_in",
+    "middle_of",
     "sharpened",
+    "starts",
     "track",
+    "uncovered_mean",
 ]
 
 Array = NDArray[np.float64]
@@ -47,6 +47,17 @@ ALIKE = 1.35  # ratio of the radii of one ball's pieces
 NEAR_SIZE = 1.45  # ratio to the radius expected: what is farther off is not the ball
 REACH = 1.5  # steps that a ball moves at most from where it was before
 USELESS = Flag.NOT_FOUND | Flag.CLIPPED | Flag.OVERLAP | Flag.POOR_FIT
+
+
+TRIED = 8  # frames from which an exposure is read
+FAINT = 0.1  # of the ball's brightness: less is noise
+ROUGH = 0.5  # pixels, standard uncertainty of a spot's place
+
+
+Image = NDArray[np.float32]
+
+ROWS = 64  # at a time: a sorted stack of whole frames would need the memory of them all
+ENOUGH = 3  # frames that must show a pixel's background for their mean to be taken
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -309,3 +320,122 @@ def _bare(found: Followed) -> Image:
         covered.append(list(zip(some["picture_x"], some["picture_y"], reach, strict=True)))
     samples = clip.grey_samples()
     return uncovered_mean(samples, middle_of(samples), covered)
+
+
+def starts(
+    clip: Clip, background: Image, found: NDArray[np.void], exposure: float | None
+) -> tuple[Located, float]:
+    """Return where to start in each frame, and the exposure [s], read off the blur if unknown.
+
+    Parameters
+    ----------
+    found
+        The ball's blob in each frame that shows it, an array of `find.blobs.BLOB`.
+    """
+    frames = found["frame"].astype(np.intp)
+    t = clip.times[frames]
+    places = np.stack([found["picture_x"], found["picture_y"]], axis=1)
+    whole = found[~found["cut"]] if not found["cut"].all() else found
+    rough = Places(
+        t=t, places=places, u=np.full(len(t), ROUGH), pattern_u=0.0, exposure=exposure or 0.0
+    )
+    legs = split(rough, Air(), stamped=False)
+    velocity = np.tile(legs.flight_in.velocity, (len(t), 1))
+    if legs.flight_out:
+        velocity[t > legs.flight_out.time] = legs.flight_out.velocity
+    unknown, zero = np.full(len(t), np.nan), np.zeros(len(t))
+    start = Located(
+        x=places[:, 0],
+        y=places[:, 1],
+        radius=np.full(len(t), float(np.median(whole["radius"]))),
+        x_u=unknown,
+        y_u=unknown,
+        blur_x=zero,
+        blur_y=zero,
+        chi_square=unknown,
+        flags=np.zeros(len(t), np.uint16),
+    )
+    if exposure is None:
+        exposure = _exposure(clip, background, start, frames, velocity)
+    return replace(
+        start, blur_x=velocity[:, 0] * exposure, blur_y=velocity[:, 1] * exposure
+    ), exposure
+
+
+def _exposure(
+    clip: Clip, background: Image, start: Located, frames: NDArray[np.intp], velocity: Array
+) -> float:
+    """Return the exposure that makes the ball as long as it is [s], a frame's at most.
+
+    The matte of a blurred disc has L²/12 more variance along the blur L than across it.
+    """
+    speed = np.hypot(*velocity.T)
+    rows, columns = background.shape
+    reach = 1.6 * start.radius + 4
+    inside = (start.x > reach) & (start.x < columns - reach)
+    inside &= (start.y > reach) & (start.y < rows - reach)
+    fast = np.flatnonzero(inside & (speed > 0.5 * speed.max()))
+    if not fast.size:
+        return 0.0
+    tried = fast[np.unique(np.linspace(0, fast.size - 1, min(fast.size, TRIED)).astype(int))]
+    squares = []
+    for k, (_, frame) in zip(tried, clip.chosen(frames[tried]), strict=True):
+        squares.append(12 * _longer(frame, background, start, int(k), velocity[k] / speed[k]))
+    squared = float(np.median(squares)) / float(np.mean(speed[tried] ** 2))
+    step = float(np.median(np.diff(clip.times)))
+    return min(float(np.sqrt(max(squared, 0.0))), step)
+
+
+def _longer(frame: Frame, background: Image, start: Located, k: int, along: Array) -> float:
+    """Return the variance of a ball's matte along a direction, less that across it [pixels²]."""
+    x, y, radius = float(start.x[k]), float(start.y[k]), float(start.radius[k])
+    reach = 1.6 * radius + 4
+    place = np.s_[int(y - reach) : int(y + reach) + 1, int(x - reach) : int(x + reach) + 1]
+    rows, columns = np.mgrid[place]
+    away = np.hypot(columns - x, rows - y)
+    off = frame[place] - background[place]
+    light = float(np.median(off[away < 0.5 * radius]))
+    share = np.clip(np.where(away < reach, off / light, 0.0), 0.0, 1.0) if light else off * 0.0
+    share[share < FAINT] = 0.0
+    total = max(float(share.sum()), 1.0)
+    mean_x, mean_y = (share * columns).sum() / total, (share * rows).sum() / total
+    u = (columns - mean_x) * along[0] + (rows - mean_y) * along[1]
+    w = (rows - mean_y) * along[0] - (columns - mean_x) * along[1]
+    return float((share * (u**2 - w**2)).sum() / total)
+
+
+def middle_of(samples: Frame) -> Image:
+    """Return the median of samples, (row, column)."""
+    tops = range(0, samples.shape[1], ROWS)
+    blocks = [np.median(samples[:, top : top + ROWS], axis=0) for top in tops]
+    return np.concatenate(blocks).astype(np.float32)
+
+
+def uncovered_mean(
+    samples: Frame, first: Image, covered: Iterable[list[tuple[float, float, float]]]
+) -> Image:
+    """Return the mean of the samples where the ball did not cover them.
+
+    Parameters
+    ----------
+    samples
+        (sample, row, column).
+    first
+        What is taken where fewer than three samples show the background.
+    covered
+        x, y and reach [pixels] of what moves in each sample.
+    """
+    total = np.zeros(first.shape, np.float32)
+    count = np.zeros(first.shape, np.float32)
+    for sample, spots in zip(samples, covered, strict=True):
+        free = np.ones(first.shape, bool)
+        for x, y, reach in spots:
+            top, left = max(0, int(y - reach)), max(0, int(x - reach))
+            rows, columns = np.ogrid[
+                top : min(first.shape[0], int(y + reach) + 2),
+                left : min(first.shape[1], int(x + reach) + 2),
+            ]
+            free[rows, columns] &= np.hypot(columns - x, rows - y) > reach
+        total += np.where(free, sample, 0)
+        count += free
+    return np.where(count >= ENOUGH, total / np.maximum(count, 1), first).astype(np.float32)
