@@ -50,8 +50,7 @@ def calibrate(
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")  # its faults are told as ours
     from virtual_lab.files import new_files
     from virtual_lab.relations.board import board_of, length_of
-    from virtual_lab.video.calibration.calibrating import Plan
-    from virtual_lab.video.calibration.calibrating import calibrate as run
+    from virtual_lab.video.calibration.calibrating import Plan, calibrate_camera
     from virtual_lab.video.clips.reading import read_pictures
     from virtual_lab.video.show.calibration import (
         calibration_document,
@@ -76,7 +75,7 @@ def calibrate(
     )
     say = teller()
     say("looking for the board")
-    found = run(read_pictures(pictures), plan)
+    found = calibrate_camera(read_pictures(pictures), plan)
     with new_files(out.parent) as draft:
         draw_calibration(found, draft / drawing.name)
         (draft / out.name).write_text(calibration_toml(found), encoding="utf-8")

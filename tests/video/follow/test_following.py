@@ -12,18 +12,18 @@ import pytest
 from tests.video.follow.twins import require_contacts, require_flights, run
 from tests.video.scenery.scene import Made
 from tests.video.scenery.scenes import SCENES
-from virtual_lab.video.follow.following import Followed, following
+from virtual_lab.video.follow.following import FollowedClip, following
 
-Get = Callable[[str], tuple[Made, Followed]]
+Get = Callable[[str], tuple[Made, FollowedClip]]
 SHORTER = {"carried": 45, "empty": 25, "pendulum": 75}  # exposures
 
 
 @pytest.fixture(scope="module")
 def followed(tmp_path_factory: pytest.TempPathFactory) -> Get:
     """Return what films a scene and follows it, once."""
-    done: dict[str, tuple[Made, Followed]] = {}
+    done: dict[str, tuple[Made, FollowedClip]] = {}
 
-    def get(name: str) -> tuple[Made, Followed]:
+    def get(name: str) -> tuple[Made, FollowedClip]:
         if name not in done:
             scene = replace(SCENES[name], count=SHORTER.get(name, SCENES[name].count))
             done[name] = run(scene, tmp_path_factory.mktemp(name))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.video.bat.angles import BatAngles, Recoil, bat_angles, recoil_of
-from virtual_lab.video.bat.outline import Outline, find_outline
+from virtual_lab.video.bat.outline import BatEdges, find_outline
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.track.tracking import Tracked
 
@@ -28,7 +28,7 @@ class BatFound:
     """A bat in a clip; arrays over all its frames."""
 
     times: Array  # (frame,) [s]
-    outline: Outline  # at rest
+    outline: BatEdges  # at rest
     angles: BatAngles
 
 

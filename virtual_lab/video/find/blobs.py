@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from virtual_lab.video.find.drift import middle
 from virtual_lab.video.find.still import Image, Still, difference_of, difference_of_light
 
-__all__ = ["BLOB", "Blobs", "Outline", "blobs", "fit_outline"]
+__all__ = ["BLOB", "BlobOutline", "Blobs", "blobs", "fit_outline"]
 
 
 RAYS = 48
@@ -81,7 +81,7 @@ BLOB = np.dtype(
 )
 
 
-class Outline(NamedTuple):
+class BlobOutline(NamedTuple):
     """A ball's outline in a region [pixels]."""
 
     x: float
@@ -98,7 +98,7 @@ def fit_outline(
     radius: float,
     contrast: float,
     rounds: int = ROUNDS,
-) -> Outline | None:
+) -> BlobOutline | None:
     """Return the outline of a blob, None where too few rays show an edge.
 
     Parameters
@@ -147,7 +147,7 @@ def fit_outline(
     drawn = float(np.hypot(fitted[3], fitted[4]))
     if drawn > 0.6 * radius:
         return None
-    return Outline(float(x), float(y), radius - drawn, radius + drawn, ROUNDED * abs(width))
+    return BlobOutline(float(x), float(y), radius - drawn, radius + drawn, ROUNDED * abs(width))
 
 
 def _crossing(level: Array, along: Array, share: Array | float) -> tuple[Array, NDArray[np.bool_]]:

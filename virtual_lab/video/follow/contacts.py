@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.units import DEGREE
-from virtual_lab.video.follow.flights import SAG, SIDE, Scene, meetings
+from virtual_lab.video.follow.flights import SAG, SIDE, FlightScene, meetings
 from virtual_lab.video.follow.joint import Fit
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.said import Said, from_fit, widened
@@ -40,7 +40,7 @@ class Contact:
 
 
 def contacts_of(
-    scene: Scene, ways: list[Piece], fit: Fit, free: Fit, square: Fit | None, step: float
+    scene: FlightScene, ways: list[Piece], fit: Fit, free: Fit, square: Fit | None, step: float
 ) -> tuple[list[Contact], tuple[list[str], list[str]]]:
     """Return the contacts, and flags and sentences about them.
 
@@ -89,7 +89,7 @@ def contacts_of(
     return found, (flags, warnings)
 
 
-def _frame(scene: Scene, one: Piece, other: Piece, t: float) -> float:
+def _frame(scene: FlightScene, one: Piece, other: Piece, t: float) -> float:
     """Return the frame of a time between two flights, between stored ones; repeats do not count."""
     between = np.arange(one.frames[-1], other.frames[0] + 1)
     between = between[np.isfinite(scene.time[between])]

@@ -15,17 +15,17 @@ from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.timing import UNEVEN, usual_step
 from virtual_lab.video.find.watching import Watched, repeats, watch
 from virtual_lab.video.follow.contacts import Contact, contacts_of
-from virtual_lab.video.follow.flights import Scene, beside, flights_of, joined, readout_of
+from virtual_lab.video.follow.flights import FlightScene, beside, flights_of, joint_fit, readout_of
 from virtual_lab.video.follow.joint import Fit
-from virtual_lab.video.follow.kinds import Motion, motion_of
+from virtual_lab.video.follow.kinds import MotionKind, motion_of
 from virtual_lab.video.follow.pieces import Piece, pieces
 from virtual_lab.video.follow.said import Said, from_fit, or_none, widened
 
 __all__ = [
-    "Flight",
-    "Followed",
+    "FlightSeen",
+    "FollowedClip",
     "Known",
-    "Scale",
+    "PixelScale",
     "contact_document",
     "flight_document",
     "follow",
@@ -71,7 +71,7 @@ class Known:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scale:
+class PixelScale:
     """Metres of a pixel in the plane of the ball, with the relative u of it."""
 
     metres_per_pixel: float
@@ -80,7 +80,7 @@ class Scale:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Flight:
+class FlightSeen:
     """A flight in metres and seconds."""
 
     first_frame: int
@@ -98,20 +98,20 @@ class Flight:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Followed:
+class FollowedClip:
     """What was followed through a clip."""
 
     clip: Clip
     watched: Watched
     known: Known
-    scene: Scene
+    scene: FlightScene
     pieces: list[Piece]
     ways: list[Piece]  # of the flights
     fit: Fit | None
-    flights: list[Flight]
+    flights: list[FlightSeen]
     contacts: list[Contact]
-    motion: Motion
-    scale: Scale | None
+    motion: MotionKind
+    scale: PixelScale | None
     gravity: Said | None  # that the flights share [m/s²]
     repeated: Mask  # (frame,)
     flags: tuple[str, ...] = ()
@@ -125,7 +125,7 @@ class Followed:
 
 def follow(
     clip: Clip, known: Known, *, progress: Callable[[str], None] = lambda _: None
-) -> Followed:
+) -> FollowedClip:
     """Return what moves in a clip and how."""
     progress("looking for the ball")
     watched = watch(
@@ -140,7 +140,7 @@ def follow(
 
 def following(
     clip: Clip, watched: Watched, known: Known, given: Sequence[Piece] | None = None
-) -> Followed:
+) -> FollowedClip:
     """Return the same of a clip that was watched; `given`: ways corrected by hand."""
     same = repeats(watched.change)
     tries = [_flown(clip, watched, known, same, given, squeezed=False)]
@@ -159,7 +159,7 @@ def _flown(
     given: Sequence[Piece] | None,
     *,
     squeezed: bool,
-) -> tuple[Scene, list[Piece], list[Piece]]:
+) -> tuple[FlightScene, list[Piece], list[Piece]]:
     """Return the scene, all pieces and the flights; squeezed: a repeat takes no time."""
     time = _times(clip, known)
     if squeezed:
@@ -180,13 +180,13 @@ def _times(clip: Clip, known: Known) -> Array:
     return np.arange(clip.count, dtype=float)
 
 
-def _scene(clip: Clip, watched: Watched, known: Known, time: Array) -> Scene:
+def _scene(clip: Clip, watched: Watched, known: Known, time: Array) -> FlightScene:
     fall = None
     if known.metres_per_pixel:
         fall = known.gravity / known.metres_per_pixel / known.rate**2
     elif known.ball:
         fall = known.gravity / (known.ball / 2) / known.rate**2
-    return Scene(
+    return FlightScene(
         found=watched.found,
         time=time,
         size=(clip.shape[1], clip.shape[0]),
@@ -213,15 +213,15 @@ def _passes(watched: Watched, piece: Piece, at: tuple[float, float, int]) -> boo
     return bool(0.6 < ratio < 1.6 and np.abs(colour).max() < 60)
 
 
-def _support(scene: Scene, ways: list[Piece]) -> float:
+def _support(scene: FlightScene, ways: list[Piece]) -> float:
     if not ways:
         return 0.0
-    fit = joined(scene, ways, readout=readout_of(scene, ways, 1.5))
+    fit = joint_fit(scene, ways, readout=readout_of(scene, ways, 1.5))
     radius = float(np.median([each.radius for each in ways]))
     return sum(len(each.t) for each in ways) / (0.02 + fit.spread / radius)
 
 
-def _step(known: Known, scene: Scene) -> float:
+def _step(known: Known, scene: FlightScene) -> float:
     """Return the seconds of a step: where repeats take no time, steps are fewer than pictures."""
     counted = np.flatnonzero(np.isfinite(scene.time))
     if len(counted) < 2:
@@ -250,22 +250,22 @@ def _said(
     clip: Clip,
     watched: Watched,
     known: Known,
-    scene: Scene,
+    scene: FlightScene,
     found: list[Piece],
     ways: list[Piece],
     same: Mask,
-) -> Followed:
+) -> FollowedClip:
     flags: list[str] = []
     warnings = list(clip.warnings)
     step = _step(known, scene) * _thinned(ways)
     motion = motion_of(scene, found, ways, step)
-    flights: list[Flight] = []
+    flights: list[FlightSeen] = []
     contacts: list[Contact] = []
     fit = square = scale = gravity = None
     if ways:
         readout = readout_of(scene, ways)
-        fit = joined(scene, ways, readout=readout)
-        skewed = joined(scene, ways, readout=readout, tilted=True)
+        fit = joint_fit(scene, ways, readout=readout)
+        skewed = joint_fit(scene, ways, readout=readout, tilted=True)
         turned = float(np.hypot(*skewed.tilt)) * _extent(ways)
         if skewed.cost < TILTED * fit.cost and turned > TILTED_OFF:
             fit, square = skewed, fit
@@ -275,7 +275,7 @@ def _said(
                 "speeds and restitution are by a perspective that was fitted, and their u covers "
                 "what it changes"
             )
-    scale = scale_of(watched, known, ways or found, fit)
+    scale = scale_by_ball(watched, known, ways or found, fit)
     if fit and scale:
         if readout and scene.readout is None:
             flags.append("ROLLING_SHUTTER")
@@ -283,7 +283,9 @@ def _said(
                 f"the shutter rolls: the flights fit a readout of about {readout:.2g} of a frame; "
                 "give --readout to say how long it is"
             )
-        free = joined(scene, ways, readout=readout, drag=False, shared=False, tilted=bool(square))
+        free = joint_fit(
+            scene, ways, readout=readout, drag=False, shared=False, tilted=bool(square)
+        )
         contacts, said = contacts_of(scene, ways, fit, free, square, step)
         flags += said[0]
         warnings += said[1]
@@ -313,7 +315,7 @@ def _said(
         warnings.append(
             f"{int(same.sum())} frames are stored twice while the ball moves: a repeat is no place"
         )
-    return Followed(
+    return FollowedClip(
         clip=clip,
         watched=watched,
         known=known,
@@ -349,18 +351,22 @@ def _extent(ways: Sequence[Piece]) -> float:
     return float(np.ptp(together, axis=0).max())
 
 
-def scale_of(
+def scale_by_ball(
     watched: Watched, known: Known, ways: Sequence[Piece], fit: Fit | None
-) -> Scale | None:
+) -> PixelScale | None:
     """Return the scale: given, or by the ball's size in the pictures that blur it least."""
     if known.metres_per_pixel:
         relative = known.metres_per_pixel_u / known.metres_per_pixel
-        return Scale(metres_per_pixel=known.metres_per_pixel, relative_u=relative, source="given")
+        return PixelScale(
+            metres_per_pixel=known.metres_per_pixel, relative_u=relative, source="given"
+        )
     if not known.ball or not ways:
         return None
     radius, radius_u = size_of(watched, np.concatenate([each.blobs for each in ways]), fit)
     relative = float(np.hypot(known.ball_u / known.ball, radius_u / radius))
-    return Scale(metres_per_pixel=known.ball / (2 * radius), relative_u=relative, source="ball")
+    return PixelScale(
+        metres_per_pixel=known.ball / (2 * radius), relative_u=relative, source="ball"
+    )
 
 
 def size_of(watched: Watched, blobs: NDArray[np.intp], fit: Fit | None) -> tuple[float, float]:
@@ -384,24 +390,24 @@ def size_of(watched: Watched, blobs: NDArray[np.intp], fit: Fit | None) -> tuple
 
 
 def _flights(
-    scene: Scene,
+    scene: FlightScene,
     ways: list[Piece],
     fit: Fit,
     free: Fit,
     square: Fit | None,
     contacts: list[Contact],
-    scale: Scale,
+    scale: PixelScale,
     step: float,
-) -> list[Flight]:
+) -> list[FlightSeen]:
     tilted = square is not None
-    own = joined(scene, ways, readout=fit.readout, shared=False, tilted=tilted)
+    own = joint_fit(scene, ways, readout=fit.readout, shared=False, tilted=tilted)
     unit = scale.metres_per_pixel / step
     before = {each.after: each.t for each in contacts}
     after = {each.before: each.t for each in contacts}
     rolled = others = None
     if scene.readout is None:
-        rolled = joined(scene, ways, readout=1.0, tilted=tilted)
-        others = joined(scene, ways, readout=1.0, shared=False, tilted=tilted)
+        rolled = joint_fit(scene, ways, readout=1.0, tilted=tilted)
+        others = joint_fit(scene, ways, readout=1.0, shared=False, tilted=tilted)
     found = []
     for k, way in enumerate(ways):
         ends = (before.get(k, float(way.t[0])), after.get(k, float(way.t[-1])))
@@ -425,7 +431,7 @@ def _flights(
             off.append((pull.value - _pull(k, others)) / np.sqrt(3))
         pull = widened(pull, *off)
         found.append(
-            Flight(
+            FlightSeen(
                 first_frame=int(way.frames[0]),
                 last_frame=int(way.frames[-1]),
                 places=len(way.t),
@@ -453,9 +459,9 @@ def _speed(flight: int, t: float, fit: Fit) -> float:
 
 def _against(
     known: Known,
-    scene: Scene,
-    flights: list[Flight],
-    scale: Scale,
+    scene: FlightScene,
+    flights: list[FlightSeen],
+    scale: PixelScale,
     flags: list[str],
     warnings: list[str],
 ) -> None:
@@ -485,7 +491,7 @@ def _against(
         )
 
 
-def flight_document(flight: Flight) -> dict[str, Any]:
+def flight_document(flight: FlightSeen) -> dict[str, Any]:
     """Return a flight as JSON has it; frames are those of its first and last place."""
     return {
         "first_frame": flight.first_frame,
@@ -507,7 +513,7 @@ def contact_document(contact: Contact) -> dict[str, Any]:
     }
 
 
-def followed_document(found: Followed) -> dict[str, Any]:
+def followed_document(found: FollowedClip) -> dict[str, Any]:
     """Return the result; the keys of one contact are None where there is none, or several."""
     one = found.contacts[0] if len(found.contacts) == 1 else None
     before = after = None

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.reading import Frame
 
-__all__ = ["Flag", "Located", "Locator", "Regions", "Square", "part_of", "put", "squares"]
+__all__ = ["Located", "Locator", "PlaceFlag", "Regions", "Square", "part_of", "put", "squares"]
 
 Array = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ Square = tuple[slice, slice]  # rows, columns
 MARGIN = 16.0  # pixels of background about the ball
 
 
-class Flag(IntFlag):
+class PlaceFlag(IntFlag):
     """What is wrong with the ball in a frame."""
 
     NOT_FOUND = 1
@@ -49,7 +49,7 @@ class Located:
     blur_x: Array  # the ball's shift during the exposure, pixels
     blur_y: Array
     chi_square: Array  # per degree of freedom; NaN where the method has none
-    flags: NDArray[np.uint16]  # bits of `Flag`
+    flags: NDArray[np.uint16]  # bits of `PlaceFlag`
     # what the ball's own pattern may shift it by, alike in neighbouring frames [pixels]
     pattern_u: Array | None = None
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.output.style import STYLE
-from virtual_lab.video.show.course import Course
+from virtual_lab.video.show.course import BallCourse
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,7 +49,7 @@ class Pictures:
     film: list[int]
 
 
-def pictures_of(course: Course, thumbs: Mapping[int, Image]) -> Pictures:
+def pictures_of(course: BallCourse, thumbs: Mapping[int, Image]) -> Pictures:
     """Return the frames that sheet and film show, out of small JPEGs; others are read."""
     import cv2
 
@@ -71,7 +71,7 @@ def pictures_of(course: Course, thumbs: Mapping[int, Image]) -> Pictures:
     return Pictures(frames=frames, scale=float(scale), sheet=sheet, film=film)
 
 
-def write_sheet(course: Course, pictures: Pictures, path: Path) -> None:
+def write_sheet(course: BallCourse, pictures: Pictures, path: Path) -> None:
     """Write frames side by side as PNG, those about flights' ends and contacts among them."""
     import cv2
 
@@ -88,7 +88,7 @@ def write_sheet(course: Course, pictures: Pictures, path: Path) -> None:
     cv2.imwrite(str(path), np.vstack(lines))
 
 
-def write_film(course: Course, pictures: Pictures, path: Path) -> None:
+def write_film(course: BallCourse, pictures: Pictures, path: Path) -> None:
     """Write the frames that show the ball as an animated WebP."""
     import cv2
 
@@ -102,7 +102,7 @@ def write_film(course: Course, pictures: Pictures, path: Path) -> None:
     cv2.imwriteanimation(str(path), animation, [cv2.IMWRITE_WEBP_QUALITY, 75])
 
 
-def _for_sheet(course: Course) -> list[int]:
+def _for_sheet(course: BallCourse) -> list[int]:
     """Return places about contacts, at the ends and in the middle of flights, others between."""
     last = len(course.frames) - 1
     chosen: list[int] = []
@@ -128,7 +128,7 @@ def _spread(places: int, count: int) -> list[int]:
     return [int(each) for each in np.unique(chosen)]
 
 
-def _one(course: Course, pictures: Pictures, k: int, scale: float) -> Image:
+def _one(course: BallCourse, pictures: Pictures, k: int, scale: float) -> Image:
     import cv2
 
     image = pictures.frames[int(course.frames[k])]
@@ -161,7 +161,7 @@ def _resized(image: Image, size: tuple[int, int], way: int) -> Image:
     return np.asarray(cv2.resize(image, size, interpolation=way), np.uint8)
 
 
-def _colour(course: Course, names: list[str], k: int) -> tuple[int, int, int]:
+def _colour(course: BallCourse, names: list[str], k: int) -> tuple[int, int, int]:
     name = course.flight[k]
     return COLOURS[names.index(name) % len(COLOURS)] if name else LEFT
 
@@ -171,7 +171,7 @@ def _fine(scale: float, x: float, y: float) -> tuple[int, int]:
     return round(((x + 0.5) * scale - 0.5) * 2**SHIFT), round(((y + 0.5) * scale - 0.5) * 2**SHIFT)
 
 
-def _range(course: Course) -> tuple[float, float]:
+def _range(course: BallCourse) -> tuple[float, float]:
     samples = course.clip.samples
     if samples.ndim == 4 and samples.dtype == np.uint8:
         return 0.0, 255.0  # a colour clip is as its maker wants it seen
@@ -192,7 +192,7 @@ def _shown(frame: Frame, darkest: float, brightest: float) -> Image:
     return np.ascontiguousarray(seen[..., :3])
 
 
-def draw_track(course: Course, pictures: Pictures, title: str, path: Path) -> None:
+def draw_track(course: BallCourse, pictures: Pictures, title: str, path: Path) -> None:
     """Draw a tracked clip as PNG."""
     from matplotlib import style
     from matplotlib.figure import Figure
@@ -208,7 +208,7 @@ def draw_track(course: Course, pictures: Pictures, title: str, path: Path) -> No
         figure.savefig(path)
 
 
-def strobe(course: Course, pictures: Pictures) -> NDArray[np.uint8]:
+def strobe(course: BallCourse, pictures: Pictures) -> NDArray[np.uint8]:
     """Return one picture that shows the ball at several of its places, as small as they are."""
     shown = [k for k in range(len(course.frames)) if int(course.frames[k]) in pictures.frames]
     seen = [k for k in shown if np.isfinite(course.radius[k])]
@@ -226,7 +226,7 @@ def strobe(course: Course, pictures: Pictures) -> NDArray[np.uint8]:
     return whole[..., ::-1]
 
 
-def _still(pictures: Pictures, course: Course, k: int) -> NDArray[np.uint8]:
+def _still(pictures: Pictures, course: BallCourse, k: int) -> NDArray[np.uint8]:
     """Return a picture where the still frame has it."""
     import cv2
 
@@ -240,7 +240,7 @@ def _still(pictures: Pictures, course: Course, k: int) -> NDArray[np.uint8]:
     return np.asarray(cv2.warpAffine(picture, back, size, flags=flags, borderMode=mode), np.uint8)
 
 
-def _picture(axes: Axes, course: Course, pictures: Pictures) -> None:
+def _picture(axes: Axes, course: BallCourse, pictures: Pictures) -> None:
     rows, columns = course.clip.shape
     extent = (-0.5, columns - 0.5, rows - 0.5, -0.5)
     axes.imshow(strobe(course, pictures), extent=extent, interpolation="antialiased")
@@ -268,7 +268,7 @@ def _picture(axes: Axes, course: Course, pictures: Pictures) -> None:
     )
 
 
-def _residuals(along: Axes, across: Axes, course: Course) -> None:
+def _residuals(along: Axes, across: Axes, course: BallCourse) -> None:
     origin = course.contacts[0][0] if course.contacts else float(course.times[0])
     for k, name in enumerate(course.flights):
         used = course.of(name)

@@ -27,10 +27,10 @@ from virtual_lab.video.clips.options import (
 )
 from virtual_lab.video.find.watching import Watched, watch
 from virtual_lab.video.follow.correction import read_track
-from virtual_lab.video.follow.following import Followed, Known, followed_document, following
+from virtual_lab.video.follow.following import FollowedClip, Known, followed_document, following
 from virtual_lab.video.locate.sharp import Sharp
 from virtual_lab.video.show.course import (
-    Course,
+    BallCourse,
     course_of_followed,
     course_of_tracked,
     write_table,
@@ -65,8 +65,8 @@ class Asked:
 class TrackedClip:
     """The result."""
 
-    followed: Followed
-    course: Course
+    followed: FollowedClip
+    course: BallCourse
     document: dict[str, Any]
     text: str
     title: str
@@ -214,7 +214,7 @@ def _for_clip(
     return known
 
 
-def _wants_sharp(asked: Asked, found: Followed, watched: Watched) -> bool:
+def _wants_sharp(asked: Asked, found: FollowedClip, watched: Watched) -> bool:
     """Return whether the purpose needs more: a calibrated camera that stands, and one hit."""
     if asked.calibration is None or asked.track is not None or watched.still.drifts:
         return False
@@ -222,7 +222,7 @@ def _wants_sharp(asked: Asked, found: Followed, watched: Watched) -> bool:
 
 
 def _sharp(
-    found: Followed,
+    found: FollowedClip,
     calibration: ClipCalibration,
     progress: Callable[[str], None],
 ) -> TrackedClip:
@@ -249,7 +249,7 @@ def _sharp(
     )
 
 
-def _of_any(found: Followed, tracked: Tracked, told: Speeds) -> dict[str, Any]:
+def _of_any(found: FollowedClip, tracked: Tracked, told: Speeds) -> dict[str, Any]:
     """Return the keys that the document of any clip has, by the sharp places."""
     legs = tracked.legs
     flights = []
@@ -286,13 +286,13 @@ def _of_any(found: Followed, tracked: Tracked, told: Speeds) -> dict[str, Any]:
     return {"motion": kind, "period_s": None, "flights": flights, "contacts": contacts}
 
 
-def _text(found: Followed) -> str:
+def _text(found: FollowedClip) -> str:
     from virtual_lab.video.show.track_text import followed_text
 
     return followed_text(found)
 
 
-def _title(found: Followed) -> str:
+def _title(found: FollowedClip) -> str:
     from virtual_lab.video.show.track_text import followed_title
 
     return followed_title(found)

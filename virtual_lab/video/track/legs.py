@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.relations.flight import distance_after
 
-__all__ = ["Air", "Flight", "Legs", "Places", "fit_flight", "split", "straight"]
+__all__ = ["AirOnFlight", "Legs", "Places", "StraightFlight", "fit_flight", "split", "straight"]
 
 
 LAGS = np.geomspace(0.02, 30, 24)  # of the time a flight is seen: how slow a pattern may be
@@ -35,7 +35,7 @@ WHOLE = 0.2  # of a frame's way: a step this near to whole frames' is that of lo
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Air:
+class AirOnFlight:
     """What bends a flight."""
 
     drag: float = 0.0  # κ of dv/dx = -κ v [1/m]
@@ -44,7 +44,7 @@ class Air:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Flight:
+class StraightFlight:
     """One straight flight at a moment; x and y in metres, m/s."""
 
     time: float  # of what follows [s]
@@ -66,7 +66,7 @@ class Flight:
         return float(np.hypot(np.sqrt(self.covariance[1, 1]), self.speed * self.drag_u))
 
 
-def straight(t: Array, places: Array, air: Air) -> Array:
+def straight(t: Array, places: Array, air: AirOnFlight) -> Array:
     """Return places (frame, 2) as they were without gravity: a straight line's."""
     return np.asarray(places - 0.5 * np.outer(t**2, air.gravity))
 
@@ -76,11 +76,11 @@ def fit_flight(
     places: Array,
     u: Array,
     pattern_u: float,
-    air: Air,
+    air: AirOnFlight,
     moment: float,
     *,
     rough: bool = False,
-) -> Flight:
+) -> StraightFlight:
     """Return the straight flight through places, told for a moment: drag and gravity known.
 
     The uncertainty knows two kinds of error. Noise is new in every frame. The ball's own pattern
@@ -120,7 +120,7 @@ def fit_flight(
     if not rough:
         covariance = noise + _pattern(t, residuals, u, pattern_u, design, solver, noise)
     distance = abs(float(np.mean(way))) * float(np.hypot(*velocity))
-    return Flight(
+    return StraightFlight(
         time=moment,
         place=place,
         velocity=velocity,
@@ -190,8 +190,8 @@ class Places:
 class Legs:
     """The flights of a clip; masks are (frame,) of the places given."""
 
-    flight_in: Flight
-    flight_out: Flight | None  # None: no contact was seen
+    flight_in: StraightFlight
+    flight_out: StraightFlight | None  # None: no contact was seen
     gap: tuple[float, float] | None  # last frame of the flight in, first of that out [s]
     used_in: Mask
     used_out: Mask
@@ -201,7 +201,7 @@ class Legs:
     stepped: dict[int, float]  # frame: a step in the line that no lost frames make [m]
 
 
-def split(seen: Places, air: Air, *, stamped: bool) -> Legs:
+def split(seen: Places, air: AirOnFlight, *, stamped: bool) -> Legs:
     """Return the flights in and out of a clip in which the ball is seen three times or more.
 
     Parameters
@@ -225,7 +225,7 @@ def split(seen: Places, air: Air, *, stamped: bool) -> Legs:
     return replace(legs, lost=lost, stepped=stepped)
 
 
-def _legs(seen: Places, air: Air) -> Legs:
+def _legs(seen: Places, air: AirOnFlight) -> Legs:
     """Return the flights, without those frames that belong to neither."""
     usable = np.isfinite(seen.places).all(axis=1) & np.isfinite(seen.u)
     wild = np.zeros_like(usable)
@@ -273,7 +273,7 @@ def _legs(seen: Places, air: Air) -> Legs:
     )
 
 
-def _broken(seen: Places, air: Air, used: Mask) -> tuple[Mask, Mask]:
+def _broken(seen: Places, air: AirOnFlight, used: Mask) -> tuple[Mask, Mask]:
     """Return the frames before and after the break that two straight lines show best.
 
     None is after it where the ball's velocity does not change by more than its uncertainty.
@@ -305,7 +305,7 @@ def _misfit(seen: Places, level: Array, frames: NDArray[np.intp]) -> float:
     return float(weight @ ((places - np.outer(off, slope)) ** 2).sum(axis=1))
 
 
-def _far(seen: Places, air: Air, used: Mask) -> Mask:
+def _far(seen: Places, air: AirOnFlight, used: Mask) -> Mask:
     """Return the frames far off the line through them: at most a quarter, the farthest."""
     wild = np.zeros_like(used)
     if used.sum() < 2 * LEAST:
@@ -319,13 +319,13 @@ def _far(seen: Places, air: Air, used: Mask) -> Mask:
     return wild
 
 
-def _meeting(before: Flight, after: Flight) -> float:
+def _meeting(before: StraightFlight, after: StraightFlight) -> float:
     """Return when two flights told for one moment are nearest to each other [s]."""
     apart, change = after.place - before.place, after.velocity - before.velocity
     return before.time - float(apart @ change) / float(change @ change)
 
 
-def _clear(seen: Places, air: Air, used: Mask, moment: float) -> Mask:
+def _clear(seen: Places, air: AirOnFlight, used: Mask, moment: float) -> Mask:
     """Return the frames of a flight without those next to the contact that its line denies."""
     used = used.copy()
     kept = max(LEAST, (1 - TOUCHED) * used.sum())
@@ -344,7 +344,7 @@ def _clear(seen: Places, air: Air, used: Mask, moment: float) -> Mask:
     return used
 
 
-def _steps(seen: Places, air: Air, legs: Legs) -> dict[int, tuple[int, float]]:
+def _steps(seen: Places, air: AirOnFlight, legs: Legs) -> dict[int, tuple[int, float]]:
     """Return the frames before which a line steps along its way: missing frames, and metres.
 
     The lost frames are 0 where the step is no whole number of frames' way.
@@ -384,6 +384,8 @@ def _step(
     return k, float(size), u, float(speed)
 
 
-def _fit(seen: Places, air: Air, used: Mask, moment: float, *, rough: bool = True) -> Flight:
+def _fit(
+    seen: Places, air: AirOnFlight, used: Mask, moment: float, *, rough: bool = True
+) -> StraightFlight:
     part = seen.of(used)
     return fit_flight(part.t, part.places, part.u, part.pattern_u, air, moment, rough=rough)

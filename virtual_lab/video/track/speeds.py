@@ -13,8 +13,8 @@ from virtual_lab.units import DEGREE
 from virtual_lab.video.calibration.plane import RIM
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.follow.said import Said, or_none
-from virtual_lab.video.locate.located import Flag
-from virtual_lab.video.track.legs import Flight
+from virtual_lab.video.locate.located import PlaceFlag
+from virtual_lab.video.track.legs import StraightFlight
 from virtual_lab.video.track.tracking import Tracked
 
 __all__ = ["Nearing", "Speeds", "document", "nearing", "speeds"]
@@ -136,19 +136,19 @@ def document(tracked: Tracked, found: Speeds) -> dict[str, object]:
         "flags": list(found.flags),
         "frame_flags": {
             flag.name: count
-            for flag in Flag
+            for flag in PlaceFlag
             if flag.name and (count := int(((located.flags & flag) > 0).sum()))
         },
         "warnings": list(found.warnings),
     }
 
 
-def _speed(flight: Flight, shared: float, off: float) -> Said:
+def _speed(flight: StraightFlight, shared: float, off: float) -> Said:
     u = np.hypot(np.hypot(flight.speed_u, flight.speed * shared), off)
     return Said(value=flight.speed, u=float(u))
 
 
-def _angle(flight: Flight, sense: float) -> Said:
+def _angle(flight: StraightFlight, sense: float) -> Said:
     across = float(np.sqrt(flight.covariance[1, 1]))
     return Said(
         value=float(np.arctan2(-sense * flight.velocity[1], flight.velocity[0])),
@@ -157,7 +157,7 @@ def _angle(flight: Flight, sense: float) -> Said:
 
 
 def _restitution(
-    before: Flight, after: Flight | None, calibration: ClipCalibration, off: float
+    before: StraightFlight, after: StraightFlight | None, calibration: ClipCalibration, off: float
 ) -> tuple[Said | None, str]:
     if after is None:
         return None, ""
@@ -256,7 +256,7 @@ class Nearing(NamedTuple):
     speed: float  # what that adds to the speed [m/s]
 
 
-def nearing(tracked: Tracked, used: NDArray[np.bool_], flight: Flight) -> Nearing | None:
+def nearing(tracked: Tracked, used: NDArray[np.bool_], flight: StraightFlight) -> Nearing | None:
     """Return how a flight leaves the plane, None where it stays in it as far as can be seen.
 
     Parameters

@@ -16,10 +16,10 @@ from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import Clip, open_clip
 from virtual_lab.video.clips.reading import Frame
 from virtual_lab.video.clips.timing import usual_step
-from virtual_lab.video.follow.following import GRAVITY, Followed, Known, follow
+from virtual_lab.video.follow.following import GRAVITY, FollowedClip, Known, follow
 from virtual_lab.video.follow.pieces import GAP, Piece
-from virtual_lab.video.locate.located import Flag, Located, Locator, Regions, part_of, squares
-from virtual_lab.video.track.legs import Air, Legs, Places, split
+from virtual_lab.video.locate.located import Located, Locator, PlaceFlag, Regions, part_of, squares
+from virtual_lab.video.track.legs import AirOnFlight, Legs, Places, split
 
 __all__ = [
     "AT_ONCE",
@@ -33,7 +33,7 @@ __all__ = [
     "middle_of",
     "sharpened",
     "starts",
-    "track",
+    "track_hit",
     "uncovered_mean",
 ]
 
@@ -46,7 +46,7 @@ LEAST_PLACES = 5  # of a piece of its way
 ALIKE = 1.35  # ratio of the radii of one ball's pieces
 NEAR_SIZE = 1.45  # ratio to the radius expected: what is farther off is not the ball
 REACH = 1.5  # steps that a ball moves at most from where it was before
-USELESS = Flag.NOT_FOUND | Flag.CLIPPED | Flag.OVERLAP | Flag.POOR_FIT
+USELESS = PlaceFlag.NOT_FOUND | PlaceFlag.CLIPPED | PlaceFlag.OVERLAP | PlaceFlag.POOR_FIT
 
 
 TRIED = 8  # frames from which an exposure is read
@@ -85,7 +85,7 @@ class Tracked(Spotted):
     legs: Legs
 
 
-def track(
+def track_hit(
     path: Path,
     calibration: ClipCalibration,
     locator: Locator,
@@ -142,7 +142,7 @@ def known_of(clip: Clip, calibration: ClipCalibration) -> Known:
 
 
 def sharpened(
-    found: Followed,
+    found: FollowedClip,
     calibration: ClipCalibration,
     locator: Locator,
     *,
@@ -211,7 +211,7 @@ def followed(
             pattern_u=scale * pattern,
             exposure=exposure,
         ),
-        Air(
+        AirOnFlight(
             drag=calibration.drag_per_m,
             drag_u=calibration.drag_per_m_u,
             gravity=calibration.gravity_mps2,
@@ -219,10 +219,10 @@ def followed(
         stamped=calibration.timestamps is not None,
     )
     flags = located.flags.copy()
-    flags[legs.wild] |= np.uint16(Flag.JUMP)
-    flags[legs.struck] |= np.uint16(Flag.CONTACT)
+    flags[legs.wild] |= np.uint16(PlaceFlag.JUMP)
+    flags[legs.struck] |= np.uint16(PlaceFlag.CONTACT)
     for frame in legs.stepped:
-        flags[frame] |= np.uint16(Flag.JUMP)
+        flags[frame] |= np.uint16(PlaceFlag.JUMP)
     found: dict[str, Any] = {each.name: getattr(spotted, each.name) for each in fields(Spotted)}
     return Tracked(**found, located=replace(located, flags=flags), plane=plane, legs=legs)
 
@@ -271,7 +271,7 @@ def expected_radius(calibration: ClipCalibration) -> float | None:
     return None
 
 
-def _ball(found: Followed, expected: float | None) -> NDArray[np.void]:
+def _ball(found: FollowedClip, expected: float | None) -> NDArray[np.void]:
     """Return the ball's blob in each frame that shows it: along its pieces, between and beyond."""
     blobs = found.watched.found
     ways = found.ways or [each for each in found.pieces if _sized(each, expected)]
@@ -310,7 +310,7 @@ def _sized(piece: Piece, expected: float | None) -> bool:
     return expected is None or 1 / NEAR_SIZE < piece.radius / expected < NEAR_SIZE
 
 
-def _bare(found: Followed) -> Image:
+def _bare(found: FollowedClip) -> Image:
     """Return the background without anything that moved."""
     clip, blobs = found.clip, found.watched.found
     covered = []
@@ -339,7 +339,7 @@ def starts(
     rough = Places(
         t=t, places=places, u=np.full(len(t), ROUGH), pattern_u=0.0, exposure=exposure or 0.0
     )
-    legs = split(rough, Air(), stamped=False)
+    legs = split(rough, AirOnFlight(), stamped=False)
     velocity = np.tile(legs.flight_in.velocity, (len(t), 1))
     if legs.flight_out:
         velocity[t > legs.flight_out.time] = legs.flight_out.velocity
