@@ -26,8 +26,6 @@ __all__ = [
     "FollowedClip",
     "Known",
     "PixelScale",
-    "contact_document",
-    "flight_document",
     "follow",
     "followed_document",
     "following",
@@ -491,7 +489,7 @@ def _against(
         )
 
 
-def flight_document(flight: FlightSeen) -> dict[str, Any]:
+def _flight_document(flight: FlightSeen) -> dict[str, Any]:
     """Return a flight as JSON has it; frames are those of its first and last place."""
     return {
         "first_frame": flight.first_frame,
@@ -503,7 +501,7 @@ def flight_document(flight: FlightSeen) -> dict[str, Any]:
     }
 
 
-def contact_document(contact: Contact) -> dict[str, Any]:
+def _contact_document(contact: Contact) -> dict[str, Any]:
     """Return a contact as JSON has it; its frame lies between stored ones."""
     return {
         "time_s": contact.time.value,
@@ -531,8 +529,8 @@ def followed_document(found: FollowedClip) -> dict[str, Any]:
         "period_s": None
         if found.motion.period is None or found.motion.period_u is None
         else {"value": found.motion.period, "u": found.motion.period_u},
-        "flights": [flight_document(each) for each in found.flights],
-        "contacts": [contact_document(each) for each in found.contacts],
+        "flights": [_flight_document(each) for each in found.flights],
+        "contacts": [_contact_document(each) for each in found.contacts],
         "gravity_mps2": or_none(found.gravity),
         "speed_in_mps": or_none(before.speed_out if before else None),
         "speed_out_mps": or_none(after.speed_in if after else None),

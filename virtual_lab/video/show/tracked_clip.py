@@ -14,7 +14,7 @@ from typing import Any
 
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder
-from virtual_lab.video.bat.clip import BatSeen, bat_document, find_bat, recoil_in
+from virtual_lab.video.bat.clip import BatSeen, bat_document, find_bat
 from virtual_lab.video.clips.calibration_file import ClipCalibration, read_calibration
 from virtual_lab.video.clips.clip import Clip, open_clip
 from virtual_lab.video.clips.options import (
@@ -25,15 +25,26 @@ from virtual_lab.video.clips.options import (
     scale_of,
     seconds_of,
 )
-from virtual_lab.video.find.watching import Watched, watch
 from virtual_lab.video.follow.correction import read_track
-from virtual_lab.video.follow.following import FollowedClip, Known, followed_document, following
+from virtual_lab.video.follow.following import (
+    FollowedClip,
+    Known,
+    follow,
+    followed_document,
+    following,
+)
 from virtual_lab.video.locate.sharp import Sharp
 from virtual_lab.video.show.course import (
     BallCourse,
     course_of_followed,
     course_of_tracked,
     write_table,
+)
+from virtual_lab.video.show.track_text import (
+    followed_text,
+    followed_title,
+    track_text,
+    track_title,
 )
 from virtual_lab.video.track.speeds import Speeds, document, speeds
 from virtual_lab.video.track.tracking import Tracked, expected_radius, known_of, sharpened
@@ -115,22 +126,13 @@ def track_clip(
     progress(f"reading {path}")
     clip = open_clip(path, calibration)
     known = _for_clip(clip, calibration, said, asked)
-    ways, watched = None, None
     if asked.track:
         watched, ways = read_track(asked.track, clip)
-    if watched is None:
-        progress("looking for the ball")
-        watched = watch(
-            clip,
-            frames=known.frames,
-            region=known.region,
-            stands=known.stands,
-            progress=progress,
-        )
-    progress("following the ball")
-    found = following(clip, watched, known, ways)
+        found = following(clip, watched, known, ways)
+    else:
+        found = follow(clip, known, progress=progress)
     found = replace(found, warnings=(*found.warnings, *notes))
-    if _wants_sharp(asked, found, watched):
+    if _wants_sharp(asked, found):
         return _sharp(found, calibration, progress)
     # samples of a large clip take 50 MB, and have told what they can but how dark a picture is
     found = replace(found, clip=replace(clip, samples=clip.samples[:2].copy()))
@@ -138,8 +140,8 @@ def track_clip(
         followed=found,
         course=course_of_followed(found),
         document=followed_document(found),
-        text=_text(found),
-        title=_title(found),
+        text=followed_text(found),
+        title=followed_title(found),
         progress=progress,
     )
 
@@ -214,9 +216,9 @@ def _for_clip(
     return known
 
 
-def _wants_sharp(asked: Asked, found: FollowedClip, watched: Watched) -> bool:
+def _wants_sharp(asked: Asked, found: FollowedClip) -> bool:
     """Return whether the purpose needs more: a calibrated camera that stands, and one hit."""
-    if asked.calibration is None or asked.track is not None or watched.still.drifts:
+    if asked.calibration is None or asked.track is not None or found.watched.still.drifts:
         return False
     return bool(found.pieces) and len(found.contacts) <= 1 and len(found.ways) <= 2
 
@@ -228,11 +230,9 @@ def _sharp(
 ) -> TrackedClip:
     locator = Sharp(ball_radius=expected_radius(calibration))
     tracked = sharpened(found, calibration, locator, progress=progress)
-    there = find_bat(tracked, calibration)
     told = speeds(tracked, calibration)
-    bat = recoil_in(tracked, there) if there else None
+    bat = find_bat(tracked, calibration)
     from virtual_lab.video.show.bat_plot import bat_text
-    from virtual_lab.video.show.track_text import track_text, track_title
 
     lines = [track_text(tracked, told), *([bat_text(bat)] if bat else [])]
     return TrackedClip(
@@ -284,15 +284,3 @@ def _of_any(found: FollowedClip, tracked: Tracked, told: Speeds) -> dict[str, An
         )
     kind = found.motion.kind if found.flights else "flights"
     return {"motion": kind, "period_s": None, "flights": flights, "contacts": contacts}
-
-
-def _text(found: FollowedClip) -> str:
-    from virtual_lab.video.show.track_text import followed_text
-
-    return followed_text(found)
-
-
-def _title(found: FollowedClip) -> str:
-    from virtual_lab.video.show.track_text import followed_title
-
-    return followed_title(found)

@@ -22,17 +22,12 @@ from virtual_lab.video.locate.located import Located, Locator, PlaceFlag, Region
 from virtual_lab.video.track.legs import AirOnFlight, Legs, Places, split
 
 __all__ = [
-    "AT_ONCE",
     "Image",
-    "Spotted",
     "Tracked",
     "expected_radius",
-    "followed",
     "known_of",
-    "locate_in",
     "middle_of",
     "sharpened",
-    "starts",
     "track_hit",
     "uncovered_mean",
 ]
@@ -61,28 +56,21 @@ ENOUGH = 3  # frames that must show a pixel's background for their mean to be ta
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Spotted:
-    """A ball found roughly in a clip; arrays over the frames that show it, (frame,)."""
+class Tracked:
+    """A ball located sharply through a clip; arrays over the frames that show it, (frame,)."""
 
     clip: Clip
     frames: NDArray[np.intp]  # their numbers
-    start: Located
     exposure: float  # [s]
     background: Image
+    located: Located
+    plane: Plane
+    legs: Legs
 
     @property
     def times(self) -> Array:
         """Time of each frame [s]."""
         return self.clip.times[self.frames]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tracked(Spotted):
-    """A ball followed through a clip."""
-
-    located: Located
-    plane: Plane
-    legs: Legs
 
 
 def track_hit(
@@ -153,7 +141,7 @@ def sharpened(
     Raises
     ------
     InputError
-        No ball, or too few frames of it.
+        No ball, too few frames that locate it, or nothing that sets the scale.
     """
     clip = found.clip
     ball = _ball(found, expected_radius(calibration))
@@ -161,35 +149,7 @@ def sharpened(
     frames = ball["frame"].astype(np.intp)
     start, exposure = starts(clip, background, ball, calibration.exposure_s)
     progress(f"locating the ball in {len(frames)} frames (its loops are compiled at the first use)")
-    located = locate_in(clip, frames, background, start, locator)
-    spotted = Spotted(
-        clip=clip, frames=frames, start=start, exposure=exposure, background=background
-    )
-    return followed(spotted, located, calibration)
-
-
-def followed(
-    spotted: Spotted,
-    located: Located,
-    calibration: ClipCalibration,
-) -> Tracked:
-    """Return a located ball's way in the plane, and its flights.
-
-    Parameters
-    ----------
-    spotted
-        The ball.
-    located
-        Its places, frame by frame.
-    calibration
-        What is known of the clip.
-
-    Raises
-    ------
-    InputError
-        Too few frames that locate the ball, or nothing that sets the scale.
-    """
-    clip, frames, exposure = spotted.clip, spotted.frames, spotted.exposure
+    located = _located(clip, frames, background, start, locator)
     against = located.flags & np.uint16(USELESS)
     good = against == 0
     where = str(clip.source.path)
@@ -223,11 +183,18 @@ def followed(
     flags[legs.struck] |= np.uint16(PlaceFlag.CONTACT)
     for frame in legs.stepped:
         flags[frame] |= np.uint16(PlaceFlag.JUMP)
-    found: dict[str, Any] = {each.name: getattr(spotted, each.name) for each in fields(Spotted)}
-    return Tracked(**found, located=replace(located, flags=flags), plane=plane, legs=legs)
+    return Tracked(
+        clip=clip,
+        frames=frames,
+        exposure=exposure,
+        background=background,
+        located=replace(located, flags=flags),
+        plane=plane,
+        legs=legs,
+    )
 
 
-def locate_in(
+def _located(
     clip: Clip,
     frames: NDArray[np.intp],
     background: Image,
