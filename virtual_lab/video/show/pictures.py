@@ -28,6 +28,7 @@ SHEET = 3.6e6  # pixels of it
 TILE = 400  # pixels, the width of one, at most
 FILM = 2.4e5  # pixels of a picture of the film
 FRAMES = 80  # of the film, at most
+STRIP = 20  # pixels above a picture, for its frame and time
 SHIFT = 4  # binary places below a pixel
 PLAYED = 60  # ms a frame
 COLOURS = ((178, 114, 0), (0, 94, 213), (115, 158, 0), (167, 121, 204), (0, 159, 230))
@@ -146,13 +147,19 @@ def _one(course: BallCourse, pictures: Pictures, k: int, scale: float) -> Image:
         radius = round(course.radius[k] * scale * 2**SHIFT)
         at = _fine(scale, *(course.xy[k] + course.drift[k]))
         cv2.circle(image, at, radius, _colour(course, names, k), 1, cv2.LINE_AA, SHIFT)
-    words = f"{int(course.frames[k])}  {course.times[k]:.4g} s"
-    high, wide = image.shape[:2]
-    letters = float(np.clip(wide / 400, 0.3, 0.5))
-    for shade, thick in (((0, 0, 0), 3), ((255, 255, 255), 1)):
-        face = cv2.FONT_HERSHEY_SIMPLEX
-        cv2.putText(image, words, (5, high - 8), face, letters, shade, thick, cv2.LINE_AA)
-    return np.asarray(image, dtype=np.uint8)
+    return np.vstack([_label(f"{int(course.frames[k])}: {course.times[k]:.4g} s", image), image])
+
+
+def _label(words: str, image: Image) -> Image:
+    """Return a strip as wide as an image with words that fit into it."""
+    import cv2
+
+    strip = np.full((STRIP, image.shape[1], 3), 255, np.uint8)
+    face, letters = cv2.FONT_HERSHEY_SIMPLEX, 0.5
+    wide = cv2.getTextSize(words, face, letters, 1)[0][0]
+    letters *= min(1.0, (strip.shape[1] - 8) / wide)
+    cv2.putText(strip, words, (4, STRIP - 6), face, letters, (0, 0, 0), 1, cv2.LINE_AA)
+    return strip
 
 
 def _resized(image: Image, size: tuple[int, int], way: int) -> Image:

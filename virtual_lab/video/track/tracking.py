@@ -392,17 +392,14 @@ def uncovered_mean(
     covered
         x, y and reach [pixels] of what moves in each sample.
     """
+    import cv2
+
     total = np.zeros(first.shape, np.float32)
     count = np.zeros(first.shape, np.float32)
     for sample, spots in zip(samples, covered, strict=True):
-        free = np.ones(first.shape, bool)
+        free = np.ones(first.shape, np.uint8)
         for x, y, reach in spots:
-            top, left = max(0, int(y - reach)), max(0, int(x - reach))
-            rows, columns = np.ogrid[
-                top : min(first.shape[0], int(y + reach) + 2),
-                left : min(first.shape[1], int(x + reach) + 2),
-            ]
-            free[rows, columns] &= np.hypot(columns - x, rows - y) > reach
-        total += np.where(free, sample, 0)
+            cv2.circle(free, (round(x), round(y)), int(np.ceil(reach)) + 1, 0, -1)
+        total += free * sample
         count += free
     return np.where(count >= ENOUGH, total / np.maximum(count, 1), first).astype(np.float32)
