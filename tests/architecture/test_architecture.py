@@ -75,7 +75,7 @@ def test_import_contracts() -> None:
             "import virtual_lab.measurement.procedure.rules",
             FLOORS,
         ),
-        ("virtual_lab/video/clips/clip.py", "import virtual_lab.video.track.lines", FLOORS),
+        ("virtual_lab/video/clips/clip.py", "import virtual_lab.video.track.legs", FLOORS),
         (
             "virtual_lab/video/locate/noise.py",
             "import virtual_lab.video.locate.edge_fit",

@@ -10,7 +10,7 @@ import pytest
 from virtual_lab.fidelity.camera_errors import score_places, seconds_a_picture, wrong_unsaid
 from virtual_lab.fidelity.camera_pictures import pictures
 from virtual_lab.fidelity.camera_scenes import Case
-from virtual_lab.video.locate.located import Flag
+from virtual_lab.video.locate.located import PlaceFlag
 
 BATCH = pictures(Case(radius=15, phases=4, repeats=5))
 
@@ -19,9 +19,9 @@ def test_score_counts_what_was_put_in() -> None:
     """One place lost, one flagged, one wrong and flagged, one wrong unsaid, a phase off."""
     least = np.full(20, BATCH.limit)
     x, flags = BATCH.x.copy(), np.zeros(20, np.uint16)
-    x[0], flags[0] = np.nan, Flag.NOT_FOUND
-    flags[1] = Flag.CLIPPED
-    x[2], flags[2] = x[2] + 6 * least[2], Flag.POOR_FIT
+    x[0], flags[0] = np.nan, PlaceFlag.NOT_FOUND
+    flags[1] = PlaceFlag.CLIPPED
+    x[2], flags[2] = x[2] + 6 * least[2], PlaceFlag.POOR_FIT
     x[3] += 6 * least[3]
     x[15:] += 2 * least[15:]
     found = score_places(

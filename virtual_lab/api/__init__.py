@@ -568,22 +568,21 @@ class Calibration:
     @property
     def document(self) -> dict[str, Any]:
         """Lens, pose and scale with their uncertainties."""
-        from virtual_lab.video.show.calibration_text import calibration_document
+        from virtual_lab.video.show.calibration import calibration_document
 
         return calibration_document(self.found)
 
     @property
     def text(self) -> str:
         """The same for a terminal."""
-        from virtual_lab.video.show.calibration_text import calibration_text
+        from virtual_lab.video.show.calibration import calibration_text
 
         return calibration_text(self.found)
 
     def save(self, path: str | Path) -> Path:
         """Write the .toml file that `track` reads, and a picture of what is left over beside it."""
         from virtual_lab.files import new_files
-        from virtual_lab.video.show.calibration_plot import draw_calibration
-        from virtual_lab.video.show.calibration_text import calibration_toml
+        from virtual_lab.video.show.calibration import calibration_toml, draw_calibration
 
         target = Path(path)
         with new_files(target.parent) as draft:
@@ -626,8 +625,8 @@ def calibrate(
     """
     from virtual_lab.relations.board import board_of, length_of
     from virtual_lab.video.calibration.calibrating import Plan
-    from virtual_lab.video.calibration.calibrating import calibrate as fit
-    from virtual_lab.video.clips.pictures import read_pictures
+    from virtual_lab.video.calibration.calibrating import calibrate_camera as fit
+    from virtual_lab.video.clips.reading import read_pictures
 
     several = (pictures,) if isinstance(pictures, str | Path) else pictures
     known = board_of(board)

@@ -8,8 +8,7 @@ import numpy as np
 
 from virtual_lab.fidelity.camera_map import FLAGGED, GOOD, INACCURATE, UNSAID
 from virtual_lab.streams import Streams
-from virtual_lab.video.track.legs import Places, split
-from virtual_lab.video.track.lines import Air
+from virtual_lab.video.track.legs import AirOnFlight, Places, split
 
 __all__ = ["DROPPED", "METHOD", "dropped_frames"]
 
@@ -47,7 +46,7 @@ def _cell(count: int, error: float) -> dict[str, Any]:
                 pattern_u=0.0,
                 exposure=0.0,
             ),
-            Air(),
+            AirOnFlight(),
             stamped=False,
         )
         said[k] = bool(legs.lost or legs.stepped)

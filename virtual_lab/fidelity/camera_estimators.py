@@ -16,7 +16,7 @@ from scipy.special import ndtr
 
 from virtual_lab.fidelity.camera_scenes import EstimatorInput
 from virtual_lab.video.locate.edge_fit import fit_edge
-from virtual_lab.video.locate.located import Flag, Located
+from virtual_lab.video.locate.located import Located, PlaceFlag
 from virtual_lab.video.locate.sharp import Sharp
 
 __all__ = [
@@ -88,7 +88,7 @@ def by_picture(place: Callable[[Picture], Place | None]) -> Estimator:
             if at and np.hypot(at[0] - picture.x, at[1] - picture.y) < picture.radius:
                 found[k] = at
         x, y = (found + given.seen.corners).T
-        lost = np.where(np.isnan(x), Flag.NOT_FOUND, 0).astype(np.uint16)
+        lost = np.where(np.isnan(x), PlaceFlag.NOT_FOUND, 0).astype(np.uint16)
         return replace(given.start, x=x, y=y, flags=lost)
 
     return estimator

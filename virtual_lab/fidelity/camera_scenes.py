@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.video.clips.clip import Clip
-from virtual_lab.video.locate.located import Located
+from virtual_lab.video.locate.located import MARGIN, Located, Regions
 from virtual_lab.video.locate.noise import ROUNDING, Noise
-from virtual_lab.video.locate.regions import MARGIN, Regions
 
 __all__ = ["BACK", "EVEN", "FULL_SCALE", "HARD", "SOFT", "Batch", "Case", "EstimatorInput"]
 

@@ -15,7 +15,7 @@ from virtual_lab.simulation.instruments.camera.camera import Camera
 from virtual_lab.simulation.instruments.camera.scene import FilmedBat, background
 from virtual_lab.streams import Streams
 from virtual_lab.video.bat.angles import BatAngles, bat_angles, recoil_of
-from virtual_lab.video.bat.outline import Outline, find_outline
+from virtual_lab.video.bat.outline import BatEdges, find_outline
 from virtual_lab.video.clips.calibration_file import CameraModel
 
 Array = NDArray[np.float64]
@@ -33,7 +33,7 @@ def model_of(camera: Camera) -> CameraModel:
 
 def outline_in(
     camera: Camera, rest: NDArray[np.float32], bat: FilmedBat, off: float = 0.0
-) -> Outline:
+) -> BatEdges:
     """Return a bat's outline in axes from under the camera, Y down; `off` misplaces its pivot."""
     x, y, _ = camera.lens.place
     pivot = (bat.pivot[0] - x, y - bat.pivot[1] - off)
@@ -53,7 +53,7 @@ def films(camera: Camera, bat: FilmedBat, angles: Array, seed: int) -> list[NDAr
 
 
 @pytest.fixture(scope="module")
-def filmed() -> tuple[Camera, FilmedBat, Outline, Array, Array, list[NDArray[np.generic]]]:
+def filmed() -> tuple[Camera, FilmedBat, BatEdges, Array, Array, list[NDArray[np.generic]]]:
     """Return a bat at rest for 8 frames, turning at 12 rad/s for 24: 0.06 rad, 40 px at its tip."""
     camera, bat = small_camera(3), bat_of(course_of())
     camera = replace(camera, spec=replace(camera.spec, empty_frames=32))

@@ -26,12 +26,12 @@ from virtual_lab.video.calibration.board_finding import BoardView, find_board
 from virtual_lab.video.calibration.calibrating import (
     Calibrated,
     Plan,
-    calibrate,
+    calibrate_camera,
     lengths_of,
 )
 from virtual_lab.video.calibration.plane import plane_of
 from virtual_lab.video.clips.calibration_file import read_calibration
-from virtual_lab.video.show.calibration_text import calibration_toml
+from virtual_lab.video.show.calibration import calibration_toml
 
 BOARD = board_of("charuco:14x9:40mm:30mm")
 SMALL = board_of("charuco:9x6:60mm:44mm")
@@ -46,7 +46,7 @@ def calibrated(
     monkeypatch.setattr(calibrating, "find_board", lambda *_: next(waiting))
     names = (f"{number}.png" for number in range(len(seen)))
     blank = np.zeros(SIZE[::-1], np.uint8)
-    return calibrate(((name, blank) for name in names), plan or Plan(board=BOARD))
+    return calibrate_camera(((name, blank) for name in names), plan or Plan(board=BOARD))
 
 
 @pytest.mark.parametrize("name", ["charuco:14x9:40mm:30mm", "chessboard:14x9:40mm"])
@@ -121,7 +121,7 @@ def test_rendered_pictures_lead_to_the_lens() -> None:
     """Pictures to file to places: within five stated u, and the scale to a few millionths."""
     cv2.setNumThreads(1)
     camera = small_camera(4)
-    found = calibrate(pictures_of(camera, SMALL, 6, 5), Plan(board=SMALL))
+    found = calibrate_camera(pictures_of(camera, SMALL, 6, 5), Plan(board=SMALL))
     model, lens = found.model, camera.lens
     assert model.fit is not None
     assert (model.fit.views, len(found.warnings)) == (6, 3), found.warnings
@@ -219,22 +219,22 @@ def test_pictures_that_do_not_belong_together(monkeypatch: pytest.MonkeyPatch) -
     )
     pictures = [(f"in/{grey}.png", np.full(SIZE[::-1], grey, np.uint8)) for grey in range(7)]
     with pytest.raises(InputError, match=r"5\.png: size = '1279 x 800'; the first is 1280 x 800"):
-        calibrate([*pictures[:5], ("5.png", pictures[5][1][:, 1:])], Plan(board=BOARD))
+        calibrate_camera([*pictures[:5], ("5.png", pictures[5][1][:, 1:])], Plan(board=BOARD))
     with pytest.raises(InputError, match=r"6\.png: plane view; no board"):
-        calibrate(pictures, Plan(board=BOARD, plane="6.png"))
+        calibrate_camera(pictures, Plan(board=BOARD, plane="6.png"))
     with pytest.raises(InputError, match=r"6\.png: plane view; no board"):
-        calibrate(
+        calibrate_camera(
             pictures[::-1], Plan(board=BOARD)
         )  # the first one given is meant, if none is named
     with pytest.raises(InputError, match=r"--height = '9 m'; the camera itself is"):
-        calibrate(pictures, Plan(board=BOARD, height=9.0))
+        calibrate_camera(pictures, Plan(board=BOARD, height=9.0))
     with pytest.raises(InputError, match=r"--plane = 'flat.png'; allowed: in/0\.png"):
-        calibrate(pictures, Plan(board=BOARD, plane="flat.png"))
+        calibrate_camera(pictures, Plan(board=BOARD, plane="flat.png"))
     with pytest.raises(InputError, match="14x9 squares, not inner corners"):
-        calibrate(pictures[:2] + pictures[6:], Plan(board=BOARD))
+        calibrate_camera(pictures[:2] + pictures[6:], Plan(board=BOARD))
     with pytest.raises(InputError, match="pictures = 0"):
-        calibrate([], Plan(board=BOARD))
-    found = calibrate(pictures[::-1], Plan(board=BOARD, plane="1.png"))
+        calibrate_camera([], Plan(board=BOARD))
+    found = calibrate_camera(pictures[::-1], Plan(board=BOARD, plane="1.png"))
     assert "no board was found in in/6.png" in found.warnings
     assert found.views[found.plane] == "in/1.png"
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from virtual_lab.errors import InputError
 from virtual_lab.video.calibration.plane import plane_of
 from virtual_lab.video.clips.calibration_file import CameraModel, ClipCalibration
-from virtual_lab.video.locate.located import Flag, Located
+from virtual_lab.video.locate.located import Located, PlaceFlag
 
 Array = NDArray[np.float64]
 
@@ -87,7 +87,7 @@ def test_the_ball_sets_the_scale_where_nothing_else_does() -> None:
     assert plane.metres_per_pixel == pytest.approx(1e-3)
     assert plane.relative_u == pytest.approx(np.hypot(1e-3, 0.05 / 30))
     with pytest.raises(InputError, match="no frame shows the whole ball"):
-        plane_of(located(x, x, flags=Flag.CLIPPED), known, "clip")
+        plane_of(located(x, x, flags=PlaceFlag.CLIPPED), known, "clip")
     sized = ClipCalibration(metres_per_pixel=2e-3, metres_per_pixel_u=4e-6, ball_diameter_m=0.06)
     given = plane_of(located(x, x), sized, "clip")
     assert (given.metres_per_pixel, given.relative_u, given.source) == (2e-3, 2e-3, "file")

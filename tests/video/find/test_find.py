@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from tests.video.scenery.filming import pictures
 from tests.video.scenery.scenes import SCENES
 from tests.video.scenes import Film, matte
-from virtual_lab.video.clips.background import middle_of, uncovered_mean
 from virtual_lab.video.find.blobs import blobs
 from virtual_lab.video.find.drift import edges_of
 from virtual_lab.video.find.still import still_of
 from virtual_lab.video.find.watching import repeats
+from virtual_lab.video.track.tracking import middle_of, uncovered_mean
 
 NONE = np.zeros(2)
 

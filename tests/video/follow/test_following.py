@@ -12,18 +12,18 @@ import pytest
 from tests.video.follow.twins import require_contacts, require_flights, run
 from tests.video.scenery.scene import Made
 from tests.video.scenery.scenes import SCENES
-from virtual_lab.video.follow.following import Followed, following
+from virtual_lab.video.follow.following import FollowedClip, following
 
-Get = Callable[[str], tuple[Made, Followed]]
+Get = Callable[[str], tuple[Made, FollowedClip]]
 SHORTER = {"carried": 45, "empty": 25, "pendulum": 75}  # exposures
 
 
 @pytest.fixture(scope="module")
 def followed(tmp_path_factory: pytest.TempPathFactory) -> Get:
     """Return what films a scene and follows it, once."""
-    done: dict[str, tuple[Made, Followed]] = {}
+    done: dict[str, tuple[Made, FollowedClip]] = {}
 
-    def get(name: str) -> tuple[Made, Followed]:
+    def get(name: str) -> tuple[Made, FollowedClip]:
         if name not in done:
             scene = replace(SCENES[name], count=SHORTER.get(name, SCENES[name].count))
             done[name] = run(scene, tmp_path_factory.mktemp(name))
@@ -42,6 +42,8 @@ def test_flights_and_contacts(followed: Get) -> None:
     for flight in found.flights:
         pull = flight.acceleration
         assert abs(pull.value - 9.81) < 3 * pull.u < 0.3 * 9.81
+    assert found.scale is not None  # by a ball that is lighter than its background
+    assert found.scale.metres_per_pixel == pytest.approx(made.truth.metres_per_pixel, rel=0.02)
 
 
 @pytest.mark.parametrize("name", ["carried", "pendulum"])
@@ -76,6 +78,13 @@ def test_a_wrong_frame_rate_is_told_by_gravity(followed: Get) -> None:
     wrong = following(found.clip, found.watched, replace(found.known, rate=120.0))
     assert "GRAVITY" in wrong.flags
     assert all(each.acceleration.value > 100 for each in wrong.flights)
+
+
+def test_a_clean_parabola_is_a_flight_whatever_ball_it_is_said_to_be(followed: Get) -> None:
+    _, found = followed("thrown-on-wall")
+    wrong = following(found.clip, found.watched, replace(found.known, ball=0.2))
+    assert [each.places for each in wrong.flights] == [each.places for each in found.flights]
+    assert "GRAVITY" in wrong.flags
 
 
 def test_speeds_carry_what_an_unknown_readout_may_do(followed: Get) -> None:

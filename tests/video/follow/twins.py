@@ -8,12 +8,12 @@ from tests.video.scenery.filming import film
 from tests.video.scenery.scene import BallTruth, Made, Scene
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import open_clip
-from virtual_lab.video.follow.following import Followed, Known, follow
+from virtual_lab.video.follow.following import FollowedClip, Known, follow
 
 __all__ = ["require_contacts", "require_flights", "run"]
 
 
-def run(scene: Scene, folder: Path) -> tuple[Made, Followed]:
+def run(scene: Scene, folder: Path) -> tuple[Made, FollowedClip]:
     made = film(scene, folder)
     rate = scene.fps
     if scene.stored == "thinned":
@@ -27,7 +27,7 @@ def run(scene: Scene, folder: Path) -> tuple[Made, Followed]:
     return made, follow(clip, Known(rate=rate, ball=diameter, ball_u=0.01 * diameter))
 
 
-def require_flights(truth: BallTruth, found: Followed, least: float = 0.8) -> None:
+def require_flights(truth: BallTruth, found: FollowedClip, least: float = 0.8) -> None:
     """Require every flight of eight readable frames, and so much of it; nothing where none is."""
     frames = truth.frames
     for flight in truth.flights:
@@ -47,7 +47,7 @@ def require_flights(truth: BallTruth, found: Followed, least: float = 0.8) -> No
         assert np.abs(off - np.median(off, axis=0)).max() < 0.35 * way.radius
 
 
-def require_contacts(truth: BallTruth, found: Followed) -> None:
+def require_contacts(truth: BallTruth, found: FollowedClip) -> None:
     """Require that each contact is a true one, its frame to 0.2, its restitution to 2.5 u."""
     for contact in found.contacts:
         true = min(truth.contacts, key=lambda each: abs(each.frame - contact.frame))

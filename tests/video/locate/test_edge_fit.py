@@ -13,10 +13,10 @@ from tests.video.stitched import LENS, Array, Scene, scene
 from virtual_lab.errors import InputError
 from virtual_lab.video.locate import edge_sums as at
 from virtual_lab.video.locate.edge_fit import EdgeFit, fit_edge
-from virtual_lab.video.locate.located import Flag, Located
+from virtual_lab.video.locate.edge_kernel import covered
+from virtual_lab.video.locate.edge_sums import View
+from virtual_lab.video.locate.located import Located, PlaceFlag
 from virtual_lab.video.locate.noise import Noise
-from virtual_lab.video.locate.pixels import View
-from virtual_lab.video.locate.rim_cover import covered
 from virtual_lab.video.locate.rim_profiles import FIRST, PER, blurred_profiles
 
 
@@ -113,7 +113,7 @@ def test_full_scale_is_flagged_and_does_no_harm() -> None:
     seen = balls(30, 2, 96)
     noise = Noise(gain=seen.noise.gain, read=seen.noise.read, full_scale=150.0)
     found = plain(replace(seen, regions=np.minimum(seen.regions, 150.0), noise=noise))
-    flagged = found.flags & (Flag.SATURATED | Flag.NOT_FOUND)
+    flagged = found.flags & (PlaceFlag.SATURATED | PlaceFlag.NOT_FOUND)
     assert flagged.all()
     assert rms((found.x - seen.x)[np.isfinite(found.x)]) < 0.05
 
@@ -163,7 +163,7 @@ def test_what_is_cut_is_flagged_and_placed() -> None:
     seen = scene("soft")
     end = int(seen.x.mean() + 15)
     found = fitted(seen, regions=seen.regions[:, :, :end])
-    assert (found.located.flags == Flag.CLIPPED).all()
+    assert (found.located.flags == PlaceFlag.CLIPPED).all()
     off, pulls = errors(seen, found)
     assert np.median(np.abs(off[0])) < 0.010
     assert rms(pulls) < 1.6
@@ -179,7 +179,7 @@ def test_no_ball_is_not_found() -> None:
     start = seen.start()
     start.x[3] = np.nan
     assert fitted(seen, start=start).located.flags.tolist() == [
-        int(Flag.NOT_FOUND) if k == 3 else 0 for k in range(20)
+        int(PlaceFlag.NOT_FOUND) if k == 3 else 0 for k in range(20)
     ]
 
 
@@ -210,7 +210,7 @@ def test_tables_have_closed_forms() -> None:
 
 def test_the_ring_is_solved_as_a_whole_matrix_is() -> None:
     """Solution and inverse against numpy's, of a random system of the same shape."""
-    from virtual_lab.video.locate.ring_solver import eliminate, substitute
+    from virtual_lab.video.locate.edge_kernel import eliminate, substitute
 
     random = np.random.default_rng(4)
     count, n, m = 6, 3, 4

@@ -14,20 +14,20 @@ from virtual_lab.simulation.instruments.camera.film import whole_frames
 from virtual_lab.simulation.instruments.camera.shots import take
 from virtual_lab.streams import Streams
 from virtual_lab.video.clips.calibration_file import CameraModel, ClipCalibration
-from virtual_lab.video.locate.limb import on_the_limb
+from virtual_lab.video.locate.located import Regions
 from virtual_lab.video.locate.noise import Noise
-from virtual_lab.video.locate.regions import Regions
-from virtual_lab.video.locate.seeing import lens_of, noise_of_ball
-from virtual_lab.video.locate.sharp import Sharp, place
+from virtual_lab.video.locate.sharp import Sharp, lens_of, noise_of_ball, on_the_limb, place
 from virtual_lab.video.track.speeds import speeds
-from virtual_lab.video.track.tracking import track
+from virtual_lab.video.track.tracking import track_hit
 
 
 @pytest.mark.parametrize("name", ["light on dark", "beside a bat that swings", "dim"])
 def test_a_plain_ball_is_tracked_to_its_uncertainty(name: str, tmp_path: Path) -> None:
     film = SCENES[name]
     np.save(tmp_path / "clip.npy", np.stack(list(film.frames())))
-    tracked = track(tmp_path / "clip.npy", replace(KNOWN, exposure_s=film.shutter / RATE), Sharp())
+    tracked = track_hit(
+        tmp_path / "clip.npy", replace(KNOWN, exposure_s=film.shutter / RATE), Sharp()
+    )
     require(film, speeds(tracked, KNOWN))
     x, y = film.places()
     located = tracked.located
@@ -78,7 +78,7 @@ def test_a_stitched_ball_that_spins_is_tracked(tmp_path: Path) -> None:
         spec, lens, camera.clock, course, camera.plane, draws, "film", np.arange(3), whole=True
     )
     true = shown.outlines.middle[shown.shot == 0]
-    tracked = track(tmp_path / "clip.npy", known, Sharp())
+    tracked = track_hit(tmp_path / "clip.npy", known, Sharp())
     flying = tracked.legs.used_in | tracked.legs.used_out
     located = tracked.located
     off = np.stack([located.x, located.y], axis=1) - true[tracked.frames]
@@ -174,7 +174,7 @@ def test_a_shadow_needs_no_pattern() -> None:
 
 def test_noise_has_what_the_clip_gives() -> None:
     """A clip of one frame has no noise to measure; a figure stands in."""
-    from virtual_lab.video.locate.seeing import noise_of_clip
+    from virtual_lab.video.locate.sharp import noise_of_clip
 
     class Short:
         samples = np.full((1, 8, 8), 40, np.uint8)

@@ -16,7 +16,7 @@ from tests.video.plain import located
 from tests.video.scenery.shots import KINDS, Kind, Shot, efficiency, empties, make_shot
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.reading import Source
-from virtual_lab.video.locate.regions import Regions
+from virtual_lab.video.locate.located import Regions
 from virtual_lab.video.locate.sharp import Sharp
 
 __all__ = ["hull_places", "rms_error", "sharp_places"]

@@ -15,11 +15,11 @@ from virtual_lab.video.clips.calibration_file import (
     ClipCalibration,
     read_calibration,
 )
-from virtual_lab.video.locate.located import Flag
+from virtual_lab.video.locate.located import PlaceFlag
 from virtual_lab.video.locate.sharp import Sharp
 from virtual_lab.video.show.track_text import track_text
 from virtual_lab.video.track.speeds import Speeds, document, speeds
-from virtual_lab.video.track.tracking import Tracked, track
+from virtual_lab.video.track.tracking import Tracked, track_hit
 
 RATE = 5000.0
 SCALE = 1e-3
@@ -31,7 +31,7 @@ def run(
     frames: Iterable[NDArray[np.generic]], at: Path, known: ClipCalibration = KNOWN
 ) -> tuple[Tracked, Speeds]:
     np.save(at / "clip.npy", np.stack(list(frames)))
-    tracked = track(at / "clip.npy", known, Sharp())
+    tracked = track_hit(at / "clip.npy", known, Sharp())
     return tracked, speeds(tracked, known)
 
 
@@ -190,7 +190,7 @@ def test_frames_of_the_contact_are_left_out(tmp_path: Path) -> None:
         held.append(np.clip(np.round(image), 0, 255).astype(np.uint8))
     tracked, found = run(frames[:18] + held + frames[18:], tmp_path)
     require(film, found)
-    flagged = tracked.frames[(tracked.located.flags & Flag.CONTACT) > 0]
+    flagged = tracked.frames[(tracked.located.flags & PlaceFlag.CONTACT) > 0]
     assert {19, 20, 21} <= set(flagged.tolist()) <= set(range(17, 24))
 
 

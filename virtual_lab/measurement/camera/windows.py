@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from virtual_lab.errors import InputError
 from virtual_lab.records import ClipRecord, TrackRecord
 from virtual_lab.uncertainty.estimate import Estimate
-from virtual_lab.video.locate.located import Flag, Located
+from virtual_lab.video.locate.located import Located, PlaceFlag, Regions
 from virtual_lab.video.locate.noise import ROUNDING, Noise
-from virtual_lab.video.locate.regions import Regions
 from virtual_lab.video.locate.sharp import place
 
 __all__ = ["Sightings", "sight"]
@@ -29,7 +28,13 @@ TOUCHING = 8e-3  # m, from the farthest the ball comes: nearer it may be on the 
 LEAST = 4  # frames of a way
 MOST = 24  # and as many are refined: more add little that is new, as the ball's pattern is slow
 OVAL_U = 1e-3  # of outlines off the axis, as far as lens and pose are known
-USELESS = Flag.NOT_FOUND | Flag.POOR_FIT | Flag.SATURATED | Flag.CLIPPED | Flag.OVERLAP
+USELESS = (
+    PlaceFlag.NOT_FOUND
+    | PlaceFlag.POOR_FIT
+    | PlaceFlag.SATURATED
+    | PlaceFlag.CLIPPED
+    | PlaceFlag.OVERLAP
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

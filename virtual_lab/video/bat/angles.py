@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from virtual_lab.errors import InputError
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.video.bat.outline import (
+    BatEdges,
     Between,
-    Outline,
     normal_pixels,
     pixels_of,
     shifts_of,
@@ -65,7 +65,7 @@ class Recoil:
 
 def bat_angles(
     frames: Iterable[tuple[float, NDArray[Any], tuple[float, float]]],
-    outline: Outline,
+    outline: BatEdges,
     camera: CameraModel | None = None,
     balls: Array | None = None,
     *,
@@ -114,7 +114,7 @@ def bat_angles(
 def _pose(
     grey: NDArray[Any],
     corner: Array,
-    outline: Outline,
+    outline: BatEdges,
     camera: CameraModel | None,
     ball: Array | None,
     start: Array,
@@ -153,7 +153,7 @@ def _pose(
 
 
 def _levers(
-    outline: Outline, pose: Array, used: NDArray[np.bool_], way: Array, camera: CameraModel | None
+    outline: BatEdges, pose: Array, used: NDArray[np.bool_], way: Array, camera: CameraModel | None
 ) -> Array:
     """Return how far edges move along their normals by angle and shift, (point, 2) [pixels]."""
     small = np.array([SMALL, SMALL if camera else 1.0])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,25 +10,16 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.video.bat.angles import BatAngles, Recoil, bat_angles, recoil_of
-from virtual_lab.video.bat.outline import Outline, find_outline
+from virtual_lab.video.bat.outline import find_outline
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.track.tracking import Tracked
 
-__all__ = ["BatFound", "BatSeen", "bat_document", "find_bat", "recoil_in"]
+__all__ = ["BatSeen", "bat_document", "find_bat"]
 
 Array = NDArray[np.float64]
 
 LASTS = 1e-3  # s about the contact: the bat is being pushed
 MARGIN = 8.0  # pixels about the ball that tell nothing of what is behind it
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BatFound:
-    """A bat in a clip; arrays over all its frames."""
-
-    times: Array  # (frame,) [s]
-    outline: Outline  # at rest
-    angles: BatAngles
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,13 +31,13 @@ class BatSeen:
     recoil: Recoil
 
 
-def find_bat(tracked: Tracked, calibration: ClipCalibration) -> BatFound | None:
+def find_bat(tracked: Tracked, calibration: ClipCalibration) -> BatSeen | None:
     """Return the bat that [bat] in a clip's calibration speaks of, None without.
 
     Raises
     ------
     InputError
-        No bat where it should be.
+        No bat where it should be, no contact in the clip, too few frames that show the bat.
     """
     place, camera = calibration.bat, calibration.camera
     if place is None or camera is None:
@@ -56,32 +46,16 @@ def find_bat(tracked: Tracked, calibration: ClipCalibration) -> BatFound | None:
     times, balls = tracked.clip.times, _balls(tracked)
     rest = _at_rest(tracked, times < contact - max(LASTS, tracked.exposure), balls)
     outline = find_outline(rest, place.pivot_m, place.toward_m, place.widest_m, camera)
-
-    def frames() -> Iterator[tuple[float, NDArray[Any], tuple[float, float]]]:
-        for time, frame in zip(times, tracked.clip.frames(), strict=True):
-            yield float(time), frame, (0.0, 0.0)
-
-    angles = bat_angles(frames(), outline, camera, balls, pivoted=place.pivoted)
-    return BatFound(times=times, outline=outline, angles=angles)
-
-
-def recoil_in(tracked: Tracked, bat: BatFound) -> BatSeen:
-    """Return how a bat in a clip recoils from the ball.
-
-    Raises
-    ------
-    InputError
-        No contact in the clip, too few frames that show the bat.
-    """
+    frames = (
+        (float(time), frame, (0.0, 0.0))
+        for time, frame in zip(times, tracked.clip.frames(), strict=True)
+    )
+    angles = bat_angles(frames, outline, camera, balls, pivoted=place.pivoted)
     if tracked.legs.flight_out is None:
         where = str(tracked.clip.source.path)
         raise InputError(where, "bat", None, "the ball is not seen to leave it: no recoil to read")
-    contact = tracked.legs.flight_in.time
-    return BatSeen(
-        times=bat.times,
-        angles=bat.angles,
-        recoil=recoil_of(bat.times, bat.angles, contact, lasts=LASTS),
-    )
+    recoil = recoil_of(times, angles, contact, lasts=LASTS)
+    return BatSeen(times=times, angles=angles, recoil=recoil)
 
 
 def bat_document(found: BatSeen) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from virtual_lab.errors import InputError
 from virtual_lab.video.clips.calibration_file import CameraModel
 
-__all__ = ["Between", "Outline", "find_outline", "normal_pixels", "pixels_of", "shifts_of"]
+__all__ = ["BatEdges", "Between", "find_outline", "normal_pixels", "pixels_of", "shifts_of"]
 
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
@@ -35,7 +35,7 @@ LEAST = 20  # points of an edge
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outline:
+class BatEdges:
     """Points on the edges of a bat at rest, arrays over them; axes of the plane it turns in."""
 
     pivot: Array  # (2,)
@@ -113,7 +113,7 @@ def find_outline(
     toward: tuple[float, float],
     widest: float,
     camera: CameraModel | None = None,
-) -> Outline:
+) -> BatEdges:
     """Return the edges of a bat in a picture of it at rest.
 
     Parameters
@@ -166,7 +166,7 @@ def find_outline(
     if not any(map(len, points)):
         raise InputError("", "bat", None, "no edge of it shows in the picture at rest")
     places, outward, side = (np.concatenate(each) for each in (points, normals, numbers))
-    found = Outline(
+    found = BatEdges(
         pivot=middle,
         left=left,
         places=places,
@@ -207,7 +207,7 @@ def normal_pixels(places: Array, normals: Array, camera: CameraModel | None) -> 
     return np.asarray(at[:, None] + ACROSS[:, None] * way[:, None])
 
 
-def shifts_of(seen: Array, found: Outline, used: NDArray[np.bool_]) -> tuple[Array, Array]:
+def shifts_of(seen: Array, found: BatEdges, used: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Return how far each edge is from where it should be [pixels], and the weight of that.
 
     A frame's profile is level + gain (rest - shift slope), each of the three its own.
@@ -226,7 +226,7 @@ def shifts_of(seen: Array, found: Outline, used: NDArray[np.bool_]) -> tuple[Arr
     return np.asarray(moved / safe), np.where(shown, safe**2 / inverse[:, 2, 2], 0.0)
 
 
-def _with_profiles(found: Outline, rest: Image, camera: CameraModel | None) -> Outline:
+def _with_profiles(found: BatEdges, rest: Image, camera: CameraModel | None) -> BatEdges:
     """Return an outline with the picture at rest across it, averaged along each edge."""
     from scipy.ndimage import uniform_filter1d
 
@@ -243,7 +243,7 @@ def _with_profiles(found: Outline, rest: Image, camera: CameraModel | None) -> O
     return replace(found, profiles=profiles, slopes=slopes)
 
 
-def _strong(found: Outline) -> Outline:
+def _strong(found: BatEdges) -> BatEdges:
     """Return an outline without an edge that hardly shows.
 
     What little the background changes behind such an edge would move it.

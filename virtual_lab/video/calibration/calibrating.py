@@ -25,7 +25,7 @@ from virtual_lab.video.calibration.camera_fit import Solved, solve
 from virtual_lab.video.calibration.plane import on_plane
 from virtual_lab.video.clips.calibration_file import CameraFit, CameraModel
 
-__all__ = ["Calibrated", "Plan", "calibrate", "lengths_of"]
+__all__ = ["Calibrated", "Plan", "calibrate_camera", "lengths_of"]
 
 Array = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ class Calibrated:
     warnings: tuple[str, ...]
 
 
-def calibrate(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -> Calibrated:
+def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -> Calibrated:
     """Return the camera that took some pictures.
 
     Parameters

@@ -3,23 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from queue import Full, Queue
+from threading import Event, Thread
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
-from virtual_lab.video.clips.ahead import ahead
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.reading import Frame, Source, grey_of, open_source
 from virtual_lab.video.clips.timing import frame_times
 
-__all__ = ["Clip", "open_clip"]
+__all__ = ["Clip", "ahead", "open_clip"]
 
 SAMPLES = 25  # frames kept to learn the background from
 FEWEST, ROOM = 9, 50e6  # of large ones fewer: as many as so many B hold
 KEPT = 60e6  # B: a shorter clip is decoded once and stays in memory
+
+
+Item = TypeVar("Item")
+
+AHEAD = 2  # items decoded before they are asked for
+PATIENCE = 0.1  # s between looks whether anybody still reads
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,3 +128,40 @@ def _require_size(frame: Frame, path: Path, calibration: ClipCalibration) -> Non
         wide, high = camera.image_size
         allowed = f"the calibrated camera's are {wide} x {high}: is it another camera's?"
         raise InputError(str(path), "frames", found, allowed)
+
+
+def ahead(items: Iterator[Item]) -> Iterator[Item]:
+    """Yield items in order, made in a thread; what it raises is raised here."""
+    queue: Queue[tuple[Item | None, BaseException | None]] = Queue(AHEAD)
+    left = Event()
+
+    def put(item: Item | None, fault: BaseException | None = None) -> None:
+        while not left.is_set():
+            with suppress(Full):
+                queue.put((item, fault), timeout=PATIENCE)
+                break
+
+    def work() -> None:
+        try:
+            for item in items:
+                put(item)
+                if left.is_set():
+                    return
+            put(None, StopIteration())
+        except BaseException as fault:
+            put(None, fault)
+
+    thread = Thread(target=work, daemon=True)
+    thread.start()
+    try:
+        while True:
+            item, fault = queue.get()
+            if isinstance(fault, StopIteration):
+                return
+            if fault is not None:
+                raise fault
+            assert item is not None
+            yield item
+    finally:
+        left.set()
+        thread.join()

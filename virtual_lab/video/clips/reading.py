@@ -19,8 +19,9 @@ from virtual_lab.video.clips.highspeed import HIGHSPEED, cine, mraw
 
 if TYPE_CHECKING:
     import cv2
+from collections.abc import Iterable
 
-__all__ = ["IMAGES", "Frame", "Source", "grey_of", "image_files", "open_source"]
+__all__ = ["IMAGES", "Frame", "Source", "grey_of", "image_files", "open_source", "read_pictures"]
 
 Frame = NDArray[Any]  # of 8 or 16 bits without sign
 
@@ -238,3 +239,33 @@ def _natural(path: Path) -> list[tuple[int, str]]:
 
 def _size(frame: Frame) -> str:
     return f"{frame.shape[1]} x {frame.shape[0]} of {8 * frame.dtype.itemsize} bits"
+
+
+def read_pictures(paths: Iterable[Path]) -> Iterator[tuple[str, Frame]]:
+    """Yield name and grey values (row, column) of every picture in some files and folders.
+
+    A picture out of a stack or a clip is named by its number, ``clip.mp4:12``.
+
+    Raises
+    ------
+    InputError
+        No such file, none that can be read, a folder without images.
+    """
+    for path in paths:
+        for file in image_files(path) if path.is_dir() else (path,):
+            yield from _pictures(file)
+
+
+def _pictures(file: Path) -> Iterator[tuple[str, Frame]]:
+    import cv2
+
+    if file.suffix.lower() in IMAGES and file.is_file():
+        pictures = cv2.imreadmulti(str(file), flags=cv2.IMREAD_UNCHANGED)[1]
+        if not pictures:
+            raise InputError(str(file), "image", None, "cannot be read (is it cut short?)")
+        for number, picture in enumerate(pictures):
+            name = str(file) if len(pictures) == 1 else f"{file}:{number}"
+            yield name, grey_of(picture, name)
+    else:
+        for number, (frame, _) in enumerate(open_source(file).frames()):
+            yield f"{file}:{number}", frame

@@ -7,15 +7,41 @@ contrast; a hand that holds the ball lies on the ring about it, which must be ba
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.video.find.outline import fit_outline
+from virtual_lab.video.find.drift import middle
 from virtual_lab.video.find.still import Image, Still, difference_of, difference_of_light
 
-__all__ = ["BLOB", "Blobs", "blobs"]
+__all__ = ["BLOB", "BlobOutline", "Blobs", "blobs", "fit_outline"]
+
+
+RAYS = 48
+PLACES = 64  # along a ray
+REACH = 1.6  # radii
+INSIDE, OUTSIDE = (0.5, 0.8), (1.3, 1.55)  # of the radius: the ball, and what is behind it
+INNER_PART, OUTER_PART = (0.35, 0.55), (0.6, 0.8)  # of the radius: how the ball's level goes on
+GOES_ON = 0.7  # of that slope out to the rim: no bias on the balls of tests/video/scenery
+WIDE, NARROW = 0.3, 0.15  # of the radius, an edge's width: blurred, none of it; sharp, all
+OUTER, INNER = 0.3, 0.7  # of a ray's contrast: the edge's width lies between
+NO_EDGE = 0.3  # of the ball's contrast: such a ray shows no edge
+ENOUGH = 0.4  # of the rays
+ROUNDS = 2
+TRUST = 3  # rounds of the robust fit
+SHARE = np.linspace(0.3, REACH, PLACES)
+BALL, REST, DEEP, RIM = (
+    (low < SHARE) & (high > SHARE) for low, high in (INSIDE, OUTSIDE, INNER_PART, OUTER_PART)
+)
+TO_RIM = (1 - SHARE[BALL].mean()) / (SHARE[RIM].mean() - SHARE[DEEP].mean())
+TURNS = np.arange(RAYS) * (2 * np.pi / RAYS)
+COS, SIN = np.cos(TURNS), np.sin(TURNS)
+TO_X, TO_Y = COS[:, None] * SHARE, SIN[:, None] * SHARE
+# shift, size, and drawn out along one direction
+DESIGN = np.stack([COS, SIN, np.ones(RAYS), np.cos(2 * TURNS), np.sin(2 * TURNS)], axis=1)
+ROUNDED = 0.15  # of the edge's width between the outer and inner level: what its place may be off
+
 
 Array = NDArray[np.float64]
 Blobs = NDArray[np.void]
@@ -53,6 +79,102 @@ BLOB = np.dtype(
         ("colour", float, (3,)),
     ]
 )
+
+
+class BlobOutline(NamedTuple):
+    """A ball's outline in a region [pixels]."""
+
+    x: float
+    y: float
+    short: float  # half its shorter axis
+    long: float
+    short_u: float
+
+
+def fit_outline(
+    off: NDArray[np.float32],
+    x: float,
+    y: float,
+    radius: float,
+    contrast: float,
+    rounds: int = ROUNDS,
+) -> BlobOutline | None:
+    """Return the outline of a blob, None where too few rays show an edge.
+
+    Parameters
+    ----------
+    off
+        Difference from the background, (row, column) [DN].
+    x, y, radius
+        Of the blob, to a fifth of the radius.
+    contrast
+        Of the blob [DN].
+    rounds
+        Of which each begins where the one before ended.
+    """
+    import cv2
+
+    width = 0.0
+    fitted = np.zeros(5)
+    for _ in range(rounds):
+        along = SHARE * radius
+        to_x, to_y = (x + radius * TO_X).astype(np.float32), (y + radius * TO_Y).astype(np.float32)
+        mode = cv2.BORDER_REPLICATE
+        seen = np.asarray(cv2.remap(off, to_x, to_y, cv2.INTER_LINEAR, borderMode=mode), float)
+        ball, rest = seen[:, BALL].mean(axis=1), middle(seen[:, REST])
+        height = ball - rest
+        good = height > NO_EDGE * contrast
+        if good.sum() < ENOUGH * RAYS:
+            return None
+        height = np.where(good, height, 1.0)
+        level = (seen - rest[:, None]) / height[:, None]
+        outer, found_outer = _crossing(level, along, OUTER)
+        inner, found_inner = _crossing(level, along, INNER)
+        both = good & found_outer & found_inner
+        wide = np.where(both, (outer - inner) / radius, WIDE)
+        on = GOES_ON * np.clip((WIDE - wide) / NARROW, 0, 1)
+        slope = np.clip(level[:, RIM].mean(axis=1) - level[:, DEEP].mean(axis=1), -0.5, 0.5)
+        edge, found = _crossing(level, along, 0.5 * np.maximum(1 + on * TO_RIM * slope, 0.5))
+        good &= found
+        if good.sum() < ENOUGH * RAYS:
+            return None
+        fitted = _robust(edge, good)
+        both &= good
+        width = float(middle(outer[both] - inner[both])) if both.any() else radius
+        x, y, radius = x + fitted[0], y + fitted[1], float(fitted[2])
+        if not 1.0 < radius < max(off.shape):
+            return None
+    drawn = float(np.hypot(fitted[3], fitted[4]))
+    if drawn > 0.6 * radius:
+        return None
+    return BlobOutline(float(x), float(y), radius - drawn, radius + drawn, ROUNDED * abs(width))
+
+
+def _crossing(level: Array, along: Array, share: Array | float) -> tuple[Array, NDArray[np.bool_]]:
+    """Return where rays first fall below a share on the way out, and whether they do."""
+    share = np.broadcast_to(share, len(level))
+    middle = int(np.searchsorted(along, 0.6 * along[-1] / REACH))
+    below = level[:, middle:] < share[:, None]
+    k = np.argmax(below, axis=1) + middle
+    found = below.any(axis=1) & (k > middle)
+    k = np.maximum(k, 1)
+    row = np.arange(len(level))
+    high, low = level[row, k - 1], level[row, k]
+    part = np.clip((high - share) / np.maximum(high - low, 1e-6), 0, 1)
+    return along[k - 1] + part * (along[k] - along[k - 1]), found
+
+
+def _robust(edge: Array, good: NDArray[np.bool_]) -> Array:
+    trust = good.astype(float)
+    fitted = np.zeros(5)
+    for _ in range(TRUST):
+        weighted = DESIGN * trust[:, None]
+        normal = weighted.T @ DESIGN + 1e-6 * np.eye(5)
+        fitted = np.linalg.solve(normal, weighted.T @ edge)
+        off = np.abs(edge - DESIGN @ fitted)
+        spread = max(0.05, 1.4826 * float(middle(off[good])))
+        trust = good / np.maximum(1.0, off / (1.5 * spread)) ** 2
+    return fitted
 
 
 def blobs(number: int, picture: Image, small: Image, shift: Array, still: Still) -> Blobs:
@@ -164,9 +286,10 @@ def _outline(
         # a rim in shade takes the edge inward in light, a gamma does in grey values
         light = _softened(difference_of_light(part, behind))
         level = float(np.median(light[_disc(light.shape, x, y, 0.6 * short)]))
-        other = fit_outline(light, x, y, short, level, rounds=1)
+        other = fit_outline(light, x, y, (short + long) / 2, level, rounds=1)
         if other is not None and abs(other.short - short) < ALIKE * short:
-            spread = float(np.hypot(spread, (other.short - short) / 2))
+            # the edge lies between the two, nobody knows where
+            spread = float(np.hypot(spread, (other.short - short) / np.sqrt(12)))
             short, long = (short + other.short) / 2, (long + other.long) / 2
     ring = _disc(off.shape, x, y, 1.5 * long + 3) & ~_disc(off.shape, x, y, 1.25 * long + 1.5)
     core = _disc(off.shape, x, y, 0.6 * short)

@@ -21,7 +21,7 @@ __all__ = [
     "difference_of",
     "difference_of_light",
     "eight_bits",
-    "moved",
+    "moved_back",
     "ranked",
     "share_of",
     "still_of",
@@ -86,11 +86,11 @@ class Still:
         import cv2
 
         way = (shift + self.origin) / self.shrink
-        level = _level(moved(small, way, (0, 0), self.small), self.small)
+        level = _level(moved_back(small, way, (0, 0), self.small), self.small)
         behind = self.small
         if level != 1.0:
             behind = np.asarray(cv2.convertScaleAbs(behind, alpha=level), np.uint8)
-        apart = _strongest(_apart(moved(small, way, (0, 0), behind), behind))
+        apart = _strongest(_apart(moved_back(small, way, (0, 0), behind), behind))
         return np.asarray(cv2.subtract(apart, self.restless), np.uint8)
 
     def cut(
@@ -102,7 +102,7 @@ class Still:
         """
         x, y = corner
         behind = self.background[y : y + size[1], x : x + size[0]]
-        return moved(picture, shift + self.origin, corner, behind), behind
+        return moved_back(picture, shift + self.origin, corner, behind), behind
 
 
 def difference_of(part: Image, behind: Image) -> NDArray[np.float32]:
@@ -157,10 +157,10 @@ def still_of(
     background = _covered(pictures, shifts + origin, (high, wide), share_of(pictures))
     behind = _shrunk(background, shrink)
     off = [
-        _strongest(_apart(moved(each, (shift + origin) / shrink, (0, 0), behind), behind))
+        _strongest(_apart(moved_back(each, (shift + origin) / shrink, (0, 0), behind), behind))
         for each, shift in zip(small, shifts, strict=True)
     ]
-    inner = moved(behind, -origin / shrink, (0, 0), small[0])
+    inner = moved_back(behind, -origin / shrink, (0, 0), small[0])
     return Still(
         background=background,
         origin=(int(origin[0]), int(origin[1])),
@@ -216,7 +216,7 @@ def eight_bits(frame: Frame, depth: int) -> Image:
     return np.asarray(frame >> max(0, depth - 8), np.uint8)
 
 
-def moved(picture: Image, shift: Array, corner: tuple[int, int], behind: Image) -> Image:
+def moved_back(picture: Image, shift: Array, corner: tuple[int, int], behind: Image) -> Image:
     """Return a drifted picture where it lies before a background, elsewhere the background.
 
     The corner (x, y) is that of the background in the still frame.
@@ -261,7 +261,7 @@ def _covered(
     for top in range(0, shape[0], BLOCK):
         block = whole[top : top + BLOCK]
         stack = np.stack(
-            [moved(p, s, (0, top), block) for p, s in zip(pictures, shifts, strict=True)]
+            [moved_back(p, s, (0, top), block) for p, s in zip(pictures, shifts, strict=True)]
         )
         if not shifts.any():
             whole[top : top + BLOCK] = ranked(stack, round(share * (len(stack) - 1)))
@@ -290,7 +290,7 @@ def ranked(stack: NDArray[np.uint8], rank: int | NDArray[np.uint8]) -> Image:
 
 
 def _placed(picture: Image, shift: Array) -> Image:
-    return moved(picture, shift, (0, 0), picture)
+    return moved_back(picture, shift, (0, 0), picture)
 
 
 def _shrunk(picture: Image, shrink: int) -> Image:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ __all__ = ["Watched", "repeats", "watch"]
 Array = NDArray[np.float64]
 
 CHANGED = 5  # pixels, a side: what changes over fewer is noise
+THUMBS = 1500  # frames of a clip: of a longer one no small pictures are kept
+QUALITY = 92  # of these, as JPEG: 30 kB each
 REPEATED = 0.3  # of the change of the frames beside it: the frame was stored twice
 ENOUGH = 3  # samples that show a pixel bare
 GHOST, GHOST_AREA = 12, 30  # DN, pixels: a ball that was taken for background
@@ -32,6 +34,7 @@ class Watched:
     found: Blobs  # (blob,) of `find.blobs.BLOB`, frame by frame
     shifts: Array  # (frame, 2) of each picture from the still frame [pixels]
     change: Array  # (frame,) greatest from the frame before [DN]; NaN: not looked at
+    thumbs: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict)  # JPEG, as searched
 
 
 def watch(
@@ -85,6 +88,8 @@ def _watched(
     found: list[Blobs] = [np.zeros(0, BLOB)]
     shift = np.zeros(2)
     before: Image | None = None
+    thumbs: dict[int, NDArray[np.uint8]] = {}
+    kept = clip.count <= THUMBS and clip.samples.dtype == np.uint8
     for number, frame in enumerate(clip.pictures()):
         if number > last:
             break
@@ -100,8 +105,13 @@ def _watched(
             changed = cv2.blur(cv2.absdiff(small, before), (CHANGED, CHANGED))
             change[number] = float(np.max(changed))
         before = small
+        if kept:
+            quality = [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
+            thumbs[number] = cv2.imencode(".jpg", small, quality)[1]
         found.append(blobs(number, picture, small, shift, still))
-    return Watched(still=still, found=np.concatenate(found), shifts=shifts, change=change)
+    return Watched(
+        still=still, found=np.concatenate(found), shifts=shifts, change=change, thumbs=thumbs
+    )
 
 
 def _barer(clip: Clip, watched: Watched) -> Image | None:

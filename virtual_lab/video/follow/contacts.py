@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.units import DEGREE
-from virtual_lab.video.follow.flights import SAG, SIDE, Scene, meetings
+from virtual_lab.video.follow.flights import SAG, SIDE, FlightScene, meetings
 from virtual_lab.video.follow.joint import Fit
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.said import Said, from_fit, widened
@@ -40,7 +40,7 @@ class Contact:
 
 
 def contacts_of(
-    scene: Scene, ways: list[Piece], fit: Fit, free: Fit, skewed: Fit | None, step: float
+    scene: FlightScene, ways: list[Piece], fit: Fit, free: Fit, square: Fit | None, step: float
 ) -> tuple[list[Contact], tuple[list[str], list[str]]]:
     """Return the contacts, and flags and sentences about them.
 
@@ -50,8 +50,8 @@ def contacts_of(
         Of flights that share g and drag.
     free
         Of parabolas, each on its own.
-    skewed
-        With a perspective, where the camera is tilted.
+    square
+        Without the perspective of `fit`, where that has one.
     step
         Seconds of a step of time.
     """
@@ -70,7 +70,7 @@ def contacts_of(
         time = from_fit(fit, lambda f: _closest(f, met.first, met.t)[0])  # noqa: B023
         value = None
         if min(len(one.t), len(other.t)) >= SIDE and kind != "other":
-            value, flag, why = _restitution(fit, free, skewed, met.first, met.t, normal, kind)
+            value, flag, why = _restitution(fit, free, square, met.first, met.t, normal, kind)
             if flag:
                 flags.append(flag)
                 warnings.append(f"contact at frame {frame:.1f}: {why}")
@@ -89,7 +89,7 @@ def contacts_of(
     return found, (flags, warnings)
 
 
-def _frame(scene: Scene, one: Piece, other: Piece, t: float) -> float:
+def _frame(scene: FlightScene, one: Piece, other: Piece, t: float) -> float:
     """Return the frame of a time between two flights, between stored ones; repeats do not count."""
     between = np.arange(one.frames[-1], other.frames[0] + 1)
     between = between[np.isfinite(scene.time[between])]
@@ -130,7 +130,7 @@ def _closest(fit: Fit, first: int, t: float) -> tuple[float, Array, Array]:
 def _restitution(
     fit: Fit,
     free: Fit,
-    skewed: Fit | None,
+    square: Fit | None,
     first: int,
     t: float,
     normal: Array | None,
@@ -152,8 +152,8 @@ def _restitution(
         more.append(
             SLANT * float(after @ side + said.value * before @ side) / float(before @ normal)
         )
-    if skewed is not None:
-        more.append(said.value - ratio(skewed))
+    if square is not None:
+        more.append(said.value - ratio(square))
     said = widened(said, *more)
     if said.value - COVERAGE * said.u > 1:
         why = f"a ratio of {said.value:.3g}: nothing at rest gives back more than it takes"

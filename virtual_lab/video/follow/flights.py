@@ -15,11 +15,11 @@ from virtual_lab.video.follow.pieces import DIRTY, Piece, parabola
 __all__ = [
     "FEWEST",
     "SIDE",
+    "FlightScene",
     "Meeting",
-    "Scene",
     "beside",
     "flights_of",
-    "joined",
+    "joint_fit",
     "meetings",
     "readout_of",
 ]
@@ -44,14 +44,15 @@ HALF = 0.5  # of the ball's contrast: what has less is its shadow or mirror imag
 ROUNDS = 4
 APART = 0.6  # radii that two flights may miss each other by at a contact
 SMOOTH = 0.12  # radii, rms: a flight's places lie on its way
-SHARP = 0.04  # radii, likewise, where the acceleration is far from g
+SHARP = 0.04  # radii, likewise, where the acceleration is far from g; or, of a way that bends by
+CLEAN, DEEP = 0.015, 3.0  # so many radii, a share of its sag: no hand draws such a parabola
 READOUTS = (0.0, 0.25, 0.5, 0.75, 1.0)  # frames, tried
 GOOD = 0.015  # radii: a spread that no other readout need mend
 SURELY, LOOSELY = 4.0, 1.5  # factors of the misfit: to say so, and to tell which places belong
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scene:
+class FlightScene:
     """What is known of a clip, in pixels and frames."""
 
     found: Blobs  # blobs
@@ -94,7 +95,7 @@ class Meeting:
     after: Array
 
 
-def flights_of(scene: Scene, pieces: Sequence[Piece]) -> list[Piece]:
+def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> list[Piece]:
     """Return the flights among pieces: of one ball, of one gravity; empty where there is none."""
     chosen = _of_one_gravity(scene, [each for each in pieces if len(each.t) >= FEWEST - 1])
     flights = _once(chosen)
@@ -102,11 +103,11 @@ def flights_of(scene: Scene, pieces: Sequence[Piece]) -> list[Piece]:
         if not flights:
             return []
         readout = readout_of(scene, flights, LOOSELY)
-        flights = _merged(flights, joined(scene, flights, readout=readout))
-        fit = joined(scene, flights, readout=readout)
+        flights = _merged(flights, joint_fit(scene, flights, readout=readout))
+        fit = joint_fit(scene, flights, readout=readout)
         flights = _aligned(flights, fit)
         before = [each.frames.tolist() for each in flights]
-        flights = _refilled(scene, flights, joined(scene, flights, readout=readout))
+        flights = _refilled(scene, flights, joint_fit(scene, flights, readout=readout))
         flights = _parted(scene, flights)
         flights = [each for each in flights if len(each.t) >= SIDE]
         if [each.frames.tolist() for each in flights] == before:
@@ -115,16 +116,16 @@ def flights_of(scene: Scene, pieces: Sequence[Piece]) -> list[Piece]:
     return flights if flights and _holds(scene, flights) else []
 
 
-def _holds(scene: Scene, flights: Sequence[Piece]) -> bool:
+def _holds(scene: FlightScene, flights: Sequence[Piece]) -> bool:
     """Return whether flights fitted together still fall as gravity lets them."""
-    fit = joined(scene, flights, readout=readout_of(scene, flights, LOOSELY))
+    fit = joint_fit(scene, flights, readout=readout_of(scene, flights, LOOSELY))
     longest = max(flights, key=lambda each: len(each.t))
     u = np.sqrt(np.diagonal(fit.covariance)[:2])
     rms = fit.spread if len(flights) > 1 else SHARP / SMOOTH * fit.spread
     return fit.spread < SMOOTH * longest.radius and _falls(scene, longest, fit.pull[0], u, rms)
 
 
-def beside(scene: Scene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> list[Piece]:
+def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> list[Piece]:
     """Return pieces that fly as a second ball does, beside the flights and at the same time."""
     found = []
     taken = {int(one) for each in flights for one in each.blobs}
@@ -147,7 +148,7 @@ def beside(scene: Scene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> l
     return found
 
 
-def joined(scene: Scene, flights: Sequence[Piece], **ways: bool | float) -> Fit:
+def joint_fit(scene: FlightScene, flights: Sequence[Piece], **ways: bool | float) -> Fit:
     """Return the joint fit of flights; ways as `fit_flights` takes them."""
     radius = float(np.median([each.radius for each in flights]))
     given = {"readout": scene.readout or 0.0} | ways
@@ -174,7 +175,7 @@ def meetings(flights: Sequence[Piece], fit: Fit) -> list[Meeting]:
                 first=k,
                 t=float(t[best]),
                 apart=float(apart[best]),
-                place=(before[best, :2] + after[best, :2]) / 2,
+                place=(fit.seen(k, t[best]) + fit.seen(k + 1, t[best]))[0] / 2,
                 before=before[best, 2:],
                 after=after[best, 2:],
             )
@@ -182,18 +183,18 @@ def meetings(flights: Sequence[Piece], fit: Fit) -> list[Meeting]:
     return found
 
 
-def readout_of(scene: Scene, flights: Sequence[Piece], surely: float = SURELY) -> float:
+def readout_of(scene: FlightScene, flights: Sequence[Piece], surely: float = SURELY) -> float:
     """Return the readout [frames]; where it is unknown 0, unless the flights speak against it.
 
     Their misfit must then shrink by a factor with another one.
     """
     if scene.readout is not None:
         return scene.readout
-    plain = joined(scene, flights, readout=0.0)
+    plain = joint_fit(scene, flights, readout=0.0)
     if plain.spread < GOOD * float(np.median([each.radius for each in flights])):
         return 0.0
     costs = {0.0: plain.cost}
-    costs |= {each: joined(scene, flights, readout=each).cost for each in READOUTS[1:]}
+    costs |= {each: joint_fit(scene, flights, readout=each).cost for each in READOUTS[1:]}
     best = min(costs, key=lambda each: costs[each])
     return best if costs[0.0] > surely * costs[best] else 0.0
 
@@ -216,7 +217,7 @@ def _aligned(flights: list[Piece], fit: Fit) -> list[Piece]:
     return aligned
 
 
-def _of_one_gravity(scene: Scene, pieces: list[Piece]) -> list[Piece]:
+def _of_one_gravity(scene: FlightScene, pieces: list[Piece]) -> list[Piece]:
     """Return the pieces that share the acceleration with the most places behind it."""
     told = [(each, *_bent(scene, each)) for each in pieces]
     told = [each for each in told if each[3] < SMOOTH * each[0].radius]
@@ -238,7 +239,7 @@ def _of_one_gravity(scene: Scene, pieces: list[Piece]) -> list[Piece]:
     return best[1]
 
 
-def _bent(scene: Scene, piece: Piece) -> tuple[Array, Array, float]:
+def _bent(scene: FlightScene, piece: Piece) -> tuple[Array, Array, float]:
     """Return `parabola` of a piece, by the readout that it goes with best."""
     if scene.readout is not None:
         return parabola(piece.t + scene.readout * scene.late(piece.blobs), piece.xy)
@@ -248,7 +249,7 @@ def _bent(scene: Scene, piece: Piece) -> tuple[Array, Array, float]:
     return best if best[2] < 0.5 * tried[0][2] else tried[0]
 
 
-def _falls(scene: Scene, piece: Piece, pull: Array, u: Array, rms: float) -> bool:
+def _falls(scene: FlightScene, piece: Piece, pull: Array, u: Array, rms: float) -> bool:
     """Return whether an acceleration may be gravity's, as far as scale and direction tell."""
     size, span = float(np.hypot(*pull)), float(np.ptp(piece.t))
     bent = size * span**2 / 8
@@ -261,14 +262,15 @@ def _falls(scene: Scene, piece: Piece, pull: Array, u: Array, rms: float) -> boo
         down = float(np.arctan2(abs(pull[0]), pull[1]))
         if 0.5 < ratio < 2.0:
             return down < UPRIGHT
-        sure = len(piece.t) >= 2 * FEWEST and size > 8 * u[0] and rms < SHARP * piece.radius
-        return sure and down < UPRIGHT and bent > SAG * piece.radius
+        sharp = len(piece.t) >= 2 * FEWEST and rms < SHARP * piece.radius
+        sharp |= bent > DEEP * piece.radius and rms < CLEAN * bent
+        return sharp and size > 8 * u[0] and down < UPRIGHT and bent > SAG * piece.radius
     if bent < SAG * piece.radius:
         return True
     return float(np.arctan2(abs(pull[0]), pull[1])) < UPRIGHT
 
 
-def _colour(scene: Scene, piece: Piece) -> Array:
+def _colour(scene: FlightScene, piece: Piece) -> Array:
     return np.asarray(np.median(scene.found["colour"][piece.blobs], axis=0))
 
 
@@ -331,7 +333,7 @@ def _one_way(fit: Fit, one: int, other: int, before: Piece, after: Piece) -> int
     return None if best is None else best[1]
 
 
-def _refilled(scene: Scene, flights: list[Piece], fit: Fit) -> list[Piece]:
+def _refilled(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
     """Return flights with every place that lies on their way, and none that does not."""
     counted = np.flatnonzero(np.isfinite(scene.time))
     refilled = []
@@ -377,7 +379,14 @@ def _refilled(scene: Scene, flights: list[Piece], fit: Fit) -> list[Piece]:
 
 
 def _nearest(
-    scene: Scene, piece: Piece, fit: Fit, k: int, frame: int, t: float, frames: Array, struck: bool
+    scene: FlightScene,
+    piece: Piece,
+    fit: Fit,
+    k: int,
+    frame: int,
+    t: float,
+    frames: Array,
+    struck: bool,
 ) -> int | None:
     """Return the blob on a flight's way in a frame, None without."""
     first, last = np.searchsorted(frames, [frame, frame + 1])
@@ -401,11 +410,11 @@ def _nearest(
     return int(there[best]) if off[best] < min(room, 0.5 * piece.radius) else None
 
 
-def _parted(scene: Scene, flights: list[Piece]) -> list[Piece]:
+def _parted(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
     """Return flights without places whose exposure spans a contact."""
     if len(flights) < 2:
         return flights
-    fit = joined(scene, flights)
+    fit = joint_fit(scene, flights)
     half = (1.0 if scene.exposure is None else scene.exposure) / 2
     kept = list(flights)
     for each in meetings(flights, fit):

@@ -5,21 +5,31 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.units import DEGREE
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.timing import UNEVEN, usual_step
 from virtual_lab.video.find.watching import Watched, repeats, watch
 from virtual_lab.video.follow.contacts import Contact, contacts_of
-from virtual_lab.video.follow.flights import Scene, beside, flights_of, joined, readout_of
+from virtual_lab.video.follow.flights import FlightScene, beside, flights_of, joint_fit, readout_of
 from virtual_lab.video.follow.joint import Fit
-from virtual_lab.video.follow.kinds import Motion, motion_of
+from virtual_lab.video.follow.kinds import MotionKind, motion_of
 from virtual_lab.video.follow.pieces import Piece, pieces
-from virtual_lab.video.follow.said import Said, from_fit, widened
+from virtual_lab.video.follow.said import Said, from_fit, or_none, widened
 
-__all__ = ["Flight", "Followed", "Known", "Scale", "follow", "following"]
+__all__ = [
+    "FlightSeen",
+    "FollowedClip",
+    "Known",
+    "PixelScale",
+    "follow",
+    "followed_document",
+    "following",
+]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -59,7 +69,7 @@ class Known:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scale:
+class PixelScale:
     """Metres of a pixel in the plane of the ball, with the relative u of it."""
 
     metres_per_pixel: float
@@ -68,7 +78,7 @@ class Scale:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Flight:
+class FlightSeen:
     """A flight in metres and seconds."""
 
     first_frame: int
@@ -86,20 +96,20 @@ class Flight:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Followed:
+class FollowedClip:
     """What was followed through a clip."""
 
     clip: Clip
     watched: Watched
     known: Known
-    scene: Scene
+    scene: FlightScene
     pieces: list[Piece]
     ways: list[Piece]  # of the flights
     fit: Fit | None
-    flights: list[Flight]
+    flights: list[FlightSeen]
     contacts: list[Contact]
-    motion: Motion
-    scale: Scale | None
+    motion: MotionKind
+    scale: PixelScale | None
     gravity: Said | None  # that the flights share [m/s²]
     repeated: Mask  # (frame,)
     flags: tuple[str, ...] = ()
@@ -113,7 +123,7 @@ class Followed:
 
 def follow(
     clip: Clip, known: Known, *, progress: Callable[[str], None] = lambda _: None
-) -> Followed:
+) -> FollowedClip:
     """Return what moves in a clip and how."""
     progress("looking for the ball")
     watched = watch(
@@ -128,7 +138,7 @@ def follow(
 
 def following(
     clip: Clip, watched: Watched, known: Known, given: Sequence[Piece] | None = None
-) -> Followed:
+) -> FollowedClip:
     """Return the same of a clip that was watched; `given`: ways corrected by hand."""
     same = repeats(watched.change)
     tries = [_flown(clip, watched, known, same, given, squeezed=False)]
@@ -147,7 +157,7 @@ def _flown(
     given: Sequence[Piece] | None,
     *,
     squeezed: bool,
-) -> tuple[Scene, list[Piece], list[Piece]]:
+) -> tuple[FlightScene, list[Piece], list[Piece]]:
     """Return the scene, all pieces and the flights; squeezed: a repeat takes no time."""
     time = _times(clip, known)
     if squeezed:
@@ -168,13 +178,13 @@ def _times(clip: Clip, known: Known) -> Array:
     return np.arange(clip.count, dtype=float)
 
 
-def _scene(clip: Clip, watched: Watched, known: Known, time: Array) -> Scene:
+def _scene(clip: Clip, watched: Watched, known: Known, time: Array) -> FlightScene:
     fall = None
     if known.metres_per_pixel:
         fall = known.gravity / known.metres_per_pixel / known.rate**2
     elif known.ball:
         fall = known.gravity / (known.ball / 2) / known.rate**2
-    return Scene(
+    return FlightScene(
         found=watched.found,
         time=time,
         size=(clip.shape[1], clip.shape[0]),
@@ -201,15 +211,15 @@ def _passes(watched: Watched, piece: Piece, at: tuple[float, float, int]) -> boo
     return bool(0.6 < ratio < 1.6 and np.abs(colour).max() < 60)
 
 
-def _support(scene: Scene, ways: list[Piece]) -> float:
+def _support(scene: FlightScene, ways: list[Piece]) -> float:
     if not ways:
         return 0.0
-    fit = joined(scene, ways, readout=readout_of(scene, ways, 1.5))
+    fit = joint_fit(scene, ways, readout=readout_of(scene, ways, 1.5))
     radius = float(np.median([each.radius for each in ways]))
     return sum(len(each.t) for each in ways) / (0.02 + fit.spread / radius)
 
 
-def _step(known: Known, scene: Scene) -> float:
+def _step(known: Known, scene: FlightScene) -> float:
     """Return the seconds of a step: where repeats take no time, steps are fewer than pictures."""
     counted = np.flatnonzero(np.isfinite(scene.time))
     if len(counted) < 2:
@@ -238,45 +248,46 @@ def _said(
     clip: Clip,
     watched: Watched,
     known: Known,
-    scene: Scene,
+    scene: FlightScene,
     found: list[Piece],
     ways: list[Piece],
     same: Mask,
-) -> Followed:
+) -> FollowedClip:
     flags: list[str] = []
     warnings = list(clip.warnings)
     step = _step(known, scene) * _thinned(ways)
     motion = motion_of(scene, found, ways, step)
-    scale = scale_of(watched, known, ways or found)
-    flights: list[Flight] = []
+    flights: list[FlightSeen] = []
     contacts: list[Contact] = []
-    fit = gravity = None
-    if ways and scale:
+    fit = square = scale = gravity = None
+    if ways:
         readout = readout_of(scene, ways)
-        plain = joined(scene, ways, readout=readout)
-        skewed = joined(scene, ways, readout=readout, tilted=True)
-        fit = plain
-        free = joined(scene, ways, readout=readout, drag=False, shared=False)
-        if (
-            skewed.cost < TILTED * plain.cost
-            and float(np.hypot(*skewed.tilt)) * _extent(ways) > TILTED_OFF
-        ):
+        fit = joint_fit(scene, ways, readout=readout)
+        skewed = joint_fit(scene, ways, readout=readout, tilted=True)
+        turned = float(np.hypot(*skewed.tilt)) * _extent(ways)
+        if skewed.cost < TILTED * fit.cost and turned > TILTED_OFF:
+            fit, square = skewed, fit
             flags.append("TILTED")
             warnings.append(
-                "the acceleration changes over the picture as before a tilted camera: speeds are "
-                "those of the middle of the picture, and their u and the restitution's cover it"
+                "the acceleration changes over the picture as before a tilted camera: scale, "
+                "speeds and restitution are by a perspective that was fitted, and their u covers "
+                "what it changes"
             )
+    scale = scale_by_ball(watched, known, ways or found, fit)
+    if fit and scale:
         if readout and scene.readout is None:
             flags.append("ROLLING_SHUTTER")
             warnings.append(
                 f"the shutter rolls: the flights fit a readout of about {readout:.2g} of a frame; "
                 "give --readout to say how long it is"
             )
-        tilted = skewed if "TILTED" in flags else None
-        contacts, said = contacts_of(scene, ways, fit, free, tilted, step)
+        free = joint_fit(
+            scene, ways, readout=readout, drag=False, shared=False, tilted=bool(square)
+        )
+        contacts, said = contacts_of(scene, ways, fit, free, square, step)
         flags += said[0]
         warnings += said[1]
-        flights = _flights(scene, ways, fit, free, tilted, contacts, scale, step)
+        flights = _flights(scene, ways, fit, free, square, contacts, scale, step)
         shared = from_fit(fit, partial(_pull, 0))
         shared = widened(shared, shared.value * scale.relative_u)
         unit = scale.metres_per_pixel / step**2
@@ -302,7 +313,7 @@ def _said(
         warnings.append(
             f"{int(same.sum())} frames are stored twice while the ball moves: a repeat is no place"
         )
-    return Followed(
+    return FollowedClip(
         clip=clip,
         watched=watched,
         known=known,
@@ -338,47 +349,63 @@ def _extent(ways: Sequence[Piece]) -> float:
     return float(np.ptp(together, axis=0).max())
 
 
-def scale_of(watched: Watched, known: Known, ways: Sequence[Piece]) -> Scale | None:
+def scale_by_ball(
+    watched: Watched, known: Known, ways: Sequence[Piece], fit: Fit | None
+) -> PixelScale | None:
     """Return the scale: given, or by the ball's size in the pictures that blur it least."""
     if known.metres_per_pixel:
         relative = known.metres_per_pixel_u / known.metres_per_pixel
-        return Scale(metres_per_pixel=known.metres_per_pixel, relative_u=relative, source="given")
+        return PixelScale(
+            metres_per_pixel=known.metres_per_pixel, relative_u=relative, source="given"
+        )
     if not known.ball or not ways:
         return None
-    radius, radius_u = size_of(watched, np.concatenate([each.blobs for each in ways]))
+    radius, radius_u = size_of(watched, np.concatenate([each.blobs for each in ways]), fit)
     relative = float(np.hypot(known.ball_u / known.ball, radius_u / radius))
-    return Scale(metres_per_pixel=known.ball / (2 * radius), relative_u=relative, source="ball")
+    return PixelScale(
+        metres_per_pixel=known.ball / (2 * radius), relative_u=relative, source="ball"
+    )
 
 
-def size_of(watched: Watched, blobs: NDArray[np.intp]) -> tuple[float, float]:
-    """Return the radius of a ball and its u [pixels] by its roundest pictures."""
+def size_of(watched: Watched, blobs: NDArray[np.intp], fit: Fit | None) -> tuple[float, float]:
+    """Return the radius of a ball and its u [pixels] by its roundest pictures.
+
+    Blur draws an outline out by as much as it narrows it at half of the contrast, or little more,
+    and so does shading: the mean of the axes is not biased. A perspective makes balls larger or
+    smaller than in the middle of the picture, where the scale is told.
+    """
     some = watched.found[blobs[blobs >= 0]]
     ratio = some["length"] / some["radius"]
-    round_ = some[ratio <= np.quantile(ratio, ROUNDEST)]
-    radius = float(np.median(round_["radius"]))
-    scatter = 1.4826 * float(np.median(np.abs(some["radius"] - np.median(some["radius"]))))
-    edge = float(np.median(round_["radius_u"]))
+    size = (some["radius"] + some["length"]) / 2
+    if fit:
+        off = np.stack([some["x"], some["y"]], axis=1) - fit.centre
+        size = size / (1 - off @ fit.tilt)
+    least = ratio <= np.quantile(ratio, ROUNDEST)
+    radius = float(np.median(size[least]))
+    scatter = 1.4826 * float(np.median(np.abs(size - np.median(size))))
+    edge = float(np.median(some["radius_u"][least]))
     return radius, float(np.hypot(edge, 0.5 * scatter))
 
 
 def _flights(
-    scene: Scene,
+    scene: FlightScene,
     ways: list[Piece],
     fit: Fit,
     free: Fit,
-    skewed: Fit | None,
+    square: Fit | None,
     contacts: list[Contact],
-    scale: Scale,
+    scale: PixelScale,
     step: float,
-) -> list[Flight]:
-    own = joined(scene, ways, readout=fit.readout, shared=False)
+) -> list[FlightSeen]:
+    tilted = square is not None
+    own = joint_fit(scene, ways, readout=fit.readout, shared=False, tilted=tilted)
     unit = scale.metres_per_pixel / step
     before = {each.after: each.t for each in contacts}
     after = {each.before: each.t for each in contacts}
     rolled = others = None
     if scene.readout is None:
-        rolled = joined(scene, ways, readout=1.0)
-        others = joined(scene, ways, readout=1.0, shared=False)
+        rolled = joint_fit(scene, ways, readout=1.0, tilted=tilted)
+        others = joint_fit(scene, ways, readout=1.0, shared=False, tilted=tilted)
     found = []
     for k, way in enumerate(ways):
         ends = (before.get(k, float(way.t[0])), after.get(k, float(way.t[-1])))
@@ -387,8 +414,8 @@ def _flights(
             moment = t + fit.readout * float(np.median(scene.late(way.blobs))) if fit.readout else t
             said = from_fit(fit, partial(_speed, k, moment))
             more = [BEHIND * (said.value - _speed(k, moment, free))]
-            if skewed is not None:
-                more.append(said.value - _speed(k, moment, skewed))
+            if square is not None:
+                more.append(said.value - _speed(k, moment, square))
             if rolled is not None:
                 late = moment + float(np.median(scene.late(way.blobs)))
                 other = _speed(k, late, rolled)
@@ -400,11 +427,9 @@ def _flights(
         off = [pull.value * scale.relative_u]
         if others is not None:
             off.append((pull.value - _pull(k, others)) / np.sqrt(3))
-        if skewed is not None:
-            off.append(pull.value - _pull(k, fit))
         pull = widened(pull, *off)
         found.append(
-            Flight(
+            FlightSeen(
                 first_frame=int(way.frames[0]),
                 last_frame=int(way.frames[-1]),
                 places=len(way.t),
@@ -432,9 +457,9 @@ def _speed(flight: int, t: float, fit: Fit) -> float:
 
 def _against(
     known: Known,
-    scene: Scene,
-    flights: list[Flight],
-    scale: Scale,
+    scene: FlightScene,
+    flights: list[FlightSeen],
+    scale: PixelScale,
     flags: list[str],
     warnings: list[str],
 ) -> None:
@@ -462,3 +487,89 @@ def _against(
             "neither --readout nor --global-shutter is given: a shutter may roll for up to a "
             "frame, and the speeds' u covers that; a restitution's does not"
         )
+
+
+def _flight_document(flight: FlightSeen) -> dict[str, Any]:
+    """Return a flight as JSON has it; frames are those of its first and last place."""
+    return {
+        "first_frame": flight.first_frame,
+        "last_frame": flight.last_frame,
+        "places": flight.places,
+        "speed_in_mps": flight.speed_in.document(),
+        "speed_out_mps": flight.speed_out.document(),
+        "acceleration_mps2": flight.acceleration.document(),
+    }
+
+
+def _contact_document(contact: Contact) -> dict[str, Any]:
+    """Return a contact as JSON has it; its frame lies between stored ones."""
+    return {
+        "time_s": contact.time.value,
+        "frame": contact.frame,
+        "kind": contact.kind,
+        "restitution": or_none(contact.restitution),
+    }
+
+
+def followed_document(found: FollowedClip) -> dict[str, Any]:
+    """Return the result; the keys of one contact are None where there is none, or several."""
+    one = found.contacts[0] if len(found.contacts) == 1 else None
+    before = after = None
+    if one:
+        before, after = found.flights[one.before], found.flights[one.after]
+    elif len(found.flights) == 1:
+        before = found.flights[0]
+    scale = found.scale
+    of = "" if one is None else {"floor": " along the vertical", "wall": " along the level"}
+    words = f"speeds{of.get(one.kind, '')}" if one and isinstance(of, dict) else None
+    unit = scale.metres_per_pixel if scale else float("nan")
+    return {
+        "clip": found.clip.source.path.name,
+        "motion": found.motion.kind,
+        "period_s": None
+        if found.motion.period is None or found.motion.period_u is None
+        else {"value": found.motion.period, "u": found.motion.period_u},
+        "flights": [_flight_document(each) for each in found.flights],
+        "contacts": [_contact_document(each) for each in found.contacts],
+        "gravity_mps2": or_none(found.gravity),
+        "speed_in_mps": or_none(before.speed_out if before else None),
+        "speed_out_mps": or_none(after.speed_in if after else None),
+        "restitution": or_none(one.restitution if one else None),
+        "restitution_of": words if one and one.restitution else None,
+        "angle_in_deg": _angle(before.velocity_out, before.speed_out) if before else None,
+        "angle_out_deg": _angle(after.velocity_in, after.speed_in) if after else None,
+        "contact": None
+        if one is None
+        else {
+            "time_s": one.time.document(),
+            "x_m": unit * float(one.place[0]),
+            "y_m": unit * float(one.place[1]),
+            "u_m": unit * (found.fit.spread if found.fit else 0.0),
+        },
+        "scale": None
+        if scale is None
+        else {
+            "metres_per_pixel": scale.metres_per_pixel,
+            "relative_u": scale.relative_u,
+            "from": scale.source,
+        },
+        "exposure_s": found.known.exposure,
+        "drag_per_m": found.flights[0].drag_per_m if found.flights else None,
+        "counts": {
+            "frames": found.clip.count,
+            "with_ball": sum(len(each.t) for each in found.ways or found.pieces),
+            "in": before.places if before else 0,
+            "out": after.places if after else 0,
+            "in_contact": 0,
+            "lost": sum(n for way in found.ways for n in way.lost.values()),
+            "repeated": int(found.repeated.sum()),
+        },
+        "flags": list(found.flags),
+        "frame_flags": {},
+        "warnings": list(found.warnings),
+    }
+
+
+def _angle(velocity: np.ndarray, speed: Said) -> dict[str, float]:
+    value = float(np.arctan2(-velocity[1], velocity[0]))
+    return Said(value=value / DEGREE, u=speed.u / max(speed.value, 1e-12) / DEGREE).document()

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.video.follow.flights import SAG, SIZE, Scene, joined
+from virtual_lab.video.follow.flights import SAG, SIZE, FlightScene, joint_fit
 from virtual_lab.video.follow.pieces import Piece
 
-__all__ = ["Motion", "motion_of"]
+__all__ = ["MotionKind", "motion_of"]
 
 Array = NDArray[np.float64]
 
@@ -27,7 +27,7 @@ DOWN = 0.15  # radians that free fall may be off g
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Motion:
+class MotionKind:
     """A kind, and what goes with it."""
 
     kind: str  # flights | free-fall | pendulum | rolling | carried | none
@@ -36,28 +36,28 @@ class Motion:
 
 
 def motion_of(
-    scene: Scene, pieces: Sequence[Piece], flights: Sequence[Piece], step: float
-) -> Motion:
+    scene: FlightScene, pieces: Sequence[Piece], flights: Sequence[Piece], step: float
+) -> MotionKind:
     """Return the kind of motion; `step`: seconds of a step of time."""
     if flights:
-        return Motion(kind="free-fall" if _only_falls(scene, flights) else "flights")
+        return MotionKind(kind="free-fall" if _only_falls(scene, flights) else "flights")
     if not pieces:
-        return Motion(kind="none")
+        return MotionKind(kind="none")
     ball = _largest_group(pieces)
     if swing := _pendulum(ball, step):
         return swing
     rolled = sum(len(each.t) for each in ball if _rolls(scene, each))
     if rolled > MOSTLY * sum(len(each.t) for each in ball):
-        return Motion(kind="rolling")
-    return Motion(kind="carried")
+        return MotionKind(kind="rolling")
+    return MotionKind(kind="carried")
 
 
-def _only_falls(scene: Scene, flights: Sequence[Piece]) -> bool:
+def _only_falls(scene: FlightScene, flights: Sequence[Piece]) -> bool:
     """Return whether one flight goes along g from its start to its end."""
     if len(flights) != 1:
         return False
     way = flights[0]
-    fit = joined(scene, flights)
+    fit = joint_fit(scene, flights)
     pull = fit.pull[0]
     size = float(np.hypot(*pull))
     if size * np.ptp(way.t) ** 2 / 8 < SAG * way.radius:
@@ -77,7 +77,7 @@ def _largest_group(pieces: Sequence[Piece]) -> list[Piece]:
     return max(groups, key=lambda group: sum(len(each.t) for each in group))
 
 
-def _pendulum(ball: Sequence[Piece], step: float) -> Motion | None:
+def _pendulum(ball: Sequence[Piece], step: float) -> MotionKind | None:
     """Return a pendulum's period where one harmonic explains the way, with another at twice it."""
     t = np.concatenate([each.t for each in ball])
     xy = np.concatenate([each.xy for each in ball])
@@ -115,7 +115,7 @@ def _pendulum(ball: Sequence[Piece], step: float) -> Motion | None:
     rms = np.sqrt(left / len(t))
     period_u = float(np.sqrt(6) * rms / (np.pi * swing * np.sqrt(len(t)) * turns))
     period = 2 * np.pi / omega
-    return Motion(kind="pendulum", period=step * period, period_u=step * period * period_u)
+    return MotionKind(kind="pendulum", period=step * period, period_u=step * period * period_u)
 
 
 def _harmonic(t: Array, along: Array, omega: float) -> tuple[float, Array]:
@@ -125,7 +125,7 @@ def _harmonic(t: Array, along: Array, omega: float) -> tuple[float, Array]:
     return float(left @ left), solved
 
 
-def _rolls(scene: Scene, piece: Piece) -> bool:
+def _rolls(scene: FlightScene, piece: Piece) -> bool:
     """Return whether a piece goes straight along while gravity would bend a flight."""
     if len(piece.t) < LEAST:
         return False

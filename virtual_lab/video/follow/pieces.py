@@ -67,17 +67,18 @@ class Piece:
         return {int(self.frames[k + 1]): round(more[k]) for k in np.flatnonzero(more > 0.5)}
 
 
-def parabola(t: Array, xy: Array, degree: int = 2) -> tuple[Array, Array, float]:
+def parabola(t: Array, xy: Array) -> tuple[Array, Array, float]:
     """Return acceleration, its u (one number) and the rms residual of constant acceleration."""
-    s = t - t.mean()
-    design = np.stack([s**k for k in range(degree + 1)], axis=1)
-    solver = np.linalg.pinv(design)
+    solved, solver, rms = _smooth(t - t.mean(), xy, 2)
+    return 2 * solved[2], np.full(2, 2 * rms * np.linalg.norm(solver[2])), rms
+
+
+def _smooth(t: Array, xy: Array, degree: int) -> tuple[Array, Array, float]:
+    """Return a polynomial's coefficients, what takes places to them, and the rms residual."""
+    design = np.vander(t, degree + 1, increasing=True)
+    solver = np.asarray(np.linalg.pinv(design), np.float64)
     left = xy - design @ (solver @ xy)
-    spare = max(1, 2 * (len(t) - degree - 1))
-    rms = float(np.sqrt((left**2).sum() / spare))
-    if degree < 2:
-        return np.zeros(2), np.zeros(2), rms
-    return 2 * (solver @ xy)[2], np.full(2, 2 * rms * np.linalg.norm(solver[2])), rms
+    return solver @ xy, solver, float(np.sqrt((left**2).sum() / max(1, 2 * (len(t) - degree - 1))))
 
 
 def pieces(found: Blobs, time: Array) -> list[Piece]:
@@ -198,15 +199,14 @@ class _Growth:
     ) -> tuple[int, int] | None:
         recent = np.array(t[-RECENT:])
         xy = self.xy[places[-RECENT:]]
-        design = np.vander(recent - recent[-1], 3)
-        solved = np.linalg.lstsq(design, xy, rcond=None)[0]
+        solved, *_ = _smooth(recent - recent[-1], xy, 2)
         speed = float(np.hypot(*(xy[-1] - xy[-2]))) / (recent[-1] - recent[-2])
         room = NEXT if len(places) > 3 else (0.5, 0.2)
         later = time - recent[-1]
         most = (room[0] * radius + room[1] * speed) * (1 + 0.5 * (later - 1))
         for lost in range(LOST + 1 if len(places) >= SURE and speed > 0.5 * radius else 1):
             ahead = later + lost
-            expected = np.array([ahead**2, ahead, 1.0]) @ solved
+            expected = np.array([1.0, ahead, ahead**2]) @ solved
             off = np.hypot(*(self.xy[there] - expected).T)
             k = int(np.argmin(off))
             if off[k] < (most if lost == 0 else 0.7 * most):
@@ -242,11 +242,7 @@ def _ending(piece: Piece) -> Callable[[float], tuple[Array, float, float]]:
     """Return a function that tells velocity, its u and the rms at a moment."""
     degree = 2 if len(piece.t) > 4 else 1
     middle = piece.t.mean()
-    design = np.stack([(piece.t - middle) ** k for k in range(degree + 1)], axis=1)
-    solver = np.linalg.pinv(design)
-    solved = solver @ piece.xy
-    left = piece.xy - design @ solved
-    rms = float(np.sqrt((left**2).sum() / max(1, 2 * (len(piece.t) - degree - 1))))
+    solved, solver, rms = _smooth(piece.t - middle, piece.xy, degree)
 
     def at(moment: float) -> tuple[Array, float, float]:
         s = moment - middle
@@ -265,13 +261,10 @@ def _trimmed(piece: Piece) -> Piece:
             others = piece.part(rest)
             s = others.t - piece.t[end]
             near = np.argsort(np.abs(s), kind="stable")[:8]
-            design = np.vander(s[near], 3 if len(near) > 4 else 2)
-            solver = np.linalg.pinv(design)
-            solved = solver @ others.xy[near]
-            left = others.xy[near] - design @ solved
-            rms = np.sqrt((left**2).sum() / max(1, 2 * (len(near) - design.shape[1])))
-            own = max(float(rms), 0.02 * piece.radius) * np.hypot(1, np.linalg.norm(solver[-1]))
-            off.append(float(np.hypot(*(piece.xy[end] - solved[-1]))) / own)
+            degree = 2 if len(near) > 4 else 1
+            solved, solver, rms = _smooth(s[near], others.xy[near], degree)
+            own = max(rms, 0.02 * piece.radius) * np.hypot(1, np.linalg.norm(solver[0]))
+            off.append(float(np.hypot(*(piece.xy[end] - solved[0]))) / own)
         worst = int(np.argmax(off))
         if off[worst] < ENDS:
             break

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from virtual_lab.errors import InputError
-from virtual_lab.video.locate.located import Flag, Located
+from virtual_lab.video.locate.located import Located, PlaceFlag
 from virtual_lab.video.locate.noise import Noise
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def fit_edge(
     """
     from virtual_lab.video.locate import edge_kernel as kernel
     from virtual_lab.video.locate import edge_sums as at
-    from virtual_lab.video.locate.pixels import View
+    from virtual_lab.video.locate.edge_sums import View
     from virtual_lab.video.locate.rim_profiles import blurred_profiles
 
     pixels, behind = _checked(regions, corners, start, background)
@@ -191,15 +191,15 @@ def _judged(found: Solution, start: Located, corners: Array, shape: tuple[int, .
             reach = 0.5 * p[:, at.RADIUS]
             lost |= (p[:, place] < -reach) | (p[:, place] > side - 1 + reach)
         tests = {
-            Flag.SATURATED: full > SHARE,
-            Flag.CLIPPED: 1 - seen > SHARE,
-            Flag.OVERLAP: state[:, kernel.COVERED] > COVERED,
-            Flag.POOR_FIT: (misfit > MISFIT) | (stray > STRAY),
+            PlaceFlag.SATURATED: full > SHARE,
+            PlaceFlag.CLIPPED: 1 - seen > SHARE,
+            PlaceFlag.OVERLAP: state[:, kernel.COVERED] > COVERED,
+            PlaceFlag.POOR_FIT: (misfit > MISFIT) | (stray > STRAY),
         }
     flags = np.zeros(len(p), np.uint16)
     for flag, raised in tests.items():
         flags[raised] |= np.uint16(flag)
-    flags[lost] = Flag.NOT_FOUND
+    flags[lost] = PlaceFlag.NOT_FOUND
     p[lost], own[lost], pattern[lost], whole[lost] = np.nan, np.nan, np.nan, np.nan
     located = Located(
         x=p[:, at.X] + corners[:, 0],

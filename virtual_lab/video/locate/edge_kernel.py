@@ -7,7 +7,7 @@ the rim is plain it sharpens the place, where a seam runs it hardly counts.
 
 from __future__ import annotations
 
-from math import cos, exp, pi, sin, sqrt
+from math import exp, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -15,13 +15,23 @@ from numba import njit
 from numpy.typing import NDArray
 
 from virtual_lab.video.locate import edge_sums as at
-from virtual_lab.video.locate.edge_sums import COUNT, Equations, Rim, gather
-from virtual_lab.video.locate.pixels import BLACK, OPTIONS, View, variance
-from virtual_lab.video.locate.rim_cover import covered
+from virtual_lab.video.locate.edge_sums import (
+    BLACK,
+    COUNT,
+    GAIN,
+    OPTIONS,
+    PRNU,
+    READ,
+    Equations,
+    Rim,
+    View,
+    gather,
+    variance,
+)
 from virtual_lab.video.locate.rim_profiles import LIKE
-from virtual_lab.video.locate.ring_solver import copy_into, eliminate, substitute
 
-__all__ = ["STATE", "Solution", "fit_region"]
+__all__ = ["STATE", "Solution", "copy_into", "covered", "eliminate", "fit_region", "substitute"]
+
 
 Floats = NDArray[np.float64]
 
@@ -38,6 +48,145 @@ TURNS, SMALL = 12, 0.1  # solutions of each for the pattern's strength; likewise
 SHADE = 2.0  # of the ball's brightness: what shading may be
 HELD = 1e12
 GEOMETRY = 5  # the first parameters
+# how much of the rim is hidden: where the picture shows the background in its place
+RIM = 1.5, 4.5  # pixels inside the outline that are looked at, wherever the ball is
+ALIKE = 3.0  # standard deviations of noise: the background and nothing else
+CLEAR = 12.0  # of them that ball and background are apart: with less nobody could tell
+
+
+@njit(**OPTIONS)
+def copy_into(values: Floats, out: Floats) -> None:
+    """Copy an array into one of the same shape: numba compiles `out[:] = values` for seconds."""
+    for k in range(out.size):
+        out.flat[k] = values.flat[k]
+
+
+@njit(**OPTIONS)
+def _factor(a: Floats) -> bool:
+    """Replace a symmetric matrix by its lower Cholesky factor."""
+    n = a.shape[0]
+    for i in range(n):
+        for j in range(i + 1):
+            value = a[i, j]
+            for k in range(j):
+                value -= a[i, k] * a[j, k]
+            if j < i:
+                a[i, j] = value / a[j, j]
+            elif value > 0.0:
+                a[i, i] = sqrt(value)
+            else:
+                return False
+    return True
+
+
+@njit(**OPTIONS)
+def _down(low: Floats, b: Floats, first: int) -> None:
+    """Solve low x = b in place; b is (n, columns), those from the first on.
+
+    No slices are passed: numba would compile everything once more for them.
+    """
+    n, columns = b.shape
+    for i in range(n):
+        for k in range(i):
+            part = low[i, k]
+            for c in range(first, columns):
+                b[i, c] -= part * b[k, c]
+        whole = 1.0 / low[i, i]
+        for c in range(first, columns):
+            b[i, c] *= whole
+
+
+@njit(**OPTIONS)
+def _up(low: Floats, b: Floats) -> None:
+    """Solve low^T x = b in place; b is (n,)."""
+    n = b.size
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            b[i] -= low[k, i] * b[k]
+        b[i] /= low[i, i]
+
+
+@njit(**OPTIONS)
+def _take(a: Floats, b: Floats, out: Floats) -> None:
+    """Subtract a^T b from out, of a as many columns as out has rows."""
+    for k in range(a.shape[0]):
+        for i in range(out.shape[0]):
+            part = a[k, i]
+            for j in range(b.shape[1]):
+                out[i, j] -= part * b[k, j]
+
+
+@njit(**OPTIONS)
+def eliminate(blocks: Floats, links: Floats, border: Floats, shared: Floats) -> bool:
+    """Factor the normal equations in place, their right side with them.
+
+    A ring of small blocks, one a sector, of which only neighbours meet, is solved block after
+    block; the last block and what all share are the border that every block meets.
+
+    `blocks` (block, n, n) on the diagonal; `links` (block, n, n) from each to the next, the
+    last's to the first; `border` (block, n, n + m + 1): room for the last block, what each block
+    has with the shared parameters, and its right side; `shared` (n + m, n + m + 1) likewise.
+    """
+    count, n = blocks.shape[0], blocks.shape[1]
+    last = count - 1
+    m = shared.shape[0] - n
+    for i in range(n):
+        for j in range(n):
+            border[0, i, j] += links[last, j, i]
+            border[last - 1, i, j] += links[last - 1, i, j]
+            shared[i, j] += blocks[last, i, j]
+        for j in range(m + 1):
+            shared[i, n + j] += border[last, i, n + j]
+        for j in range(m):
+            shared[n + j, i] += border[last, i, n + j]
+    for k in range(last):
+        if not _factor(blocks[k]):
+            return False
+        _down(blocks[k], border[k], 0)
+        if k < last - 1:
+            _down(blocks[k], links[k], 0)
+            _take(links[k], links[k], blocks[k + 1])
+            _take(links[k], border[k], border[k + 1])
+        _take(border[k], border[k], shared)
+    if not _factor(shared):
+        return False
+    _down(shared, shared, n + m)
+    return True
+
+
+@njit(**OPTIONS)
+def substitute(
+    blocks: Floats, links: Floats, border: Floats, shared: Floats, right: int, ring: Floats
+) -> Floats:
+    """Return the shared parameters of a factored system, and fill `ring` (block, n).
+
+    `right`: -1 for the right side that was factored along, else the unit vector of a shared
+    parameter.
+    """
+    count, n = blocks.shape[0], blocks.shape[1]
+    total = shared.shape[0]
+    whole = np.zeros((total, 1))
+    if right < 0:
+        for i in range(total):
+            whole[i, 0] = shared[i, total]
+    else:
+        whole[n + right, 0] = 1.0
+        _down(shared, whole, 0)
+    end = whole.copy().reshape(total)
+    _up(shared, end)
+    for i in range(n):
+        ring[count - 1, i] = end[i]
+    for k in range(count - 2, -1, -1):
+        for i in range(n):
+            value = border[k, i, total] if right < 0 else 0.0
+            for j in range(total):
+                value -= border[k, i, j] * end[j]
+            if k < count - 2:
+                for j in range(n):
+                    value -= links[k, i, j] * ring[k + 1, j]
+            ring[k, i] = value
+        _up(blocks[k], ring[k])
+    return end[n:]
 
 
 class Solution(NamedTuple):
@@ -60,17 +209,11 @@ class Pattern(NamedTuple):
     faintest: float  # amplitude
 
 
-@njit(**OPTIONS)
 def _brightness(region: Floats, p: Floats, noise: Floats) -> float:
     """Return the root mean square of the ball's grey values over the black."""
-    total, count = 0.0, 1e-9
-    reach = 0.9 * p[at.RADIUS]
-    for row in range(region.shape[0]):
-        for col in range(region.shape[1]):
-            if (row - p[at.Y]) ** 2 + (col - p[at.X]) ** 2 < reach * reach:
-                total += (region[row, col] - noise[BLACK]) ** 2
-                count += 1.0
-    return max(sqrt(total / count), 1.0)
+    row, col = np.ogrid[: region.shape[0], : region.shape[1]]
+    ball = (row - p[at.Y]) ** 2 + (col - p[at.X]) ** 2 < (0.9 * p[at.RADIUS]) ** 2
+    return max(1.0, sqrt(float(np.mean((region[ball] - noise[BLACK]) ** 2)))) if ball.any() else 1.0
 
 
 @njit(**OPTIONS)
@@ -132,53 +275,59 @@ def _solve(sums: Equations, turns: int, field: Pattern, step: Floats) -> float:
         step[:] = np.nan
         if not eliminate(blocks, links, border, shared):
             break
-        u = sqrt(substitute(blocks, links, border, shared, 0, field.step)[0])
-        copy_into(substitute(blocks, links, border, shared, -1, field.step), step)
+        for right in range(0, -2, -1):  # u of x, then the step
+            copy_into(substitute(blocks, links, border, shared, right, field.step), step)
+            if right == 0:
+                u = sqrt(step[0])
         if max(abs(step[0] - x), abs(step[1] - y)) < SMALL * u:
             break
         x, y = step[0], step[1]
     return u
 
 
-@njit(**OPTIONS)
 def _shift(field: Pattern) -> float:
     """Return the variance that the pattern gives a parameter, from its row of the inverse."""
-    row, amplitude = field.step, field.amplitude
-    sectors, knots = row.shape
-    like = exp(-2.0 * pi / sectors / LIKE)
-    own, next_to = (1.0 + like * like) / (1.0 - like * like), -like / (1.0 - like * like)
-    total = 0.0
-    for k in range(sectors):
-        one = (k + 1) % sectors
-        here, after = 1.0 / (amplitude[k] * field.bright), 1.0 / (amplitude[one] * field.bright)
-        for i in range(knots):
-            for j in range(knots):
-                along = own * here * row[k, j] + 2.0 * next_to * after * row[one, j]
-                total += field.stiffness[i, j] * here * row[k, i] * along
-    return total
+    like = exp(-2.0 * pi / len(field.step) / LIKE)
+    row = field.step / (field.amplitude * field.bright)[:, None]
+    along = (1.0 + like * like) * row - 2.0 * like * np.roll(row, -1, axis=0)
+    return float(np.sum((row @ field.stiffness) * along) / (1.0 - like * like))
 
 
-@njit(**OPTIONS)
 def _sway(pattern: Floats, hides: Floats, contrast: float) -> float:
     """Return how far the place would be off were the pattern taken for the outline [pixel]."""
-    sectors, knots = pattern.shape
-    x, y = 0.0, 0.0
-    for k in range(sectors):
-        inward = 0.0
-        for i in range(knots):
-            inward += hides[i] * pattern[k, i]
-        x += cos(2.0 * pi * k / sectors) * inward
-        y += sin(2.0 * pi * k / sectors) * inward
-    return float(2.0 * sqrt(x * x + y * y) / (sectors * contrast))
+    turn = np.exp(2j * pi * np.arange(len(pattern)) / len(pattern))
+    return float(2.0 * abs(turn @ (pattern @ hides)) / (len(pattern) * contrast))
 
 
-@njit(**OPTIONS)
+def covered(view: View, p: Floats, way: Floats, noise: Floats) -> float:
+    """Return the share of the rim's pixels that are as bright as their background, alone.
+
+    What stands before the ball stood there before it came: a bat, a cable, the sabot's catcher.
+    """
+    row, col = np.ogrid[: view.pixels.shape[0], : view.pixels.shape[1]]
+    u, v = col - p[at.X], row - p[at.Y]
+    ends = [np.hypot(u + side * way[0], v + side * way[1]) for side in (-0.5, 0.5)]
+    far = np.maximum(*ends)
+    rim = (far > p[at.RADIUS] - RIM[1]) & (far < p[at.RADIUS] - RIM[0])
+    if not rim.any():
+        return 0.0
+    seen, expected = view.pixels[rim], p[at.LEVEL] * view.background[rim]
+
+    def spread(mean: Floats) -> Floats:
+        light = np.maximum(mean - noise[BLACK], 0.0)
+        return np.asarray(noise[READ] + light * (noise[GAIN] + noise[PRNU] ** 2 * light))
+
+    if (seen - expected).mean() ** 2 < CLEAR**2 * spread(expected.mean()):
+        return 0.0
+    return float(((seen - expected) ** 2 < ALIKE**2 * spread(expected)).mean())
+
+
 def fit_region(
     view: View, rim: Rim, noise: Floats, prior: Floats, sectors: int, found: Solution
 ) -> None:
     """Fit one region.
 
-    A batch of them is no loop in here: each level of calls costs seconds to compile.
+    No loop over turns or regions is compiled: each level of calls costs seconds to compile.
     """
     p, state = found.p, found.state
     knots = rim.stiffness.shape[0]
@@ -204,25 +353,22 @@ def fit_region(
     for turn in range(SETTLING + ROUNDS):
         first = turn == 0
         gather(view, rim, noise, p, field.values, settling, sums, tally)
-        copy_into(tally, state[: at.TALLY])
+        state[: at.TALLY] = tally
         if tally[at.PIXELS] < 4 * COUNT:
             return
-        for a in range(COUNT):
-            weight = HELD if first and a < GEOMETRY else prior[a]
-            if a >= at.PLAIN:
-                weight = 1.0 / (SHADE * bright) ** 2
-            sums.shared[knots + a, knots + a] += weight
-            sums.shared[knots + a, total] += weight * (p0[a] - p[a])
+        weight = prior.copy()
+        weight[:GEOMETRY] = HELD if first else prior[:GEOMETRY]
+        weight[at.PLAIN :] = 1.0 / (SHADE * bright) ** 2
+        own = np.arange(knots, total)
+        sums.shared[own, own] += weight
+        sums.shared[own, total] += weight * (p0 - p)
         u = _solve(sums, 1 if settling else TURNS, field, step)
-        far = max(abs(step[0]), abs(step[1]), abs(step[2]))
+        far = float(np.abs(step[:3]).max())
         if not far < 0.5 * p0[at.RADIUS]:
             return
-        less = min(1.0, 1.0 / max(far, 1e-9))
-        for a in range(COUNT):
-            p[a] += (less if a < GEOMETRY else 1.0) * step[a]
-        for k in range(sectors):
-            for i in range(knots):
-                field.values[k, i] += field.step[k, i]
+        p[:GEOMETRY] += min(1.0, 1.0 / max(far, 1e-9)) * step[:GEOMETRY]
+        p[GEOMETRY:] += step[GEOMETRY:]
+        field.values[:] += field.step
         state[STEPS] = turn
         rounds += 0 if settling else 1
         if rounds == ROUNDS or (rounds > 1 and far < CLOSE * u):
@@ -231,8 +377,7 @@ def fit_region(
             settling = False
             field.amplitude[:] = ROUGH
     for a in range(3):
-        row = substitute(sums.blocks, sums.links, sums.border, sums.shared, a, field.step)
-        copy_into(row[:3], found.covariance[a])
+        found.covariance[a] = substitute(*sums, a, field.step)[:3]
         found.shifts[a] = _shift(field)
     behind = noise[BLACK] + bright - p[at.LEVEL] * view.background.mean()
     state[SWAY] = _sway(field.values, rim.hides, max(abs(behind), 1.0))

@@ -3,16 +3,37 @@
 from __future__ import annotations
 
 from math import atan2, pi, sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from virtual_lab.video.locate.pixels import OPTIONS, TOP, View, untold, variance
 from virtual_lab.video.locate.rim_profiles import FIRST, PER, SHADES
 
-__all__ = ["COUNT", "OUTSIDE", "TALLY", "Equations", "Rim", "gather"]
+__all__ = [
+    "BLACK",
+    "COUNT",
+    "OPTIONS",
+    "OUTSIDE",
+    "TALLY",
+    "TOP",
+    "Equations",
+    "Rim",
+    "View",
+    "gather",
+    "untold",
+    "variance",
+]
+
+OPTIONS: dict[str, Any] = {
+    "error_model": "numpy",
+    "cache": True,
+    "nogil": True,
+    "fastmath": True,
+}
+GAIN, READ, BLACK, PRNU, TOP = range(5)  # of `Noise.figures`
+
 
 Floats = NDArray[np.float64]
 
@@ -32,6 +53,28 @@ ODD = 36.0  # squares of sigmas: such a pixel fits nothing
 NODES = np.zeros((MOST + 1, MOST, 2))
 for _n in range(1, MOST + 1):
     NODES[_n, :_n] = np.stack(np.polynomial.legendre.leggauss(_n), axis=1)
+
+
+class View(NamedTuple):
+    """A region, (row, column)."""
+
+    pixels: Floats  # [DN]
+    background: Floats  # [DN]
+
+
+@njit(inline="always", **OPTIONS)
+def variance(mean: float, noise: Floats) -> float:
+    """Return a pixel's variance [DN²]."""
+    light = max(mean - noise[BLACK], 0.0)
+    odd = noise[PRNU] * noise[PRNU] * light
+    return float(noise[READ] + light * (noise[GAIN] + odd))
+
+
+@njit(inline="always", **OPTIONS)
+def untold(value: float, mean: float, spread: float, top: float) -> bool:
+    """Return whether full scale hides what a pixel of variance `spread` would have said."""
+    room = top - mean
+    return room * room < 9.0 * spread or (room < 0.0 and value >= top)
 
 
 class Rim(NamedTuple):

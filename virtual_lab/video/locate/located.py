@@ -4,17 +4,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from enum import IntFlag
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Flag", "Located", "part_of", "put"]
+from virtual_lab.video.clips.clip import Clip
+from virtual_lab.video.clips.reading import Frame
+
+__all__ = ["Located", "Locator", "PlaceFlag", "Regions", "Square", "part_of", "put", "squares"]
 
 Array = NDArray[np.float64]
 
 
-class Flag(IntFlag):
+Square = tuple[slice, slice]  # rows, columns
+
+MARGIN = 16.0  # pixels of background about the ball
+
+
+class PlaceFlag(IntFlag):
     """What is wrong with the ball in a frame."""
 
     NOT_FOUND = 1
@@ -41,7 +49,7 @@ class Located:
     blur_x: Array  # the ball's shift during the exposure, pixels
     blur_y: Array
     chi_square: Array  # per degree of freedom; NaN where the method has none
-    flags: NDArray[np.uint16]  # bits of `Flag`
+    flags: NDArray[np.uint16]  # bits of `PlaceFlag`
     # what the ball's own pattern may shift it by, alike in neighbouring frames [pixels]
     pattern_u: Array | None = None
 
@@ -62,3 +70,42 @@ def put(some: Located, where: NDArray[np.intp], all_: Located) -> Located:
         if (values := getattr(whole, each.name)) is not None:
             values[where] = getattr(some, each.name)
     return whole
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Regions:
+    """Pictures of the ball and of what is behind it, both (region, row, col) [DN]."""
+
+    pixels: Frame
+    background: NDArray[np.float32]
+    corners: Array  # (region, 2): x, y of each first pixel in the frame
+
+    def part(self, which: NDArray[np.intp]) -> Regions:
+        """Return some of the regions."""
+        return Regions(
+            pixels=self.pixels[which],
+            background=self.background[which],
+            corners=self.corners[which],
+        )
+
+
+class Locator(Protocol):
+    """Where the ball is in each region, from where it is to a tenth of its radius or so."""
+
+    def __call__(self, clip: Clip, seen: Regions, start: Located) -> Located:
+        """Return the ball's places in the full frame."""
+        ...
+
+
+def squares(start: Located, shape: tuple[int, int]) -> list[Square]:
+    """Return where to cut one square region about the ball of each frame.
+
+    A region that would leave the frame is moved back into it: the frame's edge cuts the ball.
+    """
+    rows, columns = shape
+    blur = np.hypot(start.blur_x, start.blur_y)
+    half = float(np.nanmax(1.1 * start.radius + blur / 2)) + MARGIN
+    side = min(2 * int(np.ceil(half)) + 1, rows, columns)
+    left = np.clip(np.round(start.x - side / 2 + 0.5), 0, columns - side).astype(int)
+    top = np.clip(np.round(start.y - side / 2 + 0.5), 0, rows - side).astype(int)
+    return [np.s_[y : y + side, x : x + side] for x, y in zip(left, top, strict=True)]

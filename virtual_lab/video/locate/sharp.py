@@ -13,14 +13,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.video.clips.clip import Clip
+from virtual_lab.video.clips.reading import grey_of
 from virtual_lab.video.locate.edge_fit import OVAL, EdgeFit, fit_edge
-from virtual_lab.video.locate.limb import on_the_limb
-from virtual_lab.video.locate.located import Located, part_of, put
+from virtual_lab.video.locate.located import Located, Regions, part_of, put
 from virtual_lab.video.locate.noise import Noise
-from virtual_lab.video.locate.regions import Regions
-from virtual_lab.video.locate.seeing import lens_of, noise_of_ball, noise_of_clip
 
-__all__ = ["Sharp", "place"]
+__all__ = ["Sharp", "lens_of", "noise_of_ball", "noise_of_clip", "on_the_limb", "place"]
+
+
+PIXELS = 5e5  # of the frames sampled: enough for their noise
+CORE = 0.6  # of the radius: well inside the ball
+ROUND = 1e-3  # of an outline near the middle: its oval
+LENS_TRIED = 8  # regions on which the lens is found
+LENSES = (0.45, 0.6, 0.8, 1.1, 1.5, 2.2, 3.2)  # pixels
+CLOSE = (0.84, 0.92, 1.0, 1.08, 1.16)  # times the best of them, then
+WORST = 50.0  # of a score
+
 
 Array = NDArray[np.float64]
 
@@ -31,6 +39,99 @@ FIRST_OVAL_U = 0.01  # of outlines whose oval is to be learnt
 LEAST_OVAL_U = 2e-4  # of those whose oval was
 AGAIN = 0.3  # pixels, from start to end: by then the fit may have taken outline for pattern
 ROUNDS = 4
+
+
+HALF = 0.5  # of the light's contrast: its outline
+POINTS = 64  # of the outline
+APART = 6  # points between two that span a circle, at least
+SPAN = 0.3, 1.0  # radii, half the chord between them
+NEAR = 0.03  # radii from the circle, and at least a pixel: on it
+STEPS = 4
+
+
+def noise_of_clip(clip: Clip) -> Noise:
+    """Return the noise in time of a clip's pixels, from the frames sampled for its background."""
+    samples = clip.samples
+    every = max(1, int(np.sqrt(samples.size / PIXELS)))
+    samples = samples[:, ::every, ::every]
+    if len(samples) < 2:
+        return Noise(gain=0.0, read=1.0, full_scale=clip.full_scale)
+    grey = np.stack([grey_of(each, str(clip.source.path)) for each in samples])
+    return Noise.measured(grey, full_scale=clip.full_scale)
+
+
+def noise_of_ball(noise: Noise, seen: Regions, start: Located) -> Noise:
+    """Return a noise that explains the evenest parts of balls too.
+
+    A ball that is lighter than its background shows how unlike the pixels are; a darker one, the
+    noise in the dark, of which a bright background tells nothing.
+    """
+    count, rows, columns = seen.pixels.shape
+    x, y = start.x - seen.corners[:, 0], start.y - seen.corners[:, 1]
+    row, column = np.mgrid[:rows, :columns]
+    found = []
+    for k in range(count):
+        image = seen.pixels[k].astype(float)
+        inside = np.hypot(column - x[k], row - y[k]) < CORE * start.radius[k]
+        # across two pixels and back: neither shading nor a slope counts
+        bent = (image[:, 2:] - 2 * image[:, 1:-1] + image[:, :-2])[inside[:, 1:-1]]
+        mean = float(np.median(image[inside])) - noise.black if inside.any() else 0.0
+        if bent.size < 50 or not 0 < mean < 0.9 * noise.full_scale:
+            continue
+        spread = float(np.median(np.abs(bent)) / 0.6745) ** 2 / 6
+        rest = max(spread - float(noise.variance(mean + noise.black)), 0.0)
+        found.append((rest, mean, float(np.median(seen.background[k])) - noise.black))
+    if not found:
+        return noise
+    rest, mean, behind = np.median(found, axis=0)
+    if mean < behind:
+        return replace(noise, read=noise.read + rest)
+    return replace(noise, prnu=float(np.sqrt(rest)) / mean)
+
+
+def lens_of(seen: Regions, start: Located, noise: Noise, middle: tuple[float, float]) -> float:
+    """Return the standard deviation of the lens's blur [pixel], as the ball's outline shows it.
+
+    Balls near the frame's `middle` tell it: there outlines are circles.
+    """
+    near = np.argsort(np.hypot(start.x - middle[0], start.y - middle[1]), kind="stable")
+    tried = np.sort(near[:LENS_TRIED])
+    some = part_of(start, tried)
+    pixels, corners, behind = seen.pixels[tried], seen.corners[tried], seen.background[tried]
+
+    def least(lenses: Array) -> float:
+        found = [
+            fit_edge(
+                pixels,
+                corners,
+                some,
+                noise=noise,
+                lens=lens,
+                background=behind.astype(float),
+                oval_u=ROUND,
+            )
+            for lens in lenses.tolist()
+        ]
+        return _least(np.log(lenses), np.array([_score(each) for each in found]))
+
+    return least(least(np.array(LENSES)) * np.array(CLOSE))
+
+
+def _score(found: EdgeFit) -> float:
+    """Return how badly a lens does: a wrong one misfits, or is mended by much of a pattern."""
+    located = found.located
+    u = located.x_u**2 + located.y_u**2 + found.x_pattern_u**2 + found.y_pattern_u**2
+    each = np.log(located.chi_square * u)
+    return float(np.median(np.where(np.isfinite(each), each, WORST)))
+
+
+def _least(logs: Array, scores: Array) -> float:
+    """Return the lens of the least score, between those tried."""
+    best = int(np.clip(np.argmin(scores), 1, len(logs) - 2))
+    a, b, _ = np.polyfit(logs[best - 1 : best + 2] - logs[best], scores[best - 1 : best + 2], 2)
+    off = -b / (2 * a) if a > 0 else 0.0
+    low, high = logs[best - 1] - logs[best], logs[best + 1] - logs[best]
+    return float(np.exp(logs[best] + np.clip(off, low, high)))
 
 
 @dataclass(slots=True)
@@ -146,3 +247,66 @@ def _learnt(first: EdgeFit, middle: Array, most: float) -> tuple[float, float]:
 
 def _places(found: Located) -> Array:
     return np.stack([found.x, found.y], axis=1)
+
+
+def on_the_limb(seen: Regions, start: Located) -> Located:
+    """Return places from the lit limb, to a pixel or so; those of the start where there is none.
+
+    A lamp from the side lights a part of a ball alone: limb on one side of the light, on the other
+    the line between light and shade. Of all circles of the ball's size, that on which most of the
+    light's outline lies is the ball's.
+
+    Parameters
+    ----------
+    seen
+        Regions that show one ball, whose motion in an exposure is short against its radius.
+    start
+        Where it is, roughly; its radius is that of the ball, to 3 %.
+    """
+    x, y = start.x.copy(), start.y.copy()
+    for k, (left, top) in enumerate(seen.corners):
+        off = np.abs(seen.pixels[k].astype(np.float32) - seen.background[k])
+        outline = _outline(off)
+        found = None if outline is None else _circle(outline, float(start.radius[k]))
+        if found is not None:
+            x[k], y[k] = left + found[0], top + found[1]
+    return replace(start, x=x, y=y)
+
+
+def _outline(off: NDArray[np.float32]) -> Array | None:
+    """Return points along the convex hull of what is bright, (point, 2)."""
+    import cv2
+
+    smooth = cv2.GaussianBlur(off, (0, 0), 1.0)
+    bright = (smooth > HALF * np.percentile(smooth, 90)).astype(np.uint8)
+    contours, _ = cv2.findContours(bright, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    largest = max(contours, key=cv2.contourArea, default=None)
+    if largest is None or len(largest) < POINTS // 4:
+        return None
+    hull = cv2.convexHull(largest)[:, 0].astype(float)
+    hull = np.concatenate([hull, hull[:1]])
+    way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(hull, axis=0).T))])
+    even = np.arange(POINTS) * way[-1] / POINTS
+    return np.stack([np.interp(even, way, axis) for axis in hull.T], axis=1)
+
+
+def _circle(points: Array, radius: float) -> Array | None:
+    """Return the centre of the circle of a radius that most points of a convex outline lie on."""
+    one, other = (points[each] for each in np.triu_indices(POINTS, APART))
+    half = np.hypot(*(other - one).T) / 2
+    good = (half > SPAN[0] * radius) & (half < SPAN[1] * radius)
+    if not good.any():
+        return None
+    one, other, half = one[good], other[good], half[good, None]
+    middle, across = (one + other) / 2, (other - one)[:, ::-1] * [-1, 1] / (2 * half)
+    inward = np.sign(((points.mean(axis=0) - middle) * across).sum(axis=1))[:, None]
+    centres = middle + inward * across * np.sqrt(radius**2 - half**2)
+    near = max(1.0, NEAR * radius)
+    off = np.abs(np.hypot(*(centres[:, None] - points).transpose(2, 0, 1)) - radius)
+    best = centres[np.argmin(np.minimum(off, near).sum(axis=1))]
+    for _ in range(STEPS):
+        away = points - best
+        far = np.hypot(*away.T)
+        on = np.abs(far - radius) < near
+        best = best + np.linalg.lstsq(away[on] / far[on, None], (far - radius)[on])[0]
+    return np.asarray(best)

@@ -12,11 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.video.clips.clip import Clip
-from virtual_lab.video.follow.following import Followed
-from virtual_lab.video.locate.located import Flag
+from virtual_lab.video.follow.following import FollowedClip
+from virtual_lab.video.locate.located import PlaceFlag
 from virtual_lab.video.track.tracking import Tracked
 
-__all__ = ["COLUMNS", "Course", "course_of_followed", "course_of_tracked", "rows_of", "write_table"]
+__all__ = [
+    "COLUMNS",
+    "BallCourse",
+    "course_of_followed",
+    "course_of_tracked",
+    "rows_of",
+    "write_table",
+]
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -41,7 +48,7 @@ COLUMNS = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Course:
+class BallCourse:
     """The places; arrays are (place,) unless said otherwise."""
 
     clip: Clip
@@ -69,7 +76,7 @@ class Course:
         return np.array([each == flight for each in self.flight], bool)
 
 
-def course_of_tracked(tracked: Tracked) -> Course:
+def course_of_tracked(tracked: Tracked) -> BallCourse:
     """Return the course of a ball that was located sharply."""
     located, legs = tracked.located, tracked.legs
     scale = tracked.plane.metres_per_pixel
@@ -93,7 +100,7 @@ def course_of_tracked(tracked: Tracked) -> Course:
         off = off * [1.0, tracked.plane.sense]
         at = (located.x[near] + off[0], located.y[near] + off[1])
         contacts.append((legs.flight_in.time, float(at[0]), float(at[1])))
-    return Course(
+    return BallCourse(
         clip=tracked.clip,
         frames=tracked.frames,
         times=tracked.times,
@@ -105,13 +112,15 @@ def course_of_tracked(tracked: Tracked) -> Course:
         metres=tracked.plane.places,
         chi_square=located.chi_square,
         flight=flight,
-        flags=["|".join(flag.name or "" for flag in Flag(int(each))) for each in located.flags],
+        flags=[
+            "|".join(flag.name or "" for flag in PlaceFlag(int(each))) for each in located.flags
+        ],
         residuals=residuals,
         contacts=contacts,
     )
 
 
-def course_of_followed(found: Followed) -> Course:
+def course_of_followed(found: FollowedClip) -> BallCourse:
     """Return the course of a ball that was followed: of its flights, else of all its pieces."""
     ways = found.ways or found.pieces
     if not ways:
@@ -135,7 +144,7 @@ def course_of_followed(found: Followed) -> Course:
             for k, (left, way) in enumerate(zip(found.fit.residuals, ways, strict=True))
         ]
         residuals = np.array([turned[k][j] for _, k, j in order]).reshape(-1, 2)
-    return Course(
+    return BallCourse(
         clip=found.clip,
         frames=np.array([frame for frame, _, _ in order], np.intp),
         times=np.array([step * ways[k].t[j] for _, k, j in order]),
@@ -155,12 +164,12 @@ def course_of_followed(found: Followed) -> Course:
     )
 
 
-def _empty(clip: Clip) -> Course:
+def _empty(clip: Clip) -> BallCourse:
     """Return a course without a ball: some frames, to look at."""
     frames = np.unique(np.linspace(0, clip.count - 1, SOME).astype(np.intp))
     none = np.full(len(frames), np.nan)
     both = np.full((len(frames), 2), np.nan)
-    return Course(
+    return BallCourse(
         clip=clip,
         frames=frames,
         times=clip.times[frames],
@@ -178,7 +187,7 @@ def _empty(clip: Clip) -> Course:
     )
 
 
-def rows_of(course: Course) -> Iterator[tuple[Any, ...]]:
+def rows_of(course: BallCourse) -> Iterator[tuple[Any, ...]]:
     """Yield a row a place, in the order of `COLUMNS`; NaN: not known."""
     for k, frame in enumerate(course.frames):
         if np.isnan(course.xy[k]).all() and not course.flags[k]:
@@ -194,7 +203,7 @@ def rows_of(course: Course) -> Iterator[tuple[Any, ...]]:
         yield (int(frame), float(course.times[k]), *map(float, numbers), *words, *course.drift[k])
 
 
-def write_table(course: Course, path: Path) -> None:
+def write_table(course: BallCourse, path: Path) -> None:
     """Write the course as CSV, a row a place."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)

@@ -6,7 +6,7 @@ from math import hypot
 
 from virtual_lab.output.rounding import decimals, with_uncertainty
 from virtual_lab.units import DEGREE, miles_per_hour
-from virtual_lab.video.follow.following import Followed
+from virtual_lab.video.follow.following import FollowedClip
 from virtual_lab.video.follow.said import Said
 from virtual_lab.video.track.speeds import Speeds
 from virtual_lab.video.track.tracking import Tracked
@@ -37,7 +37,7 @@ def track_text(tracked: Tracked, found: Speeds) -> str:
     return "\n".join([*lines, *_notes(found.flags, found.warnings)])
 
 
-def followed_text(found: Followed) -> str:
+def followed_text(found: FollowedClip) -> str:
     """Return what was followed in a few lines."""
     places = sum(len(each.t) for each in found.ways or found.pieces)
     lines = [
@@ -77,7 +77,7 @@ def track_title(tracked: Tracked, found: Speeds) -> str:
     return f"{tracked.clip.source.path.name}: {', '.join(parts)} (k = 2)"
 
 
-def followed_title(found: Followed) -> str:
+def followed_title(found: FollowedClip) -> str:
     """Return what was followed in a line."""
     parts = [found.motion.kind]
     told = [plus_minus(each.restitution) for each in found.contacts if each.restitution]

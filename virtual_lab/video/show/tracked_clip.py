@@ -14,7 +14,7 @@ from typing import Any
 
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder
-from virtual_lab.video.bat.clip import BatSeen, bat_document, find_bat, recoil_in
+from virtual_lab.video.bat.clip import BatSeen, bat_document, find_bat
 from virtual_lab.video.clips.calibration_file import ClipCalibration, read_calibration
 from virtual_lab.video.clips.clip import Clip, open_clip
 from virtual_lab.video.clips.options import (
@@ -25,16 +25,26 @@ from virtual_lab.video.clips.options import (
     scale_of,
     seconds_of,
 )
-from virtual_lab.video.find.watching import Watched, watch
 from virtual_lab.video.follow.correction import read_track
-from virtual_lab.video.follow.document import followed_document
-from virtual_lab.video.follow.following import Followed, Known, following
+from virtual_lab.video.follow.following import (
+    FollowedClip,
+    Known,
+    follow,
+    followed_document,
+    following,
+)
 from virtual_lab.video.locate.sharp import Sharp
 from virtual_lab.video.show.course import (
-    Course,
+    BallCourse,
     course_of_followed,
     course_of_tracked,
     write_table,
+)
+from virtual_lab.video.show.track_text import (
+    followed_text,
+    followed_title,
+    track_text,
+    track_title,
 )
 from virtual_lab.video.track.speeds import Speeds, document, speeds
 from virtual_lab.video.track.tracking import Tracked, expected_radius, known_of, sharpened
@@ -66,8 +76,8 @@ class Asked:
 class TrackedClip:
     """The result."""
 
-    followed: Followed
-    course: Course
+    followed: FollowedClip
+    course: BallCourse
     document: dict[str, Any]
     text: str
     title: str
@@ -81,11 +91,15 @@ class TrackedClip:
         Raises `InputError` where the folder is not empty or cannot be written.
         """
         from virtual_lab.video.show.bat_plot import draw_bat, write_bat_table
-        from virtual_lab.video.show.track_film import pictures_of, write_film, write_sheet
-        from virtual_lab.video.show.track_plot import draw_track
+        from virtual_lab.video.show.pictures import (
+            draw_track,
+            pictures_of,
+            write_film,
+            write_sheet,
+        )
 
         self.progress("drawing")
-        pictures = pictures_of(self.course)
+        pictures = pictures_of(self.course, self.followed.watched.thumbs)
         with new_folder(folder) as draft:
             write_table(self.course, draft / "track.csv")
             text = json.dumps(self.document, indent=2, allow_nan=False)
@@ -112,29 +126,22 @@ def track_clip(
     progress(f"reading {path}")
     clip = open_clip(path, calibration)
     known = _for_clip(clip, calibration, said, asked)
-    ways, watched = None, None
     if asked.track:
         watched, ways = read_track(asked.track, clip)
-    if watched is None:
-        progress("looking for the ball")
-        watched = watch(
-            clip,
-            frames=known.frames,
-            region=known.region,
-            stands=known.stands,
-            progress=progress,
-        )
-    progress("following the ball")
-    found = following(clip, watched, known, ways)
+        found = following(clip, watched, known, ways)
+    else:
+        found = follow(clip, known, progress=progress)
     found = replace(found, warnings=(*found.warnings, *notes))
-    if _wants_sharp(asked, found, watched):
+    if _wants_sharp(asked, found):
         return _sharp(found, calibration, progress)
+    # samples of a large clip take 50 MB, and have told what they can but how dark a picture is
+    found = replace(found, clip=replace(clip, samples=clip.samples[:2].copy()))
     return TrackedClip(
         followed=found,
         course=course_of_followed(found),
         document=followed_document(found),
-        text=_text(found),
-        title=_title(found),
+        text=followed_text(found),
+        title=followed_title(found),
         progress=progress,
     )
 
@@ -209,25 +216,23 @@ def _for_clip(
     return known
 
 
-def _wants_sharp(asked: Asked, found: Followed, watched: Watched) -> bool:
+def _wants_sharp(asked: Asked, found: FollowedClip) -> bool:
     """Return whether the purpose needs more: a calibrated camera that stands, and one hit."""
-    if asked.calibration is None or asked.track is not None or watched.still.drifts:
+    if asked.calibration is None or asked.track is not None or found.watched.still.drifts:
         return False
     return bool(found.pieces) and len(found.contacts) <= 1 and len(found.ways) <= 2
 
 
 def _sharp(
-    found: Followed,
+    found: FollowedClip,
     calibration: ClipCalibration,
     progress: Callable[[str], None],
 ) -> TrackedClip:
     locator = Sharp(ball_radius=expected_radius(calibration))
     tracked = sharpened(found, calibration, locator, progress=progress)
-    there = find_bat(tracked, calibration)
     told = speeds(tracked, calibration)
-    bat = recoil_in(tracked, there) if there else None
+    bat = find_bat(tracked, calibration)
     from virtual_lab.video.show.bat_plot import bat_text
-    from virtual_lab.video.show.track_text import track_text, track_title
 
     lines = [track_text(tracked, told), *([bat_text(bat)] if bat else [])]
     return TrackedClip(
@@ -244,7 +249,7 @@ def _sharp(
     )
 
 
-def _of_any(found: Followed, tracked: Tracked, told: Speeds) -> dict[str, Any]:
+def _of_any(found: FollowedClip, tracked: Tracked, told: Speeds) -> dict[str, Any]:
     """Return the keys that the document of any clip has, by the sharp places."""
     legs = tracked.legs
     flights = []
@@ -279,15 +284,3 @@ def _of_any(found: Followed, tracked: Tracked, told: Speeds) -> dict[str, Any]:
         )
     kind = found.motion.kind if found.flights else "flights"
     return {"motion": kind, "period_s": None, "flights": flights, "contacts": contacts}
-
-
-def _text(found: Followed) -> str:
-    from virtual_lab.video.show.track_text import followed_text
-
-    return followed_text(found)
-
-
-def _title(found: Followed) -> str:
-    from virtual_lab.video.show.track_text import followed_title
-
-    return followed_title(found)

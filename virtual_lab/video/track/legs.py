@@ -1,4 +1,4 @@
-"""Where a ball's way breaks: its flight in, the contact, its flight out, and frames that are lost.
+"""Straight flights, and where a way breaks: flight in, contact, flight out, lost frames.
 
 A frame during whose exposure the ball was struck belongs to neither flight; nor does one that
 shows the ball pressed against what it struck, which its neighbours' line tells.
@@ -11,9 +11,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.video.track.lines import Air, Flight, fit_flight, straight
+from virtual_lab.relations.flight import distance_after
 
-__all__ = ["Legs", "Places", "split"]
+__all__ = ["AirOnFlight", "Legs", "Places", "StraightFlight", "fit_flight", "split", "straight"]
+
+
+LAGS = np.geomspace(0.02, 30, 24)  # of the time a flight is seen: how slow a pattern may be
+ODDS = 10.0  # residuals that show this much less than a pattern should are still its own
+NORMAL_95 = 1.959964
+
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -26,6 +32,143 @@ TURNED = 6.0  # standard uncertainties that the velocity must change by for a co
 CHANGED = 0.03  # of the speed, likewise
 JUMPED = 6.0  # standard uncertainties of a step in the line
 WHOLE = 0.2  # of a frame's way: a step this near to whole frames' is that of lost frames
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AirOnFlight:
+    """What bends a flight."""
+
+    drag: float = 0.0  # κ of dv/dx = -κ v [1/m]
+    drag_u: float = 0.0
+    gravity: tuple[float, float] = (0.0, 0.0)  # [m/s²]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StraightFlight:
+    """One straight flight at a moment; x and y in metres, m/s."""
+
+    time: float  # of what follows [s]
+    place: Array  # (2,)
+    velocity: Array  # (2,)
+    covariance: Array  # (2, 2) of place and velocity, alike along x and y
+    drag_u: float  # relative uncertainty of the speed from the drag's
+    residuals: Array  # (frame, 2) of the frames used
+    chi_square: float  # per degree of freedom, of noise alone
+    count: int
+
+    @property
+    def speed(self) -> float:
+        return float(np.hypot(*self.velocity))
+
+    @property
+    def speed_u(self) -> float:
+        """Standard uncertainty of the speed, scale and clock apart [m/s]."""
+        return float(np.hypot(np.sqrt(self.covariance[1, 1]), self.speed * self.drag_u))
+
+
+def straight(t: Array, places: Array, air: AirOnFlight) -> Array:
+    """Return places (frame, 2) as they were without gravity: a straight line's."""
+    return np.asarray(places - 0.5 * np.outer(t**2, air.gravity))
+
+
+def fit_flight(
+    t: Array,
+    places: Array,
+    u: Array,
+    pattern_u: float,
+    air: AirOnFlight,
+    moment: float,
+    *,
+    rough: bool = False,
+) -> StraightFlight:
+    """Return the straight flight through places, told for a moment: drag and gravity known.
+
+    The uncertainty knows two kinds of error. Noise is new in every frame. The ball's own pattern
+    moves its apparent centre slowly, as it turns: neighbouring frames err alike, residuals hide it,
+    and the slope takes it all. How large it is the pictures tell; how slow, the residuals.
+
+    Parameters
+    ----------
+    t
+        Time stamps, (frame,), at least two [s].
+    places
+        (frame, 2) [m].
+    u
+        Standard uncertainty of each place from noise, (frame,) [m].
+    pattern_u
+        The same from the ball's pattern [m].
+    moment
+        Time that place and velocity are told for, of the contact [s].
+    rough
+        The uncertainty is that of the residuals' scatter alone: quick, for a search.
+    """
+    tau = t - moment
+    level = straight(tau, places, air)
+    weight = 1 / u
+    velocity = np.zeros(2)
+    for _ in range(4):  # the way depends on the speed, by the drag, a little
+        speed = float(np.hypot(*velocity))
+        way = distance_after(tau, speed, air.drag) / speed if speed else tau
+        design = np.stack([np.ones_like(way), way], axis=1)
+        solver = np.linalg.pinv(design * weight[:, None]) * weight
+        place, velocity = solver @ level
+    residuals = level - design @ np.stack([place, velocity])
+    noise = (solver * u**2) @ solver.T
+    spare = max(len(t) - 2, 1)
+    chi_square = float(np.sum((residuals / u[:, None]) ** 2)) / (2 * spare)
+    covariance = noise * max(1.0, chi_square)
+    if not rough:
+        covariance = noise + _pattern(t, residuals, u, pattern_u, design, solver, noise)
+    distance = abs(float(np.mean(way))) * float(np.hypot(*velocity))
+    return StraightFlight(
+        time=moment,
+        place=place,
+        velocity=velocity,
+        covariance=covariance,
+        drag_u=air.drag_u * distance,
+        residuals=residuals,
+        chi_square=chi_square,
+        count=len(t),
+    )
+
+
+def _pattern(
+    t: Array,
+    residuals: Array,
+    u: Array,
+    pattern_u: float,
+    design: Array,
+    solver: Array,
+    noise: Array,
+) -> Array:
+    """Return the covariance of place and velocity that the ball's pattern adds to noise's."""
+    count, spare = len(t), len(t) - 2
+    if spare < 1:
+        return pattern_u**2 * solver @ solver.T
+    excess = float(np.sum(residuals**2 - u[:, None] ** 2 * spare / count)) / (2 * spare)
+    if excess <= 0 and pattern_u == 0:
+        return np.zeros((2, 2))
+    seen, slow = [], []
+    for lag in LAGS * float(np.ptp(t)):
+        like = np.exp(-0.5 * ((t[:, None] - t) / lag) ** 2)
+        told = solver @ like
+        slow.append(told @ solver.T)
+        # the trace of (1 - design solver) like (1 - design solver)^T
+        fitted = float(np.sum(design.T @ design * slow[-1])) - 2 * float(np.sum(told * design.T))
+        seen.append((count + fitted) / spare)
+    # what the residuals show beyond noise the pattern may have made, or something unknown
+    power = max(pattern_u**2, excess / seen[0])
+    # a slow pattern shows little in the residuals of one flight, by chance still less
+    most = ODDS * max(excess, float(np.mean(u**2)) / np.sqrt(spare))
+    possible = [each for each, part in zip(slow, seen, strict=True) if power * part <= most]
+    worst = max(possible or slow[:1], key=lambda each: float(each[1, 1]))
+    if excess <= pattern_u**2:
+        return np.asarray(power * worst)
+    # told by few residuals, and by nothing else
+    from scipy.special import stdtrit
+
+    wide = (float(stdtrit(2 * spare, 0.975)) / NORMAL_95) ** 2
+    return np.asarray(wide * (noise + power * worst) - noise)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,8 +190,8 @@ class Places:
 class Legs:
     """The flights of a clip; masks are (frame,) of the places given."""
 
-    flight_in: Flight
-    flight_out: Flight | None  # None: no contact was seen
+    flight_in: StraightFlight
+    flight_out: StraightFlight | None  # None: no contact was seen
     gap: tuple[float, float] | None  # last frame of the flight in, first of that out [s]
     used_in: Mask
     used_out: Mask
@@ -58,7 +201,7 @@ class Legs:
     stepped: dict[int, float]  # frame: a step in the line that no lost frames make [m]
 
 
-def split(seen: Places, air: Air, *, stamped: bool) -> Legs:
+def split(seen: Places, air: AirOnFlight, *, stamped: bool) -> Legs:
     """Return the flights in and out of a clip in which the ball is seen three times or more.
 
     Parameters
@@ -82,7 +225,7 @@ def split(seen: Places, air: Air, *, stamped: bool) -> Legs:
     return replace(legs, lost=lost, stepped=stepped)
 
 
-def _legs(seen: Places, air: Air) -> Legs:
+def _legs(seen: Places, air: AirOnFlight) -> Legs:
     """Return the flights, without those frames that belong to neither."""
     usable = np.isfinite(seen.places).all(axis=1) & np.isfinite(seen.u)
     wild = np.zeros_like(usable)
@@ -130,7 +273,7 @@ def _legs(seen: Places, air: Air) -> Legs:
     )
 
 
-def _broken(seen: Places, air: Air, used: Mask) -> tuple[Mask, Mask]:
+def _broken(seen: Places, air: AirOnFlight, used: Mask) -> tuple[Mask, Mask]:
     """Return the frames before and after the break that two straight lines show best.
 
     None is after it where the ball's velocity does not change by more than its uncertainty.
@@ -162,7 +305,7 @@ def _misfit(seen: Places, level: Array, frames: NDArray[np.intp]) -> float:
     return float(weight @ ((places - np.outer(off, slope)) ** 2).sum(axis=1))
 
 
-def _far(seen: Places, air: Air, used: Mask) -> Mask:
+def _far(seen: Places, air: AirOnFlight, used: Mask) -> Mask:
     """Return the frames far off the line through them: at most a quarter, the farthest."""
     wild = np.zeros_like(used)
     if used.sum() < 2 * LEAST:
@@ -176,13 +319,13 @@ def _far(seen: Places, air: Air, used: Mask) -> Mask:
     return wild
 
 
-def _meeting(before: Flight, after: Flight) -> float:
+def _meeting(before: StraightFlight, after: StraightFlight) -> float:
     """Return when two flights told for one moment are nearest to each other [s]."""
     apart, change = after.place - before.place, after.velocity - before.velocity
     return before.time - float(apart @ change) / float(change @ change)
 
 
-def _clear(seen: Places, air: Air, used: Mask, moment: float) -> Mask:
+def _clear(seen: Places, air: AirOnFlight, used: Mask, moment: float) -> Mask:
     """Return the frames of a flight without those next to the contact that its line denies."""
     used = used.copy()
     kept = max(LEAST, (1 - TOUCHED) * used.sum())
@@ -201,7 +344,7 @@ def _clear(seen: Places, air: Air, used: Mask, moment: float) -> Mask:
     return used
 
 
-def _steps(seen: Places, air: Air, legs: Legs) -> dict[int, tuple[int, float]]:
+def _steps(seen: Places, air: AirOnFlight, legs: Legs) -> dict[int, tuple[int, float]]:
     """Return the frames before which a line steps along its way: missing frames, and metres.
 
     The lost frames are 0 where the step is no whole number of frames' way.
@@ -241,6 +384,8 @@ def _step(
     return k, float(size), u, float(speed)
 
 
-def _fit(seen: Places, air: Air, used: Mask, moment: float, *, rough: bool = True) -> Flight:
+def _fit(
+    seen: Places, air: AirOnFlight, used: Mask, moment: float, *, rough: bool = True
+) -> StraightFlight:
     part = seen.of(used)
     return fit_flight(part.t, part.places, part.u, part.pattern_u, air, moment, rough=rough)

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.units import DEGREE
+from virtual_lab.video.calibration.plane import RIM
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.follow.said import Said, or_none
-from virtual_lab.video.locate.located import Flag
-from virtual_lab.video.track.lines import Flight
-from virtual_lab.video.track.nearing import Nearing, nearing
+from virtual_lab.video.locate.located import PlaceFlag
+from virtual_lab.video.track.legs import StraightFlight
 from virtual_lab.video.track.tracking import Tracked
 
-__all__ = ["Speeds", "document", "speeds"]
+__all__ = ["Nearing", "Speeds", "document", "nearing", "speeds"]
 
 Array = NDArray[np.float64]
 
@@ -24,6 +25,11 @@ UP = np.cos(30 * DEGREE)  # a change of velocity nearer to straight up than this
 CROOKED = 3.0  # u of a place that the residuals may scatter by, noise and pattern together
 COVERAGE = 2.0  # u: what lies beyond is no chance
 FEW = 5  # frames of a flight: fewer tell little of their own scatter
+
+
+GROWN = 0.004  # of the radius through a flight: less is no matter, nor what a pattern may make
+SURE = 6.0  # standard uncertainties
+TREND = 8  # frames: fewer tell no trend
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,19 +136,19 @@ def document(tracked: Tracked, found: Speeds) -> dict[str, object]:
         "flags": list(found.flags),
         "frame_flags": {
             flag.name: count
-            for flag in Flag
+            for flag in PlaceFlag
             if flag.name and (count := int(((located.flags & flag) > 0).sum()))
         },
         "warnings": list(found.warnings),
     }
 
 
-def _speed(flight: Flight, shared: float, off: float) -> Said:
+def _speed(flight: StraightFlight, shared: float, off: float) -> Said:
     u = np.hypot(np.hypot(flight.speed_u, flight.speed * shared), off)
     return Said(value=flight.speed, u=float(u))
 
 
-def _angle(flight: Flight, sense: float) -> Said:
+def _angle(flight: StraightFlight, sense: float) -> Said:
     across = float(np.sqrt(flight.covariance[1, 1]))
     return Said(
         value=float(np.arctan2(-sense * flight.velocity[1], flight.velocity[0])),
@@ -151,7 +157,7 @@ def _angle(flight: Flight, sense: float) -> Said:
 
 
 def _restitution(
-    before: Flight, after: Flight | None, calibration: ClipCalibration, off: float
+    before: StraightFlight, after: StraightFlight | None, calibration: ClipCalibration, off: float
 ) -> tuple[Said | None, str]:
     if after is None:
         return None, ""
@@ -241,3 +247,47 @@ def _degrees(angle: Said | None) -> dict[str, float] | None:
     if angle is None:
         return None
     return Said(value=angle.value / DEGREE, u=angle.u / DEGREE).document()
+
+
+class Nearing(NamedTuple):
+    """A ball that comes nearer during a flight."""
+
+    grown: float  # by how much of its radius
+    speed: float  # what that adds to the speed [m/s]
+
+
+def nearing(tracked: Tracked, used: NDArray[np.bool_], flight: StraightFlight) -> Nearing | None:
+    """Return how a flight leaves the plane, None where it stays in it as far as can be seen.
+
+    Parameters
+    ----------
+    tracked
+        The clip.
+    used
+        Frames of the flight, (frame,).
+    flight
+        Its line.
+    """
+    located = tracked.located
+    good = used & np.isfinite(located.radius) & (located.flags == 0)
+    if good.sum() < TREND:
+        return None
+    t = tracked.times[good] - tracked.times[good].mean()
+    size = np.log(located.radius[good] / tracked.plane.sizes[good])
+    rate = float(t @ size / (t @ t))
+    rest = size - size.mean() - rate * t
+    u = float(np.sqrt((rest @ rest) / (len(t) - 2) / (t @ t)))
+    grown = rate * float(np.ptp(t))
+    pattern = 0.0 if located.pattern_u is None else float(np.median(located.pattern_u[good]))
+    least = max(GROWN, 2 * RIM * pattern / float(np.median(located.radius[good])))
+    if abs(grown) < least or abs(rate) < SURE * u:
+        return None
+    rows, columns = tracked.clip.shape
+    away = np.array(
+        [
+            np.mean(located.x[good]) - (columns - 1) / 2,
+            tracked.plane.sense * (np.mean(located.y[good]) - (rows - 1) / 2),
+        ]
+    )
+    moved = rate * tracked.plane.metres_per_pixel * away
+    return Nearing(grown, float(moved @ flight.velocity) / flight.speed)

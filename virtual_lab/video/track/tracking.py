@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -12,29 +12,24 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.video.calibration.plane import Plane, distance_of, plane_of
-from virtual_lab.video.clips.background import Image, middle_of, uncovered_mean
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import Clip, open_clip
 from virtual_lab.video.clips.reading import Frame
 from virtual_lab.video.clips.timing import usual_step
-from virtual_lab.video.follow.following import GRAVITY, Followed, Known, follow
+from virtual_lab.video.follow.following import GRAVITY, FollowedClip, Known, follow
 from virtual_lab.video.follow.pieces import GAP, Piece
-from virtual_lab.video.locate.located import Flag, Located, part_of
-from virtual_lab.video.locate.regions import Locator, Regions, squares
-from virtual_lab.video.track.legs import Legs, Places, split
-from virtual_lab.video.track.lines import Air
-from virtual_lab.video.track.starting import starts
+from virtual_lab.video.locate.located import Located, Locator, PlaceFlag, Regions, part_of, squares
+from virtual_lab.video.track.legs import AirOnFlight, Legs, Places, split
 
 __all__ = [
-    "AT_ONCE",
-    "Spotted",
+    "Image",
     "Tracked",
     "expected_radius",
-    "followed",
     "known_of",
-    "locate_in",
+    "middle_of",
     "sharpened",
-    "track",
+    "track_hit",
+    "uncovered_mean",
 ]
 
 Array = NDArray[np.float64]
@@ -46,18 +41,31 @@ LEAST_PLACES = 5  # of a piece of its way
 ALIKE = 1.35  # ratio of the radii of one ball's pieces
 NEAR_SIZE = 1.45  # ratio to the radius expected: what is farther off is not the ball
 REACH = 1.5  # steps that a ball moves at most from where it was before
-USELESS = Flag.NOT_FOUND | Flag.CLIPPED | Flag.OVERLAP | Flag.POOR_FIT
+USELESS = PlaceFlag.NOT_FOUND | PlaceFlag.CLIPPED | PlaceFlag.OVERLAP | PlaceFlag.POOR_FIT
+
+
+TRIED = 8  # frames from which an exposure is read
+FAINT = 0.1  # of the ball's brightness: less is noise
+ROUGH = 0.5  # pixels, standard uncertainty of a spot's place
+
+
+Image = NDArray[np.float32]
+
+ROWS = 64  # at a time: a sorted stack of whole frames would need the memory of them all
+ENOUGH = 3  # frames that must show a pixel's background for their mean to be taken
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Spotted:
-    """A ball found roughly in a clip; arrays over the frames that show it, (frame,)."""
+class Tracked:
+    """A ball located sharply through a clip; arrays over the frames that show it, (frame,)."""
 
     clip: Clip
     frames: NDArray[np.intp]  # their numbers
-    start: Located
     exposure: float  # [s]
     background: Image
+    located: Located
+    plane: Plane
+    legs: Legs
 
     @property
     def times(self) -> Array:
@@ -65,16 +73,7 @@ class Spotted:
         return self.clip.times[self.frames]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tracked(Spotted):
-    """A ball followed through a clip."""
-
-    located: Located
-    plane: Plane
-    legs: Legs
-
-
-def track(
+def track_hit(
     path: Path,
     calibration: ClipCalibration,
     locator: Locator,
@@ -131,7 +130,7 @@ def known_of(clip: Clip, calibration: ClipCalibration) -> Known:
 
 
 def sharpened(
-    found: Followed,
+    found: FollowedClip,
     calibration: ClipCalibration,
     locator: Locator,
     *,
@@ -142,43 +141,15 @@ def sharpened(
     Raises
     ------
     InputError
-        No ball, or too few frames of it.
+        No ball, too few frames that locate it, or nothing that sets the scale.
     """
     clip = found.clip
     ball = _ball(found, expected_radius(calibration))
     background = _bare(found)
     frames = ball["frame"].astype(np.intp)
     start, exposure = starts(clip, background, ball, calibration.exposure_s)
-    progress(f"locating the ball in {len(frames)} frames")
-    located = locate_in(clip, frames, background, start, locator)
-    spotted = Spotted(
-        clip=clip, frames=frames, start=start, exposure=exposure, background=background
-    )
-    return followed(spotted, located, calibration)
-
-
-def followed(
-    spotted: Spotted,
-    located: Located,
-    calibration: ClipCalibration,
-) -> Tracked:
-    """Return a located ball's way in the plane, and its flights.
-
-    Parameters
-    ----------
-    spotted
-        The ball.
-    located
-        Its places, frame by frame.
-    calibration
-        What is known of the clip.
-
-    Raises
-    ------
-    InputError
-        Too few frames that locate the ball, or nothing that sets the scale.
-    """
-    clip, frames, exposure = spotted.clip, spotted.frames, spotted.exposure
+    progress(f"locating the ball in {len(frames)} frames (its loops are compiled at the first use)")
+    located = _located(clip, frames, background, start, locator)
     against = located.flags & np.uint16(USELESS)
     good = against == 0
     where = str(clip.source.path)
@@ -200,7 +171,7 @@ def followed(
             pattern_u=scale * pattern,
             exposure=exposure,
         ),
-        Air(
+        AirOnFlight(
             drag=calibration.drag_per_m,
             drag_u=calibration.drag_per_m_u,
             gravity=calibration.gravity_mps2,
@@ -208,15 +179,22 @@ def followed(
         stamped=calibration.timestamps is not None,
     )
     flags = located.flags.copy()
-    flags[legs.wild] |= np.uint16(Flag.JUMP)
-    flags[legs.struck] |= np.uint16(Flag.CONTACT)
+    flags[legs.wild] |= np.uint16(PlaceFlag.JUMP)
+    flags[legs.struck] |= np.uint16(PlaceFlag.CONTACT)
     for frame in legs.stepped:
-        flags[frame] |= np.uint16(Flag.JUMP)
-    found: dict[str, Any] = {each.name: getattr(spotted, each.name) for each in fields(Spotted)}
-    return Tracked(**found, located=replace(located, flags=flags), plane=plane, legs=legs)
+        flags[frame] |= np.uint16(PlaceFlag.JUMP)
+    return Tracked(
+        clip=clip,
+        frames=frames,
+        exposure=exposure,
+        background=background,
+        located=replace(located, flags=flags),
+        plane=plane,
+        legs=legs,
+    )
 
 
-def locate_in(
+def _located(
     clip: Clip,
     frames: NDArray[np.intp],
     background: Image,
@@ -260,7 +238,7 @@ def expected_radius(calibration: ClipCalibration) -> float | None:
     return None
 
 
-def _ball(found: Followed, expected: float | None) -> NDArray[np.void]:
+def _ball(found: FollowedClip, expected: float | None) -> NDArray[np.void]:
     """Return the ball's blob in each frame that shows it: along its pieces, between and beyond."""
     blobs = found.watched.found
     ways = found.ways or [each for each in found.pieces if _sized(each, expected)]
@@ -299,7 +277,7 @@ def _sized(piece: Piece, expected: float | None) -> bool:
     return expected is None or 1 / NEAR_SIZE < piece.radius / expected < NEAR_SIZE
 
 
-def _bare(found: Followed) -> Image:
+def _bare(found: FollowedClip) -> Image:
     """Return the background without anything that moved."""
     clip, blobs = found.clip, found.watched.found
     covered = []
@@ -309,3 +287,119 @@ def _bare(found: Followed) -> Image:
         covered.append(list(zip(some["picture_x"], some["picture_y"], reach, strict=True)))
     samples = clip.grey_samples()
     return uncovered_mean(samples, middle_of(samples), covered)
+
+
+def starts(
+    clip: Clip, background: Image, found: NDArray[np.void], exposure: float | None
+) -> tuple[Located, float]:
+    """Return where to start in each frame, and the exposure [s], read off the blur if unknown.
+
+    Parameters
+    ----------
+    found
+        The ball's blob in each frame that shows it, an array of `find.blobs.BLOB`.
+    """
+    frames = found["frame"].astype(np.intp)
+    t = clip.times[frames]
+    places = np.stack([found["picture_x"], found["picture_y"]], axis=1)
+    whole = found[~found["cut"]] if not found["cut"].all() else found
+    rough = Places(
+        t=t, places=places, u=np.full(len(t), ROUGH), pattern_u=0.0, exposure=exposure or 0.0
+    )
+    legs = split(rough, AirOnFlight(), stamped=False)
+    velocity = np.tile(legs.flight_in.velocity, (len(t), 1))
+    if legs.flight_out:
+        velocity[t > legs.flight_out.time] = legs.flight_out.velocity
+    unknown, zero = np.full(len(t), np.nan), np.zeros(len(t))
+    start = Located(
+        x=places[:, 0],
+        y=places[:, 1],
+        radius=np.full(len(t), float(np.median(whole["radius"]))),
+        x_u=unknown,
+        y_u=unknown,
+        blur_x=zero,
+        blur_y=zero,
+        chi_square=unknown,
+        flags=np.zeros(len(t), np.uint16),
+    )
+    if exposure is None:
+        exposure = _exposure(clip, background, start, frames, velocity)
+    return replace(
+        start, blur_x=velocity[:, 0] * exposure, blur_y=velocity[:, 1] * exposure
+    ), exposure
+
+
+def _exposure(
+    clip: Clip, background: Image, start: Located, frames: NDArray[np.intp], velocity: Array
+) -> float:
+    """Return the exposure that makes the ball as long as it is [s], a frame's at most.
+
+    The matte of a blurred disc has L²/12 more variance along the blur L than across it.
+    """
+    speed = np.hypot(*velocity.T)
+    rows, columns = background.shape
+    reach = 1.6 * start.radius + 4
+    inside = (start.x > reach) & (start.x < columns - reach)
+    inside &= (start.y > reach) & (start.y < rows - reach)
+    fast = np.flatnonzero(inside & (speed > 0.5 * speed.max()))
+    if not fast.size:
+        return 0.0
+    tried = fast[np.unique(np.linspace(0, fast.size - 1, min(fast.size, TRIED)).astype(int))]
+    squares = []
+    for k, (_, frame) in zip(tried, clip.chosen(frames[tried]), strict=True):
+        squares.append(12 * _longer(frame, background, start, int(k), velocity[k] / speed[k]))
+    squared = float(np.median(squares)) / float(np.mean(speed[tried] ** 2))
+    step = float(np.median(np.diff(clip.times)))
+    return min(float(np.sqrt(max(squared, 0.0))), step)
+
+
+def _longer(frame: Frame, background: Image, start: Located, k: int, along: Array) -> float:
+    """Return the variance of a ball's matte along a direction, less that across it [pixels²]."""
+    x, y, radius = float(start.x[k]), float(start.y[k]), float(start.radius[k])
+    reach = 1.6 * radius + 4
+    place = np.s_[int(y - reach) : int(y + reach) + 1, int(x - reach) : int(x + reach) + 1]
+    rows, columns = np.mgrid[place]
+    away = np.hypot(columns - x, rows - y)
+    off = frame[place] - background[place]
+    light = float(np.median(off[away < 0.5 * radius]))
+    share = np.clip(np.where(away < reach, off / light, 0.0), 0.0, 1.0) if light else off * 0.0
+    share[share < FAINT] = 0.0
+    total = max(float(share.sum()), 1.0)
+    mean_x, mean_y = (share * columns).sum() / total, (share * rows).sum() / total
+    u = (columns - mean_x) * along[0] + (rows - mean_y) * along[1]
+    w = (rows - mean_y) * along[0] - (columns - mean_x) * along[1]
+    return float((share * (u**2 - w**2)).sum() / total)
+
+
+def middle_of(samples: Frame) -> Image:
+    """Return the median of samples, (row, column)."""
+    tops = range(0, samples.shape[1], ROWS)
+    blocks = [np.median(samples[:, top : top + ROWS], axis=0) for top in tops]
+    return np.concatenate(blocks).astype(np.float32)
+
+
+def uncovered_mean(
+    samples: Frame, first: Image, covered: Iterable[list[tuple[float, float, float]]]
+) -> Image:
+    """Return the mean of the samples where the ball did not cover them.
+
+    Parameters
+    ----------
+    samples
+        (sample, row, column).
+    first
+        What is taken where fewer than three samples show the background.
+    covered
+        x, y and reach [pixels] of what moves in each sample.
+    """
+    import cv2
+
+    total = np.zeros(first.shape, np.float32)
+    count = np.zeros(first.shape, np.float32)
+    for sample, spots in zip(samples, covered, strict=True):
+        free = np.ones(first.shape, np.uint8)
+        for x, y, reach in spots:
+            cv2.circle(free, (round(x), round(y)), int(np.ceil(reach)) + 1, 0, -1)
+        total += free * sample
+        count += free
+    return np.where(count >= ENOUGH, total / np.maximum(count, 1), first).astype(np.float32)

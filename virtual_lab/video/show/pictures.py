@@ -1,0 +1,294 @@
+"""A tracked clip drawn: the plot, a contact sheet, and a film that a browser plays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.output.style import STYLE
+from virtual_lab.video.show.course import BallCourse
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import chain
+
+from virtual_lab.video.clips.reading import Frame
+
+__all__ = ["Pictures", "draw_track", "pictures_of", "strobe", "write_film", "write_sheet"]
+
+Image = NDArray[np.uint8]
+
+TILES = 24  # of the sheet, at most
+SHEET = 3.6e6  # pixels of it
+TILE = 400  # pixels, the width of one, at most
+FILM = 2.4e5  # pixels of a picture of the film
+FRAMES = 80  # of the film, at most
+STRIP = 20  # pixels above a picture, for its frame and time
+SHIFT = 4  # binary places below a pixel
+PLAYED = 60  # ms a frame
+COLOURS = ((178, 114, 0), (0, 94, 213), (115, 158, 0), (167, 121, 204), (0, 159, 230))
+LEFT = (150, 150, 150)
+
+
+HEX = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
+OTHERS = "0.45"
+BALLS = 14  # drawn into one picture, about
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pictures:
+    """Frames of a clip as they are shown, made smaller by a factor."""
+
+    frames: dict[int, Image]  # by number, (row, column, 3)
+    scale: float
+    sheet: list[int]  # places of the course that the sheet shows
+    film: list[int]
+
+
+def pictures_of(course: BallCourse, thumbs: Mapping[int, Image]) -> Pictures:
+    """Return the frames that sheet and film show, out of small JPEGs; others are read."""
+    import cv2
+
+    sheet, film = _for_sheet(course), _spread(len(course.frames), FRAMES)
+    rows, columns = course.clip.shape
+    tiles = max(len(sheet), 1)
+    scale = min(TILE / columns, np.sqrt(SHEET / tiles / (rows * columns)))
+    wanted = np.unique(course.frames[sorted({*sheet, *film})])
+    darkest, brightest = _range(course)
+    size = (max(1, round(columns * scale)), max(1, round(rows * scale)))
+    way = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    kept = [int(each) for each in wanted if each in thumbs]
+    small = {k: np.asarray(cv2.imdecode(thumbs[k], cv2.IMREAD_UNCHANGED)) for k in kept}
+    left = np.array([each for each in wanted if each not in small], np.intp)
+    frames = {
+        number: _resized(_shown(frame, darkest, brightest), size, way)
+        for number, frame in chain(small.items(), course.clip.chosen(left, colour=True))
+    }
+    return Pictures(frames=frames, scale=float(scale), sheet=sheet, film=film)
+
+
+def write_sheet(course: BallCourse, pictures: Pictures, path: Path) -> None:
+    """Write frames side by side as PNG, those about flights' ends and contacts among them."""
+    import cv2
+
+    tiles = [_one(course, pictures, k, pictures.scale) for k in pictures.sheet]
+    if not tiles:
+        return
+    rows, columns = tiles[0].shape[:2]
+    across = int(np.clip(round(np.sqrt(1.4 * len(tiles) * rows / columns)), 1, len(tiles)))
+    blank = np.full_like(tiles[0], 255)
+    tiles += [blank] * (-len(tiles) % across)
+    edge = (2, 2, 2, 2, cv2.BORDER_CONSTANT)
+    framed = [cv2.copyMakeBorder(tile, *edge, value=(255, 255, 255)) for tile in tiles]
+    lines = [np.hstack(framed[k : k + across]) for k in range(0, len(framed), across)]
+    cv2.imwrite(str(path), np.vstack(lines))
+
+
+def write_film(course: BallCourse, pictures: Pictures, path: Path) -> None:
+    """Write the frames that show the ball as an animated WebP."""
+    import cv2
+
+    if not pictures.film:
+        return
+    rows, columns = course.clip.shape
+    scale = min(pictures.scale, float(np.sqrt(FILM / (rows * columns))))
+    animation = cv2.Animation()
+    animation.frames = [_one(course, pictures, k, scale) for k in pictures.film]
+    animation.durations = [PLAYED] * len(animation.frames)
+    cv2.imwriteanimation(str(path), animation, [cv2.IMWRITE_WEBP_QUALITY, 75])
+
+
+def _for_sheet(course: BallCourse) -> list[int]:
+    """Return places about contacts, at the ends and in the middle of flights, others between."""
+    last = len(course.frames) - 1
+    chosen: list[int] = []
+    for time, _, _ in course.contacts:
+        near = int(np.argmin(np.abs(course.times - time)))
+        chosen += [each for each in range(near - 1, near + 2) if 0 <= each <= last]
+    for name in course.flights:
+        own = np.flatnonzero(course.of(name))
+        chosen += [int(own[0]), int(own[len(own) // 2]), int(own[-1])]
+    chosen = list(dict.fromkeys(chosen))
+    for count in (12, 16, TILES):
+        if len(chosen) < count // 2 + 6:
+            break
+    chosen = list(dict.fromkeys(chosen + _spread(last + 1, count)))[:count]
+    return sorted(chosen)
+
+
+def _spread(places: int, count: int) -> list[int]:
+    """Return up to so many of the places, spread evenly, in order."""
+    if not places:
+        return []
+    chosen = np.linspace(0, places - 1, min(count, places)).round()
+    return [int(each) for each in np.unique(chosen)]
+
+
+def _one(course: BallCourse, pictures: Pictures, k: int, scale: float) -> Image:
+    import cv2
+
+    image = pictures.frames[int(course.frames[k])]
+    if scale != pictures.scale:
+        high, wide = (max(1, round(side * scale)) for side in course.clip.shape)
+        image = _resized(image, (wide, high), cv2.INTER_AREA)
+    image = image.copy()
+    names = course.flights
+    for j in range(k + 1):
+        if np.isfinite(course.xy[j]).all():
+            # earlier places lie where the still frame has them in this picture
+            at = _fine(scale, *(course.xy[j] + course.drift[k]))
+            cv2.circle(image, at, 24, _colour(course, names, j), -1, cv2.LINE_AA, SHIFT)
+    if np.isfinite(course.radius[k]):
+        radius = round(course.radius[k] * scale * 2**SHIFT)
+        at = _fine(scale, *(course.xy[k] + course.drift[k]))
+        cv2.circle(image, at, radius, _colour(course, names, k), 1, cv2.LINE_AA, SHIFT)
+    return np.vstack([_label(f"{int(course.frames[k])}: {course.times[k]:.4g} s", image), image])
+
+
+def _label(words: str, image: Image) -> Image:
+    """Return a strip as wide as an image with words that fit into it."""
+    import cv2
+
+    strip = np.full((STRIP, image.shape[1], 3), 255, np.uint8)
+    face, letters = cv2.FONT_HERSHEY_SIMPLEX, 0.5
+    wide = cv2.getTextSize(words, face, letters, 1)[0][0]
+    letters *= min(1.0, (strip.shape[1] - 8) / wide)
+    cv2.putText(strip, words, (4, STRIP - 6), face, letters, (0, 0, 0), 1, cv2.LINE_AA)
+    return strip
+
+
+def _resized(image: Image, size: tuple[int, int], way: int) -> Image:
+    import cv2
+
+    return np.asarray(cv2.resize(image, size, interpolation=way), np.uint8)
+
+
+def _colour(course: BallCourse, names: list[str], k: int) -> tuple[int, int, int]:
+    name = course.flight[k]
+    return COLOURS[names.index(name) % len(COLOURS)] if name else LEFT
+
+
+def _fine(scale: float, x: float, y: float) -> tuple[int, int]:
+    """Return a place of the full frame in a scaled one, as fixed-point numbers."""
+    return round(((x + 0.5) * scale - 0.5) * 2**SHIFT), round(((y + 0.5) * scale - 0.5) * 2**SHIFT)
+
+
+def _range(course: BallCourse) -> tuple[float, float]:
+    samples = course.clip.samples
+    if samples.ndim == 4 and samples.dtype == np.uint8:
+        return 0.0, 255.0  # a colour clip is as its maker wants it seen
+    some = samples[:: max(1, len(samples) // 4)]
+    low, high = np.quantile(some, (0.001, 0.9995))
+    return float(min(low, 0.2 * high)), float(max(high, low + 1))
+
+
+def _shown(frame: Frame, darkest: float, brightest: float) -> Image:
+    """Return a frame in 8 bits and three colours."""
+    if (darkest, brightest) == (0.0, 255.0) and frame.dtype == np.uint8:
+        seen = frame
+    else:
+        stretched = (frame.astype(np.float32) - darkest) * (255 / (brightest - darkest))
+        seen = np.clip(stretched, 0, 255).astype(np.uint8)
+    if seen.ndim == 2 or seen.shape[2] == 1:
+        return np.repeat(seen.reshape(*seen.shape[:2], 1), 3, axis=2)
+    return np.ascontiguousarray(seen[..., :3])
+
+
+def draw_track(course: BallCourse, pictures: Pictures, title: str, path: Path) -> None:
+    """Draw a tracked clip as PNG."""
+    from matplotlib import style
+    from matplotlib.figure import Figure
+
+    with style.context(STYLE, after_reset=True):
+        rows, columns = course.clip.shape
+        high = min(6.0, 7.2 * rows / columns)
+        figure = Figure(figsize=(7.6, high + 3.4), dpi=150, layout="constrained")
+        picture, along, across = figure.subplots(3, 1, height_ratios=(high, 1.3, 1.3))
+        _picture(picture, course, pictures)
+        _residuals(along, across, course)
+        figure.suptitle(title, fontsize=9)
+        figure.savefig(path)
+
+
+def strobe(course: BallCourse, pictures: Pictures) -> NDArray[np.uint8]:
+    """Return one picture that shows the ball at several of its places, as small as they are."""
+    shown = [k for k in range(len(course.frames)) if int(course.frames[k]) in pictures.frames]
+    seen = [k for k in shown if np.isfinite(course.radius[k])]
+    chosen = seen[:: max(1, len(seen) // BALLS)]
+    scale = pictures.scale
+    # what stands about, a bat too, is shown as it is at a contact
+    time = course.contacts[0][0] if course.contacts else float(course.times[0])
+    stands = min(shown, key=lambda k: abs(course.times[k] - time))
+    whole = _still(pictures, course, stands).copy()
+    rows, columns = np.ogrid[: whole.shape[0], : whole.shape[1]]
+    for k in chosen:
+        x, y = (course.xy[k] + 0.5) * scale - 0.5
+        inside = np.hypot(columns - x, rows - y) < (course.reach[k] + 2) * scale
+        whole[inside] = _still(pictures, course, k)[inside]
+    return whole[..., ::-1]
+
+
+def _still(pictures: Pictures, course: BallCourse, k: int) -> NDArray[np.uint8]:
+    """Return a picture where the still frame has it."""
+    import cv2
+
+    picture = pictures.frames[int(course.frames[k])]
+    if not course.drift[k].any():
+        return picture
+    x, y = course.drift[k] * pictures.scale
+    back = np.array([[1.0, 0.0, x], [0.0, 1.0, y]])
+    size, flags = picture.shape[1::-1], cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    mode = cv2.BORDER_REPLICATE
+    return np.asarray(cv2.warpAffine(picture, back, size, flags=flags, borderMode=mode), np.uint8)
+
+
+def _picture(axes: Axes, course: BallCourse, pictures: Pictures) -> None:
+    rows, columns = course.clip.shape
+    extent = (-0.5, columns - 0.5, rows - 0.5, -0.5)
+    axes.imshow(strobe(course, pictures), extent=extent, interpolation="antialiased")
+    names = course.flights
+    for k, name in enumerate([*names, ""]):
+        used = course.of(name)
+        if used.any():
+            colour = HEX[k % len(COLOURS)] if name else OTHERS
+            label = name or ("left out" if names else "seen")
+            axes.plot(*course.xy[used].T, ".", color=colour, markersize=3, label=label)
+    for k, (_, x, y) in enumerate(course.contacts):
+        mark = "contact" if k == 0 else None
+        axes.plot(x, y, "+", color="k", markersize=11, markeredgewidth=1.2, label=mark)
+    axes.set(xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
+    axes.set(xlabel="x, pixels", ylabel="y, pixels")
+    axes.legend(
+        loc="upper left",
+        bbox_to_anchor=(0.0, 1.0) if columns > rows else (1.02, 1.0),
+        facecolor="white",
+        framealpha=0.75,
+        frameon=True,
+        edgecolor="none",
+        ncols=5 if columns > rows else 1,
+        markerscale=2,
+    )
+
+
+def _residuals(along: Axes, across: Axes, course: BallCourse) -> None:
+    origin = course.contacts[0][0] if course.contacts else float(course.times[0])
+    for k, name in enumerate(course.flights):
+        used = course.of(name)
+        t = 1e3 * (course.times[used] - origin)
+        noise = course.u[used].mean(axis=1)
+        for axes, off in zip((along, across), course.residuals[used].T, strict=True):
+            colour = HEX[k % len(COLOURS)]
+            axes.errorbar(t, off, noise, fmt=".", color=colour, markersize=4, linewidth=0.6)
+    for axes, name in ((along, "along"), (across, "across")):
+        axes.axhline(0, color="0.6", linewidth=0.6, zorder=0)
+        for time, _, _ in course.contacts:
+            axes.axvline(1e3 * (time - origin), color="k", linewidth=0.8, zorder=0)
+        axes.set_ylabel(f"off the flight\n{name}, pixels")
+        axes.grid(True, linewidth=0.3)
+    along.tick_params(labelbottom=False)
+    across.set_xlabel(f"time from the {'first contact' if course.contacts else 'start'}, ms")
