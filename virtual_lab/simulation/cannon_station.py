@@ -87,6 +87,8 @@ class BallGates(Instrument, Protocol):
     """Gates of either kind."""
 
     @property
+    def spec(self) -> Any: ...
+    @property
     def distances(self) -> Array: ...
     @property
     def clock(self) -> float: ...
@@ -230,7 +232,8 @@ class RestingBatStation(CannonStation):
         )
         axis = body.length - self.holder.from_knob
         bat = RestingBat(body, axis, place, across, blows.efficiency, mass)
-        around = Surroundings(self.frame, self.stop, self.gates.distances)
+        view = self.gates.spec.view(balls.spec.radius)
+        around = Surroundings(self.frame, self.stop, self.gates.distances, view)
         shots = flown(passage, order, bat, around)
         contact = self.gates.arrival(shots.passage)
         return BallFlights(

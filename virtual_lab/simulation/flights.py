@@ -39,7 +39,16 @@ class Surroundings(NamedTuple):
 
     frame: FrameSpec
     stop: StopSpec
-    gates: Array  # distances of the frames, those of their gates (gate,) [m]
+    gates: Array  # distances of the frames, those of their gates, far one first (gate,) [m]
+    view: tuple[float, float]  # heights between which a gate ever sees a ball's centre [m]
+
+    def hiding(self, radius: float) -> Array:
+        """Return the frames that can keep a ball on its way back from being seen.
+
+        The far one does not, where it stops only balls that its own gate does not see.
+        """
+        low, high = self.frame.bottom + radius, self.frame.top - radius
+        return self.gates[int(low <= self.view[0] and high >= self.view[1]) :]
 
 
 class RestingBat(NamedTuple):
@@ -145,11 +154,11 @@ def _beyond_closed_form(
     Bounds, so that closed form is right wherever they say no.
     """
     frame, stop, radius, g = around.frame, around.stop, passage.radius, passage.gravity
-    far = around.gates[0] + frame.radius + radius
-    slowing = far * np.exp(passage.drag * far)
 
-    def framed(speed: Array, slope: Array | float) -> NDArray[np.bool_]:
-        rise, fall = np.abs(slope) * far, g / 2 * (slowing / speed) ** 2
+    def framed(gate: float, speed: Array, slope: Array | float) -> NDArray[np.bool_]:
+        far = gate + frame.radius + radius
+        time = far * np.exp(passage.drag * far) / speed
+        rise, fall = np.abs(slope) * far, g / 2 * time**2
         high = passage.height + rise >= frame.top - radius
         return np.asarray(high | (passage.height - rise - fall <= frame.bottom + radius))
 
@@ -157,12 +166,16 @@ def _beyond_closed_form(
     rate = bat.mass * passage.speed_in * (1 + bat.efficiency) * lever / inertia
     beside = (bat.place <= frame.tip_side + radius) | (bat.place >= frame.knob_side - radius)
     with np.errstate(divide="ignore", invalid="ignore"):
-        stopped = stop.angle / rate
+        turned = stop.angle / rate  # a ball that came off it meets it as it comes back
+        turned = np.where(
+            passage.speed_out > 0, turned * (1 + 1 / np.float64(stop.restitution)), turned
+        )
         slow = passage.speed_out <= stop.restitution * rate * lever
-    beyond = framed(passage.speed_in, 0.0) | beside
-    beyond |= (rate > 0) & slow & _at_hand(passage, bat, stopped)
+    beyond = framed(around.gates[0], passage.speed_in, 0.0) | beside
+    beyond |= (rate > 0) & slow & _at_hand(passage, bat, turned)
     with np.errstate(divide="ignore"):
-        back = (passage.speed_out > 0) & framed(passage.speed_out, passage.slope_out)
+        back = framed(around.hiding(radius)[0], passage.speed_out, passage.slope_out)
+        back &= passage.speed_out > 0
     return beyond, back
 
 
@@ -181,7 +194,7 @@ def _stopped(passage: Passage, around: Surroundings, chosen: NDArray[np.bool_]) 
     if not shots.size:
         return passage
     some = replace(passage, **_columns(passage, len(chosen), shots))
-    faces = around.gates - around.frame.radius - passage.radius
+    faces = around.hiding(passage.radius) - around.frame.radius - passage.radius
     _, height = some.outbound(faces[None])
     frame = GateFrame(around.frame, 0.0)
     first = np.where(frame.clears(height, passage.radius), np.inf, faces).min(axis=1)

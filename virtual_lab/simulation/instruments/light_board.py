@@ -90,6 +90,10 @@ class LightBoardSpec(Spec):
         """How far below the line of fire a ball's centre is seen for sure [m]: its upper half."""
         return -self.lowest
 
+    def view(self, radius: float) -> tuple[float, float]:
+        """Return between which heights the centre of a ball is ever seen [m]."""
+        return self.lowest - radius, self.highest + radius
+
     def ideal(self) -> Self:
         """Return boards that stand where surveyed, with alike beams and a perfect clock."""
         return replace(

@@ -62,6 +62,10 @@ class LightGateSpec(Spec):
         """How far below the line of fire a ball's centre is still seen [m]."""
         return self.half_height
 
+    def view(self, radius: float) -> tuple[float, float]:
+        """Return between which heights the centre of a ball is ever seen [m]."""
+        return -self.half_height, self.half_height
+
     def ideal(self) -> Self:
         """Return gates that stand where surveyed, with a perfect clock."""
         return replace(self, distance_u=0.0, tick=0.0, edge_jitter=0.0, clock_u=0.0)
