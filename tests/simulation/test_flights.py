@@ -63,7 +63,7 @@ def test_a_ball_that_a_frame_throws_back_is_a_missing_and_a_wild_time() -> None:
     """
     changes: Any = {"speed": 5.0, "frame": {"top": 0.015, "bottom": -0.3, "restitution": 0.25}}
     station, specimen, plan, draws = fired("astm-pivot", **changes)
-    tall = replace(station.gates.spec, half_height=0.2)
+    tall = replace(station.gates.spec, half_height=0.5)
     station = replace(station, gates=replace(station.gates, spec=tall))
     output = station.play(plan, specimen, draws)
     gates, gone = station.gates.distances, unseen(output)
