@@ -20,12 +20,7 @@ from virtual_lab.simulation.impact import (
     scenes_of,
     thrown_back,
 )
-from virtual_lab.simulation.instruments import (
-    Instrument,
-    InstrumentFactory,
-    calibration_of,
-    errors_of,
-)
+from virtual_lab.simulation.instruments import FittedStation, Instrument, InstrumentFactory
 from virtual_lab.simulation.instruments.air import HallAir, HallAirSpec
 from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
 from virtual_lab.simulation.instruments.gravity import Gravity, GravitySpec
@@ -35,7 +30,6 @@ from virtual_lab.simulation.physics.supports import Pinned
 from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen
 from virtual_lab.simulation.truth import TrueOutcome
 from virtual_lab.streams import Draws
-from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = [
     "BallFlights",
@@ -131,7 +125,7 @@ class BallFlights(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CannonStation:
+class CannonStation(FittedStation):
     """The rig in one laboratory."""
 
     name: ClassVar[str]  # under which it draws
@@ -152,14 +146,6 @@ class CannonStation:
             "air": self.air,
             "hall": self.hall,
         }
-
-    @property
-    def calibration(self) -> dict[str, Estimate]:
-        return calibration_of(self.instruments())
-
-    @property
-    def true_constants(self) -> dict[str, float]:
-        return errors_of(self.instruments())
 
     @property
     def gravity(self) -> float:
