@@ -8,11 +8,11 @@ from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
-from numpy.typing import NDArray
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import GateRecord, Record, ShotLog
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.cannon_station import CannonRigSpec, fitted
 from virtual_lab.simulation.instruments import (
     FittedStation,
@@ -31,8 +31,6 @@ from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws
 
 __all__ = ["RIG", "BallWall"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

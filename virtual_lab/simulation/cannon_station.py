@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.catalog.specs import Spec
 from virtual_lab.records import Record
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.flights import FlownShots, RestingBat, Surroundings, flown
 from virtual_lab.simulation.impact import (
     Blows,
@@ -39,8 +39,6 @@ __all__ = [
     "RestingBatStation",
     "fitted",
 ]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

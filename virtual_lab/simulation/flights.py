@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from virtual_lab.catalog.specs import BatBody
 from virtual_lab.errors import InputError
 from virtual_lab.relations.flight import time_before
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.motion import play
 from virtual_lab.simulation.motion.played import BAT, BAT_AGAIN, FRAME, Pieces
@@ -28,7 +29,6 @@ from virtual_lab.simulation.rig import MotionRung, ShotPlan
 
 __all__ = ["FlownShots", "RestingBat", "Surroundings", "flown", "scene_of"]
 
-Array = NDArray[np.float64]
 AHEAD = 1.0  # m before the contact, where a scene begins
 AFTER = 1e-3  # s, that a scene of a free way back goes on after the contact: the ball has parted
 RECORD = 0.5  # s after the contact, for which one is played whose ball meets more than the bat

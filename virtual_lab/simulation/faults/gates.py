@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.records import BoardRecord, Record
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.faults.fault import (
     BaseFault,
     ConstantOff,
@@ -24,7 +24,6 @@ from virtual_lab.streams import Draws
 __all__ = ["FAULTS"]
 
 Records = Mapping[str, Record]
-Array = NDArray[np.float64]
 NEAR, FAR = -1, 0  # gates count from the cannon to the target
 INBOUND, OUTBOUND = 0, 1
 BROKE, CLEARED = 0, 1

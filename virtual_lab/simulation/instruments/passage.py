@@ -6,13 +6,12 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.relations.flight import time_after, time_before
+from virtual_lab.simulation.arrays import Array
 
 __all__ = ["Passage"]
 
-Array = NDArray[np.float64]
 R = TypeVar("R", bound=Any)  # a record of gates: its columns are (shot, way, gate, ...)
 
 
