@@ -14,11 +14,11 @@ from typing import Annotated, ClassVar, Self
 
 import numpy as np
 from annotated_types import Ge, Gt
-from numpy.typing import NDArray
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BatBody, Dimension, Spec
 from virtual_lab.records import AimMarks, EncoderRecord, GateRecord, Record, ShotLog
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.cannon_station import (
     BallFlights,
     RestingBatSpec,
@@ -37,7 +37,6 @@ from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["RIG", "AstmPivot"]
 
-Array = NDArray[np.float64]
 GAP = 2.3e-3  # s, a recorder that sums up leaves out after contact: the blow's own shudder
 
 

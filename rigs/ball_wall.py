@@ -8,16 +8,16 @@ from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
-from numpy.typing import NDArray
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import GateRecord, Record, ShotLog
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.cannon_station import CannonRigSpec, fitted
 from virtual_lab.simulation.instruments import (
+    FittedStation,
     Instrument,
     InstrumentFactory,
-    calibration_of,
     errors_of,
 )
 from virtual_lab.simulation.instruments.air import HallAir
@@ -29,11 +29,8 @@ from virtual_lab.simulation.physics.ageing import loss_of_restitution
 from virtual_lab.simulation.physics.ball import wall_contact
 from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws
-from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["RIG", "BallWall"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +61,7 @@ class BallWall:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BallWallStation:
+class BallWallStation(FittedStation):
     """The rig in one laboratory."""
 
     cannon: Cannon
@@ -76,16 +73,10 @@ class BallWallStation:
     ideal: bool
 
     @property
-    def calibration(self) -> dict[str, Estimate]:
-        return calibration_of(self._instruments)
-
-    @property
     def true_constants(self) -> dict[str, float]:
-        wall = {"wall.restitution": self.wall_restitution}
-        return wall | errors_of(self._instruments)
+        return {"wall.restitution": self.wall_restitution} | errors_of(self.instruments())
 
-    @property
-    def _instruments(self) -> dict[str, Instrument]:
+    def instruments(self) -> dict[str, Instrument]:
         return {"gates": self.gates, "air": self.air}
 
     def with_wall(self, restitution: float) -> BallWallStation:

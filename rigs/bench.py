@@ -12,12 +12,7 @@ from annotated_types import Gt
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import LengthReadings, MassReadings, PendulumRecord, Record
-from virtual_lab.simulation.instruments import (
-    Instrument,
-    InstrumentFactory,
-    calibration_of,
-    errors_of,
-)
+from virtual_lab.simulation.instruments import FittedStation, Instrument, InstrumentFactory
 from virtual_lab.simulation.instruments.gravity import Gravity, GravitySpec
 from virtual_lab.simulation.instruments.pendulum import Pendulum, PendulumSpec
 from virtual_lab.simulation.instruments.rule import Rule, RuleSpec
@@ -26,7 +21,6 @@ from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.physics.section import outer_diameter
 from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws
-from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import INCH
 
 __all__ = ["RIG", "Bench"]
@@ -80,7 +74,7 @@ class Bench:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BenchStation:
+class BenchStation(FittedStation):
     """The bench of one laboratory."""
 
     spec: BenchSpec
@@ -90,16 +84,7 @@ class BenchStation:
     pendulum: Pendulum
     hall: Gravity
 
-    @property
-    def calibration(self) -> dict[str, Estimate]:
-        return calibration_of(self._instruments)
-
-    @property
-    def true_constants(self) -> dict[str, float]:
-        return errors_of(self._instruments)
-
-    @property
-    def _instruments(self) -> dict[str, Instrument]:
+    def instruments(self) -> dict[str, Instrument]:
         return {
             "scale": self.scale,
             "rule": self.rule,

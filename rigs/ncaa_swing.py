@@ -14,11 +14,11 @@ from typing import Annotated, Self
 
 import numpy as np
 from annotated_types import Ge, Gt
-from numpy.typing import NDArray
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import AimMarks, BoardRecord, EncoderRecord, Record, ShotLog
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.cannon_station import CannonRigSpec, CannonStation, fitted
 from virtual_lab.simulation.impact import contact_angle, thrown_back
 from virtual_lab.simulation.instruments import Instrument, InstrumentFactory, RecordDetail
@@ -31,7 +31,6 @@ from virtual_lab.streams import Draws
 
 __all__ = ["RIG", "NcaaSwing"]
 
-Array = NDArray[np.float64]
 GAP = 1e-3  # s, a recorder that sums up leaves out before contact, which may come early
 
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.catalog.specs import Spec
 from virtual_lab.records import Record
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.flights import FlownShots, RestingBat, Surroundings, flown
 from virtual_lab.simulation.impact import (
     Blows,
@@ -20,12 +20,7 @@ from virtual_lab.simulation.impact import (
     scenes_of,
     thrown_back,
 )
-from virtual_lab.simulation.instruments import (
-    Instrument,
-    InstrumentFactory,
-    calibration_of,
-    errors_of,
-)
+from virtual_lab.simulation.instruments import FittedStation, Instrument, InstrumentFactory
 from virtual_lab.simulation.instruments.air import HallAir, HallAirSpec
 from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
 from virtual_lab.simulation.instruments.gravity import Gravity, GravitySpec
@@ -35,7 +30,6 @@ from virtual_lab.simulation.physics.supports import Pinned
 from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen
 from virtual_lab.simulation.truth import TrueOutcome
 from virtual_lab.streams import Draws
-from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = [
     "BallFlights",
@@ -45,8 +39,6 @@ __all__ = [
     "RestingBatStation",
     "fitted",
 ]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,6 +78,8 @@ def fitted(
 class BallGates(Instrument, Protocol):
     """Gates of either kind."""
 
+    @property
+    def spec(self) -> Any: ...
     @property
     def distances(self) -> Array: ...
     @property
@@ -129,7 +123,7 @@ class BallFlights(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CannonStation:
+class CannonStation(FittedStation):
     """The rig in one laboratory."""
 
     name: ClassVar[str]  # under which it draws
@@ -150,14 +144,6 @@ class CannonStation:
             "air": self.air,
             "hall": self.hall,
         }
-
-    @property
-    def calibration(self) -> dict[str, Estimate]:
-        return calibration_of(self.instruments())
-
-    @property
-    def true_constants(self) -> dict[str, float]:
-        return errors_of(self.instruments())
 
     @property
     def gravity(self) -> float:
@@ -230,7 +216,8 @@ class RestingBatStation(CannonStation):
         )
         axis = body.length - self.holder.from_knob
         bat = RestingBat(body, axis, place, across, blows.efficiency, mass)
-        around = Surroundings(self.frame, self.stop, self.gates.distances)
+        view = self.gates.spec.view(balls.spec.radius)
+        around = Surroundings(self.frame, self.stop, self.gates.distances, view)
         shots = flown(passage, order, bat, around)
         contact = self.gates.arrival(shots.passage)
         return BallFlights(

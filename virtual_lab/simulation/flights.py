@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from virtual_lab.catalog.specs import BatBody
 from virtual_lab.errors import InputError
 from virtual_lab.relations.flight import time_before
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.motion import play
 from virtual_lab.simulation.motion.played import BAT, BAT_AGAIN, FRAME, Pieces
@@ -28,7 +29,6 @@ from virtual_lab.simulation.rig import MotionRung, ShotPlan
 
 __all__ = ["FlownShots", "RestingBat", "Surroundings", "flown", "scene_of"]
 
-Array = NDArray[np.float64]
 AHEAD = 1.0  # m before the contact, where a scene begins
 AFTER = 1e-3  # s, that a scene of a free way back goes on after the contact: the ball has parted
 RECORD = 0.5  # s after the contact, for which one is played whose ball meets more than the bat
@@ -39,7 +39,16 @@ class Surroundings(NamedTuple):
 
     frame: FrameSpec
     stop: StopSpec
-    gates: Array  # distances of the frames, those of their gates (gate,) [m]
+    gates: Array  # distances of the frames, those of their gates, far one first (gate,) [m]
+    view: tuple[float, float]  # heights between which a gate ever sees a ball's centre [m]
+
+    def hiding(self, radius: float) -> Array:
+        """Return the frames that can keep a ball on its way back from being seen.
+
+        The far one does not, where it stops only balls that its own gate does not see.
+        """
+        low, high = self.frame.bottom + radius, self.frame.top - radius
+        return self.gates[int(low <= self.view[0] and high >= self.view[1]) :]
 
 
 class RestingBat(NamedTuple):
@@ -144,26 +153,52 @@ def _beyond_closed_form(
 
     Bounds, so that closed form is right wherever they say no.
     """
-    frame, stop, radius, g = around.frame, around.stop, passage.radius, passage.gravity
-    far = around.gates[0] + frame.radius + radius
-    slowing = far * np.exp(passage.drag * far)
+    frame, radius, count = around.frame, passage.radius, len(bat.place)
 
-    def framed(speed: Array, slope: Array | float) -> NDArray[np.bool_]:
-        rise, fall = np.abs(slope) * far, g / 2 * (slowing / speed) ** 2
-        high = passage.height + rise >= frame.top - radius
-        return np.asarray(high | (passage.height - rise - fall <= frame.bottom + radius))
+    def framed(gate: float, speed: Any, slope: Any, height: Any) -> NDArray[np.bool_]:
+        far = gate + frame.radius + radius
+        slowest = far * np.exp(np.max(passage.drag) * far) / speed
+        rise, fall = slope * far, passage.gravity / 2 * slowest**2
+        low = height + np.minimum(rise, 0.0) - fall <= frame.bottom + radius
+        return np.asarray(low | (height + np.maximum(rise, 0.0) >= frame.top - radius))
 
-    inertia, lever = beam_of(bat.body).inertia(bat.axis), bat.axis - bat.place
-    rate = bat.mass * passage.speed_in * (1 + bat.efficiency) * lever / inertia
-    beside = (bat.place <= frame.tip_side + radius) | (bat.place >= frame.knob_side - radius)
+    # what hardly ever happens is asked of the worst of the batch first
+    gate, height = around.gates[0], passage.height
+    worst = np.array([np.min(height), np.max(height)])
+    aside = bat.place.min(), bat.place.max()
+    beyond = np.zeros(count, dtype=bool)
+    if framed(gate, passage.speed_in.min(), 0.0, worst).any():
+        beyond |= framed(gate, passage.speed_in, 0.0, height)
+    if aside[0] <= frame.tip_side + radius or aside[1] >= frame.knob_side - radius:
+        beyond |= bat.place <= frame.tip_side + radius
+        beyond |= bat.place >= frame.knob_side - radius
+    beyond |= _caught(passage, bat, around.stop)
     with np.errstate(divide="ignore", invalid="ignore"):
-        stopped = stop.angle / rate
-        slow = passage.speed_out <= stop.restitution * rate * lever
-    beyond = framed(passage.speed_in, 0.0) | beside
-    beyond |= (rate > 0) & slow & _at_hand(passage, bat, stopped)
-    with np.errstate(divide="ignore"):
-        back = (passage.speed_out > 0) & framed(passage.speed_out, passage.slope_out)
-    return beyond, back
+        gate = around.hiding(radius)[0]
+        back = framed(gate, passage.speed_out, passage.slope_out, height)
+    return beyond, back & (passage.speed_out > 0)
+
+
+def _caught(passage: Passage, bat: RestingBat, stop: StopSpec) -> NDArray[np.bool_] | bool:
+    """Return which balls a bat that comes back from its stop may meet again, a bound."""
+    lever, speed = bat.axis - bat.place, passage.speed_out
+    inertia = beam_of(bat.body).inertia(bat.axis)
+
+    def soonest(rate: Any, speed: Any) -> Any:
+        """Return when: of a ball that came off the bat, only as that is back."""
+        came = 1 + 1 / np.float64(stop.restitution)
+        return stop.angle / rate * np.where(speed > 0, came, 1.0)
+
+    with np.errstate(divide="ignore", invalid="ignore"):
+        blow = bat.mass.max() * passage.speed_in.max() * (1 + bat.efficiency.max())
+        most, slowest = blow * np.abs(lever).max() / inertia, speed.min()
+        if slowest > stop.restitution * most * np.abs(lever).max():
+            return False
+        if soonest(most, slowest) >= RECORD:
+            return False
+        rate = bat.mass * passage.speed_in * (1 + bat.efficiency) * lever / inertia
+        slow = (rate > 0) & (speed <= stop.restitution * rate * lever)
+        return slow & _at_hand(passage, bat, soonest(rate, speed))
 
 
 def _at_hand(passage: Passage, bat: RestingBat, since: Array) -> NDArray[np.bool_]:
@@ -180,8 +215,10 @@ def _stopped(passage: Passage, around: Surroundings, chosen: NDArray[np.bool_]) 
     shots = np.flatnonzero(chosen)
     if not shots.size:
         return passage
-    some = replace(passage, **_columns(passage, len(chosen), shots))
-    faces = around.gates - around.frame.radius - passage.radius
+    faces = around.hiding(passage.radius) - around.frame.radius - passage.radius
+    names = ("speed_out", "drag", "height", "slope_out")
+    each: dict[str, Any] = {name: np.asarray(getattr(passage, name)) for name in names}
+    some = replace(passage, **{n: v[shots] if v.ndim else v for n, v in each.items()})
     _, height = some.outbound(faces[None])
     frame = GateFrame(around.frame, 0.0)
     first = np.where(frame.clears(height, passage.radius), np.inf, faces).min(axis=1)

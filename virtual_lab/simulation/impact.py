@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.catalog.specs import BatBody
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.collision.patch import PATCH, patch_shape
 from virtual_lab.simulation.collision.scene import Collisions, Scenes
 from virtual_lab.simulation.instruments import RecordDetail
@@ -31,7 +32,6 @@ __all__ = [
     "wall_restitution",
 ]
 
-Array = NDArray[np.float64]
 CONTACT_TIME = 0.7e-3  # s, where no record is fine enough to tell
 WORK_POINTS = 64  # of Gauss's rule: exact to rounding for the powers of any ball
 

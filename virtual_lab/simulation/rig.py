@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.records import Record, ShotLog
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.truth import TrueBalls, TrueBat, TrueOutcome
 from virtual_lab.streams import Draws, Quiet, Slots, Streams
@@ -49,7 +50,6 @@ __all__ = [
     "installed_rigs",
 ]
 
-Array = NDArray[np.float64]
 GROUP = "virtual_lab.rigs"
 
 

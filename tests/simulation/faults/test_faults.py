@@ -17,7 +17,8 @@ from virtual_lab.errors import InputError
 from virtual_lab.measurement.diagnostics import CHECKS
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.simulation.faults import CATALOGUE, FaultSet, FaultSheet
-from virtual_lab.simulation.rig import installed_rigs
+from virtual_lab.simulation.rig import Stage, find_rig
+from virtual_lab.streams import Quiet
 from virtual_lab.units import MPH, OUNCE
 
 NAMES = catalog.names("faults")
@@ -40,13 +41,12 @@ def test_every_fault_has_its_file_and_every_file_its_fault() -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_fault_reads(name: str) -> None:
-    """Rigs that exist, predictions for procedures on those rigs, catches that there are."""
+    """Predictions for procedures on rigs that it befalls, catches that there are."""
     sheet = catalog.load("faults", name, FaultSheet).spec
     assert sheet.name == name
-    assert set(sheet.rigs) <= set(installed_rigs())
     for prediction in sheet.predictions:
         rules = catalog.load("procedures", prediction.procedure, Procedure).spec
-        assert rules.rig in sheet.rigs
+        assert FaultSet.of([name], rig=rules.rig).names == (name,)
         catches = {each for each in prediction.caught_by.split(", ") if each}
         assert catches <= {"INVALID", *CHECKS}
 
@@ -59,6 +59,24 @@ def test_an_unknown_fault_is_named_with_the_nearest() -> None:
 def test_a_fault_that_cannot_befall_the_rig_names_those_it_can() -> None:
     with pytest.raises(InputError, match="befalls astm-pivot, not the rig ball-cannon"):
         certify("r161", procedure="bbcor", seed=1, faults=("encoder-slip",))
+
+
+def test_a_rig_of_another_maker_meets_the_faults_of_what_it_offers() -> None:
+    """It has gates and air, no cannon of ours, no encoder, and nobody wrote its name anywhere."""
+
+    def befalls(name: str) -> bool:
+        try:
+            return bool(FaultSet.of([name], rig="speed-gun-pivot").names)
+        except InputError:
+            return False
+
+    able = {name for name in NAMES if befalls(name)}
+    assert {"gate-moved", "gate-clock", "gate-misses", "sabot-trip", "wrong-lot"} <= able
+    assert not {"encoder-slip", "encoder-half-counts", "bearing-friction", "aim-along"} & able
+    day = FaultSet.of(["gate-clock"], rig="speed-gun-pivot")
+    sound = find_rig("speed-gun-pivot", Stage.IMPACT).commission(Quiet())
+    fast = day.station(Stage.IMPACT, sound).true_constants["gates.clock"]
+    assert fast == pytest.approx(sound.true_constants["gates.clock"] * (1 + 1e-4), rel=1e-12)
 
 
 def test_a_sound_day_is_the_day_without_faults(monkeypatch: pytest.MonkeyPatch) -> None:

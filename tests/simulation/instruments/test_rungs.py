@@ -212,7 +212,7 @@ def test_recoil_summed_up_scatters_as_its_counts_do(bat: str, place: float) -> N
         draws = Streams(seed)
         struck = specimen(bat, draws)
         station = find_rig("astm-pivot", Stage.IMPACT).commission(draws)
-        station = other_sheet(station, "holder", friction=0.0)
+        station = other_sheet(station, "pivot", friction=0.0)
         beam = beam_of(struck.bat.body)
         axis = beam.length - station.holder.from_knob
         for rung in RecordDetail:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from virtual_lab.records import GateRecord, Record, ShotLog
 from virtual_lab.simulation.impact import error_free, scenes_of
-from virtual_lab.simulation.instruments import Instrument, calibration_of, errors_of
+from virtual_lab.simulation.instruments import FittedStation, Instrument, calibration_of, errors_of
 from virtual_lab.simulation.instruments.air import HallAir, HallAirSpec
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.instruments.passage import Passage
@@ -60,7 +60,7 @@ class SpeedGunPivot:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SpeedGunStation:
+class SpeedGunStation(FittedStation):
     """The rig in one laboratory."""
 
     gates: LightGates
@@ -70,14 +70,13 @@ class SpeedGunStation:
     @property
     def calibration(self) -> dict[str, Estimate]:
         pivot = {"pivot.from_knob": Estimate(value=PIVOT_FROM_KNOB)}
-        return pivot | calibration_of(self._instruments)
+        return pivot | calibration_of(self.instruments())
 
     @property
     def true_constants(self) -> dict[str, float]:
-        return {"pivot.from_knob": PIVOT_FROM_KNOB} | errors_of(self._instruments)
+        return {"pivot.from_knob": PIVOT_FROM_KNOB} | errors_of(self.instruments())
 
-    @property
-    def _instruments(self) -> dict[str, Instrument]:
+    def instruments(self) -> dict[str, Instrument]:
         return {"gates": self.gates, "air": self.air}
 
     def play(self, order: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:

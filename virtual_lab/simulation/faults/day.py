@@ -5,13 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from virtual_lab import catalog
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.simulation.faults import desk, gates, machines
 from virtual_lab.simulation.faults.fault import Fault
-from virtual_lab.simulation.faults.sheet import FaultSheet
-from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage, Station
-from virtual_lab.streams import Draws
+from virtual_lab.simulation.rig import (
+    RigOutput,
+    ShotPlan,
+    Specimen,
+    Stage,
+    Station,
+    installed_rigs,
+)
+from virtual_lab.streams import Draws, Quiet
 from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["CATALOGUE", "FaultSet"]
@@ -41,7 +46,7 @@ class FaultSet:
             if name not in CATALOGUE:
                 near = nearest(name, CATALOGUE)
                 raise InputError("", "fault", name, f"{near}known: {', '.join(sorted(CATALOGUE))}")
-            able = catalog.load("faults", name, FaultSheet).spec.rigs
+            able = _able(CATALOGUE[name])
             if rig not in able:
                 allowed = f"it befalls {', '.join(able)}, not the rig {rig}"
                 raise InputError("", "fault", name, allowed)
@@ -81,3 +86,12 @@ class FaultSet:
         for fault in self.faults:
             play = replace(play, records=fault.records(stage, station, order, play, draws))
         return play
+
+
+def _able(fault: Fault) -> list[str]:
+    """Return the installed impact rigs that a fault can befall."""
+    return [
+        name
+        for name, rig in installed_rigs().items()
+        if rig.stage is Stage.IMPACT and fault.befalls(rig, rig.commission(Quiet()))
+    ]

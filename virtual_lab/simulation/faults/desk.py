@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from virtual_lab.records import Record
-from virtual_lab.simulation.faults.fault import BaseFault, Fault, altered, edited, other_sheet
+from virtual_lab.simulation.faults.fault import BaseFault, ConstantOff, Fault, edited, other_sheet
 from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage, Station
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
@@ -20,20 +20,6 @@ __all__ = ["FAULTS"]
 
 Records = Mapping[str, Record]
 GRAM = 1e-3  # kg
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ScaleNotTared(BaseFault):
-    """A dish was left on the scale when bat and balls were weighed."""
-
-    name: ClassVar[str] = "scale-not-tared"
-    dish: float = 2e-3  # kg
-
-    def station(self, stage: Stage, station: Station) -> Station:
-        if stage is not Stage.BENCH:
-            return station
-        bench: Any = station
-        return altered(station, "scale", zero=bench.scale.true["zero"] + self.dish)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,6 +127,7 @@ class BallWornOut(BaseFault):
 class BallOutOfRound(BaseFault):
     """The balls are egg-shaped: every passage meets another radius, front and back."""
 
+    written: ClassVar[str] = "gates"
     name: ClassVar[str] = "ball-out-of-round"
     depth: float = 1.5e-3  # m, of the radius
 
@@ -185,6 +172,7 @@ class BatCracked(BaseFault):
 class RecordsSwapped(BaseFault):
     """The gate records of two shots of one round were filed under each other's number."""
 
+    written: ClassVar[str] = "gates"
     name: ClassVar[str] = "records-swapped"
     shots: tuple[int, int] = (1, 4)
 
@@ -218,6 +206,9 @@ FAULTS: tuple[Fault, ...] = (
     Misread(name="bat-ounces-as-grams", channel="bat-mass", factor=GRAM / OUNCE),
     PendulumWide(),
     RecordsSwapped(),
-    ScaleNotTared(),
+    # a dish of 2 g was left on it when bat and balls were weighed
+    ConstantOff(
+        name="scale-not-tared", stage=Stage.BENCH, part="scale", constant="zero", plus=2e-3
+    ),
     WrongLot(),
 )

@@ -3,52 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.records import BoardRecord, Record
-from virtual_lab.simulation.faults.fault import BaseFault, Fault, altered, edited, other_sheet, some
-from virtual_lab.simulation.rig import RigOutput, ShotPlan, Stage, Station
+from virtual_lab.simulation.arrays import Array
+from virtual_lab.simulation.faults.fault import (
+    BaseFault,
+    ConstantOff,
+    Fault,
+    SheetOff,
+    edited,
+    some,
+)
+from virtual_lab.simulation.rig import Rig, RigOutput, ShotPlan, Stage, Station
 from virtual_lab.streams import Draws
 
 __all__ = ["FAULTS"]
 
 Records = Mapping[str, Record]
-Array = NDArray[np.float64]
 NEAR, FAR = -1, 0  # gates count from the cannon to the target
 INBOUND, OUTBOUND = 0, 1
 BROKE, CLEARED = 0, 1
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GateMoved(BaseFault):
-    """The gate nearest the bat was knocked toward the cannon after its survey."""
-
-    name: ClassVar[str] = "gate-moved"
-    shift: float = 1e-3  # m
-
-    def station(self, stage: Stage, station: Station) -> Station:
-        if stage is not Stage.IMPACT:
-            return station
-        distances = _gates(station).distances
-        near = {f"distance_{len(distances) - 1}": distances[NEAR] + self.shift}
-        return altered(station, "gates", **near)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GateClock(BaseFault):
-    """The recorder's clock runs fast, far more than its sheet allows."""
-
-    name: ClassVar[str] = "gate-clock"
-    fast: float = 100e-6
-
-    def station(self, stage: Stage, station: Station) -> Station:
-        if stage is not Stage.IMPACT:
-            return station
-        return altered(station, "gates", clock=_gates(station).clock * (1 + self.fast))
+SHARE = 0.6  # of the balls that the scraps of a bad sabot are ahead of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,6 +35,7 @@ class GateMisses(BaseFault):
     """The gate nearest the bat does not see every second ball that comes in."""
 
     name: ClassVar[str] = "gate-misses"
+    written: ClassVar[str] = "gates"
 
     def records(
         self, stage: Stage, station: Station, order: ShotPlan, play: RigOutput, draws: Draws
@@ -72,6 +52,7 @@ class GateDoubles(BaseFault):
     """The gate nearest the bat clears a second time: its last edge is a later one."""
 
     name: ClassVar[str] = "gate-doubles"
+    written: ClassVar[str] = "gates"
     share: float = 0.6
     late: float = 0.4e-3  # s
 
@@ -87,17 +68,16 @@ class GateDoubles(BaseFault):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SabotTrip(BaseFault):
+class SabotTrip(SheetOff):
     """Scraps of the sabot break the first gate ahead of many a ball."""
 
-    name: ClassVar[str] = "sabot-trip"
-    share: float = 0.6
+    name: str = "sabot-trip"
+    part: str = "gates"
+    values: Mapping[str, float] = field(default_factory=lambda: {"sabot_rate": SHARE})
     ahead: float = 0.03  # m
 
-    def station(self, stage: Stage, station: Station) -> Station:
-        if stage is not Stage.IMPACT or not hasattr(_gates(station).spec, "sabot_rate"):
-            return station
-        return other_sheet(station, "gates", sabot_rate=self.share)
+    def befalls(self, rig: Rig, station: Station) -> bool:
+        return "gates" in rig.channels
 
     def records(
         self, stage: Stage, station: Station, order: ShotPlan, play: RigOutput, draws: Draws
@@ -105,7 +85,7 @@ class SabotTrip(BaseFault):
         if stage is not Stage.IMPACT or isinstance(play.records["gates"], BoardRecord):
             return play.records  # boards play their own scraps
         times = _times(play).copy()
-        struck = some(self.share, order, draws, self.name)
+        struck = some(SHARE, order, draws, self.name)
         times[struck, INBOUND, FAR, BROKE] -= self.ahead / play.truth["speed"][struck]
         return edited(play, "gates", times=times)
 
@@ -130,21 +110,18 @@ class WallDrift(BaseFault):
         return edited(play, "gates", times=times)
 
 
-def _gates(station: Station) -> Any:
-    gated: Any = station
-    return gated.gates
-
-
 def _times(play: RigOutput) -> Array:
     record: Any = play.records["gates"]
     return np.asarray(record.times)
 
 
 FAULTS: tuple[Fault, ...] = (
-    GateClock(),
+    # the recorder's clock runs fast, far more than its sheet allows
+    ConstantOff(name="gate-clock", part="gates", constant="clock", times=1 + 100e-6),
     GateDoubles(),
     GateMisses(),
-    GateMoved(),
+    # the one nearest the bat was knocked toward the cannon after its survey
+    ConstantOff(name="gate-moved", part="gates", constant="distance", plus=1e-3),
     SabotTrip(),
     WallDrift(),
 )

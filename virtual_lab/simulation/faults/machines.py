@@ -10,7 +10,14 @@ from typing import Any, ClassVar
 import numpy as np
 
 from virtual_lab.records import Record
-from virtual_lab.simulation.faults.fault import BaseFault, Fault, altered, edited, other_sheet, some
+from virtual_lab.simulation.faults.fault import (
+    BaseFault,
+    ConstantOff,
+    Fault,
+    SheetOff,
+    edited,
+    some,
+)
 from virtual_lab.simulation.rig import RigOutput, ShotPlan, Stage, Station
 from virtual_lab.streams import Draws
 from virtual_lab.units import INCH, MPH
@@ -32,75 +39,11 @@ class CannonSlow(BaseFault):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AimAlong(BaseFault):
-    """The cannon is aimed too far from the tip."""
-
-    name: ClassVar[str] = "aim-along"
-    off: float = 0.5 * INCH
-
-    def station(self, stage: Stage, station: Station) -> Station:
-        if stage is not Stage.IMPACT:
-            return station
-        return altered(station, "cannon", along=_of(station, "cannon").along + self.off)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AimAcross(BaseFault):
-    """The cannon is aimed above the bat's axis."""
-
-    name: ClassVar[str] = "aim-across"
-    off: float = 0.3 * INCH
-
-    def station(self, stage: Stage, station: Station) -> Station:
-        if stage is not Stage.IMPACT:
-            return station
-        return altered(station, "cannon", across=_of(station, "cannon").across + self.off)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PivotOff(BaseFault):
-    """The axis is farther from the knob than it was surveyed to be."""
-
-    name: ClassVar[str] = "pivot-off"
-    shift: float = 5e-3  # m
-
-    def station(self, stage: Stage, station: Station) -> Station:
-        if stage is not Stage.IMPACT:
-            return station
-        return altered(station, "holder", from_knob=_of(station, "holder").from_knob + self.shift)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BearingFriction(BaseFault):
-    """The bearing is dry: it drags, and rubs like a plain one under the blow."""
-
-    name: ClassVar[str] = "bearing-friction"
-    torque: float = 1.0  # N m
-    friction: float = 0.1
-
-    def station(self, stage: Stage, station: Station) -> Station:
-        if stage is not Stage.IMPACT:
-            return station
-        return other_sheet(station, "holder", constant_torque=self.torque, friction=self.friction)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EncoderHalfCounts(BaseFault):
-    """The encoder has half the counts a turn that its sheet says."""
-
-    name: ClassVar[str] = "encoder-half-counts"
-
-    def station(self, stage: Stage, station: Station) -> Station:
-        if stage is not Stage.IMPACT:
-            return station
-        return altered(station, "encoder", scale=_of(station, "encoder").scale / 2)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class EncoderSlip(BaseFault):
     """The coupling of the encoder slips once in some of the shots, and counts are lost."""
 
     name: ClassVar[str] = "encoder-slip"
+    written: ClassVar[str] = "encoder"
     share: float = 0.6
     lost: float = 20.0  # counts
 
@@ -122,6 +65,7 @@ class EncoderPlay(BaseFault):
     """The bat is loose on the pivot: the encoder follows it only when the play is taken up."""
 
     name: ClassVar[str] = "encoder-play"
+    written: ClassVar[str] = "encoder"
     play: float = 0.3 / 360 * tau  # rad
 
     def records(
@@ -130,7 +74,7 @@ class EncoderPlay(BaseFault):
         if stage is not Stage.IMPACT:
             return play.records
         counts = _encoded(play).counts
-        width = np.round(self.play / tau * _of(station, "encoder").spec.counts_per_turn)
+        width = np.round(self.play / tau * station.calibration["encoder.counts_per_turn"].value)
         followed = np.empty_like(counts)
         last = counts[:, 0]
         for sample in range(counts.shape[1]):
@@ -144,6 +88,7 @@ class BatNotAtRest(BaseFault):
     """The bat still swings from being set when the ball is fired."""
 
     name: ClassVar[str] = "bat-not-at-rest"
+    written: ClassVar[str] = "encoder"
     rate: float = 0.3  # rad/s, either way
 
     def records(
@@ -153,13 +98,11 @@ class BatNotAtRest(BaseFault):
             return play.records
         record = _encoded(play)
         way = np.where(some(0.5, order, draws, self.name), 1.0, -1.0)
-        turned = _of(station, "encoder").spec.counts_per_turn / tau * self.rate * record.times
+        turned = (
+            station.calibration["encoder.counts_per_turn"].value / tau * self.rate * record.times
+        )
         counts = record.counts + np.round(way[:, None] * turned)
         return edited(play, "encoder", counts=counts)
-
-
-def _of(station: Station, part: str) -> Any:
-    return getattr(station, part)
 
 
 def _encoded(play: RigOutput) -> Any:
@@ -167,13 +110,18 @@ def _encoded(play: RigOutput) -> Any:
 
 
 FAULTS: tuple[Fault, ...] = (
-    AimAcross(),
-    AimAlong(),
+    # aimed above the bat's axis, and too far from its tip
+    ConstantOff(name="aim-across", part="cannon", constant="across", plus=0.3 * INCH),
+    ConstantOff(name="aim-along", part="cannon", constant="along", plus=0.5 * INCH),
     BatNotAtRest(),
-    BearingFriction(),
+    # dry: it drags, and rubs like a plain one under the blow [N m, 1]
+    SheetOff(
+        name="bearing-friction", part="pivot", values={"constant_torque": 1.0, "friction": 0.1}
+    ),
     CannonSlow(),
-    EncoderHalfCounts(),
+    # half the counts a turn that its sheet says
+    ConstantOff(name="encoder-half-counts", part="encoder", constant="scale", times=0.5),
     EncoderPlay(),
     EncoderSlip(),
-    PivotOff(),
+    ConstantOff(name="pivot-off", part="pivot", constant="from_knob", plus=5e-3),
 )

@@ -41,7 +41,7 @@ class Prediction(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultSheet(Spec):
-    """One fault in words, the impact rigs it can befall, and what it was predicted to do."""
+    """One fault in words, and what it was predicted to do."""
 
     name: str
     title: str
@@ -51,7 +51,6 @@ class FaultSheet(Spec):
     response: str
     missed: str  # what it does to the result if nobody sees it
     excludes: str  # what the evidence rules out
-    rigs: Annotated[tuple[str, ...], MinLen(1)]
     predictions: Annotated[tuple[Prediction, ...], MinLen(1)]
 
     def __post_init__(self) -> None:

@@ -9,15 +9,22 @@ is, and a verb of its own writes raw records.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from enum import Enum
-from typing import Protocol, Self, TypeVar
+from typing import Any, Protocol, Self, TypeVar
 
 from virtual_lab import catalog
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["Instrument", "InstrumentFactory", "RecordDetail", "calibration_of", "errors_of"]
+__all__ = [
+    "FittedStation",
+    "Instrument",
+    "InstrumentFactory",
+    "RecordDetail",
+    "calibration_of",
+    "errors_of",
+]
 
 
 class RecordDetail(Enum):
@@ -79,3 +86,26 @@ def errors_of(instruments: Mapping[str, Instrument]) -> dict[str, float]:
         for name, instrument in instruments.items()
         for key, value in instrument.errors().items()
     }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FittedStation:
+    """A station whose fields are its instruments: what is known of them and what is true."""
+
+    def instruments(self) -> Mapping[str, Any]:
+        """Return what measures, by the names of the constants."""
+        raise NotImplementedError
+
+    def with_instrument(self, name: str, instrument: Any) -> Self:
+        """Return the station with another instrument in the place of one of its own."""
+        own = self.instruments()[name]
+        (place,) = (part.name for part in fields(self) if getattr(self, part.name) is own)
+        return replace(self, **{place: instrument})
+
+    @property
+    def calibration(self) -> dict[str, Estimate]:
+        return calibration_of(self.instruments())
+
+    @property
+    def true_constants(self) -> dict[str, float]:
+        return errors_of(self.instruments())

@@ -11,11 +11,11 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
+
+from virtual_lab.simulation.arrays import Array
 
 __all__ = ["PHASES", "gain_table"]
 
-Array = NDArray[np.float64]
 LEAST_BEAMS = 4  # broken, for a sum
 FAINTEST = 1e-2  # of the longest chord's square: shorter ones weigh no more than this one
 PHASES = 64  # of a centre between two beams

@@ -8,11 +8,11 @@ from typing import Annotated, ClassVar, Self
 
 import numpy as np
 from annotated_types import Ge, Gt
-from numpy.typing import NDArray
 
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.errors import InputError
 from virtual_lab.records import AimMarks
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, certified
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.streams import Draws, Slots
@@ -21,7 +21,6 @@ from virtual_lab.units import MPH
 
 __all__ = ["Cannon", "CannonSpec", "Launch"]
 
-Array = NDArray[np.float64]
 Distance = Annotated[float, Ge(0), Dimension("length")]
 
 

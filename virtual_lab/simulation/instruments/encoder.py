@@ -13,17 +13,16 @@ from typing import Annotated, Self
 
 import numpy as np
 from annotated_types import Ge, Gt
-from numpy.typing import NDArray
 
 from virtual_lab.catalog.specs import Dimension, Spec, YesNo
 from virtual_lab.records import EncoderRecord, RateRecord
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, certified
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["Encoder", "EncoderSpec"]
 
-Array = NDArray[np.float64]
 FEW = 32  # shots
 
 

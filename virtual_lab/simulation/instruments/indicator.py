@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.streams import Draws, Slots
 
 __all__ = ["indicate", "quantise"]
-
-Array = NDArray[np.float64]
 
 
 def quantise(values: ArrayLike, step: float) -> Array:

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import numpy as np
 from annotated_types import Ge, Gt, Lt, MinLen
-from numpy.typing import NDArray
 
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.errors import InputError
 from virtual_lab.records import BoardRecord, PassageRecord
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.instruments.board_sums import gain_table
 from virtual_lab.simulation.instruments.calibrated import (
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 
 __all__ = ["LightBoardSpec", "LightBoards"]
 
-Array = NDArray[np.float64]
 Time = Annotated[float, Ge(0), Dimension("time")]
 Length = Annotated[float, Ge(0), Dimension("length")]
 Number = Annotated[float, Ge(0), Dimension("number")]
@@ -89,6 +88,10 @@ class LightBoardSpec(Spec):
     def room(self) -> float:
         """How far below the line of fire a ball's centre is seen for sure [m]: its upper half."""
         return -self.lowest
+
+    def view(self, radius: float) -> tuple[float, float]:
+        """Return between which heights the centre of a ball is ever seen [m]."""
+        return self.lowest - radius, self.highest + radius
 
     def ideal(self) -> Self:
         """Return boards that stand where surveyed, with alike beams and a perfect clock."""

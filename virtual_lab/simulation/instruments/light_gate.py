@@ -13,10 +13,10 @@ from typing import Annotated, Self
 
 import numpy as np
 from annotated_types import Ge, Gt, MinLen
-from numpy.typing import NDArray
 
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import GateRecord, PassageRecord
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, certified
 from virtual_lab.simulation.instruments.indicator import quantise
@@ -26,7 +26,6 @@ from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["LightGateSpec", "LightGates"]
 
-Array = NDArray[np.float64]
 Time = Annotated[float, Ge(0), Dimension("time")]
 Number = Annotated[float, Ge(0), Dimension("number")]
 
@@ -61,6 +60,10 @@ class LightGateSpec(Spec):
     def room(self) -> float:
         """How far below the line of fire a ball's centre is still seen [m]."""
         return self.half_height
+
+    def view(self, radius: float) -> tuple[float, float]:
+        """Return between which heights the centre of a ball is ever seen [m]."""
+        return -self.half_height, self.half_height
 
     def ideal(self) -> Self:
         """Return gates that stand where surveyed, with a perfect clock."""

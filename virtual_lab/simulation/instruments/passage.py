@@ -6,13 +6,12 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.relations.flight import time_after, time_before
+from virtual_lab.simulation.arrays import Array
 
 __all__ = ["Passage"]
 
-Array = NDArray[np.float64]
 R = TypeVar("R", bound=Any)  # a record of gates: its columns are (shot, way, gate, ...)
 
 
@@ -65,14 +64,15 @@ class Passage:
         """Return a record of gates without the times of those that a frame kept the ball from."""
         if self.reach is None:
             return record
-        near, far = (_column(each, distances[None]) for each in (self.plane, self.reach))
-        beyond, never = np.broadcast_arrays(distances > far, distances < near)
-        gone = np.stack([never, never | beyond], axis=1)
-        columns = {name: getattr(record, name) for name in record.columns}
-        for name, values in columns.items():
+        plane = np.broadcast_to(self.plane, self.reach.shape)
+        rows = np.flatnonzero(np.isfinite(self.reach) | (plane >= distances.min()))
+        never = distances < plane[rows, None]
+        gone = np.stack([never, never | (distances > self.reach[rows, None])], axis=1)
+        columns = {name: getattr(record, name).copy() for name in record.columns}
+        for values in columns.values():
             hidden = gone.reshape(gone.shape + (1,) * (values.ndim - gone.ndim))
-            columns[name] = np.where(hidden, np.nan, values)
-            columns[name].setflags(write=False)
+            values[rows] = np.where(hidden, np.nan, values[rows])
+            values.setflags(write=False)
         return replace(record, **columns)
 
     def way(self, *, out: bool) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.relations.flight import time_after
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.motion.played import BAT, START, Pieces, PlayedShots
 from virtual_lab.simulation.motion.scene import GateFrame, ShotScene, ShotState
 from virtual_lab.simulation.motion.touch import (
@@ -23,7 +24,6 @@ from virtual_lab.simulation.motion.touch import (
 
 __all__ = ["EDGE", "FOLLOWED", "GRAZED", "RUNG", "play_closed_form"]
 
-Array = NDArray[np.float64]
 RUNG = "closed-form"
 EDGE = "the ball strikes the edge of the bat's end, where no collision model holds"
 GRAZED = "the ball grazes the bat by less than its roundness is known"

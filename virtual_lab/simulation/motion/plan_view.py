@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.motion.played import PlayedShots
 from virtual_lab.simulation.motion.scene import ShotScene
 
 __all__ = ["PlanContact", "PlanView", "plan_view"]
-
-Array = NDArray[np.float64]
 
 
 class PlanContact(NamedTuple):

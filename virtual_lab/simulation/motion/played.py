@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.motion.scene import ShotScene, ShotState
 from virtual_lab.simulation.motion.touch import moved
 
 __all__ = ["BAT", "BAT_AGAIN", "FRAME", "START", "STOP", "Pieces", "PlayedShots"]
 
-Array = NDArray[np.float64]
 START, BAT, BAT_AGAIN, STOP, FRAME = "", "bat", "bat again", "stop", "frame"
 
 

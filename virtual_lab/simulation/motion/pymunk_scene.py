@@ -14,10 +14,10 @@ from math import cos, inf, isfinite, sin
 from typing import Any, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.relations.flight import time_after
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.motion.closed_form import EDGE, FOLLOWED, GRAZED
 from virtual_lab.simulation.motion.played import (
     BAT,
@@ -39,7 +39,6 @@ from virtual_lab.simulation.motion.touch import (
 
 __all__ = ["RUNG", "PymunkSettings", "carry", "play_pymunk"]
 
-Array = NDArray[np.float64]
 RUNG = "pymunk"
 BALL = 1  # its category: it alone meets what stands
 BEYOND = 1e-9  # m, by which a ball must overlap a shape for pymunk to see it

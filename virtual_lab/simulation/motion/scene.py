@@ -19,11 +19,11 @@ from annotated_types import Ge, Gt, Le
 from numpy.typing import ArrayLike, NDArray
 
 from virtual_lab.catalog.specs import Dimension, Profile, Spec
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.physics.section import outer_diameter
 
 __all__ = ["FrameSpec", "GateFrame", "PivotedBat", "ShotScene", "ShotState", "StopSpec"]
 
-Array = NDArray[np.float64]
 Share = Annotated[float, Ge(0), Le(1), Dimension("number")]
 
 

@@ -8,17 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.relations.flight import distance_after, speed_after
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.motion.scene import ShotScene, ShotState
 
 __all__ = ["Nearness", "first_touch", "moved", "nearness", "parted", "time_to_stop"]
 
-Array = NDArray[np.float64]
 Shots = NDArray[np.int_]
 NEAR = 1e-7  # m, that no barrel is round to
 # A gap that opens at a rate stays open while this share of its radii, over the square of all
 # speeds, times the rate passes: its curvature would have to be 8 of those squares over the radii.
 PARTING = 0.25
-POLISHING = 6  # steps of Newton from within `NEAR`, the taper left out of their slope
+POLISHING = 4  # steps of Newton from within `NEAR`, the taper left out of their slope
 SHARP = 1e-2  # of the ball's speed, at which a gap must close to be polished
 
 

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.catalog.specs import BallAgeing
+from virtual_lab.simulation.arrays import Array
 
 __all__ = ["lasting_loss", "loss_of_restitution"]
-
-Array = NDArray[np.float64]
 
 
 def loss_of_restitution(

@@ -5,11 +5,11 @@ from __future__ import annotations
 from math import ceil, log
 
 import numpy as np
-from numpy.typing import NDArray
+
+from virtual_lab.simulation.arrays import Array
 
 __all__ = ["coasting", "ringing"]
 
-Array = NDArray[np.float64]
 
 ORDER = 14
 ROUNDING = 1e-17

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from virtual_lab.relations.pinhole import rotation
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments.camera.spec import BallLook
 
 __all__ = ["Light", "RenderedBalls", "axes_of", "render_balls"]
 
-Array = NDArray[np.float64]
 Pixels = NDArray[np.float32]
 SPACING = 1.1  # of the nodes, in standard deviations of the blur
 DETAIL = 30.0  # nodes a radius that seams need, however small the ball

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.records import ClipRecord, TrackRecord
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, drawn
 from virtual_lab.simulation.instruments.camera.ball import Light, render_balls
@@ -25,7 +26,6 @@ from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["Camera"]
 
-Array = NDArray[np.float64]
 Pixels = NDArray[np.float32]
 CHUNK = 256  # windows that are rendered together
 EDGE = np.linspace(-3, 3, 31)  # across an edge, in standard deviations of its blur

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from virtual_lab.relations.flight import distance_after
 from virtual_lab.relations.pinhole import rotation
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments.passage import Passage
 
 __all__ = ["Course"]
 
-Array = NDArray[np.float64]
 Shots = NDArray[np.intp]
 
 

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from virtual_lab.relations.pinhole import looking_down, projected
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments.camera.spec import DISTORTION
 
 __all__ = ["Outlines", "TrueLens"]
 
-Array = NDArray[np.float64]
 RIM = np.arange(16) * np.pi / 8  # directions in which a sphere's outline is traced
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 
 if TYPE_CHECKING:
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
 
 __all__ = ["FilmedBat", "background", "flicker", "windows"]
 
-Array = NDArray[np.float64]
 Pixels = NDArray[np.float32]
 
 

@@ -8,6 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments.camera.course import Course
 from virtual_lab.simulation.instruments.camera.lens import Outlines, TrueLens
 from virtual_lab.simulation.instruments.camera.scene import flicker
@@ -16,7 +17,6 @@ from virtual_lab.streams import Draws, Slots
 
 __all__ = ["Frames", "take"]
 
-Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from virtual_lab.relations.board import Board
 from virtual_lab.relations.pinhole import DOWN, distorted, rotation
+from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments.camera.camera import Camera
 from virtual_lab.simulation.instruments.camera.lens import TrueLens
 from virtual_lab.streams import Draws
 
 __all__ = ["board_views"]
 
-Array = NDArray[np.float64]
 ROUNDS = 12  # of undoing a distortion, each some ten times closer
 LIT = 0.6  # of the full well, on white
 PAPER, INK, BEYOND = 0.9, 0.06, 0.02  # albedos; the last of what is behind the board
