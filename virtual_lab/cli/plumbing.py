@@ -129,7 +129,8 @@ def command(
                 if plot is not None:
                     with new_files(plot.parent) as draft:
                         found.plot(draft / plot.name)
-            _print(found, target, [path for path in (csv, plot) if path], as_json=as_json)
+            files = [path for path in (csv, plot) if path]
+            _print(found, target, files, as_json=as_json, named=isinstance(folder, str) and folder)
             return int(getattr(found, "code", 0))
 
         shared = _shared_options(folder, keeps=keeps, table=table, picture=picture)
@@ -194,16 +195,22 @@ def _check_new_file(path: Path, endings: Sequence[str]) -> None:
         raise InputError("", "file", str(path), "is there already; name another")
 
 
-def _print(found: Any, folder: Path | None, files: Sequence[Path], *, as_json: bool) -> None:
-    """Print what was found, and in every case where it was written."""
+def _print(
+    found: Any, folder: Path | None, files: Sequence[Path], *, as_json: bool, named: object
+) -> None:
+    """Print what was found, and in every case where it was written.
+
+    With JSON on stdout that is the key `folder` of a document that is `named` by the program, and
+    else a line on stderr.
+    """
     written = [*([folder] if folder else []), *files]
     if not as_json:
-        named = [*(getattr(found, "files", ()) or ([folder] if folder else ())), *files]
-        parts = [found.text, "\n".join(map(str, named))]
+        written = [*(getattr(found, "files", ()) or ([folder] if folder else ())), *files]
+        parts = [found.text, "\n".join(map(str, written))]
         click.echo("\n\n".join(part for part in parts if part))
         return
     document = found.document
-    if folder and isinstance(document, dict):
+    if named and isinstance(document, dict):
         document, written = document | {"folder": str(folder)}, [*files]
     click.echo(json.dumps(document, indent=2, allow_nan=False))
     for path in written:
