@@ -117,14 +117,15 @@ def board(board: str, **asked: Any) -> Answer:
     """Take pictures of a calibration board with a simulated camera, to rehearse `calibrate`."""
     from virtual_lab.relations.board import board_of
 
-    known = board_of(board)
-    from virtual_lab.lab.boards import film_board
+    board_of(board)  # refused before anything is loaded
+    from virtual_lab.api import board as film
 
     where: dict[str, str] = {}
     files: list[Path] = []
 
     def save(folder: Path) -> None:
-        files.append(film_board(board=known, folder=folder, **asked))
+        film(folder, board=board, **asked)
+        files.append(folder / "pictures")
         where.update(pictures=str(files[0]), truth=str(folder / "truth"))
 
     return Answer(document=where, text="", save=save, files=files)

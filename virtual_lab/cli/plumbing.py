@@ -122,6 +122,8 @@ def command(
             with shown() if tells else nullcontext() as progress:
                 found = function(**asked, **({"progress": progress} if tells else {}))
                 if target is not None:
+                    if progress is not None:
+                        progress(f"writing {target}")
                     found.save(target)
                 if csv is not None:
                     with new_files(csv.parent) as draft:
