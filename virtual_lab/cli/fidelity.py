@@ -65,10 +65,7 @@ _study(
 @command("convergence", table=True)
 @click.argument("bats", nargs=-1, metavar="[BAT]...", shell_complete=names("bats"))
 def convergence(bats: tuple[str, ...], progress: Progress) -> Any:
-    """Worst error in e_A over the number of modes, for BATs or every bat of the catalog."""
+    """Show the error in e_A by the number of modes, for BATs or every bat of the catalog."""
     from virtual_lab.fidelity.mode_convergence import convergence as study
-    from virtual_lab.output.result import Rows
 
-    rows = study(bats, say=progress)
-    title = "Worst error in e_A against 120 modes, by the number of bending modes"
-    return Rows(name="convergence", title=title, rows=rows)
+    return study(bats, progress=progress)

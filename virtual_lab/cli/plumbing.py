@@ -151,7 +151,8 @@ def _shared_options(
     if folder or keeps:
         usual = ""
         if isinstance(folder, str) and folder:
-            usual = f"out/{folder.replace('{', '').replace('}', '').upper()}, then -2"
+            named = re.sub(r"{(\w+)}", lambda found: found[1].upper(), folder)
+            usual = f"out/{named}, then -2"
         words = f"New folder for all that is written.{f'  [default: {usual}]' if usual else ''}"
         options.append(click.Option(["--out"], type=path, metavar="FOLDER", help=words))
     if table:
