@@ -132,7 +132,7 @@ def command(
                     with new_files(plot.parent) as draft:
                         found.plot(draft / plot.name)
             files = [path for path in (csv, plot) if path]
-            _print(found, target, files, as_json=as_json, named=isinstance(folder, str) and folder)
+            _print(found, target, files, as_json=as_json)
             return int(getattr(found, "code", 0))
 
         shared = _shared_options(folder, keeps=keeps, table=table, picture=picture)
@@ -198,13 +198,10 @@ def _check_new_file(path: Path, endings: Sequence[str]) -> None:
         raise InputError("", "file", str(path), "is there already; name another")
 
 
-def _print(
-    found: Any, folder: Path | None, files: Sequence[Path], *, as_json: bool, named: object
-) -> None:
+def _print(found: Any, folder: Path | None, files: Sequence[Path], *, as_json: bool) -> None:
     """Print what was found, and in every case where it was written.
 
-    With JSON on stdout that is the key `folder` of a document that is `named` by the program, and
-    else a line on stderr.
+    With JSON on stdout that is the key `folder` of the document, and of rows a line on stderr.
     """
     written = [*([folder] if folder else []), *files]
     if not as_json:
@@ -213,7 +210,7 @@ def _print(
         click.echo("\n\n".join(part for part in parts if part))
         return
     document = found.document
-    if named and isinstance(document, dict):
+    if folder and isinstance(document, dict):
         document, written = document | {"folder": str(folder)}, [*files]
     click.echo(json.dumps(document, indent=2, allow_nan=False))
     for path in written:
