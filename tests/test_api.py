@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import virtual_lab as vl
-from virtual_lab.lab import Campaign, certify_bat
+from virtual_lab import lab
 
 
 @pytest.fixture(scope="module")
@@ -162,7 +162,7 @@ def test_a_sweep_is_its_tests_one_by_one() -> None:
     )
     assert said == [(each, 6) for each in range(6)]
     assert found["seed"].tolist() == [3, 4, 5] * 2
-    (alone,) = Campaign.of("r161", "proposed").run(1, 4)
+    (alone,) = lab.Campaign.of("r161", "proposed").run(1, 4)
     row = found.iloc[4]
     assert row["value"] == alone.certification.metric.value / 0.44704
     assert row["true"] == alone.sealed.measurand["metric"] / 0.44704
@@ -175,7 +175,8 @@ def test_a_sweep_is_its_tests_one_by_one() -> None:
 
 def test_a_seed_of_anybodys_kind() -> None:
     """One of numpy's is that number."""
-    plain = certify_bat("ea70", procedure="astm-f1881", seed=3).certification.metric.value
+    setup = lab.TestSetup.of("ea70", procedure="astm-f1881", seed=3)
+    plain = lab.certify_bat(setup).certification.metric.value
     assert vl.certify("ea70", seed=np.int64(3)).value == plain
 
 

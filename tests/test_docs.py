@@ -24,7 +24,7 @@ def test_a_tutorial_runs_as_it_stands(
     names: dict[str, object] = {}
     text = (DOCS / f"{name}.md").read_text("utf-8")
     blocks = [found.groups() for found in BLOCK.finditer(text)]
-    assert len(blocks) >= 4
+    assert len(blocks) >= 3
     for number, (language, block) in enumerate(blocks):
         if language:
             example = doctest.DocTestParser().get_doctest(block, names, name, name, number)

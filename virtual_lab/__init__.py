@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         Track,
         ball,
         bat,
+        board,
         calibrate,
         certify,
         instrument,
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
         sweep,
         track,
     )
+    from virtual_lab.api.charts import chart, stability
     from virtual_lab.errors import InputError
     from virtual_lab.fidelity.mode_convergence import convergence
     from virtual_lab.studies.bats.ball_law import sensitivity
@@ -63,8 +65,10 @@ __all__ = [
     "ball",
     "bat",
     "bias",
+    "board",
     "calibrate",
     "certify",
+    "chart",
     "clip_coverage",
     "convergence",
     "coverage",
@@ -84,6 +88,7 @@ __all__ = [
     "sensitivity",
     "shelf",
     "slope",
+    "stability",
     "sweep",
     "template",
     "track",

@@ -36,6 +36,7 @@ __all__ = [
     "Track",
     "ball",
     "bat",
+    "board",
     "calibrate",
     "certify",
     "instrument",
@@ -53,6 +54,7 @@ ELSEWHERE = {  # name: module, name there; functions take sheets and paths in th
     "InputError": ("virtual_lab.errors", "InputError"),
     "Profiled": (f"{STUDIES}.bats.profile", "Profiled"),
     "bias": (f"{STUDIES}.bias", "bias"),
+    "chart": ("virtual_lab.api.charts", "chart"),
     "clip_coverage": (f"{STUDIES}.clips", "clip_coverage"),
     "convergence": ("virtual_lab.fidelity.mode_convergence", "convergence"),
     "coverage": (f"{STUDIES}.coverage", "coverage"),
@@ -68,6 +70,7 @@ ELSEWHERE = {  # name: module, name there; functions take sheets and paths in th
     "sensitivity": (f"{STUDIES}.bats.ball_law", "sensitivity"),
     "shelf": (f"{STUDIES}.inventory", "shelf"),
     "slope": (f"{STUDIES}.place_slope", "slope"),
+    "stability": ("virtual_lab.api.charts", "stability"),
     "template": (f"{STUDIES}.template", "template"),
 }
 
@@ -638,3 +641,43 @@ def calibrate(
         plane=plane,
     )
     return Calibration(found=fit(read_pictures([Path(each) for each in several]), plan))
+
+
+def board(
+    folder: str | Path,
+    *,
+    board: str,
+    camera: str | Path | Sheet = "camera-overhead",
+    views: int = 10,
+    seed: int | None = None,
+) -> Path:
+    """Take pictures of a board with a simulated camera, to rehearse `calibrate`; return the folder.
+
+    Parameters
+    ----------
+    folder
+        The new folder: ``pictures/`` is what a laboratory would have, ``truth/`` the true lens.
+    board
+        As `calibrate` takes it.
+    camera
+        Name in the catalog, path or sheet.
+    views
+        How many pictures, 3 to 60.
+    seed
+        Of everything random; None draws one.
+
+    Raises
+    ------
+    InputError
+        No such camera, a folder that is not empty, too few pictures or too many.
+    """
+    from virtual_lab.lab.boards import film_board
+    from virtual_lab.relations.board import board_of
+
+    given = None if seed is None else _whole(seed)
+
+    def film(camera: str) -> Path:
+        return film_board(camera, board_of(board), Path(folder), views=views, seed=given)
+
+    with_sheets(film)(camera)
+    return Path(folder)

@@ -84,7 +84,11 @@ def names(kind: str) -> tuple[str, ...]:
 
 def title(kind: str, name: str) -> str:
     """Return the title line of a catalog file."""
-    return str(parse_toml(*source(kind, name))["title"])
+    text, where = source(kind, name)
+    document = parse_toml(text, where)
+    if "title" not in document:
+        raise InputError(where, "title", None, "this key is missing")
+    return str(document["title"])
 
 
 def find(kind: str, name: str) -> Path:

@@ -22,7 +22,7 @@ board_option = click.option(
     "board",
     required=True,
     metavar="KIND:COLUMNSxROWS:SQUARE[:MARKER]",
-    help="charuco:14x9:40mm:30mm or chessboard:14x9:40mm, counted in squares.",
+    help="Calibration board: charuco:14x9:40mm:30mm or chessboard:14x9:40mm, counted in squares.",
 )
 
 
@@ -39,7 +39,7 @@ def _beside_the_clip(asked: Mapping[str, Any]) -> Path:
     help="TOML file: metres_per_pixel, frames_per_second, exposure_s, timestamps, …",
 )
 @click.option("--ball", metavar="73mm±0.5mm", help="The ball's diameter, in mm, cm, m or in.")
-@click.option("--fps", type=float, help="Pictures stored in a true second, repeats counted.")
+@click.option("--fps", type=float, help="Pictures in a second of real time, repeats counted.")
 @click.option("--exposure", metavar="1/120", help="Time that a picture is exposed, in s, ms.")
 @click.option("--gravity", type=float, help="Gravity where it was filmed [m/s²], 9.81 by default.")
 @click.option("--frames", metavar="17:52", help="First and last frame to look at.")
@@ -70,9 +70,11 @@ def track(clip: Path, progress: Progress, **asked: Any) -> Any:
 @command("calibrate")
 @click.argument("pictures", nargs=-1, required=True, type=click.Path(path_type=Path))
 @board_option
-@click.option("--plane", metavar="PICTURE", help="In which the board lies flat  [default: first]")
-@click.option("--height", metavar="36.5mm", help="Of the ball's plane over the board there.")
-@click.option("--height-u", metavar="1mm", help="Its standard uncertainty.")
+@click.option(
+    "--plane", metavar="PICTURE", help="Picture in which the board lies flat  [default: first]"
+)
+@click.option("--height", metavar="36.5mm", help="Height of the ball's plane over that board.")
+@click.option("--height-u", metavar="1mm", help="Standard uncertainty of that height.")
 @click.option("--square-u", metavar="5um", help="Standard uncertainty of a square's side.")
 @click.option(
     "--out",
@@ -108,7 +110,7 @@ def calibrate(pictures: tuple[Path, ...], target: Path, progress: Progress, **as
     default="camera-overhead",
     show_default=True,
     shell_complete=names("instruments"),
-    help="Name in the catalog, or a .toml file.",
+    help="Camera: a name in the catalog or a .toml file.",
 )
 @board_option
 @click.option("--views", type=int, default=10, show_default=True, help="How many pictures.")
@@ -117,14 +119,15 @@ def board(board: str, **asked: Any) -> Answer:
     """Take pictures of a calibration board with a simulated camera, to rehearse `calibrate`."""
     from virtual_lab.relations.board import board_of
 
-    known = board_of(board)
-    from virtual_lab.lab.boards import film_board
+    board_of(board)  # refused before anything is loaded
+    from virtual_lab.api import board as film
 
     where: dict[str, str] = {}
     files: list[Path] = []
 
     def save(folder: Path) -> None:
-        files.append(film_board(board=known, folder=folder, **asked))
+        film(folder, board=board, **asked)
+        files.append(folder / "pictures")
         where.update(pictures=str(files[0]), truth=str(folder / "truth"))
 
     return Answer(document=where, text="", save=save, files=files)

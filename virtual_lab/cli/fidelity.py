@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from virtual_lab.cli.plumbing import Answer, command, names
+from virtual_lab.cli.plumbing import command, names
 
 if TYPE_CHECKING:
     from virtual_lab.output.progress import Progress
@@ -27,19 +25,15 @@ def stability() -> None:
 
 
 def _study(group: click.Group, name: str, words: str) -> None:
-    """Add the command of a module of `fidelity`, which can `measure`, `save` and print `text`."""
+    """Add the command of one chart or map."""
 
-    def measured(progress: Progress) -> Answer:
-        study = import_module(f"virtual_lab.fidelity.{name}_{group.name}")
-        rows = study.measure(say=progress)
+    def measured(progress: Progress) -> Any:
+        from virtual_lab.api import charts
 
-        def save(folder: Path) -> None:
-            study.save(rows, folder)
-
-        return Answer(document=rows, text=study.text(rows), save=save)
+        return getattr(charts, str(group.name))(name, progress=progress)
 
     measured.__doc__ = words
-    group.add_command(command(name, folder=f"{group.name}-{name}")(measured))
+    group.add_command(command(name, folder=f"{group.name}-{name}", table=True)(measured))
 
 
 _study(chart, "collision", "Error of the collision rungs against their time per shot.")
@@ -71,10 +65,7 @@ _study(
 @command("convergence", table=True)
 @click.argument("bats", nargs=-1, metavar="[BAT]...", shell_complete=names("bats"))
 def convergence(bats: tuple[str, ...], progress: Progress) -> Any:
-    """Worst error in e_A over the number of modes, for BATs or every bat of the catalog."""
+    """Show the error in e_A by the number of modes, for BATs or every bat of the catalog."""
     from virtual_lab.fidelity.mode_convergence import convergence as study
-    from virtual_lab.output.result import Rows
 
-    rows = study(bats, say=progress)
-    title = "Worst error in e_A against 120 modes, by the number of bending modes"
-    return Rows(name="convergence", title=title, rows=rows)
+    return study(bats, progress=progress)

@@ -122,6 +122,8 @@ def command(
             with shown() if tells else nullcontext() as progress:
                 found = function(**asked, **({"progress": progress} if tells else {}))
                 if target is not None:
+                    if progress is not None:
+                        progress(f"writing {target}")
                     found.save(target)
                 if csv is not None:
                     with new_files(csv.parent) as draft:
@@ -129,7 +131,8 @@ def command(
                 if plot is not None:
                     with new_files(plot.parent) as draft:
                         found.plot(draft / plot.name)
-            _print(found, target, [path for path in (csv, plot) if path], as_json=as_json)
+            files = [path for path in (csv, plot) if path]
+            _print(found, target, files, as_json=as_json)
             return int(getattr(found, "code", 0))
 
         shared = _shared_options(folder, keeps=keeps, table=table, picture=picture)
@@ -148,7 +151,8 @@ def _shared_options(
     if folder or keeps:
         usual = ""
         if isinstance(folder, str) and folder:
-            usual = f"out/{folder.replace('{', '').replace('}', '').upper()}, then -2"
+            named = re.sub(r"{(\w+)}", lambda found: found[1].upper(), folder)
+            usual = f"out/{named}, then -2"
         words = f"New folder for all that is written.{f'  [default: {usual}]' if usual else ''}"
         options.append(click.Option(["--out"], type=path, metavar="FOLDER", help=words))
     if table:
@@ -195,11 +199,14 @@ def _check_new_file(path: Path, endings: Sequence[str]) -> None:
 
 
 def _print(found: Any, folder: Path | None, files: Sequence[Path], *, as_json: bool) -> None:
-    """Print what was found, and in every case where it was written."""
+    """Print what was found, and in every case where it was written.
+
+    With JSON on stdout that is the key `folder` of the document, and of rows a line on stderr.
+    """
     written = [*([folder] if folder else []), *files]
     if not as_json:
-        named = [*(getattr(found, "files", ()) or ([folder] if folder else ())), *files]
-        parts = [found.text, "\n".join(map(str, named))]
+        written = [*(getattr(found, "files", ()) or ([folder] if folder else ())), *files]
+        parts = [found.text, "\n".join(map(str, written))]
         click.echo("\n\n".join(part for part in parts if part))
         return
     document = found.document

@@ -95,7 +95,7 @@ def bias(procedure: str, progress: Progress) -> Any:
     "--procedure",
     "procedures",
     multiple=True,
-    help="One with predictions; may be given several times  [default: astm-f1881, bbcor]",
+    help="Procedure with predictions; may be given several times  [default: astm-f1881, bbcor]",
     shell_complete=names("procedures"),
 )
 def faults(faults: tuple[str, ...], progress: Progress, **asked: Any) -> Any:
@@ -112,7 +112,7 @@ def faults(faults: tuple[str, ...], progress: Progress, **asked: Any) -> Any:
     "procedures",
     multiple=True,
     shell_complete=names("procedures"),
-    help="May be given several times  [default: all of the sport of the field's balls]",
+    help="Test procedure; may be given several times  [default: all of the field's sport]",
 )
 @law_option
 @click.option(
@@ -145,16 +145,24 @@ def critique(
 
 
 @command("daily", folder="daily", table=True, picture=True)
-@click.option("--ball", default="check-ball", show_default=True, shell_complete=names("balls"))
+@click.option(
+    "--ball",
+    default="check-ball",
+    show_default=True,
+    shell_complete=names("balls"),
+    help="Check ball: a name or a .toml file.",
+)
 @click.option("--days", type=int, default=60, show_default=True, help="Mornings in all.")
 @click.option("--baseline", type=int, default=25, show_default=True, help="Days that set limits.")
-@click.option("--hits", type=int, default=10, show_default=True, help="Each morning.")
+@click.option("--hits", type=int, default=10, show_default=True, help="Hits each morning.")
 @click.option(
     "--drift", type=float, default=0.0, help="Share of the restitution the wall loses each day."
 )
 @click.option("--step", type=float, default=0.0, help="Share of it that the wall loses at once.")
 @fault_option
-@click.option("--since", type=int, help="First day of all that  [default: after the baseline]")
+@click.option(
+    "--since", type=int, help="First day of drift, step and faults  [default: after the baseline]"
+)
 @click.option(
     "--rule",
     "rules",

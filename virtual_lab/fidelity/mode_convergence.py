@@ -7,13 +7,16 @@ against 120 modes of its own sort of contact.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
+from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.output.result import Rows
+from virtual_lab.output.tables import Column
 from virtual_lab.simulation.collision.modal import STIFF_MODES, ModalModel
 from virtual_lab.simulation.collision.patch import PATCH
 from virtual_lab.simulation.collision.scene import Scenes
@@ -28,12 +31,15 @@ COUNTS = (8, 12, 16, 20, 30)
 CONVERGED = 120
 PLACES_IN = tuple(np.linspace(1, 12, 23))
 SPEEDS_MPH = (60.0, 160.0)
+COLUMNS = {
+    "bat": Column("bat"),
+    "contact": Column("contact"),
+    "residual": Column("residual flexibility"),
+} | {f"{count}_modes": Column(f"{count} modes", form=".1e") for count in COUNTS}
 CONTACTS = {"point": 0.0, "patch": PATCH}
 
 
-def convergence(
-    bats: Sequence[str] = (), say: Callable[[str], None] = lambda _: None
-) -> list[dict[str, Any]]:
+def convergence(bats: Sequence[str] = (), *, progress: Progress = quiet) -> Rows:
     """Return a row for each bat (all of the catalog by default), contact and remedy.
 
     Columns ``8_modes`` to ``30_modes`` hold the worst error in e_A.
@@ -41,9 +47,9 @@ def convergence(
     ball = catalog.load("balls", BALL, BallSpec).spec
     place, speed = np.meshgrid(np.array(PLACES_IN) * INCH, np.array(SPEEDS_MPH) * MPH)
     scenes = Scenes.with_ball(ball, impact_position=place.ravel(), relative_speed=speed.ravel())
-    rows = []
-    for bat in bats or catalog.names("bats"):
-        say(bat)
+    rows, every_bat = [], bats or catalog.names("bats")
+    for number, bat in enumerate(every_bat):
+        progress("bats", number, len(every_bat))
         every = modes_of(catalog.load_bat(bat).spec.body, Free(), CONVERGED + STIFF_MODES)
         none = every.above(CONVERGED + STIFF_MODES)
         for contact, patch in CONTACTS.items():
@@ -63,4 +69,9 @@ def convergence(
                     gap = model.collide(scenes).collision_efficiency - true
                     row[f"{count}_modes"] = float(np.abs(gap).max())
                 rows.append(row)
-    return rows
+    return Rows(
+        name="convergence",
+        title=f"worst error in e_A against {CONVERGED} modes, by the number of bending modes",
+        columns=COLUMNS,
+        rows=rows,
+    )

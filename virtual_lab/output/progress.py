@@ -27,8 +27,17 @@ class Progress(Protocol):
     def __call__(self, text: str, done: int = 0, total: int = 0) -> None: ...
 
 
-def quiet(text: str, done: int = 0, total: int = 0) -> None:
-    """Say nothing."""
+class _Quiet:
+    """Says nothing."""
+
+    def __call__(self, text: str, done: int = 0, total: int = 0) -> None:
+        pass
+
+    def __repr__(self) -> str:
+        return "quiet"
+
+
+quiet = _Quiet()
 
 
 @contextmanager

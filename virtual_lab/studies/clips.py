@@ -30,6 +30,7 @@ __all__ = ["clip_coverage"]
 
 Array = NDArray[np.float64]
 NORMAL_95 = 1.959964
+LEAST = 2  # clips with a result
 PLACE = 6 * INCH  # from the tip
 RIG = "filmed-cannon"
 COLUMNS = {
@@ -77,7 +78,7 @@ def clip_coverage(
     Raises
     ------
     InputError
-        Unknown names, fewer than 2 clips.
+        Unknown names, fewer than 2 clips or than 2 that give a result.
     """
     if clips < 2:
         raise InputError("", "clips", clips, "allowed: 2 and more")
@@ -138,6 +139,9 @@ def _clip(laboratory: Laboratory, rung: RecordDetail) -> Array:
 def _row(value: Array, u: Array, true: Array) -> dict[str, Any]:
     seen = np.isfinite(value)
     error, u = (value - true)[seen], u[seen]
+    if error.size < LEAST:
+        allowed = f"of these {error.size} gave a result; film more, {LEAST} must"
+        raise InputError("", "clips", seen.size, allowed)
     held = int((np.abs(error) <= NORMAL_95 * u).sum())
     count = binomtest(held, error.size).proportion_ci(0.95, "exact")
     relative = error / true[seen]

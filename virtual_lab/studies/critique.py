@@ -120,9 +120,7 @@ class Critique(StudyResult):
                     )
         return rows
 
-    @property
-    def name(self) -> str:
-        return "critique"
+    name = "critique"
 
     @property
     def title(self) -> str:

@@ -108,9 +108,7 @@ class Daily(StudyResult):
         """The same of the cylinder."""
         return _alarms(self.cylinder_charted, self.since)
 
-    @property
-    def name(self) -> str:
-        return "daily"
+    name = "daily"
 
     @property
     def title(self) -> str:

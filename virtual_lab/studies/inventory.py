@@ -32,7 +32,9 @@ def shelf(kind: str | None = None) -> Rows:
         if each == "rigs":
             found = _installed_rigs(found)
         rows += [{"kind": each, "name": name, "title": text} for name, text in found.items()]
-    return Rows(name="list", title="", columns=COLUMNS, rows=rows)
+    return Rows(
+        name="list", title=f"the catalog: {kind or 'everything'}", columns=COLUMNS, rows=rows
+    )
 
 
 def _installed_rigs(known: Mapping[str, str]) -> dict[str, str]:

@@ -59,9 +59,7 @@ class Scored(StudyResult):
 
     document: dict[str, Any]
 
-    @property
-    def name(self) -> str:
-        return "score"
+    name = "score"
 
     @property
     def title(self) -> str:

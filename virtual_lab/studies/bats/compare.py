@@ -33,9 +33,7 @@ class Compared(StudyResult):
 
     profiles: tuple[Profiled, ...]  # bat by bat, n by n
 
-    @property
-    def name(self) -> str:
-        return "compare"
+    name = "compare"
 
     @property
     def title(self) -> str:

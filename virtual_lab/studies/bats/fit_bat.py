@@ -74,9 +74,7 @@ class FittedBat(StudyResult):
             "spread": self.spread,
         }
 
-    @property
-    def name(self) -> str:
-        return "fit-bat"
+    name = "fit-bat"
 
     @property
     def title(self) -> str:

@@ -52,9 +52,7 @@ class Percussed(StudyResult):
     percussion_in: float  # from the tip, of the bat as drawn
     rows: list[dict[str, Any]]
 
-    @property
-    def name(self) -> str:
-        return "percussion"
+    name = "percussion"
 
     @property
     def title(self) -> str:

@@ -127,9 +127,7 @@ class Profiled(StudyResult):
     bat_speed: Array  # [m/s]
     batted_speed: Array  # [m/s]
 
-    @property
-    def name(self) -> str:
-        return "profile"
+    name = "profile"
 
     @property
     def title(self) -> str:

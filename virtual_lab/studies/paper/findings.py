@@ -30,9 +30,7 @@ class Findings(StudyResult):
 
     found: tuple[Row, ...]
 
-    @property
-    def name(self) -> str:
-        return "paper"
+    name = "paper"
 
     @property
     def title(self) -> str:

@@ -1,0 +1,151 @@
+"""What all commands have in common: sections of the help, folders, files, progress."""
+
+from __future__ import annotations
+
+import io
+import json
+import time
+from pathlib import Path
+
+import click
+import pytest
+
+from tests.cli.test_cli import Run, run  # noqa: F401 its fixture
+from virtual_lab.cli import cli
+from virtual_lab.output import progress as module
+from virtual_lab.output.progress import shown
+
+
+def test_the_help_lists_every_command_under_what_it_is_for(run: Run) -> None:  # noqa: F811
+    _, out, _ = run("--help")
+    parts = ["Test a bat:", "Bats", "Studies", "Camera:", "Speed and accuracy:", "Shell:"]
+    assert [out.index(part) for part in parts] == sorted(out.index(part) for part in parts)
+    listed = out[out.index("Test a bat:") :]
+    for name, command in cli.commands.items():
+        assert f"  {name} " in listed
+        assert command.get_short_help_str(1000).split()[0] in listed
+    assert "..." not in listed
+    assert sum(map(len, cli.sections.values())) == len(cli.commands)
+
+
+@pytest.mark.parametrize("name", sorted(cli.commands))
+def test_every_command_shares_the_conventions(name: str) -> None:
+    """JSON for all but the shell's, a folder for what has a picture, one name for a seed."""
+    command = cli.commands[name]
+    below = command.commands.values() if isinstance(command, click.Group) else [command]
+    for each in below:
+        options = {option: known for known in each.params for option in known.opts}
+        assert "--json" in options or name == "completion"
+        assert "--out" in options or "--plot" not in options
+        assert "--first-seed" not in options
+        if "--laboratories" in options:
+            assert "--seed" in options
+        for option in options.values():
+            if isinstance(option, click.Option):
+                assert option.help or option.show_default, (name, option.opts)
+
+
+def test_the_seed_is_in_the_folder_only_where_it_was_given(run: Run, tmp_path: Path) -> None:  # noqa: F811
+    for words in ([], ["--seed", "12"], []):
+        code, out, _ = run("certify", "ea70", "--ideal", *words)
+        assert code == 0
+    assert out.endswith("out/ea70-astm-f1881-2/certificate.html\n")
+    names = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert names == ["ea70-astm-f1881", "ea70-astm-f1881-2", "ea70-astm-f1881-seed-12"]
+
+
+def test_table_and_picture_into_files_of_ones_own(run: Run, tmp_path: Path) -> None:  # noqa: F811
+    files = ("--csv", "sub/peaks.csv", "--plot", "peaks.svg")
+    code, out, _ = run("profile", "r161", "ea70", *files)
+    assert code == 0
+    assert out.splitlines()[-2:] == ["sub/peaks.csv", "peaks.svg"]
+    assert (tmp_path / "sub" / "peaks.csv").read_text().startswith("bat,n,z_in,")
+    assert "<svg" in (tmp_path / "peaks.svg").read_text()[:400]
+    code, out, err = run("slope", "--csv", "slope.csv", "--json")
+    assert (code, err) == (0, "slope.csv\n")
+    assert json.loads(out)[-1]["bat"] == "deviation"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("slope --csv table.txt", "ends in .csv"),
+        ("slope --csv there.csv", "is there already"),
+        ("profile r161 --plot picture.bmp", ".png, .svg, .pdf"),
+        (f"slope --csv {'x' * 300}.csv", "cannot be written"),
+        ("slope --csv there.csv/table.csv", "cannot be written"),
+        ("coverage --clips 3 --effects", "neither"),
+        ("coverage --clips 3 --laboratories 9", "neither"),
+        ("coverage --clips 1", "clips"),
+    ],
+)
+def test_files_that_cannot_be_written(
+    words: str,
+    said: str,
+    run: Run,  # noqa: F811
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "there.csv").write_text("years of work")
+    code, out, err = run(*words.split())
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert said in err
+    assert [path.name for path in tmp_path.iterdir()] == ["there.csv"]
+
+
+def test_clips_are_a_part_of_coverage(run: Run) -> None:  # noqa: F811
+    code, out, _ = run("coverage", "--clips", "3", "--summed", "--seed", "500", "--json")
+    assert code == 0
+    assert [row["quantity"] for row in json.loads(out)] == ["v_in", "v_out", "e_A"]
+    code, _, err = run("coverage", "--clips", "2", "--summed", "--seed", "500", "--json")
+    assert (code, err) == (
+        2,
+        "virtual-lab: clips = 2; of these 1 gave a result; film more, 2 must\n",
+    )
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_progress_has_rate_and_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A line over and over on a terminal, wiped at the end; lines in a pipe; nothing in a hurry."""
+    for name in ("PATIENCE", "TERMINAL_STEP", "PIPE_STEP"):
+        monkeypatch.setattr(module, name, 0.02)
+    found = {}
+    for stream in (Terminal(), io.StringIO()):
+        with shown(stream) as progress:
+            progress("laboratories", 0, 100)
+            time.sleep(0.01)
+            progress("laboratories", 50, 100)
+            time.sleep(0.15)
+        found[stream.isatty()] = stream.getvalue()
+    assert "… laboratories: 50 of 100, " in found[True]
+    assert " a second, 0 s left" in found[True]
+    assert found[True].endswith(module.CLEAR)
+    assert "\n" not in found[True]
+    lines = found[False].splitlines()
+    assert len(lines) >= 2
+    assert all(line.startswith("… laboratories: 50 of 100") for line in lines)
+    monkeypatch.setattr(module, "PATIENCE", 60.0)
+    with shown(quick := Terminal()) as progress:
+        progress("bats")
+    assert quick.getvalue() == ""
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"), [(0.4, "0 s"), (61, "1 min 01 s"), (3660, "1 h 01 min")]
+)
+def test_durations_in_words(seconds: float, words: str) -> None:
+    assert module._duration(seconds) == words
+
+
+def test_a_reader_of_progress_that_has_gone_is_no_fault() -> None:
+    class Gone(Terminal):
+        def write(self, _: str) -> int:
+            raise BrokenPipeError
+
+    status, over = module._Status(), module.threading.Event()
+    monkeypatched = Gone()
+    over.wait = lambda _=None: False  # type: ignore[method-assign]
+    module._write(status, monkeypatched, over)
