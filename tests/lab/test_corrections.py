@@ -5,7 +5,7 @@ no record, a calibration that moves no result or the wrong way, a scatter that s
 """
 
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import cache
 from math import hypot, pi
 from typing import Any
@@ -25,7 +25,7 @@ from virtual_lab.measurement.session_reduction import Reduced, reduce_session
 from virtual_lab.records import Record
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.collision.modal import ModalModel
-from virtual_lab.simulation.faults.fault import altered, other_sheet
+from virtual_lab.simulation.faults.fault import fitted_with, instrument_of, other_sheet
 from virtual_lab.simulation.impact import scenes_of
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.physics.beam import beam_of
@@ -46,7 +46,6 @@ Array = np.ndarray
 Changed = set[str]
 SHOTS = 8
 FAR = 20.0  # of its u, so that steps of instruments hide no constant
-FIELDS = {"swing": "encoder"}  # where a station keeps what its constants call otherwise
 # A summed-up record knows the support by its nominal axis alone: `struck` says why. The rest of
 # these only pictures show.
 UNSEEN = {
@@ -103,25 +102,29 @@ def differing(one: Mapping[str, Record], other: Mapping[str, Record]) -> Changed
     }
 
 
-def part_of(station: Station, name: str) -> str:
-    """Return the field in which a station keeps the instrument of a constant."""
-    part = name.partition(".")[0]
-    known = {field.name for field in fields(station)}  # type: ignore[arg-type]
-    if part == "pivot" and "holder" in known:
-        return "holder"
-    return part if part in known else FIELDS[part]
-
-
 def moved(station: Station, name: str) -> Station:
     """Return a station one of whose true constants is `FAR` times its u away."""
     if name == "wall.restitution":
         return station.with_wall(0.99)
-    part, key = part_of(station, name), name.partition(".")[2]
-    instrument = getattr(station, part)
+    part, _, key = name.partition(".")
+    instrument = instrument_of(station, part)
     if key == "gain":
         return altered(station, part, gain=instrument.sensor.gain * 1.2)
     true, stated = instrument.true[key], instrument.stated[key]
     return altered(station, part, **{key: true + FAR * stated.u})
+
+
+def altered(station: Station, part: str, **true: float) -> Station:
+    """Return a station with some true constants of one of its instruments changed."""
+    return fitted_with(station, part, instrument_of(station, part).altered(**true))
+
+
+def with_sheet(station: Any, part: str, **changes: Any) -> Any:
+    """Return a station one of whose parts is not what its sheet says, measures it or not."""
+    if instrument_of(station, part):
+        return other_sheet(station, part, **changes)
+    own = getattr(station, part)
+    return replace(station, **{part: replace(own, spec=replace(own.spec, **changes))})
 
 
 CHEAP = [rig for rig in installed_rigs() if rig != "filmed-cannon"]
@@ -270,11 +273,11 @@ def scatters(
     station, struck = installed_rigs()[rig].commission(draws), specimen()
     asked = order(rig, rung, 4 * SHOTS)
     if number == "sabot_rate":  # which strikes one shot in a hundred
-        station = other_sheet(station, part, sabot_rate=0.5)
+        station = with_sheet(station, part, sabot_rate=0.5)
     if part in OWN_SHEET:
         still = replace(station, **{part: replace(getattr(station, part), **{number: 0.0})})
     else:
-        still = other_sheet(station, part, **{number: 0.0})
+        still = with_sheet(station, part, **{number: 0.0})
     loud, calm = (each.play(asked, struck, draws).records[channel] for each in (station, still))
     before, after = variances(loud), variances(calm)
     return any(not np.array_equal(before[key], after[key]) for key in before)

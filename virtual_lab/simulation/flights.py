@@ -245,9 +245,13 @@ def _columns(passage: Passage, count: int, chosen: Any = slice(None)) -> dict[st
 
 
 def _played(scene: ShotScene, asked: bool) -> Pieces | None:
-    """Return the pieces of one shot; None where the closed form did it after all."""
+    """Return the pieces of one shot; None where it was not asked for and closed form does it.
+
+    A blow on the edge of the tip, which the law of the collision takes and no scene, stays in it.
+    """
     played = play(scene, rung=MotionRung.PYMUNK.value if asked else None)
-    if not asked and played.rung[0] == MotionRung.CLOSED_FORM.value:
+    closed = played.rung[0] == MotionRung.CLOSED_FORM.value
+    if not asked and (closed or played.refused[0] or len(played.pieces.time) < 2):
         return None
     why = str(played.refused[0])
     if not why and len(played.pieces.time) < 2:

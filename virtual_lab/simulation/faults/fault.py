@@ -19,7 +19,17 @@ from virtual_lab.simulation.rig import Rig, RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["BaseFault", "ConstantOff", "Fault", "SheetOff", "edited", "other_sheet", "some"]
+__all__ = [
+    "BaseFault",
+    "ConstantOff",
+    "Fault",
+    "SheetOff",
+    "edited",
+    "fitted_with",
+    "instrument_of",
+    "other_sheet",
+    "some",
+]
 
 
 class Fault(Protocol):
