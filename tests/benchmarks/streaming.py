@@ -29,7 +29,6 @@ def main(folder: Path) -> None:
 
     from tests.benchmarks.memory import _status
     from virtual_lab.video.clips.calibration_file import ClipCalibration
-    from virtual_lab.video.locate.sharp import Sharp
     from virtual_lab.video.track.tracking import track_hit
 
     cv2.setNumThreads(1)
@@ -38,7 +37,7 @@ def main(folder: Path) -> None:
     subprocess.run(command, check=True)
     known = ClipCalibration(frames_per_second=RATE, metres_per_pixel=1e-3, exposure_s=1e-5)
     begun = time.process_time()
-    tracked = track_hit(path, known, Sharp())
+    tracked = track_hit(path, known)
     assert len(tracked.frames) > COUNT // 2
     print(_status("VmHWM"), COUNT, time.process_time() - begun)
 

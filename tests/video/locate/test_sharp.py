@@ -16,7 +16,7 @@ from virtual_lab.streams import Streams
 from virtual_lab.video.clips.calibration_file import CameraModel, ClipCalibration
 from virtual_lab.video.locate.located import Regions
 from virtual_lab.video.locate.noise import Noise
-from virtual_lab.video.locate.sharp import Sharp, lens_of, noise_of_ball, on_the_limb, place
+from virtual_lab.video.locate.sharp import lens_of, noise_of_ball, on_the_limb, place
 from virtual_lab.video.track.speeds import speeds
 from virtual_lab.video.track.tracking import track_hit
 
@@ -25,9 +25,7 @@ from virtual_lab.video.track.tracking import track_hit
 def test_a_plain_ball_is_tracked_to_its_uncertainty(name: str, tmp_path: Path) -> None:
     film = SCENES[name]
     np.save(tmp_path / "clip.npy", np.stack(list(film.frames())))
-    tracked = track_hit(
-        tmp_path / "clip.npy", replace(KNOWN, exposure_s=film.shutter / RATE), Sharp()
-    )
+    tracked = track_hit(tmp_path / "clip.npy", replace(KNOWN, exposure_s=film.shutter / RATE))
     require(film, speeds(tracked, KNOWN))
     x, y = film.places()
     located = tracked.located
@@ -78,7 +76,7 @@ def test_a_stitched_ball_that_spins_is_tracked(tmp_path: Path) -> None:
         spec, lens, camera.clock, course, camera.plane, draws, "film", np.arange(3), whole=True
     )
     true = shown.outlines.middle[shown.shot == 0]
-    tracked = track_hit(tmp_path / "clip.npy", known, Sharp())
+    tracked = track_hit(tmp_path / "clip.npy", known)
     flying = tracked.legs.used_in | tracked.legs.used_out
     located = tracked.located
     off = np.stack([located.x, located.y], axis=1) - true[tracked.frames]

@@ -16,7 +16,6 @@ from virtual_lab.video.clips.calibration_file import (
     read_calibration,
 )
 from virtual_lab.video.locate.located import PlaceFlag
-from virtual_lab.video.locate.sharp import Sharp
 from virtual_lab.video.show.track_text import track_text
 from virtual_lab.video.track.speeds import Speeds, document, speeds
 from virtual_lab.video.track.tracking import Tracked, track_hit
@@ -31,7 +30,7 @@ def run(
     frames: Iterable[NDArray[np.generic]], at: Path, known: ClipCalibration = KNOWN
 ) -> tuple[Tracked, Speeds]:
     np.save(at / "clip.npy", np.stack(list(frames)))
-    tracked = track_hit(at / "clip.npy", known, Sharp())
+    tracked = track_hit(at / "clip.npy", known)
     return tracked, speeds(tracked, known)
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.find.blobs import BLOB, Blobs, blobs
-from virtual_lab.video.find.still import Image, Still, eight_bits, ranked, share_of, still_of
+from virtual_lab.video.find.still import Image, Still, eight_bits, still_of
 
 __all__ = ["Watched", "repeats", "watch"]
 
@@ -20,8 +20,6 @@ CHANGED = 5  # pixels, a side: what changes over fewer is noise
 THUMBS = 1500  # frames of a clip: of a longer one no small pictures are kept
 QUALITY = 92  # of these, as JPEG: 30 kB each
 REPEATED = 0.3  # of the change of the frames beside it: the frame was stored twice
-ENOUGH = 3  # samples that show a pixel bare
-GHOST, GHOST_AREA = 12, 30  # DN, pixels: a ball that was taken for background
 LEAST_CHANGE = 8.0  # DN, beside it: where nothing moves all frames are alike
 BESIDE = 2  # frames on each side
 
@@ -62,9 +60,6 @@ def watch(
     apart = float(np.diff(clip.sampled).max()) if len(clip.sampled) > 1 else 1.0
     still = still_of(list(clip.samples), depth, apart, stands=stands)
     watched = _watched(clip, still, frames, progress)
-    if stands and (barer := _barer(clip, watched)) is not None:
-        still = replace(still, background=barer, small=still.shrunk(barer))
-        watched = _watched(clip, still, frames, progress)
     if region:
         found = watched.found
         x, y, wide, high = region
@@ -112,32 +107,6 @@ def _watched(
     return Watched(
         still=still, found=np.concatenate(found), shifts=shifts, change=change, thumbs=thumbs
     )
-
-
-def _barer(clip: Clip, watched: Watched) -> Image | None:
-    """Return the background by samples where no blob covers it; None where that changes nothing.
-
-    Before a camera that stands a slow ball may cover a pixel for most of the time.
-    """
-    import cv2
-
-    still = watched.still
-    samples = np.stack([eight_bits(each, still.depth) for each in clip.samples])
-    covered = np.zeros(samples.shape[:3], np.uint8)
-    for number, mask in zip(clip.sampled.tolist(), covered, strict=True):
-        for blob in watched.found[watched.found["frame"] == number]:
-            at = (round(float(blob["x"])), round(float(blob["y"])))
-            cv2.circle(mask, at, round(1.15 * float(blob["length"]) + 3), 1, -1)
-    count = (covered == 0).sum(axis=0).astype(np.uint8)
-    enough = count >= ENOUGH
-    if samples.ndim == 4 or not enough.any():
-        return None
-    share = share_of(list(samples))
-    samples[covered > 0] = 255  # beyond the others in rank
-    rank = np.rint(share * (np.maximum(count, 1) - 1.0)).astype(np.uint8)
-    barer = np.where(enough, ranked(samples, rank), still.background)
-    off = np.abs(barer.astype(int) - still.background) > GHOST
-    return barer if off.sum() > GHOST_AREA else None
 
 
 def repeats(change: Array) -> NDArray[np.bool_]:

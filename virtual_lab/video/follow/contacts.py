@@ -40,7 +40,7 @@ class Contact:
 
 
 def contacts_of(
-    scene: FlightScene, ways: list[Piece], fit: Fit, free: Fit, square: Fit | None, step: float
+    scene: FlightScene, ways: list[Piece], fit: Fit, free: Fit, other_fit: Fit | None, step: float
 ) -> tuple[list[Contact], tuple[list[str], list[str]]]:
     """Return the contacts, and flags and sentences about them.
 
@@ -50,8 +50,8 @@ def contacts_of(
         Of flights that share g and drag.
     free
         Of parabolas, each on its own.
-    square
-        Without the perspective of `fit`, where that has one.
+    other_fit
+        With a perspective, or without the one of `fit`, where the camera is tilted.
     step
         Seconds of a step of time.
     """
@@ -70,7 +70,7 @@ def contacts_of(
         time = from_fit(fit, lambda f: _closest(f, met.first, met.t)[0])  # noqa: B023
         value = None
         if min(len(one.t), len(other.t)) >= SIDE and kind != "other":
-            value, flag, why = _restitution(fit, free, square, met.first, met.t, normal, kind)
+            value, flag, why = _restitution(fit, free, other_fit, met.first, met.t, normal, kind)
             if flag:
                 flags.append(flag)
                 warnings.append(f"contact at frame {frame:.1f}: {why}")
@@ -130,7 +130,7 @@ def _closest(fit: Fit, first: int, t: float) -> tuple[float, Array, Array]:
 def _restitution(
     fit: Fit,
     free: Fit,
-    square: Fit | None,
+    other_fit: Fit | None,
     first: int,
     t: float,
     normal: Array | None,
@@ -152,8 +152,8 @@ def _restitution(
         more.append(
             SLANT * float(after @ side + said.value * before @ side) / float(before @ normal)
         )
-    if square is not None:
-        more.append(said.value - ratio(square))
+    if other_fit is not None:
+        more.append(said.value - ratio(other_fit))
     said = widened(said, *more)
     if said.value - COVERAGE * said.u > 1:
         why = f"a ratio of {said.value:.3g}: nothing at rest gives back more than it takes"

@@ -42,6 +42,7 @@ TILTED, TILTED_OFF = (
     0.6,
     0.03,
 )  # factor that a perspective shrinks the misfit by, and how large it is
+RECONCILED = 0.7  # of what flights' own accelerations differ by, if a perspective explains it
 BEHIND = 0.35  # of the difference between fits with and without drag, as u
 MOVED = 0.1  # radii a frame: a ball that moves less may well look the same
 LEAST_PERIOD, MOST_PERIOD = 3, 10  # frames, of those left out of 30 a second to make 25 or 24
@@ -259,19 +260,23 @@ def _said(
     motion = motion_of(scene, found, ways, step)
     flights: list[FlightSeen] = []
     contacts: list[Contact] = []
-    fit = square = scale = gravity = None
+    fit = other = scale = gravity = None
     if ways:
         readout = readout_of(scene, ways)
         fit = joint_fit(scene, ways, readout=readout)
         skewed = joint_fit(scene, ways, readout=readout, tilted=True)
         turned = float(np.hypot(*skewed.tilt)) * _extent(ways)
         if skewed.cost < TILTED * fit.cost and turned > TILTED_OFF:
-            fit, square = skewed, fit
+            other = skewed
+            if _apart(scene, ways, readout, tilted=True) < RECONCILED * _apart(
+                scene, ways, readout
+            ):
+                fit, other = skewed, fit
             flags.append("TILTED")
             warnings.append(
-                "the acceleration changes over the picture as before a tilted camera: scale, "
-                "speeds and restitution are by a perspective that was fitted, and their u covers "
-                "what it changes"
+                "the acceleration changes over the picture as before a tilted camera: scale and "
+                "speeds are those of its middle, by a fitted perspective where flights agree by "
+                "that, and their u and the restitution's cover it"
             )
     scale = scale_by_ball(watched, known, ways or found, fit)
     if fit and scale:
@@ -282,12 +287,12 @@ def _said(
                 "give --readout to say how long it is"
             )
         free = joint_fit(
-            scene, ways, readout=readout, drag=False, shared=False, tilted=bool(square)
+            scene, ways, readout=readout, drag=False, shared=False, tilted=bool(fit.tilt.any())
         )
-        contacts, said = contacts_of(scene, ways, fit, free, square, step)
+        contacts, said = contacts_of(scene, ways, fit, free, other, step)
         flags += said[0]
         warnings += said[1]
-        flights = _flights(scene, ways, fit, free, square, contacts, scale, step)
+        flights = _flights(scene, ways, fit, free, other, contacts, scale, step)
         shared = from_fit(fit, partial(_pull, 0))
         shared = widened(shared, shared.value * scale.relative_u)
         unit = scale.metres_per_pixel / step**2
@@ -381,8 +386,9 @@ def size_of(watched: Watched, blobs: NDArray[np.intp], fit: Fit | None) -> tuple
         off = np.stack([some["x"], some["y"]], axis=1) - fit.centre
         size = size / (1 - off @ fit.tilt)
     least = ratio <= np.quantile(ratio, ROUNDEST)
-    radius = float(np.median(size[least]))
-    scatter = 1.4826 * float(np.median(np.abs(size - np.median(size))))
+    size = size[least]
+    radius = float(np.median(size))
+    scatter = 1.4826 * float(np.median(np.abs(size - radius)))
     edge = float(np.median(some["radius_u"][least]))
     return radius, float(np.hypot(edge, 0.5 * scatter))
 
@@ -392,12 +398,12 @@ def _flights(
     ways: list[Piece],
     fit: Fit,
     free: Fit,
-    square: Fit | None,
+    other: Fit | None,
     contacts: list[Contact],
     scale: PixelScale,
     step: float,
 ) -> list[FlightSeen]:
-    tilted = square is not None
+    tilted = bool(fit.tilt.any())
     own = joint_fit(scene, ways, readout=fit.readout, shared=False, tilted=tilted)
     unit = scale.metres_per_pixel / step
     before = {each.after: each.t for each in contacts}
@@ -414,12 +420,11 @@ def _flights(
             moment = t + fit.readout * float(np.median(scene.late(way.blobs))) if fit.readout else t
             said = from_fit(fit, partial(_speed, k, moment))
             more = [BEHIND * (said.value - _speed(k, moment, free))]
-            if square is not None:
-                more.append(said.value - _speed(k, moment, square))
+            if other is not None:
+                more.append(said.value - _speed(k, moment, other))
             if rolled is not None:
                 late = moment + float(np.median(scene.late(way.blobs)))
-                other = _speed(k, late, rolled)
-                more.append((said.value - other) / np.sqrt(3))
+                more.append((said.value - _speed(k, late, rolled)) / np.sqrt(3))
             said = widened(said, *more, said.value * scale.relative_u)
             speeds.append(Said(value=unit * said.value, u=unit * said.u))
             velocities.append(unit * fit.at(k, moment)[0, 2:])
@@ -427,6 +432,8 @@ def _flights(
         off = [pull.value * scale.relative_u]
         if others is not None:
             off.append((pull.value - _pull(k, others)) / np.sqrt(3))
+        if other is not None and not tilted:
+            off.append(pull.value - _pull(k, fit))
         pull = widened(pull, *off)
         found.append(
             FlightSeen(
@@ -445,6 +452,12 @@ def _flights(
             )
         )
     return found
+
+
+def _apart(scene: FlightScene, ways: list[Piece], readout: float, *, tilted: bool = False) -> float:
+    """Return by how much the flights' own accelerations differ."""
+    own = joint_fit(scene, ways, readout=readout, shared=False, tilted=tilted)
+    return float(np.ptp(np.hypot(*own.pull.T)))
 
 
 def _pull(flight: int, fit: Fit) -> float:

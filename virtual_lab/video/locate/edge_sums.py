@@ -89,7 +89,7 @@ class Rim(NamedTuple):
 
 
 class Equations(NamedTuple):
-    """Normal equations as `ring_solver.eliminate` has them."""
+    """Normal equations as `edge_kernel.eliminate` has them."""
 
     blocks: Floats
     links: Floats

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from enum import IntFlag
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.reading import Frame
 
-__all__ = ["Located", "Locator", "PlaceFlag", "Regions", "Square", "part_of", "put", "squares"]
+__all__ = ["Located", "PlaceFlag", "Regions", "Square", "part_of", "put", "squares"]
 
 Array = NDArray[np.float64]
 
@@ -87,14 +86,6 @@ class Regions:
             background=self.background[which],
             corners=self.corners[which],
         )
-
-
-class Locator(Protocol):
-    """Where the ball is in each region, from where it is to a tenth of its radius or so."""
-
-    def __call__(self, clip: Clip, seen: Regions, start: Located) -> Located:
-        """Return the ball's places in the full frame."""
-        ...
 
 
 def squares(start: Located, shape: tuple[int, int]) -> list[Square]:

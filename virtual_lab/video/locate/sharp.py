@@ -136,7 +136,7 @@ def _least(logs: Array, scores: Array) -> float:
 
 @dataclass(slots=True)
 class Sharp:
-    """A `Locator` of one clip, which learns noise and lens from its first regions."""
+    """The ball's places in regions of one clip, of which the first tell noise and lens."""
 
     ball_radius: float | None = None  # [pixel], where the clip's scale is known
     known: dict[str, Any] = field(default_factory=dict)

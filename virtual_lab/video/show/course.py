@@ -150,7 +150,7 @@ def course_of_followed(found: FollowedClip) -> BallCourse:
         times=np.array([step * ways[k].t[j] for _, k, j in order]),
         xy=xy,
         drift=np.stack([some["picture_x"], some["picture_y"]], axis=1) - xy,
-        radius=np.array(some["radius"]),
+        radius=(some["radius"] + some["length"]) / 2,  # as the scale takes it
         reach=np.array(some["length"]),
         u=np.full((len(order), 2), spread),
         metres=scale * xy,

@@ -33,7 +33,6 @@ from virtual_lab.video.follow.following import (
     followed_document,
     following,
 )
-from virtual_lab.video.locate.sharp import Sharp
 from virtual_lab.video.show.course import (
     BallCourse,
     course_of_followed,
@@ -47,7 +46,7 @@ from virtual_lab.video.show.track_text import (
     track_title,
 )
 from virtual_lab.video.track.speeds import Speeds, document, speeds
-from virtual_lab.video.track.tracking import Tracked, expected_radius, known_of, sharpened
+from virtual_lab.video.track.tracking import Tracked, known_of, sharpened
 
 __all__ = ["Asked", "TrackedClip", "track_clip"]
 
@@ -228,8 +227,7 @@ def _sharp(
     calibration: ClipCalibration,
     progress: Callable[[str], None],
 ) -> TrackedClip:
-    locator = Sharp(ball_radius=expected_radius(calibration))
-    tracked = sharpened(found, calibration, locator, progress=progress)
+    tracked = sharpened(found, calibration, progress=progress)
     told = speeds(tracked, calibration)
     bat = find_bat(tracked, calibration)
     from virtual_lab.video.show.bat_plot import bat_text

@@ -18,13 +18,13 @@ from virtual_lab.video.clips.reading import Frame
 from virtual_lab.video.clips.timing import usual_step
 from virtual_lab.video.follow.following import GRAVITY, FollowedClip, Known, follow
 from virtual_lab.video.follow.pieces import GAP, Piece
-from virtual_lab.video.locate.located import Located, Locator, PlaceFlag, Regions, part_of, squares
+from virtual_lab.video.locate.located import Located, PlaceFlag, Regions, part_of, squares
+from virtual_lab.video.locate.sharp import Sharp
 from virtual_lab.video.track.legs import AirOnFlight, Legs, Places, split
 
 __all__ = [
     "Image",
     "Tracked",
-    "expected_radius",
     "known_of",
     "middle_of",
     "sharpened",
@@ -76,22 +76,10 @@ class Tracked:
 def track_hit(
     path: Path,
     calibration: ClipCalibration,
-    locator: Locator,
     *,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Tracked:
     """Return the way of the ball in a clip of a camera that stands still.
-
-    Parameters
-    ----------
-    path
-        The clip.
-    calibration
-        What is known of it.
-    locator
-        What takes a region to the ball's place in it.
-    progress
-        Told what is under way.
 
     Raises
     ------
@@ -100,12 +88,8 @@ def track_hit(
     """
     progress(f"reading {path}")
     clip = open_clip(path, calibration)
-    return sharpened(
-        follow(clip, known_of(clip, calibration), progress=progress),
-        calibration,
-        locator,
-        progress=progress,
-    )
+    found = follow(clip, known_of(clip, calibration), progress=progress)
+    return sharpened(found, calibration, progress=progress)
 
 
 def known_of(clip: Clip, calibration: ClipCalibration) -> Known:
@@ -132,7 +116,6 @@ def known_of(clip: Clip, calibration: ClipCalibration) -> Known:
 def sharpened(
     found: FollowedClip,
     calibration: ClipCalibration,
-    locator: Locator,
     *,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Tracked:
@@ -144,12 +127,13 @@ def sharpened(
         No ball, too few frames that locate it, or nothing that sets the scale.
     """
     clip = found.clip
-    ball = _ball(found, expected_radius(calibration))
+    expected = _expected_radius(calibration)
+    ball = _ball(found, expected)
     background = _bare(found)
     frames = ball["frame"].astype(np.intp)
     start, exposure = starts(clip, background, ball, calibration.exposure_s)
     progress(f"locating the ball in {len(frames)} frames (its loops are compiled at the first use)")
-    located = _located(clip, frames, background, start, locator)
+    located = _located(clip, frames, background, start, Sharp(ball_radius=expected))
     against = located.flags & np.uint16(USELESS)
     good = against == 0
     where = str(clip.source.path)
@@ -199,7 +183,7 @@ def _located(
     frames: NDArray[np.intp],
     background: Image,
     start: Located,
-    locator: Locator,
+    locator: Sharp,
 ) -> Located:
     """Return the ball's places in some frames of a clip, region by region, so many at a time."""
     parts: list[Located] = []
@@ -225,7 +209,7 @@ def _together(parts: list[Located], name: str) -> Any:
     return None if values[0] is None else np.concatenate(values)
 
 
-def expected_radius(calibration: ClipCalibration) -> float | None:
+def _expected_radius(calibration: ClipCalibration) -> float | None:
     """Return the ball's radius in the picture where the scale is known [pixels]."""
     diameter, scale = calibration.ball_diameter_m, calibration.metres_per_pixel
     if not diameter:
