@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from types import ModuleType
-from typing import Any
+
+from virtual_lab.fidelity.results import SpeedChart
 
 __all__ = ["require_files"]
 
 
-def require_files(chart: ModuleType, name: str, rows: list[dict[str, Any]], folder: Path) -> str:
+def require_files(chart: SpeedChart, folder: Path) -> str:
     """Require a line a row in text, table and page, and a picture; return the page."""
-    text = chart.text(rows)
+    text, rows, name = chart.text, chart.rows, chart.name
     assert len(text.splitlines()) == len(rows) + 1
     assert "None" not in text
     json.dumps(rows, allow_nan=False)
-    chart.save(rows, folder)
+    chart.save(folder)
     assert (folder / f"{name}.png").read_bytes().startswith(b"\x89PNG")
     assert len((folder / f"{name}.csv").read_text().splitlines()) == len(rows) + 1
     page = (folder / f"{name}.html").read_text(encoding="utf-8")

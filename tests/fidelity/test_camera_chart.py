@@ -24,7 +24,7 @@ def rows() -> list[Row]:
         few = {name: case for name, case in chart.SCENES.items() if name[1] not in LEFT_OUT}
         patch.setattr(chart, "SCENES", few)
         patch.setattr(chart, "ESTIMATORS", {name: ESTIMATORS[name] for name in SOME})
-        return chart.measure()
+        return chart.measured_rows()
 
 
 def test_every_estimator_in_every_scene(rows: list[Row]) -> None:
@@ -46,4 +46,4 @@ def test_what_the_chart_is_to_show(rows: list[Row]) -> None:
 
 
 def test_text_and_files(rows: list[Row], tmp_path: Path) -> None:
-    require_files(chart, "camera", rows, tmp_path / "chart")
+    require_files(chart._chart(rows), tmp_path / "chart")

@@ -31,7 +31,7 @@ def rows() -> list[Row]:
         patch.setattr(maps, "BALLS", {"plain": maps.BALLS["plain"]})
         patch.setattr(camera_drops, "COUNTS", (0, 3))
         patch.setattr(camera_drops, "FLIGHTS", 4)
-        return maps.measure()
+        return maps.measured_cells()
 
 
 def state(rows: list[Row], axis: str, value: float, method: str = EDGE) -> str:
@@ -64,11 +64,11 @@ def test_dropped_frames_are_found_by_the_step_they_leave(rows: list[Row]) -> Non
 
 
 def test_text_and_files(rows: list[Row], tmp_path: Path) -> None:
-    text = maps.text(rows)
+    text = maps._maps(rows).text
     assert all(axis in text for axis in ENDS)
     assert "over the whole map" in text
     json.dumps(rows, allow_nan=False)
-    maps.save(rows, tmp_path / "maps")
+    maps._maps(rows).save(tmp_path / "maps")
     assert (tmp_path / "maps" / "stability.png").read_bytes().startswith(b"\x89PNG")
     assert len((tmp_path / "maps" / "stability.csv").read_text().splitlines()) == len(rows) + 1
 

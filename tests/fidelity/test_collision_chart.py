@@ -13,7 +13,7 @@ import pytest
 from tests.fidelity.charts import require_files
 from virtual_lab.errors import InputError
 from virtual_lab.fidelity import collision_chart as chart
-from virtual_lab.fidelity.collision_drawing import IN_ALL, SOLVING, draw
+from virtual_lab.fidelity.collision_drawing import IN_ALL, SOLVING, draw_collision
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.units import INCH
 
@@ -27,7 +27,7 @@ def rows() -> Rows:
         for name, value in {"BATCH": 40, "REPEATS": 1, "SCENES": 24, "FEW": 4, "FEWEST": 1}.items():
             patch.setattr(chart, name, value)
         patch.setattr(chart, "MODE_COUNTS", (4, 10, 20, 40))
-        return chart.measure()
+        return chart.measured_rows()
 
 
 def of(rows: Rows, series: str) -> Rows:
@@ -96,7 +96,7 @@ def test_what_is_off_and_what_refuses_are_counted_apart(monkeypatch: pytest.Monk
 
     point = chart.Point(panel=IN_ALL, series="x", setting="y", efficiency=poor, exact=exact)
     monkeypatch.setattr(chart, "_points", lambda body: iter([point]))
-    (row,) = chart.measure()
+    (row,) = chart.measured_rows()
     whole = chart._scenes(chart.WHOLE_IN, chart.SCENES).impact_position / INCH
     assert row["refused_along_the_bat"] == np.mean(whole > 30) > 0
     assert row["off_along_the_bat"] == np.mean((whole > 25) & (whole <= 30)) > 0
@@ -106,7 +106,7 @@ def test_what_is_off_and_what_refuses_are_counted_apart(monkeypatch: pytest.Monk
 def test_the_picture_shows_what_decides_and_its_words_do_not_overlap() -> None:
     """Of the rows that the README shows."""
     rows = pd.read_csv(SHIPPED).to_dict("records")
-    figure: Any = draw(rows)  # type: ignore[arg-type]
+    figure: Any = draw_collision(rows)  # type: ignore[arg-type]
     renderer = figure.canvas.get_renderer()
     assert len(figure.axes) == 2
     for axes in figure.axes:
@@ -124,6 +124,6 @@ def test_the_picture_shows_what_decides_and_its_words_do_not_overlap() -> None:
 
 
 def test_files(rows: Rows, tmp_path: Path) -> None:
-    page = require_files(chart, "collision", rows, tmp_path / "chart")
+    page = require_files(chart._chart(rows), tmp_path / "chart")
     assert page.count("<svg") == 1
     assert "http" not in page.replace("http://www.w3.org", "").split("</metadata>")[-1]

@@ -23,7 +23,7 @@ def rows() -> list[dict[str, Any]]:
         patch.setattr(maps, "FACTORS", (0.5, 1.0, 1.3, 1.5, 4.0))
         patch.setattr(maps, "PLACES_IN", (1.0, 6.5, 16.0))
         patch.setattr(maps, "POOL", 600)
-        return maps.measure()
+        return maps.measured_cells()
 
 
 def at(rows: list[dict[str, Any]], *steps: str) -> list[dict[str, Any]]:
@@ -92,10 +92,10 @@ def test_states_are_told_apart() -> None:
 
 
 def test_text_and_files(rows: list[dict[str, Any]], tmp_path: Path) -> None:
-    text = maps.text(rows)
+    text = maps._maps(rows).text
     assert text.count(maps.SHIPPED) == len(maps.AXES)
     assert "(X)" in text
-    maps.save(rows, tmp_path / "maps")
+    maps._maps(rows).save(tmp_path / "maps")
     assert (tmp_path / "maps" / "stability.png").read_bytes().startswith(b"\x89PNG")
     assert len((tmp_path / "maps" / "stability.csv").read_text().splitlines()) == len(rows) + 1
     json.dumps(rows, allow_nan=False)

@@ -22,7 +22,7 @@ def rows() -> list[Row]:
         patch.setattr(chart, "FEW_SHOTS", 2)
         patch.setattr(chart, "STEPS", (1e-2, 1e-3, 1e-4, 1e-5))
         patch.setattr(chart, "LOSSES", chart.LOSSES[:3])
-        return chart.measure()
+        return chart.measured_rows()
 
 
 def of(rows: list[Row], series: str, **own: str) -> list[Row]:
@@ -82,4 +82,4 @@ def test_the_share_missed_is_what_is_jumped(speed: float, step: float) -> None:
 
 
 def test_text_and_files(rows: list[Row], tmp_path: Path) -> None:
-    require_files(chart, "motion", rows, tmp_path / "chart")
+    require_files(chart._chart(rows), tmp_path / "chart")

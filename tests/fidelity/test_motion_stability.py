@@ -20,7 +20,7 @@ def rows() -> list[Row]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(maps, "AXES", ends)
         patch.setattr(maps, "STEPS", (1e-2, 1e-3, 1e-4))
-        return maps.measure()
+        return maps.measured_cells()
 
 
 def state(rows: list[Row], method: str, axis: str, step: float, value: float) -> str:
@@ -54,11 +54,11 @@ def test_pymunk_alone_is_refused_nothing_and_wrong_in_places(rows: list[Row]) ->
 
 
 def test_text_and_files(rows: list[Row], tmp_path: Path) -> None:
-    text = maps.text(rows)
+    text = maps._maps(rows).text
     assert text.count(maps.RUNG) == text.count(maps.ALONE) == len(maps.AXES)
     assert "(.)" in text
     json.dumps(rows, allow_nan=False)
-    maps.save(rows, tmp_path / "maps")
+    maps._maps(rows).save(tmp_path / "maps")
     assert (tmp_path / "maps" / "stability.png").read_bytes().startswith(b"\x89PNG")
     assert len((tmp_path / "maps" / "stability.csv").read_text().splitlines()) == len(rows) + 1
 

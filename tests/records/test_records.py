@@ -16,12 +16,12 @@ from virtual_lab.errors import InputError
 from virtual_lab.records import (
     RECORD_TYPES,
     AimMarks,
-    Column,
     EncoderRecord,
     GateRecord,
     MassReadings,
     PendulumRecord,
     Record,
+    RecordColumn,
     ShotLog,
     join,
 )
@@ -53,7 +53,7 @@ def records(
 
 @st.composite
 def in_order(
-    draw: st.DrawFn, column: Column, shape: tuple[int, ...], number: st.SearchStrategy[float]
+    draw: st.DrawFn, column: RecordColumn, shape: tuple[int, ...], number: st.SearchStrategy[float]
 ) -> np.ndarray:
     """Draw times that can be: rising, a ball's from gate to gate and back the other way."""
     times = np.sort(draw(hnp.arrays(np.float64, prod(shape), elements=number, unique=True)))

@@ -24,7 +24,7 @@ from virtual_lab.certificate.document import (
 from virtual_lab.certificate.figures import encoder_figure, hits_figure, swings_figure
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.rounding import decimals
-from virtual_lab.output.template import template
+from virtual_lab.output.template import page_template
 from virtual_lab.records.constants import constant_of
 from virtual_lab.units import INCH, OUNCE, OZ_IN2
 
@@ -74,7 +74,7 @@ def certificate_page(document: CertificateDocument) -> str:
 
     swings, encoder = document.swing_range, document.encoder
     rings = document.ring.frequencies_hz if document.ring else ()
-    return template(PACKAGE, "certificate.html").render(
+    return page_template(PACKAGE, "certificate.html").render(
         document=document,
         number=hashlib.sha256(document.text().encode()).hexdigest()[:12],
         result=_result(document),
@@ -99,7 +99,7 @@ def certificate_page(document: CertificateDocument) -> str:
 
 def notebook_card(document: CertificateDocument) -> str:
     """Return verdict and result as a small piece of HTML for a notebook's output cell."""
-    return template(PACKAGE, "card.html").render(document=document, result=_result(document))
+    return page_template(PACKAGE, "card.html").render(document=document, result=_result(document))
 
 
 def _swings(document: CertificateDocument) -> list[dict[str, str]]:

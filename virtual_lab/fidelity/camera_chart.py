@@ -7,21 +7,20 @@ times are the processor's, on one core.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from virtual_lab.fidelity.camera_drawing import TITLE, WORDS, draw
+from virtual_lab.fidelity.camera_drawing import TITLE, WORDS, draw_camera
 from virtual_lab.fidelity.camera_errors import score_places, seconds_a_picture
 from virtual_lab.fidelity.camera_estimators import ESTIMATORS
 from virtual_lab.fidelity.camera_pictures import pictures
 from virtual_lab.fidelity.camera_scenes import BACK, HARD, SOFT, Case
-from virtual_lab.fidelity.chart_files import chart_text, save_chart
+from virtual_lab.fidelity.results import SpeedChart
+from virtual_lab.output.progress import Progress, quiet
 
-__all__ = ["measure", "save", "text"]
+__all__ = ["camera_chart"]
 
 Row = dict[str, Any]
 PHASES, REPEATS = 8, 25
@@ -35,7 +34,16 @@ SCENES: dict[tuple[str, str], Case] = {
 }
 
 
-def measure(say: Callable[[str], None] = lambda _: None) -> list[Row]:
+def camera_chart(progress: Progress = quiet) -> SpeedChart:
+    """Return the chart; its rows are those of `measured_rows`."""
+    return _chart(measured_rows(progress))
+
+
+def _chart(rows: list[dict[str, Any]]) -> SpeedChart:
+    return SpeedChart(name="camera", title=TITLE, words=WORDS, rows=rows, figure=draw_camera)
+
+
+def measured_rows(progress: Progress = quiet) -> list[Row]:
     """Return a row a scene and estimator: error and limit [px], bias over it, time a frame [ms].
 
     Bias is that of the worst phase of a pixel, without noise; of a stitched ball, whose pattern is
@@ -50,7 +58,7 @@ def measure(say: Callable[[str], None] = lambda _: None) -> list[Row]:
     cv2.setNumThreads(1)
     try:
         for (ball, scene), case in SCENES.items():
-            say(f"{ball}, {scene}")
+            progress(f"{ball}, {scene}")
             rows += _scene(ball, scene, replace(case, phases=PHASES, repeats=REPEATS))
     finally:
         cv2.setNumThreads(threads)
@@ -80,13 +88,3 @@ def _scene(ball: str, scene: str, case: Case) -> list[Row]:
             }
         )
     return rows
-
-
-def save(rows: list[Row], folder: Path) -> None:
-    """Write the rows as CSV, PNG and an HTML page into a new folder."""
-    save_chart("camera", rows, folder, title=TITLE, words=WORDS, figure=draw(rows))
-
-
-def text(rows: list[Row]) -> str:
-    """Return the rows as a table for a terminal."""
-    return chart_text(rows)

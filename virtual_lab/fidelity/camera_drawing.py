@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["TITLE", "WORDS", "draw"]
+__all__ = ["TITLE", "WORDS", "draw_camera"]
 
 TITLE = "Locating the ball: error over time a frame"
 WORDS = (
@@ -25,7 +25,7 @@ TICKS = (0.2, 0.5, 1, 2, 5, 10)  # ms
 ROOM = 150.0  # px: above the worst error there is room for the key
 
 
-def draw(rows: list[dict[str, Any]]) -> Figure:
+def draw_camera(rows: list[dict[str, Any]]) -> Figure:
     """Return the figure of rows as `camera_chart.measure` gives them."""
     from matplotlib.figure import Figure
 

@@ -8,7 +8,6 @@ a handful of flights, without time stamps, and the error is that of the speed.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,11 +28,12 @@ from virtual_lab.fidelity.camera_map import (
 )
 from virtual_lab.fidelity.camera_pictures import pictures
 from virtual_lab.fidelity.camera_scenes import BACK, HARD, SOFT, Batch, Case
-from virtual_lab.files import new_folder
+from virtual_lab.fidelity.results import StabilityMap
+from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.tables import table_text
 from virtual_lab.video.locate.located import Located
 
-__all__ = ["AXES", "measure", "save", "text", "unsaid_share"]
+__all__ = ["AXES", "camera_stability", "unsaid_share"]
 
 Row = dict[str, Any]
 PHASES, REPEATS = 4, 4
@@ -60,14 +60,25 @@ AXES: dict[str, tuple[str, tuple[float, ...]]] = {
 WHOLE = ("hot",)
 
 
-def measure(say: Callable[[str], None] = lambda _: None) -> list[Row]:
+def camera_stability(progress: Progress = quiet) -> StabilityMap:
+    """Return the maps; their rows are those of `measured_cells`."""
+    return _maps(measured_cells(progress))
+
+
+def _maps(rows: list[dict[str, Any]]) -> StabilityMap:
+    return StabilityMap(
+        title="stability of the camera", text=_maps_text(rows), rows=rows, picture=_draw
+    )
+
+
+def measured_cells(progress: Progress = quiet) -> list[dict[str, Any]]:
     """Return a row a cell: its state, the error of what is not flagged, and counts of pictures.
 
     Errors are in pixels, of dropped frames relative, None where there is nothing to err.
     """
     rows: list[Row] = []
     for axis, (name, values) in AXES.items():
-        say(axis)
+        progress(axis)
         for value in values:
             change = {name: int(value) if name in WHOLE else value}
             for ball, case in BALLS.items():
@@ -77,20 +88,11 @@ def measure(say: Callable[[str], None] = lambda _: None) -> list[Row]:
                     found = estimator(batch.given)
                     own = {"map": axis, "value": value, "method": method, "ball": ball}
                     rows.append(own | _cell(batch, found))
-    say(DROPPED)
+    progress(DROPPED)
     return rows + dropped_frames()
 
 
-def save(rows: list[Row], folder: Path) -> None:
-    """Write the rows as CSV and draw them as PNG into a new folder."""
-    import pandas as pd
-
-    with new_folder(folder) as draft:
-        pd.DataFrame(rows).to_csv(draft / "stability.csv", index=False)
-        draw_maps(rows, _summary(rows)).savefig(draft / "stability.png")
-
-
-def text(rows: list[Row]) -> str:
+def _maps_text(rows: list[Row]) -> str:
     """Return a table a map for a terminal, the states by their marks."""
     parts = [", ".join(f"{mark} {state}" for state, mark in MARKS.items())]
     for axis in dict.fromkeys(row["map"] for row in rows):
@@ -141,3 +143,7 @@ def _cell(batch: Batch, found: Located) -> Row:
         "flagged": round(whole.flagged * count),
         "lost": round(whole.lost * count),
     }
+
+
+def _draw(rows: list[Row], path: Path) -> None:
+    draw_maps(rows, _summary(rows)).savefig(path)

@@ -13,7 +13,6 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,6 @@ from numpy.typing import NDArray
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec, BatBody
 from virtual_lab.errors import InputError
-from virtual_lab.fidelity.chart_files import chart_text, save_chart
 from virtual_lab.fidelity.collision_drawing import (
     ELEMENTS,
     IN_ALL,
@@ -35,9 +33,11 @@ from virtual_lab.fidelity.collision_drawing import (
     SURROGATE,
     TITLE,
     WORDS,
-    draw,
+    draw_collision,
 )
+from virtual_lab.fidelity.results import SpeedChart
 from virtual_lab.lab.laboratory import EFFICIENCY_U
+from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.simulation.collision.modal import BENDING_MODES, STIFF_MODES, ModalModel
 from virtual_lab.simulation.collision.reference import Method, ReferenceModel
 from virtual_lab.simulation.collision.rigid import RigidModel
@@ -49,7 +49,7 @@ from virtual_lab.simulation.physics.supports import Free
 from virtual_lab.streams import Streams
 from virtual_lab.units import INCH, MPH
 
-__all__ = ["measure", "save", "text"]
+__all__ = ["collision_chart"]
 
 Array = NDArray[np.float64]
 Efficiency = Callable[[Scenes], Array]
@@ -91,7 +91,16 @@ class Point:
     scenes: int = SCENES
 
 
-def measure(say: Callable[[str], None] = lambda _: None) -> list[dict[str, Any]]:
+def collision_chart(progress: Progress = quiet) -> SpeedChart:
+    """Return the chart; its rows are those of `measured_rows`."""
+    return _chart(measured_rows(progress))
+
+
+def _chart(rows: list[dict[str, Any]]) -> SpeedChart:
+    return SpeedChart(name="collision", title=TITLE, words=WORDS, rows=rows, figure=draw_collision)
+
+
+def measured_rows(progress: Progress = quiet) -> list[dict[str, Any]]:
     """Return a row a model.
 
     Of the scenes about the barrel: worst and rms error in e_A, time a shot [µs]. Of as many all
@@ -99,7 +108,7 @@ def measure(say: Callable[[str], None] = lambda _: None) -> list[dict[str, Any]]
     """
     rows = []
     for point in _points(catalog.load_bat(BAT).spec.body):
-        say(f"{point.series}: {point.setting}")
+        progress(f"{point.series}: {point.setting}")
         barrel, whole = (_scenes(ends, point.scenes) for ends in (PLACES_IN, WHOLE_IN))
         error = np.abs(point.efficiency(barrel) - point.exact(PLACES_IN, point.scenes))
         found = _answers(point.efficiency, whole)
@@ -120,16 +129,6 @@ def measure(say: Callable[[str], None] = lambda _: None) -> list[dict[str, Any]]
             }
         )
     return rows
-
-
-def save(rows: list[dict[str, Any]], folder: Path) -> None:
-    """Write the rows as CSV, PNG and an HTML page into a new folder."""
-    save_chart("collision", rows, folder, title=TITLE, words=WORDS, figure=draw(rows))
-
-
-def text(rows: list[dict[str, Any]]) -> str:
-    """Return the rows as a table."""
-    return chart_text(rows)
 
 
 def _points(body: BatBody) -> Iterator[Point]:

@@ -22,7 +22,7 @@ __all__ = [
     "SURROGATE",
     "TITLE",
     "WORDS",
-    "draw",
+    "draw_collision",
 ]
 
 RIGID = "rigid"
@@ -77,7 +77,7 @@ SIDES = (  # where a label may stand: offset in points, alignments
 PIECES = 60  # of a line between two points, closer than a word is long
 
 
-def draw(rows: list[dict[str, Any]]) -> Figure:
+def draw_collision(rows: list[dict[str, Any]]) -> Figure:
     """Return the figure of rows as `collision_chart.measure` gives them."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

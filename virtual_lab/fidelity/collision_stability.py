@@ -9,7 +9,7 @@ whether it is right to; of scenes that it gives no result for there is nothing t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from functools import cache, cached_property
 from math import inf, isfinite
@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
-from virtual_lab.files import new_folder
+from virtual_lab.fidelity.results import StabilityMap
+from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.tables import table_text
 from virtual_lab.simulation.collision.modal import BENDING_MODES, ModalModel, collide_bats
 from virtual_lab.simulation.collision.scene import EnergySplit, Scenes
@@ -40,7 +41,7 @@ from virtual_lab.simulation.physics.supports import Clamped, Free, Pinned, Suppo
 from virtual_lab.streams import Streams
 from virtual_lab.units import INCH, MPH
 
-__all__ = ["measure", "save", "text"]
+__all__ = ["collision_stability"]
 
 Array = NDArray[np.float64]
 Marked = NDArray[np.bool_]
@@ -138,14 +139,25 @@ class ColumnOutcome:
     swung_back: Marked
 
 
-def measure(say: Callable[[str], None] = lambda _: None) -> list[dict[str, Any]]:
+def collision_stability(progress: Progress = quiet) -> StabilityMap:
+    """Return the maps; their rows are those of `measured_cells`."""
+    return _maps(measured_cells(progress))
+
+
+def _maps(rows: list[dict[str, Any]]) -> StabilityMap:
+    return StabilityMap(
+        title="stability of the collision", text=_maps_text(rows), rows=rows, picture=_draw
+    )
+
+
+def measured_cells(progress: Progress = quiet) -> list[dict[str, Any]]:
     """Return a row a cell: its place, its state, its worst errors in e_A and leak of energy.
 
     Of a refused one these are what it would have come to.
     """
     rows = []
     for axis, values in AXES.items():
-        say(axis)
+        progress(axis)
         columns = [_column(axis, value) for value in values]
         exact = [_exact(column) for column in columns]
         for step, stepper, refused in _steppers():
@@ -157,16 +169,7 @@ def measure(say: Callable[[str], None] = lambda _: None) -> list[dict[str, Any]]
     return rows
 
 
-def save(rows: list[dict[str, Any]], folder: Path) -> None:
-    """Write the rows as CSV and draw them as PNG into a new folder."""
-    import pandas as pd
-
-    with new_folder(folder) as draft:
-        pd.DataFrame(rows).to_csv(draft / "stability.csv", index=False)
-        _draw(rows, draft / "stability.png")
-
-
-def text(rows: list[dict[str, Any]]) -> str:
+def _maps_text(rows: list[dict[str, Any]]) -> str:
     """Return a table a map for a terminal, the states by their marks."""
     key = ", ".join(f"{mark} {state}" for state, mark in MARKS.items())
     parts = [f"down, steps over the default's; {key}; in brackets refused, and what it would be"]

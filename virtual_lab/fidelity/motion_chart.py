@@ -11,7 +11,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,7 +19,6 @@ from numpy.typing import NDArray
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec, Profile
 from virtual_lab.errors import InputError
-from virtual_lab.fidelity.chart_files import chart_text, save_chart
 from virtual_lab.fidelity.motion_reference import reference
 from virtual_lab.fidelity.naive_pymunk import (
     Hit,
@@ -31,6 +29,8 @@ from virtual_lab.fidelity.naive_pymunk import (
     off_round_end,
     round_hit,
 )
+from virtual_lab.fidelity.results import SpeedChart
+from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.simulation.motion import play
 from virtual_lab.simulation.motion.played import BAT as STRUCK
 from virtual_lab.simulation.motion.played import PlayedShots
@@ -42,7 +42,7 @@ from virtual_lab.units import INCH
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["measure", "rod", "save", "scene_of", "text"]
+__all__ = ["motion_chart", "rod"]
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -83,7 +83,16 @@ PLANNED_ROUND = {1e-3: 1.4, 1e-4: 0.11, 1e-5: 0.008}  # m/s, upward
 PLANNED_ITERATIONS = {(GRIP, 1): 0.24, (BARREL, 10): 1e-16}
 
 
-def measure(say: Callable[[str], None] = lambda _: None) -> list[Row]:
+def motion_chart(progress: Progress = quiet) -> SpeedChart:
+    """Return the chart; its rows are those of `measured_rows`."""
+    return _chart(measured_rows(progress))
+
+
+def _chart(rows: list[dict[str, Any]]) -> SpeedChart:
+    return SpeedChart(name="motion", title=TITLE, words=WORDS, rows=rows, figure=draw_motion)
+
+
+def measured_rows(progress: Progress = quiet) -> list[Row]:
     """Return a row a model, scene and setting: errors, shares, planned figure, time a shot [µs].
 
     Errors are in e_A, in the ball's velocity [m/s] and in the bat's rate [rad/s]; shares, of
@@ -92,24 +101,14 @@ def measure(say: Callable[[str], None] = lambda _: None) -> list[Row]:
     rows: list[Row] = []
     play(_scene(SQUARE, 1e-3, 1), "pymunk")  # what is loaded at first use is nobody's time
     for name in STARTS:
-        say(name)
+        progress(name)
         rows += _accuracy(name)
-    say("iterations")
+    progress("iterations")
     rows += [_iterations(count, scene) for scene in PLACES_IN for count in ITERATIONS]
-    say("missed contacts and lost energy")
+    progress("missed contacts and lost energy")
     rows += [row for speed, step, planned in MISSES for row in _misses(speed, step, planned)]
     rows += [row for step, planned in LOSSES for row in _losses(step, planned)]
     return rows
-
-
-def save(rows: list[Row], folder: Path) -> None:
-    """Write the rows as CSV, PNG and an HTML page into a new folder."""
-    save_chart("motion", rows, folder, title=TITLE, words=WORDS, figure=_draw(rows))
-
-
-def text(rows: list[Row]) -> str:
-    """Return the rows as a table for a terminal."""
-    return chart_text(rows)
 
 
 def rod() -> Rod:
@@ -130,7 +129,7 @@ def rod() -> Rod:
     )
 
 
-def scene_of(start: dict[str, float], speed: float, ahead: Array, duration: float) -> ShotScene:
+def chart_scene(start: dict[str, float], speed: float, ahead: Array, duration: float) -> ShotScene:
     """Return shots at the bat of `rod`, their balls `ahead` [m] of its axis, (n,)."""
     bat, many = rod(), np.ones(len(ahead))
     return ShotScene(
@@ -181,7 +180,7 @@ def _scene(name: str, step: float, shots: int) -> ShotScene:
     """Return shots whose contacts fall evenly into a step."""
     spread = SPEED * step * (np.arange(shots) + 0.5) / shots
     ahead = AHEAD + spread
-    return scene_of(STARTS[name], SPEED, ahead, float(ahead.max()) / SPEED + AFTER)
+    return chart_scene(STARTS[name], SPEED, ahead, float(ahead.max()) / SPEED + AFTER)
 
 
 def _truth(scene: ShotScene) -> list[Any]:
@@ -259,7 +258,7 @@ def _misses(speed: float, step: float, planned: float) -> Iterator[Row]:
     share = missed(rod(), speed, step, 100)
     yield _row(NAIVE, scene, setting, share=share, planned=planned)
     spread = speed * step * (np.arange(SHOTS) + 0.5) / SHOTS
-    shots = scene_of(STARTS[SQUARE], speed, 0.2 + spread, duration=0.03)
+    shots = chart_scene(STARTS[SQUARE], speed, 0.2 + spread, duration=0.03)
     try:
         found = play(shots, "pymunk", settings=PymunkSettings(step=step))
     except InputError:
@@ -272,7 +271,7 @@ def _losses(step: float, planned: float) -> Iterator[Row]:
     scene, setting = f"energy lost a second at {SPIN:g} rad/s", f"{step:.0e} s"
     yield _row(NAIVE, scene, setting, share=energy_lost(rod(), SPIN, step), planned=planned)
     # a ball that rests far away limits no step
-    alone = scene_of({"rate": SPIN, "vx": 0.0}, 0.0, np.array([9.0]), duration=1.0)
+    alone = chart_scene({"rate": SPIN, "vx": 0.0}, 0.0, np.array([9.0]), duration=1.0)
     try:
         end = play(alone, "pymunk", settings=PymunkSettings(step=step)).at(alone, alone.duration)
     except InputError:
@@ -295,8 +294,8 @@ def _timed(work: Callable[[], Any]) -> tuple[Any, float]:
     return done, min(times)
 
 
-def _draw(rows: list[Row]) -> Figure:
-    """Return the figure of rows as `measure` gives them."""
+def draw_motion(rows: list[Row]) -> Figure:
+    """Return the figure of rows as `motion_chart` gives them."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11.5, 4.6), dpi=150, layout="constrained")

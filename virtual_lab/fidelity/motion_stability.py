@@ -9,7 +9,6 @@ whether it is right to.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
-from virtual_lab.fidelity.motion_chart import STARTS, SWUNG, rod, scene_of
+from virtual_lab.fidelity.motion_chart import STARTS, SWUNG, chart_scene, rod
 from virtual_lab.fidelity.naive_pymunk import hit_of, off_round_end, round_hit
-from virtual_lab.files import new_folder
+from virtual_lab.fidelity.results import StabilityMap
+from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.tables import table_text
 from virtual_lab.simulation.motion import play
 from virtual_lab.simulation.motion.played import BAT
@@ -27,7 +27,7 @@ from virtual_lab.simulation.motion.pymunk_scene import PymunkSettings, carry
 from virtual_lab.simulation.motion.scene import ShotScene
 from virtual_lab.units import INCH, MPH
 
-__all__ = ["measure", "save", "text"]
+__all__ = ["motion_stability"]
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -53,30 +53,32 @@ AXES: dict[str, tuple[float, ...]] = {
 }
 
 
-def measure(say: Callable[[str], None] = lambda _: None) -> list[Row]:
+def motion_stability(progress: Progress = quiet) -> StabilityMap:
+    """Return the maps; their rows are those of `measured_cells`."""
+    return _maps(measured_cells(progress))
+
+
+def _maps(rows: list[dict[str, Any]]) -> StabilityMap:
+    return StabilityMap(
+        title="stability of the motion", text=_maps_text(rows), rows=rows, picture=_draw
+    )
+
+
+def measured_cells(progress: Progress = quiet) -> list[dict[str, Any]]:
     """Return a row a cell: its place, its state, its worst error, and whether it is refused.
 
     Of a refused one state and error are what it would have come to.
     """
     rows = []
     for axis, values in AXES.items():
-        say(axis)
+        progress(axis)
         for method in (ALONE, RUNG):
             cells = ((step, value) for step in STEPS for value in values)
             rows += [_cell(axis, method, step, value) for step, value in cells]
     return rows
 
 
-def save(rows: list[Row], folder: Path) -> None:
-    """Write the rows as CSV and draw them as PNG into a new folder."""
-    import pandas as pd
-
-    with new_folder(folder) as draft:
-        pd.DataFrame(rows).to_csv(draft / "stability.csv", index=False)
-        _draw(rows, draft / "stability.png")
-
-
-def text(rows: list[Row]) -> str:
+def _maps_text(rows: list[Row]) -> str:
     """Return a table a map for a terminal, the states by their marks."""
     key = ", ".join(f"{mark} {state}" for state, mark in MARKS.items())
     parts = [f"down, steps [s]; {key}; in brackets refused, and what it would be"]
@@ -105,7 +107,7 @@ def _cell(axis: str, method: str, step: float, value: float) -> Row:
     start |= {PLACE: {"z": value * INCH}, ACROSS: {"y": value * 1e-3}}.get(axis, {})
     count = SHOTS[method]
     ahead = AHEAD + speed * step * (np.arange(count) + 0.5) / count
-    scene = scene_of(start, speed, ahead, float(ahead.max()) / speed + AFTER)
+    scene = chart_scene(start, speed, ahead, float(ahead.max()) / speed + AFTER)
     settings = PymunkSettings(
         step=step,
         slop=value if axis == SLOP else 1e-5,

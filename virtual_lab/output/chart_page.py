@@ -6,7 +6,7 @@ import io
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from virtual_lab.output.template import template
+from virtual_lab.output.template import page_template
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,7 +34,7 @@ def chart_page(title: str, words: str, figure: Figure, rows: Sequence[Mapping[st
         figure.savefig(drawn, format="svg", metadata={"Date": None})
     svg = drawn.getvalue()
     columns = list(rows[0])
-    return template("virtual_lab.output", "chart.html").render(
+    return page_template("virtual_lab.output", "chart.html").render(
         title=title,
         words=words,
         figure=Markup(svg[svg.index("<svg") :]),  # drawn by this package

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from jinja2 import Template
 
-__all__ = ["template"]
+__all__ = ["page_template"]
 
 
-def template(package: str, name: str) -> Template:
+def page_template(package: str, name: str) -> Template:
     """Return a template of a package: everything put into it is escaped, nothing may be missing."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 

@@ -20,14 +20,13 @@ from virtual_lab.records.kinds import (
     RateRecord,
     ShotLog,
 )
-from virtual_lab.records.record import Column, Record, join
+from virtual_lab.records.record import Record, RecordColumn, join
 
 __all__ = [
     "RECORD_TYPES",
     "AimMarks",
     "BoardRecord",
     "ClipRecord",
-    "Column",
     "EncoderRecord",
     "GateRecord",
     "LengthReadings",
@@ -36,6 +35,7 @@ __all__ = [
     "PendulumRecord",
     "RateRecord",
     "Record",
+    "RecordColumn",
     "ShotLog",
     "TrackRecord",
     "join",

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.records.record import Column, Order, Record
+from virtual_lab.records.record import Order, Record, RecordColumn
 
 __all__ = ["ClipRecord", "TrackRecord"]
 
@@ -30,10 +30,10 @@ class ClipRecord(Record):
     top: Array
     pixels: NDArray[np.generic] | None = None  # grey values, (shot, frame, row, column)
     background: NDArray[np.generic] | None = None  # mean of whole empty frames, (row, column)
-    columns: ClassVar[Mapping[str, Column]] = {
-        "times": Column("time_s", FRAMES, may_be_missing=True),
-        "left": Column("left_px", FRAMES, may_be_missing=True),
-        "top": Column("top_px", FRAMES, may_be_missing=True),
+    columns: ClassVar[Mapping[str, RecordColumn]] = {
+        "times": RecordColumn("time_s", FRAMES, may_be_missing=True),
+        "left": RecordColumn("left_px", FRAMES, may_be_missing=True),
+        "top": RecordColumn("top_px", FRAMES, may_be_missing=True),
     }
     attached: ClassVar[Mapping[str, tuple[str, ...]]] = {
         "pixels": (*FRAMES, "row", "column"),
@@ -61,11 +61,11 @@ class TrackRecord(Record):
     x: Array
     y: Array
     u: Array
-    columns: ClassVar[Mapping[str, Column]] = {
-        "times": Column("time_s", FRAMES, may_be_missing=True),
-        "x": Column("x_px", FRAMES, may_be_missing=True),
-        "y": Column("y_px", FRAMES, may_be_missing=True),
-        "u": Column("u_px", FRAMES, may_be_missing=True),
+    columns: ClassVar[Mapping[str, RecordColumn]] = {
+        "times": RecordColumn("time_s", FRAMES, may_be_missing=True),
+        "x": RecordColumn("x_px", FRAMES, may_be_missing=True),
+        "y": RecordColumn("y_px", FRAMES, may_be_missing=True),
+        "u": RecordColumn("u_px", FRAMES, may_be_missing=True),
     }
 
     def orders(self) -> tuple[Order, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.records.clip import ClipRecord, TrackRecord
-from virtual_lab.records.record import Column, Order, Record
+from virtual_lab.records.record import Order, Record, RecordColumn
 
 __all__ = [
     "RECORD_TYPES",
@@ -34,7 +34,9 @@ class MassReadings(Record):
     """Repeated readings of a scale, shape (item, repeat)."""
 
     readings: Array
-    columns: ClassVar[Mapping[str, Column]] = {"readings": Column("mass_kg", ("item", "repeat"))}
+    columns: ClassVar[Mapping[str, RecordColumn]] = {
+        "readings": RecordColumn("mass_kg", ("item", "repeat"))
+    }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +44,9 @@ class LengthReadings(Record):
     """Repeated readings of a rule or a balance stand, shape (item, repeat)."""
 
     readings: Array
-    columns: ClassVar[Mapping[str, Column]] = {"readings": Column("length_m", ("item", "repeat"))}
+    columns: ClassVar[Mapping[str, RecordColumn]] = {
+        "readings": RecordColumn("length_m", ("item", "repeat"))
+    }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,10 +59,10 @@ class PendulumRecord(Record):
     times: Array
     first_amplitude: Array
     last_amplitude: Array
-    columns: ClassVar[Mapping[str, Column]] = {
-        "times": Column("time_s", ("release", "passage")),
-        "first_amplitude": Column("first_amplitude_rad", ("release",)),
-        "last_amplitude": Column("last_amplitude_rad", ("release",)),
+    columns: ClassVar[Mapping[str, RecordColumn]] = {
+        "times": RecordColumn("time_s", ("release", "passage")),
+        "first_amplitude": RecordColumn("first_amplitude_rad", ("release",)),
+        "last_amplitude": RecordColumn("last_amplitude_rad", ("release",)),
     }
 
     def orders(self) -> tuple[Order, ...]:
@@ -74,8 +78,8 @@ class GateRecord(Record):
     """
 
     times: Array
-    columns: ClassVar[Mapping[str, Column]] = {
-        "times": Column("time_s", ("shot", "way", "gate", "edge"), may_be_missing=True)
+    columns: ClassVar[Mapping[str, RecordColumn]] = {
+        "times": RecordColumn("time_s", ("shot", "way", "gate", "edge"), may_be_missing=True)
     }
 
     def orders(self) -> tuple[Order, ...]:
@@ -91,8 +95,10 @@ class BoardRecord(Record):
     """
 
     times: Array
-    columns: ClassVar[Mapping[str, Column]] = {
-        "times": Column("time_s", ("shot", "way", "board", "beam", "edge"), may_be_missing=True)
+    columns: ClassVar[Mapping[str, RecordColumn]] = {
+        "times": RecordColumn(
+            "time_s", ("shot", "way", "board", "beam", "edge"), may_be_missing=True
+        )
     }
 
     def orders(self) -> tuple[Order, ...]:
@@ -108,9 +114,9 @@ class PassageRecord(Record):
 
     times: Array
     heights: Array
-    columns: ClassVar[Mapping[str, Column]] = {
-        "times": Column("time_s", ("shot", "way", "gate"), may_be_missing=True),
-        "heights": Column("height_m", ("shot", "way", "gate"), may_be_missing=True),
+    columns: ClassVar[Mapping[str, RecordColumn]] = {
+        "times": RecordColumn("time_s", ("shot", "way", "gate"), may_be_missing=True),
+        "heights": RecordColumn("height_m", ("shot", "way", "gate"), may_be_missing=True),
     }
 
     def orders(self) -> tuple[Order, ...]:
@@ -129,11 +135,11 @@ class RateRecord(Record):
     rate_u: Array
     before: Array
     angle: Array
-    columns: ClassVar[Mapping[str, Column]] = {
-        "rate": Column("counts_per_s", ("shot",)),
-        "rate_u": Column("u_counts_per_s", ("shot",)),
-        "before": Column("counts_per_s_before", ("shot",), may_be_missing=True),
-        "angle": Column("counts_at_contact", ("shot",), may_be_missing=True),
+    columns: ClassVar[Mapping[str, RecordColumn]] = {
+        "rate": RecordColumn("counts_per_s", ("shot",)),
+        "rate_u": RecordColumn("u_counts_per_s", ("shot",)),
+        "before": RecordColumn("counts_per_s_before", ("shot",), may_be_missing=True),
+        "angle": RecordColumn("counts_at_contact", ("shot",), may_be_missing=True),
     }
 
 
@@ -143,9 +149,9 @@ class EncoderRecord(Record):
 
     counts: Array
     times: Array
-    columns: ClassVar[Mapping[str, Column]] = {
-        "counts": Column("counts", ("shot", "sample")),
-        "times": Column("time_s", ("sample",)),
+    columns: ClassVar[Mapping[str, RecordColumn]] = {
+        "counts": RecordColumn("counts", ("shot", "sample")),
+        "times": RecordColumn("time_s", ("sample",)),
     }
 
     def orders(self) -> tuple[Order, ...]:
@@ -158,9 +164,9 @@ class AimMarks(Record):
 
     along: Array
     across: Array
-    columns: ClassVar[Mapping[str, Column]] = {
-        "along": Column("along_m", ("mark",)),
-        "across": Column("across_m", ("mark",)),
+    columns: ClassVar[Mapping[str, RecordColumn]] = {
+        "along": RecordColumn("along_m", ("mark",)),
+        "across": RecordColumn("across_m", ("mark",)),
     }
 
 
@@ -171,10 +177,10 @@ class ShotLog(Record):
     ball: Array
     nominal_speed: Array
     place: Array
-    columns: ClassVar[Mapping[str, Column]] = {
-        "ball": Column("ball", ("shot",), is_index=True),
-        "nominal_speed": Column("nominal_speed_m_per_s", ("shot",)),
-        "place": Column("place_m", ("shot",)),
+    columns: ClassVar[Mapping[str, RecordColumn]] = {
+        "ball": RecordColumn("ball", ("shot",), is_index=True),
+        "nominal_speed": RecordColumn("nominal_speed_m_per_s", ("shot",)),
+        "place": RecordColumn("place_m", ("shot",)),
     }
 
 

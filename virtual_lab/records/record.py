@@ -15,7 +15,7 @@ from virtual_lab.errors import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Column", "Order", "Record", "join", "require_numbers"]
+__all__ = ["Order", "Record", "RecordColumn", "join", "require_numbers"]
 
 Array = NDArray[np.float64]
 LARGEST = 1e18  # that a recorder shows: products of such numbers stay finite
@@ -23,7 +23,7 @@ PAIRS = {"way": "in and back", "edge": "broke and cleared"}  # axes that are two
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class RecordColumn:
     """How one field stands in the file: its column and the axes it runs over."""
 
     name: str
@@ -64,7 +64,7 @@ class Record:
     An array that could still be written to is copied, one that is read-only already is kept.
     """
 
-    columns: ClassVar[Mapping[str, Column]]
+    columns: ClassVar[Mapping[str, RecordColumn]]
     # fields too large for a table, arrays beside it, and their axes
     attached: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
 

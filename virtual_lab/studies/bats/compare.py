@@ -14,8 +14,7 @@ from virtual_lab.catalog.specs import Sport
 from virtual_lab.errors import InputError
 from virtual_lab.output.result import StudyResult
 from virtual_lab.studies.bats.curves import draw_comparison
-from virtual_lab.studies.bats.profile import Profiled, chosen_swings, profiles
-from virtual_lab.studies.bats.profile import profile as profile_of_one
+from virtual_lab.studies.bats.profile import Profiled, chosen_swings, profile_of_bat, profiles
 from virtual_lab.studies.bats.text import comparison_text
 from virtual_lab.units import OZ_IN2
 
@@ -163,7 +162,7 @@ def profile(
     if len(chosen) > 1:
         allowed = "one bat is profiled with one exponent; name several bats to compare them"
         raise InputError("", "swing", chosen[1], allowed)
-    return profile_of_one(
+    return profile_of_bat(
         several[0], swing=chosen[0], reference_inertia=reference_inertia, ball=ball
     )
 

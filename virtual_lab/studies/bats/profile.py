@@ -51,7 +51,7 @@ __all__ = [
     "Profiled",
     "chosen_swings",
     "free_model",
-    "profile",
+    "profile_of_bat",
     "profiles",
     "read_inertia",
 ]
@@ -195,7 +195,7 @@ class Profiled(StudyResult):
         }
 
 
-def profile(
+def profile_of_bat(
     bat: str | Path,
     *,
     swing: float | None = 0.0,

@@ -1,0 +1,84 @@
+"""What the studies of models and methods hand back: charts of speed against accuracy, and maps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from virtual_lab.output.chart_page import chart_page
+from virtual_lab.output.result import StudyResult
+from virtual_lab.output.tables import Column, table_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["SpeedChart", "StabilityMap"]
+
+Row = dict[str, Any]
+COLUMNS = {  # of all charts, by key; one that is not here stands under its own name
+    "series": Column("model"),
+    "held_against": Column("held against"),
+    "estimator": Column("way of locating"),
+    "worst_error": Column("worst error in e_A", form=".1e"),
+    "rms_error": Column("rms error", form=".1e"),
+    "us_a_shot": Column("time per shot", "µs", ".2g"),
+    "off_along_the_bat": Column("off along the bat", form=".0%"),
+    "refused_along_the_bat": Column("refused there", form=".0%"),
+    "e_A": Column("rms error in e_A", form=".1e"),
+    "ball_m_s": Column("of the ball's velocity", "m/s", ".1e"),
+    "bat_rad_s": Column("of the bat's rate", "rad/s", ".1e"),
+    "share": Column("missed or lost", form=".1%"),
+    "planned": Column("planned"),
+    "rms_px": Column("rms error", "px", ".2g"),
+    "limit_px": Column("least scatter possible", "px", ".2g"),
+    "bias_over_limit": Column("bias over that", form=".2g"),
+    "ms_a_frame": Column("time per frame", "ms", ".2g"),
+    "lost": Column("not found", form=".0%"),
+    "flagged": Column("flagged", form=".0%"),
+    "wrong_unsaid": Column("wrong without a flag", form=".0%"),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class SpeedChart(StudyResult):
+    """The error of every model of a part against its time, drawn with a page about it."""
+
+    name: str
+    title: str
+    words: str  # what is drawn, on the page
+    rows: list[Row]
+    figure: Callable[[list[Row]], Figure]
+
+    @property
+    def text(self) -> str:
+        """The rows as a table, blank where there is none."""
+        return table_text(self.rows, {key: COLUMNS.get(key, Column(key)) for key in self.rows[0]})
+
+    def draw(self, path: Path) -> None:
+        """Draw the chart into a file."""
+        self.figure(self.rows).savefig(path)
+
+    def fill(self, folder: Path) -> None:
+        """Write the rows as CSV, and what was drawn of them as PNG and HTML page."""
+        figure = self.figure(self.rows)
+        self.table.to_csv(folder / f"{self.name}.csv", index=False)
+        figure.savefig(folder / f"{self.name}.png")
+        page = chart_page(self.title, self.words, figure, self.rows)
+        (folder / f"{self.name}.html").write_text(page, encoding="utf-8")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class StabilityMap(StudyResult):
+    """Where the numerics of a part hold, as maps in letters and as a picture."""
+
+    title: str
+    text: str
+    rows: list[Row]
+    picture: Callable[[list[Row], Path], None]
+    name: str = "stability"
+
+    def draw(self, path: Path) -> None:
+        """Draw the maps into a file."""
+        self.picture(self.rows, path)
