@@ -24,7 +24,7 @@ def rows() -> list[Row]:
         few = {name: case for name, case in chart.SCENES.items() if name[1] not in LEFT_OUT}
         patch.setattr(chart, "SCENES", few)
         patch.setattr(chart, "ESTIMATORS", {name: ESTIMATORS[name] for name in SOME})
-        return chart.measured_rows()
+        return chart.camera_rows()
 
 
 def test_every_estimator_in_every_scene(rows: list[Row]) -> None:

@@ -31,7 +31,7 @@ def rows() -> list[Row]:
         patch.setattr(maps, "BALLS", {"plain": maps.BALLS["plain"]})
         patch.setattr(camera_drops, "COUNTS", (0, 3))
         patch.setattr(camera_drops, "FLIGHTS", 4)
-        return maps.measured_cells()
+        return maps.camera_cells()
 
 
 def state(rows: list[Row], axis: str, value: float, method: str = EDGE) -> str:

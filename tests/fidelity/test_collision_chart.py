@@ -27,7 +27,7 @@ def rows() -> Rows:
         for name, value in {"BATCH": 40, "REPEATS": 1, "SCENES": 24, "FEW": 4, "FEWEST": 1}.items():
             patch.setattr(chart, name, value)
         patch.setattr(chart, "MODE_COUNTS", (4, 10, 20, 40))
-        return chart.measured_rows()
+        return chart.collision_rows()
 
 
 def of(rows: Rows, series: str) -> Rows:
@@ -96,7 +96,7 @@ def test_what_is_off_and_what_refuses_are_counted_apart(monkeypatch: pytest.Monk
 
     point = chart.Point(panel=IN_ALL, series="x", setting="y", efficiency=poor, exact=exact)
     monkeypatch.setattr(chart, "_points", lambda body: iter([point]))
-    (row,) = chart.measured_rows()
+    (row,) = chart.collision_rows()
     whole = chart._scenes(chart.WHOLE_IN, chart.SCENES).impact_position / INCH
     assert row["refused_along_the_bat"] == np.mean(whole > 30) > 0
     assert row["off_along_the_bat"] == np.mean((whole > 25) & (whole <= 30)) > 0

@@ -23,7 +23,7 @@ def rows() -> list[dict[str, Any]]:
         patch.setattr(maps, "FACTORS", (0.5, 1.0, 1.3, 1.5, 4.0))
         patch.setattr(maps, "PLACES_IN", (1.0, 6.5, 16.0))
         patch.setattr(maps, "POOL", 600)
-        return maps.measured_cells()
+        return maps.collision_cells()
 
 
 def at(rows: list[dict[str, Any]], *steps: str) -> list[dict[str, Any]]:

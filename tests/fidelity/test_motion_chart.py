@@ -22,7 +22,7 @@ def rows() -> list[Row]:
         patch.setattr(chart, "FEW_SHOTS", 2)
         patch.setattr(chart, "STEPS", (1e-2, 1e-3, 1e-4, 1e-5))
         patch.setattr(chart, "LOSSES", chart.LOSSES[:3])
-        return chart.measured_rows()
+        return chart.motion_rows()
 
 
 def of(rows: list[Row], series: str, **own: str) -> list[Row]:

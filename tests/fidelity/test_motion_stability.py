@@ -20,7 +20,7 @@ def rows() -> list[Row]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(maps, "AXES", ends)
         patch.setattr(maps, "STEPS", (1e-2, 1e-3, 1e-4))
-        return maps.measured_cells()
+        return maps.motion_cells()
 
 
 def state(rows: list[Row], method: str, axis: str, step: float, value: float) -> str:

@@ -35,15 +35,15 @@ SCENES: dict[tuple[str, str], Case] = {
 
 
 def camera_chart(progress: Progress = quiet) -> SpeedChart:
-    """Return the chart; its rows are those of `measured_rows`."""
-    return _chart(measured_rows(progress))
+    """Return the chart; its rows are those of `camera_rows`."""
+    return _chart(camera_rows(progress))
 
 
 def _chart(rows: list[dict[str, Any]]) -> SpeedChart:
     return SpeedChart(name="camera", title=TITLE, words=WORDS, rows=rows, figure=draw_camera)
 
 
-def measured_rows(progress: Progress = quiet) -> list[Row]:
+def camera_rows(progress: Progress = quiet) -> list[Row]:
     """Return a row a scene and estimator: error and limit [px], bias over it, time a frame [ms].
 
     Bias is that of the worst phase of a pixel, without noise; of a stitched ball, whose pattern is

@@ -61,8 +61,8 @@ WHOLE = ("hot",)
 
 
 def camera_stability(progress: Progress = quiet) -> StabilityMap:
-    """Return the maps; their rows are those of `measured_cells`."""
-    return _maps(measured_cells(progress))
+    """Return the maps; their rows are those of `camera_cells`."""
+    return _maps(camera_cells(progress))
 
 
 def _maps(rows: list[dict[str, Any]]) -> StabilityMap:
@@ -71,7 +71,7 @@ def _maps(rows: list[dict[str, Any]]) -> StabilityMap:
     )
 
 
-def measured_cells(progress: Progress = quiet) -> list[dict[str, Any]]:
+def camera_cells(progress: Progress = quiet) -> list[dict[str, Any]]:
     """Return a row a cell: its state, the error of what is not flagged, and counts of pictures.
 
     Errors are in pixels, of dropped frames relative, None where there is nothing to err.

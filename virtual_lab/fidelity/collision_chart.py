@@ -92,15 +92,15 @@ class Point:
 
 
 def collision_chart(progress: Progress = quiet) -> SpeedChart:
-    """Return the chart; its rows are those of `measured_rows`."""
-    return _chart(measured_rows(progress))
+    """Return the chart; its rows are those of `collision_rows`."""
+    return _chart(collision_rows(progress))
 
 
 def _chart(rows: list[dict[str, Any]]) -> SpeedChart:
     return SpeedChart(name="collision", title=TITLE, words=WORDS, rows=rows, figure=draw_collision)
 
 
-def measured_rows(progress: Progress = quiet) -> list[dict[str, Any]]:
+def collision_rows(progress: Progress = quiet) -> list[dict[str, Any]]:
     """Return a row a model.
 
     Of the scenes about the barrel: worst and rms error in e_A, time a shot [µs]. Of as many all

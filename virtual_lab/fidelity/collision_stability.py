@@ -140,8 +140,8 @@ class ColumnOutcome:
 
 
 def collision_stability(progress: Progress = quiet) -> StabilityMap:
-    """Return the maps; their rows are those of `measured_cells`."""
-    return _maps(measured_cells(progress))
+    """Return the maps; their rows are those of `collision_cells`."""
+    return _maps(collision_cells(progress))
 
 
 def _maps(rows: list[dict[str, Any]]) -> StabilityMap:
@@ -150,7 +150,7 @@ def _maps(rows: list[dict[str, Any]]) -> StabilityMap:
     )
 
 
-def measured_cells(progress: Progress = quiet) -> list[dict[str, Any]]:
+def collision_cells(progress: Progress = quiet) -> list[dict[str, Any]]:
     """Return a row a cell: its place, its state, its worst errors in e_A and leak of energy.
 
     Of a refused one these are what it would have come to.

@@ -84,15 +84,15 @@ PLANNED_ITERATIONS = {(GRIP, 1): 0.24, (BARREL, 10): 1e-16}
 
 
 def motion_chart(progress: Progress = quiet) -> SpeedChart:
-    """Return the chart; its rows are those of `measured_rows`."""
-    return _chart(measured_rows(progress))
+    """Return the chart; its rows are those of `motion_rows`."""
+    return _chart(motion_rows(progress))
 
 
 def _chart(rows: list[dict[str, Any]]) -> SpeedChart:
     return SpeedChart(name="motion", title=TITLE, words=WORDS, rows=rows, figure=draw_motion)
 
 
-def measured_rows(progress: Progress = quiet) -> list[Row]:
+def motion_rows(progress: Progress = quiet) -> list[Row]:
     """Return a row a model, scene and setting: errors, shares, planned figure, time a shot [µs].
 
     Errors are in e_A, in the ball's velocity [m/s] and in the bat's rate [rad/s]; shares, of

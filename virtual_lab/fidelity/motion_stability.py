@@ -54,8 +54,8 @@ AXES: dict[str, tuple[float, ...]] = {
 
 
 def motion_stability(progress: Progress = quiet) -> StabilityMap:
-    """Return the maps; their rows are those of `measured_cells`."""
-    return _maps(measured_cells(progress))
+    """Return the maps; their rows are those of `motion_cells`."""
+    return _maps(motion_cells(progress))
 
 
 def _maps(rows: list[dict[str, Any]]) -> StabilityMap:
@@ -64,7 +64,7 @@ def _maps(rows: list[dict[str, Any]]) -> StabilityMap:
     )
 
 
-def measured_cells(progress: Progress = quiet) -> list[dict[str, Any]]:
+def motion_cells(progress: Progress = quiet) -> list[dict[str, Any]]:
     """Return a row a cell: its place, its state, its worst error, and whether it is refused.
 
     Of a refused one state and error are what it would have come to.
