@@ -196,7 +196,7 @@ class AstmPivotStation(RestingBatStation):
         return -reaction * yields / length, self.holder.spec.clearance / length
 
     def _recoil(self, specimen: Specimen, fired: BallFlights) -> Callable[[slice], Array]:
-        """Return what tells the true angles at the encoder [rad] of some shots, (shot, sample)."""
+        """Return a function to the encoder's true angles [rad] of some shots, (shot, sample)."""
         body, tilt, contact, flown = specimen.bat.body, fired.tilt, fired.contact, fired.flown
         leaving = contact + fired.blows.contact_time
         modes, collisions = fired.blows.modes, fired.blows.collisions

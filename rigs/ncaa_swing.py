@@ -2,7 +2,7 @@
 
 The bat is to stand square to the ball at the moment they meet; when the two are a little out of
 step it does not, and they meet nearer or farther from the boards, and slantwise. An encoder on
-the shaft tells rate and angle, the boards tell the ball's speed in and out.
+the shaft shows rate and angle, the boards show the ball's speed in and out.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""``virtual-lab`` and ``python -m virtual_lab``: the command line, which ends when told to."""
+"""``virtual-lab`` and ``python -m virtual_lab``: the command line, which ends when asked to."""
 
 from __future__ import annotations
 

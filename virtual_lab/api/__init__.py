@@ -325,7 +325,7 @@ def certify(
         ``METHOD:E0``, such as ``trampoline:0.5``: convert the result to a standard ball where the
         rules do not; the certificate marks it as assumed.
     progress
-        Told what goes on, a sentence at a time.
+        Called with what goes on, a sentence at a time.
 
     Raises
     ------
@@ -432,7 +432,7 @@ def sweep(
     instruments
         Sheets with changed values, as `certify` takes them.
     progress
-        Told how many tests are done; by default it is shown on stderr.
+        Called with how many tests are done; by default it is shown on stderr.
 
     Returns
     -------
@@ -529,7 +529,7 @@ def track(
     calibration, corrected
         A calibration file; a track.csv of an earlier run, corrected by hand.
     progress
-        Told what goes on.
+        Called with what goes on.
     known
         fps, gravity as numbers; exposure, frames, region, ball_at, scale, readout as on the
         command line; global_shutter.

@@ -24,7 +24,7 @@ def chart(part: str, *, progress: Progress = quiet) -> SpeedChart:
     part
         ``collision``, ``motion`` or ``camera``.
     progress
-        Told what is measured.
+        Called with what is measured.
 
     Raises
     ------

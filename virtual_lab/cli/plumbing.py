@@ -100,7 +100,7 @@ def command(
     """
 
     def decorate(function: Function) -> click.Command:
-        tells = "progress" in inspect.signature(function).parameters
+        takes_progress = "progress" in inspect.signature(function).parameters
 
         @wraps(function)
         def run(
@@ -119,8 +119,8 @@ def command(
             for path, endings in ((csv, TABLES), (plot, PICTURES)):
                 if path is not None:
                     _check_new_file(path, endings)
-            with shown() if tells else nullcontext() as progress:
-                found = function(**asked, **({"progress": progress} if tells else {}))
+            with shown() if takes_progress else nullcontext() as progress:
+                found = function(**asked, **({"progress": progress} if takes_progress else {}))
                 if target is not None:
                     if progress is not None:
                         progress(f"writing {target}")

@@ -2,7 +2,7 @@
 
 Errors are root mean squares over shots whose starts are spread evenly over one step, against
 scipy's integration of the same equations. The bat is rigid, of one radius, in no air and on no
-friction, so that pymunk itself could be right. What planning reckoned with stands beside what
+friction, so that pymunk itself could be right. What planning expected stands beside what
 is measured; it was measured on pymunk alone, and is why ball and bat never collide there.
 """
 
@@ -56,7 +56,7 @@ WORDS = (
     "Root mean square errors over starts spread evenly over a step, against scipy's integration "
     "of the same equations: e_A, the ball's velocity (off a round barrel and alone, its upward "
     "part), the bat's rate. Shares are of shots missed or of energy lost. Planned is what was "
-    "reckoned with before, of pymunk alone. No error at all is drawn at 1e-16."
+    "expected before, of pymunk alone. No error at all is drawn at 1e-16."
 )
 COLOURS = {NAIVE: "#d55e00", OURS: "#0072b2", CLOSED: "#009e73"}
 MARKERS = "osd^"

@@ -101,7 +101,7 @@ def _mark(row: Row) -> str:
 def _cell(axis: str, method: str, step: float, value: float) -> Row:
     """Return what the shots of a cell come to."""
     speed = (value if axis == SPEED else SPEED_MPH) * MPH
-    # iterations tell where the joint works hard: by the grip
+    # iterations show where the joint works hard: by the grip
     place = 20 * INCH if axis == ITERATIONS else 6 * INCH
     start = dict(STARTS[SWUNG]) if axis == SLOP else {"z": place}
     start |= {PLACE: {"z": value * INCH}, ACROSS: {"y": value * 1e-3}}.get(axis, {})

@@ -1,7 +1,7 @@
 """Progress of what takes long: how much is done, how fast, and the time left.
 
 On a terminal one line is written over and over; in a pipe a line comes every ten seconds, so that
-a log tells that the program lives. What is over within two seconds says nothing.
+a log shows that the program lives. What is over within two seconds says nothing.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ CLEAR = "\r\x1b[K"
 
 
 class Progress(Protocol):
-    """Told what is being done and, where it is counted, how many of how many are done."""
+    """Called with what is being done and, where it is counted, how many of how many are done."""
 
     def __call__(self, text: str, done: int = 0, total: int = 0) -> None: ...
 
@@ -95,7 +95,7 @@ def _write(status: _Status, stream: TextIO, over: threading.Event) -> None:
                 if terminal:
                     print(CLEAR, end="", file=stream, flush=True)
                 return
-        except (OSError, ValueError):  # the reader has gone: nobody is told any more
+        except (OSError, ValueError):  # the reader has gone: nobody reads any more
             return
 
 

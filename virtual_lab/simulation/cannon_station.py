@@ -163,7 +163,7 @@ class CannonStation(FittedStation):
     def records(
         self, passage: Passage, contact: Array, leaving: Array, order: ShotPlan, draws: Draws
     ) -> dict[str, Record]:
-        """Return what log, gates and witness paper say of balls that fly."""
+        """Return what log, gates and aim paper say of balls that fly."""
         name, slots = self.name, order.slot
         return {
             "log": order.log(),

@@ -32,7 +32,7 @@ __all__ = [
     "wall_restitution",
 ]
 
-CONTACT_TIME = 0.7e-3  # s, where no record is fine enough to tell
+CONTACT_TIME = 0.7e-3  # s, where no record is fine enough to show it
 WORK_POINTS = 64  # of Gauss's rule: exact to rounding for the powers of any ball
 
 

@@ -188,7 +188,7 @@ class FilmingStation(Station, Protocol):
 
 @runtime_checkable
 class WallStation(Station, Protocol):
-    """A station that fires at a wall can be told that the wall gives."""
+    """A station that fires at a wall can stand before a wall that gives."""
 
     def with_wall(self, restitution: float) -> WallStation:
         """Return the station whose wall gives back `restitution` of what a rigid one would."""

@@ -2,7 +2,7 @@
 
 The bench measures the cylinder and the wall rig the check balls once; then, session by session,
 one ball is fired at its centre of percussion and e_A is what the pivot rig and the reduction
-make of it. The impact rig may go wrong on a day; nobody tells the charts.
+make of it. The impact rig may go wrong on a day; the charts do not know.
 """
 
 from __future__ import annotations

@@ -107,7 +107,7 @@ def ewma(x: Array, weight: float = WEIGHT) -> Array:
 def cusum(x: Array, slack: float = SLACK) -> tuple[Array, Array]:
     """Return the sums of what lies more than `slack` above and below the centre, both from 0 up.
 
-    The sum begins anew wherever it would fall below 0.
+    The sum begins again wherever it would fall below 0.
     """
     up, down = (_above(side - slack) for side in (x, -x))
     return up, down
@@ -135,7 +135,7 @@ class Charted:
 def chart(values: ArrayLike, baseline_days: int, rules: Collection[int] = tuple(RULES)) -> Charted:
     """Return daily values (day,) on the charts, limits from the first `baseline_days` of them.
 
-    Rules, average and sums begin anew, at the centre, on the day after the baseline.
+    Rules, average and sums begin again, at the centre, on the day after the baseline.
 
     Raises
     ------

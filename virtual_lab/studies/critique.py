@@ -186,7 +186,7 @@ def critique(
     laboratories, seed
         How many test every bat by every procedure, and the seed of the first.
     progress
-        Told which laboratory tests by which procedure.
+        Called with which laboratory tests by which procedure.
 
     Raises
     ------

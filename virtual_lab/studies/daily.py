@@ -2,7 +2,7 @@
 
 Charted are the check ball's measured e0, the mean of the morning's hits, by the gates and the
 reduction of the ball-wall rig, and the steel cylinder's e_A at the impact rig. The wall may be
-told to work loose, the impact rig to go wrong; nobody tells the charts.
+set to work loose, the impact rig to go wrong; the charts do not know.
 """
 
 from __future__ import annotations

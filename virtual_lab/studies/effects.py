@@ -86,7 +86,7 @@ def effects(
         a place have no sign: theirs are root mean squares. `realised` is None of what the sealed
         truth does not hold. The slope along the barrel is one bat's, and its uncertainty that
         over many bats: `realised` is what this bat's slope makes of the aim beside the sheet's,
-        one draw of what is `stated`, so `apart` is None; it tells why the aim's effect is apart.
+        one draw of what is `stated`, so `apart` is None; it shows why the aim's effect is apart.
         `hits` is stated as of any balls, and those of a lot are drawn from a dozen without
         putting back: of a hollow bat, whose e is not in proportion to e0, their differences
         scatter the hits more than the mean (asa, six of twelve: 6 % of the term).

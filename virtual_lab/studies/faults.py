@@ -65,7 +65,7 @@ COLUMNS = {
 
 @dataclass(frozen=True, slots=True)
 class _Seen:
-    """What the operator of one laboratory is told, and the numbers on the certificate."""
+    """What the operator of one laboratory sees, and the numbers on the certificate."""
 
     catches: tuple[str, ...]
     efficiency: float
@@ -92,7 +92,7 @@ def faults(
     laboratories, seed
         How many seeds, and the first.
     progress
-        Told which fault is played, and where.
+        Called with which fault is played, and where.
 
     Returns
     -------

@@ -39,7 +39,7 @@ def score(certificate: Mapping[str, Any], measurand: Mapping[str, float]) -> dic
     Each entry holds `measured`, `u`, `true`, `error` and `z` (the error in standard
     uncertainties, None where u is 0 or nothing was measured). Of a scan the metric stands twice:
     against the procedure's own result on the exact curve, and against the curve's greatest value;
-    of a certificate that tells one, the curve's width [m] stands last.
+    of a certificate that states one, the curve's width [m] stands last.
     """
     metric = certificate["metric"]
     rows = {"metric": _row(metric, measurand["metric"])}

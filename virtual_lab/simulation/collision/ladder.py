@@ -135,7 +135,7 @@ def _reference(body: BatBody, support: Support, probe: Scenes) -> Choice:
 
 
 def _measured(name: str, model: CollisionModel, found: Collisions, true: Collisions) -> Choice:
-    """Return a rung with what its e_A errs by at most, as far as a probe can tell."""
+    """Return a rung with what its e_A errs by at most, as far as a probe shows."""
     again = bool(true.contacts.max() > 1)
     gap = np.abs(found.collision_efficiency - true.collision_efficiency).max()
     error = (MEETING_MARGIN if again else MARGIN) * float(gap) + STEPPING_ERROR

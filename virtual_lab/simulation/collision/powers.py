@@ -54,7 +54,7 @@ def _as_float(context: Any, x: Any) -> Any:
 def _widen(context: Any) -> Any:
     """Let the loops of the calling function use the widest registers there are.
 
-    Compilers keep to half of AVX-512 unless told; twice the lanes are worth the clock lost.
+    Compilers keep to half of AVX-512 unless asked; twice the lanes are worth the clock lost.
     """
 
     def generate(context: Any, builder: Any, _: Any, __: Any) -> Any:

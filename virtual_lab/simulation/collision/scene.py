@@ -21,7 +21,7 @@ from virtual_lab.simulation.physics.modes import Modes
 __all__ = ["CollisionModel", "Collisions", "EnergySplit", "Failure", "Scenes", "joined"]
 
 Floats = NDArray[np.float64]
-# Numbers that can be reckoned with. Within them a scene may still be one that cannot be followed,
+# Numbers that can be computed with. Within them a scene may still be one that cannot be followed,
 # which it says then; what balls there are is for their sheets to say.
 RANGES = {
     "relative_speed": (1e-9, 1e6),

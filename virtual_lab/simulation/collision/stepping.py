@@ -1,7 +1,7 @@
 """How collisions are followed in time: many in step, or one by one.
 
 `InStep` is the quick way and knows what it is worth: a scene whose energy does not close, that
-came too near to an event to tell, that took long, or that met or turned more than once is stepped
+came too near to an event, that took long, or that met or turned more than once is stepped
 again, finer; where the answers still differ by more than finer steps explain, it is followed one
 by one, in steps halved until e_A stays. What stays nowhere has failed: nothing is to be made of it.
 """

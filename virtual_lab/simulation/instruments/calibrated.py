@@ -61,7 +61,7 @@ def drawn(
 class CalibratedInstrument(Generic[S]):
     """One instrument: its sheet, what its certificate states, and its true constants."""
 
-    unknown: ClassVar[frozenset[str]] = frozenset()  # constants no certificate tells
+    unknown: ClassVar[frozenset[str]] = frozenset()  # constants that no certificate states
 
     spec: S
     stated: Mapping[str, Estimate]

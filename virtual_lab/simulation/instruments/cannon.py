@@ -44,7 +44,7 @@ class CannonSpec(Spec):
     across: Annotated[float, Dimension("length")] = 0.0
 
     def ideal(self) -> Self:
-        """Return the cannon that does as told."""
+        """Return the cannon that does as asked."""
         return replace(
             self,
             speed_scatter=0.0,
@@ -108,7 +108,7 @@ class Cannon(CalibratedInstrument[CannonSpec]):
         )
 
     def mark(self, draws: Draws, name: str) -> AimMarks:
-        """Fire at a witness paper before the test and read the marks with a rule."""
+        """Fire at an aim paper before the test and read the marks with a rule."""
         marks = np.arange(self.spec.marks)
         launch = self.fire(np.full(marks.size, np.nan), draws, name, marks)
         return AimMarks(

@@ -118,7 +118,7 @@ class LightBoardSpec(Spec):
 
 @dataclass(frozen=True, slots=True)
 class LightBoards(CalibratedInstrument[LightBoardSpec]):
-    """The boards of one laboratory; the thresholds of their beams no certificate tells."""
+    """The boards of one laboratory; the thresholds of their beams stand on no certificate."""
 
     trips: Array  # what each beam adds to the ball's radius, (board, beam) [m]
 

@@ -3,7 +3,7 @@
 Each step is given the mean velocity of the exact motion, so that its length costs no accuracy.
 Ball and bat never collide in pymunk: the step that would bring them together ends at their touch,
 and the collision model's e_A and the angular momentum say how they part. The bat turns back at its
-stop. Posts and bars are pymunk's own shapes: a swept circle tells when the ball comes to one, the
+stop. Posts and bars are pymunk's own shapes: a swept circle shows when the ball comes to one, the
 step ends there, and pymunk throws the ball back.
 """
 

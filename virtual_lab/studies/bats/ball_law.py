@@ -68,7 +68,7 @@ def sensitivity(bat: str, *, progress: Progress = quiet) -> Rows:
     bat
         Name in the catalog or path of a .toml file.
     progress
-        Told which law is at work.
+        Called with which law is at work.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Curves along a bat as PNG: told apart by line style, by colour where that is not enough."""
+"""Curves along a bat as PNG: distinguished by line style, by colour where that is not enough."""
 
 from __future__ import annotations
 

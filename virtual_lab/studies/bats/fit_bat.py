@@ -165,7 +165,7 @@ def fit_bat(
     seed
         Of the draws.
     progress
-        Told how far the work is.
+        Called with how far the work is.
 
     Raises
     ------

@@ -132,7 +132,7 @@ def percussion(
     shots
         Of each laboratory at each place: a reading is their mean.
     progress
-        Told which laboratory is firing.
+        Called with which laboratory is firing.
 
     Returns
     -------

@@ -2,7 +2,7 @@
 
 Across each point of its outline a frame shows what the picture at rest shows there, shifted by as
 much as the edge has moved, and brighter or darker as lamps flicker. The shifts are those of a bat
-that turned; their scatter about it tells how surely. A bat that bends rings on besides, and the
+that turned; their scatter about it shows how surely. A bat that bends rings on besides, and the
 line through the angles passes it by only as far as the ring averages out.
 """
 
@@ -38,7 +38,7 @@ LEAST = 12  # points that a frame must show
 CLEAR = 4.0  # pixels kept between the ball and an edge's pixels
 WILD = 4.0  # robust standard deviations of the shifts
 CAUGHT = 0.5  # of the points a frame shows, at least
-SMALL = 1e-5  # rad or m, over which a lever is told
+SMALL = 1e-5  # rad or m, over which a lever is stated
 FEW = 3  # frames of a recoil, at least
 
 
@@ -120,7 +120,7 @@ def _pose(
     start: Array,
     pivoted: bool,
 ) -> tuple[Array, float, int]:
-    """Return a frame's angle and shift, the angle's u, and how many points tell them."""
+    """Return a frame's angle and shift, the angle's u, and how many points show them."""
     lost = (np.full(2, np.nan), np.nan, 0)
     pose, between = start.copy(), None
     size = np.array([grey.shape[1], grey.shape[0]])
@@ -199,7 +199,7 @@ def recoil_of(
     contact
         When the turn begins [s]; a push that lasts counts from its middle, by impulse.
     contact_u
-        Standard uncertainty of it; infinite: the line after it tells, two frames before it at
+        Standard uncertainty of it; infinite: the line after it decides, two frames before it at
         least.
     lasts
         Frames so near to the contact belong to neither side [s].

@@ -19,7 +19,7 @@ __all__ = ["BatSeen", "bat_document", "find_bat"]
 Array = NDArray[np.float64]
 
 LASTS = 1e-3  # s about the contact: the bat is being pushed
-MARGIN = 8.0  # pixels about the ball that tell nothing of what is behind it
+MARGIN = 8.0  # pixels about the ball that show nothing of what is behind it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -78,7 +78,7 @@ def pixels_of(places: Array, camera: CameraModel | None) -> Array:
 class Between:
     """A picture between its pixels, about some places: cubic splines through its blurred values.
 
-    An edge sharper than pixels can tell is bent by any spline, by its place among them; so the
+    An edge sharper than pixels can show is bent by any spline, by its place among them; so the
     picture is blurred first.
     """
 

@@ -15,7 +15,7 @@ __all__ = ["BoardView", "find_board"]
 
 Array = NDArray[np.float64]
 
-LEAST = 8  # corners that tell where a board is
+LEAST = 8  # corners that show where a board is
 BRIGHT = 99.9  # per cent of the pixels: what is brighter is a glint
 
 

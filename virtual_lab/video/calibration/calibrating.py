@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 VIEWS = 3  # with a board, at least
 MANY = 6  # of them leave little to chance
-ASKEW = 8 * DEGREE  # between two views at least: parallel boards do not tell the focal length
+ASKEW = 8 * DEGREE  # between two views at least: parallel boards do not show the focal length
 VAGUE = 0.02  # relative u of the focal length: more is no calibration
 ROUGH, POOR = 0.3, 1.5  # pixels rms: a warning, no calibration
 OFF = 3.0  # times the median of the views' rms: a view that does not fit

@@ -33,7 +33,7 @@ PATIENCE = 0.1  # s between looks whether anybody still reads
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Clip:
-    """Frames, of a long clip read anew whenever they are asked for; what one look at all told."""
+    """Frames, of a long clip read whenever they are asked for, and what one pass over them gave."""
 
     source: Source
     times: NDArray[np.float64]  # (frame,) [s]

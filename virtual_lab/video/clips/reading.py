@@ -37,7 +37,7 @@ class Source:
 
     path: Path
     declared: int  # frames the file says it holds
-    estimated: bool = False  # reckoned from the duration, not counted
+    estimated: bool = False  # estimated from the duration, not counted
     rate: float | None = None  # frames a second the file says
     rotation: int = 0  # degrees clockwise that frames were turned as the file asks for
     read: Callable[[], Iterator[tuple[Frame, float]]]  # each with its own time [s], NaN: none

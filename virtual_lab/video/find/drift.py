@@ -26,7 +26,7 @@ PIXELS = 3000
 STEEPEST = 2.0  # DN a pixel: less is noise
 STEPS = 12
 NEAR = 1.5  # pixels: a shift found so near to its guess is looked for no farther
-FEW = 6.0  # pixels that tell a shift: of fewer it stays
+FEW = 6.0  # pixels that show a shift: of fewer it stays
 BLACK = 24.0  # DN: a row or column that has nothing lighter is no picture
 EDGE = 4  # pixels
 SETTLED = 0.003  # pixels
@@ -34,7 +34,7 @@ TUKEY = 4.7  # standard deviations: what is farther off does not count
 LEAST_SPREAD = 0.1  # pixels
 CLIPPED = 2.0  # pixels: what is farther off moves on its own
 STAND = 0.98  # of its cost: a camera on a stand is the simpler thing to say
-RIDGE = 1e-3  # of what a picture tells of a shift: an edge does not hold one along it
+RIDGE = 1e-3  # of what a picture shows of a shift: an edge does not hold one along it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +64,7 @@ class Edges:
                 shift = scale * _settled(self.levels[k], pictures[k], shift / scale)
             tried.append(shift)
             if np.hypot(*(shift - guess)) < NEAR:
-                break  # of what moves so little the coarser levels tell no more
+                break  # of what moves so little the coarser levels show no more
         costs = [_cost(self.levels[-1], pictures[-1], each) for each in tried]
         costs[0] *= STAND
         return tried[int(np.argmin(costs))]

@@ -34,7 +34,7 @@ SEARCHED = 4e5  # pixels of the picture that is searched: larger ones are made s
 NO_DRIFT = 0.15  # pixels over a clip: a camera on a stand
 FASTEST = 3.0  # pixels a frame of drift
 ROUNDS = 2  # the samples are laid upon one of them, and then on the median of all
-FEWEST = 8  # samples that tell which side of the background a ball is on
+FEWEST = 8  # samples that show which side of the background a ball is on
 SIDE = 0.25  # quantile, or its complement, at which the background of a slow ball lies
 TOUCHED = 8.0  # noises that a pixel's brightness varies by if the ball was there
 CLIPPED = 20  # DN: what is farther off the background moves on its own
@@ -42,7 +42,7 @@ STAND = 0.98  # of its misfit: a camera on a stand is the simpler thing to say
 RESTLESS = 0.75  # quantile of the samples' differences: what a pixel does without a ball
 RESTLESS_MOST = 16  # DN: more may be a ball that stays
 BLOCK = 64  # rows at a time: a sorted stack of whole pictures would need the memory of them all
-GRID = 8  # every eighth pixel tells how bright the light is
+GRID = 8  # every eighth pixel shows how bright the light is
 LIGHT = (255 * (np.arange(256) / 255) ** 2.2).astype(np.float32)  # of a grey value, 0 to 255
 GAINS = (0.7, 1.4)  # of the light, from frame to frame
 
@@ -239,7 +239,7 @@ def share_of(pictures: Sequence[Image]) -> float:
     """Return the quantile at which the background is found.
 
     The median; but before a camera in grey, a laboratory's, a slow ball may cover a pixel for most
-    of the time. Of most pixels that it touches it covers the lesser part: that tells whether it is
+    of the time. Of most pixels that it touches it covers the lesser part: that shows whether it is
     lighter than what is behind it, and the background lies on the other side.
     """
     if pictures[0].ndim == 3 or len(pictures) < FEWEST:

@@ -54,7 +54,7 @@ def watch(
     stands
         Whether the camera is known to stand still.
     progress
-        Told now and then.
+        Called now and then.
     """
     depth = max(8, int(clip.full_scale).bit_length())
     apart = float(np.diff(clip.sampled).max()) if len(clip.sampled) > 1 else 1.0

@@ -27,7 +27,7 @@ __all__ = [
 Array = NDArray[np.float64]
 
 FEWEST = 6  # places of a flight
-SIDE = 4  # places on each side of a contact, to tell a restitution
+SIDE = 4  # places on each side of a contact, to state a restitution
 ALIKE = 0.25  # of the acceleration that flights may differ by before drag and tilt are known
 UPRIGHT = 0.5  # radians that g may be off the picture's downward direction
 SAG = 1.0  # radii that gravity must bend a way by, for its direction to be asked for
@@ -48,7 +48,7 @@ SHARP = 0.04  # radii, likewise, where the acceleration is far from g; or, of a 
 CLEAN, DEEP = 0.015, 3.0  # so many radii, a share of its sag: no hand draws such a parabola
 READOUTS = (0.0, 0.25, 0.5, 0.75, 1.0)  # frames, tried
 GOOD = 0.015  # radii: a spread that no other readout need mend
-SURELY, LOOSELY = 4.0, 1.5  # factors of the misfit: to say so, and to tell which places belong
+SURELY, LOOSELY = 4.0, 1.5  # factors of the misfit: to say so, and to decide which places belong
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -250,7 +250,7 @@ def _bent(scene: FlightScene, piece: Piece) -> tuple[Array, Array, float]:
 
 
 def _falls(scene: FlightScene, piece: Piece, pull: Array, u: Array, rms: float) -> bool:
-    """Return whether an acceleration may be gravity's, as far as scale and direction tell."""
+    """Return whether an acceleration may be gravity's, as far as scale and direction show."""
     size, span = float(np.hypot(*pull)), float(np.ptp(piece.t))
     bent = size * span**2 / 8
     expected = scene.expected(piece.radius)

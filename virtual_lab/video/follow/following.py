@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 GRAVITY = 9.80665  # m/s², CGPM 1901
-ROUNDEST = 0.34  # of the places: those with the least blur tell the ball's size
+ROUNDEST = 0.34  # of the places: those with the least blur show the ball's size
 TOLD = 3.0  # u of the acceleration that it may be off g by, and a share of it
 NEAR_G = 0.04
 TILTED, TILTED_OFF = (
@@ -302,7 +302,7 @@ def _said(
         flags.append("SECOND_BALL")
         first = min(int(each.frames[0]) for each in more)
         warnings.append(
-            f"another ball flies beside the one followed, from frame {first} on: --ball-at tells "
+            f"another ball flies beside the one followed, from frame {first} on: --ball-at says "
             "which is meant; where they are alike flights may be mixed up"
         )
     lost = {frame: n for way in ways for frame, n in way.lost.items()}
@@ -377,7 +377,7 @@ def size_of(watched: Watched, blobs: NDArray[np.intp], fit: Fit | None) -> tuple
 
     Blur draws an outline out by as much as it narrows it at half of the contrast, or little more,
     and so does shading: the mean of the axes is not biased. A perspective makes balls larger or
-    smaller than in the middle of the picture, where the scale is told.
+    smaller than in the middle of the picture, where the scale is taken.
     """
     some = watched.found[blobs[blobs >= 0]]
     ratio = some["length"] / some["radius"]

@@ -3,7 +3,7 @@
 Pixels and frames throughout. Drag takes k v² off the speed; for a sphere of radius r and density
 ρ_b k r = 3/8 C_d ρ/ρ_b: 0.0002 for a golf ball, 0.0025 for a table tennis ball, 0.01 for a ball
 blown up (20 kg/m³; C_d 0.45, ρ 1.2 kg/m³). That is all that is known of it before, and where the
-flights are too short to tell more it keeps drag from taking the part of something else.
+flights are too short to show more it keeps drag from taking the part of something else.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ LOST = 3  # frames that may have been left out at one place
 SURE = 4  # places before a step may be read as lost frames
 LEAST = 5  # places of a piece
 TRAVEL = 1.0  # radii it covers
-RECENT = 6  # places that tell where the next one is
+RECENT = 6  # places that show where the next one is
 NEW = (0.9, 0.35)  # radii and steps that the third place may be off a line
 NEXT = (0.25, 0.12)  # radii and steps that any later one may be off a parabola
 FASTEST = 9.0  # radii a frame
@@ -239,7 +239,7 @@ def _broken(piece: Piece) -> list[Piece]:
 
 
 def _ending(piece: Piece) -> Callable[[float], tuple[Array, float, float]]:
-    """Return a function that tells velocity, its u and the rms at a moment."""
+    """Return a function that shows velocity, its u and the rms at a moment."""
     degree = 2 if len(piece.t) > 4 else 1
     middle = piece.t.mean()
     solved, solver, rms = _smooth(piece.t - middle, piece.xy, degree)

@@ -2,7 +2,7 @@
 
 The ball's brightness may go up and down along the rim and inward from it: smooth shading, as of
 light from a side, and a pattern such as a seam, of unknown strength in each sector of the rim. What
-the pattern may shift the place by is told apart from noise.
+the pattern may shift the place by is distinguished from noise.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def fit_edge(
     start
         Where the ball is to a pixel or so, how large, and how blurred it is: the blur is held.
     noise
-        The camera's noise; its black tells how bright the ball is.
+        The camera's noise; its black shows how bright the ball is.
     lens
         Standard deviation of the lens's blur [pixel].
     background

@@ -1,8 +1,8 @@
 """The edge fit of a region, by Gauss-Newton.
 
 A ball's brightness near its rim is smooth shading and a pattern: a random field on the sphere's
-surface that is alike over some degrees. How strong it is at each sector the picture tells: where
-the rim is plain it sharpens the place, where a seam runs it hardly counts.
+surface that is alike over some degrees. How strong it is at each sector comes from the picture:
+where the rim is plain it sharpens the place, where a seam runs it hardly counts.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ GEOMETRY = 5  # the first parameters
 # how much of the rim is hidden: where the picture shows the background in its place
 RIM = 1.5, 4.5  # pixels inside the outline that are looked at, wherever the ball is
 ALIKE = 3.0  # standard deviations of noise: the background and nothing else
-CLEAR = 12.0  # of them that ball and background are apart: with less nobody could tell
+CLEAR = 12.0  # of them that ball and background are apart: with less they are alike
 
 
 @njit(**OPTIONS)

@@ -270,7 +270,7 @@ def gather(
 ) -> None:
     """Add up the normal equations of one region.
 
-    `settling`: the model is not yet one whose means could tell the pixels' noise, and some of the
+    `settling`: the model is not yet one whose means could show the pixels' noise, and some of the
     rows do.
     """
     blocks, links, border, shared = sums

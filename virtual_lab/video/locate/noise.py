@@ -109,7 +109,7 @@ def _spread(change: Array) -> float:
 def _line(levels: Array, variances: Array) -> tuple[float, float]:
     """Return slope and intercept of variance over level, neither less than there can be."""
     weights = 1 / variances  # a variance's own spread goes with it
-    if np.ptp(levels) < 0.1 * max(levels.max(), 1.0):  # one level tells one of the two
+    if np.ptp(levels) < 0.1 * max(levels.max(), 1.0):  # one level shows one of the two
         return max(float(np.mean(variances) - ROUNDING) / max(levels.mean(), 1.0), 0.0), ROUNDING
     design = np.stack([np.maximum(levels, 0.0), np.ones_like(levels)], axis=1) * weights[:, None]
     gain, rest = _not_negative(design, (variances - ROUNDING) * weights)

@@ -1,7 +1,7 @@
 """How a ball's brightness near its rim looks through lens and pixel: tables over the depth.
 
 The surface of a sphere is seen at a slant: what lies an angle a from the rim lies R (1 - cos a)
-inside the outline. So brightness near the rim is told over sin a, the surface's facing: shading
+inside the outline. So brightness near the rim is given over sin a, the surface's facing: shading
 is linear in it, and a pattern has the same scale there all round.
 """
 

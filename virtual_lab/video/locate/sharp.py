@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 TRIED = 16  # regions in which it is looked for what all share
 LIT = 0.93  # of the ball: less of it is light, the rest in the dark
-LEAST = 6  # good ones among them that tell it
+LEAST = 6  # good ones among them that show it
 FIRST_OVAL_U = 0.01  # of outlines whose oval is to be learnt
 LEAST_OVAL_U = 2e-4  # of those whose oval was
 AGAIN = 0.3  # pixels, from start to end: by then the fit may have taken outline for pattern
@@ -64,7 +64,7 @@ def noise_of_ball(noise: Noise, seen: Regions, start: Located) -> Noise:
     """Return a noise that explains the evenest parts of balls too.
 
     A ball that is lighter than its background shows how unlike the pixels are; a darker one, the
-    noise in the dark, of which a bright background tells nothing.
+    noise in the dark, of which a bright background shows nothing.
     """
     count, rows, columns = seen.pixels.shape
     x, y = start.x - seen.corners[:, 0], start.y - seen.corners[:, 1]
@@ -92,7 +92,7 @@ def noise_of_ball(noise: Noise, seen: Regions, start: Located) -> Noise:
 def lens_of(seen: Regions, start: Located, noise: Noise, middle: tuple[float, float]) -> float:
     """Return the standard deviation of the lens's blur [pixel], as the ball's outline shows it.
 
-    Balls near the frame's `middle` tell it: there outlines are circles.
+    Balls near the frame's `middle` show it: there outlines are circles.
     """
     near = np.argsort(np.hypot(start.x - middle[0], start.y - middle[1]), kind="stable")
     tried = np.sort(near[:LENS_TRIED])
@@ -136,7 +136,7 @@ def _least(logs: Array, scores: Array) -> float:
 
 @dataclass(slots=True)
 class Sharp:
-    """The ball's places in regions of one clip, of which the first tell noise and lens."""
+    """The ball's places in regions of one clip, of which the first show noise and lens."""
 
     ball_radius: float | None = None  # [pixel], where the clip's scale is known
     known: dict[str, Any] = field(default_factory=dict)

@@ -36,7 +36,7 @@ HEAD = """\
 
 
 ARROW = 0.02  # of the picture's width: how long the rms residual is drawn
-DOTS = 1200  # residuals whose dots still tell apart
+DOTS = 1200  # residuals whose dots can still be distinguished
 INK, PLANE = "#0072b2", "#d55e00"
 
 

@@ -59,7 +59,7 @@ def followed_text(found: FollowedClip) -> str:
         )
         if contact := by_flight.get(k):
             value = contact.restitution
-            of = with_uncertainty(value.value, value.u) if value else "not told"
+            of = with_uncertainty(value.value, value.u) if value else "not stated"
             lines.append(
                 f"  {contact.kind} at frame {contact.frame:.2f}, {contact.time.value:.4f} s: "
                 f"restitution {of}"

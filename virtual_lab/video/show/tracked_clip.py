@@ -133,7 +133,7 @@ def track_clip(
     found = replace(found, warnings=(*found.warnings, *notes))
     if _wants_sharp(asked, found):
         return _sharp(found, calibration, progress)
-    # samples of a large clip take 50 MB, and have told what they can but how dark a picture is
+    # samples of a large clip take 50 MB, and have given what they can but how dark a picture is
     found = replace(found, clip=replace(clip, samples=clip.samples[:2].copy()))
     return TrackedClip(
         followed=found,

@@ -1,7 +1,7 @@
 """Straight flights, and where a way breaks: flight in, contact, flight out, lost frames.
 
 A frame during whose exposure the ball was struck belongs to neither flight; nor does one that
-shows the ball pressed against what it struck, which its neighbours' line tells.
+shows the ball pressed against what it struck, which its neighbours' line shows.
 """
 
 from __future__ import annotations
@@ -81,11 +81,11 @@ def fit_flight(
     *,
     rough: bool = False,
 ) -> StraightFlight:
-    """Return the straight flight through places, told for a moment: drag and gravity known.
+    """Return the straight flight through places, given for a moment: drag and gravity known.
 
     The uncertainty knows two kinds of error. Noise is new in every frame. The ball's own pattern
     moves its apparent centre slowly, as it turns: neighbouring frames err alike, residuals hide it,
-    and the slope takes it all. How large it is the pictures tell; how slow, the residuals.
+    and the slope takes it all. How large it is comes from the pictures, how slow from the residuals.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def fit_flight(
     pattern_u
         The same from the ball's pattern [m].
     moment
-        Time that place and velocity are told for, of the contact [s].
+        Time that place and velocity are given for, of the contact [s].
     rough
         The uncertainty is that of the residuals' scatter alone: quick, for a search.
     """
@@ -164,7 +164,7 @@ def _pattern(
     worst = max(possible or slow[:1], key=lambda each: float(each[1, 1]))
     if excess <= pattern_u**2:
         return np.asarray(power * worst)
-    # told by few residuals, and by nothing else
+    # known by few residuals, and by nothing else
     from scipy.special import stdtrit
 
     wide = (float(stdtrit(2 * spare, 0.975)) / NORMAL_95) ** 2
@@ -320,7 +320,7 @@ def _far(seen: Places, air: AirOnFlight, used: Mask) -> Mask:
 
 
 def _meeting(before: StraightFlight, after: StraightFlight) -> float:
-    """Return when two flights told for one moment are nearest to each other [s]."""
+    """Return when two flights given for one moment are nearest to each other [s]."""
     apart, change = after.place - before.place, after.velocity - before.velocity
     return before.time - float(apart @ change) / float(change @ change)
 

@@ -24,12 +24,12 @@ Array = NDArray[np.float64]
 UP = np.cos(30 * DEGREE)  # a change of velocity nearer to straight up than this is a floor's
 CROOKED = 3.0  # u of a place that the residuals may scatter by, noise and pattern together
 COVERAGE = 2.0  # u: what lies beyond is no chance
-FEW = 5  # frames of a flight: fewer tell little of their own scatter
+FEW = 5  # frames of a flight: fewer show little of their own scatter
 
 
 GROWN = 0.004  # of the radius through a flight: less is no matter, nor what a pattern may make
 SURE = 6.0  # standard uncertainties
-TREND = 8  # frames: fewer tell no trend
+TREND = 8  # frames: fewer show no trend
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

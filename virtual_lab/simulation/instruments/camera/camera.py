@@ -201,7 +201,7 @@ class Camera(CalibratedInstrument[CameraSpec]):
 
         Of an edge of contrast C in noise of variance V the Cramér-Rao bound of a disc is
         V/C² · 2s/(√π R) where it stands still, V/C² · L/(4R) along a blur L ≫ s. V is that of
-        the edge's pixels, each by what it tells: the mean of 1/V where the edge is steep.
+        the edge's pixels, each by what it says of a shift: the mean of 1/V where the edge is steep.
         """
         spec, light = self.spec, self.light
         shine = light.ambient + (1 - light.ambient) * (light.softness / (1 + light.softness))
