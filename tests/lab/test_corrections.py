@@ -148,7 +148,7 @@ def test_every_true_constant_moves_a_record(rig: str, rung: RecordDetail) -> Non
         for name in station.true_constants
         if name not in station.calibration or station.calibration[name].u > 0
     }
-    # marks on a witness paper are no shots: an aim that only they show strikes where it was set
+    # marks on an aim paper are no shots: an aim that only they show strikes where it was set
     still = {name for name, channels in found.items() if not channels - {"aim"}}
     assert still == UNSEEN.get((rig, rung), set())
     for encoder in ("encoder", "swing"):

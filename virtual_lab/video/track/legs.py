@@ -85,7 +85,7 @@ def fit_flight(
 
     The uncertainty knows two kinds of error. Noise is new in every frame. The ball's own pattern
     moves its apparent centre slowly, as it turns: neighbouring frames err alike, residuals hide it,
-    and the slope takes it all. How large it is comes from the pictures, how slow from the residuals.
+    and the slope takes it all. How large it is comes from the pictures; how slow, from residuals.
 
     Parameters
     ----------
