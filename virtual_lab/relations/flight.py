@@ -1,7 +1,8 @@
 """A ball in still air over a short straight line: quadratic drag, dv/dx = -κ v.
 
 With κ = ρ C_d A / (2 m) the speed falls as e^(-κx), so the time over a distance is exact in
-κ at any speed; κ = 0 is the ball without air.
+κ at any speed; κ = 0 is the ball without air. Of baseballs: A. M. Nathan, Am. J. Phys. 76 (2008)
+119.
 """
 
 from __future__ import annotations

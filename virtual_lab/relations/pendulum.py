@@ -1,4 +1,7 @@
-"""The physical pendulum: moment of inertia from the period, and the finite-amplitude factor."""
+"""The physical pendulum: moment of inertia from the period, and the finite-amplitude factor.
+
+T/T₀ = 2 K(sin(θ/2))/π of an amplitude θ: L. D. Landau and E. M. Lifshitz, Mechanics, section 11.
+"""
 
 from __future__ import annotations
 

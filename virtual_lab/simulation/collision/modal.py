@@ -1,8 +1,8 @@
 """The modal rung: the ball against the lowest modes of the bat, stepped in time.
 
 Modes too stiff to ring during the contact follow the force at once: together they are one
-spring in series with the ball (residual flexibility). Without it twenty modes err by 3e-3 in
-e_A; with it by 1e-4.
+spring in series with the ball (residual flexibility; R. H. MacNeal, Comput. Struct. 1 (1971)
+581). Without it twenty modes err by 3e-3 in e_A; with it by 1e-4.
 
 No damping acts during the millisecond of contact; the bat's damping ratio belongs to the
 ringing afterwards, the bearing's torques to the coasting. A dashpot at the pivot, weak or

@@ -6,7 +6,8 @@ The power law, with which everything but a study of the law itself is done: load
 
 Hunt and Crossley's, beside it: ``F = k u^a (1 + c u')``. Between two impacts of a wall
 ``w dw / (1 + c w) = -(k / m) u^a du``, so ``(1 + e0) c v = ln((1 + c v) / (1 - e0 c v))``: c
-follows from e0 and the speed alone, whatever mass, stiffness and exponent.
+follows from e0 and the speed alone, whatever mass, stiffness and exponent (K. H. Hunt and
+F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440).
 """
 
 from __future__ import annotations

@@ -3,7 +3,8 @@
 Deflection ``w`` and rotation ``psi`` are independent fields. ``psi`` is positive where it
 carries the barrel along positive ``w``, so a rigid turn about z_p is ``w = z_p - z, psi = 1``
 and the shear strain is ``w' + psi``. Spectral elements of order 4 and up, fully integrated,
-do not lock; rotary inertia is kept, of the section and of the lumps.
+do not lock; rotary inertia is kept, of the section and of the lumps (S. P. Timoshenko, Phil. Mag.
+41 (1921) 744).
 """
 
 from __future__ import annotations
