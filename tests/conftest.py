@@ -22,6 +22,17 @@ settings.register_profile("fixed", derandomize=True, deadline=None, database=Non
 settings.load_profile("fixed")
 
 PROCEDURE = "astm-f1881"
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Warm the kernels before the processes start, of which each would compile them all."""
+    config = session.config
+    if not hasattr(config, "workerinput") and config.getoption("numprocesses", 0):
+        from tests.warming import warm_kernels
+
+        warm_kernels()
+
+
 Play = Callable[..., "lab.Tested"]
 
 

@@ -1,0 +1,49 @@
+"""Compile what numba compiles, once, before the tests' processes would all do so at the same time.
+
+`python -m tests.warming bats` and `python -m tests.warming camera`, side by side.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+__all__ = ["warm_kernels"]
+
+ROOT = Path(__file__).parents[1]
+
+
+def warm_kernels() -> None:
+    """Compile the kernels in two processes, where no earlier run left them on disk."""
+    if any((ROOT / "virtual_lab").rglob("*.nbi")):
+        return
+    parts = [
+        subprocess.Popen([sys.executable, "-m", "tests.warming", part], cwd=ROOT) for part in PARTS
+    ]
+    for part in parts:
+        part.wait()  # what fails here fails in a test, with its words
+
+
+def _bats() -> None:
+    from tests.laboratories import certified
+    from virtual_lab import lab
+
+    for procedure in ("astm-f1881", "bbcor", "ncaa-besr"):
+        certified(procedure=procedure)
+        next(lab.Campaign.of("r161", procedure).run(1, 1))
+
+
+def _camera() -> None:
+    from virtual_lab.fidelity.camera_estimators import EDGE, ESTIMATORS
+    from virtual_lab.fidelity.camera_pictures import pictures
+    from virtual_lab.fidelity.camera_scenes import SOFT, Case
+
+    for case in (Case(), Case(stitched=True, light=SOFT)):
+        ESTIMATORS[EDGE](pictures(case).given)
+
+
+PARTS = {"bats": _bats, "camera": _camera}
+
+if __name__ == "__main__":
+    PARTS[sys.argv[1]]()
