@@ -14,9 +14,10 @@ from virtual_lab.bench.apparatus import Apparatus
 from virtual_lab.bench.day import Day
 from virtual_lab.bench.debrief import Debrief, debrief, debrief_page
 from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.inspection import doubts
+from virtual_lab.bench.inspection import doubts, known_doubts
 from virtual_lab.bench.keeping import laboratory_of, played, taken
 from virtual_lab.bench.operators import by_script, operator_of
+from virtual_lab.bench.scenario import load_scenario, scenario_names
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
 
@@ -59,6 +60,32 @@ def test_an_expert_adds_checks_and_changes_no_result() -> None:
 def test_an_expert_finds_what_the_book_does_not(fault: str) -> None:
     assert told("expert", fault).found == (fault,)
     assert fault not in {doubt.fault for doubt in doubts(Desk(day_by("book")))}
+
+
+def test_a_remedied_fault_leaves_a_verdict_and_a_spoilt_day_none() -> None:
+    """A gate gauged and reduced with: as on a sound day. A dish on the scale: nothing is said."""
+    gauged, weighed = told("expert", "gate-moved"), told("expert", "scale-not-tared")
+    assert gauged.verdict == gauged.right_verdict == "PASS"
+    assert weighed.verdict == weighed.right_verdict == "INVALID"
+    assert scores(gauged)["result"] == scores(weighed)["result"] == 1.0
+    missed = told("book", "scale-not-tared")
+    assert (missed.verdict, missed.right_verdict) == ("PASS", "INVALID")
+    assert scores(missed)["result"] < 0.5
+    assert scores(missed)["detection"] == 0.0
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_no_scenario_holds_a_fault_that_an_expert_has_no_check_for(name: str) -> None:
+    """Those checks found 100 of 100 days of each (slice 2's study); names give nothing away."""
+    found = load_scenario(name).spec
+    assert set(found.faults) <= {
+        "gate-moved",
+        "bat-cracked",
+        "scale-not-tared",
+        "encoder-half-counts",
+    }
+    told_of = " ".join(str(value) for value in found.briefing().values())
+    assert not any(fault in told_of + name for fault in known_doubts())
 
 
 def test_an_expert_reduces_with_the_gauge_where_a_gate_was_moved() -> None:

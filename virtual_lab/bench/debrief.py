@@ -98,11 +98,9 @@ def debrief(apparatus: Apparatus, day: Day, scenario: Scenario) -> Debrief:
     }
     named = {name: sure for name, sure in named.items() if name in known_doubts()}
     faults = scenario.faults
-    right = "INVALID" if faults else "MEASURED"
-    if not faults and truth is not None and limit is not None:
-        right = "PASS" if truth <= limit else "FAIL"
+    right = _right_verdict(value, u, truth, limit, spoilt=bool(faults))
     scores = (
-        _result_score(value, u, truth, day.verdict, right),
+        _result_score(value, u, truth, day.verdict, right, bool(set(faults) & set(named))),
         _detection_score(named, faults),
         _protocol_score(day),
         _record_score(desk),
@@ -138,14 +136,42 @@ def _result(desk: Desk) -> tuple[float | None, float | None]:
     return (metric.value, metric.u) if metric else (None, None)
 
 
+def _right_verdict(
+    value: float | None,
+    u: float | None,
+    truth: float | None,
+    limit: float | None,
+    *,
+    spoilt: bool,
+) -> str:
+    """Return the verdict of who knows the truth: INVALID where a fault put the result beyond U."""
+    if value is None or u is None or truth is None:
+        return "INVALID" if spoilt else "MEASURED"
+    if spoilt and abs(value - truth) > 2 * u:
+        return "INVALID"
+    if limit is None:
+        return "MEASURED"
+    return "PASS" if truth <= limit else "FAIL"
+
+
 def _result_score(
-    value: float | None, u: float | None, truth: float | None, verdict: str, right: str
+    value: float | None,
+    u: float | None,
+    truth: float | None,
+    verdict: str,
+    right: str,
+    found: bool,
 ) -> tuple[float, str]:
-    """Score |x - truth| / U with U = 2 u, and nothing for a false pass or a false fail."""
+    """Score |x - truth| / U with U = 2 u, and nothing for a false pass or a false fail.
+
+    Who found a fault may refuse to judge, even where the result would have held.
+    """
     if {verdict, right} == {"PASS", "FAIL"}:
         return 0.0, f"a false {verdict}: the bat is a {right}"
+    if verdict == "INVALID" and (right == "INVALID" or found):
+        return 1.0, "rightly not judged"
     if right == "INVALID":
-        return (1.0, "rightly INVALID") if verdict == right else (0.2, "judged on a faulty day")
+        return 0.2, "judged on a faulty day, the result beyond its U"
     if value is None or u is None or truth is None:
         return 0.2, "no result, of a bat that could be judged"
     normalised = abs(value - truth) / (2 * u)
