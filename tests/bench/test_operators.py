@@ -76,7 +76,7 @@ def test_a_remedied_fault_leaves_a_verdict_and_a_spoilt_day_none() -> None:
 
 @pytest.mark.parametrize("name", scenario_names())
 def test_no_scenario_holds_a_fault_that_an_expert_has_no_check_for(name: str) -> None:
-    """Those checks found 100 of 100 days of each (slice 2's study); names give nothing away."""
+    """Its checks found each of these on 100 days of 100; names give nothing away."""
     found = load_scenario(name).spec
     assert set(found.faults) <= {
         "gate-moved",

@@ -23,7 +23,7 @@ class RehearsedDay:
     """A day that an operator has taken: its debrief, its log and its sealed file."""
 
     debrief: Debrief
-    files: Mapping[str, bytes]
+    kept: Mapping[str, bytes]  # by the names of the files
 
     @property
     def document(self) -> dict[str, Any]:
@@ -45,7 +45,7 @@ class RehearsedDay:
         """Write log, sealed file and debrief into a new folder."""
         target = Path(folder)
         with new_folder(target) as draft:
-            for name, content in self.files.items():
+            for name, content in self.kept.items():
                 (draft / name).write_bytes(content)
             (draft / SECRET).chmod(0o600)
             save_debrief(self.debrief, draft)
@@ -90,7 +90,7 @@ def rehearse(
         kept = KeptDay.begin(folder, entry, seed)
         told = debrief(kept.apparatus, kept.taken(taker), kept.scenario)
         files = {name: (folder / name).read_bytes() for name in (LOG, SECRET)}
-    return RehearsedDay(debrief=told, files=files)
+    return RehearsedDay(debrief=told, kept=files)
 
 
 def save_debrief(told: Debrief, folder: Path) -> None:
