@@ -29,7 +29,12 @@ DEFINED: dict[str, dict[str, Fraction]] = {
     "speed": {"m/s": Fraction(1), "mph": MPH},
     "slope of speed": {"s/m": Fraction(1), "1/mph": 1 / MPH},
     "slope of length": {"1/m": Fraction(1), "1/in": 1 / INCH},
-    "time": {"s": Fraction(1), "ms": Fraction(1, 1000), "us": Fraction(1, 10**6)},
+    "time": {
+        "s": Fraction(1),
+        "ms": Fraction(1, 1000),
+        "us": Fraction(1, 10**6),
+        "min": Fraction(60),
+    },
     "frequency": {"Hz": Fraction(1), "kHz": Fraction(1000)},
     "angle": {
         "rad": Fraction(1),

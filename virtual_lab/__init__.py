@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         track,
     )
     from virtual_lab.api.charts import chart, stability
+    from virtual_lab.bench.running import rehearse
     from virtual_lab.errors import InputError
     from virtual_lab.fidelity.mode_convergence import convergence
     from virtual_lab.studies.bats.ball_law import sensitivity
@@ -83,6 +84,7 @@ __all__ = [
     "procedure",
     "profile",
     "reduce",
+    "rehearse",
     "rig",
     "score",
     "sensitivity",

@@ -25,7 +25,7 @@ DIMENSIONS: dict[str, dict[str, float]] = {
     "speed": {"m/s": 1.0, "mph": MPH},
     "slope of speed": {"s/m": 1.0, "1/mph": 1 / MPH},
     "slope of length": {"1/m": 1.0, "1/in": 1 / INCH},
-    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
     "frequency": {"Hz": 1.0, "kHz": 1e3},
     "angle": {"rad": 1.0, "mrad": 1e-3, "deg": DEGREE},
     "angular speed": {"rad/s": 1.0},

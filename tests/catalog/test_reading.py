@@ -14,6 +14,8 @@ from hypothesis import strategies as st
 
 from tests.test_units import DEFINED
 from virtual_lab import catalog
+from virtual_lab.bench.scenario import load_scenario, scenario_names
+from virtual_lab.bench.table import action_table
 from virtual_lab.catalog.specs import BallSpec, Dimension, Spec
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import Procedure
@@ -101,12 +103,23 @@ def test_every_folder_of_the_catalog_is_read_here() -> None:
     assert holding == {
         "bats",
         "balls",
+        "bench",
         "conditions",
         "faults",
         "instruments",
         "procedures",
         "rigs",
     }
+
+
+def test_the_table_of_actions_reads() -> None:
+    """What it says beyond this is held in tests/bench."""
+    assert action_table().actions
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_every_scenario_reads(name: str) -> None:
+    assert load_scenario(name).spec.name == name
 
 
 @pytest.mark.parametrize("name", catalog.names("rigs"))
@@ -130,7 +143,7 @@ def test_source_keys_are_the_ones_explained() -> None:
     """Both ways: no number of unknown source, no explanation that nothing needs."""
     explained = tomllib.loads((DATA / "sources.toml").read_text("utf-8"))
     used: dict[str, Path] = {}
-    for path in sorted(DATA.glob("*/*.toml")):
+    for path in sorted(DATA.rglob("*/*.toml")):
         document = tomllib.loads(path.read_text("utf-8"))
         used.update(dict.fromkeys(_sources(document), path))
     for path in sorted(DATA.glob("*/*.csv")):

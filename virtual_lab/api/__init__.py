@@ -66,6 +66,7 @@ ELSEWHERE = {  # name: module, name there; functions take sheets and paths in th
     "paper": (f"{STUDIES}.paper", "paper"),
     "percussion": (f"{STUDIES}.bats.percussion", "percussion"),
     "profile": (f"{STUDIES}.bats.compare", "profile"),
+    "rehearse": ("virtual_lab.bench.running", "rehearse"),
     "score": (f"{STUDIES}.score", "score_folder"),
     "sensitivity": (f"{STUDIES}.bats.ball_law", "sensitivity"),
     "shelf": (f"{STUDIES}.inventory", "shelf"),

@@ -98,14 +98,14 @@ def find(kind: str, name: str) -> Path:
     """
     if name.endswith(".toml"):
         if not os.path.isfile(name):  # and no name that is too long for one
-            raise InputError("", f"{kind.removesuffix('s')} file", name, "no such file")
+            raise InputError("", f"{Path(kind).name.removesuffix('s')} file", name, "no such file")
         return Path(name)
     known = names(kind)
     if name not in known:
         others = [other for other in KINDS if name in names(other)]
         hint = f"{name} is among the {others[0]}; " if others else nearest(name, known)
         allowed = f"{hint}known: {', '.join(known)}, or a .toml file"
-        raise InputError("", kind.removesuffix("s"), name, allowed)
+        raise InputError("", Path(kind).name.removesuffix("s"), name, allowed)
     return DATA / kind / f"{name}.toml"
 
 

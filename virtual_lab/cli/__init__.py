@@ -17,6 +17,7 @@ from virtual_lab.cli.camera import board, calibrate, track
 from virtual_lab.cli.certifying import certify, reduce, score, template
 from virtual_lab.cli.fidelity import chart, convergence, stability
 from virtual_lab.cli.plumbing import Sections
+from virtual_lab.cli.rehearse import rehearse
 from virtual_lab.cli.studying import bias, coverage, critique, daily, faults, paper
 from virtual_lab.errors import InputError
 
@@ -87,7 +88,7 @@ cli = Sections(
     invoke_without_command=True,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 96},
     sections={
-        "Test a bat": (certify, score, reduce, template),
+        "Test a bat": (certify, score, reduce, template, rehearse),
         "Bats, and what else is in the catalog": (
             list_,
             show,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -10,6 +11,7 @@ if TYPE_CHECKING:
 __all__ = ["page_template"]
 
 
+@cache
 def page_template(package: str, name: str) -> Template:
     """Return a template of a package: everything put into it is escaped, nothing may be missing."""
     from jinja2 import Environment, PackageLoader, StrictUndefined

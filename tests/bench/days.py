@@ -1,0 +1,85 @@
+"""Days at the bench that many tests look at, each laboratory opened once in a process."""
+
+from collections.abc import Iterable
+from functools import cache
+from typing import Any
+
+from virtual_lab.bench.actions import Action, action_of
+from virtual_lab.bench.apparatus import Apparatus
+from virtual_lab.bench.day import Day
+from virtual_lab.bench.keeping import laboratory_of, played
+from virtual_lab.bench.scenario import Scenario
+
+__all__ = ["PLAIN", "READY", "apparatus", "asked", "day_of", "scenario", "with_change", "without"]
+
+SEED, SALT = 3, b"salt of the tests"
+PLACE_MM = 163.0  # the centre of percussion of the bat of seed 3
+READY = ("zero-encoder", "clear-scrap", "wait-pressure", "wait-rest")
+BENCH = (
+    "tare",
+    "weigh-bat",
+    "weigh-balls",
+    "measure-length",
+    "measure-barrel",
+    "level-stand",
+    "measure-balance",
+    "fit-clamp",
+    "swing",
+    "hit-wall",
+    "witness-paper",
+)
+BALLS = (1, 2, 3, 4, 5, 6, 8)  # the rules set ball 7 aside
+Asked = tuple[str, dict[str, Any]]
+PLAIN: tuple[Asked, ...] = (  # what the rules ask for, seven balls of which one comes in slow
+    *((name, {}) for name in BENCH),
+    ("set-place", {"place": PLACE_MM}),
+    *(
+        each
+        for shot, ball in enumerate(BALLS, 1)
+        for each in (
+            ("load-ball", {"ball": ball}),
+            *((step, {}) for step in READY),
+            ("fire", {}),
+            ("reject", {"shot": shot, "because": "slow"})
+            if shot == 2
+            else ("accept", {"shot": shot}),
+        )
+    ),
+)
+
+
+def scenario(faults: tuple[str, ...] = (), **changes: Any) -> Scenario:
+    given = {
+        "name": "test",
+        "title": "A test's day",
+        "task": "Test it.",
+        "bat": "r161",
+        "procedure": "astm-f1881",
+        "faults": faults,
+        "minutes": 7800.0,
+        "shots": 8,
+    }
+    return Scenario(**given | changes)
+
+
+@cache
+def apparatus(*faults: str) -> Apparatus:
+    return Apparatus(laboratory_of(scenario(faults), SEED, SALT))
+
+
+def asked(days: Iterable[Asked]) -> list[Action]:
+    return [action_of(name, given) for name, given in days]
+
+
+def without(*names: str) -> list[Asked]:
+    """Return the plain day with some actions left out wherever they stand."""
+    return [each for each in PLAIN if each[0] not in names]
+
+
+def with_change(name: str, **arguments: Any) -> list[Asked]:
+    """Return the plain day with an action's arguments changed."""
+    return [(each, given | arguments if each == name else given) for each, given in PLAIN]
+
+
+def day_of(days: Iterable[Asked], *faults: str) -> Day:
+    return played(apparatus(*faults), asked(days))

@@ -1,0 +1,234 @@
+"""Operators and the debrief: who does what, what is found, what is scored, what cost most."""
+
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+import virtual_lab as vl
+from tests.bench.days import PLAIN, SALT, apparatus, asked, scenario
+from virtual_lab.bench.apparatus import Apparatus
+from virtual_lab.bench.day import Day
+from virtual_lab.bench.debrief import Debrief, debrief, debrief_page
+from virtual_lab.bench.desk import Desk
+from virtual_lab.bench.inspection import doubts, known_doubts
+from virtual_lab.bench.keeping import laboratory_of, played, taken
+from virtual_lab.bench.operators import by_script, operator_of
+from virtual_lab.bench.scenario import load_scenario, scenario_names
+from virtual_lab.cli import cli
+from virtual_lab.errors import InputError
+
+END = (("reduce", {}), ("give-verdict", {"verdict": "PASS"}), ("hand-in", {}))
+
+
+@cache
+def day_by(name: str, *faults: str) -> Day:
+    return taken(apparatus(*faults), operator_of(name, 4))
+
+
+@cache
+def told(name: str, *faults: str) -> Debrief:
+    return debrief(apparatus(*faults), day_by(name, *faults), scenario(faults))
+
+
+def scores(found: Debrief) -> dict[str, float]:
+    return {score.name: score.value for score in found.scores}
+
+
+def test_the_book_takes_the_plain_test() -> None:
+    found = told("book")
+    assert found.verdict == found.right_verdict == "PASS"
+    assert found.costly == ()
+    assert set(scores(found).values()) == {1.0}
+    assert found.faults == found.false_alarms == ()
+
+
+def test_an_expert_adds_checks_and_changes_no_result() -> None:
+    done = {event.action for event in day_by("expert").events}
+    assert {"tap-bat", "weigh-check-mass", "fire-check-cylinder", "gauge-gates"} <= done
+    assert told("expert").value == told("book").value
+    assert told("expert").false_alarms == ()
+    assert told("expert").minutes > told("book").minutes
+
+
+@pytest.mark.parametrize(
+    "fault", ["scale-not-tared", "bat-cracked", "encoder-half-counts", "gate-moved"]
+)
+def test_an_expert_finds_what_the_book_does_not(fault: str) -> None:
+    assert told("expert", fault).found == (fault,)
+    assert fault not in {doubt.fault for doubt in doubts(Desk(day_by("book")))}
+
+
+def test_a_remedied_fault_leaves_a_verdict_and_a_spoilt_day_none() -> None:
+    """A gate gauged and reduced with: as on a sound day. A dish on the scale: nothing is said."""
+    gauged, weighed = told("expert", "gate-moved"), told("expert", "scale-not-tared")
+    assert gauged.verdict == gauged.right_verdict == "PASS"
+    assert weighed.verdict == weighed.right_verdict == "INVALID"
+    assert scores(gauged)["result"] == scores(weighed)["result"] == 1.0
+    missed = told("book", "scale-not-tared")
+    assert (missed.verdict, missed.right_verdict) == ("PASS", "INVALID")
+    assert scores(missed)["result"] < 0.5
+    assert scores(missed)["detection"] == 0.0
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_no_scenario_holds_a_fault_that_an_expert_has_no_check_for(name: str) -> None:
+    """Its checks found each of these on 100 days of 100; names give nothing away."""
+    found = load_scenario(name).spec
+    assert set(found.faults) <= {
+        "gate-moved",
+        "bat-cracked",
+        "scale-not-tared",
+        "encoder-half-counts",
+    }
+    told_of = " ".join(str(value) for value in found.briefing().values())
+    assert not any(fault in told_of + name for fault in known_doubts())
+
+
+def test_an_expert_reduces_with_the_gauge_where_a_gate_was_moved() -> None:
+    used = [event for event in day_by("expert", "gate-moved").events if event.constants]
+    assert [event.action for event in used] == ["gauge-gates"]
+
+
+def test_the_careless_leave_out_and_wave_through() -> None:
+    found, day = told("careless"), day_by("careless")
+    assert scores(found)["protocol"] < 0.9
+    assert scores(found)["record"] < 1
+    waved = [e for e in day.events if e.arguments.get("because") == "near enough"]
+    assert waved
+    assert found.costly
+
+
+def test_the_cheating_reject_what_is_high() -> None:
+    """Every reason given against the windows is on a hit above the middle of those before."""
+    day = day_by("cheating")
+    made_up = [e.arguments["shot"] for e in day.events if "sound right" in str(e.arguments)]
+    assert made_up
+    assert scores(told("cheating"))["record"] < 0.9
+    assert scores(told("cheating"))["protocol"] == 1.0
+
+
+def test_the_cost_of_a_decision_is_the_day_played_with_it_mended() -> None:
+    """Against a day that was really taken otherwise: the balance entered in inches."""
+    wrong = [
+        (name, given | {"end": "knob"} if name == "measure-balance" else given)
+        for name, given in PLAIN
+    ]
+    day, sound = (played(apparatus(), asked([*days, *END])) for days in (wrong, PLAIN))
+    found = debrief(apparatus(), day, scenario())
+    entry = next(e.number for e in day.events if e.action == "measure-balance")
+    costs = {each.entry: each for each in found.costly}
+    other = Desk(sound).certification.metric
+    assert other is not None
+    if found.value is None:
+        assert costs[entry].word == "no result because of it"
+    else:
+        cost = abs(found.value - found.truth) - abs(other.value - found.truth)
+        assert costs[entry].cost == pytest.approx(cost, rel=1e-9)
+
+
+def test_a_lucky_mistake_is_called_luck() -> None:
+    """Hits thrown out one at a time: some must bring the mean nearer to the truth."""
+    words = set()
+    for shot in (1, 3, 4, 5, 6, 7):
+        days = [*PLAIN, ("reject", {"shot": shot, "because": "a feeling"}), *END]
+        day = played(apparatus(), asked(days))
+        each = debrief(apparatus(), day, scenario()).costly[0]
+        assert (each.cost < 0) == each.word.startswith("luck")
+        words.add(each.word.split(":")[0])
+        if len(words) == 2:
+            break
+    assert words == {"cost", "luck"}
+
+
+def test_a_justified_deviation_is_not_marked_down() -> None:
+    days = [each for each in PLAIN if each[0] != "level-stand"]
+    note = ("note-deviation", {"because": "level-stand: the stand levels itself"})
+    bare, excused = (
+        scores(debrief(apparatus(), played(apparatus(), asked(each)), scenario()))["protocol"]
+        for each in ([*days, *END], [note, *days, *END])
+    )
+    assert bare < excused == 1.0
+
+
+def test_confidence_counts() -> None:
+    """By Brier: a false alarm of 30 % costs less than one of 90 %."""
+
+    def score(confidence: float) -> float:
+        doubt = ("note-doubt", {"doubt": "gate-moved", "confidence": confidence})
+        day = played(apparatus(), asked([doubt, *PLAIN, *END]))
+        return scores(debrief(apparatus(), day, scenario()))["detection"]
+
+    assert score(30) == pytest.approx(1 - 0.09)
+    assert score(90) == pytest.approx(1 - 0.81)
+
+
+def test_a_false_pass_is_worth_nothing() -> None:
+    day = replace(played(apparatus(), asked([*PLAIN, *END])), verdict="FAIL")
+    assert scores(debrief(apparatus(), day, scenario()))["result"] == 0
+
+
+def test_the_debrief_waits_for_the_end() -> None:
+    with pytest.raises(InputError, match="handed in"):
+        debrief(apparatus(), played(apparatus(), asked(PLAIN)), scenario())
+
+
+def test_what_is_typed_is_escaped() -> None:
+    note = ("note-deviation", {"because": "<script>alert(1)</script>"})
+    day = played(apparatus(), asked([note, *PLAIN, *END]))
+    page = debrief_page(debrief(apparatus(), day, scenario()))
+    assert "<script" not in page
+    assert "&lt;script&gt;" in page
+
+
+def test_a_script_is_taken_as_it_stands_and_a_wrong_line_is_named(tmp_path: Path) -> None:
+    actions = [{"do": name, **given} for name, given in (*PLAIN, *END)]
+    path = tmp_path / "day.json"
+    path.write_text(json.dumps({"actions": actions}), "utf-8")
+    found = vl.rehearse(script=path, seed=3)
+    assert found.debrief.value == told("book").value
+    with pytest.raises(InputError, match=r"day.json: actions\[1\]; .*known"):
+        by_script({"actions": [{"do": "sing"}]}, "day.json")
+    with pytest.raises(InputError, match=r"actions\[2\]"):
+        by_script({"actions": [{"do": "tare"}, "tare"]}, "day.json")
+
+
+def test_the_command_writes_a_day_and_its_debrief(tmp_path: Path) -> None:
+    out = tmp_path / "day"
+    given = ["rehearse", "--operator", "book", "--seed", "3", "--out", str(out), "--json"]
+    done = CliRunner().invoke(cli, given, catch_exceptions=False)
+    document = json.loads(done.stdout)
+    assert document["value"] == told("book").value
+    assert {path.name for path in out.iterdir()} == {
+        "day.sqlite",
+        "sealed.json",
+        "debrief.json",
+        "debrief.html",
+    }
+    assert json.loads((out / "debrief.json").read_text("utf-8"))["verdict"] == "PASS"
+
+
+def test_an_operator_sees_no_truth() -> None:
+    """Two laboratories whose records agree so far get the same actions, whatever is sealed."""
+    one = Apparatus(laboratory_of(scenario(), 3, SALT))
+    cracked = apparatus("bat-cracked")
+    before = [
+        [action.name for _, action in zip(range(14), seen, strict=False)]
+        for seen in (_first_actions(one), _first_actions(cracked))
+    ]
+    assert before[0] == before[1]
+
+
+def _first_actions(machines: Apparatus):
+    taken_day = taken(machines, _until_fire)
+    return iter(asked([(e.action, dict(e.arguments)) for e in taken_day.events]))
+
+
+def _until_fire(look):
+    for action in operator_of("expert")(look):
+        if action.name == "fire":
+            return
+        yield action

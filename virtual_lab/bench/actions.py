@@ -1,0 +1,193 @@
+"""What can be asked for at the bench: actions by name, and the arguments that each takes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import isfinite
+from types import MappingProxyType
+from typing import Literal
+
+from virtual_lab.bench.table import action_table
+from virtual_lab.errors import InputError, nearest
+from virtual_lab.units import INCH, OUNCE
+
+__all__ = ["ARGUMENTS", "LENGTHS", "MASSES", "Action", "Argument", "action_of"]
+
+Value = str | float | int
+LENGTHS = MappingProxyType({"mm": 1e-3, "cm": 1e-2, "in": INCH})
+MASSES = MappingProxyType({"g": 1e-3, "oz": OUNCE})
+LONGEST_TEXT = 300
+COMMA = re.compile(r"[+-]?\d+,\d+")  # a decimal comma; 1,200,000 is none
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Argument:
+    """One thing that an action is told."""
+
+    name: str
+    title: str
+    kind: Literal["number", "whole", "choice", "text"]
+    unit: str = ""  # of a number
+    default: Value | None = None  # None: it must be given
+    low: float = -1e6
+    high: float = 1e6
+    choices: tuple[str, ...] = ()
+
+    def read(self, raw: object, action: str) -> Value:
+        """Return the value that was typed or sent; `InputError` where it is none."""
+        if raw is None or (isinstance(raw, str) and not raw.strip()):
+            if self.default is None:
+                raise InputError(action, self.name, None, f"is missing: {self.title}")
+            return self.default
+        if self.kind == "text":
+            text = str(raw).strip()
+            if len(text) > LONGEST_TEXT or not text.isprintable():
+                allowed = f"allowed: a line of up to {LONGEST_TEXT} characters"
+                raise InputError(action, self.name, text, allowed)
+            return text
+        if self.kind == "choice":
+            if raw not in self.choices:
+                allowed = f"{nearest(raw, self.choices)}allowed: {', '.join(self.choices)}"
+                raise InputError(action, self.name, raw, allowed)
+            return str(raw)
+        return self._number(raw, action)
+
+    def _number(self, raw: object, action: str) -> Value:
+        text = str(raw).strip()
+        if COMMA.fullmatch(text):
+            text = text.replace(",", ".")
+        try:
+            number = float(text) if not isinstance(raw, bool) else float("nan")
+        except ValueError:
+            number = float("nan")
+        whole = self.kind == "whole"
+        fits = isfinite(number) and self.low <= number <= self.high
+        if not fits or (whole and number != int(number)):
+            kind = "whole numbers" if whole else "numbers"
+            allowed = f"allowed: {kind} from {self.low:g} to {self.high:g} {self.unit}".rstrip()
+            raise InputError(action, self.name, raw, allowed)
+        return int(number) if whole else number
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Action:
+    """One action asked for, its arguments read."""
+
+    name: str
+    arguments: Mapping[str, Value] = field(default_factory=dict)
+
+
+def _choice(name: str, title: str, *choices: str) -> Argument:
+    return Argument(name=name, title=title, kind="choice", choices=choices, default=choices[0])
+
+
+MASS = _choice("entered_as", "scale in g, entered as", *MASSES)
+LENGTH = _choice("entered_as", "rule in mm, entered as", *LENGTHS)
+BALL = Argument(name="ball", title="ball", kind="whole", low=1, high=1000)
+SHOT = Argument(name="shot", title="shot", kind="whole", low=1, high=10_000)
+REASON = Argument(name="because", title="because", kind="text")
+
+ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
+    {
+        "weigh-bat": (MASS,),
+        "weigh-balls": (MASS,),
+        "measure-length": (LENGTH,),
+        "measure-barrel": (LENGTH,),
+        "measure-balance": (_choice("end", "measured from", "tip", "knob"), LENGTH),
+        "fit-clamp": (_choice("fitted", "on the bat", "yes", "no"),),
+        "swing": (
+            Argument(
+                name="amplitude",
+                title="let go at",
+                kind="number",
+                unit="deg",
+                default=4.0,
+                low=0.5,
+                high=45,
+            ),
+            Argument(name="swings", title="swings", kind="whole", default=10, low=1, high=100),
+            _choice("clock", "timed by", "photogate", "hand"),
+        ),
+        "gauge-gates": (_choice("use", "reduce with", "certificate", "gauge"),),
+        "re-aim": (
+            Argument(
+                name="along",
+                title="along the bat, to the knob",
+                kind="number",
+                unit="mm",
+                default=0.0,
+                low=-50,
+                high=50,
+            ),
+            Argument(
+                name="across",
+                title="up",
+                kind="number",
+                unit="mm",
+                default=0.0,
+                low=-50,
+                high=50,
+            ),
+        ),
+        "set-place": (
+            Argument(name="place", title="from the tip", kind="number", low=0, high=1500),
+            _choice("unit", "unit", *LENGTHS),
+        ),
+        "load-ball": (BALL,),
+        "retire-ball": (BALL, REASON),
+        "accept": (
+            SHOT,
+            Argument(name="because", title="because", kind="text", default="within the windows"),
+        ),
+        "reject": (SHOT, REASON),
+        "strike-out": (
+            Argument(name="entry", title="entry", kind="whole", low=1, high=100_000),
+            REASON,
+        ),
+        "note-doubt": (
+            Argument(name="doubt", title="what is wrong", kind="text"),
+            Argument(
+                name="confidence",
+                title="how sure",
+                kind="number",
+                unit="%",
+                default=70.0,
+                low=0,
+                high=100,
+            ),
+        ),
+        "note-deviation": (REASON,),
+        "give-verdict": (
+            Argument(
+                name="verdict",
+                title="verdict",
+                kind="choice",
+                choices=("PASS", "FAIL", "INVALID"),
+            ),
+            Argument(name="doubt", title="worst doubt", kind="text", default="none"),
+        ),
+    }
+)
+
+
+def action_of(name: str, arguments: Mapping[str, object] | None = None) -> Action:
+    """Return the action of a name with its arguments read.
+
+    Raises
+    ------
+    InputError
+        No such action, an argument that it does not take, is missing or does not fit.
+    """
+    known = action_table().actions
+    if name not in known:
+        allowed = f"{nearest(name, known)}known: {', '.join(known)}"
+        raise InputError("", "action", name, allowed)
+    given = dict(arguments or {})
+    takes = {argument.name: argument for argument in ARGUMENTS.get(name, ())}
+    if strange := [key for key in given if key not in takes]:
+        allowed = f"allowed: {', '.join(takes) or 'no argument'}"
+        raise InputError(name, str(strange[0]), None, allowed)
+    read = {key: argument.read(given.get(key), name) for key, argument in takes.items()}
+    return Action(name=name, arguments=read)

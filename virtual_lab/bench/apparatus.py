@@ -1,0 +1,341 @@
+"""The apparatus: what each action makes the laboratory's machines do, and what they write.
+
+With `checks` and `firing` it is what knows the truth on the bench. What it plays is a function of
+the entries before an action and of the laboratory: nothing is kept, so a day can be taken up again
+from its log, or played again with another action in it. Draws belong to the number of a reading or
+a shot, so the order of readings changes none of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.bench.actions import LENGTHS, MASSES, Action
+from virtual_lab.bench.checks import CheckStandards, Shown, speed_ratio
+from virtual_lab.bench.day import Day, Event
+from virtual_lab.bench.desk import Desk
+from virtual_lab.bench.entries import entry_of_constant, entry_of_record
+from virtual_lab.bench.firing import Firing, altered
+from virtual_lab.bench.table import Consequences, action_table
+from virtual_lab.lab import Laboratory, TestDay, Tested
+from virtual_lab.records import Record
+from virtual_lab.simulation.faults.fault import other_sheet
+from virtual_lab.simulation.instruments.indicator import quantise
+from virtual_lab.simulation.physics.modes import modes_of
+from virtual_lab.simulation.physics.supports import Free
+from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage, Station
+from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.units import DEGREE
+
+__all__ = ["Apparatus", "Reading"]
+
+Array = NDArray[np.float64]
+CHECK_BALL, CHECK_CYLINDER = "check-ball", "check-cylinder"
+CHART_DAYS = 12  # mornings whose checks stand on the chart
+CHART_SLOT = 1_000_000  # the first shot of those mornings, beyond any of the day's
+MILLIMETRE, GRAM = 1e-3, 1e-3
+CHANNELS = {  # action: channel of the bench
+    "weigh-bat": "bat-mass",
+    "weigh-balls": "ball-mass",
+    "measure-length": "length",
+    "measure-barrel": "barrel-radius",
+    "measure-balance": "balance",
+    "swing": "pendulum",
+}
+
+
+class Reading(NamedTuple):
+    """What an action gave: records by channel, what a display shows, constants found."""
+
+    records: Mapping[str, Record] = {}
+    shown: Shown = ()
+    constants: Mapping[str, Estimate] = {}
+
+
+@dataclass(frozen=True)
+class Apparatus:
+    """The machines of one laboratory, and the specimens on them."""
+
+    laboratory: Laboratory
+
+    @cached_property
+    def firing(self) -> Firing:
+        return Firing(self.laboratory)
+
+    @cached_property
+    def checks(self) -> CheckStandards:
+        return CheckStandards(self.laboratory)
+
+    def play(self, day: Day, action: Action) -> Event:
+        """Carry out an action on a day that allows it: the event, its price still to be put in."""
+        gives = self._actions.get(action.name)
+        reading = gives(day, action) if gives else Reading()
+        return Event(
+            number=len(day.events) + 1,
+            action=action.name,
+            arguments=dict(action.arguments),
+            seconds=0.0,
+            records={name: entry_of_record(record) for name, record in reading.records.items()},
+            shown=reading.shown,
+            constants={key: entry_of_constant(known) for key, known in reading.constants.items()},
+        )
+
+    def finish(self, day: Day) -> Tested:
+        """Return the certification of a day that was reduced, and what really happened on it.
+
+        Raises `InputError` as `Desk.reduced`.
+        """
+        desk = Desk(day)
+        laboratory = self.laboratory
+        wall = self.firing.wall(day.times("hit-wall") - 1)
+        balls = replace(self.firing.balls(day), used=desk.preparation.lot.used)
+        plans, rounds = zip(*self.firing.fired(day), strict=True)
+        return TestDay(
+            laboratory=replace(laboratory, specimen=replace(laboratory.specimen, balls=balls)),
+            session=desk.session,
+            bench=self._bench(laboratory),
+            wall=wall,
+            preparation=desk.preparation,
+            plans=plans,
+            rounds=rounds,
+            reduced=desk.reduced,
+        ).finish()
+
+    @property
+    def _table(self) -> Consequences:
+        return action_table().consequences
+
+    @cached_property
+    def _actions(self) -> Mapping[str, Callable[[Day, Action], Reading]]:
+        return {
+            **dict.fromkeys(CHANNELS, self._measure),
+            "weigh-check-mass": self._check_mass,
+            "gauge-balls": self._gauge_balls,
+            "tap-bat": self._tap,
+            "hit-wall": self._hit_wall,
+            "fire-check-ball": lambda day, action: Reading(
+                shown=self.checks.ball(day.times(action.name))
+            ),
+            "gauge-gates": self._gauge_gates,
+            "fire-check-cylinder": lambda day, action: Reading(
+                shown=self.checks.cylinder(day.times(action.name))
+            ),
+            "witness-paper": self._witness_paper,
+            "re-aim": self._re_aim,
+            "fire": self._fire,
+            "reduce": self._reduce,
+        }
+
+    # the bench
+
+    def _measure(self, day: Day, action: Action) -> Reading:
+        """Read one channel of the bench: as many repeats as its sheet says, numbered on."""
+        channel, given = CHANNELS[action.name], action.arguments
+        earlier = day.times(action.name)
+        station: Any = self.laboratory.stations[Stage.BENCH]
+        spec = station.spec
+        station = self._scale_as_it_stands(day, station)
+        if not day.level:
+            station = altered(
+                station, "stand", offset=station.stand.true["offset"] + self._table.unlevel
+            )
+        if not day.clamped:
+            station = altered(station, "pendulum", clamp_inertia=0.0, clamp_moment=0.0)
+        if action.name == "swing":
+            station = _swung(station, given, self._table)
+        more = replace(
+            spec,
+            repeats=spec.repeats * (earlier + 1),
+            releases=spec.releases * (earlier + 1),
+        )
+        record: Any = self._bench(self._with(Stage.BENCH, replace(station, spec=more))).records[
+            channel
+        ]
+        if action.name == "swing":
+            fresh = slice(spec.releases * earlier, None)
+            record = replace(
+                record,
+                times=record.times[fresh],
+                first_amplitude=record.first_amplitude[fresh],
+                last_amplitude=record.last_amplitude[fresh],
+            )
+            taken = record.times[:, -1] - record.times[:, 0]
+            return Reading({channel: record}, _numbered("release", taken, "s"))
+        readings = record.readings[:, spec.repeats * earlier :]
+        if given.get("end") == "knob":
+            readings = self._length - readings
+        unit, display = ("g", GRAM) if channel.endswith("mass") else ("mm", MILLIMETRE)
+        typed = (MASSES if unit == "g" else LENGTHS)[str(given["entered_as"])] / display
+        words = "ball" if channel == "ball-mass" else "reading"
+        means = readings.mean(axis=1) if words == "ball" else readings[0]
+        return Reading(
+            {channel: replace(record, readings=readings * typed)},
+            _numbered(words, means / display, unit),
+        )
+
+    def _bench(self, laboratory: Laboratory) -> RigOutput:
+        balls = np.arange(laboratory.rules.spec.balls)
+        nothing = np.full(balls.shape, np.nan)
+        order = ShotPlan(slot=balls, ball=balls, speed=nothing, place=nothing)
+        return laboratory.play(Stage.BENCH, order)
+
+    @cached_property
+    def _length(self) -> float:
+        return float(self._bench(self.laboratory).truth["length"])
+
+    def _scale_as_it_stands(self, day: Day, station: Station) -> Station:
+        if day.tared:
+            return station
+        scale: Any = station
+        crept = self._table.untared * float(self.laboratory.draws.normal("rehearsal.tare"))
+        return altered(station, "scale", zero=scale.scale.true["zero"] + crept)
+
+    def _check_mass(self, day: Day, action: Action) -> Reading:
+        station: Any = self._scale_as_it_stands(day, self.laboratory.stations[Stage.BENCH])
+        repeats, earlier = station.spec.repeats, day.times(action.name)
+        readings = station.scale.weigh(
+            self._table.check_mass,
+            repeats * (earlier + 1),
+            self.laboratory.draws,
+            "rehearsal.check-mass",
+        ).readings[0, repeats * earlier :]
+        known = (("certified", self._table.check_mass / GRAM, "g"),)
+        return Reading(shown=(*_numbered("reading", readings / GRAM, "g"), *known))
+
+    def _gauge_balls(self, day: Day, action: Action) -> Reading:
+        balls = self._played_with(Stage.IMPACT).balls
+        slots = np.arange(balls.mass.size) + balls.mass.size * day.times(action.name)
+        off = self.laboratory.draws.normal("rehearsal.gauge-balls", slots=slots)
+        diameters = 2 * balls.spec.radius + self._table.ball_gauge_u * off
+        return Reading(shown=_numbered("ball", np.round(diameters / MILLIMETRE, 2), "mm"))
+
+    def _tap(self, day: Day, action: Action) -> Reading:
+        """Show the first bending frequency, of the bat as it is once it was fired at."""
+        bat = self._played_with(Stage.IMPACT if day.fired else Stage.BENCH).bat
+        frequency = float(modes_of(bat.body, Free(), 1).bending_frequencies[0])
+        number = np.array([day.times(action.name)])
+        noise = self._table.tap_u * float(
+            self.laboratory.draws.normal("rehearsal.tap", slots=number)[0]
+        )
+        return Reading(shown=(("first bending frequency", round(frequency + noise, 1), "Hz"),))
+
+    # the wall
+
+    def _hit_wall(self, day: Day, action: Action) -> Reading:
+        play = self.firing.wall(day.times(action.name))
+        log: Any = play.records["log"]
+        ratio = speed_ratio(play.records["gates"])
+        means = [float(np.nanmean(ratio[log.ball == ball])) for ball in range(day.balls)]
+        return Reading(play.records, _numbered("ball", np.round(means, 4), "speed out / in"))
+
+    # the rig at the bat
+
+    def _gauge_gates(self, day: Day, action: Action) -> Reading:
+        station: Any = self.laboratory.stations[Stage.IMPACT]
+        gates = station.gates
+        table, number = self._table, np.array([day.times(action.name)])
+        off = self.laboratory.draws.normal("rehearsal.gauge-gates", gates.distances.size, number)[0]
+        found = quantise(gates.distances + table.gauge_u * off, table.gauge_step)
+        known = [gates.stated[f"distance_{at}"].value for at in range(found.size)]
+        shown = [
+            row
+            for at, (gauged, stated) in enumerate(zip(found, known, strict=True))
+            for row in (
+                (f"gate {at + 1}, gauged", round(float(gauged) / MILLIMETRE, 2), "mm"),
+                (f"gate {at + 1}, certificate", round(stated / MILLIMETRE, 2), "mm"),
+            )
+        ]
+        constants = {
+            f"impact.gates.distance_{at}": Estimate(
+                value=float(gauged), u=table.gauge_u, source="gauge bar, on the day"
+            )
+            for at, gauged in enumerate(found)
+        }
+        used = constants if action.arguments["use"] == "gauge" else {}
+        return Reading(shown=tuple(shown), constants=used)
+
+    def _witness_paper(self, day: Day, action: Action) -> Reading:
+        station: Any = self.firing.aimed(day.shift)
+        marks = station.cannon.mark(self.laboratory.draws, self._aim_stream(day, action))
+        mean = marks.along.mean(), marks.across.mean()
+        shown = [
+            (f"mean {way}", round(float(at) / MILLIMETRE, 1), "mm")
+            for way, at in zip(("along", "across"), mean, strict=True)
+        ]
+        return Reading({"aim": marks}, tuple(shown))
+
+    def _aim_stream(self, day: Day, action: Action) -> str:
+        """Return the stream of the marks: the first paper is the one that a plain test fires at."""
+        earlier = day.times(action.name)
+        return f"{self.laboratory.setup.rig}.aim" + (f".{earlier}" if earlier else "")
+
+    def _re_aim(self, day: Day, action: Action) -> Reading:
+        """Move the aim; the laboratory then takes its cannon to point as it was told to."""
+        known = Desk(day).session.calibration.get("impact.cannon.along")
+        if known is None:
+            return Reading()
+        moved = float(action.arguments["along"]) * MILLIMETRE
+        u = sqrt(known.u**2 + self._table.aim_setting**2)
+        return Reading(
+            constants={"impact.cannon.along": replace(known, value=known.value + moved, u=u)}
+        )
+
+    def _fire(self, day: Day, _: Action) -> Reading:
+        play = self.firing.shot(self.firing.conditions(day))[1]
+        return Reading({name: kept for name, kept in play.records.items() if name != "aim"})
+
+    # the result
+
+    def _reduce(self, day: Day, _: Action) -> Reading:
+        """Reduce the hits that were accepted; `InputError` names what is missing for it."""
+        desk = Desk(day)
+        found = desk.certification
+        if found.metric is None:
+            return Reading(shown=(("no result", "; ".join(found.reasons), ""),))
+        return Reading(
+            shown=(
+                (desk.rules.spec.metric, float(f"{found.metric.value:.4g}"), ""),
+                ("standard uncertainty", float(f"{found.metric.u:.2g}"), ""),
+                ("by the rules", found.verdict.value, ""),
+            )
+        )
+
+    def _with(self, stage: Stage, station: Station) -> Laboratory:
+        stations = {**self.laboratory.stations, stage: station}
+        return replace(self.laboratory, stations=stations)
+
+    def _played_with(self, stage: Stage) -> Specimen:
+        """Return the specimens as they really are at a stage."""
+        nothing = np.zeros(1)
+        order = ShotPlan(slot=np.array([0]), ball=np.array([0]), speed=nothing, place=nothing)
+        return self.laboratory.setup.faults.done(stage, order, self.laboratory.specimen)[1]
+
+
+def _swung(station: Any, given: Mapping[str, Any], table: Consequences) -> Station:
+    """Return the bench whose bat is let go as asked, its swings timed as asked."""
+    by_hand = (
+        {"timer_jitter": table.hand_reaction, "timer_resolution": table.hand_step}
+        if given["clock"] == "hand"
+        else {}
+    )
+    return other_sheet(
+        station,
+        "pendulum",
+        release_amplitude=float(given["amplitude"]) * DEGREE,
+        swings=int(given["swings"]),
+        **by_hand,
+    )
+
+
+def _numbered(word: str, values: Any, unit: str) -> Shown:
+    return tuple(
+        (f"{word} {number}", float(f"{value:.7g}"), unit)
+        for number, value in enumerate(np.ravel(values), 1)
+    )

@@ -1,0 +1,138 @@
+"""Check standards: a check ball at the wall, a steel cylinder in place of the bat.
+
+Today's hits stand beside those of mornings before, when nothing was wrong: what the displays show
+is held against what they used to show, and no constant is needed for it.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab import catalog
+from virtual_lab.bench.table import action_table
+from virtual_lab.catalog.specs import BallSpec
+from virtual_lab.lab import Laboratory
+from virtual_lab.records import BoardRecord, EncoderRecord, GateRecord, Record
+from virtual_lab.simulation.faults import BaseFault, FaultSet
+from virtual_lab.simulation.rig import ShotPlan, Specimen, Stage
+from virtual_lab.simulation.truth import draw_balls, made_bat
+from virtual_lab.units import MPH
+
+__all__ = ["CheckStandards", "Shown", "speed_ratio"]
+
+Array = NDArray[np.float64]
+Shown = tuple[tuple[str, float | str, str], ...]  # what, value, unit
+BALL, CYLINDER = "check-ball", "check-cylinder"
+SPEED = 60 * MPH
+DAYS = 12  # mornings that stand on the chart
+FIRST_SLOT = 1_000_000  # of their shots, beyond any of the day's
+
+
+@dataclass(frozen=True)
+class CheckStandards:
+    """The check standards of a laboratory; `earlier`: how often one was used on the day."""
+
+    laboratory: Laboratory
+
+    def ball(self, earlier: int) -> Shown:
+        """Fire the check ball at the wall."""
+
+        def hit(laboratory: Laboratory, first: int, hits: int) -> Mapping[str, Array]:
+            played = _standing(laboratory).play(Stage.BALLS, _order(first, hits, place=0.0))
+            return {"speed out / in": speed_ratio(played.records["gates"])}
+
+        return self._against_chart(hit, earlier)
+
+    def cylinder(self, earlier: int) -> Shown:
+        """Fire the check ball at the cylinder: its way back, and where counted the turn."""
+        place = float(np.mean(catalog.load_bat(CYLINDER).spec.body.profile.z))
+
+        def hit(laboratory: Laboratory, first: int, hits: int) -> Mapping[str, Array]:
+            order = _order(first, hits, place=place)
+            records = _standing(laboratory).play(Stage.IMPACT, order).records
+            found = {"ball's speed out / in": speed_ratio(records["gates"])}
+            encoder = records.get("encoder")
+            if isinstance(encoder, EncoderRecord):
+                turn = encoder.counts[:, -1] - encoder.counts[:, 0]
+                found["turn x time between gates"] = turn * _ways(records["gates"])[0]
+            return found
+
+        return self._against_chart(hit, earlier)
+
+    @cached_property
+    def _sound(self) -> Laboratory:
+        """The same laboratory on the mornings before, when nothing was wrong."""
+        mine = self.laboratory
+        setup = replace(mine.setup, faults=FaultSet(), seed=mine.seed, collision=mine.collision)
+        return Laboratory.open(setup)
+
+    def _against_chart(
+        self, hit: Callable[[Laboratory, int, int], Mapping[str, Array]], earlier: int
+    ) -> Shown:
+        """Show the mean of today's hits beside mean and spread of other mornings' means."""
+        hits = action_table().consequences.check_hits
+        today = hit(self.laboratory, FIRST_SLOT + hits * (DAYS + earlier), hits)
+        chart = hit(self._sound, FIRST_SLOT, hits * DAYS)
+        shown: list[tuple[str, float | str, str]] = []
+        for name, values in today.items():
+            means = np.nanmean(chart[name].reshape(DAYS, hits), axis=1)
+            numbers = {
+                "today": np.nanmean(values),
+                "chart": means.mean(),
+                "standard deviation of a morning": means.std(ddof=1),
+            }
+            shown += [(f"{name}, {word}", round(float(at), 5), "") for word, at in numbers.items()]
+        return tuple(shown)
+
+
+def speed_ratio(gates: Record) -> Array:
+    """Return a ball's speed out over its speed in, between the gates, (shot,)."""
+    into, back = _ways(gates)
+    return np.asarray(into / back)
+
+
+def _ways(gates: Record) -> tuple[Array, Array]:
+    """Return the times from the first gate to the last, and back, (shot,) each [s]."""
+    assert isinstance(gates, GateRecord | BoardRecord)
+    middle = gates.times.mean(axis=-1)
+    if isinstance(gates, BoardRecord):
+        with warnings.catch_warnings():  # a board that did not see the ball has no mean
+            warnings.simplefilter("ignore", RuntimeWarning)
+            middle = np.nanmean(middle, axis=-1)
+    return middle[:, 0, -1] - middle[:, 0, 0], middle[:, 1, 0] - middle[:, 1, -1]
+
+
+def _order(first: int, hits: int, *, place: float) -> ShotPlan:
+    return ShotPlan(
+        slot=first + np.arange(hits),
+        ball=np.zeros(hits, dtype=int),
+        speed=np.full(hits, SPEED),
+        place=np.full(hits, place),
+    )
+
+
+def _standing(laboratory: Laboratory) -> Laboratory:
+    """Return a laboratory with its check standards on the rigs; no fault of a lot befalls them."""
+    sound = BaseFault.__dict__["specimen"]
+    faults = tuple(
+        fault
+        for fault in laboratory.setup.faults.faults
+        if getattr(type(fault), "specimen", None) is sound
+    )
+    ball = catalog.load("balls", BALL, BallSpec).spec
+    cylinder = catalog.load_bat(CYLINDER).spec
+    return replace(
+        laboratory,
+        setup=replace(laboratory.setup, faults=FaultSet(faults=faults)),
+        specimen=Specimen(
+            bat=made_bat(cylinder, laboratory.draws),
+            balls=draw_balls(ball, 1, laboratory.draws),
+            collision=laboratory.collision,
+        ),
+    )

@@ -1,0 +1,215 @@
+"""The day as the replay of its events: `decide` prices and refuses, `evolve` takes a day further.
+
+A day is what a page may show: it knows no truth. What the instruments showed stands in the events
+themselves, so that the log alone is the day.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from virtual_lab.bench.actions import LENGTHS, Action
+from virtual_lab.bench.table import action_table
+from virtual_lab.errors import InputError
+from virtual_lab.measurement.procedure import to_set
+from virtual_lab.records.session import Session
+
+__all__ = ["Day", "Decision", "Event", "decide", "evolve", "replayed"]
+
+MAKE_READY = ("zero-encoder", "clear-scrap", "wait-pressure", "wait-rest")
+AFTER_REDUCTION = frozenset({"note-doubt", "note-deviation", "give-verdict", "hand-in"})
+READINGS = frozenset(  # entries that can be struck out
+    {
+        "weigh-check-mass",
+        "weigh-bat",
+        "weigh-balls",
+        "gauge-balls",
+        "measure-length",
+        "measure-barrel",
+        "measure-balance",
+        "swing",
+        "tap-bat",
+        "fire-check-ball",
+        "gauge-gates",
+        "fire-check-cylinder",
+        "witness-paper",
+        "note-doubt",
+    }
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Event:
+    """What was done, what it cost and what the instruments showed, all in the form of JSON."""
+
+    number: int  # from 1
+    action: str
+    arguments: Mapping[str, Any]
+    seconds: float
+    records: Mapping[str, Any] = field(default_factory=dict)  # channel: arrays
+    shown: tuple[tuple[str, float | str, str], ...] = ()  # what, value, unit
+    constants: Mapping[str, Any] = field(default_factory=dict)  # that it puts in the place of known
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Decision:
+    """Whether a hit counts, and why."""
+
+    accepted: bool
+    because: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Day:
+    """A day so far."""
+
+    morning: Session  # what the laboratory knew before anything was done
+    balls: int
+    events: tuple[Event, ...] = ()
+    seconds: float = 0.0
+    done: Mapping[str, int] = field(default_factory=dict)  # action: how often
+    struck: frozenset[int] = frozenset()  # events
+    tared: bool = False
+    level: bool = False
+    clamped: bool = False
+    ready: frozenset[str] = frozenset()  # which of MAKE_READY were done since the last shot
+    scrap: int = 0  # shots since it was cleared
+    shift: tuple[tuple[float, float], ...] = ()  # along, across [m], asked of the cannon
+    ball: int | None = None  # in the cannon, from 0
+    retired: frozenset[int] = frozenset()
+    place: float | None = None  # set [m]
+    fired: tuple[tuple[int, float], ...] = ()  # ball and second of each shot
+    decisions: Mapping[int, Decision] = field(default_factory=dict)  # by shot, from 0
+    reduced: bool = False
+    verdict: str = ""
+    handed_in: bool = False
+
+    def times(self, action: str) -> int:
+        """Return how often an action was done."""
+        return self.done.get(action, 0)
+
+
+def decide(day: Day, action: Action) -> float:
+    """Return the price of an action [s]; `InputError` where it cannot be done now.
+
+    Refused is only what is impossible, or would change what has been reduced: all else is done,
+    and has its consequences.
+    """
+    name, given = action.name, action.arguments
+    if day.handed_in:
+        raise InputError(name, "day", None, "has been handed in; nothing can be added")
+    if day.reduced and name not in AFTER_REDUCTION:
+        allowed = f"has been reduced; left: {', '.join(sorted(AFTER_REDUCTION))}"
+        raise InputError(name, "day", None, allowed)
+    _require_for_shot(day, name, given)
+    if name == "strike-out":
+        _require_reading(day, int(given["entry"]))
+    if name == "reduce" and not day.fired:
+        raise InputError(name, "hits", None, "nothing was fired at the bat yet")
+    if name == "give-verdict" and not day.reduced and given["verdict"] != "INVALID":
+        allowed = "reduce comes first; allowed without a result: INVALID"
+        raise InputError(name, "verdict", given["verdict"], allowed)
+    if name == "hand-in" and not day.verdict:
+        raise InputError(name, "verdict", None, "give-verdict comes first")
+    return action_table().actions[name].minutes
+
+
+def _require_for_shot(day: Day, name: str, given: Mapping[str, Any]) -> None:
+    if name == "fire":
+        if day.ball is None:
+            raise InputError(name, "ball", None, "the cannon is empty: load-ball comes first")
+        if day.place is None:
+            raise InputError(name, "place", None, "the bat is not in place: set-place comes first")
+    if name in {"load-ball", "retire-ball"}:
+        ball = int(given["ball"])
+        if ball > day.balls:
+            raise InputError(name, "ball", ball, f"allowed: 1 to {day.balls}, those of the lot")
+        if ball - 1 in day.retired:
+            raise InputError(name, "ball", ball, "has been retired")
+    if name in {"accept", "reject"} and int(given["shot"]) > len(day.fired):
+        allowed = f"allowed: 1 to {len(day.fired)}" if day.fired else "nothing was fired yet"
+        raise InputError(name, "shot", given["shot"], allowed)
+
+
+def _require_reading(day: Day, entry: int) -> None:
+    events = {event.number: event for event in day.events}
+    if entry not in events or events[entry].action not in READINGS:
+        allowed = "allowed: readings; reject a hit instead"
+        raise InputError("strike-out", "entry", entry, allowed)
+    if entry in day.struck:
+        raise InputError("strike-out", "entry", entry, "is struck out already")
+
+
+def evolve(day: Day, event: Event) -> Day:
+    """Return the day after an event."""
+    day = replace(
+        day,
+        events=(*day.events, event),
+        seconds=day.seconds + event.seconds,
+        done={**day.done, event.action: day.times(event.action) + 1},
+    )
+    after = AFTER.get(event.action)
+    return replace(day, **after(day, event.arguments)) if after else day
+
+
+def replayed(morning: Day, events: Iterable[Event]) -> Day:
+    """Return the day that began with `morning` after all of its events."""
+    day = morning
+    for event in events:
+        day = evolve(day, event)
+    return day
+
+
+Changes = Mapping[str, Any]  # fields of a day
+
+
+def _placed(day: Day, given: Changes) -> Changes:
+    place = float(to_set(given["place"] * LENGTHS[given["unit"]], exact=False))
+    return {"place": place, "ready": day.ready - {"wait-rest"}}
+
+
+def _retired(day: Day, given: Changes) -> Changes:
+    ball = given["ball"] - 1
+    left = None if day.ball == ball else day.ball
+    return {"retired": day.retired | {ball}, "ball": left}
+
+
+def _fired(day: Day, _: Changes) -> Changes:
+    fired = (*day.fired, (day.ball, day.seconds))
+    return {"fired": fired, "ready": frozenset(), "scrap": day.scrap + 1}
+
+
+def _decided(accepted: bool) -> Callable[[Day, Changes], Changes]:
+    def decided(day: Day, given: Changes) -> Changes:
+        chosen = Decision(accepted=accepted, because=given["because"])
+        return {"decisions": {**day.decisions, given["shot"] - 1: chosen}}
+
+    return decided
+
+
+def _made_ready(step: str) -> Callable[[Day, Changes], Changes]:
+    return lambda day, _: {"ready": day.ready | {step}}
+
+
+AFTER: Mapping[str, Callable[[Day, Changes], Changes]] = {  # what an action leaves behind
+    **{step: _made_ready(step) for step in MAKE_READY},
+    "tare": lambda *_: {"tared": True},
+    "level-stand": lambda *_: {"level": True},
+    "fit-clamp": lambda _, given: {"clamped": given["fitted"] == "yes"},
+    "re-aim": lambda day, given: {
+        "shift": (*day.shift, (given["along"] / 1e3, given["across"] / 1e3))
+    },
+    "set-place": _placed,
+    "load-ball": lambda _, given: {"ball": given["ball"] - 1},
+    "retire-ball": _retired,
+    "clear-scrap": lambda day, _: {"scrap": 0, "ready": day.ready | {"clear-scrap"}},
+    "fire": _fired,
+    "accept": _decided(True),
+    "reject": _decided(False),
+    "strike-out": lambda day, given: {"struck": day.struck | {given["entry"]}},
+    "reduce": lambda *_: {"reduced": True},
+    "give-verdict": lambda _, given: {"verdict": given["verdict"]},
+    "hand-in": lambda *_: {"handed_in": True},
+}

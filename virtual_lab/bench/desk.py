@@ -1,0 +1,176 @@
+"""The desk: all that can be worked out of a day's entries, which is all that a page shows.
+
+Nothing here knows what is true; pages and operators are given a desk and nothing else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.bench.day import Day, Event, evolve
+from virtual_lab.bench.entries import constant_of, record_of
+from virtual_lab.catalog import Entry, read
+from virtual_lab.errors import InputError
+from virtual_lab.measurement.certification import Certification, evaluate
+from virtual_lab.measurement.procedure import Judgement, Procedure, next_places, outcome_of, to_set
+from virtual_lab.measurement.reduction.observations import along_of
+from virtual_lab.measurement.reduction.shot_algebra import ShotResults
+from virtual_lab.measurement.session_reduction import Preparation, Reduced, prepare, reduce_hits
+from virtual_lab.records import Record, join
+from virtual_lab.records.session import Session
+
+__all__ = ["UNDECIDED", "Desk", "session_of"]
+
+Array = NDArray[np.float64]
+UNDECIDED = "undecided"
+NO_NUMBER = "accepted, but the records give no e_A"
+STAGES = {  # action: the stage whose records it writes
+    "weigh-bat": "bench",
+    "weigh-balls": "bench",
+    "measure-length": "bench",
+    "measure-barrel": "bench",
+    "measure-balance": "bench",
+    "swing": "bench",
+    "hit-wall": "balls",
+    "witness-paper": "impact",
+}
+
+
+def session_of(day: Day) -> Session:
+    """Return the records as they stand: of what was read again, the last entry not struck out."""
+    records: dict[str, dict[str, Record]] = {}
+    calibration = dict(day.morning.calibration)
+    shots: dict[str, list[Record]] = {}
+    for event in day.events:
+        if event.number in day.struck:
+            continue
+        calibration |= {key: constant_of(entry) for key, entry in event.constants.items()}
+        for channel, entry in event.records.items():
+            if event.action == "fire":
+                shots.setdefault(channel, []).append(record_of(entry))
+            elif stage := STAGES.get(event.action):
+                records.setdefault(stage, {})[channel] = record_of(entry)
+    if shots:
+        joined = {channel: join(parts) for channel, parts in shots.items()}
+        records["impact"] = joined | records.get("impact", {})
+    return replace(day.morning, calibration=calibration, records=records)
+
+
+@dataclass(frozen=True)
+class Desk:
+    """What is known on a day; the reductions are made when they are first asked for."""
+
+    day: Day
+
+    @cached_property
+    def session(self) -> Session:
+        return session_of(self.day)
+
+    @cached_property
+    def rules(self) -> Entry[Procedure]:
+        return read(self.day.morning.procedure_text, "procedure.toml", Procedure)
+
+    @cached_property
+    def preparation(self) -> Preparation:
+        """Of bat and balls; `InputError` names the record that is missing still."""
+        return prepare(self.session)
+
+    @cached_property
+    def by_rules(self) -> Reduced:
+        """The hits so far, judged by the rules alone; `InputError` as `preparation`."""
+        return reduce_hits(self.session, self.preparation)
+
+    @cached_property
+    def reduced(self) -> Reduced:
+        """The hits so far, those counted that were accepted."""
+        found = self.by_rules
+        judgement = self._chosen(found.shots)
+        return replace(
+            found,
+            judgement=judgement,
+            outcome=outcome_of(
+                found.procedure,
+                found.readings.place,
+                judgement.valid,
+                found.shot_metric,
+                found.sought,
+            ),
+        )
+
+    @cached_property
+    def certification(self) -> Certification:
+        return evaluate(self.session, self.reduced)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the rules would reject each hit; empty where they would not."""
+        return self.by_rules.judgement.reasons if self.day.fired else ()
+
+    @cached_property
+    def missing(self) -> str:
+        """What keeps the hits from being reduced; empty where nothing does."""
+        try:
+            _ = self.by_rules if self.day.fired else self.preparation
+        except InputError as fault:
+            return str(fault)
+        return ""
+
+    @cached_property
+    def next_place(self) -> float | None:
+        """Where the rules ask for the next hit, as the rule is to be set [m]; None: nowhere."""
+        rules, place = self.rules.spec, self.preparation.percussion
+        if not self.day.fired:
+            nothing = np.zeros(0)
+            asked = next_places(rules, place, nothing, nothing.astype(bool), nothing)
+        else:
+            counted = self.reduced
+            asked = next_places(
+                rules,
+                place,
+                counted.readings.place,
+                counted.judgement.valid,
+                counted.sought.value,
+            )
+        return (
+            float(to_set(asked[:1] - along_of(self.session), exact=False)[0])
+            if asked.size
+            else None
+        )
+
+    @property
+    def next_ball(self) -> int:
+        """The ball whose turn it is, from 0: those admitted, in rotation."""
+        used = self.preparation.lot.used.copy()
+        used[list(self.day.retired)] = False
+        balls = np.flatnonzero(used if used.any() else ~used)
+        return int(balls[len(self.day.fired) % balls.size])
+
+    def last(self, action: str) -> Event | None:
+        """Return the last entry of an action that is not struck out."""
+        found = [
+            e for e in self.day.events if e.action == action and e.number not in self.day.struck
+        ]
+        return found[-1] if found else None
+
+    def after(self, event: Event) -> Desk:
+        """Return the desk after an event; what it leaves as it was is not worked out again."""
+        following = Desk(evolve(self.day, event))
+        if not (event.records or event.constants or event.action == "strike-out"):
+            kept = ("session", "rules", "preparation", "by_rules", "missing")
+            following.__dict__.update(
+                {name: self.__dict__[name] for name in kept if name in self.__dict__}
+            )
+        return following
+
+    def _chosen(self, results: ShotResults) -> Judgement:
+        given = self.day.decisions
+        reasons = [UNDECIDED] * len(results.speed)
+        for shot, decision in given.items():
+            reasons[shot] = "" if decision.accepted else decision.because
+            if decision.accepted and not np.isfinite(results.collision_efficiency[shot]):
+                reasons[shot] = NO_NUMBER
+        return Judgement(reasons=tuple(reasons))

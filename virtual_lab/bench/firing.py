@@ -1,0 +1,187 @@
+"""Firing: what a shot hangs on, and what machines and balls make of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from math import tau
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.bench.day import Day, evolve
+from virtual_lab.bench.desk import Desk
+from virtual_lab.bench.table import action_table
+from virtual_lab.errors import InputError
+from virtual_lab.lab import Laboratory
+from virtual_lab.records import EncoderRecord, GateRecord
+from virtual_lab.simulation.faults.fault import fitted_with, instrument_of, other_sheet
+from virtual_lab.simulation.rig import RigOutput, ShotPlan, Stage, Station
+from virtual_lab.simulation.truth import TrueBalls
+
+__all__ = ["Firing", "ShotConditions", "altered"]
+
+Array = NDArray[np.float64]
+
+
+class ShotConditions(NamedTuple):
+    """All that a shot hangs on beside the laboratory."""
+
+    shot: int
+    ball: int
+    place: float  # [m]
+    turn_rate: float  # [rad/s]
+    ready: frozenset[str]
+    scrap: int
+    shift: tuple[tuple[float, float], ...]
+    warm: int  # hits of the ball within its rest
+    wall: int  # how often the lot was fired at the wall
+
+
+@dataclass(frozen=True)
+class Firing:
+    """The machines that fire balls at the wall and at the bat."""
+
+    laboratory: Laboratory
+    shots: dict[ShotConditions, RigOutput] = field(default_factory=dict)  # played already
+
+    def wall(self, earlier: int) -> RigOutput:
+        """Fire the lot at the wall, the balls as `earlier` such tests left them."""
+        laboratory = self._found(earlier)
+        rules = laboratory.rules.spec
+        each = np.tile(rules.wall_speeds, rules.wall_hits)
+        ball = np.arange(rules.balls).repeat(each.size)
+        order = ShotPlan(
+            slot=np.arange(ball.size) + ball.size * earlier,
+            ball=ball,
+            speed=np.tile(each, rules.balls),
+            place=np.zeros(ball.shape),
+            rung=laboratory.setup.detail,
+        )
+        return laboratory.play(Stage.BALLS, order)
+
+    def _found(self, walls: int) -> Laboratory:
+        """Return the laboratory whose balls are as so many wall tests found them."""
+        laboratory = self.laboratory
+        for earlier in range(walls):
+            play = self.wall(earlier)
+            log: Any = play.records["log"]
+            specimen = laboratory.specimen
+            lost = play.truth["restitution_loss"]
+            balls = specimen.balls.as_found(log.ball.astype(int), lost)
+            laboratory = replace(laboratory, specimen=replace(specimen, balls=balls))
+        return laboratory
+
+    def balls(self, day: Day) -> TrueBalls:
+        """Return the lot as the day has left it."""
+        return self._found(day.times("hit-wall")).specimen.balls
+
+    def aimed(self, shift: tuple[tuple[float, float], ...]) -> Station:
+        """Return the rig with its cannon moved, each time by about as much as was asked."""
+        station = self.laboratory.stations[Stage.IMPACT]
+        if not shift:
+            return station
+        slots = np.arange(len(shift))
+        off = action_table().consequences.aim_setting * self.laboratory.draws.normal(
+            "rehearsal.aim", 2, slots
+        )
+        moved = (np.array(shift) + off).sum(axis=0)
+        cannon: Any = station
+        true = cannon.cannon.true
+        return altered(
+            station, "cannon", along=true["along"] + moved[0], across=true["across"] + moved[1]
+        )
+
+    def fired(self, day: Day) -> list[tuple[ShotPlan, RigOutput]]:
+        """Return the order and the outcome of each shot of a day."""
+        before = Day(morning=day.morning, balls=day.balls)
+        found = []
+        for event in day.events:
+            if event.action == "fire":
+                found.append(self.shot(self.conditions(before)))
+            before = evolve(before, event)
+        return found
+
+    def conditions(self, day: Day) -> ShotConditions:
+        """Return what the next shot of a day hangs on."""
+        if day.ball is None or day.place is None:
+            raise InputError("fire", "cannon", None, "no ball, or no place: decide() comes first")
+        rest = action_table().consequences.ball_rest
+        swung = self.laboratory.rules.spec.bat_speed is not None
+        return ShotConditions(
+            shot=len(day.fired),
+            ball=day.ball,
+            place=day.place,
+            turn_rate=Desk(day).preparation.turn_rate if swung else 0.0,
+            ready=day.ready - {"clear-scrap"},
+            scrap=day.scrap,
+            shift=day.shift,
+            warm=sum(ball == day.ball and day.seconds - at < rest for ball, at in day.fired),
+            wall=day.times("hit-wall"),
+        )
+
+    def shot(self, shot: ShotConditions) -> tuple[ShotPlan, RigOutput]:
+        """Fire a ball: what was asked, and what came of it."""
+        rules, setup = self.laboratory.rules.spec, self.laboratory.setup
+        asked = ShotPlan(
+            slot=np.array([shot.shot]),
+            ball=np.array([shot.ball]),
+            speed=np.array([rules.ball_speed]),
+            place=np.array([shot.place]),
+            turn_rate=shot.turn_rate,
+            rung=setup.detail,
+            motion=setup.motion,
+        )
+        if shot not in self.shots:
+            self.shots[shot] = self._played(asked, shot)
+        return asked, self.shots[shot]
+
+    def _played(self, asked: ShotPlan, shot: ShotConditions) -> RigOutput:
+        table, draws = action_table().consequences, self.laboratory.draws
+        laboratory = self._found(shot.wall)
+        balls = laboratory.specimen.balls
+        restitution = balls.restitution.copy()
+        restitution[shot.ball] -= table.warm_loss * shot.warm
+        station: Any = self.aimed(shot.shift)
+        scrap = 1 - (1 - table.scrap) ** shot.scrap
+        tripped = float(draws.uniform("rehearsal.scrap", slots=asked.slot)[0]) + 0.5 < scrap
+        if shot.scrap and hasattr(station.gates.spec, "sabot_rate"):
+            station = other_sheet(station, "gates", sabot_rate=scrap)
+        laboratory = replace(
+            laboratory,
+            stations={**laboratory.stations, Stage.IMPACT: station},
+            specimen=replace(laboratory.specimen, balls=replace(balls, restitution=restitution)),
+        )
+        slow = 0.0 if "wait-pressure" in shot.ready else table.slow_by
+        play = laboratory.play(
+            Stage.IMPACT, replace(asked, speed=asked.speed - slow) if slow else asked
+        )
+        records = {**play.records, "log": asked.log()}
+        gates, encoder = records["gates"], records.get("encoder")
+        if tripped and isinstance(gates, GateRecord):
+            times = gates.times.copy()
+            times[:, 0, 0, 0] -= table.scrap_ahead / play.truth["speed"]
+            records["gates"] = replace(gates, times=times)
+        if isinstance(encoder, EncoderRecord):
+            records["encoder"] = self._counted(encoder, station.encoder, shot, asked)
+        return replace(play, records=records)
+
+    def _counted(
+        self, record: EncoderRecord, encoder: Any, shot: ShotConditions, asked: ShotPlan
+    ) -> EncoderRecord:
+        """Return what an encoder shows that was not zeroed, of a bat that was not at rest."""
+        draws, turn = self.laboratory.draws, encoder.spec.counts_per_turn
+        counts = record.counts
+        if "wait-rest" not in shot.ready:
+            way = draws.normal("rehearsal.rest", slots=asked.slot)
+            rate = action_table().consequences.swing_left * np.where(way < 0, -1.0, 1.0)
+            counts = counts + np.round(rate[:, None] * turn / tau * record.times)
+        if "zero-encoder" not in shot.ready:
+            left = draws.uniform("rehearsal.zero", slots=asked.slot) + 0.5
+            counts = counts + np.round(left * turn)[:, None]
+        return record if counts is record.counts else replace(record, counts=counts)
+
+
+def altered(station: Station, part: str, **true: float) -> Station:
+    """Return a station with some true constants of one of its instruments changed."""
+    return fitted_with(station, part, instrument_of(station, part).altered(**true))

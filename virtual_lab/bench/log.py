@@ -1,0 +1,106 @@
+"""The log of a day on disk: a table that only grows, each entry there before its answer is given.
+
+The first row is the morning; each row after it is an event, numbered from 1. A number that is
+there already is refused, so a button pressed twice makes one entry.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Mapping
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from virtual_lab.bench.day import Event
+from virtual_lab.errors import InputError
+
+__all__ = ["DayLog", "SequenceError"]
+
+SCHEMA = 1
+TABLE = """
+CREATE TABLE entries (number INTEGER PRIMARY KEY CHECK (number >= 0), entry TEXT NOT NULL) STRICT;
+CREATE TRIGGER no_change BEFORE UPDATE ON entries BEGIN SELECT RAISE(ABORT, 'append only'); END;
+CREATE TRIGGER no_loss BEFORE DELETE ON entries BEGIN SELECT RAISE(ABORT, 'append only'); END;
+"""
+
+
+class SequenceError(InputError):
+    """An entry with a number that another has: it was sent twice, or from an older page."""
+
+
+class DayLog:
+    """The log in one file."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        if not path.is_file():
+            raise InputError(str(path), "log", None, "no such file")
+        try:
+            with closing(self._open()) as base:
+                rows = base.execute("SELECT entry FROM entries WHERE number = 0").fetchall()
+            self.morning: dict[str, Any] = json.loads(rows[0][0])
+            found = self.morning["schema"]
+        except (sqlite3.DatabaseError, IndexError, KeyError, ValueError) as fault:
+            raise InputError(str(path), "log", None, f"is no log of a day ({fault})") from fault
+        if found != SCHEMA:
+            raise InputError(str(path), "schema", found, f"allowed: {SCHEMA}")
+
+    @classmethod
+    def create(cls, path: Path, morning: Mapping[str, Any]) -> DayLog:
+        """Begin a log with what is known in the morning; `InputError` where the file is there."""
+        if path.exists():
+            raise InputError(str(path), "log", None, "is there already")
+        with closing(sqlite3.connect(path, isolation_level=None)) as base:
+            base.execute("PRAGMA synchronous=FULL")
+            base.executescript(f"BEGIN; {TABLE} COMMIT;")
+            _put(base, 0, {"schema": SCHEMA, **morning})
+        return cls(path)
+
+    def append(self, event: Event) -> None:
+        """Write an event to disk; `SequenceError` where its number is not the next."""
+        with closing(self._open()) as base:
+            base.execute("BEGIN IMMEDIATE")
+            (last,) = base.execute("SELECT max(number) FROM entries").fetchone()
+            if event.number != last + 1:
+                base.execute("ROLLBACK")
+                allowed = f"entry {last + 1} is next (sent twice, or from an older page?)"
+                raise SequenceError("", "entry", event.number, allowed)
+            _put(base, event.number, _document(event))
+            base.execute("COMMIT")
+
+    def events(self) -> list[Event]:
+        """Return all events in order."""
+        with closing(self._open()) as base:
+            rows = base.execute(
+                "SELECT number, entry FROM entries WHERE number > 0 ORDER BY number"
+            ).fetchall()
+        return [_event(number, json.loads(entry)) for number, entry in rows]
+
+    def _open(self) -> sqlite3.Connection:
+        base = sqlite3.connect(self.path, isolation_level=None)
+        base.execute("PRAGMA synchronous=FULL")
+        base.execute("PRAGMA recursive_triggers=ON")  # or OR REPLACE would pass the triggers
+        return base
+
+
+def _put(base: sqlite3.Connection, number: int, document: Mapping[str, Any]) -> None:
+    entry = json.dumps(document, allow_nan=False)
+    base.execute("INSERT INTO entries (number, entry) VALUES (?, ?)", (number, entry))
+
+
+def _document(event: Event) -> dict[str, Any]:
+    return {
+        "action": event.action,
+        "arguments": dict(event.arguments),
+        "seconds": event.seconds,
+        "records": dict(event.records),
+        "shown": [list(row) for row in event.shown],
+        "constants": dict(event.constants),
+    }
+
+
+def _event(number: int, entry: Mapping[str, Any]) -> Event:
+    shown = tuple((what, value, unit) for what, value, unit in entry["shown"])
+    return Event(**{**entry, "number": number, "shown": shown})

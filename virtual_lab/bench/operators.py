@@ -1,0 +1,186 @@
+"""Operators who take a day without a page: they look at the desk, which is what a page shows.
+
+An operator yields one action after the other; what it looks at is the desk after the last one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from virtual_lab.bench.actions import Action, action_of
+from virtual_lab.bench.desk import Desk
+from virtual_lab.bench.inspection import doubts, remedied_by_gauge
+from virtual_lab.errors import InputError, nearest
+from virtual_lab.streams import Streams
+
+__all__ = ["OPERATORS", "PREPARATION", "READY", "Look", "Operator", "by_script", "operator_of"]
+
+Look = Callable[[], Desk]
+Operator = Callable[[Look], Iterator[Action]]
+PREPARATION = (
+    "tare",
+    "weigh-bat",
+    "weigh-balls",
+    "measure-length",
+    "measure-barrel",
+    "level-stand",
+    "measure-balance",
+    "fit-clamp",
+    "swing",
+    "hit-wall",
+    "witness-paper",
+)
+READY = ("zero-encoder", "clear-scrap", "wait-pressure", "wait-rest")
+SURE = 0.9  # a doubt that makes an expert refuse to judge
+
+
+@dataclass(frozen=True)
+class Habits:
+    """How an operator differs from the book; chances of 0 to 1 draw by the operator's seed."""
+
+    seed: int = 0
+    forgets: float = 0.0  # a step that makes the laboratory ready
+    hurries: float = 0.0  # to time by hand, or few swings
+    waves_through: float = 0.0  # a hit that the rules reject
+    checks: bool = False  # looks at check standards, and tells what they show
+    wants: bool = False  # a low result: rejects what comes out high
+
+    def slips(self, chance: float, what: str, number: int = 0) -> bool:
+        """Return whether it happens this time."""
+        drawn = Streams(self.seed).uniform(f"operator.{what}", slots=np.array([number]))
+        return bool(drawn[0] + 0.5 < chance)
+
+
+def _take(look: Look, habits: Habits) -> Iterator[Action]:
+    """Take a day as the procedure has it, as far as the habits allow."""
+    if habits.checks:
+        yield action_of("tare")
+        yield action_of("weigh-check-mass")
+    for name in PREPARATION:
+        if habits.checks and name == "tare":
+            continue
+        if name == "hit-wall" and habits.checks:
+            yield from _before_the_wall(look)
+        careful = name in {"tare", "level-stand", "fit-clamp"}
+        if careful and habits.slips(habits.forgets, name):
+            continue
+        yield action_of(name, _how(name, habits))
+    yield from _hits(look, habits)
+    yield from _end(look, habits)
+
+
+def _before_the_wall(look: Look) -> Iterator[Action]:
+    yield action_of("tap-bat")
+    yield action_of("fire-check-ball")
+    yield action_of("gauge-gates")
+    if remedied_by_gauge(look()):
+        yield action_of("gauge-gates", {"use": "gauge"})
+    yield action_of("fire-check-cylinder")
+
+
+def _how(name: str, habits: Habits) -> Mapping[str, object]:
+    if name != "swing" or not habits.slips(habits.hurries, "swing"):
+        return {}
+    return {"clock": "hand", "swings": 3, "amplitude": 15}
+
+
+def _hits(look: Look, habits: Habits) -> Iterator[Action]:
+    """Fire until the rules are content, each hit accepted or rejected as it comes."""
+    while not look().missing and (place := look().next_place) is not None:
+        shot, stands = len(look().day.fired), look().day.place
+        if stands is None or abs(place - stands) > 1e-6:
+            yield action_of("set-place", {"place": round(place * 1e3, 3)})
+        if not (shot and habits.slips(habits.forgets, "load-ball", shot)):
+            yield action_of("load-ball", {"ball": look().next_ball + 1})
+        for step in READY:
+            if not habits.slips(habits.forgets, step, shot):
+                yield action_of(step)
+        yield action_of("fire")
+        yield _decision(look(), habits)
+
+
+def _decision(desk: Desk, habits: Habits) -> Action:
+    shot = len(desk.day.fired)
+    why = desk.reasons[-1]
+    if why and not habits.slips(habits.waves_through, "accept", shot):
+        return action_of("reject", {"shot": shot, "because": why})
+    if why:
+        return action_of("accept", {"shot": shot, "because": "near enough"})
+    if habits.wants and _high(desk):
+        return action_of("reject", {"shot": shot, "because": "did not sound right"})
+    return action_of("accept", {"shot": shot})
+
+
+def _high(desk: Desk) -> bool:
+    """Return whether the last hit came out above the middle of those before it."""
+    metric = desk.by_rules.shot_metric
+    sound = metric[:-1][[not why for why in desk.reasons[:-1]]]
+    left = desk.rules.spec.attempts - len(desk.day.fired)
+    lacking = desk.rules.spec.valid_hits - int(desk.reduced.judgement.valid.sum())
+    return bool(sound.size >= 1 and left >= lacking and metric[-1] > np.nanmedian(sound))
+
+
+def _end(look: Look, habits: Habits) -> Iterator[Action]:
+    sure = []
+    if habits.checks:
+        yield action_of("tap-bat")
+        for doubt in doubts(look()):
+            yield action_of(
+                "note-doubt", {"doubt": doubt.fault, "confidence": 100 * doubt.confidence}
+            )
+            mended = doubt.fault == "gate-moved" and not remedied_by_gauge(look())
+            if doubt.confidence >= SURE and not mended:
+                sure.append(doubt.fault)
+    if look().missing or not look().day.fired:
+        yield action_of("give-verdict", {"verdict": "INVALID", "doubt": "no result"})
+    else:
+        yield action_of("reduce")
+        found = look().certification.verdict.value
+        verdict = "INVALID" if sure or found == "MEASURED" else found
+        yield action_of("give-verdict", {"verdict": verdict, "doubt": (*sure, "none")[0]})
+    yield action_of("hand-in")
+
+
+HABITS: Mapping[str, dict[str, Any]] = {
+    "book": {},
+    "expert": {"checks": True},
+    "careless": {"forgets": 0.3, "hurries": 0.6, "waves_through": 0.5},
+    "cheating": {"wants": True},
+}
+OPERATORS = tuple(HABITS)
+
+
+def operator_of(name: str, seed: int = 0) -> Operator:
+    """Return the operator of a name, its slips drawn by a seed of its own.
+
+    Raises `InputError` where there is none.
+    """
+    if name not in HABITS:
+        allowed = f"{nearest(name, HABITS)}known: {', '.join(HABITS)}"
+        raise InputError("", "operator", name, allowed)
+    habits = Habits(seed=seed, **HABITS[name])
+    return lambda look: _take(look, habits)
+
+
+def by_script(script: Mapping[str, Any], where: str) -> Operator:
+    """Return who takes the actions of a document ``{"actions": [{"do": NAME, …}, …]}``.
+
+    Raises `InputError` where an entry is no action, with its number.
+    """
+    entries = script.get("actions")
+    if not isinstance(entries, list) or not entries:
+        raise InputError(where, "actions", None, 'expected a list of {"do": NAME, …}')
+    actions = []
+    for number, entry in enumerate(entries, 1):
+        if not isinstance(entry, dict) or not isinstance(entry.get("do"), str):
+            raise InputError(where, f"actions[{number}]", entry, 'expected {"do": NAME, …}')
+        given = {key: value for key, value in entry.items() if key != "do"}
+        try:
+            actions.append(action_of(entry["do"], given))
+        except InputError as fault:
+            raise InputError(where, f"actions[{number}]", None, str(fault)) from fault
+    return lambda _: iter(actions)

@@ -1,0 +1,100 @@
+"""A whole day without a page: an operator or a script takes it, and it is told what it cost."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from virtual_lab.bench.debrief import Debrief, debrief, debrief_page
+from virtual_lab.bench.keeping import LOG, SECRET, KeptDay
+from virtual_lab.bench.operators import Operator, by_script, operator_of
+from virtual_lab.bench.scenario import load_scenario
+from virtual_lab.files import new_folder, read_json
+
+__all__ = ["RehearsedDay", "rehearse", "save_debrief"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RehearsedDay:
+    """A day that an operator has taken: its debrief, its log and its sealed file."""
+
+    debrief: Debrief
+    kept: Mapping[str, bytes]  # by the names of the files
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The debrief in the form of JSON."""
+        return self.debrief.document()
+
+    @property
+    def text(self) -> str:
+        """The verdict, the scores and what cost most, in lines."""
+        told = self.debrief
+        lines = [f"{told.title}: {told.verdict} given, {told.right_verdict} right"]
+        lines += [f"  {each.name:<10} {each.value:.2f}  {each.because}" for each in told.scores]
+        for each in told.costly:
+            cost = "" if each.cost is None else f" {each.cost:+.4f}"
+            lines.append(f"  {each.word}{cost}: {each.what}")
+        return "\n".join(lines)
+
+    def save(self, folder: str | Path) -> Path:
+        """Write log, sealed file and debrief into a new folder."""
+        target = Path(folder)
+        with new_folder(target) as draft:
+            for name, content in self.kept.items():
+                (draft / name).write_bytes(content)
+            (draft / SECRET).chmod(0o600)
+            save_debrief(self.debrief, draft)
+        return target
+
+
+def rehearse(
+    scenario: str | Path = "plain-day",
+    *,
+    operator: str | Operator = "book",
+    script: str | Path | None = None,
+    seed: int | None = None,
+    operator_seed: int = 0,
+) -> RehearsedDay:
+    """Let an operator take a day at the rehearsal bench.
+
+    Parameters
+    ----------
+    scenario
+        The name of one that ships, or the path of a .toml file.
+    operator
+        ``book``, ``expert``, ``careless``, ``cheating``, or a function that is given a function
+        that returns the desk as it is, and yields actions.
+    script
+        The path of a .json file whose actions are taken in the operator's place.
+    seed, operator_seed
+        Of the laboratory (None draws one), and of the operator's slips.
+
+    Raises
+    ------
+    InputError
+        An unknown scenario, operator or action, one that cannot be done at its place, a day that
+        was not handed in.
+    """
+    if script is not None:
+        taker = by_script(read_json(Path(script)), str(script))
+    else:
+        taker = operator_of(operator, operator_seed) if isinstance(operator, str) else operator
+    entry = load_scenario(str(scenario))
+    with TemporaryDirectory(prefix="virtual-lab-day-") as place:
+        folder = Path(place) / "day"
+        kept = KeptDay.begin(folder, entry, seed)
+        told = debrief(kept.apparatus, kept.taken(taker), kept.scenario)
+        files = {name: (folder / name).read_bytes() for name in (LOG, SECRET)}
+    return RehearsedDay(debrief=told, kept=files)
+
+
+def save_debrief(told: Debrief, folder: Path) -> None:
+    """Write a debrief as ``debrief.json`` and ``debrief.html`` into a folder."""
+    text = json.dumps(told.document(), indent=1, allow_nan=False)
+    (folder / "debrief.json").write_text(text + "\n", encoding="utf-8")
+    (folder / "debrief.html").write_text(debrief_page(told), encoding="utf-8")

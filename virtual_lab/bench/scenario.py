@@ -1,0 +1,54 @@
+"""Scenarios: which bat is tested by which rules, what goes wrong, and how it is scored."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Gt
+
+from virtual_lab import catalog
+from virtual_lab.catalog import Entry
+from virtual_lab.catalog.specs import Dimension, Name, Real, Spec, Title
+
+__all__ = ["SCORES", "Scenario", "load_scenario", "scenario_names"]
+
+KIND = "bench/scenarios"
+SCORES = ("result", "detection", "protocol", "record", "economy")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenario(Spec):
+    """A day to be rehearsed."""
+
+    name: Name
+    title: Title
+    task: Title  # what the trainee is told
+    bat: str
+    procedure: str
+    faults: tuple[str, ...] = ()  # which nobody is told of
+    guidance: Literal["guided", "checklist", "none"] = "guided"
+    minutes: Annotated[float, Gt(0), Dimension("time")]  # that a good day takes
+    shots: Annotated[int, Gt(0), Dimension("number")]  # that it needs
+    weights: Mapping[str, Annotated[Real, Ge(0)]] = field(default_factory=dict)  # of SCORES
+
+    def briefing(self) -> dict[str, object]:
+        """Return what a trainee may know of it, in the form of JSON."""
+        told = ("title", "task", "guidance", "minutes", "shots")
+        return {key: getattr(self, key) for key in told}
+
+    def __post_init__(self) -> None:
+        strange = sorted(set(self.weights) - set(SCORES))
+        if strange:
+            raise ValueError(f"weights of {', '.join(strange)}; allowed: {', '.join(SCORES)}")
+
+
+def scenario_names() -> tuple[str, ...]:
+    """Return the names of the scenarios that ship."""
+    return catalog.names(KIND)
+
+
+def load_scenario(name: str) -> Entry[Scenario]:
+    """Return a scenario that ships, or of a user's .toml file; `InputError` where it is unfit."""
+    return catalog.load(KIND, name, Scenario)

@@ -1,0 +1,117 @@
+"""The command of the rehearsal bench."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from virtual_lab.cli.plumbing import Answer, command, seed_option, usage
+
+if TYPE_CHECKING:
+    from virtual_lab.bench.running import RehearsedDay
+
+__all__ = ["rehearse"]
+
+
+@command("rehearse", keeps=True)
+@click.option(
+    "--scenario",
+    default="plain-day",
+    show_default=True,
+    help="Which day: a name (those of data/bench/scenarios) or a .toml file.",
+)
+@click.option(
+    "--operator",
+    type=click.Choice(["expert", "book", "careless", "cheating"]),
+    help="Who takes the day in your place.",
+)
+@click.option(
+    "--script",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help='A .json file of actions to be taken: {"actions": [{"do": "tare"}, …]}.',
+)
+@seed_option(" in the laboratory  [default: drawn]", None)
+@click.option(
+    "--operator-seed",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    metavar="NUMBER",
+    help="Seed of the operator's slips.",
+)
+@click.option(
+    "--day",
+    type=click.Path(path_type=Path),
+    metavar="FOLDER",
+    help="Where the page keeps the day; one that lies there is taken up again.  "
+    "[default: out/SCENARIO, then -2]",
+)
+@click.option(
+    "--port",
+    type=click.IntRange(1024, 65535),
+    default=8377,
+    show_default=True,
+    metavar="NUMBER",
+    help="Of the page, on this machine alone.",
+)
+@click.option("--open", "browser", is_flag=True, help="Open the page in a browser.")
+def rehearse(
+    scenario: str,
+    operator: str | None,
+    script: Path | None,
+    seed: int | None,
+    operator_seed: int,
+    day: Path | None,
+    port: int,
+    browser: bool,
+) -> RehearsedDay | Answer:
+    """Take a laboratory day action by action, and learn what each decision cost.
+
+    You take it on a page that this machine serves to itself alone (extra 'bench'), or an operator
+    or a script takes it in your place; --out keeps the log, the sealed file and the debrief then.
+    """
+    if operator and script:
+        usage("--operator and --script exclude each other")
+    if operator or script:
+        from virtual_lab.bench.running import rehearse as run
+
+        return run(
+            scenario,
+            operator=operator or "book",
+            script=script,
+            seed=seed,
+            operator_seed=operator_seed,
+        )
+    if click.get_current_context().params.get("out"):
+        usage("--out goes with --operator or --script; the page keeps its day in --day")
+    return _served(scenario, seed=seed, folder=day, port=port, browser=browser)
+
+
+def _served(
+    scenario: str, *, seed: int | None, folder: Path | None, port: int, browser: bool
+) -> Answer:
+    """Serve the page until it is stopped."""
+    from importlib.util import find_spec
+
+    from virtual_lab.errors import InputError
+    from virtual_lab.files import first_free
+
+    if not (find_spec("starlette") and find_spec("uvicorn")):
+        allowed = "needs the extra 'bench': pip install 'virtual-lab[bench]'"
+        raise InputError("", "page", None, allowed)
+    from virtual_lab.bench.scenario import load_scenario
+    from virtual_lab.bench.serving import serve
+
+    target = folder or first_free(Path("out") / Path(scenario).stem)
+    serve(
+        target,
+        load_scenario(scenario),
+        seed=seed,
+        port=port,
+        browser=browser,
+        say=lambda text: click.echo(text, err=True),
+    )
+    return Answer(document={"day": str(target)}, text=str(target))
