@@ -90,11 +90,11 @@ def test_a_killed_process_loses_no_answered_entry(tmp_path: Path) -> None:
     code = f"""
 import os, sys
 from pathlib import Path
-from virtual_lab.bench.day import Event
+from virtual_lab.bench.day import DayEvent
 from virtual_lab.bench.log import DayLog
 log = DayLog.create(Path({str(tmp_path / "log")!r}), {{}})
 for number in range(1, 100000):
-    log.append(Event(number=number, action="tare", arguments={{}}, seconds=1.0))
+    log.append(DayEvent(number=number, action="tare", arguments={{}}, seconds=1.0))
     os.write(1, b".")
 """
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)

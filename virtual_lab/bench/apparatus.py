@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.bench.actions import LENGTHS, MASSES, Action
 from virtual_lab.bench.checks import CheckStandards, Shown, speed_ratio
-from virtual_lab.bench.day import Day, Event
+from virtual_lab.bench.day import Day, DayEvent
 from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.entries import entry_of_constant, entry_of_record
 from virtual_lab.bench.firing import Firing, altered
@@ -73,11 +73,11 @@ class Apparatus:
     def checks(self) -> CheckStandards:
         return CheckStandards(self.laboratory)
 
-    def play(self, day: Day, action: Action) -> Event:
+    def play(self, day: Day, action: Action) -> DayEvent:
         """Carry out an action on a day that allows it: the event, its price still to be put in."""
         gives = self._actions.get(action.name)
         reading = gives(day, action) if gives else Reading()
-        return Event(
+        return DayEvent(
             number=len(day.events) + 1,
             action=action.name,
             arguments=dict(action.arguments),

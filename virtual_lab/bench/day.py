@@ -16,7 +16,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import to_set
 from virtual_lab.records.session import Session
 
-__all__ = ["Day", "Decision", "Event", "decide", "evolve", "replayed"]
+__all__ = ["Day", "DayEvent", "Decision", "decide", "evolve", "replayed"]
 
 MAKE_READY = ("zero-encoder", "clear-scrap", "wait-pressure", "wait-rest")
 AFTER_REDUCTION = frozenset({"note-doubt", "note-deviation", "give-verdict", "hand-in"})
@@ -41,7 +41,7 @@ READINGS = frozenset(  # entries that can be struck out
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Event:
+class DayEvent:
     """What was done, what it cost and what the instruments showed, all in the form of JSON."""
 
     number: int  # from 1
@@ -67,7 +67,7 @@ class Day:
 
     morning: Session  # what the laboratory knew before anything was done
     balls: int
-    events: tuple[Event, ...] = ()
+    events: tuple[DayEvent, ...] = ()
     seconds: float = 0.0
     done: Mapping[str, int] = field(default_factory=dict)  # action: how often
     struck: frozenset[int] = frozenset()  # events
@@ -142,7 +142,7 @@ def _require_reading(day: Day, entry: int) -> None:
         raise InputError("strike-out", "entry", entry, "is struck out already")
 
 
-def evolve(day: Day, event: Event) -> Day:
+def evolve(day: Day, event: DayEvent) -> Day:
     """Return the day after an event."""
     day = replace(
         day,
@@ -154,7 +154,7 @@ def evolve(day: Day, event: Event) -> Day:
     return replace(day, **after(day, event.arguments)) if after else day
 
 
-def replayed(morning: Day, events: Iterable[Event]) -> Day:
+def replayed(morning: Day, events: Iterable[DayEvent]) -> Day:
     """Return the day that began with `morning` after all of its events."""
     day = morning
     for event in events:

@@ -24,7 +24,7 @@ from virtual_lab.bench.table import action_table
 from virtual_lab.errors import InputError
 from virtual_lab.output.template import page_template
 
-__all__ = ["CostlyDecision", "Debrief", "Score", "debrief", "debrief_page"]
+__all__ = ["CostlyDecision", "DayScore", "Debrief", "debrief", "debrief_page"]
 
 PREPARING = {"tare": "weigh-bat", "level-stand": "measure-balance", "fit-clamp": "swing"}
 SLIPS = {  # argument: why its default is right
@@ -37,7 +37,7 @@ SHOWN = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Score:
+class DayScore:
     """One score of 0 to 1, and what it rests on."""
 
     name: str
@@ -72,7 +72,7 @@ class Debrief:
     found: tuple[str, ...]
     missed: tuple[str, ...]
     false_alarms: tuple[str, ...]
-    scores: tuple[Score, ...]
+    scores: tuple[DayScore, ...]
     costly: tuple[CostlyDecision, ...]
     minutes: float
     shots: int
@@ -119,7 +119,7 @@ def debrief(apparatus: Apparatus, day: Day, scenario: Scenario) -> Debrief:
         missed=tuple(name for name in faults if name not in named),
         false_alarms=tuple(name for name in named if name not in faults),
         scores=tuple(
-            Score(name=name, value=score, weight=scenario.weights.get(name, 1.0), because=why)
+            DayScore(name=name, value=score, weight=scenario.weights.get(name, 1.0), because=why)
             for name, (score, why) in zip(SCORES, scores, strict=True)
         ),
         costly=_costly(apparatus, desk, value, truth),

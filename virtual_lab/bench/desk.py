@@ -11,8 +11,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.bench.day import Day, Event, evolve
-from virtual_lab.bench.entries import constant_of, record_of
+from virtual_lab.bench.day import Day, DayEvent, evolve
+from virtual_lab.bench.entries import constant_of_entry, record_of
 from virtual_lab.catalog import Entry, read
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.certification import Certification, evaluate
@@ -48,7 +48,7 @@ def session_of(day: Day) -> Session:
     for event in day.events:
         if event.number in day.struck:
             continue
-        calibration |= {key: constant_of(entry) for key, entry in event.constants.items()}
+        calibration |= {key: constant_of_entry(entry) for key, entry in event.constants.items()}
         for channel, entry in event.records.items():
             if event.action == "fire":
                 shots.setdefault(channel, []).append(record_of(entry))
@@ -149,14 +149,14 @@ class Desk:
         balls = np.flatnonzero(used if used.any() else ~used)
         return int(balls[len(self.day.fired) % balls.size])
 
-    def last(self, action: str) -> Event | None:
+    def last(self, action: str) -> DayEvent | None:
         """Return the last entry of an action that is not struck out."""
         found = [
             e for e in self.day.events if e.action == action and e.number not in self.day.struck
         ]
         return found[-1] if found else None
 
-    def after(self, event: Event) -> Desk:
+    def after(self, event: DayEvent) -> Desk:
         """Return the desk after an event; what it leaves as it was is not worked out again."""
         following = Desk(evolve(self.day, event))
         if not (event.records or event.constants or event.action == "strike-out"):

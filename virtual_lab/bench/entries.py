@@ -11,7 +11,7 @@ import numpy as np
 from virtual_lab.records import RECORD_TYPES, Record
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["constant_of", "entry_of_constant", "entry_of_record", "record_of"]
+__all__ = ["constant_of_entry", "entry_of_constant", "entry_of_record", "record_of"]
 
 KINDS = {kind: name for name, kind in RECORD_TYPES.items()}
 
@@ -36,6 +36,6 @@ def entry_of_constant(known: Estimate) -> dict[str, Any]:
     return {"value": known.value, "u": known.u, "source": known.source, **dof}
 
 
-def constant_of(entry: Mapping[str, Any]) -> Estimate:
+def constant_of_entry(entry: Mapping[str, Any]) -> Estimate:
     """Return the constant of an entry."""
     return Estimate(**entry)

@@ -14,7 +14,7 @@ from math import hypot
 import numpy as np
 
 from virtual_lab import catalog
-from virtual_lab.bench.day import Event
+from virtual_lab.bench.day import DayEvent
 from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.table import action_table
 
@@ -159,7 +159,7 @@ def _charted(desk: Desk, action: str) -> Iterator[tuple[str, float, float]]:
         yield name, today / chart, (today - chart) / hypot(sd, WORST_MORNING * chart)
 
 
-def _numbers(event: Event) -> Iterator[tuple[str, float]]:
+def _numbers(event: DayEvent) -> Iterator[tuple[str, float]]:
     for what, value, _ in event.shown:
         if not isinstance(value, str):
             yield what, float(value)

@@ -16,9 +16,9 @@ from typing import Any, Self
 
 from virtual_lab.bench.actions import Action
 from virtual_lab.bench.apparatus import Apparatus
-from virtual_lab.bench.day import Day, Event, decide, evolve, replayed
+from virtual_lab.bench.day import Day, DayEvent, decide, evolve, replayed
 from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.entries import constant_of, entry_of_constant
+from virtual_lab.bench.entries import constant_of_entry, entry_of_constant
 from virtual_lab.bench.log import DayLog, SequenceError
 from virtual_lab.bench.operators import Operator
 from virtual_lab.bench.scenario import Scenario
@@ -111,7 +111,7 @@ class KeptDay:
             self.do(action)
         return self.day
 
-    def do(self, action: Action, number: int | None = None) -> Event:
+    def do(self, action: Action, number: int | None = None) -> DayEvent:
         """Do an action: its event is on disk before it is returned.
 
         Raises
@@ -131,7 +131,7 @@ class KeptDay:
         return event
 
 
-def done(apparatus: Apparatus, day: Day, action: Action) -> Event:
+def done(apparatus: Apparatus, day: Day, action: Action) -> DayEvent:
     """Return the event of an action on a day; `InputError` where it cannot be done."""
     price = decide(day, action)
     return replace(apparatus.play(day, action), seconds=price)
@@ -171,5 +171,5 @@ def _entry_of_session(session: Session) -> dict[str, Any]:
 
 
 def _session(entry: Mapping[str, Any]) -> Session:
-    calibration = {name: constant_of(known) for name, known in entry["calibration"].items()}
+    calibration = {name: constant_of_entry(known) for name, known in entry["calibration"].items()}
     return Session(**{**entry, "calibration": calibration, "records": {}})

@@ -13,7 +13,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from virtual_lab.bench.day import Event
+from virtual_lab.bench.day import DayEvent
 from virtual_lab.errors import InputError
 
 __all__ = ["DayLog", "SequenceError"]
@@ -58,7 +58,7 @@ class DayLog:
             _put(base, 0, {"schema": SCHEMA, **morning})
         return cls(path)
 
-    def append(self, event: Event) -> None:
+    def append(self, event: DayEvent) -> None:
         """Write an event to disk; `SequenceError` where its number is not the next."""
         with closing(self._open()) as base:
             base.execute("BEGIN IMMEDIATE")
@@ -70,7 +70,7 @@ class DayLog:
             _put(base, event.number, _document(event))
             base.execute("COMMIT")
 
-    def events(self) -> list[Event]:
+    def events(self) -> list[DayEvent]:
         """Return all events in order."""
         with closing(self._open()) as base:
             rows = base.execute(
@@ -90,7 +90,7 @@ def _put(base: sqlite3.Connection, number: int, document: Mapping[str, Any]) -> 
     base.execute("INSERT INTO entries (number, entry) VALUES (?, ?)", (number, entry))
 
 
-def _document(event: Event) -> dict[str, Any]:
+def _document(event: DayEvent) -> dict[str, Any]:
     return {
         "action": event.action,
         "arguments": dict(event.arguments),
@@ -101,6 +101,6 @@ def _document(event: Event) -> dict[str, Any]:
     }
 
 
-def _event(number: int, entry: Mapping[str, Any]) -> Event:
+def _event(number: int, entry: Mapping[str, Any]) -> DayEvent:
     shown = tuple((what, value, unit) for what, value, unit in entry["shown"])
-    return Event(**{**entry, "number": number, "shown": shown})
+    return DayEvent(**{**entry, "number": number, "shown": shown})

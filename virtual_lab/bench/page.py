@@ -44,7 +44,7 @@ class Step:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Hit:
+class HitShown:
     """A row of the table of hits, as printed."""
 
     shot: int
@@ -59,7 +59,7 @@ class Hit:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Trace:
+class TraceShown:
     """What the encoder showed of a shot: a line, and its numbers."""
 
     points: str
@@ -163,7 +163,7 @@ def _suggested(desk: Desk) -> dict[str, str]:
     }
 
 
-def _hits(desk: Desk) -> list[Hit]:
+def _hits(desk: Desk) -> list[HitShown]:
     day = desk.day
     if not day.fired:
         return []
@@ -186,7 +186,7 @@ def _hits(desk: Desk) -> list[Hit]:
         place, speed, efficiency, metric = numbers
         decision = "undecided" if chosen is None else "accepted" if chosen.accepted else "rejected"
         rows.append(
-            Hit(
+            HitShown(
                 shot=shot + 1,
                 ball=ball + 1,
                 place=place,
@@ -205,7 +205,7 @@ def _number(value: float, places: int) -> str:
     return f"{value:.{places}f}" if np.isfinite(value) else "not seen"
 
 
-def _trace(desk: Desk) -> Trace | None:
+def _trace(desk: Desk) -> TraceShown | None:
     """Return the encoder's trace of the last shot, None where nothing watched the bat."""
     event = desk.last("fire")
     if event is None or "encoder" not in event.records:
@@ -218,7 +218,7 @@ def _trace(desk: Desk) -> Trace | None:
     across = WIDTH * times[some] / times[-1]
     up = HEIGHT - HEIGHT * (counts[some] - low) / max(high - low, 1.0)
     few = np.unique(np.linspace(0, times.size - 1, ROWS).astype(int))
-    return Trace(
+    return TraceShown(
         points=" ".join(f"{x:.1f},{y:.1f}" for x, y in zip(across, up, strict=True)),
         low=int(low),
         high=int(high),

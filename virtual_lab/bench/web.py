@@ -24,7 +24,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from virtual_lab.bench.actions import Action, action_of
-from virtual_lab.bench.day import MAKE_READY, Event
+from virtual_lab.bench.day import MAKE_READY, DayEvent
 from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.page import day_page, plain_page
 from virtual_lab.errors import InputError
@@ -54,7 +54,7 @@ class Room(Protocol):
     def desk(self) -> Desk: ...
     @property
     def briefing(self) -> Mapping[str, Any]: ...
-    def do(self, action: Action, number: int | None = None) -> Event: ...
+    def do(self, action: Action, number: int | None = None) -> DayEvent: ...
     def certificate(self) -> str:
         """Return the certificate's page; `InputError` before there is one."""
         ...
