@@ -26,7 +26,7 @@ BENCH = (
     "fit-clamp",
     "swing",
     "hit-wall",
-    "witness-paper",
+    "aim-paper",
 )
 BALLS = (1, 2, 3, 4, 5, 6, 8)  # the rules set ball 7 aside
 Asked = tuple[str, dict[str, Any]]

@@ -53,7 +53,7 @@ def test_the_truth_of_a_day_is_that_of_the_plain_test(plain: Desk) -> None:
 
 def test_the_order_of_readings_changes_no_record(plain: Desk) -> None:
     """The wall first, the bench from its end: what makes ready stays before what it is for."""
-    order = ("hit-wall", "witness-paper", "fit-clamp", "swing", "level-stand", "measure-balance")
+    order = ("hit-wall", "aim-paper", "fit-clamp", "swing", "level-stand", "measure-balance")
     first = [each for name in order for each in PLAIN if each[0] == name]
     later = without(*order)
     assert moved(day_of([*first, *later]), plain) == set()
@@ -216,9 +216,9 @@ def test_a_shifted_place_is_another_place(plain: Desk) -> None:
 def test_a_new_aim_moves_marks_and_what_is_known(plain: Desk) -> None:
     day = day_of(
         [
-            ("witness-paper", {}),
+            ("aim-paper", {}),
             ("re-aim", {"along": 5, "across": -3}),
-            ("witness-paper", {}),
+            ("aim-paper", {}),
         ]
     )
     first, _, second = day.events
@@ -240,7 +240,7 @@ def test_a_new_aim_moves_marks_and_what_is_known(plain: Desk) -> None:
         ("measure-balance", "bench/balance"),
         ("swing", "bench/pendulum"),
         ("hit-wall", "balls/log"),
-        ("witness-paper", "impact/aim"),
+        ("aim-paper", "impact/aim"),
     ],
 )
 def test_without_a_reading_there_is_no_result(name: str, missing: str) -> None:

@@ -127,7 +127,7 @@ class Apparatus:
             "fire-check-cylinder": lambda day, action: Reading(
                 shown=self.checks.cylinder(day.times(action.name))
             ),
-            "witness-paper": self._witness_paper,
+            "aim-paper": self._aim_paper,
             "re-aim": self._re_aim,
             "fire": self._fire,
             "reduce": self._reduce,
@@ -261,7 +261,7 @@ class Apparatus:
         used = constants if action.arguments["use"] == "gauge" else {}
         return Reading(shown=tuple(shown), constants=used)
 
-    def _witness_paper(self, day: Day, action: Action) -> Reading:
+    def _aim_paper(self, day: Day, action: Action) -> Reading:
         station: Any = self.firing.aimed(day.shift)
         marks = station.cannon.mark(self.laboratory.draws, self._aim_stream(day, action))
         mean = marks.along.mean(), marks.across.mean()

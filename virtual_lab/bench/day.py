@@ -34,7 +34,7 @@ READINGS = frozenset(  # entries that can be struck out
         "fire-check-ball",
         "gauge-gates",
         "fire-check-cylinder",
-        "witness-paper",
+        "aim-paper",
         "note-doubt",
     }
 )

@@ -36,7 +36,7 @@ STAGES = {  # action: the stage whose records it writes
     "measure-balance": "bench",
     "swing": "bench",
     "hit-wall": "balls",
-    "witness-paper": "impact",
+    "aim-paper": "impact",
 }
 
 

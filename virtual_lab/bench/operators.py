@@ -32,7 +32,7 @@ PREPARATION = (
     "fit-clamp",
     "swing",
     "hit-wall",
-    "witness-paper",
+    "aim-paper",
 )
 READY = ("zero-encoder", "clear-scrap", "wait-pressure", "wait-rest")
 SURE = 0.9  # a doubt that makes an expert refuse to judge

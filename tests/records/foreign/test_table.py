@@ -26,7 +26,7 @@ WHERE = "laboratory.toml [channels.x.y]"
 
 INCH, OUNCE, MPH, DEGREE = 0.0254, 0.45359237 / 16, 0.44704, np.pi / 180
 LENGTHS = {"m": 1, "mm": 1e-3, "cm": 1e-2, "in": INCH, "um": 1e-6}
-TIMES = {"time_s": 1, "time_ms": 1e-3, "time_us": 1e-6}
+TIMES = {"time_s": 1, "time_ms": 1e-3, "time_us": 1e-6, "time_min": 60}
 COLUMNS = {  # every column of every record, and what its unit may be, written by hand
     "mass_kg": {"mass_kg": 1, "mass_g": 1e-3, "mass_oz": OUNCE, "mass_lb": 16 * OUNCE},
     "time_s": TIMES,
@@ -284,7 +284,7 @@ def test_a_table_that_does_not_fit(
     ("more", "key", "allowed"),
     [
         ({"record": "radar"}, "record", "allowed: mass-readings"),
-        ({"columns": {"time_min": "t [us]"}}, "columns", "time_us"),
+        ({"columns": {"time_h": "t [us]"}}, "columns", "time_us"),
         ({"columns": {"time_us": "t"}}, "columns", "no 't'"),
         ({"ignore": ("note",)}, "columns", "no 'note'"),
         ({"fixed": {"beam": 1}}, "fixed", "shot, way, gate, edge"),
@@ -292,7 +292,7 @@ def test_a_table_that_does_not_fit(
         ({"rows": "row"}, "rows", "shot, way, gate, edge"),
         ({"rows": "shot"}, "rows", "is a column"),
         ({"index_from": {"beam": 1}}, "index_from", "shot, way, gate, edge"),
-        ({"wide": {"time_min": {}}}, "wide", "time_us"),
+        ({"wide": {"time_h": {}}}, "wide", "time_us"),
         ({"wide": {"time_us": {"a": {"gate": 1}}}}, "columns", "no 'a'"),
         ({"wide": {"time_us": {"gate": {"beam": 1}}}}, "wide.time_us.gate", "shot, way"),
         ({"wide": {"time_us": {"gate": {"gate": 1}}}}, "wide", "is a column"),
