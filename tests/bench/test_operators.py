@@ -30,7 +30,7 @@ def day_by(name: str, *faults: str) -> Day:
 
 
 @cache
-def told(name: str, *faults: str) -> Debrief:
+def debriefed(name: str, *faults: str) -> Debrief:
     return debrief(apparatus(*faults), day_by(name, *faults), scenario(faults))
 
 
@@ -39,7 +39,7 @@ def scores(found: Debrief) -> dict[str, float]:
 
 
 def test_the_book_takes_the_plain_test() -> None:
-    found = told("book")
+    found = debriefed("book")
     assert found.verdict == found.right_verdict == "PASS"
     assert found.costly == ()
     assert set(scores(found).values()) == {1.0}
@@ -49,26 +49,26 @@ def test_the_book_takes_the_plain_test() -> None:
 def test_an_expert_adds_checks_and_changes_no_result() -> None:
     done = {event.action for event in day_by("expert").events}
     assert {"tap-bat", "weigh-check-mass", "fire-check-cylinder", "gauge-gates"} <= done
-    assert told("expert").value == told("book").value
-    assert told("expert").false_alarms == ()
-    assert told("expert").minutes > told("book").minutes
+    assert debriefed("expert").value == debriefed("book").value
+    assert debriefed("expert").false_alarms == ()
+    assert debriefed("expert").minutes > debriefed("book").minutes
 
 
 @pytest.mark.parametrize(
     "fault", ["scale-not-tared", "bat-cracked", "encoder-half-counts", "gate-moved"]
 )
 def test_an_expert_finds_what_the_book_does_not(fault: str) -> None:
-    assert told("expert", fault).found == (fault,)
+    assert debriefed("expert", fault).found == (fault,)
     assert fault not in {doubt.fault for doubt in doubts(Desk(day_by("book")))}
 
 
 def test_a_remedied_fault_leaves_a_verdict_and_a_spoilt_day_none() -> None:
     """A gate gauged and reduced with: as on a sound day. A dish on the scale: nothing is said."""
-    gauged, weighed = told("expert", "gate-moved"), told("expert", "scale-not-tared")
+    gauged, weighed = debriefed("expert", "gate-moved"), debriefed("expert", "scale-not-tared")
     assert gauged.verdict == gauged.right_verdict == "PASS"
     assert weighed.verdict == weighed.right_verdict == "INVALID"
     assert scores(gauged)["result"] == scores(weighed)["result"] == 1.0
-    missed = told("book", "scale-not-tared")
+    missed = debriefed("book", "scale-not-tared")
     assert (missed.verdict, missed.right_verdict) == ("PASS", "INVALID")
     assert scores(missed)["result"] < 0.5
     assert scores(missed)["detection"] == 0.0
@@ -94,7 +94,7 @@ def test_an_expert_reduces_with_the_gauge_where_a_gate_was_moved() -> None:
 
 
 def test_the_careless_leave_out_and_wave_through() -> None:
-    found, day = told("careless"), day_by("careless")
+    found, day = debriefed("careless"), day_by("careless")
     assert scores(found)["protocol"] < 0.9
     assert scores(found)["record"] < 1
     waved = [e for e in day.events if e.arguments.get("because") == "near enough"]
@@ -107,8 +107,8 @@ def test_the_cheating_reject_what_is_high() -> None:
     day = day_by("cheating")
     made_up = [e.arguments["shot"] for e in day.events if "sound right" in str(e.arguments)]
     assert made_up
-    assert scores(told("cheating"))["record"] < 0.9
-    assert scores(told("cheating"))["protocol"] == 1.0
+    assert scores(debriefed("cheating"))["record"] < 0.9
+    assert scores(debriefed("cheating"))["protocol"] == 1.0
 
 
 def test_the_cost_of_a_decision_is_the_day_played_with_it_mended() -> None:
@@ -189,7 +189,7 @@ def test_a_script_is_taken_as_it_stands_and_a_wrong_line_is_named(tmp_path: Path
     path = tmp_path / "day.json"
     path.write_text(json.dumps({"actions": actions}), "utf-8")
     found = vl.rehearse(script=path, seed=3)
-    assert found.debrief.value == told("book").value
+    assert found.debrief.value == debriefed("book").value
     with pytest.raises(InputError, match=r"day.json: actions\[1\]; .*known"):
         by_script({"actions": [{"do": "sing"}]}, "day.json")
     with pytest.raises(InputError, match=r"actions\[2\]"):
@@ -201,7 +201,7 @@ def test_the_command_writes_a_day_and_its_debrief(tmp_path: Path) -> None:
     given = ["rehearse", "--operator", "book", "--seed", "3", "--out", str(out), "--json"]
     done = CliRunner().invoke(cli, given, catch_exceptions=False)
     document = json.loads(done.stdout)
-    assert document["value"] == told("book").value
+    assert document["value"] == debriefed("book").value
     assert {path.name for path in out.iterdir()} == {
         "day.sqlite",
         "sealed.json",

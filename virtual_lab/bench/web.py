@@ -100,7 +100,7 @@ def application(room: Room, *, token: str, hosts: frozenset[str]) -> ASGIApp:
                 return HTMLResponse(page, status_code=422)
         return RedirectResponse(f"/#{given.get('back', 'now')}", status_code=303)
 
-    def told(page: Callable[[], str]) -> Callable[[Request], Response]:
+    def page_answer(page: Callable[[], str]) -> Callable[[Request], Response]:
         def answer(_: Request) -> Response:
             with lock:
                 try:
@@ -118,8 +118,8 @@ def application(room: Room, *, token: str, hosts: frozenset[str]) -> ASGIApp:
     routes = [
         Route("/", show),
         Route("/do", act, methods=["POST"]),
-        Route("/certificate", told(room.certificate)),
-        Route("/debrief", told(room.debrief)),
+        Route("/certificate", page_answer(room.certificate)),
+        Route("/debrief", page_answer(room.debrief)),
         Route("/bench.css", sheet),
     ]
     return Door(Starlette(routes=routes), token=token, hosts=hosts)
