@@ -52,9 +52,9 @@ def test_the_chart_tells_the_first_day() -> None:
     """A shift of ten standard deviations and more; the ball at the wall knows nothing of it."""
     played = daily(days=14, baseline=8, hits=4, faults=("aim-along",), since=12)
     assert played.since == 12
-    rows = {row["rule"]: row for row in played.cylinder_alarms}
-    assert rows["1 day beyond 3 sigma"]["delay_days"] == 0
-    assert rows["moving range"]["delay_days"] == 0
+    rows = {row.rule: row for row in played.cylinder_alarms}
+    assert rows["1 day beyond 3 sigma"].delay_days == 0
+    assert rows["moving range"].delay_days == 0
     assert np.array_equal(played.values, daily(days=14, baseline=8, hits=4).values)
     assert played.document["faults"] == ["aim-along"]
     last = played.document["days"][-1]

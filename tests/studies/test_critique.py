@@ -10,6 +10,7 @@ import pytest
 from virtual_lab.errors import InputError
 from virtual_lab.studies import critique as study
 from virtual_lab.studies.critique import Critique, Ranked, critique, misranking
+from virtual_lab.studies.critique_text import Pair
 
 BATS = ("r161", "ea70", "barrel-loaded", "knob-loaded")
 
@@ -21,11 +22,11 @@ def paper() -> Critique:
     )
 
 
-def row(found: Critique, first: str, second: str, n: float, procedure: str) -> dict:
+def row(found: Critique, first: str, second: str, n: float, procedure: str) -> Pair:
     """Return the row of a pair."""
     asked = (first, second, n, procedure)
     keys = ("first", "second", "n", "procedure")
-    return next(each for each in found.pairs if tuple(each[key] for key in keys) == asked)
+    return next(each for each in found.pairs if tuple(getattr(each, key) for key in keys) == asked)
 
 
 def made_up(*measured: tuple[float, float], field: float = 3.0) -> Critique:
@@ -53,36 +54,34 @@ def made_up(*measured: tuple[float, float], field: float = 3.0) -> Critique:
 def test_the_pivot_test_prefers_the_bat_that_loses_in_the_field(paper: Critique, n: float) -> None:
     """Sec. IV: nearly equal BPF, yet the barrel-loaded bat is the better for all n < 0.5."""
     found = row(paper, "barrel-loaded", "knob-loaded", n, "astm-f1881")
-    assert found["v_f_mph"] > 0.2
-    assert -0.01 < found["difference"] < 0
+    assert found.v_f_mph > 0.2
+    assert -0.01 < found.difference < 0
 
 
 def test_a_test_at_one_bat_speed_prefers_wood(paper: Critique) -> None:
     """Sec. IV: at n = 0 one "would incorrectly conclude that" wood outperforms aluminium."""
     for n, least in ((0.3, 3), (0.5, 5)):
         found = row(paper, "r161", "ea70", n, "ncaa-modified")
-        assert found["v_f_mph"] < -least
-        assert found["difference"] > 0
+        assert found.v_f_mph < -least
+        assert found.difference > 0
 
 
 def test_the_proposal_ranks_as_the_field_of_its_own_exponent(paper: Critique) -> None:
     """Sec. V A: every pair, n = 0.3, free of error and in every laboratory."""
-    own = [each for each in paper.pairs if each["procedure"] == "proposed" and each["n"] == 0.3]
+    own = [each for each in paper.pairs if each.procedure == "proposed" and each.n == 0.3]
     assert len(own) == 6
     for each in own:
-        assert each["own_n"] == 0.3
-        assert each["difference"] * each["v_f_mph"] > 0
-        assert each["wrong"] == 0
+        assert each.own_n == 0.3
+        assert each.difference * each.v_f_mph > 0
+        assert each.ranking.wrong == 0
 
 
 def test_metrics_stand_beside_the_field(paper: Critique) -> None:
     """The proposal's v_f is the field's to 0.1 mph and four of its u, 0.16 mph."""
     for each in paper.metrics:
-        if each["procedure"] == "proposed":
-            assert each["value"] == pytest.approx(
-                each["v_f_mph_n0.3"], abs=0.1 + 4 * 0.16 / sqrt(2)
-            )
-        assert each["laboratories"] == 2
+        if each.procedure == "proposed":
+            assert each.value == pytest.approx(each.v_f_mph["n0.3"], abs=0.1 + 4 * 0.16 / sqrt(2))
+        assert each.laboratories == 2
 
 
 def test_only_procedures_of_the_fields_sport_are_asked_for() -> None:
@@ -102,30 +101,30 @@ def test_the_field_may_swing_with_constant_energy(tmp_path: Path) -> None:
     """The pivot test prefers the bat that loses in the field under this law too."""
     found = critique(BATS[2:], procedures=("astm-f1881",), swings=(None,), laboratories=2)
     (pair,) = found.pairs
-    assert pair["v_f_mph"] > 2
-    assert -0.01 < pair["difference"] < 0
+    assert pair.v_f_mph > 2
+    assert -0.01 < pair.difference < 0
     said = found.text
     assert "v_f, constant energy" in said
     assert "in the field struck by game-2003" in said
-    assert "v_f_mph_energy" in found.metrics[0]
+    assert "v_f_mph_energy" in found.document["metrics"][0]
     found.save(tmp_path / "out")
 
 
 def test_probability_is_the_normal_laws() -> None:
     """Differences 1, 2, 3: mean 2, sd 1; the field says less than 0, so P = Φ(2)."""
     found = misranking(-4.0, np.array([1.0, 2.0, 3.0]))
-    assert found["probability"] == pytest.approx((1 + erf(2 / sqrt(2))) / 2, rel=1e-12)
-    assert (found["mean"], found["sd"], found["wrong"]) == pytest.approx((2, 1, 3))
-    assert found["verdict"] == "other way round"
-    assert misranking(4.0, np.array([1.0, 2.0, 3.0]))["verdict"] == "as the field"
+    assert found.probability == pytest.approx((1 + erf(2 / sqrt(2))) / 2, rel=1e-12)
+    assert (found.mean, found.sd, found.wrong) == pytest.approx((2, 1, 3))
+    assert found.verdict == "other way round"
+    assert misranking(4.0, np.array([1.0, 2.0, 3.0])).verdict == "as the field"
 
 
 def test_counted_share_is_clopper_and_pearsons() -> None:
     """None of 20: 1 - 0.025^(1/20). Differences without a result are not counted."""
     found = misranking(1.0, np.append(np.linspace(1, 2, 20), nan))
-    assert found["laboratories"] == 20
-    assert (found["wrong"], found["low"]) == (0, 0)
-    assert found["high"] == pytest.approx(1 - 0.025 ** (1 / 20), rel=1e-9)
+    assert found.laboratories == 20
+    assert (found.wrong, found.low) == (0, 0)
+    assert found.high == pytest.approx(1 - 0.025 ** (1 / 20), rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -141,7 +140,7 @@ def test_counted_share_is_clopper_and_pearsons() -> None:
     ],
 )
 def test_verdicts(field: float, differences: list[float], verdict: str) -> None:
-    assert misranking(field, np.array(differences))["verdict"] == verdict
+    assert misranking(field, np.array(differences)).verdict == verdict
 
 
 def test_a_procedure_without_a_result_is_said_to_have_none(tmp_path: Path) -> None:

@@ -46,8 +46,8 @@ def test_delays_of_a_step_no_chart_can_miss() -> None:
     """More than ten standard deviations: what each pattern needs, and not a day more."""
     played = daily(step=0.03, seed=3)
     assert played.since == 26
-    rows = {row["rule"]: row for row in played.alarms}
-    assert {name: row["delay_days"] for name, row in rows.items()} == {
+    rows = {row.rule: row for row in played.alarms}
+    assert {name: row.delay_days for name, row in rows.items()} == {
         "1 day beyond 3 sigma": 0,
         "2 of 3 days beyond 2 sigma": 1,
         "4 of 5 days beyond 1 sigma": 3,
@@ -56,19 +56,19 @@ def test_delays_of_a_step_no_chart_can_miss() -> None:
         "moving average (EWMA)": 0,
         "cumulative sum (CUSUM)": 0,
     }
-    assert rows["8 days on one side"]["first_alarm_day"] == 33
-    assert rows["8 days on one side"]["earlier_alarms"] == 0
+    assert rows["8 days on one side"].first_alarm_day == 33
+    assert rows["8 days on one side"].earlier_alarms == 0
 
 
 def test_alarms_before_the_change_are_counted_apart() -> None:
     """With the change on the last day all but one of the days belong to what came before."""
     late = daily(step=0.03, since=60, seed=3)
-    rows = {row["rule"]: row for row in late.alarms}
+    rows = {row.rule: row for row in late.alarms}
     flags = late.charted.alarms["1 day beyond 3 sigma"]
-    assert rows["1 day beyond 3 sigma"]["delay_days"] == 0
-    assert rows["1 day beyond 3 sigma"]["earlier_alarms"] == int(flags.sum()) - 1
-    assert rows["moving range"]["delay_days"] == 0
-    assert rows["8 days on one side"]["delay_days"] is None
+    assert rows["1 day beyond 3 sigma"].delay_days == 0
+    assert rows["1 day beyond 3 sigma"].earlier_alarms == int(flags.sum()) - 1
+    assert rows["moving range"].delay_days == 0
+    assert rows["8 days on one side"].delay_days is None
 
 
 def test_a_check_ball_that_ages_is_seen_to() -> None:
@@ -113,7 +113,7 @@ def test_what_is_written(tmp_path: Path) -> None:
 def test_a_calm_laboratory_without_rules_is_drawn_too(tmp_path: Path) -> None:
     played = daily(days=26, rules=())
     assert played.since is None
-    assert [row["first_alarm_day"] for row in played.alarms] == [None] * 3
+    assert [row.first_alarm_day for row in played.alarms] == [None] * 3
     played.save(tmp_path / "out")
 
 

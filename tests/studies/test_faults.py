@@ -11,7 +11,7 @@ import pytest
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.faults import FaultSheet, Prediction
-from virtual_lab.studies.faults import PROCEDURES, _bias, faults
+from virtual_lab.studies.faults import PROCEDURES, Bias, faults
 
 FEW = ("gate-moved", "wrong-lot", "encoder-slip", "ball-out-of-round")
 LABORATORIES = 6
@@ -25,14 +25,14 @@ def test_a_few_faults_come_out_as_predicted(tmp_path: Path) -> None:
     predicted; no sound day is flagged, which 1 % a day leaves 94 % likely.
     """
     rows = faults(FEW, procedures=("astm-f1881",), laboratories=LABORATORIES, seed=600)
-    assert [row["fault"] for row in rows] == ["none", *FEW]
+    assert [row.fault for row in rows] == ["none", *FEW]
     for row in rows:
         print(row)
-        assert row["as_predicted"], row["fault"]
-        assert 0 <= row["low"] <= row["caught"] <= row["high"] <= 1
-    assert rows[0]["caught"] == 0
-    assert rows[3]["by"].startswith(f"encoder-fit {LABORATORIES}")
-    assert rows[1]["e_A_bias"] == pytest.approx(-0.0040, abs=0.0002)
+        assert row.as_predicted, row.fault
+        assert 0 <= row.low <= row.caught <= row.high <= 1
+    assert rows[0].caught == 0
+    assert rows[3].by.startswith(f"encoder-fit {LABORATORIES}")
+    assert rows[1].e_A.bias == pytest.approx(-0.0040, abs=0.0002)
     rows.save(tmp_path / "new")
     assert (tmp_path / "new" / "faults.csv").read_text().count("\n") == len(rows) + 1
 
@@ -73,8 +73,8 @@ def test_a_wrong_prediction_shows() -> None:
     """A bias ten Monte Carlo errors from the predicted one, and one that is met."""
     differences = np.array([0.9, 1.1] * 50)  # 1 ± 0.1005/10
     error = float(differences.std(ddof=1)) / 10
-    assert _bias("metric", differences, 1.0, 0.0)["metric_z"] == pytest.approx(0.0, abs=1e-9)
-    assert _bias("metric", differences, 1 - 10 * error, 0.0)["metric_z"] == pytest.approx(10.0)
+    assert Bias.of(differences, 1.0, 0.0).z == pytest.approx(0.0, abs=1e-9)
+    assert Bias.of(differences, 1 - 10 * error, 0.0).z == pytest.approx(10.0)
 
 
 def test_a_prediction_is_one_of_two_kinds() -> None:

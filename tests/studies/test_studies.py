@@ -34,15 +34,15 @@ def test_coverage_in_a_few_laboratories(bat: str, procedure: str) -> None:
     rows = coverage(bat, procedure=procedure, laboratories=LABORATORIES, seed=50_000, summed=True)
     for row in rows:
         print(row)
-        assert row["laboratories"] + row["invalid"] == LABORATORIES
-        assert row["coverage"] >= 70 / 80
-        assert abs(row["mean_z"]) < 4 * 1.3 / sqrt(LABORATORIES)
-        assert 0.65 < row["sd_z"] < 1.35 * (1.3 if procedure == "bbcor" else 1.0)
-        assert row["low"] < row["coverage"] < row["high"] or row["coverage"] == 1
-        assert row["coverage"] + row["above"] + row["below"] == pytest.approx(1)
-        many = np.array([len(part) for part in np.array_split(np.arange(row["laboratories"]), 3)])
-        assert many @ row["thirds"] / many.sum() == pytest.approx(row["coverage"])
-        assert abs(row["bias"] - row["expected"]) < 4 * row["bias_se"]
+        assert row.laboratories + row.invalid == LABORATORIES
+        assert row.coverage >= 70 / 80
+        assert abs(row.mean_z) < 4 * 1.3 / sqrt(LABORATORIES)
+        assert 0.65 < row.sd_z < 1.35 * (1.3 if procedure == "bbcor" else 1.0)
+        assert row.low < row.coverage < row.high or row.coverage == 1
+        assert row.coverage + row.above + row.below == pytest.approx(1)
+        many = np.array([len(part) for part in np.array_split(np.arange(row.laboratories), 3)])
+        assert many @ row.thirds / many.sum() == pytest.approx(row.coverage)
+        assert abs(row.bias - row.expected) < 4 * row.bias_se
 
 
 def test_effects_of_every_term() -> None:
@@ -52,21 +52,21 @@ def test_effects_of_every_term() -> None:
     1000), and the greatest beyond 2 of none, so that a lost sign would show.
     """
     rows = effects("softball-34", procedure="asa", laboratories=130, summed=True)
-    terms = {row["term"]: row for row in rows}
+    terms = {row.term: row for row in rows}
     for name, row in terms.items():
-        print(name, row["stated"], row["realised"], row["se"])
-        assert row["realised"] is not None, name
+        print(name, row.stated, row.realised, row.se)
+        assert row.realised is not None, name
         # the sheet's slope is that of all softball bats: the aim's effect may be apart by its u
-        stated = terms["procedure.place_slope_error"]["stated"]
+        stated = terms["procedure.place_slope_error"].stated
         slack = 2 * abs(stated) if name == "impact.cannon.along" else 0.0
         if name != "procedure.place_slope_error":
-            assert abs(row["realised"] - row["stated"]) < 4.5 * row["se"] + slack, name
-    assert [abs(row["stated"]) for row in rows] == sorted(
-        (abs(row["stated"]) for row in rows), reverse=True
+            assert abs(row.realised - row.stated) < 4.5 * row.se + slack, name
+    assert [abs(row.stated) for row in rows] == sorted(
+        (abs(row.stated) for row in rows), reverse=True
     )
     for name in ("bench.stand.offset", "bat.balance", "hall.air.drag_coefficient"):
-        assert abs(terms[name]["realised"]) > 2 * terms[name]["se"]
-    assert terms["balls.repeatability"]["realised"] > 2 * terms["balls.repeatability"]["se"]
+        assert abs(terms[name].realised) > 2 * terms[name].se
+    assert terms["balls.repeatability"].realised > 2 * terms["balls.repeatability"].se
 
 
 def test_effects_need_laboratories() -> None:
@@ -81,8 +81,8 @@ def test_the_slope_on_a_procedures_sheet(procedure: str, bats: tuple[str, ...]) 
     """As ``virtual-lab slope`` gives it, to the rounding on the sheet, and u at least that."""
     *_, mean, deviation = slope(bats, procedure=procedure)
     sheet = catalog.load("procedures", procedure, Procedure).spec
-    assert sheet.place_slope * INCH == pytest.approx(mean["slope_per_in"], abs=6e-4)
-    assert sheet.place_slope_u * INCH == pytest.approx(deviation["slope_per_in"], abs=6e-4)
+    assert sheet.place_slope * INCH == pytest.approx(mean.slope_per_in, abs=6e-4)
+    assert sheet.place_slope_u * INCH == pytest.approx(deviation.slope_per_in, abs=6e-4)
 
 
 def test_a_slope_of_no_place() -> None:
@@ -95,7 +95,7 @@ def test_a_slope_of_no_place() -> None:
 def test_coverage_with_every_edge_and_count() -> None:
     """Laboratories that draw their own bats, and records in full."""
     for row in coverage("r161", laboratories=12, seed=50_000):
-        assert row["coverage"] >= 9 / 12  # fewer by chance 1 in 5000
+        assert row.coverage >= 9 / 12  # fewer by chance 1 in 5000
 
 
 def test_bias_without_noise() -> None:
@@ -119,9 +119,9 @@ def test_score_of_a_known_error() -> None:
     certificate |= {name: {"value": 0.25, "u": 0.0} for name in names}
     true = dict.fromkeys(names, 0.25) | {"metric": 0.98}
     rows = score(certificate, true)
-    assert rows["metric"]["error"] == pytest.approx(0.02)
-    assert rows["metric"]["z"] == pytest.approx(2.0)
-    assert rows["restitution"]["z"] is None
+    assert rows["metric"].error == pytest.approx(0.02)
+    assert rows["metric"].z == pytest.approx(2.0)
+    assert rows["restitution"].z is None
 
 
 def test_bad_words() -> None:

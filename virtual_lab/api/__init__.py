@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from virtual_lab.measurement.certification import Certification
     from virtual_lab.output.metrics import Printed
     from virtual_lab.simulation.truth import Sealed
+    from virtual_lab.studies.score import Score
     from virtual_lab.video.calibration.calibrating import Calibrated
     from virtual_lab.video.show.tracked_clip import TrackedClip
 
@@ -206,7 +207,7 @@ class Certificate:
             figure.savefig(path)
         return figure
 
-    def score(self) -> dict[str, Any]:
+    def score(self) -> dict[str, Score]:
         """Open the sealed truth: recovered against true, in units and standard uncertainties."""
         from virtual_lab.studies.score import score
 

@@ -39,7 +39,7 @@ def list_(kind: str | None) -> Any:
 
 @command("show")
 @click.argument("name", shell_complete=names(*KINDS))
-def show(name: str) -> Answer:
+def show(name: str) -> Any:
     """Show a specification, every number with its unit and source, or a certificate.json."""
     if name.endswith(".json"):
         from virtual_lab.certificate.document import read_document
@@ -47,10 +47,9 @@ def show(name: str) -> Answer:
 
         certificate = read_document(Path(name))
         return Answer(document=certificate.as_json(), text=certificate_text(certificate))
-    from virtual_lab.studies.inventory import sheet_document, sheet_text
+    from virtual_lab.studies.inventory import shown_sheet
 
-    document = sheet_document(name)
-    return Answer(document=document, text=sheet_text(document))
+    return shown_sheet(name)
 
 
 @command("profile", keeps=True, table=True, picture=True)

@@ -72,10 +72,12 @@ def coverage(
         return clip_coverage(bat, procedure=rules, clips=clips, progress=progress, **asked)
     asked |= {"procedure": procedure or "astm-f1881", "laboratories": laboratories}
     if effects:
-        from virtual_lab.studies.effects import effects as study
-    else:
-        from virtual_lab.studies.coverage import coverage as study
-    return study(bat, progress=progress, **asked)
+        from virtual_lab.studies.effects import effects as terms
+
+        return terms(bat, progress=progress, **asked)
+    from virtual_lab.studies.coverage import coverage as intervals
+
+    return intervals(bat, progress=progress, **asked)
 
 
 @command("bias", keeps=True, table=True)

@@ -39,7 +39,7 @@ COLUMNS = {
 CONTACTS = {"point": 0.0, "patch": PATCH}
 
 
-def convergence(bats: Sequence[str] = (), *, progress: Progress = quiet) -> Rows:
+def convergence(bats: Sequence[str] = (), *, progress: Progress = quiet) -> Rows[dict[str, Any]]:
     """Return a row for each bat (all of the catalog by default), contact and remedy.
 
     Columns ``8_modes`` to ``30_modes`` hold the worst error in e_A.

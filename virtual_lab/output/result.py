@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder
-from virtual_lab.output.tables import Column, table_text
+from virtual_lab.output.tables import Column, record, table_text
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Rows", "StudyResult"]
+__all__ = ["Json", "Rows", "StudyResult"]
+
+Row = TypeVar("Row")
+Json = dict[str, Any]  # a document
 
 
 class StudyResult(ABC):
@@ -35,14 +38,14 @@ class StudyResult(ABC):
     def title(self) -> str: ...
     @property
     @abstractmethod
-    def rows(self) -> Sequence[Mapping[str, Any]]: ...
+    def rows(self) -> Sequence[Any]: ...
 
     @property
     def table(self) -> pd.DataFrame:
         """The rows as a table, columns by the keys of the JSON document."""
         import pandas as pd
 
-        return pd.DataFrame(self.rows)
+        return pd.DataFrame([record(row) for row in self.rows])
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
@@ -52,7 +55,7 @@ class StudyResult(ABC):
     @property
     def document(self) -> Any:
         """All of it for JSON."""
-        return self.rows
+        return [record(row) for row in self.rows]
 
     @property
     def text(self) -> str:
@@ -97,13 +100,17 @@ class StudyResult(ABC):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Rows(StudyResult):
-    """A study whose rows say it all; it is also the sequence of its rows."""
+class Rows(StudyResult, Generic[Row]):
+    """A study whose rows say it all; it is also the sequence of its rows.
+
+    A row is a frozen dataclass whose fields are columns, or a mapping where the study's input
+    decides what its keys are.
+    """
 
     name: str
     title: str
-    rows: list[dict[str, Any]]
-    columns: Mapping[str, Column] = field(default_factory=dict)
+    rows: list[Row]
+    columns: Mapping[str, Column] | None = None
     across: str = ""  # the key that heads the columns of a table turned on its side
     words: str = ""  # beneath the table
 
@@ -113,11 +120,11 @@ class Rows(StudyResult):
         body = table_text(self.rows, self.columns, across=self.across)
         return "\n\n".join(part for part in (self.title, body, self.words) if part)
 
-    def __iter__(self) -> Iterator[dict[str, Any]]:
+    def __iter__(self) -> Iterator[Row]:
         return iter(self.rows)
 
     def __len__(self) -> int:
         return len(self.rows)
 
-    def __getitem__(self, place: int) -> dict[str, Any]:
+    def __getitem__(self, place: int) -> Row:
         return self.rows[place]

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import field, fields, is_dataclass
 from typing import Any, NamedTuple
 
-__all__ = ["Column", "number", "table_text"]
+__all__ = ["Column", "column", "columns_of", "inline", "number", "record", "table_text"]
+
+INLINE = "inline"
 
 
 class Column(NamedTuple):
@@ -13,7 +16,7 @@ class Column(NamedTuple):
 
     title: str
     unit: str = ""
-    form: str | Callable[[Mapping[str, Any]], str] = ".4g"
+    form: str | Callable[[Any], str] = ".4g"
 
     @property
     def head(self) -> str:
@@ -21,8 +24,57 @@ class Column(NamedTuple):
         return f"{self.title} [{self.unit}]" if self.unit else self.title
 
 
+def column(title: str, unit: str = "", form: str | Callable[[Any], str] = ".4g") -> Any:
+    """Return a field of a row's dataclass that is printed; others are in CSV and JSON alone."""
+    return field(metadata={Column.__name__: Column(title, unit, form)})
+
+
+def inline() -> Any:
+    """Return a field of a row's dataclass whose own fields are the row's."""
+    return field(metadata={INLINE: True})
+
+
+def columns_of(row: Any) -> dict[str, Column]:
+    """Return the columns that a row's dataclass prints, by key; those within under both names."""
+    columns: dict[str, Column] = {}
+    for each in fields(row):
+        value = getattr(row, each.name)
+        if Column.__name__ in each.metadata:
+            columns[each.name] = each.metadata[Column.__name__]
+        elif is_dataclass(value):
+            for key, within in columns_of(value).items():
+                columns[f"{each.name}_{key}"] = _of_part(each.name, within)
+    return columns
+
+
+def _of_part(name: str, column: Column) -> Column:
+    form, title = column.form, f"{name}: {column.title}"
+    if isinstance(form, str):
+        return column._replace(title=title)
+    return column._replace(title=title, form=lambda row: form(getattr(row, name)))
+
+
+def record(row: Any) -> Mapping[str, Any]:
+    """Return a row's values by key, of a dataclass or of a mapping.
+
+    A dataclass or mapping within stands as so many keys, its own name before theirs:
+    ``recoil_rms``; an `inline` one under theirs alone.
+    """
+    if isinstance(row, Mapping):
+        return row
+    flat: dict[str, Any] = {}
+    for each in fields(row):
+        value = getattr(row, each.name)
+        if isinstance(value, Mapping) or is_dataclass(value):
+            name = "" if INLINE in each.metadata else f"{each.name}_"
+            flat |= {f"{name}{key}": one for key, one in record(value).items()}
+        else:
+            flat[each.name] = value
+    return flat
+
+
 def table_text(
-    rows: Sequence[Mapping[str, Any]],
+    rows: Sequence[Any],
     columns: Mapping[str, Column] | None = None,
     *,
     across: str = "",
@@ -32,22 +84,26 @@ def table_text(
     Parameters
     ----------
     rows
-        The values by key.
+        Dataclasses or mappings.
     columns
-        What is printed, in this order, by key; by default every key under its own name.
+        What is printed, in this order, by key; by default what the dataclass says, and of
+        mappings every key under its own name.
     across
         The key whose values head the columns of a table turned on its side: few rows of many
         columns. By default the table stands upright.
     """
     if not rows:
         return "nothing"
-    columns = columns or {key: Column(key) for key in rows[0]}
+    if columns is None:
+        first = rows[0]
+        named = isinstance(first, Mapping)
+        columns = {key: Column(key) for key in first} if named else columns_of(first)
     lines = [
-        [column.head for column in columns.values()],
-        *([_cell(row, key, column) for key, column in columns.items()] for row in rows),
+        [each.head for each in columns.values()],
+        *([_cell(row, key, each) for key, each in columns.items()] for row in rows),
     ]
     if across:
-        heads = ["", *(str(row[across]) for row in rows)]
+        heads = ["", *(str(record(row)[across]) for row in rows)]
         lines = [heads, *(list(line) for line in zip(*lines, strict=True))]
     widths = [max(len(line[place]) for line in lines) for place in range(len(lines[0]))]
     return "\n".join(
@@ -60,14 +116,14 @@ def number(value: float | None, form: str = ".6f") -> str:
     return "" if value is None else f"{value:{form}}"
 
 
-def _cell(row: Mapping[str, Any], key: str, column: Column) -> str:
-    if not isinstance(column.form, str):
-        return column.form(row)
-    value = row[key]
+def _cell(row: Any, key: str, printed: Column) -> str:
+    if not isinstance(printed.form, str):
+        return printed.form(row)
+    value = record(row)[key]
     if value is None:
         return ""
     if isinstance(value, float):
-        return f"{value:{column.form}}"
+        return f"{value:{printed.form}}"
     if isinstance(value, (list, tuple)):
         return ", ".join(f"{item:g}" for item in value)
     return str(value)

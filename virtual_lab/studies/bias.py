@@ -22,7 +22,9 @@ COLUMNS = {"bat": Column("bat")} | {
 }
 
 
-def bias(procedure: str = "astm-f1881", *, progress: Progress = quiet) -> Rows:
+def bias(
+    procedure: str = "astm-f1881", *, progress: Progress = quiet
+) -> Rows[dict[str, str | float | None]]:
     """Return a row a bat of the catalog: measured less true of every quantity.
 
     None where a bat gives no result: a scan may find no maximum.

@@ -7,8 +7,8 @@ was filmed.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import sqrt
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,30 +21,39 @@ from virtual_lab.measurement.camera.comparison import compare_camera
 from virtual_lab.measurement.session_reduction import reduce_session
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
-from virtual_lab.output.tables import Column
+from virtual_lab.output.tables import column
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import ShotPlan, Stage
 from virtual_lab.units import INCH
 
-__all__ = ["clip_coverage"]
+__all__ = ["ClipCoverage", "clip_coverage"]
 
 Array = NDArray[np.float64]
 NORMAL_95 = 1.959964
 LEAST = 2  # clips with a result
 PLACE = 6 * INCH  # from the tip
 RIG = "filmed-cannon"
-COLUMNS = {
-    "clips": Column("clips that gave it"),
-    "missed": Column("clips that gave none"),
-    "coverage": Column("95 % intervals that held the truth", form=".1%"),
-    "low": Column("  at least", form=".1%"),
-    "high": Column("  at most", form=".1%"),
-    "rms_error_percent": Column("rms error", "%", ".3f"),
-    "rms_u_percent": Column("rms of the stated u", "%", ".3f"),
-    "mean_error_percent": Column("mean error", "%", "+.4f"),
-    "mean_error_se_percent": Column("  its standard error", "%", ".4f"),
-}
 QUANTITIES = {"v_in": "speed_in", "v_out": "speed_out", "e_A": "efficiency"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClipCoverage:
+    """How the camera's uncertainty of one quantity did, over clips; errors relative to the truth.
+
+    Missed are clips whose shot the rules reject, as where the boards misread it, or in which no
+    speed was found. `low` and `high` bound the coverage by Clopper and Pearson.
+    """
+
+    quantity: str
+    clips: int = column("clips that gave it")
+    missed: int = column("clips that gave none")
+    coverage: float = column("95 % intervals that held the truth", form=".1%")
+    low: float = column("  at least", form=".1%")
+    high: float = column("  at most", form=".1%")
+    rms_error_percent: float = column("rms error", "%", ".3f")
+    rms_u_percent: float = column("rms of the stated u", "%", ".3f")
+    mean_error_percent: float = column("mean error", "%", "+.4f")
+    mean_error_se_percent: float = column("  its standard error", "%", ".4f")
 
 
 def clip_coverage(
@@ -55,8 +64,10 @@ def clip_coverage(
     seed: int = 1,
     summed: bool = False,
     progress: Progress = quiet,
-) -> Rows:
+) -> Rows[ClipCoverage]:
     """Film one shot in each of many laboratories and count intervals that hold what was filmed.
+
+    A row a quantity.
 
     Parameters
     ----------
@@ -66,14 +77,6 @@ def clip_coverage(
         How many laboratories film a shot each, and the seed of the first.
     summed
         Whether the camera writes places with the least scatter instead of windows.
-
-    Returns
-    -------
-    Rows
-        A row a quantity: `clips` that gave it, `coverage` of the 95 % interval with its
-        Clopper-Pearson interval, relative root mean squares of error and u, mean relative error
-        with its standard error, and `missed`: clips whose shot the rules reject, as where the
-        boards misread it, or in which no speed was found.
 
     Raises
     ------
@@ -94,11 +97,8 @@ def clip_coverage(
     return Rows(
         name="clips",
         title=f"one shot at {bat} on film in each of {clips} laboratories, by {procedure}",
-        columns=COLUMNS,
         across="quantity",
-        rows=[
-            {"quantity": name} | _row(*values[:, place].T) for place, name in enumerate(QUANTITIES)
-        ],
+        rows=[_row(name, *values[:, place].T) for place, name in enumerate(QUANTITIES)],
     )
 
 
@@ -136,7 +136,7 @@ def _clip(laboratory: Laboratory, rung: RecordDetail) -> Array:
     )
 
 
-def _row(value: Array, u: Array, true: Array) -> dict[str, Any]:
+def _row(quantity: str, value: Array, u: Array, true: Array) -> ClipCoverage:
     seen = np.isfinite(value)
     error, u = (value - true)[seen], u[seen]
     if error.size < LEAST:
@@ -145,14 +145,15 @@ def _row(value: Array, u: Array, true: Array) -> dict[str, Any]:
     held = int((np.abs(error) <= NORMAL_95 * u).sum())
     count = binomtest(held, error.size).proportion_ci(0.95, "exact")
     relative = error / true[seen]
-    return {
-        "clips": int(error.size),
-        "missed": int((~seen).sum()),
-        "coverage": held / error.size,
-        "low": float(count.low),
-        "high": float(count.high),
-        "rms_error_percent": 100 * sqrt(float(np.mean(relative**2))),
-        "rms_u_percent": 100 * sqrt(float(np.mean((u / true[seen]) ** 2))),
-        "mean_error_percent": 100 * float(relative.mean()),
-        "mean_error_se_percent": 100 * float(relative.std(ddof=1)) / sqrt(error.size),
-    }
+    return ClipCoverage(
+        quantity=quantity,
+        clips=int(error.size),
+        missed=int((~seen).sum()),
+        coverage=held / error.size,
+        low=float(count.low),
+        high=float(count.high),
+        rms_error_percent=100 * sqrt(float(np.mean(relative**2))),
+        rms_u_percent=100 * sqrt(float(np.mean((u / true[seen]) ** 2))),
+        mean_error_percent=100 * float(relative.mean()),
+        mean_error_se_percent=100 * float(relative.std(ddof=1)) / sqrt(error.size),
+    )

@@ -8,6 +8,7 @@ balls really strike; and, of a metric found by a scan, what a rehearsal of the s
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from math import sqrt
 from typing import Any
 
@@ -28,38 +29,54 @@ from virtual_lab.measurement.certification import Certification
 from virtual_lab.measurement.model import QUANTITIES
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
-from virtual_lab.output.tables import Column
+from virtual_lab.output.tables import column
 from virtual_lab.records import AimMarks
 from virtual_lab.streams import Streams
 
-__all__ = ["coverage", "tests"]
+__all__ = ["Coverage", "coverage", "tests"]
 
 Array = NDArray[np.float64]
-COLUMNS = {
-    "laboratories": Column("laboratories with a result"),
-    "invalid": Column("laboratories whose test was INVALID"),
-    "rejected": Column("hits that the rules rejected", form=".1%"),
-    "coverage": Column("intervals that held the truth", form=".1%"),
-    "low": Column("  at least", form=".1%"),
-    "high": Column("  at most", form=".1%"),
-    "above": Column("truth above the interval", form=".1%"),
-    "below": Column("truth below the interval", form=".1%"),
-    "thirds": Column("held, by thirds of u", form=lambda row: _thirds(row["thirds"])),
-    "mean_z": Column("mean error", "u", "+.3f"),
-    "mean_z_se": Column("  its standard error", "u", ".3f"),
-    "sd_z": Column("standard deviation of the errors", "u", ".3f"),
-    "rms_error": Column("rms error", "SI", ".4g"),
-    "rms_u": Column("rms of the stated u", "SI", ".4g"),
-    "bias": Column("bias (mean error)", "SI", "+.2e"),
-    "bias_se": Column("  its standard error", "SI", ".1e"),
-    "expected": Column("bias expected", "SI", "+.2e"),
-    "expected_se": Column("  its standard error", "SI", ".1e"),
-}
 WORDS = (
     "Error: measured less true. At least, at most: the Clopper-Pearson 95 % interval of that\n"
     "share. SI: the unit of the quantity, 1 or m/s. Thirds: laboratories with the least, the\n"
     "middle and the greatest u."
 )
+
+
+def _thirds(row: Coverage) -> str:
+    return ", ".join("" if part is None else f"{part:.0%}" for part in row.thirds)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Coverage:
+    """How the stated uncertainty of one quantity did, over laboratories.
+
+    `low` and `high` bound the coverage by Clopper and Pearson. `rms_error` over `rms_u` is 1 for
+    an honest uncertainty, above 1 for one that is too small. `expected_se` is above 0 where the
+    expected bias comes from as many rehearsals.
+    """
+
+    bat: str
+    procedure: str
+    quantity: str
+    laboratories: int = column("laboratories with a result")
+    invalid: int = column("laboratories whose test was INVALID")
+    rejected: float = column("hits that the rules rejected", form=".1%")
+    coverage: float = column("intervals that held the truth", form=".1%")
+    low: float = column("  at least", form=".1%")
+    high: float = column("  at most", form=".1%")
+    above: float = column("truth above the interval", form=".1%")
+    below: float = column("truth below the interval", form=".1%")
+    thirds: tuple[float | None, ...] = column("held, by thirds of u", form=_thirds)
+    mean_z: float = column("mean error", "u", "+.3f")
+    mean_z_se: float = column("  its standard error", "u", ".3f")
+    sd_z: float = column("standard deviation of the errors", "u", ".3f")
+    rms_error: float = column("rms error", "SI", ".4g")
+    rms_u: float = column("rms of the stated u", "SI", ".4g")
+    bias: float = column("bias (mean error)", "SI", "+.2e")
+    bias_se: float = column("  its standard error", "SI", ".1e")
+    expected: float = column("bias expected", "SI", "+.2e")
+    expected_se: float = column("  its standard error", "SI", ".1e")
 
 
 def coverage(
@@ -70,27 +87,15 @@ def coverage(
     seed: int = 1,
     summed: bool = False,
     progress: Progress = quiet,
-) -> Rows:
+) -> Rows[Coverage]:
     """Certify one bat design in many laboratories and count intervals that hold the truth.
 
     Every laboratory draws its own bat, balls and calibration errors; `summed` keeps to the bat
     as drawn and lets instruments write sums, which takes a tenth of the time. The same seeds
     draw the same standardised errors for every bat, so two bats over the same seeds are one
     sample (their errors correlate by 0.98); take another `seed`, that of the first laboratory, for
-    a second opinion. INVALID tests state no result and are counted apart.
-
-    Returns
-    -------
-    Rows
-        A row a quantity, the metric first: `laboratories` with a result, `invalid`, the share of
-        all hits that the rules `rejected`, `coverage` with its Clopper-Pearson 95 % interval `low`
-        to `high`, how often the truth lay `above` and `below` the interval, the coverage of the
-        thirds of laboratories with the least, the middle and the greatest u (`thirds`), mean and
-        standard deviation of the error in standard uncertainties (the mean with its standard
-        error), the root mean squares of the error and of the stated u (their ratio is 1 for an
-        honest uncertainty, above 1 for one that is too small), and `bias`, the mean error, with
-        its standard error and the one `expected`, with its own where it comes from as many
-        rehearsals.
+    a second opinion. INVALID tests state no result and are counted apart. A row a quantity, the
+    metric first.
 
     Raises
     ------
@@ -121,30 +126,19 @@ def coverage(
         for name in names:
             beside = 0.0 if rehearsal and name == "metric" else float(np.mean(along**2))
             found[name].append(_result(tested, name, bends[name] * beside / 2))
-    rows = {name: _row(np.array(found[name])) for name in names}
+    rejected = 1 - float(np.mean(np.concatenate(hits)))
+    about = {"bat": bat, "procedure": procedure, "invalid": invalid, "rejected": rejected}
+    metric, *rows = (_row(np.array(found[name]), quantity=name, **about) for name in names)
     if rehearsal:
         straying = rehearsal.straying(*np.sqrt(np.mean(strayed, axis=0)))
         bias, bias_se = rehearsal.bias(straying, Streams(seed), laboratories)
-        rows["metric"]["expected"] += bias
-        rows["metric"]["expected_se"] = bias_se
-    rejected = 1 - float(np.mean(np.concatenate(hits)))
+        metric = replace(metric, expected=metric.expected + bias, expected_se=bias_se)
     return Rows(
         name="coverage",
         title=f"{bat} by {procedure}: how often the 95 % interval holds the truth",
-        columns=COLUMNS,
         across="quantity",
         words=WORDS,
-        rows=[
-            {
-                "bat": bat,
-                "procedure": procedure,
-                "quantity": name,
-                "invalid": invalid,
-                "rejected": rejected,
-            }
-            | row
-            for name, row in rows.items()
-        ],
+        rows=[metric, *rows],
     )
 
 
@@ -194,31 +188,28 @@ def _result(tested: Tested, name: str, beside: float) -> tuple[float, ...]:
     return missed, budget.value - true, budget.u, budget.shift + beside
 
 
-def _thirds(parts: list[float | None]) -> str:
-    return ", ".join("" if part is None else f"{part:.0%}" for part in parts)
-
-
-def _row(found: Array) -> dict[str, Any]:
+def _row(found: Array, **about: Any) -> Coverage:
     missed, error, u, expected = found.T
     held = missed == 0
     thirds = np.array_split(held[np.argsort(u, kind="stable")], 3)
     count = binomtest(int(held.sum()), held.size).proportion_ci(0.95, "exact")
     z = error / u
-    return {
-        "laboratories": int(held.size),
-        "coverage": float(held.mean()),
-        "low": float(count.low),
-        "high": float(count.high),
-        "above": float((missed > 0).mean()),
-        "below": float((missed < 0).mean()),
-        "thirds": [float(third.mean()) if third.size else None for third in thirds],
-        "mean_z": float(z.mean()),
-        "mean_z_se": float(z.std(ddof=1)) / sqrt(z.size),
-        "sd_z": float(z.std(ddof=1)),
-        "rms_error": sqrt(float((error**2).mean())),
-        "rms_u": sqrt(float((u**2).mean())),
-        "bias": float(error.mean()),
-        "bias_se": float(error.std(ddof=1)) / sqrt(error.size),
-        "expected": float(expected.mean()),
-        "expected_se": 0.0,
-    }
+    return Coverage(
+        **about,
+        laboratories=int(held.size),
+        coverage=float(held.mean()),
+        low=float(count.low),
+        high=float(count.high),
+        above=float((missed > 0).mean()),
+        below=float((missed < 0).mean()),
+        thirds=tuple(float(third.mean()) if third.size else None for third in thirds),
+        mean_z=float(z.mean()),
+        mean_z_se=float(z.std(ddof=1)) / sqrt(z.size),
+        sd_z=float(z.std(ddof=1)),
+        rms_error=sqrt(float((error**2).mean())),
+        rms_u=sqrt(float((u**2).mean())),
+        bias=float(error.mean()),
+        bias_se=float(error.std(ddof=1)) / sqrt(error.size),
+        expected=float(expected.mean()),
+        expected_se=0.0,
+    )

@@ -10,11 +10,11 @@ are each test's own. That made bats differ from the drawing is part of what a ra
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from math import nan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,11 +28,12 @@ from virtual_lab.lab import TestSetup, certify_bat
 from virtual_lab.measurement.procedure import Procedure, Verdict
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
-from virtual_lab.output.result import StudyResult
+from virtual_lab.output.result import Json, StudyResult
+from virtual_lab.output.tables import record
 from virtual_lab.simulation.rig import Reality
 from virtual_lab.studies.bats.compare import compare
 from virtual_lab.studies.critique_chart import draw_critique
-from virtual_lab.studies.critique_text import critique_text
+from virtual_lab.studies.critique_text import Pair, Placed, Ranking, critique_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -76,49 +77,44 @@ class Critique(StudyResult):
     ranked: tuple[Ranked, ...]
 
     @property
-    def metrics(self) -> list[dict[str, Any]]:
-        """A row a bat and procedure: error-free, mean and scatter over laboratories, v_f."""
+    def metrics(self) -> list[Placed]:
+        """A row a bat and procedure."""
         return [
-            {
-                "bat": bat,
-                "procedure": each.procedure,
-                "ball": each.ball,
-                "metric": each.metric,
-                "unit": each.unit,
-                "value": _or_none(each.exact[i]),
-                "laboratories": int(np.isfinite(each.measured[:, i]).sum()),
-                "mean": _or_none(_mean(each.measured[:, i])),
-                "sd": _or_none(_sd(each.measured[:, i])),
-            }
-            | {_field_key(n): float(self.field[j, i]) for j, n in enumerate(self.swings)}
+            Placed(
+                bat=bat,
+                procedure=each.procedure,
+                ball=each.ball,
+                metric=each.metric,
+                unit=each.unit,
+                value=_or_none(each.exact[i]),
+                laboratories=int(np.isfinite(each.measured[:, i]).sum()),
+                mean=_or_none(_mean(each.measured[:, i])),
+                sd=_or_none(_sd(each.measured[:, i])),
+                v_f_mph={_swing(n): float(self.field[j, i]) for j, n in enumerate(self.swings)},
+            )
             for each in self.ranked
             for i, bat in enumerate(self.bats)
         ]
 
     @property
-    def pairs(self) -> list[dict[str, Any]]:
-        """A row a pair of bats, exponent and procedure; differences are first less second."""
-        rows = []
-        for (i, first), (j, second) in combinations(enumerate(self.bats), 2):
-            for n, field in zip(self.swings, self.field, strict=True):
-                apart = float(field[i] - field[j])
-                for each in self.ranked:
-                    exact = float(each.exact[i] - each.exact[j])
-                    found = misranking(apart, each.measured[:, i] - each.measured[:, j])
-                    rows.append(
-                        {
-                            "first": first,
-                            "second": second,
-                            "n": n,
-                            "v_f_mph": apart,
-                            "procedure": each.procedure,
-                            "own_n": each.own_n,
-                            "metric": each.metric,
-                            "difference": _or_none(exact),
-                        }
-                        | found
-                    )
-        return rows
+    def pairs(self) -> list[Pair]:
+        """A row a pair of bats, exponent and procedure."""
+        return [
+            Pair(
+                first=first,
+                second=second,
+                n=n,
+                v_f_mph=float(field[i] - field[j]),
+                procedure=each.procedure,
+                own_n=each.own_n,
+                metric=each.metric,
+                difference=_or_none(float(each.exact[i] - each.exact[j])),
+                ranking=misranking(field[i] - field[j], each.measured[:, i] - each.measured[:, j]),
+            )
+            for (i, first), (j, second) in combinations(enumerate(self.bats), 2)
+            for n, field in zip(self.swings, self.field, strict=True)
+            for each in self.ranked
+        ]
 
     name = "critique"
 
@@ -129,7 +125,7 @@ class Critique(StudyResult):
         return f"Critique of {procedures} by {', '.join(self.bats)}"
 
     @property
-    def rows(self) -> list[dict[str, Any]]:
+    def rows(self) -> list[Pair]:
         """The pairs."""
         return self.pairs
 
@@ -138,7 +134,8 @@ class Critique(StudyResult):
         """Metrics and pairs."""
         import pandas as pd
 
-        return {"metrics": pd.DataFrame(self.metrics), "pairs": pd.DataFrame(self.pairs)}
+        metrics = [record(row) for row in self.metrics]
+        return {"metrics": pd.DataFrame(metrics), "pairs": self.table}
 
     @property
     def text(self) -> str:
@@ -150,13 +147,13 @@ class Critique(StudyResult):
         draw_critique(self.pairs, path)
 
     @property
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Json:
         """All of it for JSON."""
         return {
             "field_tie_mph": FIELD_TIE_MPH,
             "field_balls": dict(self.balls),
-            "metrics": self.metrics,
-            "pairs": self.pairs,
+            "metrics": [record(row) for row in self.metrics],
+            "pairs": [record(row) for row in self.pairs],
         }
 
 
@@ -197,7 +194,7 @@ def critique(
         raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
     compared = compare(bats, swings=swings, reference_inertia=reference_inertia, ball=ball)
     exponents = tuple(dict.fromkeys(swings))
-    top = [row["v_f_mph"] for row in compared.peaks]  # bat by bat, n by n
+    top = [row.peaks["v_f_mph"] for row in compared.peaks]  # bat by bat, n by n
     ranked = []
     for procedure in procedures or _of_this_game(compared.sports):
         rules = catalog.load("procedures", procedure, Procedure).spec
@@ -228,7 +225,7 @@ def critique(
     )
 
 
-def misranking(field: float, differences: Array) -> dict[str, Any]:
+def misranking(field: float, differences: Array) -> Ranking:
     """Return how often a procedure ranks two bats the other way round than the field does.
 
     Parameters
@@ -237,26 +234,14 @@ def misranking(field: float, differences: Array) -> dict[str, Any]:
         Difference of the greatest v_f of the two bats [mph].
     differences
         Of their metrics, one a laboratory, (laboratory,); NaN where a test gave no result.
-
-    Returns
-    -------
-    dict
-        `laboratories` with a result; `mean` and `sd` of the difference; `probability` of the
-        other order by the normal law of that mean and sd; `wrong`, the laboratories that found
-        it, with the Clopper-Pearson 95 % interval `low` to `high` of their share; and
-        `verdict`: ``as the field``, ``other way round``, ``by chance`` where neither comes out
-        `SURE` often, ``tie`` where the field itself has no order, ``no result``.
     """
     found = differences[np.isfinite(differences)]
-    row: dict[str, Any] = {"laboratories": int(found.size)}
-    names = ("mean", "sd", "probability", "wrong", "low", "high")
-    row |= dict.fromkeys(names)
     if found.size < 2:
-        return row | {"verdict": "no result"}
+        return Ranking(laboratories=int(found.size), verdict="no result")
     mean, sd = float(found.mean()), float(found.std(ddof=1))
-    row |= {"mean": mean, "sd": sd}
+    tie = Ranking(laboratories=int(found.size), mean=mean, sd=sd, verdict="tie")
     if abs(field) < FIELD_TIE_MPH:
-        return row | {"verdict": "tie"}
+        return tie
     toward = np.sign(field)
     probability = float(ndtr(-toward * mean / sd)) if sd else float(toward * mean < 0)
     wrong = int((toward * found < 0).sum())
@@ -266,13 +251,14 @@ def misranking(field: float, differences: Array) -> dict[str, Any]:
         verdict = "other way round"
     elif probability <= 1 - SURE:
         verdict = "as the field"
-    return row | {
-        "probability": probability,
-        "wrong": wrong,
-        "low": float(share.low),
-        "high": float(share.high),
-        "verdict": verdict,
-    }
+    return replace(
+        tie,
+        probability=probability,
+        wrong=wrong,
+        low=float(share.low),
+        high=float(share.high),
+        verdict=verdict,
+    )
 
 
 def _of_this_game(sports: Set[Sport | None]) -> list[str]:
@@ -287,8 +273,8 @@ def _of_this_game(sports: Set[Sport | None]) -> list[str]:
     ]
 
 
-def _field_key(exponent: float | None) -> str:
-    return "v_f_mph_energy" if exponent is None else f"v_f_mph_n{exponent:g}"
+def _swing(exponent: float | None) -> str:
+    return "energy" if exponent is None else f"n{exponent:g}"
 
 
 def _own_exponent(rules: Procedure) -> float | None:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from virtual_lab.output.style import STYLE
+from virtual_lab.studies.critique_text import Pair
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = ["draw_critique"]
 
-Row = Mapping[str, Any]
 MARKS = {  # verdict: marker, face, edge, ink of the number
     "as the field": ("o", "#56b4e9", "#0072b2", "black"),
     "by chance": ("D", "#f0e442", "#8a7f00", "black"),
@@ -44,7 +44,7 @@ LETTER = 0.06  # in, of a bat's name
 GAP = 0.62  # in, between panels: the field's own differences stand there
 
 
-def draw_critique(pairs: Sequence[Row], path: Path) -> None:
+def draw_critique(pairs: Sequence[Pair], path: Path) -> None:
     """Draw a panel an exponent n of the swing: pairs of bats down, procedures across.
 
     The number in a cell is the probability, in per cent, that a laboratory which tests both bats
@@ -53,16 +53,16 @@ def draw_critique(pairs: Sequence[Row], path: Path) -> None:
     Parameters
     ----------
     pairs
-        Rows with first, second, n, v_f_mph, procedure, metric, own_n, probability, verdict.
+        As `Critique` has them.
     path
         PNG file to write.
     """
     from matplotlib import style
     from matplotlib.figure import Figure
 
-    swings = list(dict.fromkeys(row["n"] for row in pairs))
-    bats = list(dict.fromkeys((row["first"], row["second"]) for row in pairs))
-    procedures = {row["procedure"]: _said(row) for row in pairs}
+    swings = list(dict.fromkeys(row.n for row in pairs))
+    bats = list(dict.fromkeys((row.first, row.second) for row in pairs))
+    procedures = {row.procedure: _said(row) for row in pairs}
     field = FIELD.replace("{swing}", SWINGS[swings[0] is not None])
     left_of_all = GAP + LETTER * max(len(_named(pair)) for pair in bats)
     panel = CELL * len(procedures), CELL * len(bats)
@@ -75,7 +75,7 @@ def draw_critique(pairs: Sequence[Row], path: Path) -> None:
             left = left_of_all + i * (panel[0] + GAP)
             box = (left / width, BELOW / height, panel[0] / width, panel[1] / height)
             axes = figure.add_axes(box)
-            own = [row for row in pairs if row["n"] == n]
+            own = [row for row in pairs if row.n == n]
             _panel(axes, own, bats, procedures)
             axes.set_title("constant energy" if n is None else f"$n={n:g}$", pad=12, loc="center")
             if i == 0:
@@ -83,18 +83,18 @@ def draw_critique(pairs: Sequence[Row], path: Path) -> None:
                 axes.tick_params(axis="y", pad=30)
         for text, below, size in ((TITLE, 0.2, 10), (NUMBER, 0.41, 7.5), (field, 0.56, 7.5)):
             figure.text(0.08 / width, 1 - below / height, text, fontsize=size, va="center")
-        used = {row["verdict"] for row in pairs}
+        used = {row.ranking.verdict for row in pairs}
         handles = [_handle(verdict) for verdict in MARKS if verdict in used]
         figure.legend(handles=handles, loc="lower center", ncols=len(handles), handletextpad=0.3)
         figure.savefig(path)
 
 
 def _panel(
-    axes: Axes, rows: Sequence[Row], bats: list[tuple[str, str]], procedures: dict[str, str]
+    axes: Axes, rows: Sequence[Pair], bats: list[tuple[str, str]], procedures: dict[str, str]
 ) -> None:
     for row in rows:
-        x, y = list(procedures).index(row["procedure"]), bats.index((row["first"], row["second"]))
-        marker, face, edge, ink = MARKS[row["verdict"]]
+        x, y = list(procedures).index(row.procedure), bats.index((row.first, row.second))
+        marker, face, edge, ink = MARKS[row.ranking.verdict]
         lined = marker in "_x"
         axes.plot(
             x,
@@ -106,11 +106,11 @@ def _panel(
             markeredgewidth=0.8,
             zorder=2,
         )
-        if row["probability"] is not None:
-            percent = _percent(row["probability"])
+        if row.ranking.probability is not None:
+            percent = _percent(row.ranking.probability)
             axes.text(x, y, percent, ha="center", va="center", fontsize=6.5, color=ink, zorder=3)
     for y, pair in enumerate(bats):
-        apart = next(row["v_f_mph"] for row in rows if (row["first"], row["second"]) == pair)
+        apart = next(row.v_f_mph for row in rows if (row.first, row.second) == pair)
         axes.text(-0.62, y, f"{apart:+.1f}".replace("-", "−"), ha="right", va="center", fontsize=7)
     axes.text(-0.62, -0.62, "$\\Delta v_f$, mph", ha="right", va="bottom", fontsize=6.5)
     axes.set_xlim(-0.5, len(procedures) - 0.5)
@@ -129,9 +129,9 @@ def _named(pair: tuple[str, str]) -> str:
     return " – ".join(pair)
 
 
-def _said(row: Row) -> str:
-    own = "" if row["own_n"] is None else f", $n={row['own_n']:g}$"
-    return f"{row['procedure']} ({METRICS_IN_MATH.get(row['metric'], row['metric'])}{own})"
+def _said(row: Pair) -> str:
+    own = "" if row.own_n is None else f", $n={row.own_n:g}$"
+    return f"{row.procedure} ({METRICS_IN_MATH.get(row.metric, row.metric)}{own})"
 
 
 def _handle(verdict: str) -> Any:

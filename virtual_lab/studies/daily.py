@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +23,8 @@ from virtual_lab.measurement.reduction.gates import passages
 from virtual_lab.measurement.reduction.observations import BallReadings
 from virtual_lab.measurement.reduction.shot_algebra import measured_balls
 from virtual_lab.output.progress import Progress, quiet
-from virtual_lab.output.result import StudyResult
-from virtual_lab.output.tables import Column, table_text
+from virtual_lab.output.result import Json, StudyResult
+from virtual_lab.output.tables import column, record, table_text
 from virtual_lab.records import GateRecord
 from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
 from virtual_lab.simulation.physics.ageing import lasting_loss
@@ -45,15 +45,26 @@ Array = NDArray[np.float64]
 BALL_RIG = "ball-wall"
 SPEED = 60 * MPH  # of the wall test
 CYLINDER = "check-cylinder"
-ALARMS = {
-    "rule": Column("rule"),
-    "first_alarm_day": Column("first alarm", "day", lambda row: _day(row["first_alarm_day"])),
-    "earlier_alarms": Column("alarms before the change", "days"),
-    "delay_days": Column("delay after it", "days", lambda row: _day(row["delay_days"])),
-}
 NO_BAT = CYLINDER  # a specimen has a bat, which a wall never meets
 MOST_DAYS, MOST_HITS = 10_000, 1000
 LEAST_BASELINE = 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AlarmCount:
+    """When one rule or chart of a check standard alarmed.
+
+    Alarms before the change are false ones, or those of a ball that ages; on the very day of the
+    change the delay is 0.
+    """
+
+    standard: str
+    rule: str = column("rule")
+    first_alarm_day: int | None = column(
+        "first alarm", "day", lambda row: _day(row.first_alarm_day)
+    )
+    earlier_alarms: int = column("alarms before the change", "days")
+    delay_days: int | None = column("delay after it", "days", lambda row: _day(row.delay_days))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -95,18 +106,14 @@ class Daily(StudyResult):
         )
 
     @property
-    def alarms(self) -> list[dict[str, Any]]:
-        """A row a rule or chart of the ball: first alarm, alarms before the change, delay after.
-
-        Earlier alarms are false ones, or those of a ball that ages; on the very day of the
-        change the delay is 0.
-        """
-        return _alarms(self.charted, self.since)
+    def alarms(self) -> list[AlarmCount]:
+        """A row a rule or chart of the ball."""
+        return _alarms(self.ball, self.charted, self.since)
 
     @property
-    def cylinder_alarms(self) -> list[dict[str, Any]]:
+    def cylinder_alarms(self) -> list[AlarmCount]:
         """The same of the cylinder."""
-        return _alarms(self.cylinder_charted, self.since)
+        return _alarms(CYLINDER, self.cylinder_charted, self.since)
 
     name = "daily"
 
@@ -116,13 +123,9 @@ class Daily(StudyResult):
         return f"{self.values.size} mornings of {self.ball} and {CYLINDER}"
 
     @property
-    def rows(self) -> list[dict[str, Any]]:
+    def rows(self) -> list[AlarmCount]:
         """A row a rule and check standard."""
-        return [
-            {"standard": standard} | row
-            for standard, rows in ((self.ball, self.alarms), (CYLINDER, self.cylinder_alarms))
-            for row in rows
-        ]
+        return [*self.alarms, *self.cylinder_alarms]
 
     @property
     def text(self) -> str:
@@ -131,7 +134,7 @@ class Daily(StudyResult):
             ("check ball at the wall, e0", self.alarms),
             ("check cylinder at the impact rig, e_A", self.cylinder_alarms),
         )
-        return "\n\n".join(f"{words}\n{table_text(rows, ALARMS)}" for words, rows in checks)
+        return "\n\n".join(f"{words}\n{table_text(rows)}" for words, rows in checks)
 
     @property
     def pictures(self) -> tuple[str, ...]:
@@ -147,7 +150,7 @@ class Daily(StudyResult):
             draw_control_chart(self.values, self.charted, "$e_0$ of the check ball", path)
 
     @property
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Json:
         """All of it for JSON."""
         rows = self.table.astype(object)
         return {
@@ -157,8 +160,8 @@ class Daily(StudyResult):
             "cylinder_baseline": _baseline(self.cylinder_charted),
             "faults": list(self.faults),
             "changed_since_day": self.since,
-            "alarms": self.alarms,
-            "cylinder_alarms": self.cylinder_alarms,
+            "alarms": [record(row) for row in self.alarms],
+            "cylinder_alarms": [record(row) for row in self.cylinder_alarms],
             "days": rows.where(rows.notna(), None).to_dict("records"),
         }
 
@@ -251,19 +254,20 @@ def _broken(charted: Charted) -> list[str]:
     ]
 
 
-def _alarms(charted: Charted, since: int | None) -> list[dict[str, Any]]:
+def _alarms(standard: str, charted: Charted, since: int | None) -> list[AlarmCount]:
     rows = []
     for name, flags in charted.alarms.items():
         days = np.flatnonzero(flags) + charted.baseline_days + 1
         began = np.inf if since is None else since
         seen = days[days >= began]
         rows.append(
-            {
-                "rule": name,
-                "first_alarm_day": int(days[0]) if days.size else None,
-                "earlier_alarms": int((days < began).sum()),
-                "delay_days": int(seen[0] - began) if seen.size else None,
-            }
+            AlarmCount(
+                standard=standard,
+                rule=name,
+                first_alarm_day=int(days[0]) if days.size else None,
+                earlier_alarms=int((days < began).sum()),
+                delay_days=int(seen[0] - began) if seen.size else None,
+            )
         )
     return rows
 

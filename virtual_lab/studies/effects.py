@@ -29,29 +29,38 @@ from virtual_lab.measurement.reduction.shot_algebra import SLOPE_ERROR, measured
 from virtual_lab.measurement.session_reduction import ALONG
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
-from virtual_lab.output.tables import Column
+from virtual_lab.output.tables import column
 from virtual_lab.relations.pendulum import mean_amplitude_factor
 from virtual_lab.simulation.physics.section import outer_diameter
 from virtual_lab.studies.coverage import tests
 from virtual_lab.uncertainty.budget import Component
 from virtual_lab.units import INCH
 
-__all__ = ["effects"]
+__all__ = ["Effect", "effects"]
 
 Array = NDArray[np.float64]
-COLUMNS = {
-    "term": Column("term of the budget"),
-    "stated": Column("effect stated", "SI", "+.3e"),
-    "realised": Column("effect found", "SI", "+.3e"),
-    "se": Column("its standard error", "SI", ".1e"),
-    "apart": Column("apart", "standard errors", "+.1f"),
-    "laboratories": Column("laboratories"),
-}
 WORDS = "Effect: what one standard uncertainty of the term does to the metric. SI: its unit."
 ACROSS = "impact.aim.across_square"
 HITS = "hits"
 BARREL_PLACE = np.array(6 * INCH)  # where the bench takes the barrel's radius, from the tip
 LEAST = 4  # laboratories a term
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effect:
+    """What one standard uncertainty of a term does to the metric, by the budget and really.
+
+    The pooled balls, `hits` and the choice of a place have no sign: theirs are root mean squares.
+    """
+
+    bat: str
+    procedure: str
+    term: str = column("term of the budget")
+    stated: float = column("effect stated", "SI", "+.3e")  # mean over laboratories
+    realised: float | None = column("effect found", "SI", "+.3e")  # None: not in the truth
+    se: float | None = column("its standard error", "SI", ".1e")
+    apart: float | None = column("apart", "standard errors", "+.1f")
+    laboratories: int = column("laboratories")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,23 +82,15 @@ def effects(
     seed: int = 1,
     summed: bool = False,
     progress: Progress = quiet,
-) -> Rows:
+) -> Rows[Effect]:
     """Return a row a term of the metric's budget, largest first; parameters as `coverage`.
 
-    Returns
-    -------
-    Rows
-        A row a term: `term`; `stated`, its effect by the budget, with its sign (SI, mean over
-        laboratories);
-        `realised`, the effect found, with its standard error `se`; `apart`, their difference in
-        standard errors; the number of `laboratories`. The pooled balls, `hits` and the choice of
-        a place have no sign: theirs are root mean squares. `realised` is None of what the sealed
-        truth does not hold. The slope along the barrel is one bat's, and its uncertainty that
-        over many bats: `realised` is what this bat's slope makes of the aim beside the sheet's,
-        one draw of what is `stated`, so `apart` is None; it shows why the aim's effect is apart.
-        `hits` is stated as of any balls, and those of a lot are drawn from a dozen without
-        putting back: of a hollow bat, whose e is not in proportion to e0, their differences
-        scatter the hits more than the mean (asa, six of twelve: 6 % of the term).
+    The slope along the barrel is one bat's, and its uncertainty that over many bats: `realised` is
+    what this bat's slope makes of the aim beside the sheet's, one draw of what is `stated`, so
+    `apart` is None; it shows why the aim's effect is apart. `hits` is stated as of any balls, and
+    those of a lot are drawn from a dozen without putting back: of a hollow bat, whose e is not in
+    proportion to e0, their differences scatter the hits more than the mean (asa, six of twelve:
+    6 % of the term).
 
     Raises
     ------
@@ -121,23 +122,22 @@ def effects(
             # one bat has one slope: what the sheet's differs by, the effect of the aim shows
             realised, se = found[ALONG] - _stated(ALONG, cases), found_se[ALONG]
         rows.append(
-            {
-                "bat": bat,
-                "procedure": procedure,
-                "term": name,
-                "stated": stated,
-                "realised": realised,
-                "se": se,
-                "apart": _apart(name, stated, realised, se),
-                "laboratories": len(cases),
-            }
+            Effect(
+                bat=bat,
+                procedure=procedure,
+                term=name,
+                stated=stated,
+                realised=realised,
+                se=se,
+                apart=_apart(name, stated, realised, se),
+                laboratories=len(cases),
+            )
         )
     return Rows(
         name="effects",
         title=f"{bat} by {procedure}: the effect of every term of the budget on the metric",
-        columns=COLUMNS,
         words=WORDS,
-        rows=sorted(rows, key=lambda row: -abs(row["stated"])),
+        rows=sorted(rows, key=lambda row: -abs(row.stated)),
     )
 
 

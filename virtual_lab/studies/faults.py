@@ -7,10 +7,9 @@ of one day against the same day, and chance does not blur it.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from math import hypot, sqrt
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,45 +21,87 @@ from virtual_lab.lab import TestSetup, certify_bat
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
-from virtual_lab.output.tables import Column
+from virtual_lab.output.tables import column
 from virtual_lab.simulation.faults import FaultSheet, Prediction
 
-__all__ = ["PROCEDURES", "faults"]
+__all__ = ["PROCEDURES", "Bias", "Played", "faults"]
 
 PROCEDURES = ("astm-f1881", "bbcor")
 CAUGHT = 0.95  # of the laboratories, at least
 FALSE_ALARMS = 0.01  # of the sound ones, at most
 FAR = 3.0  # standard uncertainties
-RESULTS = ("e_A", "metric")
-PARTS = ("bias", "bias_se", "predicted", "z")
 
 
-def _share(row: Mapping[str, Any]) -> str:
-    return f"{row['caught']:.0%} ({row['low']:.0%} to {row['high']:.0%})"
+def _share(row: Played) -> str:
+    return f"{row.caught:.0%} ({row.low:.0%} to {row.high:.0%})"
 
 
-def _bias_text(row: Mapping[str, Any], what: str) -> str:
-    if row[f"{what}_bias"] is None:
+def _bias_text(found: Bias) -> str:
+    if found.bias is None:
         return ""
-    measured = f"{row[f'{what}_bias']:+.5f} ± {row[f'{what}_bias_se']:.5f}"
-    if row[f"{what}_z"] is None:
-        return measured
-    return f"{measured}, predicted {row[f'{what}_predicted']:+.5f}, z {row[f'{what}_z']:+.1f}"
+    measured = f"{found.bias:+.5f} ± {found.bias_se:.5f}"
+    return (
+        measured
+        if found.z is None
+        else f"{measured}, predicted {found.predicted:+.5f}, z {found.z:+.1f}"
+    )
 
 
-COLUMNS = {
-    "procedure": Column("procedure"),
-    "fault": Column("fault"),
-    "prediction": Column("predicted"),
-    "caught": Column("caught", "of the laboratories", _share),
-    "by": Column("by"),
-    "e_A_bias": Column("bias of e_A", form=lambda row: _bias_text(row, "e_A")),
-    "metric_bias": Column("bias of the metric", "SI", lambda row: _bias_text(row, "metric")),
-    "as_predicted": Column(
-        "came out",
-        form=lambda row: "as predicted" if row["as_predicted"] else "NOT as predicted",
-    ),
-}
+def _outcome(row: Played) -> str:
+    return "as predicted" if row.as_predicted else "NOT as predicted"
+
+
+@dataclass(frozen=True, slots=True)
+class Bias:
+    """Of a result: mean over laboratories, its standard error, and what was predicted.
+
+    All None where fewer than two laboratories show it.
+    """
+
+    bias: float | None = None
+    bias_se: float | None = None
+    predicted: float | None = None
+    z: float | None = None  # their difference, in standard uncertainties of both
+
+    @classmethod
+    def of(
+        cls, differences: NDArray[np.float64], predicted: float | None, trust: float | None
+    ) -> Bias:
+        """Return that of (laboratory,) differences, beside a prediction and its u."""
+        known = differences[np.isfinite(differences)]
+        if known.size < 2:
+            return cls()
+        bias, error = float(known.mean()), float(known.std(ddof=1)) / sqrt(known.size)
+        z = None
+        if predicted is not None and trust is not None:
+            z = (bias - predicted) / hypot(error, trust)
+        return cls(bias, error, predicted, z)
+
+    @property
+    def near(self) -> bool:
+        """Whether it is what was predicted."""
+        return self.z is not None and abs(self.z) <= FAR
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Played:
+    """What came of a fault by a procedure, ``none`` the sound day's.
+
+    Caught is a laboratory that sees a flag, or the verdict INVALID; `low` and `high` bound its
+    share by Clopper and Pearson.
+    """
+
+    procedure: str = column("procedure")
+    fault: str = column("fault")
+    prediction: str = column("predicted")
+    laboratories: int
+    caught: float = column("caught", "of the laboratories", _share)
+    low: float
+    high: float
+    by: str = column("by")
+    e_A: Bias = column("bias of e_A", form=lambda row: _bias_text(row.e_A))
+    metric: Bias = column("bias of the metric", "SI", lambda row: _bias_text(row.metric))
+    as_predicted: bool = column("came out", form=_outcome)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +121,7 @@ def faults(
     laboratories: int = 60,
     seed: int = 1,
     progress: Progress = quiet,
-) -> Rows:
+) -> Rows[Played]:
     """Play faults in many laboratories and hold what comes of them against what was predicted.
 
     Parameters
@@ -97,11 +138,7 @@ def faults(
     Returns
     -------
     Rows
-        A row a procedure and fault, the sound day first (``fault`` is ``none``): the share of
-        the laboratories that caught it (a flag, or the verdict INVALID) with its Clopper-Pearson
-        95 % interval and `by` what; bias of e_A and of the metric with their Monte Carlo
-        standard errors, what was predicted, and `z` of the difference in standard uncertainties
-        of both; and whether it came out `as predicted`.
+        A row a procedure and fault, the sound day first.
 
     Raises
     ------
@@ -137,9 +174,9 @@ def faults(
         rows.append(_sound_row(procedure, sound))
         for name, prediction in predicted.items():
             spoiled = [_play(bat, procedure, each, (name,)) for each in counted(name)]
-            rows.append(_row(name, prediction, spoiled, sound))
+            rows.append(_spoiled_row(name, prediction, spoiled, sound))
     title = f"faults of a real day, {laboratories} laboratories each"
-    return Rows(name="faults", title=title, columns=COLUMNS, rows=rows)
+    return Rows(name="faults", title=title, rows=rows)
 
 
 def _require_played(sheets: Sequence[FaultSheet], procedures: Sequence[str]) -> None:
@@ -172,59 +209,49 @@ def _catches(found: Certification) -> tuple[str, ...]:
     return (*invalid, *(flag.name for flag in found.flags))
 
 
-def _sound_row(procedure: str, sound: Sequence[_Seen]) -> dict[str, Any]:
-    caught = _caught("none", procedure, f"at most {FALSE_ALARMS:.0%}", sound)
-    blank = {f"{what}_{part}": None for what in RESULTS for part in PARTS}
-    return caught | blank | {"as_predicted": caught["low"] <= FALSE_ALARMS}
+def _sound_row(procedure: str, sound: Sequence[_Seen]) -> Played:
+    row = _row("none", procedure, f"at most {FALSE_ALARMS:.0%}", sound, Bias(), Bias())
+    return replace(row, as_predicted=row.low <= FALSE_ALARMS)
+
+
+def _spoiled_row(
+    name: str, prediction: Prediction, spoiled: Sequence[_Seen], sound: Sequence[_Seen]
+) -> Played:
+    both = list(zip(spoiled, sound, strict=True))
+    efficiency = Bias.of(
+        np.array([each.efficiency - twin.efficiency for each, twin in both]),
+        prediction.efficiency_bias,
+        prediction.efficiency_bias_u,
+    )
+    metric = Bias.of(
+        np.array([each.metric - twin.metric for each, twin in both]),
+        prediction.metric_bias,
+        prediction.metric_bias_u,
+    )
+    named = set((prediction.caught_by or "").split(", "))
+    caught = float(np.mean([bool(named & set(each.catches)) for each in spoiled])) >= CAUGHT
+    predicted = prediction.caught_by or "a bias"
+    row = _row(name, prediction.procedure, predicted, spoiled, efficiency, metric)
+    right = caught if prediction.caught_by else efficiency.near and metric.near
+    return replace(row, as_predicted=right)
 
 
 def _row(
-    name: str, prediction: Prediction, spoiled: Sequence[_Seen], sound: Sequence[_Seen]
-) -> dict[str, Any]:
-    words = prediction.caught_by or "a bias"
-    row = _caught(name, prediction.procedure, words, spoiled)
-    both = list(zip(spoiled, sound, strict=True))
-    efficiency = np.array([each.efficiency - twin.efficiency for each, twin in both])
-    metric = np.array([each.metric - twin.metric for each, twin in both])
-    row |= _bias("e_A", efficiency, prediction.efficiency_bias, prediction.efficiency_bias_u)
-    row |= _bias("metric", metric, prediction.metric_bias, prediction.metric_bias_u)
-    if prediction.caught_by:
-        named = set(prediction.caught_by.split(", "))
-        share = np.mean([bool(named & set(each.catches)) for each in spoiled])
-        return row | {"as_predicted": bool(share >= CAUGHT)}
-    near = [row[f"{what}_z"] is not None and abs(row[f"{what}_z"]) <= FAR for what in RESULTS]
-    return row | {"as_predicted": all(near)}
-
-
-def _caught(name: str, procedure: str, predicted: str, seen: Sequence[_Seen]) -> dict[str, Any]:
+    fault: str, procedure: str, prediction: str, seen: Sequence[_Seen], e_A: Bias, metric: Bias
+) -> Played:
     many = sum(bool(each.catches) for each in seen)
     interval = binomtest(many, len(seen)).proportion_ci(0.95, "exact")
     by = Counter(catch for each in seen for catch in each.catches)
-    return {
-        "procedure": procedure,
-        "fault": name,
-        "prediction": predicted,
-        "laboratories": len(seen),
-        "caught": many / len(seen),
-        "low": float(interval.low),
-        "high": float(interval.high),
-        "by": ", ".join(f"{catch} {number}" for catch, number in by.most_common()),
-    }
-
-
-def _bias(
-    what: str, differences: NDArray[np.float64], predicted: float | None, trust: float | None
-) -> dict[str, Any]:
-    known = differences[np.isfinite(differences)]
-    if known.size < 2:
-        return {f"{what}_{part}": None for part in PARTS}
-    bias, error = float(known.mean()), float(known.std(ddof=1)) / sqrt(known.size)
-    z = None
-    if predicted is not None and trust is not None:
-        z = (bias - predicted) / hypot(error, trust)
-    return {
-        f"{what}_bias": bias,
-        f"{what}_bias_se": error,
-        f"{what}_predicted": predicted,
-        f"{what}_z": z,
-    }
+    return Played(
+        procedure=procedure,
+        fault=fault,
+        prediction=prediction,
+        laboratories=len(seen),
+        caught=many / len(seen),
+        low=float(interval.low),
+        high=float(interval.high),
+        by=", ".join(f"{catch} {number}" for catch, number in by.most_common()),
+        e_A=e_A,
+        metric=metric,
+        as_predicted=False,
+    )

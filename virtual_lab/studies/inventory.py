@@ -4,24 +4,32 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from importlib.metadata import entry_points
 from importlib.resources import files
-from typing import Any
 
 from virtual_lab import catalog
+from virtual_lab.catalog.reading import Datum
 from virtual_lab.errors import InputError, nearest
-from virtual_lab.output.result import Rows
-from virtual_lab.output.tables import Column, table_text
+from virtual_lab.output.result import Json, Rows
+from virtual_lab.output.tables import column, table_text
 from virtual_lab.units import MPH
 
-__all__ = ["sheet_document", "sheet_text", "shelf"]
+__all__ = ["Entry", "ShownSheet", "shelf", "shown_sheet"]
 
 RIGS = "virtual_lab.rigs"  # the group of entry points
-COLUMNS = {"kind": Column("kind"), "name": Column("name"), "title": Column("what it is")}
 
 
-def shelf(kind: str | None = None) -> Rows:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """One thing on the shelf."""
+
+    kind: str = column("kind")
+    name: str = column("name")
+    title: str = column("what it is")
+
+
+def shelf(kind: str | None = None) -> Rows[Entry]:
     """Return kind, name and title of everything in the catalog, or of one kind.
 
     Rigs are those installed, whoever made them.
@@ -31,10 +39,8 @@ def shelf(kind: str | None = None) -> Rows:
         found = {name: catalog.title(each, name) for name in catalog.names(each)}
         if each == "rigs":
             found = _installed_rigs(found)
-        rows += [{"kind": each, "name": name, "title": text} for name, text in found.items()]
-    return Rows(
-        name="list", title=f"the catalog: {kind or 'everything'}", columns=COLUMNS, rows=rows
-    )
+        rows += [Entry(kind=each, name=name, title=text) for name, text in found.items()]
+    return Rows(name="list", title=f"the catalog: {kind or 'everything'}", rows=rows)
 
 
 def _installed_rigs(known: Mapping[str, str]) -> dict[str, str]:
@@ -49,10 +55,93 @@ def _installed_rigs(known: Mapping[str, str]) -> dict[str, str]:
     }
 
 
-def sheet_document(name: str) -> dict[str, Any]:
-    """Return a catalog entry, every number with unit, source and whether it is verified.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlowestRebound:
+    """The slowest speeds back at which a level ball has not fallen below a gate's beams yet."""
 
-    Of light gates also ``slowest_rebound``, what each sees of a ball that comes back level.
+    fall_mm: float
+    at_gates: list[dict[str, float]]  # distance_m, speed_mph
+    told_mph: float  # a speed takes two gates
+
+    @classmethod
+    def of(cls, name: str, kind: str | None) -> SlowestRebound | None:
+        """Return that of light gates; None of any other instrument."""
+        if kind not in ("light-gate", "light-board"):
+            return None
+        from virtual_lab.relations.flight import slowest_within
+        from virtual_lab.simulation.instruments.light_board import LightBoardSpec
+        from virtual_lab.simulation.instruments.light_gate import LightGateSpec
+
+        kinds = {"light-gate": LightGateSpec, "light-board": LightBoardSpec}
+        spec: type[LightGateSpec | LightBoardSpec] = kinds[kind]
+        gates = catalog.load("instruments", name, spec).spec
+        slowest = (slowest_within(gates.distances, gates.room) / MPH).tolist()
+        return cls(
+            fall_mm=gates.room * 1e3,
+            at_gates=[
+                {"distance_m": distance, "speed_mph": speed}
+                for distance, speed in zip(gates.distances, slowest, strict=True)
+            ],
+            told_mph=slowest[-2],
+        )
+
+    @property
+    def text(self) -> str:
+        """The same in a line."""
+        gates = ", ".join(
+            f"{gate['speed_mph']:.1f} mph at {gate['distance_m']:g} m" for gate in self.at_gates
+        )
+        return (
+            f"slowest level rebound seen, {self.fall_mm:g} mm of fall: {gates}; "
+            f"a speed takes two gates: from {self.told_mph:.1f} mph"
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShownSheet:
+    """A catalog entry: its words, every number with unit and source, and what the sources are."""
+
+    kind: str
+    name: str
+    title: str
+    words: Mapping[str, str]
+    numbers: tuple[Datum, ...]
+    sources: Mapping[str, str]
+    slowest_rebound: SlowestRebound | None
+
+    @property
+    def document(self) -> Json:
+        """All of it for JSON; `slowest_rebound` of light gates alone."""
+        document = asdict(self)
+        if self.slowest_rebound is None:
+            del document["slowest_rebound"]
+        return document
+
+    @property
+    def text(self) -> str:
+        """All of it for a terminal."""
+        rows = [
+            {
+                "key": number.key,
+                "value": number.value,
+                "unit": "" if number.unit == "1" else number.unit,
+                "source": number.source + ("" if number.verified else " (unverified)"),
+                "note": number.note,
+            }
+            for number in self.numbers
+        ]
+        parts = [f"{self.name}: {self.title} ({self.kind})"]
+        parts += [f"  {key}: {value}" for key, value in self.words.items()]
+        if rows:
+            parts += ["", table_text(rows)]
+        if self.slowest_rebound:
+            parts += ["", self.slowest_rebound.text]
+        parts += [""] + [f"{key}: {text}" for key, text in self.sources.items()]
+        return "\n".join(parts).rstrip()
+
+
+def shown_sheet(name: str) -> ShownSheet:
+    """Return a catalog entry by its name.
 
     Raises
     ------
@@ -68,76 +157,17 @@ def sheet_document(name: str) -> dict[str, Any]:
     raise InputError("", "name", name, f"{near}'virtual-lab list' shows what there is")
 
 
-def _sheet(kind: str, name: str) -> dict[str, Any]:
+def _sheet(kind: str, name: str) -> ShownSheet:
     document, data = catalog.sheet(kind, name)
     known = tomllib.loads(files("virtual_lab.data").joinpath("sources.toml").read_text("utf-8"))
+    words = {key: value for key, value in document.items() if isinstance(value, str)}
     used = sorted({datum.source for datum in data})
-    numbers = {
-        "kind": kind,
-        "name": document.get("name", name),
-        "title": document["title"],
-        "words": {
-            key: value
-            for key, value in document.items()
-            if isinstance(value, str) and key not in ("name", "title")
-        },
-        "numbers": [asdict(datum) for datum in data],
-        "sources": {key: known[key]["text"] if key in known else key for key in used},
-    }
-    return numbers | _rebounds(name, document.get("kind"))
-
-
-def _rebounds(name: str, kind: str | None) -> dict[str, Any]:
-    """Return the slowest speeds back at which a level ball has not fallen below the beams yet."""
-    if kind not in ("light-gate", "light-board"):
-        return {}
-    from virtual_lab.relations.flight import slowest_within
-    from virtual_lab.simulation.instruments.light_board import LightBoardSpec
-    from virtual_lab.simulation.instruments.light_gate import LightGateSpec
-
-    kinds = {"light-gate": LightGateSpec, "light-board": LightBoardSpec}
-    spec: type[LightGateSpec | LightBoardSpec] = kinds[kind]
-    gates = catalog.load("instruments", name, spec).spec
-    slowest = slowest_within(gates.distances, gates.room) / MPH
-    return {
-        "slowest_rebound": {
-            "fall_mm": gates.room * 1e3,
-            "at_gates": [
-                {"distance_m": distance, "speed_mph": float(speed)}
-                for distance, speed in zip(gates.distances, slowest, strict=True)
-            ],
-            "told_mph": float(slowest[-2]),  # a speed takes two gates
-        }
-    }
-
-
-def sheet_text(document: Mapping[str, Any]) -> str:
-    """Return a specification: words, numbers with source, and what the sources are."""
-    rows = [
-        {
-            "key": number["key"],
-            "value": number["value"],
-            "unit": number["unit"].removesuffix("1") if number["unit"] == "1" else number["unit"],
-            "source": number["source"] + ("" if number["verified"] else " (unverified)"),
-            "note": number["note"],
-        }
-        for number in document["numbers"]
-    ]
-    parts = [f"{document['name']}: {document['title']} ({document['kind']})"]
-    parts += [f"  {key}: {value}" for key, value in document["words"].items()]
-    if rows:
-        parts += ["", table_text(rows)]
-    if "slowest_rebound" in document:
-        parts += ["", _rebound_line(document["slowest_rebound"])]
-    parts += [""] + [f"{key}: {text}" for key, text in document["sources"].items()]
-    return "\n".join(parts).rstrip()
-
-
-def _rebound_line(slowest: Mapping[str, Any]) -> str:
-    gates = ", ".join(
-        f"{gate['speed_mph']:.1f} mph at {gate['distance_m']:g} m" for gate in slowest["at_gates"]
-    )
-    return (
-        f"slowest level rebound seen, {slowest['fall_mm']:g} mm of fall: {gates}; "
-        f"a speed takes two gates: from {slowest['told_mph']:.1f} mph"
+    return ShownSheet(
+        kind=kind,
+        name=words.pop("name", name),
+        title=words.pop("title"),
+        words=words,
+        numbers=tuple(data),
+        sources={key: known[key]["text"] if key in known else key for key in used},
+        slowest_rebound=SlowestRebound.of(name, document.get("kind")),
     )

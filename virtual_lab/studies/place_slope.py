@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,23 +12,27 @@ from virtual_lab.lab import Laboratory, TestSetup
 from virtual_lab.lab.measurand import true_curve
 from virtual_lab.measurement.procedure import aimed_place
 from virtual_lab.output.result import Rows
-from virtual_lab.output.tables import Column
+from virtual_lab.output.tables import column
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.rig import Reality
 from virtual_lab.units import INCH
 
-__all__ = ["slope"]
+__all__ = ["Slope", "slope"]
 
-COLUMNS = {
-    "bat": Column("bat"),
-    "place_in": Column("place from the tip", "in"),
-    "slope_per_in": Column("slope of e_A", "1/in", "+.4f"),
-}
 STEP = 4e-3  # m, to either side
 BATS = ("r161", "ea70", "barrel-loaded", "knob-loaded")  # of baseball
 
 
-def slope(bats: Sequence[str] = (), *, procedure: str = "astm-f1881") -> Rows:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Slope:
+    """Of a bat; of their mean and deviation the place is None."""
+
+    bat: str = column("bat")
+    place_in: float | None = column("place from the tip", "in")
+    slope_per_in: float = column("slope of e_A", "1/in", "+.4f")
+
+
+def slope(bats: Sequence[str] = (), *, procedure: str = "astm-f1881") -> Rows[Slope]:
     """Return de_A/dz at the centre of percussion, a row a bat, then their mean and deviation.
 
     Each bat is its drawing, met by the procedure's nominal ball at its speed. Without names the
@@ -43,17 +47,14 @@ def slope(bats: Sequence[str] = (), *, procedure: str = "astm-f1881") -> Rows:
     if len(bats) < 2:
         raise InputError("", "bats", len(bats), "a deviation needs 2 and more")
     rows = [_slope(bat, procedure) for bat in bats]
-    slopes = [row["slope_per_in"] for row in rows]
-    every = [
-        *rows,
-        {"bat": "mean", "place_in": None, "slope_per_in": float(np.mean(slopes))},
-        {"bat": "deviation", "place_in": None, "slope_per_in": float(np.std(slopes, ddof=1))},
-    ]
+    slopes = [row.slope_per_in for row in rows]
+    over = {"mean": float(np.mean(slopes)), "deviation": float(np.std(slopes, ddof=1))}
+    rows += [Slope(bat=what, place_in=None, slope_per_in=value) for what, value in over.items()]
     title = f"how e_A changes along the barrel where {procedure} hits"
-    return Rows(name="slope", title=title, columns=COLUMNS, rows=every)
+    return Rows(name="slope", title=title, rows=rows)
 
 
-def _slope(bat: str, procedure: str) -> dict[str, Any]:
+def _slope(bat: str, procedure: str) -> Slope:
     setup = TestSetup.of(bat, procedure=procedure, seed=0, reality=Reality.IDEAL, rung="modal")
     laboratory = Laboratory.open(setup)
     rules, specimen = laboratory.rules.spec, laboratory.specimen
@@ -65,8 +66,4 @@ def _slope(bat: str, procedure: str) -> dict[str, Any]:
     ends = place + STEP * np.array([-1.0, 1.0])
     curve = true_curve(laboratory.impact, specimen, rules, ends)
     rise = float(np.diff(curve.collision_efficiency)[0])
-    return {
-        "bat": bat,
-        "place_in": place / INCH,
-        "slope_per_in": rise / (2 * STEP) * INCH,
-    }
+    return Slope(bat=bat, place_in=place / INCH, slope_per_in=rise / (2 * STEP) * INCH)

@@ -59,16 +59,16 @@ def test_peaks_are_those_of_the_model_itself(compared: Compared) -> None:
 def test_differences_are_those_of_the_peaks(compared: Compared) -> None:
     wood, aluminium = compared.peaks[1], compared.peaks[3]
     row = compared.differences[1]
-    assert (row["bat"], row["against"], row["n"]) == ("ea70", "r161", 0.5)
-    assert row["v_f_mph"] == pytest.approx(aluminium["v_f_mph"] - wood["v_f_mph"])
-    assert row["e_A_percent"] == pytest.approx(100 * (aluminium["e_A"] / wood["e_A"] - 1))
+    assert (row.bat, row.against, row.n) == ("ea70", "r161", 0.5)
+    assert row.v_f_mph == pytest.approx(aluminium.peaks["v_f_mph"] - wood.peaks["v_f_mph"])
+    assert row.e_A_percent == pytest.approx(100 * (aluminium.peaks["e_A"] / wood.peaks["e_A"] - 1))
 
 
 def test_a_bat_of_the_reference_inertia_is_swung_alike_for_every_n() -> None:
     """As the paper takes I0 for its loaded bats."""
     fast = compare(["barrel-loaded", "knob-loaded"], reference_inertia="barrel-loaded").peaks
-    assert fast[0]["v_f_mph"] == pytest.approx(fast[1]["v_f_mph"], rel=1e-12)
-    assert fast[2]["v_f_mph"] < fast[3]["v_f_mph"] - 5
+    assert fast[0].peaks["v_f_mph"] == pytest.approx(fast[1].peaks["v_f_mph"], rel=1e-12)
+    assert fast[2].peaks["v_f_mph"] < fast[3].peaks["v_f_mph"] - 5
 
 
 def test_bat_speed_follows_the_swing_law_by_hand() -> None:
@@ -106,7 +106,7 @@ def test_constant_energy_is_the_exponent_that_swings_were_measured_to_have() -> 
 def test_the_papers_conclusions_hold_under_constant_energy() -> None:
     """Sec. III B: none of them "depend substantially on which model is used"."""
     tops = {
-        row["bat"]: row
+        row.bat: row.peaks
         for row in compare(["r161", "ea70", "barrel-loaded", "knob-loaded"], swings=(None,)).peaks
     }
     lead = tops["ea70"]["v_f_mph"] - tops["r161"]["v_f_mph"]

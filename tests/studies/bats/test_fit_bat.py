@@ -52,17 +52,17 @@ def test_the_file_reads_back_as_the_bat_that_was_measured(
 
 def test_measuring_more_leaves_less_open(tmp_path: Path, weighed: tuple[Path, FittedBat]) -> None:
     source, fitted = weighed
-    less = {row["quantity"]: row for row in fitted.spread}
+    less = {row.quantity: row for row in fitted.spread}
     path = tmp_path / "tapped.toml"
     path.write_text(MEASURED + FREQUENCIES)
-    more = {row["quantity"]: row for row in fit_bat(str(path), members=3).spread}
-    assert less["f1"]["high"] - less["f1"]["low"] > 5
-    assert not less["f1"]["measured"]
-    assert more["f1"]["measured"]
-    assert more["f1"]["high"] - more["f1"]["low"] < 0.01
-    assert more["f2"]["fit"] == pytest.approx(551, rel=1e-5)
-    assert less["e_A at 7 in"]["sd"] > more["e_A at 7 in"]["sd"] > 1e-4
+    more = {row.quantity: row for row in fit_bat(str(path), members=3).spread}
+    assert less["f1"].high - less["f1"].low > 5
+    assert not less["f1"].measured
+    assert more["f1"].measured
+    assert more["f1"].high - more["f1"].low < 0.01
+    assert more["f2"].fit == pytest.approx(551, rel=1e-5)
+    assert less["e_A at 7 in"].sd > more["e_A at 7 in"].sd > 1e-4
     for row in more.values():
-        assert row["low"] <= row["fit"] <= row["high"]
+        assert row.low <= row.fit <= row.high
     # fits without frequencies are quick; the draws are the same
     assert fit_bat(str(source), members=3).spread == fitted.spread

@@ -14,6 +14,7 @@ from virtual_lab.simulation.faults.fault import other_sheet
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.rig import Reality, ShotPlan, Stage
 from virtual_lab.studies.bats.percussion import Percussed, percussion
+from virtual_lab.studies.bats.percussion_text import Struck
 
 INCH = 0.0254
 
@@ -23,17 +24,17 @@ def found() -> Percussed:
     return percussion("r161", laboratories=2, shots=3)
 
 
-def at(found: Percussed, z: float) -> dict:
+def at(found: Percussed, z: float) -> Struck:
     """Return the row of a place."""
-    return min(found.rows, key=lambda row: abs(row["z_in"] - z))
+    return min(found.rows, key=lambda row: abs(row.z_in - z))
 
 
 def test_the_axis_bears_nothing_at_the_centre_of_percussion(found: Percussed) -> None:
     """Eq. (11) for Table I, 6.3956 in; beside it the blow turns round."""
     assert found.percussion_in == pytest.approx(6.3956, abs=2e-3)
-    assert at(found, found.percussion_in)["reaction_ns"] == pytest.approx(0, abs=1e-12)
-    assert at(found, 2)["reaction_ns"] < -0.5
-    assert at(found, 12)["reaction_ns"] > 0.5
+    assert at(found, found.percussion_in).reaction_ns == pytest.approx(0, abs=1e-12)
+    assert at(found, 2).reaction_ns < -0.5
+    assert at(found, 12).reaction_ns > 0.5
 
 
 def test_a_plain_bearing_costs_what_it_rubs(found: Percussed) -> None:
@@ -42,21 +43,21 @@ def test_a_plain_bearing_costs_what_it_rubs(found: Percussed) -> None:
     axis = 28 * INCH
     lever = axis - beam.z_cm
     for row in (at(found, 3), at(found, 11)):
-        b = axis - row["z_in"] * INCH
+        b = axis - row.z_in * INCH
         # the blow is the ball's J, the axis takes J - M d ω, ω = J b / I_p
-        blow = row["reaction_ns"] / (1 - beam.mass * lever * b / beam.inertia(axis))
+        blow = row.reaction_ns / (1 - beam.mass * lever * b / beam.inertia(axis))
         turn = blow * b / beam.inertia(axis)
-        lost = 0.087 * 0.010 * abs(row["reaction_ns"]) / beam.inertia(axis)
-        assert row["plain_shift"] == pytest.approx(-(1 + row["e_A"]) * lost / turn, rel=0.02)
+        lost = 0.087 * 0.010 * abs(row.reaction_ns) / beam.inertia(axis)
+        assert row.plain_shift == pytest.approx(-(1 + row.e_A) * lost / turn, rel=0.02)
 
 
 def test_play_costs_nothing_but_hard_by_the_centre_of_percussion(found: Percussed) -> None:
     """Its angle is a constant of the fit, unless it is taken up while the fit runs."""
     for row in found.rows:
-        if abs(row["z_in"] - found.percussion_in) > 0.1:
-            assert abs(row["loose_shift"]) < 1e-9
-        elif abs(row["z_in"] - found.percussion_in) > 1e-6:
-            assert abs(row["loose_shift"]) > 5e-4
+        if abs(row.z_in - found.percussion_in) > 0.1:
+            assert abs(row.loose_shift) < 1e-9
+        elif abs(row.z_in - found.percussion_in) > 1e-6:
+            assert abs(row.loose_shift) > 5e-4
 
 
 @pytest.mark.parametrize("place", [3.0, 10.0])

@@ -21,6 +21,7 @@ from virtual_lab.measurement.reduction.kinematics import (
 )
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
+from virtual_lab.output.tables import columns_of
 from virtual_lab.relations.peaks import peak
 from virtual_lab.relations.swing import bat_speed
 from virtual_lab.simulation.collision.reference import ReferenceModel
@@ -35,7 +36,7 @@ from virtual_lab.simulation.physics.ball import (
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.physics.supports import Free
 from virtual_lab.studies.bats.profile import CONDITIONS, GameConditions
-from virtual_lab.studies.bats.text import LAW_COLUMNS, spread_of
+from virtual_lab.studies.bats.text import PEAK_COLUMNS, LawRow, placed, spread_of
 from virtual_lab.units import INCH, MPH
 
 __all__ = ["sensitivity"]
@@ -60,7 +61,7 @@ LAWS = (
 )
 
 
-def sensitivity(bat: str, *, progress: Progress = quiet) -> Rows:
+def sensitivity(bat: str, *, progress: Progress = quiet) -> Rows[LawRow]:
     """Return a row a law: the ball on a wall, and the peaks of the free bat in the standard game.
 
     Parameters
@@ -106,27 +107,22 @@ def sensitivity(bat: str, *, progress: Progress = quiet) -> Rows:
             "e_A": e_A,
             "v_f_mph": np.asarray(batted_speed(e_A, game.pitch_speed, moving)) / MPH,
         }
-        peaks = {name: peak(PLACES_IN, curve) for name, curve in curves.items()}
         wall = _on_wall(law, ball.mass, speed, e0, stiffness)
         rows.append(
-            {
-                "bat": spec.name,
-                "law": law.name,
-                "exponent": law.exponent,
-                "stiffness": stiffness,
-                "wall_time_ms": float(wall.time) * 1e3,
-                "wall_force_kn": float(wall.force) / 1e3,
-            }
-            | {
-                key: number
-                for name, (value, place) in peaks.items()
-                for key, number in ((name, value), (f"{name}_at_in", place))
-            }
+            LawRow(
+                bat=spec.name,
+                law=law.name,
+                exponent=law.exponent,
+                stiffness=stiffness,
+                wall_time_ms=float(wall.time) * 1e3,
+                wall_force_kn=float(wall.force) / 1e3,
+                peaks=placed({name: peak(PLACES_IN, curve) for name, curve in curves.items()}),
+            )
         )
     return Rows(
         name="sensitivity",
         title=f"{spec.name}: greatest values (and where, in from the tip) by force law of the ball",
-        columns=LAW_COLUMNS,
+        columns=columns_of(rows[0]) | PEAK_COLUMNS,
         rows=rows,
         words=spread_of(rows),
     )

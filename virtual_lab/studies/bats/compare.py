@@ -8,14 +8,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from virtual_lab.catalog.specs import Sport
 from virtual_lab.errors import InputError
-from virtual_lab.output.result import StudyResult
+from virtual_lab.output.result import Json, StudyResult
+from virtual_lab.output.tables import record
 from virtual_lab.studies.bats.curves import draw_comparison
 from virtual_lab.studies.bats.profile import Profiled, chosen_swings, profile_of_bat, profiles
-from virtual_lab.studies.bats.text import comparison_text
+from virtual_lab.studies.bats.text import Difference, Peaks, comparison_text, placed
 from virtual_lab.units import OZ_IN2
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ class Compared(StudyResult):
         return f"Comparison of {', '.join(self.balls)}"
 
     @property
-    def rows(self) -> list[dict[str, Any]]:
+    def rows(self) -> list[Peaks]:
         """The peaks."""
         return self.peaks
 
@@ -54,8 +55,11 @@ class Compared(StudyResult):
         """Curves, peaks and differences."""
         import pandas as pd
 
-        beside = {"peaks": self.peaks, "differences": self.differences}
-        return {self.name: self.curves} | {key: pd.DataFrame(rows) for key, rows in beside.items()}
+        return {
+            self.name: self.curves,
+            "peaks": pd.DataFrame([record(row) for row in self.peaks]),
+            "differences": pd.DataFrame([record(row) for row in self.differences]),
+        }
 
     @property
     def text(self) -> str:
@@ -71,36 +75,37 @@ class Compared(StudyResult):
         """A row a bat, exponent and place."""
         import pandas as pd
 
-        parts = [_named(each) | each.table.to_dict("list") for each in self.profiles]
-        return pd.concat([pd.DataFrame(part) for part in parts], ignore_index=True)
+        parts = []
+        for each in self.profiles:
+            named = {"bat": each.bat.name, "n": each.swing}
+            parts.append(pd.DataFrame(named | each.table.to_dict("list")))
+        return pd.concat(parts, ignore_index=True)
 
     @property
-    def peaks(self) -> list[dict[str, Any]]:
-        """A row a bat and exponent: every greatest value and its place [in]."""
+    def peaks(self) -> list[Peaks]:
+        """A row a bat and exponent."""
         return [
-            _named(each)
-            | {
-                key: number
-                for name, (value, place) in each.peaks.items()
-                for key, number in ((name, value), (f"{name}_at_in", place))
-            }
+            Peaks(bat=each.bat.name, n=each.swing, peaks=placed(each.peaks))
             for each in self.profiles
         ]
 
     @property
-    def differences(self) -> list[dict[str, Any]]:
+    def differences(self) -> list[Difference]:
         """A row a later bat and exponent: its peaks against those of the first bat."""
         first = self.profiles[0].bat.name
-        base = {row["n"]: row for row in self.peaks if row["bat"] == first}
+        base = {row.n: row.peaks for row in self.peaks if row.bat == first}
         return [
-            {"bat": row["bat"], "against": first, "n": row["n"]}
-            | {
-                f"{name}_percent": 100 * (row[name] / base[row["n"]][name] - 1)
-                for name in ("e", "BPF", "e_A")
-            }
-            | {"v_f_mph": row["v_f_mph"] - base[row["n"]]["v_f_mph"]}
+            Difference(
+                bat=row.bat,
+                against=first,
+                n=row.n,
+                e_percent=100 * (row.peaks["e"] / base[row.n]["e"] - 1),
+                BPF_percent=100 * (row.peaks["BPF"] / base[row.n]["BPF"] - 1),
+                e_A_percent=100 * (row.peaks["e_A"] / base[row.n]["e_A"] - 1),
+                v_f_mph=row.peaks["v_f_mph"] - base[row.n]["v_f_mph"],
+            )
             for row in self.peaks
-            if row["bat"] != first
+            if row.bat != first
         ]
 
     @property
@@ -114,14 +119,14 @@ class Compared(StudyResult):
         return {each.ball.sport for each in self.profiles}
 
     @property
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Json:
         """All of it for JSON."""
         return {
             "reference_inertia_oz_in2": self.profiles[0].reference_inertia / OZ_IN2,
             "balls": self.balls,
             "swing_law": self.profiles[0].document["swing_law"],
-            "peaks": self.peaks,
-            "differences": self.differences,
+            "peaks": [record(row) for row in self.peaks],
+            "differences": [record(row) for row in self.differences],
             "profiles": [each.document for each in self.profiles],
         }
 
@@ -208,7 +213,3 @@ def compare(
         if names.count(name) > 1:
             raise InputError("", "bats", name, "stands there twice; every bat needs its own name")
     return Compared(profiles=tuple(one for each in found for one in each))
-
-
-def _named(profiled: Profiled) -> dict[str, Any]:
-    return {"bat": profiled.bat.name, "n": profiled.swing}

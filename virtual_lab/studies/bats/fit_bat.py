@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +19,8 @@ from virtual_lab.catalog.specs import BallSpec, BatBody
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_files
 from virtual_lab.output.progress import Progress, quiet
-from virtual_lab.output.result import StudyResult
-from virtual_lab.output.tables import Column, table_text
+from virtual_lab.output.result import Json, StudyResult
+from virtual_lab.output.tables import column, record, table_text
 from virtual_lab.relations.peaks import peak
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import Scenes
@@ -34,20 +33,24 @@ from virtual_lab.units import INCH, MPH
 __all__ = ["FittedBat", "fit_bat"]
 
 Array = NDArray[np.float64]
-COLUMNS = {
-    "quantity": Column("quantity"),
-    "unit": Column("unit"),
-    "fit": Column("this bat"),
-    "low": Column("lowest that meets the data"),
-    "high": Column("highest"),
-    "sd": Column("standard deviation"),
-    "measured": Column("measured", form=lambda row: "yes" if row["measured"] else "no"),
-}
 MEMBERS = 12
 PLACES_IN = np.arange(2.0, 10.01, 0.5)
 SHOWN_IN = (3.0, 5.0, 6.0, 7.0, 9.0)
 SPEED_MPH = 160.0
 DIGITS = 7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spread:
+    """A quantity of the fitted bat, and of all that meet the data."""
+
+    quantity: str = column("quantity")
+    unit: str = column("unit")
+    fit: float = column("this bat")
+    low: float = column("lowest that meets the data")
+    high: float = column("highest")
+    sd: float = column("standard deviation")
+    measured: bool = column("measured", form=lambda row: "yes" if row.measured else "no")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -58,10 +61,10 @@ class FittedBat(StudyResult):
     source: str  # where the measurements come from
     fitted: Fitted
     members: int  # bats behind the spread
-    spread: list[dict[str, Any]]  # a row a quantity: fit, low, high, sd, measured
+    spread: list[Spread]
 
     @property
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Json:
         """All of it for JSON."""
         parameters = TEMPLATES[self.measured.template].parameters
         values = self.fitted.parameters
@@ -71,7 +74,7 @@ class FittedBat(StudyResult):
             "misfits": self.fitted.misfits,
             "parameters": {p.name: float(x) for p, x in zip(parameters, values, strict=True)},
             "members": self.members,
-            "spread": self.spread,
+            "spread": [record(row) for row in self.spread],
         }
 
     name = "fit-bat"
@@ -82,7 +85,7 @@ class FittedBat(StudyResult):
         return f"{self.measured.name} fitted to what was measured of it"
 
     @property
-    def rows(self) -> list[dict[str, Any]]:
+    def rows(self) -> list[Spread]:
         """The spread."""
         return self.spread
 
@@ -93,7 +96,7 @@ class FittedBat(StudyResult):
             f"{name} {value / INCH:+.1e} in" if name.startswith("node") else f"{name} {value:+.1e}"
             for name, value in self.fitted.misfits.items()
         )
-        return f"{table_text(self.spread, COLUMNS)}\n\nmisfits (relative): {worst}"
+        return f"{table_text(self.spread)}\n\nmisfits (relative): {worst}"
 
     def write(self, path: Path) -> None:
         """Write the bat file, whole or not at all; one that exists is left alone."""
@@ -112,8 +115,8 @@ class FittedBat(StudyResult):
             f"{self.members} such bats",
             "# quantity, this bat, lowest, highest:",
             *(
-                f"#   {row['quantity']} [{row['unit']}]: {row['fit']:.4g}, {row['low']:.4g}, "
-                f"{row['high']:.4g}{', measured' if row['measured'] else ''}"
+                f"#   {row.quantity} [{row.unit}]: {row.fit:.4g}, {row.low:.4g}, "
+                f"{row.high:.4g}{', measured' if row.measured else ''}"
                 for row in self.spread
             ),
             f"name = {_text(name)}",
@@ -193,16 +196,16 @@ def fit_bat(
     others = [_quantities(body, measured)[1] for body in bodies] or [own]
     table = np.array([list(values.values()) for values in others])
     rows = [
-        {
-            "quantity": name,
-            "unit": unit,
-            "fit": value,
-            "low": float(min(column.min(), value)),
-            "high": float(max(column.max(), value)),
-            "sd": float(column.std(ddof=1)) if len(column) > 1 else 0.0,
-            "measured": name in measured.goals,
-        }
-        for (name, value), unit, column in zip(own.items(), units, table.T, strict=True)
+        Spread(
+            quantity=name,
+            unit=unit,
+            fit=value,
+            low=float(min(every.min(), value)),
+            high=float(max(every.max(), value)),
+            sd=float(every.std(ddof=1)) if len(every) > 1 else 0.0,
+            measured=name in measured.goals,
+        )
+        for (name, value), unit, every in zip(own.items(), units, table.T, strict=True)
     ]
     return FittedBat(
         measured=measured,

@@ -7,6 +7,7 @@ beside e_A by the ball's own rebound, which asks nothing of a pivot.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
@@ -21,14 +22,15 @@ from virtual_lab.measurement.reduction.observations import along_of
 from virtual_lab.measurement.reduction.shot_algebra import ShotResults
 from virtual_lab.measurement.session_reduction import Reduced, reduce_session
 from virtual_lab.output.progress import Progress, quiet
-from virtual_lab.output.result import StudyResult
+from virtual_lab.output.result import Json, StudyResult
+from virtual_lab.output.tables import record
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.faults.fault import other_sheet
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.physics.supports import Pinned
 from virtual_lab.simulation.rig import Reality, ShotPlan, Stage
 from virtual_lab.studies.bats.percussion_chart import draw_percussion
-from virtual_lab.studies.bats.percussion_text import percussion_text
+from virtual_lab.studies.bats.percussion_text import Reading, Struck, percussion_text
 from virtual_lab.uncertainty.budget import combine, propagate, scatter
 from virtual_lab.units import INCH
 
@@ -46,11 +48,11 @@ READINGS = {"recoil": "recoil_efficiency", "rebound": "rebound_efficiency"}
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Percussed(StudyResult):
-    """A row a place."""
+    """How well e_A is read at each place."""
 
     bat: str
     percussion_in: float  # from the tip, of the bat as drawn
-    rows: list[dict[str, Any]]
+    rows: list[Struck]
 
     name = "percussion"
 
@@ -69,9 +71,22 @@ class Percussed(StudyResult):
         draw_percussion(self.rows, self.percussion_in, self.bat, path)
 
     @property
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Json:
         """All of it for JSON."""
-        return {"bat": self.bat, "percussion_in": self.percussion_in, "places": self.rows}
+        return {
+            "bat": self.bat,
+            "percussion_in": self.percussion_in,
+            "places": [record(row) for row in self.rows],
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Read:
+    """One laboratory's readings at a place, by `READINGS`; NaN where none was seen."""
+
+    seen: float  # share of rebounds
+    error: Mapping[str, float]
+    u: Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,13 +152,7 @@ def percussion(
     Returns
     -------
     Percussed
-        A row a place, the centre of percussion among them: `z_in`; of the bat as drawn the
-        true `e_A`, the `reaction_ns` on the axis [N s] (above 0 where it is pushed the way the
-        ball flew), its mean force `reaction_n` [N] and the amplitude `ring_mrad` of the bending
-        ring at the encoder; for `recoil` and `rebound` the `_error` with nothing random, the
-        `_rms` error and the mean stated `_u` over laboratories; the share `seen` of rebounds
-        that the gates saw; and what a bearing adds to e_A by recoil, `plain_shift` and
-        `loose_shift`. None where no rebound was seen.
+        A row a place, the centre of percussion among them.
 
     Raises
     ------
@@ -160,25 +169,20 @@ def percussion(
     axis = still.laboratory.rules.spec.pivot_from_knob
     centre = aimed_place(drawn | {"inertia_cm": beam.inertia_cm}, axis)
     places = np.sort(np.append(PLACES_IN * INCH, centre + np.array(BESIDE_IN) * INCH))
-    rows = [_drawn(still, place, shots) for place in places]
-    found: list[list[dict[str, float]]] = [[] for _ in places]
+    found: list[list[_Read]] = [[] for _ in places]
     for laboratory in range(laboratories):
         stand = _Stand.of(bat, seed + laboratory, Reality.REAL)
         for number, place in enumerate(places):
             progress("places", laboratory * len(places) + number, laboratories * len(places))
             found[number].append(_read(stand, float(place), shots, number))
-    for row, read in zip(rows, found, strict=True):
-        row |= {"seen": float(np.mean([each["seen"] for each in read]))}
-        for name in READINGS:
-            row[f"{name}_rms"] = _root_mean_square([each[f"{name}_error"] for each in read])
-            row[f"{name}_u"] = _root_mean_square([each[f"{name}_u"] for each in read])
+    rows = [_row(still, place, shots, read) for place, read in zip(places, found, strict=True)]
     return Percussed(
         bat=still.laboratory.session.bat, percussion_in=float(centre / INCH), rows=rows
     )
 
 
-def _drawn(still: _Stand, place: float, shots: int) -> dict[str, Any]:
-    """Return what the model says of a place, and the errors when nothing is random."""
+def _row(still: _Stand, place: float, shots: int, read: list[_Read]) -> Struck:
+    """Return what the model says of a place, beside what the laboratories read there."""
     reduced, true, lasted = still.fire(place, shots, 0)
     laboratory = still.laboratory
     body, ball = laboratory.specimen.bat.body, laboratory.specimen.balls.mean_ball()
@@ -188,25 +192,32 @@ def _drawn(still: _Stand, place: float, shots: int) -> dict[str, Any]:
     impulse = float(ball.mass[0] * speed * (1 + true[0]))
     percussed = beam.inertia(axis) / (beam.mass * (axis - beam.z_cm))
     reaction = impulse * (1 - (axis - place) / percussed)
-    row: dict[str, Any] = {
-        "z_in": float(place / INCH),
-        "e_A": float(true[0]),
-        "reaction_ns": reaction,
-        "reaction_n": reaction / float(lasted[0]),
-        "ring_mrad": 1e3 * _ring(still, place),
-    }
-    for name, field in READINGS.items():
-        error = float((getattr(reduced.shots, field) - true).mean())
-        row[f"{name}_error"] = error if np.isfinite(error) else None
     smooth = still.counting_finely()
     as_installed, plain, loose = (
         smooth.fire(place, 2, 0, **bearing)[0].shots.recoil_efficiency[0]
         for bearing in ({}, PLAIN, LOOSE)
     )
-    return row | {
-        "plain_shift": float(plain - as_installed),
-        "loose_shift": float(loose - as_installed),
-    }
+
+    def readings(name: str) -> Reading:
+        error = float((getattr(reduced.shots, READINGS[name]) - true).mean())
+        return Reading(
+            error=error if np.isfinite(error) else None,
+            rms=_root_mean_square([each.error[name] for each in read]),
+            u=_root_mean_square([each.u[name] for each in read]),
+        )
+
+    return Struck(
+        z_in=float(place / INCH),
+        e_A=float(true[0]),
+        reaction_ns=reaction,
+        reaction_n=reaction / float(lasted[0]),
+        ring_mrad=1e3 * _ring(still, place),
+        seen=float(np.mean([each.seen for each in read])),
+        recoil=readings("recoil"),
+        rebound=readings("rebound"),
+        plain_shift=float(plain - as_installed),
+        loose_shift=float(loose - as_installed),
+    )
 
 
 def _ring(still: _Stand, place: float) -> float:
@@ -228,16 +239,16 @@ def _ring(still: _Stand, place: float) -> float:
     return float(np.linalg.norm(modes.rotation(axis)[bends] * swing))
 
 
-def _read(stand: _Stand, place: float, shots: int, number: int) -> dict[str, float]:
+def _read(stand: _Stand, place: float, shots: int, number: int) -> _Read:
     """Return errors and stated u of the means of a laboratory's shots at a place."""
     reduced, true, _ = stand.fire(place, shots, number)
-    row = {"seen": float(np.isfinite(reduced.shots.rebound_efficiency).mean())}
-    for name, field in READINGS.items():
-        hits = getattr(reduced.shots, field)
-        seen = np.isfinite(hits)
-        error = float((hits - true)[seen].mean()) if seen.any() else np.nan
-        row |= {f"{name}_error": error, f"{name}_u": _stated(reduced, field, hits - true)}
-    return row
+    off = {name: getattr(reduced.shots, field) - true for name, field in READINGS.items()}
+    seen = {name: error[np.isfinite(error)] for name, error in off.items()}
+    return _Read(
+        seen=seen["rebound"].size / shots,
+        error={name: float(error.mean()) if error.size else np.nan for name, error in seen.items()},
+        u={name: _stated(reduced, field, off[name]) for name, field in READINGS.items()},
+    )
 
 
 def _stated(reduced: Reduced, field: str, error: Array) -> float:

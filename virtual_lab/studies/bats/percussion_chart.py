@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from operator import attrgetter
 from pathlib import Path
-from typing import Any
 
 from virtual_lab.output.style import STYLE
 from virtual_lab.studies.bats.curves import PLACE
+from virtual_lab.studies.bats.percussion_text import Struck
 
 __all__ = ["draw_percussion"]
 
@@ -15,9 +16,7 @@ NEAR_IN = 0.1
 RECOIL, REBOUND, PLAIN, LOOSE = "#0072b2", "#d55e00", "#009e73", "#cc79a7"
 
 
-def draw_percussion(
-    rows: Sequence[Mapping[str, Any]], percussion_in: float, bat: str, path: Path
-) -> None:
+def draw_percussion(rows: Sequence[Struck], percussion_in: float, bat: str, path: Path) -> None:
     """Draw three panels over the place of impact.
 
     Parameters
@@ -35,11 +34,12 @@ def draw_percussion(
     from matplotlib.figure import Figure
 
     def of(name: str, scale: float = 1.0) -> list[float]:
-        return [float("nan") if row[name] is None else scale * row[name] for row in shown]
+        values = [attrgetter(name)(row) for row in shown]
+        return [float("nan") if value is None else scale * value for value in values]
 
-    z_of_all = [row["z_in"] for row in rows]
+    z_of_all = [row.z_in for row in rows]
     # hard by the centre of percussion only a loose bearing makes a difference
-    shown = [row for row in rows if not 1e-6 < abs(row["z_in"] - percussion_in) < NEAR_IN]
+    shown = [row for row in rows if not 1e-6 < abs(row.z_in - percussion_in) < NEAR_IN]
     z = of("z_in")
 
     with style.context(STYLE, after_reset=True):
@@ -47,9 +47,9 @@ def draw_percussion(
         errors, shifts, loads = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 2))
         for name, mark, colour in (("recoil", "o", RECOIL), ("rebound", "s", REBOUND)):
             errors.plot(
-                z, of(f"{name}_rms", 1e3), mark, color=colour, label=f"by {name}: rms error"
+                z, of(f"{name}.rms", 1e3), mark, color=colour, label=f"by {name}: rms error"
             )
-            errors.plot(z, of(f"{name}_u", 1e3), "-", color=colour, label=f"by {name}: stated $u$")
+            errors.plot(z, of(f"{name}.u", 1e3), "-", color=colour, label=f"by {name}: stated $u$")
         errors.set(ylabel="error of $e_A$, 10$^{-3}$", ylim=(0, None))
         figure.suptitle(f"{bat} on its pivot: how well $e_A$ is read, by place", fontsize=10)
         beside = errors.twinx()
@@ -60,7 +60,7 @@ def draw_percussion(
         errors.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
         plain, loose = "plain bearing, friction 0.09", "loose bearing, 0.2 mm either way"
         shifts.plot(z, of("plain_shift", 1e3), "^-", markersize=4, color=PLAIN, label=plain)
-        moved = [1e3 * row["loose_shift"] for row in rows]
+        moved = [1e3 * row.loose_shift for row in rows]
         shifts.plot(z_of_all, moved, "D", markersize=4, color=LOOSE, label=loose)
         shifts.set_ylabel("shift of $e_A$\nby recoil, 10$^{-3}$")
         shifts.legend(loc="best")

@@ -6,11 +6,11 @@ What the model says of the bat as drawn: nothing here is measured.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from annotated_types import Gt
@@ -25,7 +25,7 @@ from virtual_lab.measurement.reduction.kinematics import (
     recoil_factor_free,
     restitution_from_efficiency,
 )
-from virtual_lab.output.result import StudyResult
+from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.relations.peaks import Peak, peak
 from virtual_lab.relations.swing import (
     KNOB_OFFSET,
@@ -135,11 +135,9 @@ class Profiled(StudyResult):
         return f"Profile of {self.bat.name} struck by {self.ball.name}"
 
     @property
-    def rows(self) -> list[dict[str, Any]]:
+    def rows(self) -> list[Mapping[Hashable, float]]:
         """A row a place, in the units of the field."""
-        return [
-            {str(key): value for key, value in row.items()} for row in self.table.to_dict("records")
-        ]
+        return list(self.table.to_dict("records"))
 
     @property
     def text(self) -> str:
@@ -175,7 +173,7 @@ class Profiled(StudyResult):
         return {name: peak(places, table[name].to_numpy()) for name in PEAKED}
 
     @property
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Json:
         """The same for JSON, in the units of the field."""
         beam = self.beam
         return {

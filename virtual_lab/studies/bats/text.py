@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from virtual_lab.catalog.specs import PublishedBat
-from virtual_lab.output.tables import Column, number, table_text
+from virtual_lab.output.tables import Column, column, columns_of, inline, number, table_text
+from virtual_lab.relations.peaks import Peak
 from virtual_lab.units import INCH, OUNCE, OZ_IN2
 
 __all__ = [
-    "LAW_COLUMNS",
+    "PEAK_COLUMNS",
+    "Difference",
+    "LawRow",
+    "Peaks",
     "balls_text",
     "comparison_text",
+    "placed",
     "profile_text",
     "spread_of",
     "swing_text",
@@ -35,6 +41,50 @@ CURVE = {
     "v_bat_mph": Column("bat speed", "mph", ".2f"),
     "v_f_mph": Column("batted-ball speed", "mph", ".2f"),
 }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Peaks:
+    """The greatest values along a bat, each with its place [in]: `e` at `e_at_in`, and so on."""
+
+    bat: str
+    n: float | None  # exponent of the swing law; None: constant energy
+    peaks: Mapping[str, float] = inline()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Difference:
+    """The peaks of a bat against those of another."""
+
+    bat: str
+    against: str
+    n: float | None
+    e_percent: float = column("e", "%", "+.1f")
+    BPF_percent: float = column("BPF", "%", "+.1f")
+    e_A_percent: float = column("e_A", "%", "+.1f")
+    v_f_mph: float = column("v_f", "mph", "+.2f")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LawRow:
+    """A law of the ball's force: on a wall, and the peaks of a bat it is played with."""
+
+    bat: str
+    law: str = column("law")
+    exponent: float = column("exponent", form="g")
+    stiffness: float
+    wall_time_ms: float = column("time on a wall", "ms", ".3f")
+    wall_force_kn: float = column("force on a wall", "kN", ".1f")
+    peaks: Mapping[str, float] = inline()
+
+
+def placed(peaks: Mapping[str, Peak]) -> dict[str, float]:
+    """Return greatest values and their places, by key."""
+    return {
+        key: number
+        for name, (value, place) in peaks.items()
+        for key, number in ((name, value), (f"{name}_at_in", place))
+    }
 
 
 def profile_text(document: Mapping[str, Any], published: PublishedBat | None) -> str:
@@ -78,56 +128,42 @@ def balls_text(balls: Mapping[str, str]) -> str:
 
 
 def comparison_text(
-    peaks: Sequence[Mapping[str, Any]],
-    differences: Sequence[Mapping[str, Any]],
-    balls: Mapping[str, str],
+    peaks: Sequence[Peaks], differences: Sequence[Difference], balls: Mapping[str, str]
 ) -> str:
     """Return the peaks of several bats, and how far they lie from those of the first."""
-    swung = {"n": Column("swing", form=lambda row: swing_text(row["n"]))}
-    tops = {"bat": Column("bat")} | swung | _peak_columns()
-    apart = (
-        {"bat": Column("bat", form=lambda row: f"{row['bat']} against {row['against']}")}
-        | swung
-        | {f"{name}_percent": Column(name, "%", "+.1f") for name in ("e", "BPF", "e_A")}
-        | {"v_f_mph": Column("v_f", "mph", "+.2f")}
-    )
+    swung = {"n": Column("swing", form=lambda row: swing_text(row.n))}
+    tops = {"bat": Column("bat")} | swung | PEAK_COLUMNS
+    pair = {"bat": Column("bat", form=lambda row: f"{row.bat} against {row.against}")}
+    apart = pair | swung | columns_of(differences[0])
     return (
         f"greatest values (and where, inches from the tip), {balls_text(balls)}\n"
         f"{table_text(peaks, tops)}\n\n{table_text(differences, apart)}"
     )
 
 
-def spread_of(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return in a line how far results spread over the laws of the ball."""
-    return "spread over the laws: " + ", ".join(
+def spread_of(rows: Sequence[LawRow]) -> str:
+    """Return how far results spread over the laws of the ball."""
+    spreads = (
         f"{name.removesuffix('_mph')} {_spread(rows, name):{form}}{f' {unit}' if unit else ''} "
         f"({_spread(rows, f'{name}_at_in'):.2f} in)"
         for name, (unit, form) in PEAKS.items()
     )
+    return f"spread over the laws: {', '.join(spreads)}"
 
 
-def _spread(rows: Sequence[Mapping[str, Any]], key: str) -> float:
-    return float(max(row[key] for row in rows) - min(row[key] for row in rows))
+def _spread(rows: Sequence[LawRow], key: str) -> float:
+    values = [row.peaks[key] for row in rows]
+    return max(values) - min(values)
 
 
-def _peak_columns() -> dict[str, Column]:
-    """Return a column a greatest value, its place in brackets."""
-
-    def top(name: str, form: str) -> Callable[[Mapping[str, Any]], str]:
-        return lambda row: f"{row[name]:{form}} ({row[f'{name}_at_in']:.2f})"
-
-    return {
-        name: Column(name.removesuffix("_mph"), unit, top(name, form))
-        for name, (unit, form) in PEAKS.items()
-    }
+def _top(name: str, form: str) -> Callable[[Peaks | LawRow], str]:
+    return lambda row: f"{row.peaks[name]:{form}} ({row.peaks[f'{name}_at_in']:.2f})"
 
 
-LAW_COLUMNS = {
-    "law": Column("law"),
-    "exponent": Column("exponent", form="g"),
-    "wall_time_ms": Column("time on a wall", "ms", ".3f"),
-    "wall_force_kn": Column("force on a wall", "kN", ".1f"),
-} | _peak_columns()
+PEAK_COLUMNS = {  # a greatest value, its place in brackets
+    name: Column(name.removesuffix("_mph"), unit, _top(name, form))
+    for name, (unit, form) in PEAKS.items()
+}
 
 
 def _published(bat: PublishedBat | None) -> dict[str, float]:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import inf, isfinite
-from typing import Any
 
 __all__ = ["Claim", "Row", "about", "at_least", "at_most", "between"]
 
@@ -63,7 +62,7 @@ class Row:
         return self.claim.low <= self.found <= self.claim.high
 
     @property
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Mapping[str, float | str | bool | None]:
         """The row for JSON and CSV."""
         claim = self.claim
         return {

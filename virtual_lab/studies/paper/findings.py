@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from virtual_lab.output.progress import Progress, quiet
-from virtual_lab.output.result import StudyResult
+from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.studies.paper import conclusions, examples, metrics, models, procedures
 from virtual_lab.studies.paper.claim import Claim, Row
 from virtual_lab.studies.paper.page import draw_page, write_page
@@ -38,7 +38,7 @@ class Findings(StudyResult):
         return f"The paper of 2003: {self.held} of {len(self.found)} claims hold"
 
     @property
-    def rows(self) -> list[dict[str, Any]]:
+    def rows(self) -> list[Mapping[str, float | str | bool | None]]:
         """A row a claim."""
         return [row.document for row in self.found]
 
@@ -64,7 +64,7 @@ class Findings(StudyResult):
         return sum(row.holds for row in self.found)
 
     @property
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Json:
         """All of it for JSON."""
         return {
             "claims": len(self.found),
