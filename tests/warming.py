@@ -1,6 +1,6 @@
 """Compile what numba compiles, once, before the tests' processes would all do so at the same time.
 
-`python -m tests.warming bats` and `python -m tests.warming camera`, side by side.
+`python -m tests.warming bats` and so on for each of `PARTS`, side by side.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def warm_kernels() -> None:
-    """Compile the kernels in two processes, where no earlier run left them on disk."""
+    """Compile the kernels, a process a part, where no earlier run left them on disk."""
     if any((ROOT / "virtual_lab").rglob("*.nbi")):
         return
     parts = [
@@ -43,7 +43,15 @@ def _camera() -> None:
         ESTIMATORS[EDGE](pictures(case).given)
 
 
-PARTS = {"bats": _bats, "camera": _camera}
+def _alone() -> None:
+    from virtual_lab.studies.bats.profile import profile_of_bat
+    from virtual_lab.studies.paper.metrics import CLAIMS
+
+    profile_of_bat("r161", swing=None, ball="baseball-2003")  # one that may meet the bat again
+    next(claim for claim in CLAIMS if "r161 clamped against free" in claim.says).find()
+
+
+PARTS = {"bats": _bats, "camera": _camera, "alone": _alone}
 
 if __name__ == "__main__":
     PARTS[sys.argv[1]]()
