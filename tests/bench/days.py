@@ -6,39 +6,26 @@ from typing import Any
 
 from virtual_lab.bench.actions import Action, action_of
 from virtual_lab.bench.apparatus import Apparatus
-from virtual_lab.bench.day import Day
+from virtual_lab.bench.day import MAKE_READY, Day
 from virtual_lab.bench.keeping import laboratory_of, played
+from virtual_lab.bench.operators import PREPARATION
 from virtual_lab.bench.scenario import Scenario
 
-__all__ = ["PLAIN", "READY", "apparatus", "asked", "day_of", "scenario", "with_change", "without"]
+__all__ = ["PLAIN", "apparatus", "asked", "day_of", "scenario", "with_change", "without"]
 
 SEED, SALT = 3, b"salt of the tests"
 PLACE_MM = 163.0  # the centre of percussion of the bat of seed 3
-READY = ("zero-encoder", "clear-scrap", "wait-pressure", "wait-rest")
-BENCH = (
-    "tare",
-    "weigh-bat",
-    "weigh-balls",
-    "measure-length",
-    "measure-barrel",
-    "level-stand",
-    "measure-balance",
-    "fit-clamp",
-    "swing",
-    "hit-wall",
-    "aim-paper",
-)
 BALLS = (1, 2, 3, 4, 5, 6, 8)  # the rules set ball 7 aside
 Asked = tuple[str, dict[str, Any]]
 PLAIN: tuple[Asked, ...] = (  # what the rules ask for, seven balls of which one comes in slow
-    *((name, {}) for name in BENCH),
+    *((name, {}) for name in PREPARATION),
     ("set-place", {"place": PLACE_MM}),
     *(
         each
         for shot, ball in enumerate(BALLS, 1)
         for each in (
             ("load-ball", {"ball": ball}),
-            *((step, {}) for step in READY),
+            *((step, {}) for step in MAKE_READY),
             ("fire", {}),
             ("reject", {"shot": shot, "because": "slow"})
             if shot == 2

@@ -37,9 +37,6 @@ from virtual_lab.units import DEGREE
 __all__ = ["Apparatus", "Reading"]
 
 Array = NDArray[np.float64]
-CHECK_BALL, CHECK_CYLINDER = "check-ball", "check-cylinder"
-CHART_DAYS = 12  # mornings whose checks stand on the chart
-CHART_SLOT = 1_000_000  # the first shot of those mornings, beyond any of the day's
 MILLIMETRE, GRAM = 1e-3, 1e-3
 CHANNELS = {  # action: channel of the bench
     "weigh-bat": "bat-mass",

@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 
 from virtual_lab.bench.actions import Action, action_of
+from virtual_lab.bench.day import MAKE_READY
 from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.inspection import doubts, remedied_by_gauge
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.streams import Streams
 
-__all__ = ["OPERATORS", "PREPARATION", "READY", "Look", "Operator", "by_script", "operator_of"]
+__all__ = ["OPERATORS", "PREPARATION", "Look", "Operator", "by_script", "operator_of"]
 
 Look = Callable[[], Desk]
 Operator = Callable[[Look], Iterator[Action]]
@@ -34,7 +35,6 @@ PREPARATION = (
     "hit-wall",
     "aim-paper",
 )
-READY = ("zero-encoder", "clear-scrap", "wait-pressure", "wait-rest")
 SURE = 0.9  # a doubt that makes an expert refuse to judge
 
 
@@ -96,7 +96,7 @@ def _hits(look: Look, habits: Habits) -> Iterator[Action]:
             yield action_of("set-place", {"place": round(place * 1e3, 3)})
         if not (shot and habits.slips(habits.forgets, "load-ball", shot)):
             yield action_of("load-ball", {"ball": look().next_ball + 1})
-        for step in READY:
+        for step in MAKE_READY:
             if not habits.slips(habits.forgets, step, shot):
                 yield action_of(step)
         yield action_of("fire")
@@ -106,22 +106,26 @@ def _hits(look: Look, habits: Habits) -> Iterator[Action]:
 def _decision(desk: Desk, habits: Habits) -> Action:
     shot = len(desk.day.fired)
     why = desk.reasons[-1]
-    if why and not habits.slips(habits.waves_through, "accept", shot):
+    waved = habits.slips(habits.waves_through, "accept", shot) or (habits.wants and _lowest(desk))
+    if why and not waved:
         return action_of("reject", {"shot": shot, "because": why})
     if why:
         return action_of("accept", {"shot": shot, "because": "near enough"})
-    if habits.wants and _high(desk):
+    if habits.wants and _can_spare(desk) and not _lowest(desk):
         return action_of("reject", {"shot": shot, "because": "did not sound right"})
     return action_of("accept", {"shot": shot})
 
 
-def _high(desk: Desk) -> bool:
-    """Return whether the last hit came out above the middle of those before it."""
+def _lowest(desk: Desk) -> bool:
+    """Return whether no hit before the last one came out lower."""
     metric = desk.by_rules.shot_metric
-    sound = metric[:-1][[not why for why in desk.reasons[:-1]]]
+    return bool(np.isfinite(metric[-1]) and metric[-1] <= np.nanmin(metric))
+
+
+def _can_spare(desk: Desk) -> bool:
+    """Return whether hits enough may follow if the last one does not count."""
     left = desk.rules.spec.attempts - len(desk.day.fired)
-    lacking = desk.rules.spec.valid_hits - int(desk.reduced.judgement.valid.sum())
-    return bool(sound.size >= 1 and left >= lacking and metric[-1] > np.nanmedian(sound))
+    return left >= desk.rules.spec.valid_hits - int(desk.reduced.judgement.valid.sum())
 
 
 def _end(look: Look, habits: Habits) -> Iterator[Action]:

@@ -23,7 +23,7 @@ from virtual_lab.measurement.certification import Certification
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import Column
-from virtual_lab.simulation.faults import FaultSheet, Prediction
+from virtual_lab.catalog.faults import FaultSheet, Prediction
 
 __all__ = ["PROCEDURES", "faults"]
 
