@@ -6,10 +6,11 @@ from typing import Any
 
 from virtual_lab.bench.actions import Action, action_of
 from virtual_lab.bench.apparatus import Apparatus
-from virtual_lab.bench.day import MAKE_READY, Day
+from virtual_lab.bench.day import Day
 from virtual_lab.bench.keeping import laboratory_of, played
 from virtual_lab.bench.operators import PREPARATION
 from virtual_lab.bench.scenario import Scenario
+from virtual_lab.bench.table import MAKE_READY
 
 __all__ = ["PLAIN", "apparatus", "asked", "day_of", "scenario", "with_change", "without"]
 

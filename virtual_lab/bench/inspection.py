@@ -52,10 +52,7 @@ class Sign:
 def fault_sheets() -> Mapping[str, FaultSheet]:
     """Return what is known of all that can go wrong in a laboratory."""
     return MappingProxyType(
-        {
-            name: catalog.load("faults", name, FaultSheet).spec
-            for name in catalog.names("faults")
-        }
+        {name: catalog.load("faults", name, FaultSheet).spec for name in catalog.names("faults")}
     )
 
 
@@ -207,7 +204,9 @@ def _shots(desk: Desk) -> Iterator[Sign]:
     if speeds.size:
         slow = 1 - float(np.median(speeds)) / asked
         yield Sign("cannon-slow", slow, f"the middle of the shots is {slow:.1%} slow")
-    turning = [found.judgement.reasons[shot].startswith("bat turned") for shot in waited["wait-rest"]]
+    turning = [
+        found.judgement.reasons[shot].startswith("bat turned") for shot in waited["wait-rest"]
+    ]
     if turning:
         why = f"the bat turned before {sum(turning)} of {len(turning)} shots that waited for it"
         yield Sign("bat-not-at-rest", float(np.mean(turning)), why)

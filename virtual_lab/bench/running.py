@@ -9,7 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from virtual_lab.bench.debrief import Debrief, debrief, debrief_page
+from virtual_lab.bench.debrief import Debrief, debrief_page, debriefed
 from virtual_lab.bench.keeping import LOG, SECRET, KeptDay
 from virtual_lab.bench.operators import Operator, by_script, operator_of
 from virtual_lab.bench.scenario import load_scenario
@@ -88,7 +88,8 @@ def rehearse(
     with TemporaryDirectory(prefix="virtual-lab-day-") as place:
         folder = Path(place) / "day"
         kept = KeptDay.begin(folder, entry, seed)
-        told = debrief(kept.apparatus, kept.taken(taker), kept.scenario)
+        kept.taken(taker)
+        told = debriefed(kept)
         files = {name: (folder / name).read_bytes() for name in (LOG, SECRET)}
     return RehearsedDay(debrief=told, kept=files)
 
