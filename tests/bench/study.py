@@ -1,8 +1,9 @@
 """Figures of the rehearsal bench that need many days.
 
-``python -m tests.bench.study detection --days 100``: on how many days of each fault with checks
-the expert names it before the verdict, and how often where nothing is wrong. ``operators``: a
-classifier fitted on so many days of each operator, judged on as many fresh ones.
+``python -m tests.bench.study detection --days 100``: on how many days a detector that makes the
+checks of a fault alone finds it, and names anything where nothing is wrong. ``expert``: on how
+many days of one fault each an expert names it before the verdict, and anything on sound and decoy
+days. ``operators``: a classifier fitted on so many days of each, judged on as many fresh ones.
 """
 
 from __future__ import annotations
@@ -13,10 +14,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from tests.bench.days import detector
 from virtual_lab.bench.apparatus import Apparatus
 from virtual_lab.bench.day import Day
 from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.inspection import detectable
+from virtual_lab.bench.inspection import detectable, doubts
 from virtual_lab.bench.keeping import laboratory_of, taken
 from virtual_lab.bench.operators import OPERATORS, operator_of
 from virtual_lab.bench.protocol import left_out
@@ -38,16 +40,13 @@ def named(day: Day) -> set[str]:
 
 
 def found(fault: str, seeds: Iterable[int]) -> int:
-    """Return on how many days the expert named a fault before the verdict."""
-    days = (load_scenario((SOUND, DECOY)[seed % 2]).spec for seed in seeds)
-    played = zip((replace(day, faults=(fault,)) for day in days), seeds, strict=True)
-    return sum(fault in named(day_of(day, "expert", seed)) for day, seed in played)
-
-
-def alarms(scenario: str, seeds: Iterable[int]) -> int:
-    """Return on how many days of a scenario the expert named anything."""
-    day = load_scenario(scenario).spec
-    return sum(bool(named(day_of(day, "expert", seed))) for seed in seeds)
+    """Return on how many days the checks of a fault find it."""
+    days = 0
+    for seed in seeds:
+        scenario = replace(load_scenario((SOUND, DECOY)[seed % 2]).spec, faults=(fault,))
+        day = taken(Apparatus(laboratory_of(scenario, seed, b"")), detector(fault))
+        days += any(doubt.fault == fault for doubt in doubts(Desk(day)))
+    return days
 
 
 def features(day: Day) -> list[float]:
@@ -82,12 +81,25 @@ def likelihoods(fitted: Sequence[np.ndarray], seen: np.ndarray) -> np.ndarray:
 
 
 def detection(days: int) -> None:
-    print(f"named by the expert before the verdict, of {days} days")
+    print(f"found by its own checks alone, of {days} days")
     for fault in detectable():
         print(f"  {fault:<22}{found(fault, range(1000, 1000 + days)):>5}", flush=True)
-    print(f"anything named where nothing is wrong, of {days} days")
-    for scenario in (SOUND, DECOY):
-        print(f"  {scenario:<22}{alarms(scenario, range(5000, 5000 + days)):>5}", flush=True)
+
+
+def expert(days: int) -> None:
+    faults = detectable()
+    missed: list[str] = []
+    for number in range(days):
+        fault = faults[number % len(faults)]
+        scenario = replace(load_scenario((SOUND, DECOY)[number % 2]).spec, faults=(fault,))
+        if fault not in named(day_of(scenario, "expert", 2000 + number)):
+            missed.append(fault)
+    share = f"{days - len(missed)} of {days} days of a fault named before the verdict by the expert"
+    print(f"{share}; missed: {', '.join(missed) or 'none'}", flush=True)
+    for scenario_name in (SOUND, DECOY):
+        scenario = load_scenario(scenario_name).spec
+        alarms = sum(bool(named(day_of(scenario, "expert", 5000 + n))) for n in range(days // 2))
+        print(f"{alarms} of {days // 2} days of {scenario_name} with anything named", flush=True)
 
 
 def operators(days: int) -> None:
@@ -103,7 +115,7 @@ def operators(days: int) -> None:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=("detection", "operators"))
+    parser.add_argument("what", choices=("detection", "expert", "operators"))
     parser.add_argument("--days", type=int, default=100)
     asked = parser.parse_args()
-    {"detection": detection, "operators": operators}[asked.what](asked.days)
+    {"detection": detection, "expert": expert, "operators": operators}[asked.what](asked.days)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from math import hypot
+from math import hypot, tau
 from types import MappingProxyType
 
 import numpy as np
@@ -204,14 +204,14 @@ def _shots(desk: Desk) -> Iterator[Sign]:
     if speeds.size:
         slow = 1 - float(np.median(speeds)) / asked
         yield Sign("cannon-slow", slow, f"the middle of the shots is {slow:.1%} slow")
-    turning = [
-        found.judgement.reasons[shot].startswith("bat turned") for shot in waited["wait-rest"]
-    ]
-    if turning:
-        why = f"the bat turned before {sum(turning)} of {len(turning)} shots that waited for it"
-        yield Sign("bat-not-at-rest", float(np.mean(turning)), why)
-    if found.readings.recoil is not None:
-        rough = found.readings.recoil.residual
+    turning, allowed = found.readings.recoil, desk.rules.spec.windows.rate_before
+    if turning is not None and allowed and waited["wait-rest"]:
+        turn = desk.session.calibration["impact.encoder.counts_per_turn"].value / tau
+        rate = float(np.median(np.abs(turning.before[waited["wait-rest"]]))) / turn
+        why = f"the bat, waited for, turns at {rate:.2f} rad/s before it is hit"
+        yield Sign("bat-not-at-rest", rate / allowed, why)
+    if turning is not None:
+        rough = turning.residual
         why = f"a smooth turn leaves {rough.min():.2f} to {rough.max():.2f} counts rms of the shots"
         yield Sign("encoder-slip", float(np.ptp(rough)), why)
         yield Sign("encoder-play", float(rough.min()), why)
