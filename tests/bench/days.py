@@ -1,44 +1,43 @@
 """Days at the bench that many tests look at, each laboratory opened once in a process."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import cache
 from typing import Any
 
 from virtual_lab.bench.actions import Action, action_of
 from virtual_lab.bench.apparatus import Apparatus
 from virtual_lab.bench.day import Day
+from virtual_lab.bench.inspection import fault_sheets
 from virtual_lab.bench.keeping import laboratory_of, played
+from virtual_lab.bench.operators import PREPARATION, Look, Operator
 from virtual_lab.bench.scenario import Scenario
+from virtual_lab.bench.table import MAKE_READY
 
-__all__ = ["PLAIN", "READY", "apparatus", "asked", "day_of", "scenario", "with_change", "without"]
+__all__ = [
+    "PLAIN",
+    "apparatus",
+    "asked",
+    "day_of",
+    "detector",
+    "scenario",
+    "with_change",
+    "without",
+]
 
 SEED, SALT = 3, b"salt of the tests"
 PLACE_MM = 163.0  # the centre of percussion of the bat of seed 3
-READY = ("zero-encoder", "clear-scrap", "wait-pressure", "wait-rest")
-BENCH = (
-    "tare",
-    "weigh-bat",
-    "weigh-balls",
-    "measure-length",
-    "measure-barrel",
-    "level-stand",
-    "measure-balance",
-    "fit-clamp",
-    "swing",
-    "hit-wall",
-    "aim-paper",
-)
+SHOTS = 6  # of a detector
 BALLS = (1, 2, 3, 4, 5, 6, 8)  # the rules set ball 7 aside
 Asked = tuple[str, dict[str, Any]]
 PLAIN: tuple[Asked, ...] = (  # what the rules ask for, seven balls of which one comes in slow
-    *((name, {}) for name in BENCH),
+    *((name, {}) for name in PREPARATION),
     ("set-place", {"place": PLACE_MM}),
     *(
         each
         for shot, ball in enumerate(BALLS, 1)
         for each in (
             ("load-ball", {"ball": ball}),
-            *((step, {}) for step in READY),
+            *((step, {}) for step in MAKE_READY),
             ("fire", {}),
             ("reject", {"shot": shot, "because": "slow"})
             if shot == 2
@@ -46,6 +45,27 @@ PLAIN: tuple[Asked, ...] = (  # what the rules ask for, seven balls of which one
         )
     ),
 )
+
+
+def detector(fault: str) -> Operator:
+    """Return who makes the checks that a fault is found by, and nothing that they do not need."""
+    found_by = fault_sheets()[fault].found_by
+    assert found_by
+
+    def taken(look: Look) -> Iterator[Action]:
+        needed = PREPARATION if "fire" in found_by.actions else ("tare", "level-stand", "fit-clamp")
+        yield from map(action_of, needed)
+        for name in found_by.actions:
+            if name == "fire":
+                yield action_of("set-place", {"place": PLACE_MM})
+                for _ in range(1 if "tap-bat" in found_by.actions else SHOTS):
+                    yield action_of("load-ball", {"ball": look().next_ball + 1})
+                    yield from map(action_of, MAKE_READY)
+                    yield action_of("fire")
+            elif name not in {*needed, *MAKE_READY}:
+                yield action_of(name)
+
+    return taken
 
 
 def scenario(faults: tuple[str, ...] = (), **changes: Any) -> Scenario:

@@ -5,12 +5,13 @@ from math import pi, sqrt
 import numpy as np
 import pytest
 
-from tests.bench.days import PLAIN, READY, apparatus, asked, day_of, with_change, without
+from tests.bench.days import PLAIN, apparatus, asked, day_of, with_change, without
 from tests.lab.test_test_day import same
 from tests.laboratories import certified
 from virtual_lab.bench.day import Day
 from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.keeping import played
+from virtual_lab.bench.table import MAKE_READY
 from virtual_lab.errors import InputError
 
 DEGREE = pi / 180
@@ -333,4 +334,4 @@ def test_an_undecided_hit_does_not_count_and_a_person_may_overrule(plain: Desk) 
 def test_readiness_ends_with_the_shot() -> None:
     day = day_of(PLAIN)
     assert day.ready == frozenset()
-    assert day_of(PLAIN[: len(PLAIN) - 2]).ready == set(READY)
+    assert day_of(PLAIN[: len(PLAIN) - 2]).ready == set(MAKE_READY)

@@ -142,7 +142,7 @@ def test_a_decimal_comma_is_read() -> None:
         ([("load-ball", {"ball": 13})], "allowed: 1 to 12"),
         ([("accept", {"shot": 1})], "nothing was fired yet"),
         ([("reduce", {})], "nothing was fired at the bat yet"),
-        ([("give-verdict", {"verdict": "PASS"})], "reduce comes first"),
+        ([("give-verdict", {"verdict": "PASS"})], "reduce or enter-result comes first"),
         ([("hand-in", {})], "give-verdict comes first"),
         ([("tare", {}), ("strike-out", {"entry": 1, "because": "x"})], "allowed: readings"),
     ],
@@ -168,5 +168,5 @@ def test_nothing_is_changed_after_the_reduction(rehearsal: KeptDay) -> None:
         rehearsal.do(last)
     with pytest.raises(InputError, match="handed in"):
         rehearsal.do(action_of("note-doubt", {"doubt": "none"}))
-    with pytest.raises(InputError, match="begun here already"):
+    with pytest.raises(InputError, match="is not empty"):
         KeptDay.begin(rehearsal.log.path.parent, load_scenario("plain-day"))

@@ -16,10 +16,10 @@ from tests.test_units import DEFINED
 from virtual_lab import catalog
 from virtual_lab.bench.scenario import load_scenario, scenario_names
 from virtual_lab.bench.table import action_table
+from virtual_lab.catalog.faults import FaultSheet
 from virtual_lab.catalog.specs import BallSpec, Dimension, Spec
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import Procedure
-from virtual_lab.simulation.faults import FaultSheet
 from virtual_lab.simulation.instruments.air import HallAirSpec
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.simulation.instruments.cannon import CannonSpec

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from virtual_lab import catalog
+from virtual_lab.catalog.faults import FaultSheet, Prediction
 from virtual_lab.errors import InputError
-from virtual_lab.simulation.faults import FaultSheet, Prediction
 from virtual_lab.studies.faults import PROCEDURES, Bias, faults
 
 FEW = ("gate-moved", "wrong-lot", "encoder-slip", "ball-out-of-round")

@@ -9,17 +9,19 @@ from math import isfinite
 from types import MappingProxyType
 from typing import Literal
 
-from virtual_lab.bench.table import action_table
+from virtual_lab.bench.scenario import SCORES
+from virtual_lab.bench.table import MAKE_READY, PREPARING, action_table
 from virtual_lab.errors import InputError, nearest
-from virtual_lab.units import INCH, OUNCE
+from virtual_lab.units import DIMENSIONS, INCH, OUNCE
 
-__all__ = ["ARGUMENTS", "LENGTHS", "MASSES", "Action", "Argument", "action_of"]
+__all__ = ["ARGUMENTS", "LENGTHS", "MASSES", "OWN_RESULTS", "Action", "Argument", "action_of"]
 
 Value = str | float | int
 LENGTHS = MappingProxyType({"mm": 1e-3, "cm": 1e-2, "in": INCH})
 MASSES = MappingProxyType({"g": 1e-3, "oz": OUNCE})
 LONGEST_TEXT = 300
-COMMA = re.compile(r"[+-]?\d+,\d+")  # a decimal comma; 1,200,000 is none
+COMMA = re.compile(r"([+-]?\d+),(\d+)")  # a decimal comma; 1,200,000 is none
+TYPED = re.compile(r"([^a-zA-Z%]+?(?:[eE][+-]?\d+)?)\s*([a-zA-Z%/]+)")  # a number with its unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,10 +58,12 @@ class Argument:
 
     def _number(self, raw: object, action: str) -> Value:
         text = str(raw).strip()
-        if COMMA.fullmatch(text):
-            text = text.replace(",", ".")
+        factor = 1.0
+        if (typed := TYPED.fullmatch(text)) and self.unit:
+            text, factor = typed[1], self._factor(typed[2])
+        text = COMMA.sub(r"\1.\2", text) if COMMA.fullmatch(text) else text
         try:
-            number = float(text) if not isinstance(raw, bool) else float("nan")
+            number = factor * float(text) if not isinstance(raw, bool) else float("nan")
         except ValueError:
             number = float("nan")
         whole = self.kind == "whole"
@@ -69,6 +73,13 @@ class Argument:
             allowed = f"allowed: {kind} from {self.low:g} to {self.high:g} {self.unit}".rstrip()
             raise InputError(action, self.name, raw, allowed)
         return int(number) if whole else number
+
+    def _factor(self, unit: str) -> float:
+        """Return how many of the argument's own unit a unit is; NaN where it is another kind."""
+        for units in DIMENSIONS.values():
+            if {unit, self.unit} <= units.keys():
+                return units[unit] / units[self.unit]
+        return float("nan")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,10 +94,19 @@ def _choice(name: str, title: str, *choices: str) -> Argument:
     return Argument(name=name, title=title, kind="choice", choices=choices, default=choices[0])
 
 
+OWN_RESULTS = MappingProxyType(  # typed: the quantity of the reduction
+    {
+        "r": "recoil_factor",
+        "e_A": "collision_efficiency",
+        "e": "restitution",
+        "BPF": "bat_performance_factor",
+    }
+)
 MASS = _choice("entered_as", "scale in g, entered as", *MASSES)
 LENGTH = _choice("entered_as", "rule in mm, entered as", *LENGTHS)
 BALL = Argument(name="ball", title="ball", kind="whole", low=1, high=1000)
 SHOT = Argument(name="shot", title="shot", kind="whole", low=1, high=10_000)
+STEPS = (*PREPARING, *MAKE_READY, "load-ball", "another")
 REASON = Argument(name="because", title="because", kind="text")
 
 ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
@@ -158,7 +178,14 @@ ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
                 high=100,
             ),
         ),
-        "note-deviation": (REASON,),
+        "note-deviation": (
+            _choice("step", "of", *STEPS),
+            REASON,
+        ),
+        "enter-result": tuple(
+            Argument(name=name, title=name, kind="number", default="", low=-2, high=5)
+            for name in OWN_RESULTS
+        ),
         "give-verdict": (
             Argument(
                 name="verdict",
@@ -166,7 +193,20 @@ ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
                 kind="choice",
                 choices=("PASS", "FAIL", "INVALID"),
             ),
+            Argument(
+                name="confidence",
+                title="how sure",
+                kind="number",
+                unit="%",
+                default=90.0,
+                low=0,
+                high=100,
+            ),
             Argument(name="doubt", title="worst doubt", kind="text", default="none"),
+        ),
+        "dispute-score": (
+            _choice("score", "score", *SCORES),
+            Argument(name="note", title="because", kind="text"),
         ),
     }
 )

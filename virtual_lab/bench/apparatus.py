@@ -23,7 +23,9 @@ from virtual_lab.bench.day import Day, DayEvent
 from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.entries import entry_of_constant, entry_of_record
 from virtual_lab.bench.firing import Firing, altered
+from virtual_lab.bench.protocol import checklist
 from virtual_lab.bench.table import Consequences, action_table
+from virtual_lab.errors import InputError
 from virtual_lab.lab import Laboratory, TestDay, Tested
 from virtual_lab.records import Record
 from virtual_lab.simulation.faults.fault import other_sheet
@@ -37,9 +39,6 @@ from virtual_lab.units import DEGREE
 __all__ = ["Apparatus", "Reading"]
 
 Array = NDArray[np.float64]
-CHECK_BALL, CHECK_CYLINDER = "check-ball", "check-cylinder"
-CHART_DAYS = 12  # mornings whose checks stand on the chart
-CHART_SLOT = 1_000_000  # the first shot of those mornings, beyond any of the day's
 MILLIMETRE, GRAM = 1e-3, 1e-3
 CHANNELS = {  # action: channel of the bench
     "weigh-bat": "bat-mass",
@@ -131,6 +130,9 @@ class Apparatus:
             "re-aim": self._re_aim,
             "fire": self._fire,
             "reduce": self._reduce,
+            "enter-result": self._enter_result,
+            "start-checklist": lambda day, _: Reading(shown=checklist(day, end=False)),
+            "end-checklist": lambda day, _: Reading(shown=checklist(day, end=True)),
         }
 
     # the bench
@@ -306,6 +308,23 @@ class Apparatus:
                 ("by the rules", found.verdict.value, ""),
             )
         )
+
+    def _enter_result(self, day: Day, action: Action) -> Reading:
+        """Check own results against what the records give, where that is told."""
+        own = Desk(day).own(action.arguments)
+        if not own:
+            raise InputError(action.name, "r, e_A, e, BPF", None, "is missing: enter at least one")
+        shown: list[tuple[str, float | str, str]] = []
+        for each in own:
+            shown.append((each.name, each.entered, ""))
+            if day.exam:
+                continue
+            if each.off is None:
+                word = "the records give none yet"
+            else:
+                word = "agrees" if each.agrees else f"off by {each.off:+.1f} standard uncertainties"
+            shown.append((f"{each.name}, checked against the records", word, ""))
+        return Reading(shown=tuple(shown))
 
     def _with(self, stage: Stage, station: Station) -> Laboratory:
         stations = {**self.laboratory.stations, stage: station}

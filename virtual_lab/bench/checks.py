@@ -81,6 +81,9 @@ class CheckStandards:
         chart = hit(self._sound, FIRST_SLOT, hits * DAYS)
         shown: list[tuple[str, float | str, str]] = []
         for name, values in today.items():
+            if not np.isfinite(values).any():
+                shown.append((f"{name}, today", "not seen", ""))
+                continue
             means = np.nanmean(chart[name].reshape(DAYS, hits), axis=1)
             numbers = {
                 "today": np.nanmean(values),

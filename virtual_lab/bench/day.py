@@ -11,15 +11,19 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from virtual_lab.bench.actions import LENGTHS, Action
-from virtual_lab.bench.table import action_table
+from virtual_lab.bench.table import MAKE_READY, action_table
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import to_set
 from virtual_lab.records.session import Session
 
-__all__ = ["Day", "DayEvent", "Decision", "decide", "evolve", "replayed"]
+__all__ = ["Day", "DayEvent", "Decision", "decide", "evolve", "offered", "replayed"]
 
-MAKE_READY = ("zero-encoder", "clear-scrap", "wait-pressure", "wait-rest")
-AFTER_REDUCTION = frozenset({"note-doubt", "note-deviation", "give-verdict", "hand-in"})
+AFTER_REDUCTION = frozenset(
+    {"end-checklist", "note-doubt", "note-deviation", "give-verdict", "hand-in"}
+)
+AT_THE_DESK = AFTER_REDUCTION | {"accept", "reject", "strike-out", "enter-result", "reduce"}
+AFTER_HAND_IN = frozenset({"dispute-score"})
+CHECKLISTS = frozenset({"start-checklist", "end-checklist"})
 READINGS = frozenset(  # entries that can be struck out
     {
         "weigh-check-mass",
@@ -36,6 +40,8 @@ READINGS = frozenset(  # entries that can be struck out
         "fire-check-cylinder",
         "aim-paper",
         "note-doubt",
+        "note-deviation",
+        "enter-result",
     }
 )
 
@@ -67,6 +73,10 @@ class Day:
 
     morning: Session  # what the laboratory knew before anything was done
     balls: int
+    came_with: int = 0  # events of another laboratory: its records are judged, its machines far
+    checklists: bool = False
+    remarks: bool = False  # whether what was left out is named at once
+    exam: bool = False  # nothing is told of how well it goes
     events: tuple[DayEvent, ...] = ()
     seconds: float = 0.0
     done: Mapping[str, int] = field(default_factory=dict)  # action: how often
@@ -98,9 +108,17 @@ def decide(day: Day, action: Action) -> float:
     and has its consequences.
     """
     name, given = action.name, action.arguments
-    if day.handed_in:
+    if day.handed_in and name not in AFTER_HAND_IN:
         raise InputError(name, "day", None, "has been handed in; nothing can be added")
-    if day.reduced and name not in AFTER_REDUCTION:
+    if name in AFTER_HAND_IN and not day.handed_in:
+        raise InputError(name, "day", None, "is not handed in yet")
+    if name in CHECKLISTS and not day.checklists:
+        raise InputError(name, "day", None, "has no checklists")
+    if not _at_hand(day, name):
+        raise InputError(
+            name, "records", None, "came from another laboratory; its machines are far"
+        )
+    if day.reduced and not day.handed_in and name not in AFTER_REDUCTION:
         allowed = f"has been reduced; left: {', '.join(sorted(AFTER_REDUCTION))}"
         raise InputError(name, "day", None, allowed)
     _require_for_shot(day, name, given)
@@ -108,12 +126,28 @@ def decide(day: Day, action: Action) -> float:
         _require_reading(day, int(given["entry"]))
     if name == "reduce" and not day.fired:
         raise InputError(name, "hits", None, "nothing was fired at the bat yet")
-    if name == "give-verdict" and not day.reduced and given["verdict"] != "INVALID":
-        allowed = "reduce comes first; allowed without a result: INVALID"
+    entered = day.reduced or day.times("enter-result")
+    if name == "give-verdict" and not entered and given["verdict"] != "INVALID":
+        allowed = "reduce or enter-result comes first; allowed without a result: INVALID"
         raise InputError(name, "verdict", given["verdict"], allowed)
     if name == "hand-in" and not day.verdict:
         raise InputError(name, "verdict", None, "give-verdict comes first")
     return action_table().actions[name].minutes
+
+
+def offered(day: Day, action: str) -> bool:
+    """Return whether an action has a place on the page of a day."""
+    if action in CHECKLISTS:
+        return day.checklists
+    if action in AFTER_HAND_IN:
+        return day.handed_in
+    return _at_hand(day, action)
+
+
+def _at_hand(day: Day, action: str) -> bool:
+    """Return whether an action needs no machines, or the machines are here."""
+    here = len(day.events) < day.came_with or not day.came_with
+    return here or action in AT_THE_DESK | AFTER_HAND_IN | CHECKLISTS
 
 
 def _require_for_shot(day: Day, name: str, given: Mapping[str, Any]) -> None:

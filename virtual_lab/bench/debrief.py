@@ -6,34 +6,53 @@ nearer to the truth its result comes.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
+from itertools import zip_longest
 from math import sqrt
 from typing import Any
 
 import numpy as np
 
-from virtual_lab.bench.actions import ARGUMENTS, Action
+from virtual_lab.bench.actions import ARGUMENTS, OWN_RESULTS, Action
 from virtual_lab.bench.apparatus import Apparatus
-from virtual_lab.bench.day import MAKE_READY, Day, Decision
-from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.inspection import known_doubts
-from virtual_lab.bench.keeping import played
+from virtual_lab.bench.day import Day, Decision, replayed
+from virtual_lab.bench.desk import UNDECIDED, Desk, OwnResult
+from virtual_lab.bench.inspection import doubts, fault_sheets, known_doubts
+from virtual_lab.bench.keeping import KeptDay, played, taken
+from virtual_lab.bench.operators import operator_of
+from virtual_lab.bench.protocol import StepDue, excused, left_out, steps_due
 from virtual_lab.bench.scenario import SCORES, Scenario
-from virtual_lab.bench.table import action_table
+from virtual_lab.bench.table import PREPARING, action_table
 from virtual_lab.errors import InputError
+from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.template import page_template
+from virtual_lab.units import INCH, MPH
 
-__all__ = ["CostlyDecision", "DayScore", "Debrief", "debrief", "debrief_page"]
+__all__ = [
+    "CostlyDecision",
+    "DayScore",
+    "Debrief",
+    "ExpertDay",
+    "FaultTold",
+    "HitTold",
+    "StepTold",
+    "debrief",
+    "debrief_page",
+    "debriefed",
+]
 
-PREPARING = {"tare": "weigh-bat", "level-stand": "measure-balance", "fit-clamp": "swing"}
 SLIPS = {  # argument: why its default is right
     "entered_as": "the display's own unit",
     "end": "from the tip",
     "clock": "by the photogate",
 }
+RESULT = ("reduce", "enter-result", "give-verdict", "hand-in", "dispute-score")
 MOST_MENDED = 12  # days played again
 SHOWN = 3
+LEAST_COST = 1e-9  # of the metric
+ONLY_AT_THE_END = 0.5  # sure of a doubt that was named with the verdict alone
+WORTH_A_WORD = 0.02  # of a score, weighted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,82 +77,309 @@ class CostlyDecision:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FaultTold:
+    """A fault of the day: its cue, when it could be seen, and when it was named."""
+
+    name: str
+    title: str
+    cue: str
+    response: str
+    missed: str  # what it does to a result if nobody sees it
+    checks: tuple[str, ...]  # actions that find it
+    number: str  # which decides
+    visible: int  # entry after which something showed it; 0: nothing that was done did
+    named: int  # entry; 0: it was not
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepTold:
+    """A step of the procedure: what was expected, and what was done."""
+
+    title: str
+    expected: str
+    done: str
+    excuse: str  # the deviation noted for it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HitTold:
+    """A hit and what became of it."""
+
+    ball: int  # from 1
+    place: float | None  # [m]
+    speed: float | None  # [m/s]
+    efficiency: float | None
+    metric: float | None
+    decision: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExpertDay:
+    """What an expert did with the same laboratory, bat and balls."""
+
+    verdict: str
+    confidence: float
+    value: float | None
+    minutes: float
+    shots: int
+    doubts: tuple[str, ...]
+    checks: tuple[str, ...]  # actions that the trainee did not take
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Debrief:
     """What is told at the end of a day."""
 
     title: str
+    seal: str
     verdict: str
+    confidence: float  # 0 to 1, in the verdict
+    brier: float  # of that confidence: 0 is best, 1 worst
+    worst_doubt: str  # as logged with the verdict
     metric: str
     value: float | None
     u: float | None
     truth: float | None
+    limit: float | None
     right_verdict: str
     faults: tuple[str, ...]
     found: tuple[str, ...]
     missed: tuple[str, ...]
     false_alarms: tuple[str, ...]
+    told: tuple[FaultTold, ...]
     scores: tuple[DayScore, ...]
+    keep: str
+    change: str
     costly: tuple[CostlyDecision, ...]
+    steps: tuple[StepTold, ...]
+    own: tuple[OwnResult, ...]
+    hits: tuple[tuple[HitTold | None, HitTold | None], ...]  # the trainee's, the expert's
+    expert: ExpertDay
+    disputes: tuple[tuple[str, str], ...]  # score, the trainee's note
     minutes: float
     shots: int
     entries: tuple[tuple[int, float, str, str], ...]  # number, minute, action, arguments
+
+    @property
+    def nothing_wrong(self) -> bool:
+        """Whether neither laboratory nor trainee did anything wrong."""
+        scored = {score.name: score.value for score in self.scores}
+        kept = scored["protocol"] == scored["record"] == 1
+        return kept and not (self.faults or self.costly or self.false_alarms)
 
     def document(self) -> dict[str, Any]:
         """Return it in the form of JSON."""
         return asdict(self)
 
 
-def debrief(apparatus: Apparatus, day: Day, scenario: Scenario) -> Debrief:
+def debrief(apparatus: Apparatus, day: Day, scenario: Scenario, seal: str = "") -> Debrief:
     """Open the truth of a day that was handed in; `InputError` of one that was not."""
     if not day.handed_in:
         raise InputError("debrief", "day", None, "is opened once the day is handed in")
     desk = Desk(day)
-    value, u = _result(desk)
+    own = tuple(desk.own(entry.arguments) if (entry := desk.last("enter-result")) else ())
+    value, u = _result(desk, own)
     truth = apparatus.finish(day).sealed.measurand.get("metric") if value is not None else None
     limit = desk.rules.spec.most
-    named = {
-        str(event.arguments["doubt"]): float(event.arguments["confidence"]) / 100
-        for event in day.events
-        if event.action == "note-doubt" and event.number not in day.struck
-    }
-    named = {name: sure for name, sure in named.items() if name in known_doubts()}
+    given = desk.last("give-verdict")
+    assert given is not None
+    named = _named(day, str(given.arguments["doubt"]))
     faults = scenario.faults
     right = _right_verdict(value, u, truth, limit, spoilt=bool(faults))
-    scores = (
+    refused = day.verdict == "INVALID" and (bool(set(faults) & set(named)) or value is None)
+    rightly = day.verdict == right or refused
+    confidence = float(given.arguments["confidence"]) / 100
+    brier = (confidence - rightly) ** 2
+    values = (
         _result_score(value, u, truth, day.verdict, right, bool(set(faults) & set(named))),
-        _detection_score(named, faults),
+        _detection_score(named, faults, brier),
         _protocol_score(day),
-        _record_score(desk),
+        _record_score(desk, own),
         _economy_score(day, scenario),
     )
+    scores = tuple(
+        DayScore(name=name, value=score, weight=scenario.weights.get(name, 1.0), because=why)
+        for name, (score, why) in zip(SCORES, values, strict=True)
+    )
+    beside = Desk(taken(apparatus, operator_of("expert"), _handed_over(day)))
+    keep, change = _advice(scores)
     return Debrief(
         title=scenario.title,
+        seal=seal,
         verdict=day.verdict,
+        confidence=confidence,
+        brier=brier,
+        worst_doubt=str(given.arguments["doubt"]),
         metric=desk.rules.spec.metric,
         value=value,
         u=u,
         truth=truth,
+        limit=limit,
         right_verdict=right,
         faults=faults,
         found=tuple(name for name in faults if name in named),
         missed=tuple(name for name in faults if name not in named),
         false_alarms=tuple(name for name in named if name not in faults),
-        scores=tuple(
-            DayScore(name=name, value=score, weight=scenario.weights.get(name, 1.0), because=why)
-            for name, (score, why) in zip(SCORES, scores, strict=True)
+        told=tuple(_told(day, faults)),
+        scores=scores,
+        keep=keep,
+        change=change,
+        costly=_costly(apparatus, desk, truth, own),
+        steps=tuple(_steps(day)),
+        own=own,
+        hits=tuple(zip_longest(_hits(desk), _hits(beside))),
+        expert=_expert(beside, day),
+        disputes=tuple(
+            (str(event.arguments["score"]), str(event.arguments["note"]))
+            for event in day.events
+            if event.action == "dispute-score"
         ),
-        costly=_costly(apparatus, desk, value, truth),
         minutes=day.seconds / 60,
         shots=len(day.fired),
         entries=tuple(_entries(day)),
     )
 
 
-def _result(desk: Desk) -> tuple[float | None, float | None]:
-    if not desk.day.fired or desk.missing:
+def debriefed(kept: KeptDay) -> Debrief:
+    """Return the debrief of a day in a folder, its seal checked; `InputError` as `debrief`."""
+    return debrief(kept.apparatus, kept.day, kept.scenario, kept.seal)
+
+
+def _handed_over(day: Day) -> Day:
+    """Return the day as its operator was given it."""
+    morning = Day(morning=day.morning, balls=day.balls, came_with=day.came_with)
+    return replayed(morning, day.events[: day.came_with])
+
+
+def _result(desk: Desk, own: Iterable[OwnResult]) -> tuple[float | None, float | None]:
+    """Return the metric that stands on the report, and its standard uncertainty."""
+    if desk.result is None:
         return None, None
-    metric = desk.certification.metric
-    return (metric.value, metric.u) if metric else (None, None)
+    entered = [e.entered for e in own if OWN_RESULTS[e.name] == desk.rules.spec.metric]
+    return (entered[0] if entered else desk.result[0]), desk.result[1]
+
+
+def _named(day: Day, worst: str) -> dict[str, float]:
+    """Return the faults that were named, and how sure the trainee was of each."""
+    named = {worst: ONLY_AT_THE_END} if worst in known_doubts() else {}
+    for event in day.events:
+        if event.action == "note-doubt" and event.number not in day.struck:
+            named[str(event.arguments["doubt"])] = float(event.arguments["confidence"]) / 100
+    return {name: sure for name, sure in named.items() if name in known_doubts()}
+
+
+def _told(day: Day, faults: tuple[str, ...]) -> Iterator[FaultTold]:
+    """Yield each fault with the entry that first showed it and the one that named it."""
+    visible: dict[str, int] = {}
+    desk = Desk(replace(_handed_over(day), events=(), came_with=0))
+    for event in day.events if faults else ():
+        desk = desk.after(event)
+        if event.records or event.shown:
+            for doubt in doubts(desk):
+                visible.setdefault(doubt.fault, event.number)
+    named = {
+        str(event.arguments["doubt"]): event.number
+        for event in reversed(day.events)
+        if event.action in {"note-doubt", "give-verdict"} and event.number not in day.struck
+    }
+    sheets = action_table().actions
+    for name in faults:
+        sheet = fault_sheets()[name]
+        found_by = sheet.found_by
+        yield FaultTold(
+            name=name,
+            title=sheet.title,
+            cue=sheet.cue,
+            response=sheet.response,
+            missed=sheet.missed,
+            checks=tuple(sheets[each].title for each in found_by.actions) if found_by else (),
+            number=found_by.number if found_by else "",
+            visible=visible.get(name, 0),
+            named=named.get(name, 0),
+        )
+
+
+def _advice(scores: tuple[DayScore, ...]) -> tuple[str, str]:
+    """Return one thing to keep, one to change."""
+    best = max(scores, key=lambda score: (score.value, score.weight))
+    worst = max(scores, key=lambda score: (1 - score.value) * score.weight)
+    lost = (1 - worst.value) * worst.weight
+    change = f"{worst.name}: {worst.because}" if lost > WORTH_A_WORD else "nothing"
+    return f"{best.name}: {best.because}", change
+
+
+def _steps(day: Day) -> Iterator[StepTold]:
+    """Yield each step that was due: before what, and how often it was done."""
+    sheets, notes = action_table().actions, excused(day)
+    due: dict[str, list[StepDue]] = {}
+    for each in steps_due(day):
+        due.setdefault(each.step, []).append(each)
+    for step, times in due.items():
+        left = [each for each in times if not each.done]
+        shots = ", ".join(str(each.shot + 1) for each in left if each.shot is not None)
+        done = "done" if not left else f"left out before shot {shots}" if shots else "left out"
+        before = f"before “{sheets[PREPARING[step]].title}”" if step in PREPARING else ""
+        yield StepTold(
+            title=sheets[step].title,
+            expected=before or "before each shot",
+            done=done,
+            excuse=notes.get(step, ""),
+        )
+
+
+def _hits(desk: Desk) -> list[HitTold]:
+    found = None if desk.missing or not desk.day.fired else desk.by_rules
+    rows = []
+    for shot, (ball, _) in enumerate(desk.day.fired):
+        chosen = desk.day.decisions.get(shot)
+        word = "accepted" if chosen and chosen.accepted else "rejected" if chosen else UNDECIDED
+        numbers = (
+            (None,) * 4
+            if found is None
+            else tuple(
+                float(values[shot]) if np.isfinite(values[shot]) else None
+                for values in (
+                    found.readings.place,
+                    found.shots.speed,
+                    found.shots.collision_efficiency,
+                    found.shot_metric,
+                )
+            )
+        )
+        place, speed, efficiency, metric = numbers
+        rows.append(
+            HitTold(
+                ball=ball + 1,
+                place=place,
+                speed=speed,
+                efficiency=efficiency,
+                metric=metric,
+                decision=f"{word}: {chosen.because}" if chosen else word,
+            )
+        )
+    return rows
+
+
+def _expert(beside: Desk, day: Day) -> ExpertDay:
+    theirs, sheets = beside.day, action_table().actions
+    given = beside.last("give-verdict")
+    assert given is not None
+    mine = {event.action for event in day.events}
+    noted = [event for event in theirs.events if event.action == "note-doubt"]
+    checks = dict.fromkeys(
+        sheets[event.action].title
+        for event in theirs.events
+        if event.action not in mine and sheets[event.action].part in {"bench", "wall", "rig"}
+    )
+    return ExpertDay(
+        verdict=theirs.verdict,
+        confidence=float(given.arguments["confidence"]) / 100,
+        value=beside.result[0] if beside.result else None,
+        minutes=theirs.seconds / 60,
+        shots=len(theirs.fired),
+        doubts=tuple(str(event.arguments["doubt"]) for event in noted),
+        checks=tuple(checks),
+    )
 
 
 def _right_verdict(
@@ -180,51 +426,35 @@ def _result_score(
     return (fits, why) if verdict == right else (fits / 2, f"{why}; the verdict is not {right}")
 
 
-def _detection_score(named: dict[str, float], faults: tuple[str, ...]) -> tuple[float, str]:
-    """Score by Brier: a fault named with confidence p leaves (1 - p)², a false alarm p²."""
+def _detection_score(
+    named: dict[str, float], faults: tuple[str, ...], brier: float
+) -> tuple[float, str]:
+    """Score by Brier: a fault named with confidence p leaves (1 - p)², a false alarm p².
+
+    The confidence in the verdict counts as one more.
+    """
     lost = [(1 - named.get(fault, 0.0)) ** 2 for fault in faults]
     lost += [sure**2 for name, sure in named.items() if name not in faults]
     missed = sum(fault not in named for fault in faults)
     alarms = sum(name not in faults for name in named)
     words = f"{len(faults) - missed} of {len(faults)} faults found, {alarms} false alarms"
-    return (1 - float(np.mean(lost)) if lost else 1.0), words
+    words += f"; Brier score of the verdict {brier:.2f}"
+    return 1 - float(np.mean([*lost, brier])), words
 
 
 def _protocol_score(day: Day) -> tuple[float, str]:
-    """Score the share of the steps of the book that were done before what they are for."""
-    excused = " ".join(
-        str(event.arguments["because"]) for event in day.events if event.action == "note-deviation"
-    )
-    left_out = [what for what, _ in _left_out(day) if what not in excused]
-    due = len(PREPARING) + (len(MAKE_READY) + 1) * len(day.fired)
-    words = f"{due - len(left_out)} of {due} steps done in time"
-    if left_out:
-        words += "; left out: " + ", ".join(sorted(set(left_out)))
-    return (due - len(left_out)) / due, words
+    """Score the share of the steps of the book that were done in time, or left out with reason."""
+    due = len(list(steps_due(day)))
+    notes = excused(day)
+    missed = [each.step for each in left_out(day) if each.step not in notes]
+    words = f"{due - len(missed)} of {due} steps done in time, or left out with a reason noted"
+    if missed:
+        words += "; left out: " + ", ".join(sorted(set(missed)))
+    return ((due - len(missed)) / due if due else 0.0), words
 
 
-def _left_out(day: Day) -> Iterator[tuple[str, int]]:
-    """Yield each step that was not done in time, and the place in the events it belongs to."""
-    names = [event.action for event in day.events]
-    for step, before in PREPARING.items():
-        if before in names and step not in names[: names.index(before)]:
-            yield step, names.index(before)
-    since: set[str] = set()
-    shot = 0
-    for at, name in enumerate(names):
-        if name != "fire":
-            since.add(name)
-            continue
-        due = MAKE_READY if shot else tuple(s for s in MAKE_READY if s != "clear-scrap")
-        for step in (*due, "load-ball"):
-            if step not in since:
-                yield step, at
-        since.clear()
-        shot += 1
-
-
-def _record_score(desk: Desk) -> tuple[float, str]:
-    """Score the share of hits whose decision is there and is that of the windows."""
+def _record_score(desk: Desk, own: tuple[OwnResult, ...]) -> tuple[float, str]:
+    """Score the share of hits decided as the windows have it, and of own results that agree."""
     reasons = desk.reasons if not desk.missing else ()
     if not reasons:
         return 0.0, "no hit to decide on"
@@ -232,7 +462,11 @@ def _record_score(desk: Desk) -> tuple[float, str]:
     right = sum(
         shot in given and given[shot].accepted == (not why) for shot, why in enumerate(reasons)
     )
-    return right / len(reasons), f"{right} of {len(reasons)} hits decided as the windows have it"
+    words = f"{right} of {len(reasons)} hits decided as the windows have it"
+    agree = sum(each.agrees for each in own)
+    if own:
+        words += f", {agree} of {len(own)} own results agree with the records"
+    return (right + agree) / (len(reasons) + len(own)), words
 
 
 def _economy_score(day: Day, scenario: Scenario) -> tuple[float, str]:
@@ -243,30 +477,41 @@ def _economy_score(day: Day, scenario: Scenario) -> tuple[float, str]:
 
 
 def _costly(
-    apparatus: Apparatus, desk: Desk, value: float | None, truth: float | None
+    apparatus: Apparatus, desk: Desk, truth: float | None, own: tuple[OwnResult, ...]
 ) -> tuple[CostlyDecision, ...]:
     """Return the decisions that cost most, each mended alone."""
-    found = []
+    found: list[CostlyDecision] = []
+    value = desk.result[0] if desk.result else None
+    entered = desk.last("enter-result")
+    for each in own:
+        if OWN_RESULTS[each.name] == desk.rules.spec.metric and value is not None and entered:
+            found += _cost(entered.number, f"{each.name} entered", each.entered, value, truth, 0.0)
     for entry, what, actions, by_windows in list(_mended(desk))[:MOST_MENDED]:
         try:
             mended = _played_again(apparatus, actions, by_windows)
-            other, _ = _result(mended)
         except InputError:
             continue
-        if other is None and value is None:
-            continue
-        if other is None or value is None or truth is None:
-            word = "no result without it" if other is None else "no result because of it"
-            found.append(CostlyDecision(entry=entry, what=what, cost=None, u=0.0, word=word))
-            continue
-        cost = abs(value - truth) - abs(other - truth)
-        if abs(cost) < 1e-9:
-            continue
-        u = _scatter(desk, mended)
-        word = "cost" if cost > 0 else "luck: the mistake moved the result toward the truth"
-        found.append(CostlyDecision(entry=entry, what=what, cost=cost, u=u, word=word))
+        other = mended.result[0] if mended.result else None
+        u = _scatter(desk, mended) if value is not None and other is not None else 0.0
+        found += _cost(entry, what, value, other, truth, u)
     found.sort(key=lambda each: -(abs(each.cost) if each.cost is not None else np.inf))
     return tuple(found[:SHOWN])
+
+
+def _cost(
+    entry: int, what: str, value: float | None, other: float | None, truth: float | None, u: float
+) -> Iterator[CostlyDecision]:
+    """Yield what a decision cost that gave `value` where its mend gives `other`, if anything."""
+    if value is None and other is None:
+        return
+    if value is None or other is None or truth is None:
+        word = "no result without it" if other is None else "no result because of it"
+        yield CostlyDecision(entry=entry, what=what, cost=None, u=0.0, word=word)
+        return
+    cost = abs(value - truth) - abs(other - truth)
+    if abs(cost) >= LEAST_COST:
+        word = "cost" if cost > 0 else "luck: the mistake moved the result toward the truth"
+        yield CostlyDecision(entry=entry, what=what, cost=cost, u=u, word=word)
 
 
 def _scatter(one: Desk, other: Desk) -> float:
@@ -281,7 +526,7 @@ def _scatter(one: Desk, other: Desk) -> float:
 
 def _played_again(apparatus: Apparatus, actions: list[Action], by_windows: set[int]) -> Desk:
     """Return the desk of a day of other actions, some hits decided by the windows."""
-    until = [a for a in actions if a.name not in {"reduce", "give-verdict", "hand-in"}]
+    until = [a for a in actions if a.name not in RESULT]
     day = played(apparatus, until)
     reasons = Desk(day).reasons
     decided = {
@@ -305,9 +550,9 @@ def _mended(desk: Desk) -> Iterator[tuple[int, str, list[Action], set[int]]]:
         if shot < len(reasons) and chosen.accepted == (not reasons[shot])
     }
     by_step: dict[str, list[int]] = {}
-    for step, at in _left_out(day):
-        if step != "load-ball":  # which ball it would have been nobody knows
-            by_step.setdefault(step, []).append(at)
+    for each in left_out(day):
+        if each.step != "load-ball":  # which ball it would have been nobody knows
+            by_step.setdefault(each.step, []).append(each.before)
     for step, places in by_step.items():
         with_step = list(actions)
         for at in reversed(places):
@@ -349,5 +594,10 @@ def _entries(day: Day) -> Iterator[tuple[int, float, str, str]]:
 def debrief_page(told: Debrief) -> str:
     """Return the debrief as one HTML page that needs nothing but itself."""
     return page_template("virtual_lab.bench", "debrief.html").render(
-        told=told, sheets=action_table().actions, titles=known_doubts()
+        told=told,
+        sheets=action_table().actions,
+        titles=known_doubts(),
+        inch=INCH,
+        mph=MPH,
+        metric=METRICS[told.metric],
     )

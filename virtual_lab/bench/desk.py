@@ -5,14 +5,17 @@ Nothing here knows what is true; pages and operators are given a desk and nothin
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.bench.actions import OWN_RESULTS
 from virtual_lab.bench.day import Day, DayEvent, evolve
 from virtual_lab.bench.entries import constant_of_entry, record_of
+from virtual_lab.bench.table import action_table
 from virtual_lab.catalog import Entry, read
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.certification import Certification, evaluate
@@ -23,7 +26,7 @@ from virtual_lab.measurement.session_reduction import Preparation, Reduced, prep
 from virtual_lab.records import Record, join
 from virtual_lab.records.session import Session
 
-__all__ = ["UNDECIDED", "Desk", "session_of"]
+__all__ = ["UNDECIDED", "Desk", "OwnResult", "session_of"]
 
 Array = NDArray[np.float64]
 UNDECIDED = "undecided"
@@ -58,6 +61,28 @@ def session_of(day: Day) -> Session:
         joined = {channel: join(parts) for channel, parts in shots.items()}
         records["impact"] = joined | records.get("impact", {})
     return replace(day.morning, calibration=calibration, records=records)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OwnResult:
+    """A result that was entered, beside what the records give."""
+
+    name: str  # of OWN_RESULTS
+    entered: float
+    reduced: float | None  # None: the records give none
+    u: float | None
+
+    @property
+    def off(self) -> float | None:
+        """By how many standard uncertainties it is off what the records give."""
+        if self.reduced is None or not self.u:
+            return None
+        return (self.entered - self.reduced) / self.u
+
+    @property
+    def agrees(self) -> bool:
+        off = self.off
+        return off is not None and abs(off) <= action_table().consequences.own_agrees
 
 
 @dataclass(frozen=True)
@@ -104,6 +129,28 @@ class Desk:
     @cached_property
     def certification(self) -> Certification:
         return evaluate(self.session, self.reduced)
+
+    @property
+    def result(self) -> tuple[float, float] | None:
+        """The metric and its standard uncertainty as the records give it; None: they give none."""
+        if not self.day.fired or self.missing or self.certification.metric is None:
+            return None
+        metric = self.certification.metric
+        return metric.value, metric.u
+
+    def own(self, entered: Mapping[str, object]) -> list[OwnResult]:
+        """Return each result of an entry beside that of the records."""
+        given = self.certification.quantities if self.result else {}
+        return [
+            OwnResult(
+                name=name,
+                entered=float(str(entered[name])),
+                reduced=float(given[key].value) if key in given else None,
+                u=float(given[key].u) if key in given else None,
+            )
+            for name, key in OWN_RESULTS.items()
+            if entered.get(name, "") != ""
+        ]
 
     @property
     def reasons(self) -> tuple[str, ...]:

@@ -1,42 +1,33 @@
 """What a sharp eye makes of a day's entries: each doubt with the fault it points to.
 
 Everything here is read off the displays and records of the day, and off what the laboratory knew
-before it: certificates, charts, the rules.
+before it: certificates, charts, the rules. How large a number must be to mean a fault stands in
+``data/faults``, under ``found_by``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from math import hypot
+from math import hypot, tau
+from types import MappingProxyType
 
 import numpy as np
 
 from virtual_lab import catalog
 from virtual_lab.bench.day import DayEvent
 from virtual_lab.bench.desk import Desk
+from virtual_lab.bench.protocol import left_out
 from virtual_lab.bench.table import action_table
+from virtual_lab.catalog.faults import FaultSheet
+from virtual_lab.records import GateRecord
 
-__all__ = ["Doubt", "doubts", "known_doubts", "remedied_by_gauge"]
+__all__ = ["Doubt", "detectable", "doubts", "fault_sheets", "known_doubts", "remedied_by_gauge"]
 
-SIGMAS = 4.0  # beyond which a display is not what it should be
 WORST_MORNING = 0.002  # of a chart's mean: no chart of a dozen mornings is known better
-CRACK = 0.015  # of the first bending frequency
-HALF = 0.75  # of the turn on the chart
-HEAVY = 1.5e-3  # kg, of the lot beyond the middle of the rule, with a scale that shows right
-FLAGGED = {  # flag of the diagnostics: the fault of the catalog that it most often means
-    "wall-drift": "wall-drift",
-    "lot-rules": "ounces-as-grams",
-    "bat-shape": "bat-ounces-as-grams",
-    "pendulum-swing": "pendulum-wide",
-    "ball-seen": "gate-misses",
-    "edges": "gate-doubles",
-    "aim": "aim-across",
-    "encoder-fit": "encoder-slip",
-    "recoil-and-rebound": "encoder-half-counts",
-    "chords": "ball-out-of-round",
-}
+USUAL_BAT = 0.8  # kg
+UNEXPLAINED = 0.5  # sure of what a contradiction of recoil and rebound most often means
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,30 +39,61 @@ class Doubt:
     confidence: float  # 0 to 1
 
 
+@dataclass(frozen=True, slots=True)
+class Sign:
+    """A number that decides whether a fault is there, and where it was seen."""
+
+    fault: str
+    number: float
+    why: str
+
+
 @cache
+def fault_sheets() -> Mapping[str, FaultSheet]:
+    """Return what is known of all that can go wrong in a laboratory."""
+    return MappingProxyType(
+        {name: catalog.load("faults", name, FaultSheet).spec for name in catalog.names("faults")}
+    )
+
+
 def known_doubts() -> dict[str, str]:
-    """Return the faults one may name, and their titles: what can go wrong in a laboratory."""
-    return {name: catalog.title("faults", name) for name in catalog.names("faults")}
+    """Return the faults one may name, and their titles."""
+    return {name: sheet.title for name, sheet in fault_sheets().items()}
+
+
+def detectable() -> tuple[str, ...]:
+    """Return the faults that a check at the bench finds."""
+    return tuple(name for name, sheet in fault_sheets().items() if sheet.found_by)
 
 
 def doubts(desk: Desk) -> Iterator[Doubt]:
     """Yield what the day so far points to, each fault once."""
-    seen: set[str] = set()
-    for check in (_scale, _gates, _wall, _cylinder, _taps, _flags):
-        for doubt in check(desk):
-            if doubt.fault not in seen:
-                seen.add(doubt.fault)
-                yield doubt
+    found: dict[str, Doubt] = {}
+    for sign in _signs(desk):
+        known = fault_sheets()[sign.fault].found_by
+        if known and sign.number > known.beyond and sign.fault not in found:
+            found[sign.fault] = Doubt(fault=sign.fault, why=sign.why, confidence=known.sure)
+    for name, doubt in found.items():
+        known = fault_sheets()[name].found_by
+        if known and not found.keys() & set(known.unless):
+            yield doubt
+    if not found:
+        yield from _contradiction(desk)
 
 
 def remedied_by_gauge(desk: Desk) -> bool:
     """Return whether a gate stands elsewhere than its certificate says, and was gauged."""
-    return any(True for _ in _gates(desk)) and not any(
+    return any(doubt.fault == "gate-moved" for doubt in doubts(desk)) and not any(
         event.constants for event in desk.day.events if event.action == "gauge-gates"
     )
 
 
-def _scale(desk: Desk) -> Iterator[Doubt]:
+def _signs(desk: Desk) -> Iterator[Sign]:
+    for look in (_scale, _bench, _lot, _gates, _wall, _paper, _cylinder, _taps, _shots):
+        yield from look(desk)
+
+
+def _scale(desk: Desk) -> Iterator[Sign]:
     event = desk.last("weigh-check-mass")
     if event is None:
         return
@@ -80,69 +102,145 @@ def _scale(desk: Desk) -> Iterator[Doubt]:
     zero, span = known["bench.scale.zero"], known["bench.scale.span"]
     step = known["bench.scale.resolution"].value
     off = float(np.mean(readings)) * 1e-3 - (span.value * mass + zero.value)
-    if abs(off) > SIGMAS * hypot(zero.u, span.u * mass, step):
-        yield Doubt(
-            fault="scale-not-tared",
-            why=f"the check mass shows {off * 1e3:+.1f} g",
-            confidence=0.95,
-        )
+    number = abs(off) / hypot(zero.u, span.u * mass, step)
+    yield Sign("scale-not-tared", number, f"the check mass shows {off * 1e3:+.1f} g")
 
 
-def _gates(desk: Desk) -> Iterator[Doubt]:
+def _bench(desk: Desk) -> Iterator[Sign]:
+    bat, length, balance = (
+        desk.last(name) for name in ("weigh-bat", "measure-length", "measure-balance")
+    )
+    if bat:
+        mass = _mean(bat)
+        yield Sign("bat-ounces-as-grams", 1 - mass * 1e-3 / USUAL_BAT, f"a bat of {mass:.0f} g")
+    if length and balance and balance.arguments["end"] == "tip":
+        share = _mean(balance) / _mean(length)
+        yield Sign("balance-from-knob", share, f"balance point at {share:.2f} of the length")
+
+
+def _lot(desk: Desk) -> Iterator[Sign]:
+    weighed, hit = desk.last("weigh-balls"), desk.last("hit-wall")
+    windows = desk.rules.spec.windows
+    if weighed:
+        mass = _mean(weighed)
+        usual = (windows.ball_mass_low + windows.ball_mass_high) / 2
+        yield Sign("ounces-as-grams", 1 - mass * 1e-3 / usual, f"balls of {mass:.1f} g")
+    if hit:
+        ratios = np.array([value for _, value in _numbers(hit)])
+        lacks = 1 - ratios / np.median(ratios)
+        worst = int(lacks.argmax())
+        why = f"ball {worst + 1} comes back {lacks[worst]:.1%} slower than the lot"
+        yield Sign("ball-worn-out", float(lacks[worst]), why)
+
+
+def _gates(desk: Desk) -> Iterator[Sign]:
     event = desk.last("gauge-gates")
     if event is None:
         return
     shown = dict(_numbers(event))
     gauge_u = action_table().consequences.gauge_u
-    for gate in (1, 2, 3):
-        if f"gate {gate}, gauged" not in shown:
-            return
+    gate = 1
+    while f"gate {gate}, gauged" in shown:
         off = (shown[f"gate {gate}, gauged"] - shown[f"gate {gate}, certificate"]) * 1e-3
         known = desk.day.morning.calibration[f"impact.gates.distance_{gate - 1}"]
-        if abs(off) > SIGMAS * hypot(known.u, gauge_u):
-            yield Doubt(
-                fault="gate-moved",
-                why=f"gate {gate} stands {off * 1e3:+.2f} mm from its certificate's place",
-                confidence=0.9,
-            )
+        why = f"gate {gate} stands {off * 1e3:+.2f} mm from its certificate's place"
+        yield Sign("gate-moved", abs(off) / hypot(known.u, gauge_u), why)
+        gate += 1
 
 
-def _wall(desk: Desk) -> Iterator[Doubt]:
+def _wall(desk: Desk) -> Iterator[Sign]:
     for name, ratio, sigmas in _charted(desk, "fire-check-ball"):
-        if abs(sigmas) > SIGMAS:
-            why = f"{name} of the check ball is {ratio:.3f} of the chart's"
-            yield Doubt(fault="wall-drift", why=why, confidence=0.8)
+        why = f"{name} of the check ball is {ratio:.3f} of the chart's"
+        yield Sign("wall-drift", abs(sigmas), why)
 
 
-def _cylinder(desk: Desk) -> Iterator[Doubt]:
-    for name, ratio, sigmas in _charted(desk, "fire-check-cylinder"):
-        if abs(sigmas) <= SIGMAS:
-            continue
-        why = f"{name} at the cylinder is {ratio:.3f} of the chart's"
-        if not name.startswith("turn"):
-            yield Doubt(fault="aim-across", why=why, confidence=0.4)
-        elif ratio < HALF:
-            yield Doubt(fault="encoder-half-counts", why=why, confidence=0.95)
-        else:
-            yield Doubt(fault="bearing-friction", why=why, confidence=0.5)
-
-
-def _taps(desk: Desk) -> Iterator[Doubt]:
-    taps = [e for e in desk.day.events if e.action == "tap-bat" and e.number not in desk.day.struck]
-    if len(taps) < 2:
+def _paper(desk: Desk) -> Iterator[Sign]:
+    event = desk.last("aim-paper")
+    if event is None:
         return
-    first, last = (float(event.shown[0][1]) for event in (taps[0], taps[-1]))
-    if last < first * (1 - CRACK):
-        why = f"the bat rings at {last:g} Hz, before the first shot at {first:g} Hz"
-        yield Doubt(fault="bat-cracked", why=why, confidence=0.95)
+    known, shown = desk.session.calibration, dict(_numbers(event))
+    across = 2 * known["ball.radius"].value
+    for way, aimed in (("along", "impact.cannon.along"), ("across", "impact.pivot.height")):
+        at = known[aimed].value if aimed in known else 0.0
+        off = shown[f"mean {way}"] * 1e-3 - at
+        why = f"the marks lie {off * 1e3:+.1f} mm off the aim {way} the bat"
+        yield Sign(f"aim-{way}", abs(off) / across, why)
 
 
-def _flags(desk: Desk) -> Iterator[Doubt]:
+def _cylinder(desk: Desk) -> Iterator[Sign]:
+    for name, ratio, _ in _charted(desk, "fire-check-cylinder"):
+        if name.startswith("turn"):
+            why = f"{name} at the cylinder is {ratio:.3f} of the chart's"
+            yield Sign("encoder-half-counts", 1 - ratio, why)
+            yield Sign("bearing-friction", 1 - ratio, why)
+
+
+def _taps(desk: Desk) -> Iterator[Sign]:
+    taps = [e for e in desk.day.events if e.action == "tap-bat" and e.number not in desk.day.struck]
+    if len(taps) > 1:
+        first, last = (float(event.shown[0][1]) for event in (taps[0], taps[-1]))
+        why = f"the bat rings at {last:g} Hz, before at {first:g} Hz"
+        yield Sign("bat-cracked", 1 - last / first, why)
+
+
+def _shots(desk: Desk) -> Iterator[Sign]:
+    if not desk.day.fired or desk.missing:
+        return
+    found = desk.by_rules
+    missed = ~np.isfinite(found.readings.passages.times[:, 0]).all(axis=1)
+    why = f"a gate did not see {missed.sum()} of {missed.size} balls come in"
+    yield Sign("gate-misses", float(missed.mean()), why)
+    record = desk.session.records["impact"]["gates"]
+    if isinstance(record, GateRecord):
+        yield from _edges(record)
+    waited = {
+        step: [shot for shot in range(missed.size) if shot not in hurried]
+        for step in ("wait-pressure", "wait-rest")
+        for hurried in [{each.shot for each in left_out(desk.day) if each.step == step}]
+    }
+    asked = desk.rules.spec.ball_speed
+    speeds = found.shots.speed[waited["wait-pressure"]]
+    speeds = speeds[np.isfinite(speeds)]
+    if speeds.size:
+        slow = 1 - float(np.median(speeds)) / asked
+        yield Sign("cannon-slow", slow, f"the middle of the shots is {slow:.1%} slow")
+    turning, allowed = found.readings.recoil, desk.rules.spec.windows.rate_before
+    if turning is not None and allowed and waited["wait-rest"]:
+        turn = desk.session.calibration["impact.encoder.counts_per_turn"].value / tau
+        rate = float(np.median(np.abs(turning.before[waited["wait-rest"]]))) / turn
+        why = f"the bat, waited for, turns at {rate:.2f} rad/s before it is hit"
+        yield Sign("bat-not-at-rest", rate / allowed, why)
+    if turning is not None:
+        rough = turning.residual
+        why = f"a smooth turn leaves {rough.min():.2f} to {rough.max():.2f} counts rms of the shots"
+        yield Sign("encoder-slip", float(np.ptp(rough)), why)
+        yield Sign("encoder-play", float(rough.min()), why)
+
+
+def _edges(record: GateRecord) -> Iterator[Sign]:
+    """Hold how long each ball breaks the first beam and the last against each other."""
+    long = record.times[..., 1] - record.times[..., 0]
+    ratio = long[:, :, 0] / long[:, :, -1]
+    into = ratio[np.isfinite(ratio[:, 0]), 0]
+    if into.size:
+        why = "a ball looks {:.0%} longer at the {} gate than at the {}"
+        first, last = float(into.max()) - 1, 1 / float(into.min()) - 1
+        yield Sign("sabot-trip", first, why.format(first, "first", "last"))
+        yield Sign("gate-doubles", last, why.format(last, "last", "first"))
+        off = float(np.nanmax(np.abs(ratio - 1)))
+        yield Sign("ball-out-of-round", off, f"balls look up to {off:.1%} longer at one gate")
+
+
+def _contradiction(desk: Desk) -> Iterator[Doubt]:
+    """Name what most often sets recoil and rebound apart where nothing else explains it."""
     if not desk.day.fired or desk.missing:
         return
     for flag in desk.certification.flags:
-        if flag.name in FLAGGED:
-            yield Doubt(fault=FLAGGED[flag.name], why=flag.sentence, confidence=0.6)
+        if flag.name == "recoil-and-rebound":
+            shots = desk.by_rules.shots
+            more = float(np.nanmean(shots.recoil_efficiency - shots.rebound_efficiency)) > 0
+            fault = "pivot-off" if more else "ball-mass-typed"
+            yield Doubt(fault=fault, why=flag.sentence, confidence=UNEXPLAINED)
 
 
 def _charted(desk: Desk, action: str) -> Iterator[tuple[str, float, float]]:
@@ -157,6 +255,10 @@ def _charted(desk: Desk, action: str) -> Iterator[tuple[str, float, float]]:
             for word in ("today", "chart", "standard deviation of a morning")
         )
         yield name, today / chart, (today - chart) / hypot(sd, WORST_MORNING * chart)
+
+
+def _mean(event: DayEvent) -> float:
+    return float(np.mean([value for _, value in _numbers(event)]))
 
 
 def _numbers(event: DayEvent) -> Iterator[tuple[str, float]]:

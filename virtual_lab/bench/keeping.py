@@ -6,26 +6,33 @@ this module opens and only its owner may read.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
+import re
 import secrets
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
+import numpy as np
+
+from virtual_lab import catalog
 from virtual_lab.bench.actions import Action
 from virtual_lab.bench.apparatus import Apparatus
 from virtual_lab.bench.day import Day, DayEvent, decide, evolve, replayed
 from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.entries import constant_of_entry, entry_of_constant
 from virtual_lab.bench.log import DayLog, SequenceError
-from virtual_lab.bench.operators import Operator
+from virtual_lab.bench.operators import Operator, operator_of
+from virtual_lab.bench.protocol import remarks
 from virtual_lab.bench.scenario import Scenario
 from virtual_lab.catalog import Entry, read
 from virtual_lab.errors import InputError
-from virtual_lab.files import read_json
+from virtual_lab.files import new_folder, read_bytes, read_json
 from virtual_lab.lab import Laboratory, TestSetup
+from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.records.session import Session
 from virtual_lab.streams import commitment
 
@@ -33,12 +40,14 @@ __all__ = ["LOG", "SECRET", "KeptDay", "done", "laboratory_of", "morning_of", "p
 
 LOG, SECRET = "day.sqlite", "sealed.json"
 SEED_BITS = 128
+LIMIT = re.compile(r"^limit\s*=\s*\{[^}]*\}", re.MULTILINE)
+AFTER_FIRING = ("note-doubt", "reduce", "give-verdict", "hand-in")
 
 
 def laboratory_of(scenario: Scenario, seed: int, salt: bytes) -> Laboratory:
     """Return the laboratory of a scenario's day; `InputError` as `Laboratory.open`."""
     setup = TestSetup.of(
-        scenario.bat, procedure=scenario.procedure, seed=seed, faults=scenario.faults
+        scenario.bat, procedure=_rules(scenario), seed=seed, faults=scenario.faults
     )
     opened = Laboratory.open(setup)
     known = {
@@ -48,6 +57,18 @@ def laboratory_of(scenario: Scenario, seed: int, salt: bytes) -> Laboratory:
         "unverified_numbers": setup.unverified,
     }
     return replace(opened, salt=salt, session=replace(opened.session, simulation=known))
+
+
+def _rules(scenario: Scenario) -> Entry[Procedure]:
+    """Return the rules of a day, with the limit of the scenario where it has one."""
+    rules = catalog.load("procedures", scenario.procedure, Procedure)
+    if scenario.limit is None:
+        return rules
+    value = f'value = {scenario.limit!r}, unit = "1", source = "assumed", verified = false'
+    text, found = LIMIT.subn(f"limit = {{ {value} }}", rules.text)
+    if found != 1:
+        raise InputError(scenario.name, "limit", scenario.limit, "the rules have none to replace")
+    return catalog.read(text, f"procedures/{rules.spec.name}", Procedure)
 
 
 def morning_of(laboratory: Laboratory) -> Day:
@@ -63,6 +84,7 @@ class KeptDay:
 
         Raises `InputError` where the folder holds none, or its files cannot be used.
         """
+        self.folder = folder
         self.log = DayLog(folder / LOG)
         sealed = read_json(folder / SECRET)
         self.scenario = read(str(sealed["scenario"]), "scenario.toml", Scenario).spec
@@ -71,35 +93,63 @@ class KeptDay:
         )
         session = _session(self.log.morning["session"])
         self.apparatus = Apparatus(replace(laboratory, session=session))
-        self.desk = Desk(replayed(morning_of(self.apparatus.laboratory), self.log.events()))
+        self.morning = replace(
+            morning_of(self.apparatus.laboratory),
+            came_with=int(self.log.morning["came_with"]),
+            checklists=self.scenario.checklists,
+            remarks=self.scenario.feedback == "during",
+            exam=self.scenario.feedback == "never",
+        )
+        self.desk = Desk(replayed(self.morning, self.log.events()))
 
     @classmethod
     def begin(cls, folder: Path, scenario: Entry[Scenario], seed: int | None = None) -> Self:
-        """Begin a day in a folder that holds none; a seed is drawn where none is given."""
+        """Begin a day in a folder that holds none; a seed is drawn where none is given.
+
+        Its files take their place together or not at all: a crash leaves a folder to begin in.
+        """
         drawn = secrets.randbits(SEED_BITS) if seed is None else seed
         salt = secrets.token_bytes(16)
         laboratory = laboratory_of(scenario.spec, drawn, salt)
-        folder.mkdir(parents=True, exist_ok=True)
         sealed = {
             "scenario": scenario.text,
             "seed": str(drawn),
             "salt": salt.hex(),
             "faults": list(scenario.spec.faults),
+            "truth": _individuals(laboratory),
         }
-        try:
-            handle = os.open(folder / SECRET, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        except FileExistsError as fault:
-            raise InputError(str(folder), "day", None, "one was begun here already") from fault
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            json.dump(sealed, file)
-            file.flush()
-            os.fsync(file.fileno())
-        morning = {
-            "briefing": scenario.spec.briefing(),
-            "session": _entry_of_session(laboratory.session),
-        }
-        DayLog.create(folder / LOG, morning)
+        content = json.dumps(sealed).encode()
+        came = _records_of(scenario.spec, laboratory, drawn)
+        with new_folder(folder) as draft:
+            handle = os.open(draft / SECRET, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+            with os.fdopen(handle, "wb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())
+            log = DayLog.create(
+                draft / LOG,
+                {
+                    "briefing": scenario.spec.briefing() | {"commitment": _digest(content)},
+                    "session": _entry_of_session(laboratory.session),
+                    "came_with": len(came),
+                },
+            )
+            for event in came:
+                log.append(event)
         return cls(folder)
+
+    @property
+    def seal(self) -> str:
+        """What the seal says at the reveal."""
+        shown = self.log.morning["briefing"]["commitment"]
+        content = read_bytes(self.folder / SECRET)
+        if _digest(content) != shown:
+            return "BROKEN: the sealed file is not the one that the day began with"
+        truth, drawn = json.loads(content)["truth"], _individuals(self.apparatus.laboratory)
+        same = all(np.allclose(truth[key], drawn[key], rtol=1e-9, atol=0) for key in truth)
+        if not same:
+            return "BROKEN: this program draws another bat and other balls from the sealed seed"
+        return f"whole: SHA-256 of the sealed file is {shown}, as shown in the morning"
 
     @property
     def day(self) -> Day:
@@ -134,24 +184,46 @@ class KeptDay:
 def done(apparatus: Apparatus, day: Day, action: Action) -> DayEvent:
     """Return the event of an action on a day; `InputError` where it cannot be done."""
     price = decide(day, action)
-    return replace(apparatus.play(day, action), seconds=price)
+    event = replace(apparatus.play(day, action), seconds=price)
+    said = remarks(evolve(day, event)) if day.remarks else ()
+    return replace(event, shown=(*event.shown, *said))
 
 
 def played(apparatus: Apparatus, actions: Iterable[Action]) -> Day:
     """Return the day of some actions, taken in turn, that no log holds."""
-    day = morning_of(apparatus.laboratory)
-    for action in actions:
-        day = evolve(day, done(apparatus, day, action))
-    return day
+    return taken(apparatus, lambda _: iter(actions))
 
 
-def taken(apparatus: Apparatus, operator: Operator) -> Day:
-    """Return the day as an operator takes it, that no log holds."""
-    desks = [Desk(morning_of(apparatus.laboratory))]
+def taken(apparatus: Apparatus, operator: Operator, morning: Day | None = None) -> Day:
+    """Return the day as an operator takes it, that no log holds; it begins with `morning`."""
+    desks = [Desk(morning or morning_of(apparatus.laboratory))]
     for action in operator(lambda: desks[-1]):
         day = desks[-1].day
         desks[:] = [desks[-1].after(done(apparatus, day, action))]
     return desks[-1].day
+
+
+def _records_of(scenario: Scenario, laboratory: Laboratory, seed: int) -> tuple[DayEvent, ...]:
+    """Return what another laboratory did on the day, up to its own result."""
+    if not scenario.records_of:
+        return ()
+    events = taken(Apparatus(laboratory), operator_of(scenario.records_of, seed)).events
+    return tuple(event for event in events if event.action not in AFTER_FIRING)
+
+
+def _individuals(laboratory: Laboratory) -> dict[str, Any]:
+    """Return what was drawn of bat and balls, in the form of JSON."""
+    bat, balls = laboratory.specimen.bat.body.material, laboratory.specimen.balls
+    return {
+        "bat_youngs_modulus": bat.youngs_modulus,
+        "bat_density": bat.density,
+        "ball_mass": balls.mass.tolist(),
+        "ball_restitution": balls.restitution.tolist(),
+    }
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
 
 
 def _entry_of_session(session: Session) -> dict[str, Any]:

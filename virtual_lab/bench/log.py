@@ -16,7 +16,7 @@ from typing import Any
 from virtual_lab.bench.day import DayEvent
 from virtual_lab.errors import InputError
 
-__all__ = ["DayLog", "SequenceError"]
+__all__ = ["DayLog", "SequenceError", "entry_document"]
 
 SCHEMA = 1
 TABLE = """
@@ -67,7 +67,7 @@ class DayLog:
                 base.execute("ROLLBACK")
                 allowed = f"entry {last + 1} is next (sent twice, or from an older page?)"
                 raise SequenceError("", "entry", event.number, allowed)
-            _put(base, event.number, _document(event))
+            _put(base, event.number, entry_document(event))
             base.execute("COMMIT")
 
     def events(self) -> list[DayEvent]:
@@ -90,7 +90,8 @@ def _put(base: sqlite3.Connection, number: int, document: Mapping[str, Any]) -> 
     base.execute("INSERT INTO entries (number, entry) VALUES (?, ?)", (number, entry))
 
 
-def _document(event: DayEvent) -> dict[str, Any]:
+def entry_document(event: DayEvent) -> dict[str, Any]:
+    """Return an event as its entry stands in the log."""
     return {
         "action": event.action,
         "arguments": dict(event.arguments),

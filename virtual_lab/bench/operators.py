@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -14,10 +15,12 @@ import numpy as np
 from virtual_lab.bench.actions import Action, action_of
 from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.inspection import doubts, remedied_by_gauge
+from virtual_lab.bench.protocol import excused, left_out
+from virtual_lab.bench.table import MAKE_READY
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.streams import Streams
 
-__all__ = ["OPERATORS", "PREPARATION", "READY", "Look", "Operator", "by_script", "operator_of"]
+__all__ = ["OPERATORS", "PREPARATION", "Look", "Operator", "by_script", "operator_of"]
 
 Look = Callable[[], Desk]
 Operator = Callable[[Look], Iterator[Action]]
@@ -34,8 +37,8 @@ PREPARATION = (
     "hit-wall",
     "aim-paper",
 )
-READY = ("zero-encoder", "clear-scrap", "wait-pressure", "wait-rest")
 SURE = 0.9  # a doubt that makes an expert refuse to judge
+USUALLY = 0.9  # how sure of a verdict that no limit decides
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,10 @@ class Habits:
 
 def _take(look: Look, habits: Habits) -> Iterator[Action]:
     """Take a day as the procedure has it, as far as the habits allow."""
+    if look().day.came_with:
+        yield from _judged(look)
+        yield from _end(look, habits)
+        return
     if habits.checks:
         yield action_of("tare")
         yield action_of("weigh-check-mass")
@@ -71,6 +78,18 @@ def _take(look: Look, habits: Habits) -> Iterator[Action]:
         yield action_of(name, _how(name, habits))
     yield from _hits(look, habits)
     yield from _end(look, habits)
+
+
+def _judged(look: Look) -> Iterator[Action]:
+    """Decide the hits of another laboratory's records by the windows; note what was left out."""
+    for shot, why in enumerate(look().reasons if not look().missing else ()):
+        given = look().day.decisions.get(shot)
+        if given is None or given.accepted == bool(why):
+            because = {"because": why} if why else {}
+            yield action_of("reject" if why else "accept", {"shot": shot + 1, **because})
+    steps = dict.fromkeys(each.step for each in left_out(look().day))
+    for step in steps.keys() - excused(look().day).keys():
+        yield action_of("note-deviation", {"step": step, "because": "left out in the records"})
 
 
 def _before_the_wall(look: Look) -> Iterator[Action]:
@@ -96,7 +115,7 @@ def _hits(look: Look, habits: Habits) -> Iterator[Action]:
             yield action_of("set-place", {"place": round(place * 1e3, 3)})
         if not (shot and habits.slips(habits.forgets, "load-ball", shot)):
             yield action_of("load-ball", {"ball": look().next_ball + 1})
-        for step in READY:
+        for step in MAKE_READY:
             if not habits.slips(habits.forgets, step, shot):
                 yield action_of(step)
         yield action_of("fire")
@@ -106,43 +125,63 @@ def _hits(look: Look, habits: Habits) -> Iterator[Action]:
 def _decision(desk: Desk, habits: Habits) -> Action:
     shot = len(desk.day.fired)
     why = desk.reasons[-1]
-    if why and not habits.slips(habits.waves_through, "accept", shot):
+    waved = habits.slips(habits.waves_through, "accept", shot) or (habits.wants and _lowest(desk))
+    if why and not waved:
         return action_of("reject", {"shot": shot, "because": why})
     if why:
         return action_of("accept", {"shot": shot, "because": "near enough"})
-    if habits.wants and _high(desk):
+    if habits.wants and _can_spare(desk) and not _lowest(desk):
         return action_of("reject", {"shot": shot, "because": "did not sound right"})
     return action_of("accept", {"shot": shot})
 
 
-def _high(desk: Desk) -> bool:
-    """Return whether the last hit came out above the middle of those before it."""
+def _lowest(desk: Desk) -> bool:
+    """Return whether no hit before the last one came out lower."""
     metric = desk.by_rules.shot_metric
-    sound = metric[:-1][[not why for why in desk.reasons[:-1]]]
+    return bool(np.isfinite(metric[-1]) and metric[-1] <= np.nanmin(metric))
+
+
+def _can_spare(desk: Desk) -> bool:
+    """Return whether hits enough may follow if the last one does not count."""
     left = desk.rules.spec.attempts - len(desk.day.fired)
-    lacking = desk.rules.spec.valid_hits - int(desk.reduced.judgement.valid.sum())
-    return bool(sound.size >= 1 and left >= lacking and metric[-1] > np.nanmedian(sound))
+    return left >= desk.rules.spec.valid_hits - int(desk.reduced.judgement.valid.sum())
 
 
 def _end(look: Look, habits: Habits) -> Iterator[Action]:
-    sure = []
+    sure: dict[str, float] = {}
     if habits.checks:
-        yield action_of("tap-bat")
+        if not look().day.came_with:
+            yield action_of("tap-bat")
         for doubt in doubts(look()):
             yield action_of(
                 "note-doubt", {"doubt": doubt.fault, "confidence": 100 * doubt.confidence}
             )
             mended = doubt.fault == "gate-moved" and not remedied_by_gauge(look())
             if doubt.confidence >= SURE and not mended:
-                sure.append(doubt.fault)
+                sure[doubt.fault] = doubt.confidence
     if look().missing or not look().day.fired:
         yield action_of("give-verdict", {"verdict": "INVALID", "doubt": "no result"})
     else:
         yield action_of("reduce")
         found = look().certification.verdict.value
-        verdict = "INVALID" if sure or found == "MEASURED" else found
-        yield action_of("give-verdict", {"verdict": verdict, "doubt": (*sure, "none")[0]})
+        invalid = bool(sure) or found not in {"PASS", "FAIL"}
+        certain = max(sure.values(), default=USUALLY) if invalid else _confidence(look())
+        given = {
+            "verdict": "INVALID" if invalid else found,
+            "confidence": round(100 * certain, 1),
+            "doubt": next(iter(sure), "none"),
+        }
+        yield action_of("give-verdict", given)
     yield action_of("hand-in")
+
+
+def _confidence(desk: Desk) -> float:
+    """Return the chance that the bat is on the side of the limit that the result is on."""
+    result, limit = desk.result, desk.rules.spec.most
+    if result is None or limit is None:
+        return USUALLY
+    value, u = result
+    return NormalDist().cdf(abs(value - limit) / u)
 
 
 HABITS: Mapping[str, dict[str, Any]] = {

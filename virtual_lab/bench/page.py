@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from virtual_lab.bench.actions import ARGUMENTS, Argument
-from virtual_lab.bench.day import MAKE_READY
+from virtual_lab.bench.day import offered
 from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.inspection import known_doubts
 from virtual_lab.bench.operators import PREPARATION
-from virtual_lab.bench.table import action_table
+from virtual_lab.bench.table import MAKE_READY, action_table
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.template import page_template
 from virtual_lab.records import EncoderRecord
@@ -74,7 +74,14 @@ def day_page(desk: Desk, briefing: Mapping[str, Any], message: str = "") -> str:
     day, table = desk.day, action_table()
     steps = _steps(desk)
     forms = [
-        (title, [_form(name, desk) for name, sheet in table.actions.items() if sheet.part == part])
+        (
+            title,
+            [
+                _form(name, desk)
+                for name, sheet in table.actions.items()
+                if sheet.part == part and offered(day, name)
+            ],
+        )
         for part, title in PARTS.items()
     ]
     metric = METRICS[desk.rules.spec.metric]

@@ -10,7 +10,8 @@ from annotated_types import Ge, Gt
 
 from virtual_lab import catalog
 from virtual_lab.catalog import Entry
-from virtual_lab.catalog.specs import Dimension, Name, Real, Spec, Title
+from virtual_lab.catalog.faults import FaultSheet
+from virtual_lab.catalog.specs import Dimension, Name, Real, Spec, Title, YesNo
 
 __all__ = ["SCORES", "Scenario", "load_scenario", "scenario_names"]
 
@@ -27,21 +28,30 @@ class Scenario(Spec):
     task: Title  # what the trainee is told
     bat: str
     procedure: str
+    limit: Annotated[float | None, Gt(0), Dimension("number")] = None  # in place of the rules'
     faults: tuple[str, ...] = ()  # which nobody is told of
+    records_of: Literal["", "book", "careless", "cheating"] = ""  # who took them; else the trainee
     guidance: Literal["guided", "checklist", "none"] = "guided"
+    checklists: YesNo = False
+    feedback: Literal["during", "after", "never"] = "after"
     minutes: Annotated[float, Gt(0), Dimension("time")]  # that a good day takes
     shots: Annotated[int, Gt(0), Dimension("number")]  # that it needs
     weights: Mapping[str, Annotated[Real, Ge(0)]] = field(default_factory=dict)  # of SCORES
 
     def briefing(self) -> dict[str, object]:
         """Return what a trainee may know of it, in the form of JSON."""
-        told = ("title", "task", "guidance", "minutes", "shots")
+        told = ("title", "task", "guidance", "feedback", "minutes", "shots")
         return {key: getattr(self, key) for key in told}
 
     def __post_init__(self) -> None:
         strange = sorted(set(self.weights) - set(SCORES))
         if strange:
             raise ValueError(f"weights of {', '.join(strange)}; allowed: {', '.join(SCORES)}")
+        for fault in self.faults:
+            if catalog.load("faults", fault, FaultSheet).spec.found_by is None:
+                raise ValueError(
+                    f"no check at the bench finds {fault}; allowed: those with found_by"
+                )
 
 
 def scenario_names() -> tuple[str, ...]:

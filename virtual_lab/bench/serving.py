@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from virtual_lab.bench.apparatus import Apparatus
-from virtual_lab.bench.debrief import debrief, debrief_page
+from virtual_lab.bench.debrief import debrief_page, debriefed
 from virtual_lab.bench.keeping import LOG, KeptDay, laboratory_of, taken
 from virtual_lab.bench.operators import operator_of
 from virtual_lab.bench.running import save_debrief
@@ -39,7 +39,9 @@ class ServedDay(KeptDay):
 
     def debrief(self) -> str:
         """Open the truth of a day that was handed in, and keep the debrief beside its log."""
-        told = debrief(self.apparatus, self.day, self.scenario)
+        if self.day.exam:
+            raise InputError("debrief", "day", None, "is an exam: your trainer opens the debrief")
+        told = debriefed(self)
         save_debrief(told, self.log.path.parent)
         return debrief_page(told)
 

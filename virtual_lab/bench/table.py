@@ -12,8 +12,18 @@ from annotated_types import Ge, Gt, Le
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Dimension, Spec, Title, YesNo
 
-__all__ = ["ActionSheet", "ActionTable", "Consequences", "Part", "action_table"]
+__all__ = [
+    "MAKE_READY",
+    "PREPARING",
+    "ActionSheet",
+    "ActionTable",
+    "Consequences",
+    "Part",
+    "action_table",
+]
 
+PREPARING = {"tare": "weigh-bat", "level-stand": "measure-balance", "fit-clamp": "swing"}
+MAKE_READY = ("zero-encoder", "clear-scrap", "wait-pressure", "wait-rest")  # for a shot
 Part = Literal["bench", "wall", "rig", "hits", "notebook", "result"]
 Mass = Annotated[float, Gt(0), Dimension("mass")]
 Length = Annotated[float, Gt(0), Dimension("length")]
@@ -35,6 +45,7 @@ class ActionSheet(Spec):
 class Consequences(Spec):
     """How large what an action prevents, or shows, is."""
 
+    own_agrees: Annotated[float, Gt(0), Dimension("number")]
     untared: Mass
     unlevel: Length
     hand_reaction: Time

@@ -24,9 +24,10 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from virtual_lab.bench.actions import Action, action_of
-from virtual_lab.bench.day import MAKE_READY, DayEvent
+from virtual_lab.bench.day import DayEvent
 from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.page import day_page, plain_page
+from virtual_lab.bench.table import MAKE_READY
 from virtual_lab.errors import InputError
 
 __all__ = ["Room", "application"]

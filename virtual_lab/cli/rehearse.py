@@ -11,6 +11,7 @@ from virtual_lab.cli.plumbing import Answer, command, seed_option, usage
 
 if TYPE_CHECKING:
     from virtual_lab.bench.running import RehearsedDay
+    from virtual_lab.output.result import Json, Rows
 
 __all__ = ["rehearse"]
 
@@ -57,8 +58,14 @@ __all__ = ["rehearse"]
     metavar="NUMBER",
     help="Of the page, on this machine alone.",
 )
+@click.option(
+    "--replay",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Play a day back from its log, day.sqlite, once it is handed in.",
+)
 @click.option("--open", "browser", is_flag=True, help="Open the page in a browser.")
-def rehearse(
+def day_command(
     scenario: str,
     operator: str | None,
     script: Path | None,
@@ -66,15 +73,20 @@ def rehearse(
     operator_seed: int,
     day: Path | None,
     port: int,
+    replay: Path | None,
     browser: bool,
-) -> RehearsedDay | Answer:
+) -> RehearsedDay | Rows[Json] | Answer:
     """Take a laboratory day action by action, and learn what each decision cost.
 
     You take it on a page that this machine serves to itself alone (extra 'bench'), or an operator
     or a script takes it in your place; --out keeps the log, the sealed file and the debrief then.
     """
-    if operator and script:
-        usage("--operator and --script exclude each other")
+    if sum(map(bool, (operator, script, replay))) > 1:
+        usage("--operator, --script and --replay exclude each other")
+    if replay:
+        from virtual_lab.bench.running import replay as played_back
+
+        return played_back(replay)
     if operator or script:
         from virtual_lab.bench.running import rehearse as run
 
@@ -115,3 +127,37 @@ def _served(
         say=lambda text: click.echo(text, err=True),
     )
     return Answer(document={"day": str(target)}, text=str(target))
+
+
+@command("summary", keeps=True, table=True)
+@click.argument("folder", type=click.Path(path_type=Path))
+def summary(folder: Path) -> Rows[Json]:
+    """Make one table of a class: of all days in folders below FOLDER."""
+    from virtual_lab.bench.running import summary as run
+
+    return run(folder)
+
+
+@command("check", keeps=True, table=True)
+@click.argument("scenario", metavar="SCENARIO.TOML")
+def check(scenario: str) -> Rows[Json]:
+    """Try a scenario of your own: what it takes, and what an expert finds on it."""
+    from virtual_lab.bench.running import check_scenario
+
+    return check_scenario(scenario)
+
+
+@click.pass_context
+def _day_or_more(context: click.Context, /, **asked: object) -> object:
+    """Take a day where no command of the group was named."""
+    return None if context.invoked_subcommand else context.invoke(day_command, **asked)
+
+
+rehearse = click.Group(
+    "rehearse",
+    callback=_day_or_more,
+    commands=[summary, check],
+    params=day_command.params,
+    help=day_command.help,
+    invoke_without_command=True,
+)

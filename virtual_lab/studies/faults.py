@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from virtual_lab import catalog
+from virtual_lab.catalog.faults import FaultSheet, Prediction
 from virtual_lab.errors import InputError
 from virtual_lab.lab import TestSetup, certify_bat
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
-from virtual_lab.simulation.faults import FaultSheet, Prediction
 
 __all__ = ["PROCEDURES", "Bias", "Played", "faults"]
 

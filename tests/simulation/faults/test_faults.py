@@ -13,10 +13,11 @@ from scipy.special import ellipk
 from tests.laboratories import certified
 from virtual_lab import catalog, lab
 from virtual_lab.api import certify
+from virtual_lab.catalog.faults import FaultSheet
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.diagnostics import CHECKS
 from virtual_lab.measurement.procedure import Procedure
-from virtual_lab.simulation.faults import CATALOGUE, FaultSet, FaultSheet
+from virtual_lab.simulation.faults import CATALOGUE, FaultSet
 from virtual_lab.simulation.rig import Stage, find_rig
 from virtual_lab.streams import Quiet
 from virtual_lab.units import MPH, OUNCE

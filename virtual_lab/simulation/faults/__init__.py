@@ -2,6 +2,5 @@
 
 from virtual_lab.simulation.faults.day import CATALOGUE, FaultSet
 from virtual_lab.simulation.faults.fault import BaseFault, Fault
-from virtual_lab.simulation.faults.sheet import FaultSheet, Prediction
 
-__all__ = ["CATALOGUE", "BaseFault", "Fault", "FaultSet", "FaultSheet", "Prediction"]
+__all__ = ["CATALOGUE", "BaseFault", "Fault", "FaultSet"]

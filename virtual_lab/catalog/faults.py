@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from annotated_types import Ge, MinLen
+from annotated_types import Ge, Gt, Le, MinLen
 
 from virtual_lab.catalog.specs import Dimension, Spec
 
-__all__ = ["FaultSheet", "Prediction"]
+__all__ = ["FaultSheet", "FoundBy", "Prediction"]
 
 Number = Annotated[float | None, Dimension("number")]
 
@@ -40,8 +40,19 @@ class Prediction(Spec):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FoundBy(Spec):
+    """How a fault is found at the bench: what to do there, and the number that decides."""
+
+    actions: Annotated[tuple[str, ...], MinLen(1)]  # of data/bench/actions.toml
+    number: str  # in words; a larger one is worse
+    beyond: Annotated[float, Gt(0), Dimension("number")]  # which it is the fault
+    sure: Annotated[float, Gt(0), Le(1), Dimension("number")]  # of it, who sees that
+    unless: tuple[str, ...] = ()  # faults that show the same, and more
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FaultSheet(Spec):
-    """One fault in words, and what it was predicted to do."""
+    """One fault in words, what finds it, and what it was predicted to do."""
 
     name: str
     title: str
@@ -51,6 +62,7 @@ class FaultSheet(Spec):
     response: str
     missed: str  # what it does to the result if nobody sees it
     excludes: str  # what the evidence rules out
+    found_by: FoundBy | None = None  # none: no check at the bench shows it on 99 days of 100
     predictions: Annotated[tuple[Prediction, ...], MinLen(1)]
 
     def __post_init__(self) -> None:

@@ -1,0 +1,121 @@
+"""Figures of the rehearsal bench that need many days.
+
+``python -m tests.bench.study detection --days 100``: on how many days a detector that makes the
+checks of a fault alone finds it, and names anything where nothing is wrong. ``expert``: on how
+many days of one fault each an expert names it before the verdict, and anything on sound and decoy
+days. ``operators``: a classifier fitted on so many days of each, judged on as many fresh ones.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tests.bench.days import detector
+from virtual_lab.bench.apparatus import Apparatus
+from virtual_lab.bench.day import Day
+from virtual_lab.bench.desk import Desk
+from virtual_lab.bench.inspection import detectable, doubts
+from virtual_lab.bench.keeping import laboratory_of, taken
+from virtual_lab.bench.operators import OPERATORS, operator_of
+from virtual_lab.bench.protocol import left_out
+from virtual_lab.bench.scenario import Scenario, load_scenario, scenario_names
+
+SOUND, DECOY = "plain-day", "monday"  # a decoy says that something may be wrong, and nothing is
+CHECKS = ("weigh-check-mass", "tap-bat", "fire-check-ball", "gauge-gates", "fire-check-cylinder")
+LEAST_SPREAD = 0.05  # of a feature that hardly differs from day to day
+TOGETHER = 10  # days after which expert and book are told apart
+
+
+def day_of(scenario: Scenario, operator: str, seed: int) -> Day:
+    apparatus = Apparatus(laboratory_of(scenario, seed, b""))
+    return taken(apparatus, operator_of(operator, seed))
+
+
+def named(day: Day) -> set[str]:
+    return {str(e.arguments["doubt"]) for e in day.events if e.action == "note-doubt"}
+
+
+def found(fault: str, seeds: Iterable[int]) -> int:
+    """Return on how many days the checks of a fault find it."""
+    days = 0
+    for seed in seeds:
+        scenario = replace(load_scenario((SOUND, DECOY)[seed % 2]).spec, faults=(fault,))
+        day = taken(Apparatus(laboratory_of(scenario, seed, b"")), detector(fault))
+        days += any(doubt.fault == fault for doubt in doubts(Desk(day)))
+    return days
+
+
+def features(day: Day) -> list[float]:
+    """Return what a trainer's list shows of a day: steps, hits decided otherwise, checks."""
+    desk = Desk(day)
+    reasons = desk.reasons if not desk.missing else ()
+    decided = [(day.decisions[shot].accepted, not why) for shot, why in enumerate(reasons)]
+    return [
+        len(left_out(day)),
+        sum(accepted and not within for accepted, within in decided),
+        sum(within and not accepted for accepted, within in decided),
+        sum(day.times(check) for check in CHECKS),
+    ]
+
+
+def observed(operator: str, seeds: Iterable[int]) -> np.ndarray:
+    names = scenario_names()
+    days = (load_scenario(names[seed % len(names)]).spec for seed in seeds)
+    return np.array(
+        [features(day_of(day, operator, seed)) for day, seed in zip(days, seeds, strict=True)]
+    )
+
+
+def likelihoods(fitted: Sequence[np.ndarray], seen: np.ndarray) -> np.ndarray:
+    """Return the log likelihood of each day under each operator's normal law, (day, operator)."""
+    rows = []
+    for days in fitted:
+        spread = np.hypot(days.std(axis=0), LEAST_SPREAD)
+        off = (seen - days.mean(axis=0)) / spread
+        rows.append(-(off**2 / 2 + np.log(spread)).sum(axis=1))
+    return np.array(rows).T
+
+
+def detection(days: int) -> None:
+    print(f"found by its own checks alone, of {days} days")
+    for fault in detectable():
+        print(f"  {fault:<22}{found(fault, range(1000, 1000 + days)):>5}", flush=True)
+
+
+def expert(days: int) -> None:
+    faults = detectable()
+    missed: list[str] = []
+    for number in range(days):
+        fault = faults[number % len(faults)]
+        scenario = replace(load_scenario((SOUND, DECOY)[number % 2]).spec, faults=(fault,))
+        if fault not in named(day_of(scenario, "expert", 2000 + number)):
+            missed.append(fault)
+    share = f"{days - len(missed)} of {days} days of a fault named before the verdict by the expert"
+    print(f"{share}; missed: {', '.join(missed) or 'none'}", flush=True)
+    for scenario_name in (SOUND, DECOY):
+        scenario = load_scenario(scenario_name).spec
+        alarms = sum(bool(named(day_of(scenario, "expert", 5000 + n))) for n in range(days // 2))
+        print(f"{alarms} of {days // 2} days of {scenario_name} with anything named", flush=True)
+
+
+def operators(days: int) -> None:
+    fitted = [observed(name, range(7000, 7000 + days)) for name in OPERATORS]
+    print(f"operators told apart, fitted on {days} days each and judged on {days} fresh ones")
+    for place, name in enumerate(OPERATORS):
+        likely = likelihoods(fitted, observed(name, range(8000, 8000 + days)))
+        right = float((likely.argmax(axis=1) == place).mean())
+        ten = likely[: days // TOGETHER * TOGETHER].reshape(-1, TOGETHER, len(OPERATORS)).sum(1)
+        together = float((ten.argmax(axis=1) == place).mean()) if len(ten) else float("nan")
+        print(f"  {name:<10} a day {right:.0%}, ten days {together:.0%}", flush=True)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("what", choices=("detection", "expert", "operators"))
+    parser.add_argument("--days", type=int, default=100)
+    asked = parser.parse_args()
+    {"detection": detection, "expert": expert, "operators": operators}[asked.what](asked.days)

@@ -1,0 +1,96 @@
+"""The procedure kept or not: which of its steps were done before what they are for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from virtual_lab.bench.day import Day
+from virtual_lab.bench.table import MAKE_READY, PREPARING, action_table
+
+__all__ = ["StepDue", "checklist", "excused", "left_out", "remarks", "steps_due"]
+
+Shown = tuple[tuple[str, float | str, str], ...]  # what, value, unit
+START = (  # what is well done before a bat is hit
+    "tare",
+    "weigh-check-mass",
+    "level-stand",
+    "fit-clamp",
+    "tap-bat",
+    "fire-check-ball",
+    "gauge-gates",
+    "fire-check-cylinder",
+    "aim-paper",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepDue:
+    """A step, the place in a day's events of what it had to come before, and whether it did."""
+
+    step: str
+    before: int
+    done: bool
+    shot: int | None = None  # from 0
+
+
+def steps_due(day: Day) -> Iterator[StepDue]:
+    """Yield every step that was due on a day so far, in the order they were due."""
+    since: set[str] = set()
+    seen: set[str] = set()
+    shot = 0
+    for at, event in enumerate(day.events):
+        for step, before in PREPARING.items():
+            if event.action == before and before not in seen:
+                yield StepDue(step=step, before=at, done=step in seen)
+        seen.add(event.action)
+        since.add(event.action)
+        if event.action == "fire":
+            for step in (*MAKE_READY, "load-ball"):
+                if shot or step != "clear-scrap":  # before the first shot there is none
+                    yield StepDue(step=step, before=at, done=step in since, shot=shot)
+            since.clear()
+            shot += 1
+
+
+def left_out(day: Day) -> list[StepDue]:
+    """Return the steps that were not done in time."""
+    return [each for each in steps_due(day) if not each.done]
+
+
+def excused(day: Day) -> dict[str, str]:
+    """Return the steps whose leaving out was noted as a deviation, each with its reason."""
+    return {
+        str(event.arguments["step"]): str(event.arguments["because"])
+        for event in day.events
+        if event.action == "note-deviation" and event.number not in day.struck
+    }
+
+
+def remarks(day: Day) -> Shown:
+    """Return what to remark on the last event of a day: steps that it came too early for."""
+    last = len(day.events) - 1
+    sheets = action_table().actions
+    return tuple(
+        (f"left out: {sheets[each.step].title.lower()}", sheets[each.step].skipped, "")
+        for each in left_out(day)
+        if each.before == last
+    )
+
+
+def checklist(day: Day, *, end: bool) -> Shown:
+    """Return the list that is gone through before the first shot, or before the verdict."""
+    sheets = action_table().actions
+    if not end:
+        lines = {sheets[name].title: day.times(name) > 0 for name in START}
+    else:
+        names = [event.action for event in day.events]
+        after = names[len(names) - names[::-1].index("fire") :] if "fire" in names else names
+        undecided = [shot + 1 for shot in range(len(day.fired)) if shot not in day.decisions]
+        lines = {
+            f"{sheets['tap-bat'].title} once more": "tap-bat" in after,
+            "Every hit accepted or rejected": not undecided,
+            "A reason noted for every step left out": {each.step for each in left_out(day)}
+            <= excused(day).keys(),
+        }
+    return tuple((title, "done" if done else "not done", "") for title, done in lines.items())
