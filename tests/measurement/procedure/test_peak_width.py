@@ -101,11 +101,11 @@ def test_a_drop_of_nothing_or_of_a_speed_is_refused() -> None:
 
 
 def test_the_interval_holds_the_true_width_in_most_laboratories() -> None:
-    """Of 60 intervals of 95 % at least 51 hold it with probability 0.999."""
+    """Of 40 intervals of 95 % at least 33 hold it with probability 0.999."""
     held = 0
-    for tested in Campaign.of("r161", "bbcor").run(60, 70_000):
+    for tested in Campaign.of("r161", "bbcor").run(40, 70_000):
         width = tested.certification.width
         assert width is not None
         low, high = width.budget.interval_95
         held += low <= tested.sealed.measurand[WIDTH] <= high
-    assert held >= 51
+    assert held >= 33
