@@ -15,7 +15,7 @@ from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.errors import InputError
-from virtual_lab.lab.measurand import CONTINUOUS, WIDTH
+from virtual_lab.lab.measurand import CONTINUOUS, WIDTH_KEY
 from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.measurement.model import QUANTITIES
 from virtual_lab.measurement.procedure import Procedure, Verdict
@@ -65,7 +65,7 @@ def test_ideal_laboratory_recovers_the_truth(procedure: str, bat: str, played: P
     assert found.outcome.reason == ""
     assert found.metric is not None
     assert found.metric.value == pytest.approx(true["metric"], rel=1e-9)
-    beside = {"metric", CONTINUOUS, WIDTH}
+    beside = {"metric", CONTINUOUS, WIDTH_KEY}
     assert found.quantities.keys() == QUANTITIES.keys() == true.keys() - beside
     for name, budget in found.quantities.items():
         assert budget.value == pytest.approx(true[name], rel=1e-9), name

@@ -19,7 +19,7 @@ from virtual_lab.studies.control_charts import (
     RULES,
     Baseline,
     breaks,
-    chart,
+    control_chart,
     cusum,
     ewma,
     moving_range,
@@ -235,7 +235,7 @@ def test_a_baseline_of_no_use(values: list[float]) -> None:
 
 def test_a_chart_begins_after_its_baseline() -> None:
     """Four days of baseline, then two in control and one far off."""
-    charted = chart([-1, 1, -1, 1, 0.1, -0.1, 30.0], 4, rules=(1,))
+    charted = control_chart([-1, 1, -1, 1, 0.1, -0.1, 30.0], 4, rules=(1,))
     assert set(charted.alarms) == {
         RULES[1].words,
         "moving range",
@@ -245,8 +245,8 @@ def test_a_chart_begins_after_its_baseline() -> None:
     for flags in charted.alarms.values():
         assert flags.tolist() == [False, False, True]
     assert charted.ranges * charted.baseline.sigma == pytest.approx([0.9, 0.2, 30.1])
-    calm = chart([-1, 1, -1, 1, 0.1], 4)
+    calm = control_chart([-1, 1, -1, 1, 0.1], 4)
     assert len(calm.alarms) == 7
     assert not any(flags.any() for flags in calm.alarms.values())
     with pytest.raises(ValueError, match="leave none"):
-        chart([-1, 1, -1, 1], 4)
+        control_chart([-1, 1, -1, 1], 4)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from virtual_lab.measurement.certification import Certification
     from virtual_lab.output.metrics import Printed
     from virtual_lab.simulation.truth import Sealed
-    from virtual_lab.studies.score import Score
+    from virtual_lab.studies.score import QuantityScore
     from virtual_lab.video.calibration.calibrating import Calibrated
     from virtual_lab.video.show.tracked_clip import TrackedClip
 
@@ -207,7 +207,7 @@ class Certificate:
             figure.savefig(path)
         return figure
 
-    def score(self) -> dict[str, Score]:
+    def score(self) -> dict[str, QuantityScore]:
         """Open the sealed truth: recovered against true, in units and standard uncertainties."""
         from virtual_lab.studies.score import score
 
@@ -449,13 +449,13 @@ def sweep(
     InputError
         Unknown names, files that cannot be used, a seed that is no whole number from 0.
     """
-    from virtual_lab.studies.sweep import sweep as study
+    from virtual_lab.studies.sweep import sweep_tests
 
     many = [_whole(seed) for seed in (seeds if isinstance(seeds, Iterable) else (seeds,))]
     several = [
         (each,) if isinstance(each, str | Path | Sheet) else each for each in (bats, procedures)
     ]
-    run = with_sheets(study)
+    run = with_sheets(sweep_tests)
     if progress is not None:
         return run(*several, many, instruments=instruments, progress=progress)
     with shown() as shown_progress:

@@ -139,10 +139,10 @@ def critique(
 ) -> Any:
     """Show which test procedures rank BATs as the field does, and which do not."""
     from virtual_lab.studies.bats.profile import chosen_swings
-    from virtual_lab.studies.critique import SWINGS
+    from virtual_lab.studies.critique import FIELD_SWINGS
     from virtual_lab.studies.critique import critique as study
 
-    chosen = chosen_swings(swing_law, swings, SWINGS)
+    chosen = chosen_swings(swing_law, swings, FIELD_SWINGS)
     return study(bats, swings=chosen, progress=progress, **asked)
 
 

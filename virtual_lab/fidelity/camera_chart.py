@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from virtual_lab.fidelity.camera_drawing import TITLE, WORDS, draw_camera
+from virtual_lab.fidelity.camera_drawing import CAMERA_TITLE, CAMERA_WORDS, draw_camera
 from virtual_lab.fidelity.camera_errors import score_places, seconds_a_picture
 from virtual_lab.fidelity.camera_estimators import ESTIMATORS
 from virtual_lab.fidelity.camera_pictures import pictures
@@ -40,7 +40,9 @@ def camera_chart(progress: Progress = quiet) -> SpeedChart:
 
 
 def _chart(rows: list[dict[str, Any]]) -> SpeedChart:
-    return SpeedChart(name="camera", title=TITLE, words=WORDS, rows=rows, figure=draw_camera)
+    return SpeedChart(
+        name="camera", title=CAMERA_TITLE, words=CAMERA_WORDS, rows=rows, figure=draw_camera
+    )
 
 
 def camera_rows(progress: Progress = quiet) -> list[Row]:

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["TITLE", "WORDS", "draw_camera"]
+__all__ = ["CAMERA_TITLE", "CAMERA_WORDS", "draw_camera"]
 
-TITLE = "Locating the ball: error over time a frame"
-WORDS = (
+CAMERA_TITLE = "Locating the ball: error over time a frame"
+CAMERA_WORDS = (
     "Root mean square errors along an axis over places spread evenly within a pixel; radius 30 px, "
     "shift during the exposure 2 px, contrast 96 times a pixel's noise. The limit is Cramér and "
     "Rao's bound of a plain ball: nothing unbiased does better. A marker with a "
@@ -52,7 +52,7 @@ def draw_camera(rows: list[dict[str, Any]]) -> Figure:
         fontsize=8,
         frameon=False,
     )
-    figure.suptitle(TITLE, fontsize=11)
+    figure.suptitle(CAMERA_TITLE, fontsize=11)
     return figure
 
 

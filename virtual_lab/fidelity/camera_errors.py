@@ -12,13 +12,13 @@ from virtual_lab.fidelity.camera_estimators import Estimator
 from virtual_lab.fidelity.camera_scenes import Batch, EstimatorInput
 from virtual_lab.video.locate.located import Located
 
-__all__ = ["BEYOND", "Score", "score_places", "seconds_a_picture", "wrong_unsaid"]
+__all__ = ["BEYOND", "PlaceScore", "score_places", "seconds_a_picture", "wrong_unsaid"]
 
 BEYOND = 5.0  # standard uncertainties: no error of a sound picture is as large
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Score:
+class PlaceScore:
     """Of many pictures; those without a place count in `lost` alone."""
 
     rms: float  # of an error along an axis [pixel]
@@ -28,15 +28,15 @@ class Score:
     unsaid: float  # share off by more than five of its own standard uncertainties, unflagged
 
 
-def score_places(batch: Batch, found: Located) -> Score:
+def score_places(batch: Batch, found: Located) -> PlaceScore:
     """Return what places are worth."""
     off = np.stack([found.x - batch.x, found.y - batch.y])
     here = np.isfinite(off).all(axis=0)
     if not here.any():
-        return Score(rms=np.inf, bias=np.inf, lost=1.0, flagged=0.0, unsaid=0.0)
+        return PlaceScore(rms=np.inf, bias=np.inf, lost=1.0, flagged=0.0, unsaid=0.0)
     _, phase = np.unique(np.round(batch.x % 1.0, 6), return_inverse=True)
     means = [off[:, here & (phase == k)].mean(axis=1) for k in np.unique(phase[here])]
-    return Score(
+    return PlaceScore(
         rms=float(np.sqrt(np.mean(off[:, here] ** 2))),
         bias=float(np.abs(means).max() / batch.limit),
         lost=float(1 - here.mean()),

@@ -22,6 +22,8 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec, BatBody
 from virtual_lab.errors import InputError
 from virtual_lab.fidelity.collision_drawing import (
+    COLLISION_TITLE,
+    COLLISION_WORDS,
     ELEMENTS,
     IN_ALL,
     MODES,
@@ -31,8 +33,6 @@ from virtual_lab.fidelity.collision_drawing import (
     SOLVING,
     STEPS,
     SURROGATE,
-    TITLE,
-    WORDS,
     draw_collision,
 )
 from virtual_lab.fidelity.results import SpeedChart
@@ -97,7 +97,13 @@ def collision_chart(progress: Progress = quiet) -> SpeedChart:
 
 
 def _chart(rows: list[dict[str, Any]]) -> SpeedChart:
-    return SpeedChart(name="collision", title=TITLE, words=WORDS, rows=rows, figure=draw_collision)
+    return SpeedChart(
+        name="collision",
+        title=COLLISION_TITLE,
+        words=COLLISION_WORDS,
+        rows=rows,
+        figure=draw_collision,
+    )
 
 
 def collision_rows(progress: Progress = quiet) -> list[dict[str, Any]]:

@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
+    "COLLISION_TITLE",
+    "COLLISION_WORDS",
     "ELEMENTS",
     "IN_ALL",
     "MODES",
@@ -20,8 +22,6 @@ __all__ = [
     "SOLVING",
     "STEPS",
     "SURROGATE",
-    "TITLE",
-    "WORDS",
     "draw_collision",
 ]
 
@@ -38,8 +38,8 @@ PANELS = {
     IN_ALL: "error of the rung, against 120 modes",
     SOLVING: "error of solving alone, same 20 modes",
 }
-TITLE = "Collision: accuracy over cost, R161, 2 to 12 in, 60 to 160 mph"
-WORDS = (
+COLLISION_TITLE = "Collision: accuracy over cost, R161, 2 to 12 in, 60 to 160 mph"
+COLLISION_WORDS = (
     "Worst error in e_A over the time a shot takes on one core. Left, what a rung errs by in all, "
     "against 120 modes stepped one by one; right, what solving the equations adds to that, against "
     "the same 20 modes stepped one by one four times finer. The dashed line decides: the cheapest "
@@ -90,7 +90,7 @@ def draw_collision(rows: list[dict[str, Any]]) -> Figure:
         axes.set_title(title, fontsize=10)
     panels[0].set_ylabel("worst error in $e_A$")
     figure.legend(loc="outside lower center", ncols=5, fontsize=8, frameon=False)
-    figure.suptitle(TITLE, fontsize=11)
+    figure.suptitle(COLLISION_TITLE, fontsize=11)
     canvas.draw()  # settles the layout, which labels go by
     for name, axes in zip(PANELS, panels, strict=True):
         own = [row for row in rows if row["held_against"] == name]

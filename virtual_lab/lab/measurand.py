@@ -17,11 +17,11 @@ from virtual_lab.measurement.session_reduction import Reduced
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.rig import ImpactStation, ShotPlan, Specimen
 
-__all__ = ["CONTINUOUS", "WIDTH", "measurand", "true_curve"]
+__all__ = ["CONTINUOUS", "WIDTH_KEY", "measurand", "true_curve"]
 
 Array = NDArray[np.float64]
 CONTINUOUS = "metric_of_continuous_curve"
-WIDTH = "width_m"
+WIDTH_KEY = "width_m"
 CURVE_POINTS = 41
 
 
@@ -71,7 +71,7 @@ def _of_continuous(curve: TrueCurve, control: float) -> dict[str, float]:
         crossings = metric.solve(level, discontinuity=False, extrapolate=False)
         low = crossings[crossings < best].max(initial=curve.place[0])
         high = crossings[crossings > best].min(initial=curve.place[-1])
-        found[WIDTH] = float(high - low)
+        found[WIDTH_KEY] = float(high - low)
     return found
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["BAND", "STYLE", "WIDTH"]
+__all__ = ["INTERVAL_GREY", "PAGE_WIDTH_IN", "STYLE"]
 
-WIDTH = 6.9  # in, the text width of an A4 page
+PAGE_WIDTH_IN = 6.9  # in, the text width of an A4 page
 STYLE: dict[str, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "virtual-lab",
@@ -24,4 +24,4 @@ STYLE: dict[str, Any] = {
     "lines.linewidth": 0.9,
     "lines.markersize": 5,
 }
-BAND = "0.85"  # the interval: light enough that markers stand out on a grey printer
+INTERVAL_GREY = "0.85"  # the interval: light enough that markers stand out on a grey printer

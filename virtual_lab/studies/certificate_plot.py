@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from virtual_lab.output.metrics import METRICS
-from virtual_lab.output.style import BAND, STYLE, WIDTH
+from virtual_lab.output.style import INTERVAL_GREY, PAGE_WIDTH_IN, STYLE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,14 +26,14 @@ def plot_hits(found: Certification) -> Figure:
     values = found.shot_metric / printed.unit_si
     shots, valid = np.arange(1, values.size + 1), found.judgement.valid
     with style.context(STYLE, after_reset=True):
-        figure = Figure(figsize=(WIDTH, 2.6), dpi=150, layout="constrained")
+        figure = Figure(figsize=(PAGE_WIDTH_IN, 2.6), dpi=150, layout="constrained")
         axes = figure.add_subplot()
         axes.plot(shots[valid], values[valid], "o", color="black", label="valid hits")
         axes.plot(shots[~valid], values[~valid], "x", color="0.5", label="rejected shots")
         if found.metric:
             low, high = (end / printed.unit_si for end in found.metric.interval_95)
             value = found.metric.value / printed.unit_si
-            axes.axhspan(low, high, color=BAND, zorder=0, label="95 % interval")
+            axes.axhspan(low, high, color=INTERVAL_GREY, zorder=0, label="95 % interval")
             axes.axhline(value, color="black", linewidth=0.8, label="result")
         if found.procedure.most is not None:
             limit = found.procedure.most / printed.unit_si

@@ -20,7 +20,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["RULES", "Baseline", "Charted", "breaks", "chart", "cusum", "ewma", "moving_range"]
+__all__ = [
+    "RULES",
+    "Baseline",
+    "Charted",
+    "breaks",
+    "control_chart",
+    "cusum",
+    "ewma",
+    "moving_range",
+]
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -132,7 +141,9 @@ class Charted:
     alarms: Mapping[str, Flags]  # by what was broken
 
 
-def chart(values: ArrayLike, baseline_days: int, rules: Collection[int] = tuple(RULES)) -> Charted:
+def control_chart(
+    values: ArrayLike, baseline_days: int, rules: Collection[int] = tuple(RULES)
+) -> Charted:
     """Return daily values (day,) on the charts, limits from the first `baseline_days` of them.
 
     Rules, average and sums begin again, at the centre, on the day after the baseline.

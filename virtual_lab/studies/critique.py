@@ -39,16 +39,16 @@ if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = [
+    "FIELD_SWINGS",
     "FIELD_TIE_MPH",
     "SURE",
-    "SWINGS",
     "Critique",
     "critique",
     "misranking",
 ]
 
 Array = NDArray[np.float64]
-SWINGS = (0.0, 0.3, 0.5)
+FIELD_SWINGS = (0.0, 0.3, 0.5)
 FIELD_TIE_MPH = 0.1  # bats less than this apart in the field have no order there
 SURE = 0.95  # a ranking that comes out one way this often is that procedure's
 
@@ -161,7 +161,7 @@ def critique(
     bats: Sequence[str],
     *,
     procedures: Sequence[str] = (),
-    swings: Sequence[float | None] = SWINGS,
+    swings: Sequence[float | None] = FIELD_SWINGS,
     reference_inertia: str | None = None,
     ball: str | None = None,
     laboratories: int = 20,

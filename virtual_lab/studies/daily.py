@@ -31,7 +31,7 @@ from virtual_lab.simulation.physics.ageing import lasting_loss
 from virtual_lab.simulation.rig import Reality, ShotPlan, Specimen, Stage, WallStation, find_rig
 from virtual_lab.simulation.truth import TrueBalls, draw_balls, made_bat
 from virtual_lab.studies.check_cylinder import check_cylinder
-from virtual_lab.studies.control_charts import RULES, Charted, chart
+from virtual_lab.studies.control_charts import RULES, Charted, control_chart
 from virtual_lab.studies.daily_chart import draw_control_chart
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import MPH
@@ -231,9 +231,9 @@ def daily(
         since=begin if drift or step or faults else None,
         values=values,
         wall=wall,
-        charted=chart(values, baseline, rules),
+        charted=control_chart(values, baseline, rules),
         cylinder=cylinder,
-        cylinder_charted=chart(cylinder, baseline, rules),
+        cylinder_charted=control_chart(cylinder, baseline, rules),
     )
 
 

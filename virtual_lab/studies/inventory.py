@@ -15,13 +15,13 @@ from virtual_lab.output.result import Json, Rows
 from virtual_lab.output.tables import column, table_text
 from virtual_lab.units import MPH
 
-__all__ = ["Entry", "ShownSheet", "shelf", "shown_sheet"]
+__all__ = ["ShelfEntry", "ShownSheet", "shelf", "shown_sheet"]
 
 RIGS = "virtual_lab.rigs"  # the group of entry points
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Entry:
+class ShelfEntry:
     """One thing on the shelf."""
 
     kind: str = column("kind")
@@ -29,7 +29,7 @@ class Entry:
     title: str = column("what it is")
 
 
-def shelf(kind: str | None = None) -> Rows[Entry]:
+def shelf(kind: str | None = None) -> Rows[ShelfEntry]:
     """Return kind, name and title of everything in the catalog, or of one kind.
 
     Rigs are those installed, whoever made them.
@@ -39,7 +39,7 @@ def shelf(kind: str | None = None) -> Rows[Entry]:
         found = {name: catalog.title(each, name) for name in catalog.names(each)}
         if each == "rigs":
             found = _installed_rigs(found)
-        rows += [Entry(kind=each, name=name, title=text) for name, text in found.items()]
+        rows += [ShelfEntry(kind=each, name=name, title=text) for name, text in found.items()]
     return Rows(name="list", title=f"the catalog: {kind or 'everything'}", rows=rows)
 
 

@@ -11,13 +11,13 @@ from typing import Any
 
 from virtual_lab.errors import InputError
 from virtual_lab.files import read_bytes, read_json
-from virtual_lab.lab.measurand import CONTINUOUS, WIDTH
+from virtual_lab.lab.measurand import CONTINUOUS, WIDTH_KEY
 from virtual_lab.lab.seal import TRUTH, Alteration, alterations
 from virtual_lab.measurement.model import QUANTITIES
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import column, record, table_text
 
-__all__ = ["Score", "Scored", "score", "score_folder"]
+__all__ = ["QuantityScore", "Scored", "score", "score_folder"]
 
 CERTIFICATE = "certificate.json"
 BOUND = {(TRUTH, ""), (CERTIFICATE, "simulation.truth_digest")}  # the one holds the other's digest
@@ -25,7 +25,7 @@ ALTERED = 3  # exit code
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Score:
+class QuantityScore:
     """Measured against true, in SI; None where nothing was measured, z also where u is 0."""
 
     quantity: str = column("quantity")
@@ -36,7 +36,7 @@ class Score:
     z: float | None = column("error", "u", "+.2f")
 
     @classmethod
-    def of(cls, quantity: str, measured: Mapping[str, Any], true: float) -> Score:
+    def of(cls, quantity: str, measured: Mapping[str, Any], true: float) -> QuantityScore:
         """Return that of a result with `value` and `u`."""
         value, u = measured["value"], measured["u"]
         error = None if value is None else value - true
@@ -44,7 +44,9 @@ class Score:
         return cls(quantity=quantity, measured=value, u=u, true=true, error=error, z=z)
 
 
-def score(certificate: Mapping[str, Any], measurand: Mapping[str, float]) -> dict[str, Score]:
+def score(
+    certificate: Mapping[str, Any], measurand: Mapping[str, float]
+) -> dict[str, QuantityScore]:
     """Return measured against true for the metric and the quantities behind it, by name.
 
     Of a scan the metric stands twice: against the procedure's own result on the exact curve, and
@@ -55,9 +57,9 @@ def score(certificate: Mapping[str, Any], measurand: Mapping[str, float]) -> dic
     if CONTINUOUS in measurand:
         stated[CONTINUOUS] = certificate["metric"]
     stated |= {name: certificate[name] for name in QUANTITIES if name in certificate}
-    if certificate.get(WIDTH) and WIDTH in measurand:
-        stated[WIDTH] = certificate[WIDTH]
-    return {name: Score.of(name, found, measurand[name]) for name, found in stated.items()}
+    if certificate.get(WIDTH_KEY) and WIDTH_KEY in measurand:
+        stated[WIDTH_KEY] = certificate[WIDTH_KEY]
+    return {name: QuantityScore.of(name, found, measurand[name]) for name, found in stated.items()}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -66,7 +68,7 @@ class Scored(StudyResult):
 
     altered: tuple[Alteration, ...]  # what is not as it was sealed
     sealing: str | None  # whether who knows the records could find the truth again
-    rows: tuple[Score, ...]  # none where what was altered cannot be scored
+    rows: tuple[QuantityScore, ...]  # none where what was altered cannot be scored
 
     name = "score"
 
@@ -78,7 +80,7 @@ class Scored(StudyResult):
     @property
     def title(self) -> str:
         """Whether the seal is whole."""
-        return f"Score of a certificate, seal {self.seal}"
+        return f"QuantityScore of a certificate, seal {self.seal}"
 
     @property
     def code(self) -> int:
@@ -106,7 +108,7 @@ class Scored(StudyResult):
 
 
 def score_folder(folder: str | Path) -> Scored:
-    """Score the test in an output folder and say whether its seal is whole.
+    """QuantityScore the test in an output folder and say whether its seal is whole.
 
     Raises
     ------
@@ -129,7 +131,7 @@ def score_folder(folder: str | Path) -> Scored:
     return Scored(altered=tuple(altered), sealing=simulation.get("sealing"), rows=rows)
 
 
-def _scored(folder: Path) -> tuple[dict[str, str], tuple[Score, ...]]:
+def _scored(folder: Path) -> tuple[dict[str, str], tuple[QuantityScore, ...]]:
     """Return how a certificate was simulated, and its score; `InputError` where it has none."""
     certificate, truth = read_json(folder / CERTIFICATE), read_json(folder / TRUTH)
     try:

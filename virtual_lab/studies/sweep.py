@@ -14,10 +14,10 @@ from virtual_lab.output.progress import Progress, quiet
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["sweep"]
+__all__ = ["sweep_tests"]
 
 
-def sweep(
+def sweep_tests(
     bats: Sequence[str],
     procedures: Sequence[str],
     seeds: Sequence[int],

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from virtual_lab import catalog
 from virtual_lab.lab import Campaign
-from virtual_lab.lab.measurand import WIDTH
+from virtual_lab.lab.measurand import WIDTH_KEY
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.procedure.peak_width import width_of
 from virtual_lab.streams import Streams
@@ -107,5 +107,5 @@ def test_the_interval_holds_the_true_width_in_most_laboratories() -> None:
         width = tested.certification.width
         assert width is not None
         low, high = width.budget.interval_95
-        held += low <= tested.sealed.measurand[WIDTH] <= high
+        held += low <= tested.sealed.measurand[WIDTH_KEY] <= high
     assert held >= 33

@@ -9,8 +9,8 @@ from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.collision import ladder as rungs
 from virtual_lab.simulation.collision.ladder import (
+    COLLISION_RUNGS,
     MODE_COUNTS,
-    RUNGS,
     SURROGATE_TOLERANCE,
     Ladder,
     choose,
@@ -31,7 +31,7 @@ PROBE = usual([4.0, 6.0, 8.0])
 BOX = Box.about(PROBE)
 
 
-@pytest.mark.parametrize("rung", RUNGS)
+@pytest.mark.parametrize("rung", COLLISION_RUNGS)
 def test_a_rung_asked_for_is_given(rung: str) -> None:
     choice = choose(WOOD, Free(), PROBE, rung=rung)
     assert choice.model.rung == rung

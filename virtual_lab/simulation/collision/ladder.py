@@ -29,8 +29,8 @@ from virtual_lab.simulation.physics.supports import Support, support_words
 from virtual_lab.units import INCH
 
 __all__ = [
+    "COLLISION_RUNGS",
     "MODE_COUNTS",
-    "RUNGS",
     "SHARE",
     "Choice",
     "EfficiencyChoice",
@@ -40,7 +40,7 @@ __all__ = [
     "probing_scenes",
 ]
 
-RUNGS = ("rigid", "modal", "reference")
+COLLISION_RUNGS = ("rigid", "modal", "reference")
 MODE_COUNTS = (14, 20, 30)  # bending modes of the modal rungs, cheap to dear
 # m from the tip, where the procedures strike; every so far, which finds the worst of a bat that
 # the ball meets once to 1 %
@@ -84,7 +84,7 @@ def choose(
     probe : Scenes
         A few scenes like those to come, on which the errors of the rungs are measured.
     rung : str, optional
-        One of `RUNGS`, taken whatever its error; modal with the default number of modes.
+        One of `COLLISION_RUNGS`, taken whatever its error; modal with the default number of modes.
     standard_uncertainty : float, optional
         Of the e_A the scenes are to yield; without it and without `rung`, modal is taken.
 
@@ -221,8 +221,8 @@ def choose_efficiency(
 
 
 def _check(rung: str | None, uncertainty: float | None) -> None:
-    if rung is not None and rung not in RUNGS:
-        raise InputError("collision", "rung", rung, f"allowed: {', '.join(RUNGS)}")
+    if rung is not None and rung not in COLLISION_RUNGS:
+        raise InputError("collision", "rung", rung, f"allowed: {', '.join(COLLISION_RUNGS)}")
     if uncertainty is not None and not uncertainty > 0:
         raise InputError("collision", "standard_uncertainty", uncertainty, "allowed: above 0")
 

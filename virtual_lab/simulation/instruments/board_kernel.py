@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from virtual_lab.relations.flight_kernel import BLOCK, FAST, time_over
-from virtual_lab.simulation.instruments.board_sums import PHASES
+from virtual_lab.simulation.instruments.board_sums import CENTRE_PHASES
 
 __all__ = ["Boards", "rows_of_gains", "sum_up", "write_edges"]
 
@@ -149,4 +149,4 @@ def rows_of_gains(centre: Floats, beams: int, radius: float, rows: Rows) -> None
         place = -centre[i] if above > below else centre[i]
         phase = place - floor(place)
         phase = phase if phase >= 0.0 else 0.0
-        rows[i] = int(missing * (PHASES + 1) + floor(phase * PHASES + 0.5))
+        rows[i] = int(missing * (CENTRE_PHASES + 1) + floor(phase * CENTRE_PHASES + 0.5))

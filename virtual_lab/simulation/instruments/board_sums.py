@@ -14,11 +14,11 @@ import numpy as np
 
 from virtual_lab.simulation.arrays import Array
 
-__all__ = ["PHASES", "gain_table"]
+__all__ = ["CENTRE_PHASES", "gain_table"]
 
 LEAST_BEAMS = 4  # broken, for a sum
 FAINTEST = 1e-2  # of the longest chord's square: shorter ones weigh no more than this one
-PHASES = 64  # of a centre between two beams
+CENTRE_PHASES = 64  # of a centre between two beams
 
 
 @cache
@@ -28,7 +28,7 @@ def gain_table(radius: float) -> Array:
     The first is that of the passage, from that of an edge's time; then that of the height, from
     that of the way flown at an edge; then that of the height, from that of a beam's threshold.
     Rows go by how many beams are missing, below, that the ball would break on a longer board,
-    and by where its centre passes between two beams, in `PHASES` steps.
+    and by where its centre passes between two beams, in `CENTRE_PHASES` steps.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def gain_table(radius: float) -> Array:
 def _gains(radius: float, missing: int) -> Array:
     """Return the three gains at each phase, the lowest `missing` beams not there."""
     reach = int(radius) + 1
-    phase = np.arange(PHASES + 1) / PHASES
+    phase = np.arange(CENTRE_PHASES + 1) / CENTRE_PHASES
     place = (np.arange(-reach, reach + 2) - phase[:, None]) / radius
     square = 1 - place**2
     broken = square > 0

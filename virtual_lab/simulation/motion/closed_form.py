@@ -22,9 +22,9 @@ from virtual_lab.simulation.motion.touch import (
     time_to_stop,
 )
 
-__all__ = ["EDGE", "FOLLOWED", "GRAZED", "RUNG", "play_closed_form"]
+__all__ = ["CLOSED_FORM", "EDGE", "FOLLOWED", "GRAZED", "play_closed_form"]
 
-RUNG = "closed-form"
+CLOSED_FORM = "closed-form"
 EDGE = "the ball strikes the edge of the bat's end, where no collision model holds"
 GRAZED = "the ball grazes the bat by less than its roundness is known"
 FOLLOWED = "the bat follows faster than the ball leaves it: no such e_A can be"
@@ -71,7 +71,7 @@ def play_closed_form(scene: ShotScene) -> PlayedShots:
     done, sound = refused == "", refused[hit] == ""
     starts = np.flatnonzero(done)
     return PlayedShots(
-        rung=np.full(count, RUNG),
+        rung=np.full(count, CLOSED_FORM),
         reason=np.where(done, "closed form does all of it", ""),
         refused=refused,
         pieces=Pieces.joined(

@@ -13,7 +13,7 @@ from virtual_lab.simulation.motion.touch import nearness
 
 __all__ = ["RUNGS", "play"]
 
-RUNGS = (closed_form.RUNG, pymunk_scene.RUNG)
+RUNGS = (closed_form.CLOSED_FORM, pymunk_scene.PYMUNK)
 
 
 def play(
@@ -41,7 +41,7 @@ def play(
     if gap <= 0:
         allowed = "allowed: above 0, the ball starts in the open"
         raise InputError("motion", "gap to the bat [m]", gap, allowed)
-    if rung == pymunk_scene.RUNG:
+    if rung == pymunk_scene.PYMUNK:
         return pymunk_scene.play_pymunk(scene, settings)
     cheap = closed_form.play_closed_form(scene)
     beyond = np.flatnonzero(cheap.refused != "")

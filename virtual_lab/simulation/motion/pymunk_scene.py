@@ -37,9 +37,9 @@ from virtual_lab.simulation.motion.touch import (
     time_to_stop,
 )
 
-__all__ = ["RUNG", "PymunkSettings", "carry", "play_pymunk"]
+__all__ = ["PYMUNK", "PymunkSettings", "carry", "play_pymunk"]
 
-RUNG = "pymunk"
+PYMUNK = "pymunk"
 BALL = 1  # its category: it alone meets what stands
 BEYOND = 1e-9  # m, by which a ball must overlap a shape for pymunk to see it
 OVER = 1e-6  # m, of overlap that no rounding explains
@@ -102,8 +102,8 @@ def carry(scene: ShotScene, settings: PymunkSettings) -> PlayedShots:
     ]
     nothing = Pieces.of(np.zeros(0), np.zeros(0), START, ShotState.of().part(slice(0, 0)))
     return PlayedShots(
-        rung=np.full(len(shots), RUNG),
-        reason=np.full(len(shots), f"{RUNG} was asked for"),
+        rung=np.full(len(shots), PYMUNK),
+        reason=np.full(len(shots), f"{PYMUNK} was asked for"),
         refused=np.array([shot.refused for shot in shots], dtype=np.str_),
         pieces=Pieces.joined([nothing, *pieces]),
     )

@@ -22,9 +22,9 @@ from virtual_lab.units import OZ_IN2
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["SWINGS", "Compared", "compare", "profile"]
+__all__ = ["PROFILE_SWINGS", "Compared", "compare", "profile"]
 
-SWINGS = (0.0, 0.5)
+PROFILE_SWINGS = (0.0, 0.5)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -161,7 +161,7 @@ def profile(
     several = (bats,) if isinstance(bats, str) else tuple(bats)
     asked = (swings,) if isinstance(swings, int | float) else tuple(swings)
     alone = len(several) == 1
-    chosen = chosen_swings(swing_law, asked, SWINGS[:1] if alone else SWINGS)
+    chosen = chosen_swings(swing_law, asked, PROFILE_SWINGS[:1] if alone else PROFILE_SWINGS)
     if not alone:
         return compare(several, swings=chosen, reference_inertia=reference_inertia, ball=ball)
     if len(chosen) > 1:
@@ -175,7 +175,7 @@ def profile(
 def compare(
     bats: Sequence[str],
     *,
-    swings: Sequence[float | None] = SWINGS,
+    swings: Sequence[float | None] = PROFILE_SWINGS,
     reference_inertia: str | None = None,
     ball: str | None = None,
 ) -> Compared:

@@ -30,7 +30,7 @@ from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.physics.supports import Pinned
 from virtual_lab.simulation.rig import Reality, ShotPlan, Stage
 from virtual_lab.studies.bats.percussion_chart import draw_percussion
-from virtual_lab.studies.bats.percussion_text import Reading, Struck, percussion_text
+from virtual_lab.studies.bats.percussion_text import ReadError, Struck, percussion_text
 from virtual_lab.uncertainty.budget import combine, propagate, scatter
 from virtual_lab.units import INCH
 
@@ -198,9 +198,9 @@ def _row(still: _Stand, place: float, shots: int, read: list[_Read]) -> Struck:
         for bearing in ({}, PLAIN, LOOSE)
     )
 
-    def readings(name: str) -> Reading:
+    def readings(name: str) -> ReadError:
         error = float((getattr(reduced.shots, READINGS[name]) - true).mean())
-        return Reading(
+        return ReadError(
             error=error if np.isfinite(error) else None,
             rms=_root_mean_square([each.error[name] for each in read]),
             u=_root_mean_square([each.u[name] for each in read]),

@@ -9,7 +9,7 @@ from typing import Any
 
 from virtual_lab.output.tables import column, table_text
 
-__all__ = ["Reading", "Struck", "percussion_text"]
+__all__ = ["ReadError", "Struck", "percussion_text"]
 
 
 def _milli(key: str, form: str) -> Callable[[Any], str]:
@@ -23,7 +23,7 @@ def _milli(key: str, form: str) -> Callable[[Any], str]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reading:
+class ReadError:
     """e_A by one way of reading it; None where no rebound was seen."""
 
     error: float | None = column("error", "1e-3", _milli("error", "+.2f"))  # with nothing random
@@ -41,8 +41,8 @@ class Struck:
     reaction_n: float = column("mean force", "N", "+.0f")
     ring_mrad: float = column("ring", "mrad", ".2f")  # of bending, its amplitude at the encoder
     seen: float = column("rebounds seen", form=".0%")
-    recoil: Reading
-    rebound: Reading
+    recoil: ReadError
+    rebound: ReadError
     plain_shift: float = column("shift, plain bearing", "1e-3", _milli("plain_shift", "+.3f"))
     loose_shift: float = column("shift, loose bearing", "1e-3", _milli("loose_shift", "+.3f"))
 

@@ -45,7 +45,6 @@ __all__ = [
     "SWINGS",
     "WOOD",
     "Z",
-    "ball",
     "beam",
     "body",
     "centre_of_percussion_in",
@@ -53,6 +52,7 @@ __all__ = [
     "lead",
     "model",
     "nominal",
+    "paper_ball",
     "peak_of",
     "profiled",
     "recoil",
@@ -78,7 +78,7 @@ def game() -> GameConditions:
 
 
 @lru_cache
-def ball(name: str = GAME_BALL) -> BallSpec:
+def paper_ball(name: str = GAME_BALL) -> BallSpec:
     return catalog.load("balls", name, BallSpec).spec
 
 
@@ -148,7 +148,7 @@ def peak_of(
     """Return collisions at places, at a relative speed each or at one."""
     places = np.atleast_1d(np.asarray(z, dtype=float))
     scenes = Scenes.with_ball(
-        ball(with_ball),
+        paper_ball(with_ball),
         impact_position=places * INCH,
         relative_speed=np.broadcast_to(np.asarray(speed, dtype=float), places.shape) * MPH,
     )
@@ -157,7 +157,7 @@ def peak_of(
 
 def recoil(bat: str, z: ArrayLike, held: str = "free") -> Array:
     """Return r of a free, pivoted or clamped bat."""
-    own, place, mass = beam(bat), np.asarray(z, dtype=float) * INCH, ball().mass
+    own, place, mass = beam(bat), np.asarray(z, dtype=float) * INCH, paper_ball().mass
     if held == "clamped":
         return np.zeros_like(place)
     if held == "pivoted":

@@ -24,9 +24,9 @@ from virtual_lab.studies.paper.computed import (
     KNOB,
     WOOD,
     Z,
-    ball,
     lead,
     model,
+    paper_ball,
     profiled,
     recoil,
     restitution,
@@ -67,7 +67,9 @@ def _with_ball() -> float:
     """Return the change of the peak e of R161 over the NCAA's window of e0, at 60 mph."""
 
     def peak_e(e0: float) -> float:
-        scenes = Scenes.with_ball(ball(BALL), impact_position=Z * INCH, relative_speed=60 * MPH)
+        scenes = Scenes.with_ball(
+            paper_ball(BALL), impact_position=Z * INCH, relative_speed=60 * MPH
+        )
         struck = replace(scenes, ball_restitution=np.full(Z.shape, e0))
         e_A = model(WOOD).collide(struck).collision_efficiency
         return float(np.asarray(restitution_from_efficiency(e_A, recoil(WOOD, Z))).max())

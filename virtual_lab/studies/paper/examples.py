@@ -24,11 +24,11 @@ from virtual_lab.studies.paper.computed import (
     SWINGS,
     WOOD,
     Z,
-    ball,
     beam,
     body,
     lead,
     nominal,
+    paper_ball,
     peak_of,
     profiled,
     recoil,
@@ -116,7 +116,7 @@ def _thinner_is_livelier() -> float:
     assert thin is not None
     assert whole is not None
     struck_body = thinned(ALUMINIUM, thin[0] / whole[0])
-    own, mass = beam_of(struck_body), ball().mass
+    own, mass = beam_of(struck_body), paper_ball().mass
     r = recoil_factor_free(mass, own.mass, own.inertia_cm, Z * INCH - own.z_cm)
     e_A = peak_of(ModalModel.of(struck_body, Free()), Z).collision_efficiency
     e = np.asarray(restitution_from_efficiency(e_A, r))

@@ -30,10 +30,10 @@ from virtual_lab.studies.paper.computed import (
     KNOB,
     WOOD,
     Z,
-    ball,
     beam,
     body,
     centre_of_percussion_in,
+    paper_ball,
     peak_of,
     profiled,
     recoil,
@@ -153,7 +153,7 @@ def _inverse_mass(held: str) -> float:
     for bat in BATS:
         modes = modes_of(body(bat), support(held), 0)
         shapes = modes.shape(z * INCH)[:, : modes.rigid]
-        found = ball().mass * np.sum(shapes**2, axis=1)
+        found = paper_ball().mass * np.sum(shapes**2, axis=1)
         gaps.append(_worst(found / recoil(bat, z, held) - 1))
     return max(gaps)
 
@@ -269,7 +269,7 @@ def _without_hoop() -> float:
 def _softball_factor() -> float:
     """Return the peak BPF of a slow-pitch bat at 60 mph, free, with the ball of its game."""
     z, slow = np.arange(4, 9, 0.25), "softball-slowpitch"
-    own, struck_ball = beam("softball-34"), ball(slow)
+    own, struck_ball = beam("softball-34"), paper_ball(slow)
     e_A = peak_of("softball-34", z, speed=SLOW, with_ball=slow).collision_efficiency
     off = z * INCH - own.z_cm
     r = struck_ball.mass * (1 / own.mass + off**2 / own.inertia_cm)
@@ -554,7 +554,7 @@ CLAIMS: tuple[Claim, ...] = (
         "e0 of the ball at 60 mph",
         0.55,
         0.005,
-        lambda: float(ball(BALL).restitution.at(SLOW * MPH)),
+        lambda: float(paper_ball(BALL).restitution.at(SLOW * MPH)),
     ),
     about(
         "II B",
@@ -562,7 +562,7 @@ CLAIMS: tuple[Claim, ...] = (
         "e0 of the ball at 160 mph",
         0.45,
         0.005,
-        lambda: float(ball(BALL).restitution.at(FAST * MPH)),
+        lambda: float(paper_ball(BALL).restitution.at(FAST * MPH)),
     ),
     at_least(
         "II B",
@@ -779,7 +779,7 @@ CLAIMS: tuple[Claim, ...] = (
         "the NCAA allows balls of e0 = 0.525 to 0.555 at 60 mph: the nominal ball",
         0.525,
         0.555,
-        lambda: float(ball(BALL).restitution.at(SLOW * MPH)),
+        lambda: float(paper_ball(BALL).restitution.at(SLOW * MPH)),
         why="the window in print",
     ),
     at_least(

@@ -21,13 +21,13 @@ from virtual_lab.studies.paper.computed import (
     ALUMINIUM,
     WOOD,
     Z,
-    ball,
     beam,
     body,
     game,
     lead,
     model,
     nominal,
+    paper_ball,
     peak_of,
     profiled,
     recoil,
@@ -47,7 +47,7 @@ BAT_OZ = 31.0
 
 def _compression_free_restitution() -> float:
     """Return e0 of the ball's own curve of force: square root of work out over work in."""
-    own = ball()
+    own = paper_ball()
     e0 = float(own.restitution.at(160 * MPH))
     a, b = own.exponent, (own.exponent + 1) / e0**2 - 1
     u = np.linspace(0, 1, 200_001)
@@ -55,7 +55,7 @@ def _compression_free_restitution() -> float:
 
 
 def _wall_time() -> float:
-    own = ball()
+    own = paper_ball()
     given = (own.mass, 160 * MPH, own.stiffness, own.exponent, 0.5)
     return float(wall_contact(*(np.array(number) for number in given)).time) * 1e3
 
@@ -461,7 +461,7 @@ CLAIMS: tuple[Claim, ...] = (
         "standard game: e0",
         0.5,
         1e-12,
-        lambda: float(ball().restitution.at(160 * MPH)),
+        lambda: float(paper_ball().restitution.at(160 * MPH)),
         why=STATED,
     ),
     about(

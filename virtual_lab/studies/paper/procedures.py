@@ -22,12 +22,12 @@ from virtual_lab.studies.paper.computed import (
     BATS,
     KNOB,
     WOOD,
-    ball,
     beam,
     centre_of_percussion_in,
     lead,
     model,
     nominal,
+    paper_ball,
     peak_of,
     profiled,
     recoil,
@@ -64,7 +64,7 @@ def _factor(bat: str) -> float:
     place = np.array([centre_of_percussion_in(bat)])
     e_A = peak_of(bat, place, held="pivoted", speed=60.0, with_ball=BALL).collision_efficiency
     e = np.asarray(restitution_from_efficiency(e_A, recoil(bat, place, "pivoted")))
-    return float(e[0]) / float(ball(BALL).restitution.at(60 * MPH))
+    return float(e[0]) / float(paper_ball(BALL).restitution.at(60 * MPH))
 
 
 def _by_recoil() -> float:
@@ -76,7 +76,7 @@ def _by_recoil() -> float:
     turn = float(bat.modes.rotation(axis)[0])  # of the only rigid mode, unit modal velocity
     omega = abs(turn * float(found.modal_velocities[0, 0]))
     back = rebound_speed_from_recoil(
-        own.inertia(axis), omega, ball(BALL).mass, axis - z * INCH, 60 * MPH
+        own.inertia(axis), omega, paper_ball(BALL).mass, axis - z * INCH, 60 * MPH
     )
     return float(back) / (60 * MPH) - float(found.collision_efficiency[0])
 

@@ -112,7 +112,7 @@ def render_balls(
     ValueError
         Where `sigma` is out of range.
     """
-    from virtual_lab.simulation.instruments.camera.ball_kernel import Look, Shown, render
+    from virtual_lab.simulation.instruments.camera.ball_kernel import KernelLook, ShownBall, render
     from virtual_lab.simulation.instruments.camera.vectors import LANES
 
     if not LEAST_BLUR <= sigma <= MOST_BLUR:
@@ -148,8 +148,8 @@ def render_balls(
         for part in (outline, course, when, axes, turns, shades)
     )
     render(
-        Shown(warp, path, times, body, turned, lit, spans),
-        Look(
+        ShownBall(warp, path, times, body, turned, lit, spans),
+        KernelLook(
             nodes=_nodes(ceil(log(fine) / log(STEP))),
             surface=features,
             table=_table(spread),
@@ -190,10 +190,10 @@ def _table(sigma: float) -> Pixels:
 
     The node lies a phase beyond the fourth point; the last phase only ends the one before.
     """
-    from virtual_lab.simulation.instruments.camera.ball_kernel import PHASES
+    from virtual_lab.simulation.instruments.camera.ball_kernel import NODE_PHASES
     from virtual_lab.simulation.instruments.camera.vectors import LANES
 
-    phase = np.arange(PHASES + 2)[:, None] / PHASES
+    phase = np.arange(NODE_PHASES + 2)[:, None] / NODE_PHASES
     steps = (np.arange(LANES) - LANES // 2 + 1 - phase) / (2 * sigma)
     values = np.exp(-(steps**2) / 2)
     whole: Pixels = (values / values.sum(axis=1, keepdims=True)).astype(np.float32)

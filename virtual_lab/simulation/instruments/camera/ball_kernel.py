@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from virtual_lab.simulation.instruments.camera.vectors import LANES, add_row
 
-__all__ = ["PHASES", "Look", "Shown", "render"]
+__all__ = ["NODE_PHASES", "KernelLook", "ShownBall", "render"]
 
 Floats = NDArray[np.float64]
 Pixels = NDArray[np.float32]
 FAST: dict[str, Any] = {"cache": True, "fastmath": True, "error_model": "numpy"}
-PHASES = 256  # of a node between two grid points, in the table of its Gaussian
+NODE_PHASES = 256  # of a node between two grid points, in the table of its Gaussian
 REACH = 4.2  # standard deviations of a half of the blur
 FAINT = 1e-7  # weights below are left out
 GROOVE, ROW, AWAY, SLANT = 0.3, 0.45, 0.55, 4.0  # shape of a seam, in its half width
@@ -29,7 +29,7 @@ STITCHES = 54.0  # pairs in half a round of the seam
 ROUND = 1.1  # makes them evenly spaced
 
 
-class Look(NamedTuple):
+class KernelLook(NamedTuple):
     """What all balls of a batch share."""
 
     nodes: Floats  # (node, 4): x, y, z of the unit sphere, share of the disc
@@ -40,7 +40,7 @@ class Look(NamedTuple):
     size: int  # columns of the grid
 
 
-class Shown(NamedTuple):
+class ShownBall(NamedTuple):
     """One ball, or (region, ...) of a batch."""
 
     warp: Floats  # (2, 5) from the unit disc to the picture [px]
@@ -80,7 +80,7 @@ def _albedo(x: float, y: float, z: float, look: Floats) -> float:
 
 
 @njit(**FAST)
-def _spread(warp: Floats, body: Floats, light: Floats, seen: Look, grid: Pixels) -> None:
+def _spread(warp: Floats, body: Floats, light: Floats, seen: KernelLook, grid: Pixels) -> None:
     """Fill `grid`, rows of the disc and of its radiance in turn."""
     nodes, look, table, size = seen.nodes, seen.surface, seen.table, seen.size
     for k in range(grid.size):
@@ -129,7 +129,7 @@ def _spread(warp: Floats, body: Floats, light: Floats, seen: Look, grid: Pixels)
 @njit(**FAST)
 def _phase(part: float, table: Pixels, out: Pixels) -> None:
     """Set `out` to the Gaussian of a node `part` of the way from a grid point to the next."""
-    entry = PHASES * part
+    entry = NODE_PHASES * part
     number = int(entry)
     rest = np.float32(entry - number)
     for k in range(LANES):
@@ -144,7 +144,7 @@ def _weights(
     times: Floats,
     start: float,
     end: float,
-    look: Look,
+    look: KernelLook,
     first: NDArray[np.int64],
     out: Floats,
 ) -> None:
@@ -231,7 +231,7 @@ def _turned(turn: Floats, share: float, body: Floats, out: Floats) -> None:
 
 
 @njit(**FAST)
-def render(balls: Shown, look: Look, out: Pixels) -> None:
+def render(balls: ShownBall, look: KernelLook, out: Pixels) -> None:
     """Render region after region, adding to `out` (region, channel, row, column)."""
     size = look.size
     grid = np.empty(2 * size * size, np.float32)
