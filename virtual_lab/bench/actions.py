@@ -191,7 +191,7 @@ ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
                 name="verdict",
                 title="verdict",
                 kind="choice",
-                choices=("PASS", "FAIL", "INVALID"),
+                choices=("PASS", "FAIL", "INVALID", "MEASURED"),
             ),
             Argument(
                 name="confidence",

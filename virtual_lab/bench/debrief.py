@@ -185,7 +185,8 @@ def debrief(apparatus: Apparatus, day: Day, scenario: Scenario, seal: str = "") 
     assert given is not None
     named = _named(day, str(given.arguments["doubt"]))
     faults = scenario.faults
-    right = _right_verdict(value, u, truth, limit, spoilt=bool(faults))
+    admitted = value is None or all(each.met for each in desk.certification.findings)
+    right = _right_verdict(value, u, truth, limit, spoilt=bool(faults), admitted=admitted)
     refused = day.verdict == "INVALID" and (bool(set(faults) & set(named)) or value is None)
     rightly = day.verdict == right or refused
     confidence = float(given.arguments["confidence"]) / 100
@@ -389,12 +390,15 @@ def _right_verdict(
     limit: float | None,
     *,
     spoilt: bool,
+    admitted: bool,
 ) -> str:
     """Return the verdict of who knows the truth: INVALID where a fault put the result beyond U."""
     if value is None or u is None or truth is None:
         return "INVALID" if spoilt else "MEASURED"
     if spoilt and abs(value - truth) > 2 * u:
         return "INVALID"
+    if not admitted:
+        return "FAIL"
     if limit is None:
         return "MEASURED"
     return "PASS" if truth <= limit else "FAIL"
