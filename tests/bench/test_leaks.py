@@ -15,6 +15,7 @@ import pytest
 
 from tests.bench.days import PLAIN, asked
 from tests.bench.test_web import Browser
+from virtual_lab.bench.actions import action_of
 from virtual_lab.bench.keeping import LOG, SECRET
 from virtual_lab.bench.scenario import load_scenario
 from virtual_lab.bench.serving import ServedDay
@@ -145,7 +146,7 @@ def test_no_canary_of_the_truth_is_sent_or_logged(tmp_path: Path) -> None:
     browser = opened(room)
     sent = []
     for name, given in (*CHECKS, *PLAIN, *CHECKS, ("reduce", {})):
-        browser.do(name, **given)
+        room.do(action_of(name, given))
         if name in SEEN:
             sent += everything(browser)
     browser.do("give-verdict", verdict="PASS")
@@ -181,11 +182,11 @@ def test_sound_decoy_and_fault_days_have_the_same_elements(tmp_path: Path) -> No
     """A decoy is a dry bearing, which does nothing to a result."""
     made = []
     for faults in ((), ("bearing-friction",), ("gate-moved", "scale-not-tared")):
-        browser = opened(begun(tmp_path, "day-" + "-".join(faults), *faults))
-        elements: set[tuple[str, ...]] = set()
-        for name, given in (*CHECKS, *PLAIN, ("reduce", {})):
-            browser.do(name, **given)
-        browser.application.asked.clear()
-        elements |= Elements(browser.ask("/").text).found
+        room = begun(tmp_path, "day-" + "-".join(faults), *faults)
+        browser, elements = opened(room), set[tuple[str, ...]]()
+        for action in asked([*CHECKS, *PLAIN, ("reduce", {})]):
+            room.do(action)
+            if action.name in SEEN:
+                elements |= Elements(browser.ask("/").text).found
         made.append((elements, len(browser.ask("/bench.css").text)))
     assert made[0] == made[1] == made[2]

@@ -127,21 +127,21 @@ def test_a_class_in_one_table_a_day_played_back_and_a_scenario_tried(
         done = CliRunner().invoke(cli, ["rehearse", *words, "--json"], catch_exceptions=False)
         return json.loads(done.stdout)
 
-    monkeypatch.setattr("virtual_lab.bench.running.TRIED", (1,))
+    monkeypatch.setattr("virtual_lab.bench.reviewing.TRIED", (1,))
     begun(tmp_path, "plain-day").do(action_of("tare"))
     exam = begun(tmp_path / "class", "exam-day")
     exam.taken(operator_of("book"))
     (tmp_path / "class" / "exam-day").rename(tmp_path / "=cmd")
     rows = {row["trainee"]: row for row in run("summary", str(tmp_path))}
     assert rows.keys() == {"'=cmd", "plain-day"}
-    assert rows["plain-day"]["verdict"] == "open"
+    assert rows["plain-day"]["verdict"] == "not handed in"
     assert rows["'=cmd"]["missed"] == "bearing-friction"
     assert rows["'=cmd"]["brier"] < 0.02
     assert (tmp_path / "=cmd" / "debrief.html").exists()
 
     entries = run("--replay", str(tmp_path / "=cmd" / LOG))
     assert [row["action"] for row in entries][:2] == ["Tare the scale", "Weigh the bat"]
-    assert {row["same"] for row in entries} == {"yes"}
+    assert {row["same"] for row in entries} == {True}
     with pytest.raises(InputError, match="not handed in"):
         run("--replay", str(tmp_path / "plain-day"))
 

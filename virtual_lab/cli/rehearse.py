@@ -84,7 +84,7 @@ def day_command(
     if sum(map(bool, (operator, script, replay))) > 1:
         usage("--operator, --script and --replay exclude each other")
     if replay:
-        from virtual_lab.bench.running import replay as played_back
+        from virtual_lab.bench.reviewing import replay as played_back
 
         return played_back(replay)
     if operator or script:
@@ -133,7 +133,7 @@ def _served(
 @click.argument("folder", type=click.Path(path_type=Path))
 def summary(folder: Path) -> Rows[Json]:
     """Make one table of a class: of all days in folders below FOLDER."""
-    from virtual_lab.bench.running import summary as run
+    from virtual_lab.bench.reviewing import summary as run
 
     return run(folder)
 
@@ -142,7 +142,7 @@ def summary(folder: Path) -> Rows[Json]:
 @click.argument("scenario", metavar="SCENARIO.TOML")
 def check(scenario: str) -> Rows[Json]:
     """Try a scenario of your own: what it takes, and what an expert finds on it."""
-    from virtual_lab.bench.running import check_scenario
+    from virtual_lab.bench.reviewing import check_scenario
 
     return check_scenario(scenario)
 
