@@ -11,7 +11,7 @@ from virtual_lab.cli.plumbing import Answer, command, seed_option, usage
 
 if TYPE_CHECKING:
     from virtual_lab.bench.running import RehearsedDay
-    from virtual_lab.output.result import Json, Rows
+    from virtual_lab.output.result import StudyResult
 
 __all__ = ["rehearse"]
 
@@ -75,7 +75,7 @@ def day_command(
     port: int,
     replay: Path | None,
     browser: bool,
-) -> RehearsedDay | Rows[Json] | Answer:
+) -> RehearsedDay | StudyResult | Answer:
     """Take a laboratory day action by action, and learn what each decision cost.
 
     You take it on a page that this machine serves to itself alone (extra 'bench'), or an operator
@@ -131,7 +131,7 @@ def _served(
 
 @command("summary", keeps=True, table=True)
 @click.argument("folder", type=click.Path(path_type=Path))
-def summary(folder: Path) -> Rows[Json]:
+def summary(folder: Path) -> StudyResult:
     """Make one table of a class: of all days in folders below FOLDER."""
     from virtual_lab.bench.reviewing import summary as run
 
@@ -140,7 +140,7 @@ def summary(folder: Path) -> Rows[Json]:
 
 @command("check", keeps=True, table=True)
 @click.argument("scenario", metavar="SCENARIO.TOML")
-def check(scenario: str) -> Rows[Json]:
+def check(scenario: str) -> StudyResult:
     """Try a scenario of your own: what it takes, and what an expert finds on it."""
     from virtual_lab.bench.reviewing import check_scenario
 
