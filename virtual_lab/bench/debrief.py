@@ -22,12 +22,11 @@ from virtual_lab.bench.inspection import doubts, fault_sheets, known_doubts
 from virtual_lab.bench.keeping import KeptDay, played, taken
 from virtual_lab.bench.operators import operator_of
 from virtual_lab.bench.protocol import StepDue, excused, left_out, steps_due
-from virtual_lab.bench.scenario import SCORES, Scenario
+from virtual_lab.bench.scenario import SCORES, UNITS, Scenario
 from virtual_lab.bench.table import PREPARING, action_table
 from virtual_lab.errors import InputError
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.template import page_template
-from virtual_lab.units import INCH, MPH
 
 __all__ = [
     "CostlyDecision",
@@ -131,6 +130,7 @@ class Debrief:
     """What is told at the end of a day."""
 
     title: str
+    units: str  # in print, of UNITS; numbers here are SI
     seal: str
     verdict: str
     confidence: float  # 0 to 1, in the verdict
@@ -206,6 +206,7 @@ def debrief(apparatus: Apparatus, day: Day, scenario: Scenario, seal: str = "") 
     keep, change = _advice(scores)
     return Debrief(
         title=scenario.title,
+        units=scenario.units,
         seal=seal,
         verdict=day.verdict,
         confidence=confidence,
@@ -601,7 +602,7 @@ def debrief_page(told: Debrief) -> str:
         told=told,
         sheets=action_table().actions,
         titles=known_doubts(),
-        inch=INCH,
-        mph=MPH,
+        length=UNITS[told.units][0],
+        speed=UNITS[told.units][1],
         metric=METRICS[told.metric],
     )
