@@ -13,7 +13,6 @@ from typing import Any
 from virtual_lab.bench.actions import LENGTHS, Action
 from virtual_lab.bench.table import action_table
 from virtual_lab.errors import InputError
-from virtual_lab.measurement.procedure import to_set
 from virtual_lab.records.session import Session
 
 __all__ = ["Day", "DayEvent", "Decision", "decide", "evolve", "replayed"]
@@ -51,6 +50,7 @@ class DayEvent:
     records: Mapping[str, Any] = field(default_factory=dict)  # channel: arrays
     shown: tuple[tuple[str, float | str, str], ...] = ()  # what, value, unit
     constants: Mapping[str, Any] = field(default_factory=dict)  # that it puts in the place of known
+    sketch: Mapping[str, Any] = field(default_factory=dict)  # of a shot, as an eye had it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -166,6 +166,8 @@ Changes = Mapping[str, Any]  # fields of a day
 
 
 def _placed(day: Day, given: Changes) -> Changes:
+    from virtual_lab.measurement.procedure import to_set  # loads slowly, and no page waits for it
+
     place = float(to_set(given["place"] * LENGTHS[given["unit"]], exact=False))
     return {"place": place, "ready": day.ready - {"wait-rest"}}
 

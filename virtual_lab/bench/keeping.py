@@ -19,7 +19,7 @@ from virtual_lab.bench.apparatus import Apparatus
 from virtual_lab.bench.day import Day, DayEvent, decide, evolve, replayed
 from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.entries import constant_of_entry, entry_of_constant
-from virtual_lab.bench.log import DayLog, SequenceError
+from virtual_lab.bench.log import LOG, DayLog, SequenceError
 from virtual_lab.bench.operators import Operator
 from virtual_lab.bench.scenario import Scenario
 from virtual_lab.catalog import Entry, read
@@ -31,7 +31,7 @@ from virtual_lab.streams import commitment
 
 __all__ = ["LOG", "SECRET", "KeptDay", "done", "laboratory_of", "morning_of", "played", "taken"]
 
-LOG, SECRET = "day.sqlite", "sealed.json"
+SECRET = "sealed.json"
 SEED_BITS = 128
 
 
