@@ -35,6 +35,7 @@ __all__ = ["LOOPBACK", "ServedDay", "serve"]
 
 LOOPBACK = "127.0.0.1"
 MOST_TRAINEES = 50
+FIRST_LOOK = 0.5  # s, that loading leaves the processor to a first page
 STARTING = 10.0  # s, that a server may take to listen
 
 
@@ -45,6 +46,7 @@ class ServedDay:
         self.folder, self.scenario, self.seed = folder, scenario, seed
         self._opened: Future[KeptDay] = Future()
         self._begun = (folder / LOG).exists()
+        self.looked_at = threading.Event()
 
     def open(self) -> KeptDay:
         """Set the laboratory up; `InputError` where scenario or folder are unfit."""
@@ -64,6 +66,7 @@ class ServedDay:
 
     @property
     def desk(self) -> Desk:
+        self.looked_at.set()
         return self.kept.desk if self._begun or self._opened.done() else self._morning
 
     @cached_property
@@ -191,6 +194,7 @@ def serve(
         webbrowser.open(addresses[0])
     try:
         for day in days.values():
+            day.looked_at.wait(FIRST_LOOK)
             day.open()
         _warm(scenario.spec)
         thread.join()
