@@ -123,9 +123,10 @@ def buttons(days: int) -> None:
     for name, shots in (("plain-day", 6), ("college-day", 5)):
         for seed in range(9000, 9000 + days):
             with TemporaryDirectory() as place:
-                room = ServedDay.begin(Path(place) / "day", load_scenario(name), seed)
+                room = ServedDay(Path(place) / "day", load_scenario(name), seed)
+                room.open()
                 pressed, seconds = pressed_through(room, shots)
-            fired = len(room.day.fired)
+            fired = len(room.desk.day.fired)
             print(f"{name}, seed {seed}: {pressed} buttons, {fired} shots, server {seconds:.1f} s")
 
 
@@ -143,7 +144,7 @@ def pressed_through(room: ServedDay, shots: int) -> tuple[int, float]:
     for name in PREPARATION:
         press(name)
     while (place := room.desk.next_place) is not None:
-        stands = room.day.place
+        stands = room.desk.day.place
         if stands is None or abs(place - stands) > 1e-6:
             press("set-place", place=f"{place * 1e3:.3f}")
         press("fire-shots", shots=shots)

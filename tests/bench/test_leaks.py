@@ -20,7 +20,7 @@ from virtual_lab.bench.keeping import LOG, SECRET
 from virtual_lab.bench.scenario import load_scenario
 from virtual_lab.bench.serving import ServedDay
 
-PAGES = ("/", "/bench.css", "/certificate", "/debrief", "/nowhere")
+PAGES = ("/", "/notebook", "/bench.css", "/bench.js", "/certificate", "/debrief", "/nowhere")
 SENT, RAW = 6, 12  # significant digits: of what is shown, of raw records
 DECIMAL = re.compile(rb"\d[\d.]*\d")
 CHECKS = (("tap-bat", {}), ("gauge-gates", {}), ("fire-check-cylinder", {}))
@@ -35,7 +35,9 @@ def scenario_of(folder: Path, *faults: str) -> Any:
 
 
 def begun(folder: Path, name: str, *faults: str, seed: int = 3) -> ServedDay:
-    return ServedDay.begin(folder / name, scenario_of(folder, *faults), seed)
+    room = ServedDay(folder / name, scenario_of(folder, *faults), seed)
+    room.open()
+    return room
 
 
 def opened(room: ServedDay) -> Browser:
@@ -47,7 +49,7 @@ def opened(room: ServedDay) -> Browser:
 def everything(browser: Browser) -> Iterator[str]:
     """Yield every answer to who looks at all addresses and sends what is refused."""
     for path in PAGES:
-        browser.application.asked.clear()
+        browser.rest()
         answer = browser.ask(path)
         yield f"{path} {answer.status} {answer.headers} {answer.text}"
     for name, given in (("load-ball", {"ball": 99}), ("swing", {"swings": "x"}), ("sing", {})):
@@ -63,7 +65,7 @@ def test_another_truth_behind_the_same_records_changes_no_byte(tmp_path: Path) -
     begun(tmp_path, "other", "bat-cracked", "scale-not-tared", seed=77)
     shutil.copy(tmp_path / "one" / LOG, tmp_path / "other" / LOG)
     assert (tmp_path / "one" / SECRET).read_bytes() != (tmp_path / "other" / SECRET).read_bytes()
-    browsers = [opened(ServedDay(tmp_path / name)) for name in ("one", "other")]
+    browsers = [opened(begun(tmp_path, name)) for name in ("one", "other")]
     assert list(everything(browsers[0])) == list(everything(browsers[1]))
     for browser in browsers:  # what needs no machine
         browser.do("accept-within")
@@ -151,7 +153,7 @@ def test_no_canary_of_the_truth_is_sent_or_logged(tmp_path: Path) -> None:
             sent += everything(browser)
     browser.do("give-verdict", verdict="PASS")
     sent.append(browser.ask("/").text)
-    secret = room.apparatus.finish(room.day).sealed.document()
+    secret = room.kept.apparatus.finish(room.kept.day).sealed.document()
     known = {known.value for known in room.desk.session.calibration.values()}
     parts = ("bat_properties", "balls", "constants", "measurand", "shots", "wall_hits")
     canaries = set(truths({key: secret[key] for key in parts})) - known
@@ -161,7 +163,7 @@ def test_no_canary_of_the_truth_is_sent_or_logged(tmp_path: Path) -> None:
     assert leaks("".join(sent).encode(), canaries, SENT) == set()
     log = (tmp_path / "day" / LOG).read_bytes()
     assert leaks(log, canaries, RAW) == set()
-    entries = json.dumps([[dict(e.arguments), e.shown] for e in room.log.events()])
+    entries = json.dumps([[dict(e.arguments), e.shown] for e in room.kept.log.events()])
     assert leaks(entries.encode(), canaries, SENT) == set()
 
 
@@ -187,6 +189,7 @@ def test_sound_decoy_and_fault_days_have_the_same_elements(tmp_path: Path) -> No
         for action in asked([*CHECKS, *PLAIN, ("reduce", {})]):
             room.do(action)
             if action.name in SEEN:
+                browser.rest()
                 elements |= Elements(browser.ask("/").text).found
         made.append((elements, len(browser.ask("/bench.css").text)))
     assert made[0] == made[1] == made[2]

@@ -17,8 +17,14 @@ from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
 
 
-def begun(folder: Path, name: str) -> ServedDay:
-    return ServedDay.begin(folder / name, load_scenario(name), 3)
+def begun(folder: Path, name: str) -> KeptDay:
+    return KeptDay.begin(folder / name, load_scenario(name), 3)
+
+
+def on_the_page(folder: Path, name: str) -> ServedDay:
+    day = ServedDay(folder / name, load_scenario(name), None)
+    day.open()
+    return day
 
 
 def shown(day: KeptDay, name: str, **given: object) -> dict[str, object]:
@@ -46,7 +52,7 @@ def test_the_limit_is_the_scenarios(tmp_path: Path) -> None:
     for action in asked([*PLAIN, ("reduce", {})]):
         day.do(action)
     assert day.desk.certification.marginal
-    assert "0.948" in day.certificate()
+    assert "0.948" in on_the_page(tmp_path, "at-the-limit").certificate()
 
 
 def test_feedback_during_the_day_names_what_was_left_out(tmp_path: Path) -> None:
@@ -73,7 +79,8 @@ def test_an_exam_tells_nothing_before_the_trainer_opens_it(tmp_path: Path) -> No
     assert shown(day, "enter-result", e_A="0,25") == {"e_A": 0.25}
     day.taken(operator_of("book"))
     with pytest.raises(InputError, match="trainer"):
-        day.debrief()
+        on_the_page(tmp_path, "exam-day").debrief()
+    assert on_the_page(tmp_path, "exam-day").motion(1) is None
     assert not (tmp_path / "exam-day" / "debrief.json").exists()
     assert debriefed(day).missed == ("bearing-friction",)
 
@@ -85,7 +92,7 @@ def test_records_of_another_laboratory_are_judged_with_its_machines_far(tmp_path
     for name in ("tare", "fire", "tap-bat", "gauge-gates"):
         with pytest.raises(InputError, match="came from another laboratory"):
             day.do(action_of(name))
-    again = ServedDay(tmp_path / "records")
+    again = KeptDay(tmp_path / "records")
     assert again.day == day.day
     day.taken(operator_of("expert"))
     told = debriefed(day)
@@ -97,7 +104,7 @@ def test_records_of_another_laboratory_are_judged_with_its_machines_far(tmp_path
 
 def test_the_seal_holds_until_the_sealed_file_is_another(tmp_path: Path) -> None:
     day = begun(tmp_path, "plain-day")
-    shown_first = day.briefing["commitment"]
+    shown_first = on_the_page(tmp_path, "plain-day").briefing["commitment"]
     assert day.seal.startswith("whole")
     assert str(shown_first) in day.seal
     secret = tmp_path / "plain-day" / SECRET

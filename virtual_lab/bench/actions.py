@@ -195,7 +195,7 @@ ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
             ),
             Argument(
                 name="confidence",
-                title="how sure",
+                title="how certain",
                 kind="number",
                 unit="%",
                 default=90.0,
