@@ -4,25 +4,31 @@
 checks of a fault alone finds it, and names anything where nothing is wrong. ``expert``: on how
 many days of one fault each an expert names it before the verdict, and anything on sound and decoy
 days. ``operators``: a classifier fitted on so many days of each, judged on as many fresh ones.
+``buttons``: how many a whole day takes on the page, and how long the server works at them.
 """
 
 from __future__ import annotations
 
 import argparse
+import time
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from tests.bench.days import detector
+from tests.bench.test_web import Browser
 from virtual_lab.bench.apparatus import Apparatus
 from virtual_lab.bench.day import Day
 from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.inspection import detectable, doubts
 from virtual_lab.bench.keeping import laboratory_of, taken
-from virtual_lab.bench.operators import OPERATORS, operator_of
+from virtual_lab.bench.operators import OPERATORS, PREPARATION, operator_of
 from virtual_lab.bench.protocol import left_out
 from virtual_lab.bench.scenario import Scenario, load_scenario, scenario_names
+from virtual_lab.bench.serving import ServedDay
 
 SOUND, DECOY = "plain-day", "monday"  # a decoy says that something may be wrong, and nothing is
 CHECKS = ("weigh-check-mass", "tap-bat", "fire-check-ball", "gauge-gates", "fire-check-cylinder")
@@ -113,9 +119,46 @@ def operators(days: int) -> None:
         print(f"  {name:<10} a day {right:.0%}, ten days {together:.0%}", flush=True)
 
 
+def buttons(days: int) -> None:
+    for name, shots in (("plain-day", 6), ("college-day", 5)):
+        for seed in range(9000, 9000 + days):
+            with TemporaryDirectory() as place:
+                room = ServedDay(Path(place) / "day", load_scenario(name), seed)
+                room.open()
+                pressed, seconds = pressed_through(room, shots)
+            fired = len(room.desk.day.fired)
+            print(f"{name}, seed {seed}: {pressed} buttons, {fired} shots, server {seconds:.1f} s")
+
+
+def pressed_through(room: ServedDay, shots: int) -> tuple[int, float]:
+    """Take a day by the page's buttons, some shots at a time; return how many, and seconds."""
+    browser = Browser(room)
+    browser.open()
+    began, pressed = time.perf_counter(), 0
+
+    def press(name: str, **given: object) -> None:
+        nonlocal pressed
+        pressed += 1
+        assert browser.do(name, **given).status == 303, name
+
+    for name in PREPARATION:
+        press(name)
+    while (place := room.desk.next_place) is not None:
+        stands = room.desk.day.place
+        if stands is None or abs(place - stands) > 1e-6:
+            press("set-place", place=f"{place * 1e3:.3f}")
+        press("fire-shots", shots=shots)
+        press("accept-within")
+    press("reduce")
+    press("give-verdict", verdict=room.desk.certification.verdict.value)
+    press("hand-in")
+    return pressed, time.perf_counter() - began
+
+
 if __name__ == "__main__":
+    STUDIES = {each.__name__: each for each in (detection, expert, operators, buttons)}
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=("detection", "expert", "operators"))
+    parser.add_argument("what", choices=tuple(STUDIES))
     parser.add_argument("--days", type=int, default=100)
     asked = parser.parse_args()
-    {"detection": detection, "expert": expert, "operators": operators}[asked.what](asked.days)
+    STUDIES[asked.what](asked.days)

@@ -130,6 +130,21 @@ def test_bad_arguments_are_named(name: str, given: dict, message: str) -> None:
         action_of(name, given)
 
 
+@pytest.mark.parametrize(
+    ("typed", "millimetres"),
+    [("5", 5), ("-5,5", -5.5), ("0.2 in", 5.08), ("0,2in", 5.08), ("5e-3 m", 5), ("1 cm", 10)],
+)
+def test_a_number_may_be_typed_with_its_unit(typed: str, millimetres: float) -> None:
+    found = action_of("re-aim", {"along": typed}).arguments["along"]
+    assert found == pytest.approx(millimetres, rel=1e-12)
+
+
+@pytest.mark.parametrize("typed", ["5 g", "5 furlong", "in", "1,200,0 mm", "5 mm mm", "0.2 m/s"])
+def test_a_unit_of_another_kind_is_refused(typed: str) -> None:
+    with pytest.raises(InputError, match="allowed: numbers from -50 to 50 mm"):
+        action_of("re-aim", {"along": typed})
+
+
 def test_a_decimal_comma_is_read() -> None:
     assert action_of("swing", {"amplitude": "3,5"}).arguments["amplitude"] == 3.5
 

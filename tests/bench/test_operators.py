@@ -228,3 +228,81 @@ def _until_fire(look):
         if action.name == "fire":
             return
         yield action
+
+
+def test_the_debrief_sets_an_experts_day_beside_the_trainees() -> None:
+    """The same bat, balls and draws: hits of the same ball at the same place are the same hit."""
+    found = debriefed("careless", "gate-moved")
+    assert found.expert.doubts == ("gate-moved",)
+    assert "Gauge the gate distances" in found.expert.checks
+    assert len(found.hits) == max(found.shots, found.expert.shots)
+    same = [(mine, theirs) for mine, theirs in debriefed("book").hits]
+    assert all(mine == theirs for mine, theirs in same)
+    told = found.told[0]
+    assert (told.visible, told.named, told.checks) == (0, 0, ("Gauge the gate distances",))
+    assert "missed it" in debrief_page(found)
+    assert found.change.startswith(("protocol", "detection", "record", "result"))
+
+
+def test_nothing_went_wrong_is_said_and_only_then() -> None:
+    assert "Nothing went wrong" in debrief_page(debriefed("book"))
+    assert "Nothing went wrong" not in debrief_page(debriefed("careless"))
+    assert "Nothing went wrong" not in debrief_page(debriefed("expert", "gate-moved"))
+
+
+def test_a_fault_is_told_with_the_entry_that_showed_it_and_the_one_that_named_it() -> None:
+    found = debriefed("expert", "bat-cracked")
+    events = {event.number: event for event in day_by("expert", "bat-cracked").events}
+    (told,) = found.told
+    assert events[told.visible].action == "tap-bat"
+    assert events[told.named].arguments["doubt"] == "bat-cracked"
+    assert told.visible < told.named
+
+
+def test_the_confidence_in_the_verdict_is_scored_by_brier() -> None:
+    for verdict, confidence, brier in (("PASS", 80, 0.04), ("FAIL", 80, 0.64), ("FAIL", 0, 0)):
+        given = ("give-verdict", {"verdict": verdict, "confidence": confidence})
+        day = played(apparatus(), asked([*PLAIN, ("reduce", {}), given, ("hand-in", {})]))
+        assert debrief(apparatus(), day, scenario()).brier == pytest.approx(brier)
+
+
+def test_own_results_are_checked_and_are_what_the_verdict_rests_on() -> None:
+    """Those of the software to four digits agree; one with a slip of a digit costs its error."""
+    sound = Desk(played(apparatus(), asked(PLAIN))).certification.quantities
+    names = {"r": "recoil_factor", "e_A": "collision_efficiency", "e": "restitution"}
+    right = {name: round(sound[key].value, 4) for name, key in names.items()}
+    value = sound["recoil_factor"].value
+    assert sound["restitution"].value == pytest.approx(
+        sound["collision_efficiency"].value * (1 + value) + value, rel=1e-3
+    )
+    bpf = debriefed("book").value
+    assert bpf is not None
+
+    def taken_with(**entered: float) -> tuple[Day, Debrief]:
+        days = [*PLAIN, ("enter-result", entered), END[1], END[2]]
+        day = played(apparatus(), asked(days))
+        return day, debrief(apparatus(), day, scenario())
+
+    day, agreed = taken_with(**right, BPF=round(bpf, 4))
+    said = {what: value for event in day.events[-3:] for what, value, _ in event.shown}
+    assert [said[f"{name}, checked against the records"] for name in right] == ["agrees"] * 3
+    assert scores(agreed)["record"] == 1
+    assert agreed.value == round(bpf, 4)
+    _, slipped = taken_with(BPF=round(bpf, 4) + 0.1)
+    assert scores(slipped)["record"] == pytest.approx(7 / 8)
+    assert slipped.costly[0].what == "BPF entered"
+    assert slipped.truth is not None
+    expected = abs(round(bpf, 4) + 0.1 - slipped.truth) - abs(bpf - slipped.truth)
+    assert slipped.costly[0].cost == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_disputed_score_keeps_the_trainees_note() -> None:
+    note = ("dispute-score", {"score": "economy", "note": "the wall rig was =taken="})
+    with pytest.raises(InputError, match="not handed in"):
+        played(apparatus(), asked([*PLAIN, note]))
+    found = debrief(apparatus(), played(apparatus(), asked([*PLAIN, *END, note])), scenario())
+    assert found.disputes == (("economy", "the wall rig was =taken="),)
+    assert "Disputed: the wall rig was =taken=" in debrief_page(found)
+    assert scores(found) == scores(debriefed("book")) | {
+        "detection": pytest.approx(0.99),
+    }

@@ -11,7 +11,6 @@ from urllib.parse import urlencode
 import pytest
 
 from tests.bench.days import PLAIN
-from virtual_lab.bench.keeping import KeptDay
 from virtual_lab.bench.scenario import load_scenario
 from virtual_lab.bench.serving import ServedDay
 from virtual_lab.bench.web import application
@@ -30,8 +29,8 @@ class Answer:
 class Browser:
     """Sends requests straight to a server, with the cookie that it was given."""
 
-    def __init__(self, room: KeptDay) -> None:
-        self.application = application(room, token=TOKEN, hosts=frozenset({HOST}))
+    def __init__(self, room: ServedDay) -> None:
+        self.application = application({TOKEN: room}, hosts=frozenset({HOST}))
         self.cookie = ""
 
     def ask(
@@ -76,15 +75,22 @@ class Browser:
     def open(self) -> Answer:
         return self.ask(f"/?token={TOKEN.replace(' ', '%20')}")
 
+    def rest(self) -> None:
+        """Let a second pass."""
+        for seat in self.application.seats.values():
+            seat.asked.clear()
+
     def do(self, name: str, **given: Any) -> Answer:
         number = re.search(r'name="entry_number" value="(\d+)"', self.ask("/").text)
         assert number
-        self.application.asked.clear()  # of a browser that takes its time
+        self.rest()
         return self.ask("/do", {"do": name, "entry_number": number[1], **given})
 
 
 def served(folder: Path, scenario: str = "plain-day") -> ServedDay:
-    return ServedDay.begin(folder, load_scenario(scenario), 3)
+    day = ServedDay(folder, load_scenario(scenario), 3)
+    day.open()
+    return day
 
 
 @pytest.fixture
@@ -134,9 +140,12 @@ def test_every_answer_is_guarded(browser: Browser, path: str) -> None:
     for host in (HOST, "evil.example"):
         headers = browser.ask(path, host=host).headers
         assert headers["x-content-type-options"] == "nosniff"
-        assert headers["cache-control"] == "no-store"
-        assert "default-src 'self'" in headers["content-security-policy"]
-        assert "script-src 'none'" in headers["content-security-policy"]
+        if path != "/bench.css" or host != HOST:
+            assert headers["cache-control"] == "no-store"
+        policy = headers["content-security-policy"]
+        assert policy.startswith("default-src 'self'; base-uri 'none'; form-action 'self'")
+        assert "frame-ancestors 'none'" in policy
+        assert "unsafe" not in policy
 
 
 def test_a_day_by_forms(browser: Browser) -> None:
@@ -147,9 +156,9 @@ def test_a_day_by_forms(browser: Browser) -> None:
     assert browser.do("fire-shots", shots=6).status == 303
     assert browser.do("accept-within").status == 303
     stopped = browser.do("fire-shots", shots=3, stop="yes")
-    assert stopped.headers["location"] == "/#now"
+    assert stopped.headers["location"] == "/"
     assert browser.do("accept-within").status == 303
-    assert browser.ask("/").text.count("<strong>accepted</strong>") >= 6
+    assert browser.ask("/").text.count("✓ accepted</strong>") >= 6
     assert browser.do("reduce").status == 303
     certificate = browser.ask("/certificate")
     assert "sandbox" in certificate.headers["content-security-policy"]
@@ -166,7 +175,7 @@ def test_fire_stops_at_the_first_hit_that_the_windows_reject(browser: Browser) -
     for name, given in PLAIN[:12]:
         browser.do(name, **given)
     browser.do("fire-shots", shots=6, stop="yes")
-    assert browser.ask("/").text.count(">Accept ") == 1 + 2
+    assert browser.ask("/").text.count('href="/?shot=') == 2
 
 
 def test_a_form_sent_twice_makes_one_entry(browser: Browser) -> None:
@@ -175,7 +184,7 @@ def test_a_form_sent_twice_makes_one_entry(browser: Browser) -> None:
     again = browser.ask("/do", form)
     assert again.status == 422
     assert "entry 2 is next" in again.text
-    assert "0.5 min, done once" in again.text
+    assert again.text.count("✓ done") == 1
 
 
 @pytest.mark.parametrize(
@@ -218,10 +227,11 @@ class Form(HTMLParser):
         if tag == "label":
             self.labelled.add(given.get("for") or "")
         self.forbidden += [key for key in given if key.startswith("on") or key == "style"]
-        self.forbidden += [tag] if tag in {"script", "style"} else []
+        runs = tag == "script" and given.get("src") != "/bench.js"
+        self.forbidden += [tag] if runs or tag == "style" else []
 
 
-def test_every_control_has_a_label_and_nothing_runs(browser: Browser) -> None:
+def test_every_control_has_a_label_and_nothing_runs_but_one_file(browser: Browser) -> None:
     for name, given in PLAIN[:12]:
         browser.do(name, **given)
     browser.do("fire-shots", shots=2)
@@ -235,24 +245,3 @@ def test_what_is_typed_is_escaped(browser: Browser) -> None:
     browser.do("note-deviation", because="<img src=x onerror=alert(1)>")
     assert "<img" not in browser.ask("/").text
     assert "&lt;img" in browser.ask("/").text
-
-
-def test_no_answer_knows_what_is_wrong_or_shows_a_number_to_its_last_digit(
-    tmp_path: Path,
-) -> None:
-    """Two days whose records agree so far: byte for byte the same pages, the bat cracked or not."""
-    sound = load_scenario("plain-day").text
-    cracked = tmp_path / "cracked.toml"
-    cracked.write_text(sound.replace("procedure =", 'faults = ["bat-cracked"]\nprocedure ='))
-    pages: list[list[str]] = []
-    for number, scenario in enumerate(("plain-day", str(cracked))):
-        browser = Browser(served(tmp_path / f"day-{number}", scenario))
-        browser.open()
-        answers = [browser.ask("/")]
-        for name, given in (*PLAIN[:12], ("tap-bat", {}), ("fire-check-cylinder", {})):
-            browser.do(name, **given)
-            browser.application.asked.clear()
-            answers.append(browser.ask("/"))
-        pages.append([f"{answer.headers} {answer.text}" for answer in answers])
-    assert pages[0] == pages[1]
-    assert not re.search(r"\d\.\d{6}", "".join(pages[0]))

@@ -191,11 +191,11 @@ ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
                 name="verdict",
                 title="verdict",
                 kind="choice",
-                choices=("PASS", "FAIL", "INVALID"),
+                choices=("PASS", "FAIL", "INVALID", "MEASURED"),
             ),
             Argument(
                 name="confidence",
-                title="how sure",
+                title="how certain",
                 kind="number",
                 unit="%",
                 default=90.0,

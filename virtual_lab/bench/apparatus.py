@@ -24,6 +24,7 @@ from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.entries import entry_of_constant, entry_of_record
 from virtual_lab.bench.firing import Firing, altered
 from virtual_lab.bench.protocol import checklist
+from virtual_lab.bench.sketching import sketch_of
 from virtual_lab.bench.table import Consequences, action_table
 from virtual_lab.errors import InputError
 from virtual_lab.lab import Laboratory, TestDay, Tested
@@ -56,6 +57,7 @@ class Reading(NamedTuple):
     records: Mapping[str, Record] = {}
     shown: Shown = ()
     constants: Mapping[str, Estimate] = {}
+    sketch: Mapping[str, Any] = {}
 
 
 @dataclass(frozen=True)
@@ -84,6 +86,7 @@ class Apparatus:
             records={name: entry_of_record(record) for name, record in reading.records.items()},
             shown=reading.shown,
             constants={key: entry_of_constant(known) for key, known in reading.constants.items()},
+            sketch=reading.sketch,
         )
 
     def finish(self, day: Day) -> Tested:
@@ -290,8 +293,12 @@ class Apparatus:
         )
 
     def _fire(self, day: Day, _: Action) -> Reading:
-        play = self.firing.shot(self.firing.conditions(day))[1]
-        return Reading({name: kept for name, kept in play.records.items() if name != "aim"})
+        shot = self.firing.conditions(day)
+        records = self.firing.shot(shot)[1].records
+        return Reading(
+            {name: kept for name, kept in records.items() if name != "aim"},
+            sketch=sketch_of(self.firing, shot),
+        )
 
     # the result
 

@@ -13,7 +13,6 @@ from typing import Any
 from virtual_lab.bench.actions import LENGTHS, Action
 from virtual_lab.bench.table import MAKE_READY, action_table
 from virtual_lab.errors import InputError
-from virtual_lab.measurement.procedure import to_set
 from virtual_lab.records.session import Session
 
 __all__ = ["Day", "DayEvent", "Decision", "decide", "evolve", "offered", "replayed"]
@@ -57,6 +56,7 @@ class DayEvent:
     records: Mapping[str, Any] = field(default_factory=dict)  # channel: arrays
     shown: tuple[tuple[str, float | str, str], ...] = ()  # what, value, unit
     constants: Mapping[str, Any] = field(default_factory=dict)  # that it puts in the place of known
+    sketch: Mapping[str, Any] = field(default_factory=dict)  # of a shot, as an eye had it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,10 +137,10 @@ def decide(day: Day, action: Action) -> float:
 
 def offered(day: Day, action: str) -> bool:
     """Return whether an action has a place on the page of a day."""
+    if day.handed_in or action in AFTER_HAND_IN:
+        return day.handed_in and action in AFTER_HAND_IN and not day.exam
     if action in CHECKLISTS:
         return day.checklists
-    if action in AFTER_HAND_IN:
-        return day.handed_in
     return _at_hand(day, action)
 
 
@@ -200,6 +200,8 @@ Changes = Mapping[str, Any]  # fields of a day
 
 
 def _placed(day: Day, given: Changes) -> Changes:
+    from virtual_lab.measurement.procedure import to_set  # loads slowly, and no page waits for it
+
     place = float(to_set(given["place"] * LENGTHS[given["unit"]], exact=False))
     return {"place": place, "ready": day.ready - {"wait-rest"}}
 

@@ -22,12 +22,11 @@ from virtual_lab.bench.inspection import doubts, fault_sheets, known_doubts
 from virtual_lab.bench.keeping import KeptDay, played, taken
 from virtual_lab.bench.operators import operator_of
 from virtual_lab.bench.protocol import StepDue, excused, left_out, steps_due
-from virtual_lab.bench.scenario import SCORES, Scenario
+from virtual_lab.bench.scenario import SCORES, UNITS, Scenario
 from virtual_lab.bench.table import PREPARING, action_table
 from virtual_lab.errors import InputError
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.template import page_template
-from virtual_lab.units import INCH, MPH
 
 __all__ = [
     "CostlyDecision",
@@ -131,6 +130,7 @@ class Debrief:
     """What is told at the end of a day."""
 
     title: str
+    units: str  # in print, of UNITS; numbers here are SI
     seal: str
     verdict: str
     confidence: float  # 0 to 1, in the verdict
@@ -185,7 +185,8 @@ def debrief(apparatus: Apparatus, day: Day, scenario: Scenario, seal: str = "") 
     assert given is not None
     named = _named(day, str(given.arguments["doubt"]))
     faults = scenario.faults
-    right = _right_verdict(value, u, truth, limit, spoilt=bool(faults))
+    admitted = value is None or all(each.met for each in desk.certification.findings)
+    right = _right_verdict(value, u, truth, limit, spoilt=bool(faults), admitted=admitted)
     refused = day.verdict == "INVALID" and (bool(set(faults) & set(named)) or value is None)
     rightly = day.verdict == right or refused
     confidence = float(given.arguments["confidence"]) / 100
@@ -205,6 +206,7 @@ def debrief(apparatus: Apparatus, day: Day, scenario: Scenario, seal: str = "") 
     keep, change = _advice(scores)
     return Debrief(
         title=scenario.title,
+        units=scenario.units,
         seal=seal,
         verdict=day.verdict,
         confidence=confidence,
@@ -389,12 +391,15 @@ def _right_verdict(
     limit: float | None,
     *,
     spoilt: bool,
+    admitted: bool,
 ) -> str:
     """Return the verdict of who knows the truth: INVALID where a fault put the result beyond U."""
     if value is None or u is None or truth is None:
         return "INVALID" if spoilt else "MEASURED"
     if spoilt and abs(value - truth) > 2 * u:
         return "INVALID"
+    if not admitted:
+        return "FAIL"
     if limit is None:
         return "MEASURED"
     return "PASS" if truth <= limit else "FAIL"
@@ -597,7 +602,7 @@ def debrief_page(told: Debrief) -> str:
         told=told,
         sheets=action_table().actions,
         titles=known_doubts(),
-        inch=INCH,
-        mph=MPH,
+        length=UNITS[told.units][0],
+        speed=UNITS[told.units][1],
         metric=METRICS[told.metric],
     )

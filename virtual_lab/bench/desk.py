@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +19,14 @@ from virtual_lab.bench.entries import constant_of_entry, record_of
 from virtual_lab.bench.table import action_table
 from virtual_lab.catalog import Entry, read
 from virtual_lab.errors import InputError
-from virtual_lab.measurement.certification import Certification, evaluate
 from virtual_lab.measurement.procedure import Judgement, Procedure, next_places, outcome_of, to_set
-from virtual_lab.measurement.reduction.observations import along_of
-from virtual_lab.measurement.reduction.shot_algebra import ShotResults
-from virtual_lab.measurement.session_reduction import Preparation, Reduced, prepare, reduce_hits
 from virtual_lab.records import Record, join
 from virtual_lab.records.session import Session
+
+if TYPE_CHECKING:  # the reduction takes a second to load, and a first page must not wait for it
+    from virtual_lab.measurement.certification import Certification
+    from virtual_lab.measurement.reduction.shot_algebra import ShotResults
+    from virtual_lab.measurement.session_reduction import Preparation, Reduced
 
 __all__ = ["UNDECIDED", "Desk", "OwnResult", "session_of"]
 
@@ -102,11 +104,15 @@ class Desk:
     @cached_property
     def preparation(self) -> Preparation:
         """Of bat and balls; `InputError` names the record that is missing still."""
+        from virtual_lab.measurement.session_reduction import prepare
+
         return prepare(self.session)
 
     @cached_property
     def by_rules(self) -> Reduced:
         """The hits so far, judged by the rules alone; `InputError` as `preparation`."""
+        from virtual_lab.measurement.session_reduction import reduce_hits
+
         return reduce_hits(self.session, self.preparation)
 
     @cached_property
@@ -128,6 +134,8 @@ class Desk:
 
     @cached_property
     def certification(self) -> Certification:
+        from virtual_lab.measurement.certification import evaluate
+
         return evaluate(self.session, self.reduced)
 
     @property
@@ -160,6 +168,8 @@ class Desk:
     @cached_property
     def missing(self) -> str:
         """What keeps the hits from being reduced; empty where nothing does."""
+        if not self.day.events:
+            return "nothing was measured yet"
         try:
             _ = self.by_rules if self.day.fired else self.preparation
         except InputError as fault:
@@ -169,6 +179,8 @@ class Desk:
     @cached_property
     def next_place(self) -> float | None:
         """Where the rules ask for the next hit, as the rule is to be set [m]; None: nowhere."""
+        from virtual_lab.measurement.reduction.observations import along_of
+
         rules, place = self.rules.spec, self.preparation.percussion
         if not self.day.fired:
             nothing = np.zeros(0)

@@ -44,6 +44,8 @@ class Firing:
 
     laboratory: Laboratory
     shots: dict[ShotConditions, RigOutput] = field(default_factory=dict)  # played already
+    sketches: dict[ShotConditions, dict[str, Any]] = field(default_factory=dict)  # drawn already
+    after_walls: dict[int, Laboratory] = field(default_factory=dict)  # by their number
 
     def wall(self, earlier: int) -> RigOutput:
         """Fire the lot at the wall, the balls as `earlier` such tests left them."""
@@ -62,6 +64,11 @@ class Firing:
 
     def _found(self, walls: int) -> Laboratory:
         """Return the laboratory whose balls are as so many wall tests found them."""
+        if walls not in self.after_walls:
+            self.after_walls[walls] = self._after_walls(walls)
+        return self.after_walls[walls]
+
+    def _after_walls(self, walls: int) -> Laboratory:
         laboratory = self.laboratory
         for earlier in range(walls):
             play = self.wall(earlier)
@@ -122,43 +129,49 @@ class Firing:
 
     def shot(self, shot: ShotConditions) -> tuple[ShotPlan, RigOutput]:
         """Fire a ball: what was asked, and what came of it."""
-        rules, setup = self.laboratory.rules.spec, self.laboratory.setup
-        asked = ShotPlan(
-            slot=np.array([shot.shot]),
-            ball=np.array([shot.ball]),
-            speed=np.array([rules.ball_speed]),
-            place=np.array([shot.place]),
-            turn_rate=shot.turn_rate,
-            rung=setup.detail,
-            motion=setup.motion,
-        )
+        asked = self._order(shot, self.laboratory.rules.spec.ball_speed)
         if shot not in self.shots:
             self.shots[shot] = self._played(asked, shot)
         return asked, self.shots[shot]
 
-    def _played(self, asked: ShotPlan, shot: ShotConditions) -> RigOutput:
-        table, draws = action_table().consequences, self.laboratory.draws
+    def as_it_stands(self, shot: ShotConditions) -> tuple[Laboratory, ShotPlan]:
+        """Return the laboratory that a shot finds, and the order that it is fired to."""
+        table, speed = action_table().consequences, self.laboratory.rules.spec.ball_speed
         laboratory = self._found(shot.wall)
         balls = laboratory.specimen.balls
         restitution = balls.restitution.copy()
         restitution[shot.ball] -= table.warm_loss * shot.warm
         station: Any = self.aimed(shot.shift)
-        scrap = 1 - (1 - table.scrap) ** shot.scrap
-        tripped = float(draws.uniform("rehearsal.scrap", slots=asked.slot)[0]) + 0.5 < scrap
         if shot.scrap and hasattr(station.gates.spec, "sabot_rate"):
-            station = other_sheet(station, "gates", sabot_rate=scrap)
+            station = other_sheet(station, "gates", sabot_rate=_tripping(shot))
         laboratory = replace(
             laboratory,
             stations={**laboratory.stations, Stage.IMPACT: station},
             specimen=replace(laboratory.specimen, balls=replace(balls, restitution=restitution)),
         )
         slow = 0.0 if "wait-pressure" in shot.ready else table.slow_by
-        play = laboratory.play(
-            Stage.IMPACT, replace(asked, speed=asked.speed - slow) if slow else asked
+        return laboratory, self._order(shot, speed - slow)
+
+    def _order(self, shot: ShotConditions, speed: float) -> ShotPlan:
+        return ShotPlan(
+            slot=np.array([shot.shot]),
+            ball=np.array([shot.ball]),
+            speed=np.array([speed]),
+            place=np.array([shot.place]),
+            turn_rate=shot.turn_rate,
+            rung=self.laboratory.setup.detail,
+            motion=self.laboratory.setup.motion,
         )
+
+    def _played(self, asked: ShotPlan, shot: ShotConditions) -> RigOutput:
+        table, draws = action_table().consequences, self.laboratory.draws
+        tripping = float(draws.uniform("rehearsal.scrap", slots=asked.slot)[0]) + 0.5
+        laboratory, order = self.as_it_stands(shot)
+        station: Any = laboratory.stations[Stage.IMPACT]
+        play = laboratory.play(Stage.IMPACT, order)
         records = {**play.records, "log": asked.log()}
         gates, encoder = records["gates"], records.get("encoder")
-        if tripped and isinstance(gates, GateRecord):
+        if tripping < _tripping(shot) and isinstance(gates, GateRecord):
             times = gates.times.copy()
             times[:, 0, 0, 0] -= table.scrap_ahead / play.truth["speed"]
             records["gates"] = replace(gates, times=times)
@@ -180,6 +193,11 @@ class Firing:
             left = draws.uniform("rehearsal.zero", slots=asked.slot) + 0.5
             counts = counts + np.round(left * turn)[:, None]
         return record if counts is record.counts else replace(record, counts=counts)
+
+
+def _tripping(shot: ShotConditions) -> float:
+    """Return the chance that scrap trips the first gate ahead of the ball."""
+    return 1 - (1 - action_table().consequences.scrap) ** shot.scrap
 
 
 def altered(station: Station, part: str, **true: float) -> Station:

@@ -24,7 +24,7 @@ from virtual_lab.bench.apparatus import Apparatus
 from virtual_lab.bench.day import Day, DayEvent, decide, evolve, replayed
 from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.entries import constant_of_entry, entry_of_constant
-from virtual_lab.bench.log import DayLog, SequenceError
+from virtual_lab.bench.log import LOG, DayLog, SequenceError
 from virtual_lab.bench.operators import Operator, operator_of
 from virtual_lab.bench.protocol import remarks
 from virtual_lab.bench.scenario import Scenario
@@ -38,7 +38,7 @@ from virtual_lab.streams import commitment
 
 __all__ = ["LOG", "SECRET", "KeptDay", "done", "laboratory_of", "morning_of", "played", "taken"]
 
-LOG, SECRET = "day.sqlite", "sealed.json"
+SECRET = "sealed.json"
 SEED_BITS = 128
 LIMIT = re.compile(r"^limit\s*=\s*\{[^}]*\}", re.MULTILINE)
 AFTER_FIRING = ("note-doubt", "reduce", "give-verdict", "hand-in")

@@ -16,8 +16,9 @@ from typing import Any
 from virtual_lab.bench.day import DayEvent
 from virtual_lab.errors import InputError
 
-__all__ = ["DayLog", "SequenceError", "entry_document"]
+__all__ = ["LOG", "DayLog", "SequenceError", "entry_document"]
 
+LOG = "day.sqlite"  # its name in the folder of a day
 SCHEMA = 1
 TABLE = """
 CREATE TABLE entries (number INTEGER PRIMARY KEY CHECK (number >= 0), entry TEXT NOT NULL) STRICT;
@@ -99,6 +100,7 @@ def entry_document(event: DayEvent) -> dict[str, Any]:
         "records": dict(event.records),
         "shown": [list(row) for row in event.shown],
         "constants": dict(event.constants),
+        "sketch": dict(event.sketch),
     }
 
 

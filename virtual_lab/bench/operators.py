@@ -164,7 +164,7 @@ def _end(look: Look, habits: Habits) -> Iterator[Action]:
     else:
         yield action_of("reduce")
         found = look().certification.verdict.value
-        invalid = bool(sure) or found not in {"PASS", "FAIL"}
+        invalid = bool(sure) or found == "INVALID"
         certain = max(sure.values(), default=USUALLY) if invalid else _confidence(look())
         given = {
             "verdict": "INVALID" if invalid else found,
@@ -178,7 +178,7 @@ def _end(look: Look, habits: Habits) -> Iterator[Action]:
 def _confidence(desk: Desk) -> float:
     """Return the chance that the bat is on the side of the limit that the result is on."""
     result, limit = desk.result, desk.rules.spec.most
-    if result is None or limit is None:
+    if result is None or limit is None or not all(f.met for f in desk.certification.findings):
         return USUALLY
     value, u = result
     return NormalDist().cdf(abs(value - limit) / u)

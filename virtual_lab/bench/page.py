@@ -4,40 +4,55 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
-
-import numpy as np
+from itertools import accumulate
+from math import isfinite
+from typing import TYPE_CHECKING, Any
 
 from virtual_lab.bench.actions import ARGUMENTS, Argument
-from virtual_lab.bench.day import offered
-from virtual_lab.bench.desk import Desk
+from virtual_lab.bench.day import DayEvent, offered
 from virtual_lab.bench.inspection import known_doubts
 from virtual_lab.bench.operators import PREPARATION
+from virtual_lab.bench.slow_motion import Motion, SlowMotion, sketched, slow_motion
 from virtual_lab.bench.table import MAKE_READY, action_table
+from virtual_lab.bench.traces import traces_of
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.template import page_template
-from virtual_lab.records import EncoderRecord
 from virtual_lab.units import INCH, MPH
 
-__all__ = ["day_page", "plain_page"]
+if TYPE_CHECKING:
+    from virtual_lab.bench.desk import Desk
+
+__all__ = ["Refusal", "day_page", "notebook_page", "plain_page"]
 
 PACKAGE = "virtual_lab.bench"
 PARTS = {
     "bench": "Bench",
     "wall": "Wall rig",
     "rig": "Rig at the bat",
+    "hits": "Hits",
     "notebook": "Notebook",
     "result": "Result",
 }
-WIDTH, HEIGHT = 600, 160  # of a trace, in its own units
-POINTS = 150  # of a trace
-ROWS = 16  # of its table
+FIRE_SHOTS = "fire-shots"  # a button of several actions
+EACH_SHOT = ("load-ball", *MAKE_READY, "fire")  # them
+NEAR = 1e-6  # m: places that are one
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Refusal:
+    """What could not be done, and why."""
+
+    sentence: str
+    action: str = ""
+    argument: str = ""  # that did not fit
+    given: Mapping[str, str] | None = None  # what was typed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
     """A step of the procedure on the page."""
 
+    name: str
     title: str
     state: str  # done, now, to come
     part: str
@@ -59,55 +74,90 @@ class HitShown:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TraceShown:
-    """What the encoder showed of a shot: a line, and its numbers."""
+class EntryShown:
+    """An entry of the notebook, as printed."""
 
-    points: str
-    low: int
-    high: int
-    duration: str
-    rows: tuple[tuple[str, int], ...]
+    number: int
+    minute: str
+    title: str
+    struck: bool
+    given: str
+    readings: str
 
 
-def day_page(desk: Desk, briefing: Mapping[str, Any], message: str = "") -> str:
-    """Return the page of a day as it is, with what was wrong with the last request."""
+def day_page(
+    desk: Desk,
+    briefing: Mapping[str, Any],
+    *,
+    refusal: Refusal | None = None,
+    shot: int | None = None,
+    true_motion: Motion | None = None,
+) -> str:
+    """Return the page of a day as it is.
+
+    Parameters
+    ----------
+    desk, briefing
+        The day, and what the trainee was told of it.
+    refusal
+        What was wrong with the last request.
+    shot
+        Whose pictures are shown, from 1; the last one without.
+    true_motion
+        That of the shot, once it may be seen.
+    """
     day, table = desk.day, action_table()
+    hits = _hits(desk)
     steps = _steps(desk)
-    forms = [
-        (
-            title,
-            [
-                _form(name, desk)
-                for name, sheet in table.actions.items()
-                if sheet.part == part and offered(day, name)
-            ],
-        )
-        for part, title in PARTS.items()
-    ]
-    metric = METRICS[desk.rules.spec.metric]
+    guided = briefing["guidance"] == "guided" and not day.handed_in
+    present = _present(desk, steps, hits) if guided else ""
+    shown = min(shot or len(hits), len(hits))
+    fired = [event for event in day.events if event.action == "fire"]
+    refused = refusal or Refusal(sentence="")
+    focus = refused.action or present or _again(day.events)
+    last = day.events[-1] if day.events else None
     return page_template(PACKAGE, "day.html").render(
         briefing=briefing,
-        guided=briefing["guidance"] == "guided",
         listed=briefing["guidance"] != "none",
-        message=message,
+        refused=refused,
         day=day,
         rules=desk.rules.spec,
         next_number=len(day.events) + 1,
         steps=steps,
-        present=next((step for step in steps if step.state == "now"), None),
-        forms=forms,
+        present=present,
+        focus=focus,
+        open_part=_part_of(focus) if focus else "bench",
+        parts=[(name, title, _forms(name, desk, refused)) for name, title in PARTS.items()],
+        forms={name: _form(name, desk, refused) for name in table.actions},
+        done_of=_done_of(desk),
         sheets=table.actions,
-        hits=_hits(desk),
+        hits=hits,
+        undecided=[hit for hit in hits if hit.decision == "undecided"],
         hits_note=desk.missing,
-        metric=metric,
+        metric=METRICS[desk.rules.spec.metric],
         suggested=_suggested(desk),
+        can_fire=offered(day, "fire"),
         ready=[(table.actions[name].title, name in day.ready) for name in MAKE_READY],
-        last=next((event for event in reversed(day.events) if event.shown), None),
-        trace=_trace(desk),
-        gates=_gates(desk),
+        each_shot=f"{sum(table.actions[name].minutes for name in EACH_SHOT) / 60:g}",
+        last=last,
+        last_hit=hits[-1] if last and last.action == "fire" else None,
+        traces=traces_of(shown, fired[shown - 1].records) if shown else None,
+        motion=_motion(desk, shown, fired, true_motion) if shown else None,
         doubts=known_doubts(),
-        entries=list(reversed(day.events)),
-        minute=_minutes(desk),
+        entries=_entries(desk)[::-1],
+        left_over=f"{(briefing['minutes'] - day.seconds) / 60:.0f}",
+    )
+
+
+def notebook_page(desk: Desk, briefing: Mapping[str, Any]) -> str:
+    """Return the notebook of a day to be printed: entries and hits in the order they came."""
+    return page_template(PACKAGE, "notebook.html").render(
+        briefing=briefing,
+        day=desk.day,
+        rules=desk.rules.spec,
+        metric=METRICS[desk.rules.spec.metric],
+        entries=_entries(desk),
+        hits=_hits(desk),
     )
 
 
@@ -117,35 +167,90 @@ def plain_page(title: str, sentence: str) -> str:
 
 
 def _steps(desk: Desk) -> list[Step]:
-    day, sheets = desk.day, action_table().actions
-    valid = desk.rules.spec.valid_hits
+    day, sheets, rules = desk.day, action_table().actions, desk.rules.spec
     counted = sum(each.accepted for each in day.decisions.values())
+    content = bool(day.fired) and not desk.missing and desk.next_place is None
     done = {name: desk.last(name) is not None for name in PREPARATION} | {
         "set-place": day.place is not None,
-        "fire": counted >= valid,
+        "fire": content or day.reduced,
         "reduce": day.reduced,
         "give-verdict": bool(day.verdict),
         "hand-in": day.handed_in,
     }
+    each = " at each place" if rules.scan else ""
     steps, present = [], True
     for name, over in done.items():
         state = "done" if over else "now" if present else "to come"
         present = present and over
-        hits = f"Fire until {valid} hits count ({counted} so far)"
+        hits = f"Fire until {rules.valid_hits} hits count{each} ({counted} so far)"
         title = hits if name == "fire" else sheets[name].title
-        steps.append(Step(title=title, state=state, part=sheets[name].part))
+        steps.append(Step(name=name, title=title, state=state, part=sheets[name].part))
     return steps
 
 
-def _form(name: str, desk: Desk) -> dict[str, Any]:
+def _present(desk: Desk, steps: list[Step], hits: list[HitShown]) -> str:
+    """Return what the procedure asks for now: an action, or a hit that is to be decided."""
+    for hit in hits:
+        if hit.decision == "undecided" and not desk.missing and not desk.day.reduced:
+            return f"decide-{hit.shot}"
+    name = next((step.name for step in steps if step.state == "now"), "")
+    if name != "fire":
+        return name
+    stands, asked = desk.day.place, None if desk.missing else desk.next_place
+    moved = asked is not None and (stands is None or abs(asked - stands) > NEAR)
+    return "set-place" if moved else FIRE_SHOTS
+
+
+def _again(events: tuple[DayEvent, ...]) -> str:
+    """Return where the last action was asked for, so that a keyboard stays where it was."""
+    if not events:
+        return ""
+    last = events[-1]
+    if last.action == "fire":
+        return f"decide-{sum(event.action == 'fire' for event in events)}"
+    return FIRE_SHOTS if last.action in {"accept", "reject"} else last.action
+
+
+def _part_of(focus: str) -> str:
+    if focus.startswith("decide-") or focus == "accept-within":
+        return "hits"
+    known = action_table().actions
+    return known[focus].part if focus in known else "rig"
+
+
+def _done_of(desk: Desk) -> dict[str, str]:
+    """Return how many steps of the book are done in each part."""
+    found = {}
+    for part in PARTS:
+        own = [step for step in _steps(desk) if step.part == part]
+        done = sum(step.state == "done" for step in own)
+        found[part] = f"{done} of {len(own)} steps done" if own else ""
+    return found
+
+
+def _forms(part: str, desk: Desk, refused: Refusal) -> list[dict[str, Any]]:
+    sheets = action_table().actions
+    own = [
+        name
+        for name in sheets
+        if sheets[name].part == part and part != "hits" and offered(desk.day, name)
+    ]
+    return [_form(name, desk, refused) for name in own]
+
+
+def _form(name: str, desk: Desk, refused: Refusal) -> dict[str, Any]:
     sheet = action_table().actions[name]
+    typed = refused.given or {} if refused.action == name else {}
     return {
         "name": name,
         "title": sheet.title,
         "minutes": f"{sheet.minutes / 60:g}",
         "skipped": sheet.skipped,
         "times": desk.day.times(name),
-        "arguments": [(a, _default(a, name, desk)) for a in ARGUMENTS.get(name, ())],
+        "arguments": [
+            (each, typed.get(each.name, _default(each, name, desk)))
+            for each in ARGUMENTS.get(name, ())
+        ],
     }
 
 
@@ -209,46 +314,39 @@ def _hits(desk: Desk) -> list[HitShown]:
 
 
 def _number(value: float, places: int) -> str:
-    return f"{value:.{places}f}" if np.isfinite(value) else "not seen"
+    return f"{value:.{places}f}" if isfinite(value) else "not seen"
 
 
-def _trace(desk: Desk) -> TraceShown | None:
-    """Return the encoder's trace of the last shot, None where nothing watched the bat."""
-    event = desk.last("fire")
-    if event is None or "encoder" not in event.records:
-        return None
-    record: Any = desk.session.records["impact"]["encoder"]
-    assert isinstance(record, EncoderRecord)
-    counts, times = record.counts[-1], record.times
-    some = np.unique(np.linspace(0, times.size - 1, POINTS).astype(int))
-    low, high = float(counts.min()), float(counts.max())
-    across = WIDTH * times[some] / times[-1]
-    up = HEIGHT - HEIGHT * (counts[some] - low) / max(high - low, 1.0)
-    few = np.unique(np.linspace(0, times.size - 1, ROWS).astype(int))
-    return TraceShown(
-        points=" ".join(f"{x:.1f},{y:.1f}" for x, y in zip(across, up, strict=True)),
-        low=int(low),
-        high=int(high),
-        duration=f"{times[-1] * 1e3:.0f}",
-        rows=tuple((f"{times[at] * 1e3:.1f}", int(counts[at])) for at in few),
-    )
+def _motion(
+    desk: Desk, shown: int, fired: list[DayEvent], true_motion: Motion | None
+) -> SlowMotion:
+    event, rules = fired[shown - 1], desk.rules.spec
+    place = float(event.records["log"]["place"][0])
+    return slow_motion(shown, true_motion or sketched(event, rules, place), desk.day, rules)
 
 
-def _gates(desk: Desk) -> list[tuple[str, str, str]]:
-    """Return the edges of the last shot: way and gate, broke and cleared [ms]."""
-    event = desk.last("fire")
-    if event is None or event.records["gates"]["kind"] != "gates":
-        return []
-    rows = []
-    for way, gates in zip(("in", "back"), event.records["gates"]["times"][0], strict=True):
-        for gate, edges in enumerate(gates, 1):
-            broke, cleared = ("not seen" if t is None else f"{t * 1e3:.3f}" for t in edges)
-            rows.append((f"{way}, gate {gate}", broke, cleared))
-    return rows
+def _entries(desk: Desk) -> list[EntryShown]:
+    sheets, day = action_table().actions, desk.day
+    minutes = accumulate(event.seconds / 60 for event in day.events)
+    return [
+        EntryShown(
+            number=event.number,
+            minute=f"{at:.1f}",
+            title=sheets[event.action].title,
+            struck=event.number in day.struck,
+            given=", ".join(_given(event)),
+            readings=", ".join(
+                f"{what} {value} {unit}".rstrip() for what, value, unit in event.shown
+            ),
+        )
+        for event, at in zip(day.events, minutes, strict=True)
+        for shown in [event.shown]
+    ]
 
 
-def _minutes(desk: Desk) -> dict[int, str]:
-    seconds = np.cumsum([event.seconds for event in desk.day.events])
-    return {
-        event.number: f"{at / 60:.1f}" for event, at in zip(desk.day.events, seconds, strict=True)
-    }
+def _given(event: DayEvent) -> list[str]:
+    units = {each.name: each.unit for each in ARGUMENTS.get(event.action, ())}
+    return [
+        f"{key.replace('_', ' ')} {value} {units.get(key, '')}".rstrip()
+        for key, value in event.arguments.items()
+    ]

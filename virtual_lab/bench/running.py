@@ -9,23 +9,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from virtual_lab.bench.actions import Action
-from virtual_lab.bench.day import evolve
 from virtual_lab.bench.debrief import Debrief, debrief_page, debriefed
-from virtual_lab.bench.keeping import LOG, SECRET, KeptDay, done
-from virtual_lab.bench.log import entry_document
+from virtual_lab.bench.keeping import LOG, SECRET, KeptDay
 from virtual_lab.bench.operators import Operator, by_script, operator_of
-from virtual_lab.bench.scenario import SCORES, load_scenario
-from virtual_lab.bench.table import action_table
-from virtual_lab.errors import InputError
+from virtual_lab.bench.scenario import load_scenario
 from virtual_lab.files import new_folder, read_json
-from virtual_lab.output.result import Json, Rows
-from virtual_lab.output.tables import Column
 
-__all__ = ["RehearsedDay", "check_scenario", "rehearse", "replay", "save_debrief", "summary"]
-
-TRIED = (1, 2, 3)  # seeds that a scenario is tried with
-FORMULA = ("=", "+", "-", "@")  # what a spreadsheet takes for one
+__all__ = ["RehearsedDay", "rehearse", "save_debrief"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,132 +99,3 @@ def save_debrief(told: Debrief, folder: Path) -> None:
     text = json.dumps(told.document(), indent=1, allow_nan=False)
     (folder / "debrief.json").write_text(text + "\n", encoding="utf-8")
     (folder / "debrief.html").write_text(debrief_page(told), encoding="utf-8")
-
-
-def summary(folder: str | Path) -> Rows[Json]:
-    """Return one table of the days that lie in folders below `folder`: a class.
-
-    A day that was handed in and has no debrief yet is given one, beside its log.
-
-    Raises `InputError` where there is no day.
-    """
-    place = Path(folder)
-    logs = sorted(place.rglob(LOG))
-    if not logs:
-        raise InputError(str(place), "days", None, f"no folder in it holds a {LOG}")
-    rows = [
-        {"trainee": _cell(log.parent.relative_to(place)), **_outcome(log.parent)} for log in logs
-    ]
-    columns = {key: Column(key.replace("_", " "), form=".2f") for key in rows[0]}
-    return Rows(name="class", title=f"{len(rows)} days", rows=rows, columns=columns)
-
-
-def _outcome(folder: Path) -> dict[str, Any]:
-    path = folder / "debrief.json"
-    if not path.exists():
-        kept = KeptDay(folder)
-        if not kept.day.handed_in:
-            none = dict.fromkeys((*SCORES, "brier", "right", "found", "missed", "false_alarms"))
-            day = {"minutes": kept.day.seconds / 60, "shots": len(kept.day.fired)}
-            return {"day": _cell(kept.scenario.title), "verdict": "open", **none, **day}
-        save_debrief(debriefed(kept), folder)
-    told = read_json(path)
-    return {
-        "day": _cell(told["title"]),
-        "verdict": told["verdict"],
-        **{each["name"]: each["value"] for each in told["scores"]},
-        "brier": told["brier"],
-        "right": told["right_verdict"],
-        **{key: " ".join(told[key]) for key in ("found", "missed", "false_alarms")},
-        "minutes": told["minutes"],
-        "shots": told["shots"],
-    }
-
-
-def _cell(text: object) -> str:
-    """Return what was typed as a cell of a table that no spreadsheet takes for a formula."""
-    words = str(text)
-    return f"'{words}" if words.startswith(FORMULA) else words
-
-
-def check_scenario(scenario: str | Path) -> Rows[Json]:
-    """Try a scenario with operators by the book and expert, for who writes one.
-
-    Raises `InputError` where it cannot be played, with file, key and what is allowed.
-    """
-    entry = load_scenario(str(scenario)).spec
-    rows: list[dict[str, Any]] = []
-    for seed in TRIED:
-        for name in ("book", "expert"):
-            told = rehearse(scenario, operator=name, seed=seed).debrief
-            rows.append(
-                {
-                    "operator": name,
-                    "seed": seed,
-                    "minutes": told.minutes,
-                    "shots": told.shots,
-                    "verdict": told.verdict,
-                    "right": told.right_verdict,
-                    "found": " ".join(told.found),
-                    "missed": " ".join(told.missed),
-                    "false_alarms": " ".join(told.false_alarms),
-                }
-            )
-    expert = [row for row in rows if row["operator"] == "expert"]
-    longest = max(row["minutes"] for row in expert)
-    most = max(row["shots"] for row in expert)
-    words = [f"an expert takes up to {longest:.0f} min and {most} shots"]
-    if entry.minutes / 60 < longest or entry.shots < most:
-        words.append(f"you give {entry.minutes / 60:.0f} min and {entry.shots}: a tight budget")
-    if any(row["missed"] for row in expert):
-        words.append("an expert misses a fault on some of these days")
-    if entry.faults and not any(row["missed"] for row in rows):
-        words.append("who keeps to the book finds every fault")
-    return Rows(
-        name="scenario",
-        title=f"{entry.title}: it can be played",
-        rows=rows,
-        columns={key: Column(key.replace("_", " "), form=".0f") for key in rows[0]},
-        words="\n".join(words),
-    )
-
-
-def replay(path: str | Path) -> Rows[Json]:
-    """Play a day back from its log: each entry as it was, and whether it comes out again.
-
-    Parameters
-    ----------
-    path
-        A log, ``day.sqlite``, with its sealed file beside it, or the folder of both.
-
-    Raises
-    ------
-    InputError
-        No log, or a day that was not handed in.
-    """
-    place = Path(path)
-    kept = KeptDay(place if place.is_dir() else place.parent)
-    if not kept.day.handed_in:
-        raise InputError(str(place), "day", None, "is not handed in yet")
-    sheets = action_table().actions
-    day, rows = kept.morning, []
-    for event in kept.day.events:
-        action = Action(name=event.action, arguments=event.arguments)
-        same = entry_document(done(kept.apparatus, day, action)) == entry_document(event)
-        day = evolve(day, event)
-        rows.append(
-            {
-                "entry": event.number,
-                "minute": day.seconds / 60,
-                "action": sheets[event.action].title,
-                "entered": ", ".join(f"{key} {value}" for key, value in event.arguments.items()),
-                "shown": ", ".join(
-                    f"{what} {value} {unit}".strip() for what, value, unit in event.shown
-                ),
-                "same": "yes" if same else "NO",
-            }
-        )
-    differ = [str(row["entry"]) for row in rows if row["same"] == "NO"]
-    words = f"entries that come out otherwise: {', '.join(differ)}" if differ else "the same day"
-    columns = {key: Column(key, form=".1f") for key in rows[0]}
-    return Rows(name="replay", title=kept.scenario.title, rows=rows, columns=columns, words=words)

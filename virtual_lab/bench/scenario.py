@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt
@@ -12,10 +13,17 @@ from virtual_lab import catalog
 from virtual_lab.catalog import Entry
 from virtual_lab.catalog.faults import FaultSheet
 from virtual_lab.catalog.specs import Dimension, Name, Real, Spec, Title, YesNo
+from virtual_lab.units import INCH, MPH
 
-__all__ = ["SCORES", "Scenario", "load_scenario", "scenario_names"]
+__all__ = ["SCORES", "UNITS", "Scenario", "load_scenario", "scenario_names"]
 
 KIND = "bench/scenarios"
+UNITS = MappingProxyType(  # a length and a speed in print: unit, and how much of SI it is
+    {
+        "SI": (("mm", 1e-3), ("m/s", 1.0)),
+        "inch-ounce-mph": (("in", INCH), ("mph", MPH)),
+    }
+)
 SCORES = ("result", "detection", "protocol", "record", "economy")
 
 
@@ -34,13 +42,14 @@ class Scenario(Spec):
     guidance: Literal["guided", "checklist", "none"] = "guided"
     checklists: YesNo = False
     feedback: Literal["during", "after", "never"] = "after"
+    units: Literal["SI", "inch-ounce-mph"] = "inch-ounce-mph"  # in print
     minutes: Annotated[float, Gt(0), Dimension("time")]  # that a good day takes
     shots: Annotated[int, Gt(0), Dimension("number")]  # that it needs
     weights: Mapping[str, Annotated[Real, Ge(0)]] = field(default_factory=dict)  # of SCORES
 
     def briefing(self) -> dict[str, object]:
         """Return what a trainee may know of it, in the form of JSON."""
-        told = ("title", "task", "guidance", "feedback", "minutes", "shots")
+        told = ("title", "task", "guidance", "feedback", "units", "minutes", "shots")
         return {key: getattr(self, key) for key in told}
 
     def __post_init__(self) -> None:

@@ -1,86 +1,228 @@
-"""The page started on this machine: a day in a folder, a server that serves it to one browser."""
+"""The page started on this machine: days in folders, a server that serves each to one browser.
+
+The first page needs the rules and the table of actions alone, so it is served while the laboratory
+is still being set up behind it; what is done on the day waits for that, which takes seconds.
+"""
 
 from __future__ import annotations
 
 import secrets
 import threading
+import time
 import webbrowser
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from virtual_lab.bench.apparatus import Apparatus
-from virtual_lab.bench.debrief import debrief_page, debriefed
-from virtual_lab.bench.keeping import LOG, KeptDay, laboratory_of, taken
-from virtual_lab.bench.operators import operator_of
-from virtual_lab.bench.running import save_debrief
+from virtual_lab import catalog
+from virtual_lab.bench.actions import Action
+from virtual_lab.bench.day import Day, DayEvent
+from virtual_lab.bench.desk import Desk
+from virtual_lab.bench.log import LOG
 from virtual_lab.bench.scenario import Scenario
+from virtual_lab.bench.slow_motion import Motion
 from virtual_lab.catalog import Entry
-from virtual_lab.certificate.filling import certificate
-from virtual_lab.certificate.html import certificate_page
 from virtual_lab.errors import InputError
+from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.records.session import Session
 
-__all__ = ["ServedDay", "serve"]
+if TYPE_CHECKING:
+    from virtual_lab.bench.keeping import KeptDay
+
+__all__ = ["LOOPBACK", "ServedDay", "serve"]
+
+LOOPBACK = "127.0.0.1"
+MOST_TRAINEES = 50
+FIRST_LOOK = 0.5  # s, that loading leaves the processor to a first page
+STARTING = 10.0  # s, that a server may take to listen
 
 
-class ServedDay(KeptDay):
-    """A day as a page is given it."""
+class ServedDay:
+    """A day as a page is given it, in a folder: begun there, or taken up again."""
+
+    def __init__(self, folder: Path, scenario: Entry[Scenario], seed: int | None) -> None:
+        self.folder, self.scenario, self.seed = folder, scenario, seed
+        self._opened: Future[KeptDay] = Future()
+        self._begun = (folder / LOG).exists()
+        self.looked_at = threading.Event()
+
+    def open(self) -> KeptDay:
+        """Set the laboratory up; `InputError` where scenario or folder are unfit."""
+        from virtual_lab.bench.keeping import KeptDay
+
+        if self._begun:
+            kept = KeptDay(self.folder)
+        else:
+            kept = KeptDay.begin(self.folder, self.scenario, self.seed)
+        self._opened.set_result(kept)
+        return kept
+
+    @property
+    def kept(self) -> KeptDay:
+        """The day on disk, once its laboratory is set up."""
+        return self._opened.result()
+
+    @property
+    def desk(self) -> Desk:
+        self.looked_at.set()
+        return self.kept.desk if self._begun or self._opened.done() else self._morning
+
+    @cached_property
+    def _morning(self) -> Desk:
+        """The desk of a day of which nothing but its rules is known yet."""
+        rules = catalog.load("procedures", self.scenario.spec.procedure, Procedure)
+        session = Session(
+            bat=self.scenario.spec.bat,
+            ball=rules.spec.ball,
+            rigs={},
+            procedure_text=rules.text,
+            calibration={},
+            records={},
+            simulation={},
+        )
+        return Desk(Day(morning=session, balls=rules.spec.balls))
 
     @property
     def briefing(self) -> Mapping[str, Any]:
-        found: Mapping[str, Any] = self.log.morning["briefing"]
-        return found
+        if self._begun or self._opened.done():
+            found: Mapping[str, Any] = self.kept.log.morning["briefing"]
+            return found
+        return self.scenario.spec.briefing()
+
+    def do(self, action: Action, number: int | None = None) -> DayEvent:
+        return self.kept.do(action, number)
+
+    def motion(self, shot: int) -> Motion | None:
+        """Return how a shot, from 1, really went, once the day is handed in."""
+        from virtual_lab.bench.sketching import true_motion
+
+        kept = self.kept
+        if not kept.day.handed_in or kept.day.exam:
+            return None
+        return true_motion(kept.apparatus.firing, kept.day, shot)
 
     def certificate(self) -> str:
         """Return the certificate of what was reduced; `InputError` before that."""
-        if not self.day.reduced:
+        from virtual_lab.certificate.filling import certificate
+        from virtual_lab.certificate.html import certificate_page
+
+        if not self.kept.day.reduced:
             raise InputError("certificate", "hits", None, "reduce comes first")
-        return certificate_page(certificate(self.desk.certification))
+        return certificate_page(certificate(self.kept.desk.certification))
 
     def debrief(self) -> str:
         """Open the truth of a day that was handed in, and keep the debrief beside its log."""
-        if self.day.exam:
+        from virtual_lab.bench.debrief import debrief_page, debriefed
+        from virtual_lab.bench.running import save_debrief
+
+        kept = self.kept
+        if kept.day.exam:
             raise InputError("debrief", "day", None, "is an exam: your trainer opens the debrief")
-        told = debriefed(self)
-        save_debrief(told, self.log.path.parent)
+        told = debriefed(kept)
+        save_debrief(told, kept.folder)
         return debrief_page(told)
 
 
 def serve(
-    folder: Path,
+    folders: Mapping[str, Path],
     scenario: Entry[Scenario],
     *,
     seed: int | None,
     port: int,
     browser: bool,
     say: Callable[[str], None],
+    host: str = LOOPBACK,
+    tls: tuple[Path, Path] | None = None,
 ) -> None:
-    """Begin a day in a folder, or take it up again, and serve it until it is stopped."""
+    """Begin days in folders, or take them up again, and serve them until stopped.
+
+    Parameters
+    ----------
+    folders
+        Of each trainee, by name.
+    scenario, seed
+        Of days that begin; the trainees of one seed have the same day.
+    port, host
+        Where the page is served; beyond this machine only with `tls`.
+    browser
+        Whether to open the page of the first day.
+    say
+        Is given the lines that tell a trainer what to do.
+    tls
+        Certificate and key, files as OpenSSL writes them.
+
+    Raises
+    ------
+    InputError
+        An unfit scenario or folder, a port that is taken, a host that needs `tls`.
+    """
     import uvicorn
 
     from virtual_lab.bench.web import application
 
-    begun = (folder / LOG).exists()
-    room = ServedDay(folder) if begun else ServedDay.begin(folder, scenario, seed)
-    token = secrets.token_urlsafe(24)
-    hosts = frozenset({f"127.0.0.1:{port}", f"localhost:{port}"})
-    address = f"http://127.0.0.1:{port}/?token={token}"
-    say(f"{'taken up again' if begun else 'begun'}: {folder}")
-    say(f"open {address} (once, in one browser); Ctrl-C stops, the day stays")
-    say("root and your own account can read the sealed file; a page cannot")
-    threading.Thread(target=_warm, args=(scenario.spec,), daemon=True).start()
-    if browser:
-        threading.Timer(1.0, webbrowser.open, (address,)).start()
-    uvicorn.run(
-        application(room, token=token, hosts=hosts),
-        host="127.0.0.1",
-        port=port,
-        log_level="warning",
-        access_log=False,
-        server_header=False,
+    _require(host, tls, len(folders))
+    days = {name: ServedDay(folder, scenario, seed) for name, folder in folders.items()}
+    tokens = {secrets.token_urlsafe(24): name for name in days}
+    names = {f"{host}:{port}", *([f"localhost:{port}"] if host == LOOPBACK else [])}
+    doors = {token: days[name] for token, name in tokens.items()}
+    certificate, key = tls or (None, None)
+    server = uvicorn.Server(
+        uvicorn.Config(
+            application(doors, hosts=frozenset(names), secure=tls is not None),
+            host=host,
+            port=port,
+            log_level="warning",
+            access_log=False,
+            server_header=False,
+            backlog=64,
+            limit_concurrency=4 * MOST_TRAINEES,
+            ssl_certfile=certificate,
+            ssl_keyfile=key,
+        )
     )
+    thread = threading.Thread(target=server.run, daemon=True)
+    thread.start()
+    begun = time.monotonic()
+    while not server.started:
+        if not thread.is_alive() or time.monotonic() - begun > STARTING:
+            raise InputError("", "port", port, f"cannot be listened on at {host}; try another")
+        time.sleep(0.005)
+    scheme = "https" if tls else "http"
+    addresses = [f"{scheme}://{host}:{port}/?token={token}" for token in tokens]
+    for (name, folder), address in zip(folders.items(), addresses, strict=True):
+        again = "taken up again" if (folder / LOG).exists() else "begun"
+        say(f"{name or 'the day'}, {again} in {folder}: open {address} once, in one browser")
+    say("Ctrl-C stops, the day stays; root and your account can read the sealed file, no page can")
+    if browser:
+        webbrowser.open(addresses[0])
+    try:
+        for day in days.values():
+            day.looked_at.wait(FIRST_LOOK)
+            day.open()
+        _warm(scenario.spec)
+        thread.join()
+    finally:
+        server.should_exit = True
+        thread.join()
+
+
+def _require(host: str, tls: tuple[Path, Path] | None, trainees: int) -> None:
+    if host != LOOPBACK and tls is None:
+        allowed = f"beyond {LOOPBACK} the page needs --tls-certificate and --tls-key"
+        raise InputError("", "host", host, allowed)
+    for path in tls or ():
+        if not path.is_file():
+            raise InputError(str(path), "tls", None, "no such file")
+    if not 1 <= trainees <= MOST_TRAINEES:
+        raise InputError("", "trainees", trainees, f"allowed: 1 to {MOST_TRAINEES}")
 
 
 def _warm(scenario: Scenario) -> None:
     """Load what is compiled, on another laboratory's day, while the first readings are made."""
+    from virtual_lab.bench.apparatus import Apparatus
+    from virtual_lab.bench.keeping import laboratory_of, taken
+    from virtual_lab.bench.operators import operator_of
+
     taken(Apparatus(laboratory_of(scenario, 0, b"")), operator_of("book"))

@@ -1,6 +1,6 @@
 """The server of the page: what is asked for by forms is done on a day that is handed in.
 
-It is given the day as a `Room` and opens no file: it can show nothing that the day does not. Who
+It is given each day as a `Room` and opens no file: it can show nothing that the day does not. Who
 may ask is settled before anything else: a one-time token in the opened address, then a cookie;
 names that are served; requests that come from the page itself.
 """
@@ -12,8 +12,9 @@ import threading
 import time
 from collections import deque
 from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass, field
 from importlib.resources import files
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 from urllib.parse import parse_qsl
 
 from starlette.applications import Starlette
@@ -25,26 +26,26 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from virtual_lab.bench.actions import Action, action_of
 from virtual_lab.bench.day import DayEvent
-from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.page import day_page, plain_page
+from virtual_lab.bench.page import Refusal, day_page, notebook_page, plain_page
+from virtual_lab.bench.slow_motion import Motion
 from virtual_lab.bench.table import MAKE_READY
 from virtual_lab.errors import InputError
+
+if TYPE_CHECKING:
+    from virtual_lab.bench.desk import Desk
 
 __all__ = ["Room", "application"]
 
 LARGEST_BODY = 64 * 1024  # B
 MOST_A_SECOND = 20  # requests of a session
 MOST_SHOTS = 12  # of one button
-COOKIE = "bench"
-POLICY = (
-    "default-src 'self'; script-src 'none'; base-uri 'none'; form-action 'self'; "
-    "frame-ancestors 'none'"
-)
+NEAR = 1e-6  # m: places that are one
+POLICY = "default-src 'self'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
 SANDBOX = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox"
 HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Cache-Control": "no-store",
-    "Referrer-Policy": "no-referrer",
+    "Referrer-Policy": "same-origin",  # with no-referrer a browser's POST has the origin null
 }
 
 
@@ -56,6 +57,10 @@ class Room(Protocol):
     @property
     def briefing(self) -> Mapping[str, Any]: ...
     def do(self, action: Action, number: int | None = None) -> DayEvent: ...
+    def motion(self, shot: int) -> Motion | None:
+        """Return how a shot, from 1, really went; None before the day is handed in."""
+        ...
+
     def certificate(self) -> str:
         """Return the certificate's page; `InputError` before there is one."""
         ...
@@ -65,23 +70,46 @@ class Room(Protocol):
         ...
 
 
-def application(room: Room, *, token: str, hosts: frozenset[str]) -> ASGIApp:
-    """Return the server of a day.
+@dataclass(kw_only=True)
+class Seat:
+    """A trainee's: the day, one thing done on it at a time, and when it was asked for."""
+
+    room: Room
+    lock: threading.Lock = field(default_factory=threading.Lock)
+    asked: deque[float] = field(default_factory=lambda: deque(maxlen=MOST_A_SECOND))
+
+
+def application(
+    rooms: Mapping[str, Room], *, hosts: frozenset[str], secure: bool = False
+) -> ASGIApp:
+    """Return the server of some days.
 
     Parameters
     ----------
-    room
-        The day.
-    token
-        That the first address must carry, once.
+    rooms
+        The days, each by the token that its first address must carry, once.
     hosts
         Names with port that are served, such as ``127.0.0.1:8000``.
+    secure
+        Whether it is served by TLS.
     """
-    lock = threading.Lock()
 
-    def show(_: Request) -> Response:
-        with lock:
-            return HTMLResponse(day_page(room.desk, room.briefing))
+    def show(request: Request) -> Response:
+        seat = request.scope["seat"]
+        with seat.lock:
+            return HTMLResponse(shown(seat.room, request.query_params.get("shot", "")))
+
+    def shown(room: Room, asked: str = "", refusal: Refusal | None = None) -> str:
+        desk = room.desk
+        fired = len(desk.day.fired)
+        shot = int(asked) if asked.isdecimal() and 1 <= int(asked) <= fired else fired
+        true = room.motion(shot) if shot and desk.day.handed_in else None
+        return day_page(desk, room.briefing, refusal=refusal, shot=shot, true_motion=true)
+
+    def notebook(request: Request) -> Response:
+        seat = request.scope["seat"]
+        with seat.lock:
+            return HTMLResponse(notebook_page(seat.room.desk, seat.room.briefing))
 
     async def act(request: Request) -> Response:
         body = (await request.body()).decode("utf-8", errors="replace")
@@ -89,46 +117,51 @@ def application(room: Room, *, token: str, hosts: frozenset[str]) -> ASGIApp:
             given = dict(parse_qsl(body, max_num_fields=50))
         except ValueError:
             given = {}
-        return await run_in_threadpool(acted, given)
+        return await run_in_threadpool(acted, request.scope["seat"], given)
 
-    def acted(given: dict[str, str]) -> Response:
+    def acted(seat: Seat, given: dict[str, str]) -> Response:
         name, number = given.pop("do", ""), given.pop("entry_number", "")
-        with lock:
+        with seat.lock:
             try:
-                _do(room, name, number, given)
+                _do(seat.room, name, number, given)
             except InputError as fault:
-                page = day_page(room.desk, room.briefing, str(fault))
-                return HTMLResponse(page, status_code=422)
-        return RedirectResponse(f"/#{given.get('back', 'now')}", status_code=303)
+                refusal = Refusal(sentence=str(fault), action=name, argument=fault.key, given=given)
+                return HTMLResponse(shown(seat.room, refusal=refusal), status_code=422)
+        return RedirectResponse("/", status_code=303)
 
-    def page_answer(page: Callable[[], str]) -> Callable[[Request], Response]:
-        def answer(_: Request) -> Response:
-            with lock:
+    def page_answer(page: Callable[[Room], str]) -> Callable[[Request], Response]:
+        def answer(request: Request) -> Response:
+            seat = request.scope["seat"]
+            with seat.lock:
                 try:
-                    return HTMLResponse(page(), headers={"Content-Security-Policy": SANDBOX})
+                    text = page(seat.room)
+                    return HTMLResponse(text, headers={"Content-Security-Policy": SANDBOX})
                 except InputError as fault:
                     return HTMLResponse(plain_page("Not yet", str(fault)), status_code=409)
 
         return answer
 
-    style = files("virtual_lab.bench").joinpath("templates", "bench.css").read_text("utf-8")
-
-    def sheet(_: Request) -> Response:
-        return Response(style, media_type="text/css")
+    def static(name: str, kind: str) -> Route:
+        content = files("virtual_lab.bench").joinpath("templates", name).read_bytes()
+        kept = {"Cache-Control": "private, max-age=600"}
+        return Route(f"/{name}", lambda _: Response(content, media_type=kind, headers=kept))
 
     routes = [
         Route("/", show),
         Route("/do", act, methods=["POST"]),
-        Route("/certificate", page_answer(room.certificate)),
-        Route("/debrief", page_answer(room.debrief)),
-        Route("/bench.css", sheet),
+        Route("/do", lambda _: RedirectResponse("/", status_code=303)),
+        Route("/notebook", notebook),
+        Route("/certificate", page_answer(lambda room: room.certificate())),
+        Route("/debrief", page_answer(lambda room: room.debrief())),
+        static("bench.css", "text/css"),
+        static("bench.js", "text/javascript"),
+        static("icon.svg", "image/svg+xml"),
     ]
-    return Door(Starlette(routes=routes), token=token, hosts=hosts)
+    return Door(Starlette(routes=routes), rooms, hosts=hosts, secure=secure)
 
 
 def _do(room: Room, name: str, number: str, given: dict[str, str]) -> None:
     """Do one action, or what a button of several does; each is an entry of its own."""
-    given.pop("back", None)
     due = len(room.desk.day.events) + 1
     if number != str(due):
         allowed = f"entry {due} is next: the page was older than the day, nothing was done"
@@ -147,7 +180,11 @@ def _do(room: Room, name: str, number: str, given: dict[str, str]) -> None:
 
 
 def _fire_shots(room: Room, given: Mapping[str, str]) -> None:
-    """Load, make ready and fire some balls, and stop at the first that the windows reject."""
+    """Load, make ready and fire some balls.
+
+    If asked, accept each hit that is within the windows and go to the next place; stop at the
+    first that is not.
+    """
     try:
         shots = int(given.get("shots", "1"))
     except ValueError:
@@ -157,21 +194,37 @@ def _fire_shots(room: Room, given: Mapping[str, str]) -> None:
     if room.desk.missing:
         raise InputError("", "whose turn it is", None, f"is not known yet: {room.desk.missing}")
     for _ in range(shots):
+        if "accept" in given and not _at_next_place(room):
+            return
         room.do(action_of("load-ball", {"ball": room.desk.next_ball + 1}))
         for step in MAKE_READY:
             room.do(action_of(step))
         room.do(action_of("fire"))
-        if "stop" in given and not room.desk.missing and room.desk.reasons[-1]:
+        odd = bool(room.desk.reasons[-1])
+        if odd and "stop" in given:
             return
+        if "accept" in given and not odd:
+            room.do(action_of("accept", {"shot": len(room.desk.day.fired)}))
+
+
+def _at_next_place(room: Room) -> bool:
+    """Set the place that the rules ask for; return whether they ask for one."""
+    asked, stands = room.desk.next_place, room.desk.day.place
+    if asked is not None and (stands is None or abs(asked - stands) > NEAR):
+        room.do(action_of("set-place", {"place": round(asked * 1e3, 3)}))
+    return asked is not None
 
 
 class Door:
     """Who may come in, and what goes out with every answer."""
 
-    def __init__(self, inside: ASGIApp, *, token: str, hosts: frozenset[str]) -> None:
-        self.inside, self.token, self.hosts = inside, token, hosts
-        self.session = secrets.token_urlsafe(32)
-        self.asked: deque[float] = deque(maxlen=MOST_A_SECOND)
+    def __init__(
+        self, inside: ASGIApp, rooms: Mapping[str, Room], *, hosts: frozenset[str], secure: bool
+    ) -> None:
+        self.inside, self.hosts, self.secure = inside, hosts, secure
+        self.unopened = dict(rooms)  # by token
+        self.seats: dict[str, Seat] = {}  # by cookie
+        self.cookie = "bench-" + min(hosts).rpartition(":")[2]  # cookies know no ports
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
@@ -194,43 +247,50 @@ class Door:
                 ]
             await send(message)
 
-        refused = self._refused(request)
+        refused = self._misdirected(request) or self._entering(request) or self._unknown(request)
         if refused is None:
             await self.inside(scope, _limited(receive), guarded)
         else:
             await refused(scope, receive, guarded)
-
-    def _refused(self, request: Request) -> Response | None:
-        """Return the answer to who may not come in, None to who may."""
-        return self._misdirected(request) or self._unknown(request)
 
     def _misdirected(self, request: Request) -> Response | None:
         """Return the answer to another host, another page, or too long a request."""
         if request.headers.get("host", "") not in self.hosts:
             return _says(403, "This name is not served here.")
         if request.method == "POST":
-            if request.headers.get("origin") not in {f"http://{name}" for name in self.hosts}:
+            scheme = "https" if self.secure else "http"
+            if request.headers.get("origin") not in {f"{scheme}://{name}" for name in self.hosts}:
                 return _says(403, "A request must come from the page itself.")
             length = request.headers.get("content-length", "")
             if not length.isdigit() or int(length) > LARGEST_BODY:
                 return _says(413, f"A request may have up to {LARGEST_BODY} bytes.")
         return None
 
+    def _entering(self, request: Request) -> Response | None:
+        """Return the answer to a token: it opens a door once."""
+        given = request.query_params.get("token", "").encode()
+        known = [each for each in self.unopened if secrets.compare_digest(each.encode(), given)]
+        if not known:
+            return None
+        session = secrets.token_urlsafe(32)
+        self.seats[session] = Seat(room=self.unopened.pop(known[0]))
+        answer = RedirectResponse("/", status_code=303)
+        answer.set_cookie(
+            self.cookie, session, httponly=True, samesite="strict", secure=self.secure
+        )
+        return answer
+
     def _unknown(self, request: Request) -> Response | None:
-        """Return the answer to who has no cookie yet, or asks too often."""
-        given = request.query_params.get("token", "")
-        if self.token and given and secrets.compare_digest(given.encode(), self.token.encode()):
-            self.token = ""  # it opens the door once
-            answer = RedirectResponse("/", status_code=303)
-            answer.set_cookie(COOKIE, self.session, httponly=True, samesite="strict")
-            return answer
-        cookie = request.cookies.get(COOKIE, "")
-        if not secrets.compare_digest(cookie.encode(), self.session.encode()):
+        """Return the answer to who has no cookie, or asks too often; seat who may come in."""
+        given = request.cookies.get(self.cookie, "").encode()
+        known = [each for each in self.seats if secrets.compare_digest(each.encode(), given)]
+        if not known:
             return _says(403, "Open the address that the command printed, in one browser.")
+        seat = request.scope["seat"] = self.seats[known[0]]
         now = time.monotonic()
-        if len(self.asked) == MOST_A_SECOND and now - self.asked[0] < 1:
-            return _says(429, "Too many requests; wait a second.")
-        self.asked.append(now)
+        if len(seat.asked) == MOST_A_SECOND and now - seat.asked[0] < 1:
+            return _says(429, "Too many requests; wait a second, then go back.")
+        seat.asked.append(now)
         return None
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -11,7 +11,7 @@ from virtual_lab.cli.plumbing import Answer, command, seed_option, usage
 
 if TYPE_CHECKING:
     from virtual_lab.bench.running import RehearsedDay
-    from virtual_lab.output.result import Json, Rows
+    from virtual_lab.output.result import StudyResult
 
 __all__ = ["rehearse"]
 
@@ -56,7 +56,26 @@ __all__ = ["rehearse"]
     default=8377,
     show_default=True,
     metavar="NUMBER",
-    help="Of the page, on this machine alone.",
+    help="Of the page.",
+)
+@click.option(
+    "--host",
+    default="127.0.0.1",
+    show_default=True,
+    metavar="ADDRESS",
+    help="Where the page is served; beyond this machine only with TLS.",
+)
+@click.option(
+    "--tls-certificate", type=click.Path(path_type=Path), metavar="FILE", help="Its chain, PEM."
+)
+@click.option("--tls-key", type=click.Path(path_type=Path), metavar="FILE", help="Its key, PEM.")
+@click.option(
+    "--trainees",
+    type=click.IntRange(1, 50),
+    default=1,
+    show_default=True,
+    metavar="NUMBER",
+    help="How many take the day, each in a browser and a folder of their own.",
 )
 @click.option(
     "--replay",
@@ -73,18 +92,22 @@ def day_command(
     operator_seed: int,
     day: Path | None,
     port: int,
+    host: str,
+    tls_certificate: Path | None,
+    tls_key: Path | None,
+    trainees: int,
     replay: Path | None,
     browser: bool,
-) -> RehearsedDay | Rows[Json] | Answer:
+) -> RehearsedDay | StudyResult | Answer:
     """Take a laboratory day action by action, and learn what each decision cost.
 
-    You take it on a page that this machine serves to itself alone (extra 'bench'), or an operator
+    You take it on a page that this machine serves to itself (extra 'bench'), or an operator
     or a script takes it in your place; --out keeps the log, the sealed file and the debrief then.
     """
     if sum(map(bool, (operator, script, replay))) > 1:
         usage("--operator, --script and --replay exclude each other")
     if replay:
-        from virtual_lab.bench.running import replay as played_back
+        from virtual_lab.bench.reviewing import replay as played_back
 
         return played_back(replay)
     if operator or script:
@@ -99,12 +122,14 @@ def day_command(
         )
     if click.get_current_context().params.get("out"):
         usage("--out goes with --operator or --script; the page keeps its day in --day")
-    return _served(scenario, seed=seed, folder=day, port=port, browser=browser)
+    if (tls_certificate is None) != (tls_key is None):
+        usage("--tls-certificate and --tls-key go together")
+    tls = (tls_certificate, tls_key) if tls_certificate and tls_key else None
+    served: dict[str, Any] = {"port": port, "host": host, "tls": tls, "browser": browser}
+    return _served(scenario, day, trainees, seed=seed, **served)
 
 
-def _served(
-    scenario: str, *, seed: int | None, folder: Path | None, port: int, browser: bool
-) -> Answer:
+def _served(scenario: str, folder: Path | None, trainees: int, **served: Any) -> Answer:
     """Serve the page until it is stopped."""
     from importlib.util import find_spec
 
@@ -118,31 +143,31 @@ def _served(
     from virtual_lab.bench.serving import serve
 
     target = folder or first_free(Path("out") / Path(scenario).stem)
+    alone = {"": target}
+    each = {f"trainee {n}": target / f"{n:02}" for n in range(1, trainees + 1)}
     serve(
-        target,
+        alone if trainees == 1 else each,
         load_scenario(scenario),
-        seed=seed,
-        port=port,
-        browser=browser,
         say=lambda text: click.echo(text, err=True),
+        **served,
     )
     return Answer(document={"day": str(target)}, text=str(target))
 
 
 @command("summary", keeps=True, table=True)
 @click.argument("folder", type=click.Path(path_type=Path))
-def summary(folder: Path) -> Rows[Json]:
+def summary(folder: Path) -> StudyResult:
     """Make one table of a class: of all days in folders below FOLDER."""
-    from virtual_lab.bench.running import summary as run
+    from virtual_lab.bench.reviewing import summary as run
 
     return run(folder)
 
 
 @command("check", keeps=True, table=True)
 @click.argument("scenario", metavar="SCENARIO.TOML")
-def check(scenario: str) -> Rows[Json]:
+def check(scenario: str) -> StudyResult:
     """Try a scenario of your own: what it takes, and what an expert finds on it."""
-    from virtual_lab.bench.running import check_scenario
+    from virtual_lab.bench.reviewing import check_scenario
 
     return check_scenario(scenario)
 

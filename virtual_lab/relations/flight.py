@@ -11,7 +11,6 @@ from math import factorial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import exprel
 
 from virtual_lab.units import STANDARD_GRAVITY
 
@@ -73,6 +72,8 @@ def slowest_within(distance: ArrayLike, drop: float) -> Array:
 def _exprel(x: Array) -> Array:
     """Return (e^x - 1)/x. Over a hall's distances x is so small that its series is quicker."""
     if np.abs(x).max(initial=0.0) > SERIES_BELOW:
+        from scipy.special import exprel  # half a second to load, that a page must not wait for
+
         return np.asarray(exprel(x))
     series = np.full_like(x, SERIES[0])
     for coefficient in SERIES[1:]:

@@ -16,7 +16,6 @@ from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from virtual_lab.uncertainty.estimate import Estimate
 
@@ -302,6 +301,8 @@ def effective_dof(components: Sequence[Component]) -> float:
 
 def interval_95(value: float, u: float, dof: float) -> tuple[float, float]:
     """Return the 95 % interval value ± t u, t of Student with `dof` degrees of freedom."""
+    from scipy.special import stdtrit  # half a second to load, that a page must not wait for
+
     factor = float(stdtrit(min(dof, 1e9), 0.975))
     return value - factor * u, value + factor * u
 

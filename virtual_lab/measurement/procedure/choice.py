@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
 from virtual_lab.measurement.procedure.outcome import complete_places, neighbours
 from virtual_lab.measurement.procedure.rules import Procedure
@@ -44,6 +43,8 @@ def shortfall(procedure: Procedure, place: Array, valid: Bools, metric: Array) -
     the places; what of it lies above 0 was lost. 0 where nothing was chosen, or the result is
     no mean at one place. Parameters as `outcome_of`.
     """
+    from scipy.special import ndtr  # half a second to load, that a page must not wait for
+
     scan = procedure.scan
     if scan is None or not scan.final_hits:
         return Shortfall(0.0, 0.0)

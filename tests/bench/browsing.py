@@ -1,0 +1,90 @@
+"""A server in a thread and a Chromium on it: what the tests of the page in a browser share."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from virtual_lab.bench.scenario import load_scenario
+from virtual_lab.bench.serving import ServedDay
+from virtual_lab.bench.web import application
+
+__all__ = ["SEED", "chromium", "enter", "faults_of", "free_port", "opened", "served"]
+
+SEED = 3
+FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
+
+
+def chromium() -> str:
+    """Return the path of the machine's own Chromium; the test is skipped where there is none."""
+    found = os.environ.get("VIRTUAL_LAB_CHROMIUM") or shutil.which("chromium")
+    if not found:
+        pytest.skip("no Chromium: $VIRTUAL_LAB_CHROMIUM, or chromium on the path")
+    return found
+
+
+@contextmanager
+def opened() -> Iterator[Any]:
+    """Open a browser."""
+    path = chromium()
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=FLAGS)
+        yield browser
+        browser.close()
+
+
+def free_port() -> int:
+    with socket.socket() as each:
+        each.bind(("127.0.0.1", 0))
+        return int(each.getsockname()[1])
+
+
+@contextmanager
+def served(folder: Path, scenario: str = "plain-day") -> Iterator[tuple[ServedDay, str]]:
+    """Serve a day; give it and its first address."""
+    import uvicorn
+
+    day = ServedDay(folder, load_scenario(scenario), SEED)
+    day.open()
+    port = free_port()
+    app = application({"token": day}, hosts=frozenset({f"127.0.0.1:{port}"}))
+    server = uvicorn.Server(uvicorn.Config(app, port=port, log_level="error"))
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    while not server.started:
+        time.sleep(0.005)
+    yield day, f"http://127.0.0.1:{port}/?token=token"
+    server.should_exit = True
+    thread.join()
+
+
+def enter(page: Any, key: str = "Enter") -> str:
+    """Press a key on what has the focus, and return what has it on the next page."""
+    with page.expect_navigation():
+        page.keyboard.press(key)
+    page.wait_for_function("document.activeElement !== document.body")
+    return str(page.evaluate("document.activeElement.textContent"))
+
+
+def faults_of(page: Any) -> list[str]:
+    """Return what axe-core finds wrong with a page, and whether it must be scrolled sideways."""
+    from axe_playwright_python.sync_playwright import Axe
+
+    found = [
+        f"{each['id']}: {node['html'][:120]}"
+        for each in Axe().run(page).response["violations"]
+        for node in each["nodes"]
+    ]
+    wide = page.evaluate("document.documentElement.scrollWidth - innerWidth")
+    return found + ([f"{wide} px too wide"] if wide > 0 else [])

@@ -1,0 +1,41 @@
+"""Each fault is found by the checks its sheet names, and what finds it stands in the study."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.bench.days import apparatus, detector
+from virtual_lab import catalog
+from virtual_lab.bench.desk import Desk
+from virtual_lab.bench.inspection import detectable, doubts, fault_sheets
+from virtual_lab.bench.keeping import taken
+from virtual_lab.bench.table import action_table
+
+STUDY = Path(__file__).with_name("study-2026-11-22.txt")
+ROW = re.compile(r"^  ([\w-]+) +(\d+)$", re.MULTILINE)
+
+
+@pytest.mark.parametrize("fault", detectable())
+def test_a_fault_is_found_by_its_checks_and_no_other_is_named(fault: str) -> None:
+    day = taken(apparatus(fault), detector(fault))
+    assert {doubt.fault for doubt in doubts(Desk(day))} == {fault}
+
+
+@pytest.mark.parametrize("fault", ["encoder-slip", "bat-cracked", "bearing-friction"])
+def test_the_same_checks_name_nothing_on_a_sound_day(fault: str) -> None:
+    assert list(doubts(Desk(taken(apparatus(), detector(fault))))) == []
+
+
+def test_what_finds_a_fault_is_done_at_the_bench() -> None:
+    for sheet in fault_sheets().values():
+        if sheet.found_by:
+            assert set(sheet.found_by.actions) <= action_table().actions.keys()
+            assert set(sheet.found_by.unless) <= set(catalog.names("faults")) - {sheet.name}
+
+
+def test_detectable_is_what_the_study_found_on_99_days_of_100() -> None:
+    """`python -m tests.bench.study detection --days 100`, kept with its date."""
+    found = {name: int(days) for name, days in ROW.findall(STUDY.read_text("utf-8"))}
+    assert found.keys() == set(detectable())
+    assert min(found.values()) >= 99

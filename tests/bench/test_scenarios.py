@@ -1,0 +1,158 @@
+"""What a scenario chooses: limit, feedback, checklists, exam, another laboratory's records."""
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from tests.bench.days import PLAIN, asked
+from virtual_lab.bench.actions import action_of
+from virtual_lab.bench.debrief import debriefed
+from virtual_lab.bench.keeping import LOG, SECRET, KeptDay
+from virtual_lab.bench.operators import operator_of
+from virtual_lab.bench.scenario import load_scenario, scenario_names
+from virtual_lab.bench.serving import ServedDay
+from virtual_lab.cli import cli
+from virtual_lab.errors import InputError
+
+
+def begun(folder: Path, name: str) -> KeptDay:
+    return KeptDay.begin(folder / name, load_scenario(name), 3)
+
+
+def on_the_page(folder: Path, name: str) -> ServedDay:
+    day = ServedDay(folder / name, load_scenario(name), None)
+    day.open()
+    return day
+
+
+def shown(day: KeptDay, name: str, **given: object) -> dict[str, object]:
+    return {what: value for what, value, _ in day.do(action_of(name, given)).shown}
+
+
+def test_eight_scenarios_ship_and_are_documented() -> None:
+    names = scenario_names()
+    assert len(names) >= 8
+    page = (Path(__file__).parents[2] / "data" / "README.md").read_text("utf-8")
+    assert [name for name in names if f"`{name}`" not in page] == []
+
+
+def test_a_fault_that_no_check_finds_is_in_no_scenario(tmp_path: Path) -> None:
+    path = tmp_path / "own.toml"
+    text = load_scenario("plain-day").text
+    path.write_text(text.replace("procedure =", 'faults = ["gate-clock"]\nprocedure ='), "utf-8")
+    with pytest.raises(InputError, match=r"no check at the bench finds gate-clock"):
+        load_scenario(str(path))
+
+
+def test_the_limit_is_the_scenarios(tmp_path: Path) -> None:
+    day = begun(tmp_path, "at-the-limit")
+    assert day.desk.rules.spec.most == 0.948
+    for action in asked([*PLAIN, ("reduce", {})]):
+        day.do(action)
+    assert day.desk.certification.marginal
+    assert "0.948" in on_the_page(tmp_path, "at-the-limit").certificate()
+
+
+def test_feedback_during_the_day_names_what_was_left_out(tmp_path: Path) -> None:
+    first, plain = (begun(tmp_path, name) for name in ("first-day", "plain-day"))
+    assert "left out: tare the scale" in shown(first, "weigh-bat")
+    assert not any("left out" in what for what in shown(plain, "weigh-bat"))
+    assert not any("left out" in what for what in shown(first, "measure-length"))
+
+
+def test_a_checklist_says_what_was_done(tmp_path: Path) -> None:
+    day = begun(tmp_path, "first-day")
+    day.do(action_of("tare"))
+    listed = shown(day, "start-checklist")
+    assert listed["Tare the scale"] == "done"
+    assert listed["Tap the bat"] == "not done"
+    day.do(action_of("weigh-bat"))
+    assert shown(day, "end-checklist")["Every hit accepted or rejected"] == "done"
+    with pytest.raises(InputError, match="has no checklists"):
+        begun(tmp_path, "plain-day").do(action_of("start-checklist"))
+
+
+def test_an_exam_tells_nothing_before_the_trainer_opens_it(tmp_path: Path) -> None:
+    day = begun(tmp_path, "exam-day")
+    assert shown(day, "enter-result", e_A="0,25") == {"e_A": 0.25}
+    day.taken(operator_of("book"))
+    with pytest.raises(InputError, match="trainer"):
+        on_the_page(tmp_path, "exam-day").debrief()
+    assert on_the_page(tmp_path, "exam-day").motion(1) is None
+    assert not (tmp_path / "exam-day" / "debrief.json").exists()
+    assert debriefed(day).missed == ("bearing-friction",)
+
+
+def test_records_of_another_laboratory_are_judged_with_its_machines_far(tmp_path: Path) -> None:
+    day = begun(tmp_path, "records")
+    assert day.day.came_with == len(day.day.events) > 20
+    assert len(day.day.fired) >= 6
+    for name in ("tare", "fire", "tap-bat", "gauge-gates"):
+        with pytest.raises(InputError, match="came from another laboratory"):
+            day.do(action_of(name))
+    again = KeptDay(tmp_path / "records")
+    assert again.day == day.day
+    day.taken(operator_of("expert"))
+    told = debriefed(day)
+    assert told.found == ("gate-doubles",)
+    assert {score.name: score.value for score in told.scores}["record"] == 1
+    assert any(step.done != "done" and step.excuse for step in told.steps)
+    assert told.told[0].visible <= day.day.came_with < told.told[0].named
+
+
+def test_the_seal_holds_until_the_sealed_file_is_another(tmp_path: Path) -> None:
+    day = begun(tmp_path, "plain-day")
+    shown_first = on_the_page(tmp_path, "plain-day").briefing["commitment"]
+    assert day.seal.startswith("whole")
+    assert str(shown_first) in day.seal
+    secret = tmp_path / "plain-day" / SECRET
+    sealed = json.loads(secret.read_text("utf-8"))
+    secret.write_text(json.dumps(sealed | {"faults": ["bat-cracked"]}), "utf-8")
+    assert KeptDay(tmp_path / "plain-day").seal.startswith("BROKEN")
+
+
+def test_a_crash_while_a_day_begins_leaves_a_folder_to_begin_in(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The sealed file is on disk, the log is not yet."""
+    folder, scenario = tmp_path / "day", load_scenario("plain-day")
+    with monkeypatch.context() as broken:
+        broken.setattr("virtual_lab.bench.keeping.DayLog.create", lambda *_: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            KeptDay.begin(folder, scenario, 3)
+    day = KeptDay.begin(folder, scenario, 3)
+    assert {path.name for path in folder.iterdir()} == {LOG, SECRET}
+    assert day.seal.startswith("whole")
+
+
+def test_a_class_in_one_table_a_day_played_back_and_a_scenario_tried(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def run(*words: str) -> object:
+        done = CliRunner().invoke(cli, ["rehearse", *words, "--json"], catch_exceptions=False)
+        return json.loads(done.stdout)
+
+    monkeypatch.setattr("virtual_lab.bench.reviewing.TRIED", (1,))
+    begun(tmp_path, "plain-day").do(action_of("tare"))
+    exam = begun(tmp_path / "class", "exam-day")
+    exam.taken(operator_of("book"))
+    (tmp_path / "class" / "exam-day").rename(tmp_path / "=cmd")
+    rows = {row["trainee"]: row for row in run("summary", str(tmp_path))}
+    assert rows.keys() == {"'=cmd", "plain-day"}
+    assert rows["plain-day"]["verdict"] == "not handed in"
+    assert rows["'=cmd"]["missed"] == "bearing-friction"
+    assert rows["'=cmd"]["brier"] < 0.02
+    assert (tmp_path / "=cmd" / "debrief.html").exists()
+
+    entries = run("--replay", str(tmp_path / "=cmd" / LOG))
+    assert [row["action"] for row in entries][:2] == ["Tare the scale", "Weigh the bat"]
+    assert {row["same"] for row in entries} == {True}
+    with pytest.raises(InputError, match="not handed in"):
+        run("--replay", str(tmp_path / "plain-day"))
+
+    tried = run("check", "short-day")
+    assert {row["operator"] for row in tried} == {"book", "expert"}
+    with pytest.raises(InputError, match="no folder in it"):
+        run("summary", str(tmp_path / "no"))

@@ -1,0 +1,214 @@
+"""What a trainer looks at: a class in one table, a day played back, a scenario tried."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from virtual_lab.bench.actions import Action
+from virtual_lab.bench.day import evolve
+from virtual_lab.bench.debrief import debriefed
+from virtual_lab.bench.keeping import LOG, KeptDay, done
+from virtual_lab.bench.log import entry_document
+from virtual_lab.bench.operators import operator_of
+from virtual_lab.bench.running import save_debrief
+from virtual_lab.bench.scenario import SCORES, Scenario, load_scenario
+from virtual_lab.bench.table import action_table
+from virtual_lab.errors import InputError
+from virtual_lab.files import read_json
+from virtual_lab.output.result import Rows
+from virtual_lab.output.tables import column
+
+__all__ = ["ClassDay", "PlayedEntry", "TriedDay", "check_scenario", "replay", "summary"]
+
+TRIED = (1, 2, 3)  # seeds that a scenario is tried with
+FORMULA = ("=", "+", "-", "@")  # what a spreadsheet takes for the start of one
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClassDay:
+    """A trainee's day; scores are None until it is handed in."""
+
+    trainee: str = column("trainee")  # the folder
+    day: str = column("day")
+    verdict: str = column("verdict")
+    right: str | None = column("right")
+    brier: float | None = column("Brier", form=".2f")
+    result: float | None = column("result", form=".2f")
+    detection: float | None = column("detection", form=".2f")
+    protocol: float | None = column("protocol", form=".2f")
+    record: float | None = column("record", form=".2f")
+    economy: float | None = column("economy", form=".2f")
+    found: str = column("found")
+    missed: str = column("missed")
+    false_alarms: str = column("false alarms")
+    minutes: float = column("time", "min", ".0f")
+    shots: int = column("shots")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TriedDay:
+    """A day of a scenario that an operator took."""
+
+    operator: str = column("operator")
+    seed: int = column("seed")
+    minutes: float = column("time", "min", ".0f")
+    shots: int = column("shots")
+    verdict: str = column("verdict")
+    found: str = column("found")
+    missed: str = column("missed")
+    false_alarms: str = column("false alarms")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlayedEntry:
+    """An entry played again: whether the sealed laboratory gives what the log holds."""
+
+    entry: int = column("entry")
+    minute: float = column("minute", form=".1f")
+    action: str = column("action")
+    entered: str = column("entered")
+    shown: str = column("shown")
+    same: bool = column("same", form=lambda row: "yes" if row.same else "NO")
+
+
+def summary(folder: str | Path) -> Rows[ClassDay]:
+    """Return one table of the days that lie in folders below `folder`: a class.
+
+    A day that was handed in and has no debrief yet is given one, beside its log.
+
+    Raises `InputError` where there is no day.
+    """
+    place = Path(folder)
+    logs = sorted(place.rglob(LOG))
+    if not logs:
+        raise InputError(str(place), "days", None, f"no folder in it holds a {LOG}")
+    rows = [_outcome(log.parent, str(log.parent.relative_to(place))) for log in logs]
+    return Rows(name="class", title=f"days: {len(rows)}", rows=rows)
+
+
+def _outcome(folder: Path, trainee: str) -> ClassDay:
+    path = folder / "debrief.json"
+    if not path.exists():
+        kept = KeptDay(folder)
+        if not kept.day.handed_in:
+            unknown: dict[str, Any] = dict.fromkeys((*SCORES, "right", "brier"))
+            return ClassDay(
+                trainee=_cell(trainee),
+                day=_cell(kept.scenario.title),
+                verdict="not handed in",
+                **unknown,
+                found="",
+                missed="",
+                false_alarms="",
+                minutes=kept.day.seconds / 60,
+                shots=len(kept.day.fired),
+            )
+        save_debrief(debriefed(kept), folder)
+    told = read_json(path)
+    return ClassDay(
+        trainee=_cell(trainee),
+        day=_cell(told["title"]),
+        verdict=told["verdict"],
+        right=told["right_verdict"],
+        brier=told["brier"],
+        **{each["name"]: each["value"] for each in told["scores"]},
+        found=" ".join(told["found"]),
+        missed=" ".join(told["missed"]),
+        false_alarms=" ".join(told["false_alarms"]),
+        minutes=told["minutes"],
+        shots=told["shots"],
+    )
+
+
+def _cell(words: str) -> str:
+    """Return what was typed as a cell that no spreadsheet takes for a formula."""
+    return f"'{words}" if words.startswith(FORMULA) else words
+
+
+def check_scenario(name: str | Path) -> Rows[TriedDay]:
+    """Try a scenario with operators by the book and expert, for who writes one.
+
+    Raises `InputError` where it cannot be played, with file, key and what is allowed.
+    """
+    entry = load_scenario(str(name))
+    scenario = entry.spec
+    rows = []
+    for seed in TRIED:
+        for operator in ("book", "expert"):
+            with TemporaryDirectory(prefix="virtual-lab-day-") as place:
+                kept = KeptDay.begin(Path(place) / "day", entry, seed)
+                day = kept.taken(operator_of(operator))
+            noted = [str(e.arguments["doubt"]) for e in day.events if e.action == "note-doubt"]
+            rows.append(
+                TriedDay(
+                    operator=operator,
+                    seed=seed,
+                    minutes=day.seconds / 60,
+                    shots=len(day.fired),
+                    verdict=day.verdict,
+                    found=" ".join(fault for fault in scenario.faults if fault in noted),
+                    missed=" ".join(fault for fault in scenario.faults if fault not in noted),
+                    false_alarms=" ".join(each for each in noted if each not in scenario.faults),
+                )
+            )
+    return Rows(
+        name="scenario",
+        title=f"{scenario.title}: it can be played",
+        rows=rows,
+        words="\n".join(_advice(scenario, rows)),
+    )
+
+
+def _advice(scenario: Scenario, rows: list[TriedDay]) -> list[str]:
+    expert = [row for row in rows if row.operator == "expert"]
+    minutes, shots = max(row.minutes for row in expert), max(row.shots for row in expert)
+    words = [f"an expert takes up to {minutes:.0f} min and {shots} shots"]
+    if scenario.minutes / 60 < minutes or scenario.shots < shots:
+        given = f"{scenario.minutes / 60:.0f} min and {scenario.shots}"
+        words.append(f"you give {given}: a tight budget")
+    if any(row.missed for row in expert):
+        words.append("an expert misses a fault on some of these days")
+    if scenario.faults and not any(row.missed for row in rows):
+        words.append("who keeps to the book finds every fault")
+    return words
+
+
+def replay(path: str | Path) -> Rows[PlayedEntry]:
+    """Play a day back from its log: each entry as it was, and whether it comes out again.
+
+    Parameters
+    ----------
+    path
+        A log, ``day.sqlite``, with its sealed file beside it, or the folder of both.
+
+    Raises
+    ------
+    InputError
+        No log, or a day that was not handed in.
+    """
+    place = Path(path)
+    kept = KeptDay(place if place.is_dir() else place.parent)
+    if not kept.day.handed_in:
+        raise InputError(str(place), "day", None, "is not handed in yet")
+    sheets = action_table().actions
+    day, rows = kept.morning, []
+    for event in kept.day.events:
+        again = done(kept.apparatus, day, Action(name=event.action, arguments=event.arguments))
+        day = evolve(day, event)
+        shown = (f"{what} {value} {unit}".strip() for what, value, unit in event.shown)
+        rows.append(
+            PlayedEntry(
+                entry=event.number,
+                minute=day.seconds / 60,
+                action=sheets[event.action].title,
+                entered=", ".join(f"{key} {value}" for key, value in event.arguments.items()),
+                shown=", ".join(shown),
+                same=entry_document(again) == entry_document(event),
+            )
+        )
+    differ = [str(row.entry) for row in rows if not row.same]
+    words = f"entries that come out otherwise: {', '.join(differ)}" if differ else "the same day"
+    return Rows(name="replay", title=kept.scenario.title, rows=rows, words=words)

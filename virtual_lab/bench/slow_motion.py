@@ -1,0 +1,160 @@
+"""Slow motion of a shot from above: where ball and bat are, as a picture and as frames.
+
+Before the day is handed in the frames are made of the shot's sketch: the ball comes in at the
+procedure's speed at the place that was set, and leaves as an eye had it. Axes as the rig's: x
+along the line of fire, z along the resting bat from its tip; time 0 is the first contact.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from virtual_lab import catalog
+from virtual_lab.catalog.specs import BatSpec
+from virtual_lab.errors import InputError
+
+if TYPE_CHECKING:
+    from virtual_lab.bench.day import Day, DayEvent
+    from virtual_lab.measurement.procedure import Procedure
+
+__all__ = ["Motion", "SlowMotion", "sketched", "slow_motion", "told"]
+
+FRAMES = 121
+AFTER = 0.15  # s after the contact
+LEFT, RIGHT, TOP, BOTTOM = -950, 760, -130, 1000  # mm that are seen
+BALL = 36.5  # mm, its radius
+BARREL = 0.033  # m, radius of one
+STROBE = 6  # frames from one outline of the ball to the next
+SLOW = 0.03  # of e_A, below which the eye does not see which way a ball goes
+NO_BAT: tuple[tuple[float, ...], tuple[float, ...]] = (
+    (0.0, 0.35, 0.6, 0.86),
+    (0.066, 0.06, 0.025, 0.03),
+)  # of a bat that no data sheet draws
+WORDS = {
+    "bat": "the ball strikes the bat",
+    "bat again": "bat and ball meet again",
+    "stop": "the bat strikes its stop",
+    "frame": "the ball strikes the frame of a gate",
+}
+SIDES = {"straight": "", "up": ", rising", "down": ", falling"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motion:
+    """Ball and bat over time, arrays (moment,): SI."""
+
+    time: NDArray[np.float64]
+    x: NDArray[np.float64]
+    z: NDArray[np.float64]
+    angle: NDArray[np.float64]
+    told: str  # what happened, in words
+    true: bool = False  # whether it is what really happened
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlowMotion:
+    """What a page draws of a motion; lengths in mm, angles in degrees."""
+
+    shot: int  # from 1
+    frames: str  # JSON of [time in ms, x, z, angle] each
+    told: str
+    true: bool
+    axis: float  # of the bat, from its tip
+    bat: str  # points of its outline
+    gates: tuple[tuple[int, float], ...]  # number and x
+    coming: tuple[tuple[float, float], ...]  # the ball at some moments, before the contact
+    going: tuple[tuple[float, float], ...]  # and after it
+    turned: tuple[float, ...]  # angles of the bat at some moments
+    view: str = f"{LEFT} {TOP} {RIGHT - LEFT} {BOTTOM - TOP}"
+    top: int = TOP
+    ball: float = BALL
+
+
+def sketched(event: DayEvent, rules: Procedure, place: float) -> Motion:
+    """Return the motion of a shot as its sketch has it, `place` [m] from the tip."""
+    sketch = event.sketch
+    touching = -BARREL - BALL / 1e3
+    begin = (LEFT / 1e3 - touching) / rules.ball_speed
+    time = np.linspace(begin, AFTER, FRAMES)
+    speed, bat_speed = rules.ball_speed, rules.bat_speed or 0.0
+    before = np.minimum(time, 0.0)
+    lever = 0.55  # m, about: from the axis to where rules state a bat's speed
+    angle = -bat_speed / lever * before
+    x = touching + speed * before
+    struck = tuple(sketch.get("struck", ()))
+    if not struck:
+        x = np.full(time.shape, np.nan)
+    after = np.maximum(time, 0.0)
+    if "rebound" in sketch:
+        rebound = float(sketch["rebound"])
+        rebound = max(rebound, SLOW) if sketch["way"] == "back" else min(rebound, -SLOW)
+        x = x - (rebound * (speed + bat_speed) + bat_speed) * after
+        angle = angle + (float(sketch["turn"]) - bat_speed / lever) * after
+    else:
+        x = x - speed / 2 * after
+    words = told(struck, sketch.get("way", ""), sketch.get("side", "straight"))
+    return Motion(time=time, x=x, z=np.full(time.shape, place), angle=angle, told=words)
+
+
+def told(struck: Sequence[str], way: str = "", side: str = "straight") -> str:
+    """Return what happened on a shot, in a sentence."""
+    ends = {"back": f"it comes back{SIDES[side]}", "on": "it does not come back"}
+    text = "; ".join([*(WORDS[each] for each in struck), *([ends[way]] if way else [])])
+    return f"{text[0].upper()}{text[1:]}." if text else "No ball came."
+
+
+def slow_motion(shot: int, motion: Motion, day: Day, rules: Procedure) -> SlowMotion:
+    """Return what a page draws of a motion."""
+    z, diameter = _outline(day.morning.bat)
+    axis = z[-1] - rules.pivot_from_knob * 1e3
+    right = [f"{d / 2:.0f},{at:.0f}" for at, d in zip(z, diameter, strict=True)]
+    left = [f"{-d / 2:.0f},{at:.0f}" for at, d in zip(z, diameter, strict=True)]
+    touching = -1e3 * BARREL - BALL
+    known = day.morning.calibration
+    gates: list[tuple[int, float]] = []
+    while (name := f"impact.gates.distance_{len(gates)}") in known:
+        gates.append((len(gates) + 1, float(round(touching - known[name].value * 1e3))))
+    ball = [
+        (t < 0, (x, y))
+        for t, x, y in list(zip(motion.time, _mm(motion.x), _mm(motion.z), strict=True))[::STROBE]
+        if np.isfinite(x)
+    ]
+    angle = np.round(np.degrees(motion.angle), 1)
+    rows = zip(np.round(motion.time * 1e3, 1), _mm(motion.x), _mm(motion.z), angle, strict=True)
+    frames = [[None if not np.isfinite(v) else float(v) for v in row] for row in rows]
+    return SlowMotion(
+        shot=shot,
+        frames=json.dumps(frames, separators=(",", ":")),
+        told=motion.told,
+        true=motion.true,
+        axis=float(axis),
+        bat=" ".join(right + left[::-1]),
+        gates=tuple(each for each in gates if each[1] > LEFT),
+        coming=tuple(place for before, place in ball if before),
+        going=tuple(place for before, place in ball if not before),
+        turned=tuple(float(each) for each in angle[:: 4 * STROBE] if abs(each) > 1),
+    )
+
+
+def _mm(metres: ArrayLike) -> Sequence[float]:
+    return [float(each) for each in np.round(np.asarray(metres) * 1e3)]
+
+
+@cache
+def _outline(bat: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return places from the tip and diameters of the bat of a data sheet [mm]."""
+    try:
+        profile = catalog.load("bats", bat, BatSpec).spec.body.profile
+    except InputError:  # a trainer's own bat
+        outline = NO_BAT
+    else:
+        outline = profile.z, profile.outer_diameter
+    z, diameter = (np.array(each) * 1e3 for each in outline)
+    return z, diameter

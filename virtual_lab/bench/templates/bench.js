@@ -1,0 +1,83 @@
+"use strict";
+// A cursor on the traces, the slow motion, one answer to a double click. Without this file the
+// page shows and does the same, standing still.
+
+function near(values, wanted) {
+  let best = 0;
+  values.forEach((value, at) => { if (Math.abs(value - wanted) < Math.abs(values[best] - wanted)) best = at; });
+  return best;
+}
+
+function withControls(figure, show) {
+  const controls = figure.querySelector(".controls");
+  const range = controls.querySelector("input");
+  const output = controls.querySelector("output");
+  const update = () => {
+    const words = show(Number(range.value));
+    output.textContent = words;
+    range.setAttribute("aria-valuetext", words);
+  };
+  range.addEventListener("input", update);
+  controls.hidden = false;
+  return { range, update };
+}
+
+for (const figure of document.querySelectorAll("[data-trace]")) {
+  const trace = JSON.parse(figure.dataset.trace);
+  const svg = figure.querySelector("svg"), cursor = svg.querySelector(".cursor");
+  const { range, update } = withControls(figure, (time) => {
+    const x = trace.left + (trace.right - trace.left) * time / trace.last;
+    cursor.setAttribute("x1", x);
+    cursor.setAttribute("x2", x);
+    const gates = trace.gates.map((edges, at) =>
+      `gate ${at + 1} ${edges.some(([broke, cleared]) => broke <= time && time < cleared) ? "broken" : "free"}`);
+    const counts = trace.times.length ? [`${trace.counts[near(trace.times, time)]} counts`] : [];
+    return [`${time.toFixed(1)} ms`, ...gates, ...counts].join(", ");
+  });
+  update();
+  svg.addEventListener("pointermove", (event) => {
+    const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse());
+    range.value = (at.x - trace.left) / (trace.right - trace.left) * trace.last;
+    update();
+  });
+}
+
+for (const figure of document.querySelectorAll("[data-motion]")) {
+  const frames = JSON.parse(figure.dataset.motion);
+  const bat = figure.querySelector(".bat"), ball = figure.querySelector(".ball");
+  const axis = figure.querySelector(".axis").getAttribute("cy");
+  const { range, update } = withControls(figure, (at) => {
+    const [time, x, z, angle] = frames[at];
+    ball.setAttribute("cx", x ?? -2000);
+    ball.setAttribute("cy", z);
+    bat.setAttribute("transform", `rotate(${angle} 0 ${axis})`);
+    return `${time.toFixed(0)} ms ${time < 0 ? "before" : "after"} the contact`.replace("-", "");
+  });
+  range.max = frames.length - 1;
+  range.value = near(frames.map((frame) => frame[0]), 0);
+  update();
+  const play = figure.querySelector(".play");
+  play.hidden = matchMedia("(prefers-reduced-motion: reduce)").matches;
+  let timer = 0;
+  play.addEventListener("click", () => {
+    clearInterval(timer);
+    range.value = 0;
+    timer = setInterval(() => {
+      range.value = Number(range.value) + 1;
+      update();
+      if (range.value === range.max) clearInterval(timer);
+    }, 45);
+  });
+}
+
+for (const form of document.forms) {
+  form.addEventListener("submit", (event) => {
+    if (form.dataset.sent) event.preventDefault();
+    form.dataset.sent = "yes";
+  });
+}
+for (const part of document.querySelectorAll("details")) {  // a link into a closed part opens it
+  const open = () => { if (location.hash === `#${part.id}`) part.open = true; };
+  addEventListener("hashchange", open);
+  open();
+}

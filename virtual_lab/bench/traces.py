@@ -1,0 +1,155 @@
+"""What the instruments wrote of a shot: traces on one axis of time, with a cursor, and tables."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.output.svg import Panel
+
+__all__ = ["Passing", "Traces", "traces_of"]
+
+Array = NDArray[np.float64]
+WIDTH = 360.0  # of the figure, in the unit of its letters
+LEFT, RIGHT = 40.0, 352.0
+LOW = 0.62  # by which a trace drops where its beam is broken, in gates
+POINTS = 240  # of a trace
+ROWS = 26  # of its table
+WAYS = ("in", "back")
+
+
+class Passing(NamedTuple):
+    """The ball at a gate, as printed [ms]."""
+
+    way: str
+    gate: int
+    broke: str
+    cleared: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Traces:
+    """A figure of a shot: gates above, encoder below, and what stands in it."""
+
+    shot: int
+    drawn: str  # SVG
+    data: str  # JSON, what a cursor reads out: limits, edges [ms], samples
+    height: float
+    last: float  # ms, where the axis of time ends
+    passings: tuple[Passing, ...]
+    samples: tuple[tuple[str, int], ...]  # ms, counts
+    summary: str
+
+
+def traces_of(shot: int, records: Mapping[str, Any]) -> Traces:
+    """Return the traces of a shot from the records of its entry."""
+    edges = _edges(records["gates"])
+    encoder = records.get("encoder") or records.get("swing")
+    times = counts = np.zeros(0)
+    if encoder and encoder["kind"] == "encoder":
+        times = np.array(encoder["times"], dtype=float) * 1e3
+        counts = np.array(encoder["counts"][0], dtype=float)
+    seen = edges[np.isfinite(edges)]
+    last = float(max([*seen * 1.05, *times[-1:], 1.0]))
+    gates = edges.shape[1]
+    bottom = 30.0 + 30.0 * gates
+    panels = [_gate_panel(edges, last, bottom)]
+    if times.size:
+        some = np.unique(np.linspace(0, times.size - 1, POINTS).astype(int))
+        times, counts = times[some], counts[some]
+        panels.append(_encoder_panel(times, counts, last, bottom + 46.0))
+    panels[-1].x_label = "time after the trigger [ms]"
+    data = {
+        "left": LEFT,
+        "right": RIGHT,
+        "last": round(last, 1),
+        "gates": [_of_gate(edges, gate) for gate in range(gates)],
+        "times": [round(float(t), 2) for t in times],
+        "counts": [int(c) for c in counts],
+    }
+    few = np.unique(np.linspace(0, times.size - 1, min(ROWS, times.size)).astype(int))
+    missing = int((~np.isfinite(edges[:, :, 0])).sum())
+    return Traces(
+        shot=shot,
+        drawn="".join(panel.drawn() for panel in panels),
+        data=json.dumps(data, separators=(",", ":")),
+        height=panels[-1].bottom + 32.0,
+        last=round(last, 1),
+        passings=tuple(
+            Passing(way, gate + 1, *(_ms(t) for t in edges[number, gate]))
+            for number, way in enumerate(WAYS)
+            for gate in range(gates)
+        ),
+        samples=tuple((f"{times[at]:.1f}", int(counts[at])) for at in few),
+        summary=_summary(gates, missing, counts),
+    )
+
+
+def _edges(record: Mapping[str, Any]) -> Array:
+    """Return when each gate broke and cleared [ms], (way, gate, edge), NaN: not seen."""
+    if record["kind"] not in {"gates", "boards"}:
+        return np.full((2, 1, 2), np.nan)
+    times = np.array(record["times"][0], dtype=float) * 1e3
+    if times.ndim == 4:  # a board is broken while any of its beams is
+        first = np.nanmin(np.where(np.isnan(times[..., 0]), np.inf, times[..., 0]), axis=2)
+        last = np.nanmax(np.where(np.isnan(times[..., 1]), -np.inf, times[..., 1]), axis=2)
+        times = np.stack([first, last], axis=-1)
+        times[~np.isfinite(times)] = np.nan
+    return times
+
+
+def _of_gate(edges: Array, gate: int) -> list[list[float]]:
+    pairs = edges[:, gate]
+    return [[round(float(t), 3) for t in pair] for pair in pairs if np.isfinite(pair).all()]
+
+
+def _gate_panel(edges: Array, last: float, bottom: float) -> Panel:
+    gates = edges.shape[1]
+    panel = Panel(
+        left=LEFT,
+        right=RIGHT,
+        top=24.0,
+        bottom=bottom,
+        x=(0.0, last),
+        y=(1 - LOW - 0.2, gates + 0.25),
+        title="gates: a trace drops while its beam is broken",
+    )
+    for gate in range(gates):
+        x, y = [0.0], [gate + 1.0]
+        for broke, cleared in _of_gate(edges, gate):
+            x += [broke, broke, cleared, cleared]
+            y += [gate + 1.0, gate + 1 - LOW, gate + 1 - LOW, gate + 1.0]
+        panel.line([*np.maximum(x, 0.0), last], [*y, gate + 1.0], width=1.3)
+    return panel
+
+
+def _encoder_panel(times: Array, counts: Array, last: float, top: float) -> Panel:
+    low, high = float(counts.min()), float(counts.max())
+    panel = Panel(
+        left=LEFT,
+        right=RIGHT,
+        top=top,
+        bottom=top + 110.0,
+        x=(0.0, last),
+        y=(low - 0.03 * (high - low + 1), high + 0.05 * (high - low + 1)),
+        title="encoder [counts]",
+    )
+    panel.line(list(times), list(counts), width=1.3)
+    return panel
+
+
+def _ms(time: float) -> str:
+    return f"{time:.3f}" if np.isfinite(time) else "not seen"
+
+
+def _summary(gates: int, missing: int, counts: Array) -> str:
+    passed = 2 * gates - missing
+    words = f"the ball was seen {passed} times of {2 * gates} at the gates"
+    if counts.size:
+        words += f"; the encoder went from {int(counts[0])} to {int(counts[-1])} counts"
+    return words
