@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from virtual_lab.catalog.specs import BatBody
-from virtual_lab.simulation.collision.patch import PATCH, patch_shape, patch_table
+from virtual_lab.simulation.collision.patch import PATCH, patch_shapes, patch_table
 from virtual_lab.simulation.collision.scene import Collisions, EnergySplit, Scenes, joined
 from virtual_lab.simulation.collision.stepping import FINE, CollisionBatch, Followed, Stepper
 from virtual_lab.simulation.physics.ball import unloading_exponent
@@ -89,9 +89,9 @@ class ModalModel:
         """Splines over the place of impact: the shape of each mode, then the stiff compliance."""
 
         def values(z: Floats) -> Floats:
-            stiff = patch_shape(self.stiff, z, self.patch) / self.stiff.angular_frequencies
-            shapes = patch_shape(self.modes, z, self.patch)
-            return np.column_stack((shapes, np.sum(stiff**2, axis=1)))
+            shapes, stiff = patch_shapes((self.modes, self.stiff), z, self.patch)
+            yielding = stiff / self.stiff.angular_frequencies
+            return np.column_stack((shapes, np.sum(yielding**2, axis=1)))
 
         return patch_table(values, self.modes.length, self.patch)
 

@@ -8,7 +8,7 @@ shrinks on both sides alike: at the very tip it is a point again.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -17,7 +17,7 @@ from scipy.interpolate import CubicSpline, PPoly
 
 from virtual_lab.simulation.physics.modes import Modes
 
-__all__ = ["PATCH", "patch_shape", "patch_table"]
+__all__ = ["PATCH", "patch_shape", "patch_shapes", "patch_table"]
 
 Floats = NDArray[np.float64]
 PATCH = 0.03  # full width [m]
@@ -43,13 +43,19 @@ def patch_shape(modes: Modes, z: Floats, width: float) -> Floats:
     -------
     (n, N) array
     """
+    return patch_shapes((modes,), z, width)[0]
+
+
+def patch_shapes(parts: Sequence[Modes], z: Floats, width: float) -> list[Floats]:
+    """Return `patch_shape` of several modes of one bat."""
     x, gauss = np.polynomial.legendre.leggauss(GAUSS_POINTS)
     pressure = gauss * np.cos(np.pi / 2 * x)
     pressure /= pressure.sum()
-    half = np.minimum(width / 2, np.minimum(z, modes.length - z))
-    places = np.clip(z[:, None] + half[:, None] * x, 0.0, modes.length)
-    blocks = range(0, len(z), ROWS)
-    return np.concatenate([modes.mean_shape(places[i : i + ROWS], pressure) for i in blocks])
+    bat = parts[0]
+    half = np.minimum(width / 2, np.minimum(z, bat.length - z))
+    places = np.clip(z[:, None] + half[:, None] * x, 0.0, bat.length)
+    blocks = [bat.averages(places[i : i + ROWS], pressure) for i in range(0, len(z), ROWS)]
+    return [np.concatenate([modes.averaged(block) for block in blocks]) for modes in parts]
 
 
 def patch_table(values: Callable[[Floats], Floats], length: float, width: float) -> PPoly:

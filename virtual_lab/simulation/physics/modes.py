@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.optimize import brentq
+from scipy.sparse import csr_array
 
 from virtual_lab.catalog.specs import BatBody, HoopMode
 from virtual_lab.errors import InputError
@@ -94,11 +95,21 @@ class Modes:
         -------
         (n, N) array
         """
-        beam = self._sum_over(self.deflections, z, weights)
+        return self.averaged(self.averages(z, weights))
+
+    def averaged(self, averages: csr_array) -> Floats:
+        """Return the same by what `averages` made of the places, of these modes or others."""
+        beam = np.asarray(averages @ self.deflections)
         if self.hoop is None:
             return beam
         hoop = np.full((len(beam), 1), 1 / np.sqrt(self.hoop.modal_mass))
         return np.concatenate((beam, hoop), axis=1)
+
+    def averages(self, z: Floats, weights: Floats) -> csr_array:
+        """Return what takes values at the beam's nodes to the weighted means of `mean_shape`."""
+        if not (np.all(z >= 0) and np.all(z <= self.length)):
+            raise InputError("modes", "z", z, f"allowed: 0 to {self.length:g} m")
+        return self.mesh.interpolation(z, weights)
 
     def rotation(self, z: Floats | float) -> Floats:
         """Return the turn of the section of each mode at places `z` (...), shape (..., N).
@@ -106,15 +117,10 @@ class Modes:
         What an encoder fixed to the bat at z sees; the hoop mode turns nothing.
         """
         places = np.asarray(z, dtype=np.float64)
-        beam = self._sum_over(self.rotations, places.reshape(-1, 1), np.ones(1))
+        beam = np.asarray(self.averages(places.reshape(-1, 1), np.ones(1)) @ self.rotations)
         full = np.zeros((len(beam), self.count))
         full[:, : beam.shape[1]] = beam
         return full.reshape(*places.shape, self.count)
-
-    def _sum_over(self, values: Floats, z: Floats, weights: Floats) -> Floats:
-        if not (np.all(z >= 0) and np.all(z <= self.length)):
-            raise InputError("modes", "z", z, f"allowed: 0 to {self.length:g} m")
-        return np.asarray(self.mesh.interpolation(z, weights) @ values)
 
 
 def modes_of(
