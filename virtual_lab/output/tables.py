@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-__all__ = ["Column", "number", "table_text"]
+__all__ = ["Column", "number", "quoted", "table_text"]
 
 
 class Column(NamedTuple):
@@ -54,6 +54,21 @@ def table_text(
         "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
         for line in lines
     )
+
+
+def quoted(cell: object) -> str:
+    """Return a cell of a table that is sent out: no spreadsheet takes what was typed for a formula.
+
+    What begins with ``= + - @``, a tab or a line's end gets an apostrophe, but for numbers.
+    """
+    text = str(cell)
+    if not text.startswith(("=", "+", "-", "@", "\t", "\r", "\n")):
+        return text
+    try:
+        float(text)
+    except ValueError:
+        return "'" + text
+    return text
 
 
 def number(value: float | None, form: str = ".6f") -> str:
