@@ -1,9 +1,11 @@
 """The page: who is let in, what a form does, what no answer may hold."""
 
 import asyncio
+import csv
 import re
 from dataclasses import dataclass
 from html.parser import HTMLParser
+from io import StringIO
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
@@ -15,6 +17,7 @@ from virtual_lab.bench.actions import ARGUMENTS
 from virtual_lab.bench.scenario import load_scenario
 from virtual_lab.bench.serving import ServedDay
 from virtual_lab.bench.web import application
+from virtual_lab.output.tables import quoted
 
 SOUND = {"number": "1", "whole": "1", "text": "so"}  # by kind of argument
 HOST, TOKEN = "127.0.0.1:8377", "the token of the opened address"
@@ -317,3 +320,19 @@ def test_the_notebook_holds_what_was_done_and_shown(browser: Browser) -> None:
     assert "<s>Weigh the bat</s> struck out" in page
     assert re.search(r"<s>reading 1 \d+\.\d g", page)
     assert "because wrong bat" in page
+
+
+def test_no_cell_of_a_table_sent_out_is_a_formula(browser: Browser) -> None:
+    """What is typed stands behind its name; a cell that began with it would be quoted."""
+    browser.do("note-deviation", because="=1+1")
+    rows = list(csv.reader(StringIO(browser.ask("/notebook.csv").text)))
+    assert rows[1][2:5] == ["Note a deviation", "no", "step another, because =1+1"]
+    assert [quoted(each) for each in ("=1", "+a", "-b", "@c", "\t=1", "-1.5", "plain")] == [
+        "'=1",
+        "'+a",
+        "'-b",
+        "'@c",
+        "'\t=1",
+        "-1.5",
+        "plain",
+    ]
