@@ -1,9 +1,11 @@
 """The page: who is let in, what a form does, what no answer may hold."""
 
 import asyncio
+import csv
 import re
 from dataclasses import dataclass
 from html.parser import HTMLParser
+from io import StringIO
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
@@ -11,10 +13,13 @@ from urllib.parse import urlencode
 import pytest
 
 from tests.bench.days import PLAIN
+from virtual_lab.bench.actions import ARGUMENTS
 from virtual_lab.bench.scenario import load_scenario
 from virtual_lab.bench.serving import ServedDay
 from virtual_lab.bench.web import application
+from virtual_lab.output.tables import quoted
 
+SOUND = {"number": "1", "whole": "1", "text": "so"}  # by kind of argument
 HOST, TOKEN = "127.0.0.1:8377", "the token of the opened address"
 ORIGIN = {"origin": f"http://{HOST}"}
 
@@ -32,6 +37,7 @@ class Browser:
     def __init__(self, room: ServedDay) -> None:
         self.application = application({TOKEN: room}, hosts=frozenset({HOST}))
         self.cookie = ""
+        self.day = room
 
     def ask(
         self,
@@ -245,3 +251,87 @@ def test_what_is_typed_is_escaped(browser: Browser) -> None:
     browser.do("note-deviation", because="<img src=x onerror=alert(1)>")
     assert "<img" not in browser.ask("/").text
     assert "&lt;img" in browser.ask("/").text
+
+
+BAD = ("", "x" * 301, "1e99", "-7", "nan", "0,5 furlong", "<script>alert(1)</script>", "\x00")
+
+
+def test_bad_input_in_every_field_leaves_the_day_whole(browser: Browser) -> None:
+    """Each field of each action: refused with its name, or an entry; never half of one."""
+    for action, arguments in ARGUMENTS.items():
+        sound = {each.name: SOUND.get(each.kind) or each.choices[0] for each in arguments}
+        for argument in arguments:
+            for bad in BAD:
+                before = len(browser.day.kept.day.events)
+                answer = browser.do(action, **sound | {argument.name: bad})
+                after = len(browser.day.kept.day.events)
+                assert (answer.status, after - before) in {(303, 1), (422, 0)}
+                assert "<script>alert" not in answer.text
+                if answer.status == 422:
+                    assert 'role="alert"' in answer.text
+
+
+def test_requests_that_no_form_makes_leave_the_day_whole(browser: Browser) -> None:
+    for form in ({}, {"do": "tare"}, {"do": "tare", "entry_number": "2"}, {"do": ["a"]}):
+        assert browser.ask("/do", form).status == 422
+    assert browser.ask("/do", body=b"\xff\xfe=&&=%").status == 422
+    assert browser.ask("/do", body=b"&".join(b"a=1" for _ in range(60))).status == 422
+    assert browser.ask("/?shot=99").status == browser.ask("/?shot=-1").status == 200
+    assert browser.ask("/do").status == 303
+    assert browser.day.kept.day.events == ()
+
+
+def test_each_trainee_has_a_token_a_cookie_and_a_day(tmp_path: Path) -> None:
+    rooms = {name: served(tmp_path / name) for name in ("anna", "ben")}
+    first, second = Browser(rooms["anna"]), Browser(rooms["ben"])
+    second.application = first.application = application(rooms, hosts=frozenset({HOST}))
+    assert first.ask("/?token=anna").status == second.ask("/?token=ben").status == 303
+    assert first.cookie != second.cookie
+    first.do("tare")
+    assert len(rooms["anna"].kept.day.events) == 1
+    assert "Nothing was done yet" in second.ask("/").text
+    assert Browser(rooms["ben"]).ask("/?token=ben").status == 403
+
+
+def test_by_tls_the_cookie_is_secure_and_the_origin_too(tmp_path: Path) -> None:
+    browser = Browser(served(tmp_path / "day"))
+    browser.application = application({TOKEN: browser.day}, hosts=frozenset({HOST}), secure=True)
+    assert "Secure" in browser.open().headers["set-cookie"]
+    form = {"do": "tare", "entry_number": "1"}
+    assert browser.ask("/do", form).status == 403
+    assert browser.ask("/do", form, headers={"origin": f"https://{HOST}"}).status == 303
+
+
+def test_the_first_page_does_not_wait_for_the_laboratory(tmp_path: Path) -> None:
+    """The page of a day that is being opened is that of the opened one."""
+    day = ServedDay(tmp_path / "day", load_scenario("plain-day"), 3)
+    browser = Browser(day)
+    browser.open()
+    first = browser.ask("/").text
+    day.open()
+    assert browser.ask("/").text == first
+
+
+def test_the_notebook_holds_what_was_done_and_shown(browser: Browser) -> None:
+    browser.do("weigh-bat")
+    browser.do("strike-out", entry=1, because="wrong bat")
+    page = browser.ask("/notebook").text
+    assert "<s>Weigh the bat</s> struck out" in page
+    assert re.search(r"<s>reading 1 \d+\.\d g", page)
+    assert "because wrong bat" in page
+
+
+def test_no_cell_of_a_table_sent_out_is_a_formula(browser: Browser) -> None:
+    """What is typed stands behind its name; a cell that began with it would be quoted."""
+    browser.do("note-deviation", because="=1+1")
+    rows = list(csv.reader(StringIO(browser.ask("/notebook.csv").text)))
+    assert rows[1][2:5] == ["Note a deviation", "no", "because =1+1"]
+    assert [quoted(each) for each in ("=1", "+a", "-b", "@c", "\t=1", "-1.5", "plain")] == [
+        "'=1",
+        "'+a",
+        "'-b",
+        "'@c",
+        "'\t=1",
+        "-1.5",
+        "plain",
+    ]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Mapping
 from dataclasses import dataclass
+from io import StringIO
 from itertools import accumulate
 from math import isfinite
 from typing import TYPE_CHECKING, Any
@@ -16,13 +18,14 @@ from virtual_lab.bench.slow_motion import Motion, SlowMotion, sketched, slow_mot
 from virtual_lab.bench.table import MAKE_READY, action_table
 from virtual_lab.bench.traces import traces_of
 from virtual_lab.output.metrics import METRICS
+from virtual_lab.output.tables import quoted
 from virtual_lab.output.template import page_template
 from virtual_lab.units import INCH, MPH
 
 if TYPE_CHECKING:
     from virtual_lab.bench.desk import Desk
 
-__all__ = ["Refusal", "day_page", "notebook_page", "plain_page"]
+__all__ = ["Refusal", "day_page", "notebook_page", "notebook_table", "plain_page"]
 
 PACKAGE = "virtual_lab.bench"
 PARTS = {
@@ -159,6 +162,18 @@ def notebook_page(desk: Desk, briefing: Mapping[str, Any]) -> str:
         entries=_entries(desk),
         hits=_hits(desk),
     )
+
+
+def notebook_table(desk: Desk) -> str:
+    """Return the entries of a day as a CSV table."""
+    lines = StringIO()
+    rows = csv.writer(lines)
+    rows.writerow(["entry", "time_min", "action", "struck_out", "entered", "shown"])
+    for each in _entries(desk):
+        struck = "yes" if each.struck else "no"
+        cells = (each.number, each.minute, each.title, struck, each.given, each.readings)
+        rows.writerow([quoted(cell) for cell in cells])
+    return lines.getvalue()
 
 
 def plain_page(title: str, sentence: str) -> str:

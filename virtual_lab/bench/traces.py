@@ -57,12 +57,12 @@ def traces_of(shot: int, records: Mapping[str, Any]) -> Traces:
     seen = edges[np.isfinite(edges)]
     last = float(max([*seen * 1.05, *times[-1:], 1.0]))
     gates = edges.shape[1]
-    bottom = 30.0 + 30.0 * gates
+    bottom = 40.0 + 30.0 * gates
     panels = [_gate_panel(edges, last, bottom)]
     if times.size:
         some = np.unique(np.linspace(0, times.size - 1, POINTS).astype(int))
         times, counts = times[some], counts[some]
-        panels.append(_encoder_panel(times, counts, last, bottom + 46.0))
+        panels.append(_encoder_panel(times, counts, last, bottom + 52.0))
     panels[-1].x_label = "time after the trigger [ms]"
     data = {
         "left": LEFT,
@@ -113,7 +113,7 @@ def _gate_panel(edges: Array, last: float, bottom: float) -> Panel:
     panel = Panel(
         left=LEFT,
         right=RIGHT,
-        top=24.0,
+        top=34.0,
         bottom=bottom,
         x=(0.0, last),
         y=(1 - LOW - 0.2, gates + 0.25),

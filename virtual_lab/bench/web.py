@@ -26,7 +26,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from virtual_lab.bench.actions import Action, action_of
 from virtual_lab.bench.day import DayEvent
-from virtual_lab.bench.page import Refusal, day_page, notebook_page, plain_page
+from virtual_lab.bench.page import Refusal, day_page, notebook_page, notebook_table, plain_page
 from virtual_lab.bench.slow_motion import Motion
 from virtual_lab.bench.table import MAKE_READY
 from virtual_lab.errors import InputError
@@ -111,6 +111,11 @@ def application(
         with seat.lock:
             return HTMLResponse(notebook_page(seat.room.desk, seat.room.briefing))
 
+    def table(request: Request) -> Response:
+        seat = request.scope["seat"]
+        with seat.lock:
+            return Response(notebook_table(seat.room.desk), media_type="text/csv")
+
     async def act(request: Request) -> Response:
         body = (await request.body()).decode("utf-8", errors="replace")
         try:
@@ -151,6 +156,7 @@ def application(
         Route("/do", act, methods=["POST"]),
         Route("/do", lambda _: RedirectResponse("/", status_code=303)),
         Route("/notebook", notebook),
+        Route("/notebook.csv", table),
         Route("/certificate", page_answer(lambda room: room.certificate())),
         Route("/debrief", page_answer(lambda room: room.debrief())),
         static("bench.css", "text/css"),

@@ -6,7 +6,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, fields, is_dataclass
 from typing import Any, NamedTuple
 
-__all__ = ["Column", "column", "columns_of", "inline", "number", "record", "table_text"]
+__all__ = [
+    "Column",
+    "column",
+    "columns_of",
+    "inline",
+    "number",
+    "quoted",
+    "record",
+    "table_text",
+]
 
 INLINE = "inline"
 
@@ -110,6 +119,21 @@ def table_text(
         "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
         for line in lines
     )
+
+
+def quoted(cell: object) -> str:
+    """Return a cell of a table that is sent out: no spreadsheet takes what was typed for a formula.
+
+    What begins with ``= + - @``, a tab or a line's end gets an apostrophe, but for numbers.
+    """
+    text = str(cell)
+    if not text.startswith(("=", "+", "-", "@", "\t", "\r", "\n")):
+        return text
+    try:
+        float(text)
+    except ValueError:
+        return "'" + text
+    return text
 
 
 def number(value: float | None, form: str = ".6f") -> str:

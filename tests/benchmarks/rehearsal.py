@@ -1,0 +1,145 @@
+"""How long the rehearsal bench takes to answer: ``python -m tests.benchmarks.rehearsal``.
+
+The command is started as a trainee starts it, and forms are sent as a browser sends them: an
+action's time runs from its form to the page after it. Then eight trainees take the day at once.
+"""
+
+from __future__ import annotations
+
+import http.client
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from statistics import median
+from urllib.parse import urlencode, urlsplit
+
+from tests.bench.browsing import free_port
+from tests.bench.days import PLAIN
+
+TRAINEES = 8
+KINDS = {"fire": "shot", "reduce": "reduce"}
+END = (("reduce", {}), ("give-verdict", {"verdict": "PASS"}), ("hand-in", {}))
+PACE = 0.12  # s from one action to the next of one trainee: below the requests that are allowed
+LOOK = 4.0  # s, at the first page
+TOGETHER = 0.5  # s, of each of many
+GOALS = {  # ms: median, worst
+    "first page": (2000, 2000),
+    "first entry": (200, 200),  # after a look at the page
+    "entry": (50, 200),
+    "shot": (500, 500),
+    "reduce": (500, 500),
+    "certificate": (1500, 1500),
+    f"entry, {TRAINEES} at once": (500, None),
+    f"shot, {TRAINEES} at once": (500, None),
+}
+
+
+class Trainee:
+    """Sends forms with the cookie that the address gave."""
+
+    def __init__(self, address: str, pace: float) -> None:
+        parts, self.pace = urlsplit(address), pace
+        self.host, self.path, self.cookie = parts.netloc, f"/?{parts.query}", ""
+        self.line = http.client.HTTPConnection(self.host, timeout=60)
+
+    def ask(self, method: str, path: str, body: str = "") -> str:
+        headers = {"cookie": self.cookie, "origin": f"http://{self.host}"}
+        self.line.request(method, path, body, headers)
+        reply = self.line.getresponse()
+        text = reply.read().decode()
+        if set_cookie := reply.headers["set-cookie"]:
+            self.cookie = set_cookie.partition(";")[0]
+        assert reply.status in {200, 303}, (reply.status, re.findall(r'role="alert".*', text))
+        return self.ask("GET", "/") if reply.status == 303 else text
+
+    def do(self, number: int, name: str, given: dict[str, object]) -> float:
+        """Return how long an action takes [s], to the page after it."""
+        begun = time.perf_counter()
+        page = self.ask("POST", "/do", urlencode({"do": name, "entry_number": number, **given}))
+        took = time.perf_counter() - begun
+        assert f'name="entry_number" value="{number + 1}"' in page or name == "hand-in"
+        time.sleep(max(0.0, self.pace - took))
+        return took
+
+    def day(self) -> Iterator[tuple[str, float]]:
+        """Take the plain day: yield the kind of each action and its time [s]."""
+        for number, (name, given) in enumerate((*PLAIN, *END), 1):
+            if name == "give-verdict":
+                begun = time.perf_counter()
+                self.ask("GET", "/certificate")
+                yield "certificate", time.perf_counter() - begun
+            yield KINDS.get(name, "entry"), self.do(number, name, given)
+
+
+@contextmanager
+def rehearsal(*more: str) -> Iterator[tuple[list[str], float]]:
+    """Start the command; give the addresses that it prints and when it was started [s]."""
+    with tempfile.TemporaryDirectory() as place:
+        command = [sys.executable, "-m", "virtual_lab", "rehearse", "--seed", "3", "--port"]
+        folder = str(Path(place) / "day")
+        started = time.perf_counter()
+        server = subprocess.Popen(
+            [*command, str(free_port()), "--day", folder, *more],
+            stderr=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+        )
+        assert server.stderr is not None
+        addresses: list[str] = []
+        for line in server.stderr:
+            addresses += re.findall(r"http\S+", line)
+            if "Ctrl-C" in line:
+                break
+        try:
+            yield addresses, started
+        finally:
+            server.terminate()
+            server.wait()
+
+
+def main() -> None:
+    """Measure and print."""
+    times: dict[str, list[float]] = {name: [] for name in GOALS}
+    for _ in range(3):
+        with rehearsal() as (addresses, started):
+            trainee = Trainee(addresses[0], PACE)
+            trainee.ask("GET", trainee.path)
+            times["first page"].append(time.perf_counter() - started)
+            trainee.line.close()
+            time.sleep(LOOK)
+            for number, (kind, took) in enumerate(trainee.day()):
+                times[kind if number else "first entry"].append(took)
+    with rehearsal("--trainees", str(TRAINEES)) as (addresses, _):
+        trainees = [Trainee(address, TOGETHER) for address in addresses]
+        found: list[list[tuple[str, float]]] = [[] for _ in trainees]
+
+        def take(number: int) -> None:
+            trainees[number].ask("GET", trainees[number].path)
+            found[number] += trainees[number].day()
+
+        threads = [threading.Thread(target=take, args=(n,)) for n in range(TRAINEES)]
+        time.sleep(8)
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        lost = sum(len(each) != len(PLAIN) + len(END) + 1 for each in found)
+        for kind, took in (pair for each in found for pair in each):
+            if (name := f"{kind}, {TRAINEES} at once") in times:
+                times[name].append(took)
+    print(f"{'ms':<22}{'median':>8}{'worst':>8}{'to reach':>16}{'of':>6}")
+    for name, own in times.items():
+        goal = " / ".join("-" if each is None else f"{each}" for each in GOALS[name])
+        print(f"{name:<22}{1e3 * median(own):8.0f}{1e3 * max(own):8.0f}{goal:>16}{len(own):6}")
+    print(f"days lost of {TRAINEES} at once: {lost}")
+
+
+if __name__ == "__main__":
+    main()
