@@ -42,7 +42,7 @@ def find_bat(tracked: Tracked, calibration: ClipCalibration) -> BatSeen | None:
     place, camera = calibration.bat, calibration.camera
     if place is None or camera is None:
         return None
-    contact = tracked.legs.flight_in.time
+    contact = tracked.legs.flights[0].time
     times, balls = tracked.clip.times, _balls(tracked)
     rest = _at_rest(tracked, times < contact - max(LASTS, tracked.exposure), balls)
     outline = find_outline(rest, place.pivot_m, place.toward_m, place.widest_m, camera)
@@ -51,7 +51,7 @@ def find_bat(tracked: Tracked, calibration: ClipCalibration) -> BatSeen | None:
         for time, frame in zip(times, tracked.clip.frames(), strict=True)
     )
     angles = bat_angles(frames, outline, camera, balls, pivoted=place.pivoted)
-    if tracked.legs.flight_out is None:
+    if len(tracked.legs.flights) < 2:
         where = str(tracked.clip.source.path)
         raise InputError(where, "bat", None, "the ball is not seen to leave it: no recoil to read")
     recoil = recoil_of(times, angles, contact, lasts=LASTS)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.video.find.blobs import Blobs
-from virtual_lab.video.follow.joint import Fit, Way, fit_flights
+from virtual_lab.video.follow.joint import DRAG, DRAG_U, Fit, Way, fit_flights
 from virtual_lab.video.follow.pieces import DIRTY, Piece, parabola
 
 __all__ = [
@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 FEWEST = 6  # places of a flight
 SIDE = 4  # places on each side of a contact, to state a restitution
 ALIKE = 0.25  # of the acceleration that flights may differ by before drag and tilt are known
+BENDS = 0.02  # radii by which the shorter of them may bend otherwise: few scatter little by chance
 UPRIGHT = 0.5  # radians that g may be off the picture's downward direction
 SAG = 1.0  # radii that gravity must bend a way by, for its direction to be asked for
 SHOWS = 0.3  # the same, for gravity to be missed where there is none
@@ -70,6 +71,14 @@ class FlightScene:
         if self.fall is None:
             return None
         return self.fall * radius if self.fall_in_radii else self.fall
+
+    def lost(self, ways: Sequence[Piece]) -> dict[int, int]:
+        """Return how many frames were left out before some frames of flights."""
+        found: dict[int, int] = {}
+        for way in ways:
+            more = np.diff(way.t) - np.diff(self.time[way.frames])
+            found |= {int(way.frames[k + 1]): round(more[k]) for k in np.flatnonzero(more > 0.5)}
+        return found
 
     def way(self, piece: Piece) -> Way:
         """Return a piece's places as the joint fit takes them."""
@@ -227,7 +236,10 @@ def _of_one_gravity(scene: FlightScene, pieces: list[Piece]) -> list[Piece]:
             continue
         like = []
         for other, own, own_u, _ in told:
-            room = max(3 * float(np.hypot(u[0], own_u[0])), ALIKE * float(np.hypot(*pull)))
+            shown = 8 * BENDS * piece.radius / min(np.ptp(piece.t), np.ptp(other.t)) ** 2
+            chance = 3 * float(np.hypot(u[0], own_u[0]))
+            slowed = (DRAG + DRAG_U) / piece.radius * max(_fast(piece), _fast(other)) ** 2
+            room = max(chance, shown, slowed, ALIKE * float(np.hypot(*pull)))
             small = max(other.radius, piece.radius) / min(other.radius, piece.radius) < SIZE
             colour = np.abs(_colour(scene, other) - _colour(scene, piece)).max() < 60
             if np.hypot(*(own - pull)) < room and small and colour:
@@ -237,6 +249,11 @@ def _of_one_gravity(scene: FlightScene, pieces: list[Piece]) -> list[Piece]:
         if support > best[0]:
             best = (support, like)
     return best[1]
+
+
+def _fast(piece: Piece) -> float:
+    """Return the mean speed along a piece [pixels/frame]."""
+    return float(np.hypot(*(piece.xy[-1] - piece.xy[0])) / np.ptp(piece.t))
 
 
 def _bent(scene: FlightScene, piece: Piece) -> tuple[Array, Array, float]:

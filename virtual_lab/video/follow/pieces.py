@@ -22,6 +22,7 @@ Ints = NDArray[np.intp]
 GAP = 4  # frames in a row that need not show the ball
 LOST = 3  # frames that may have been left out at one place
 SURE = 4  # places before a step may be read as lost frames
+STEP = 0.25  # radii of it, at least
 LEAST = 5  # places of a piece
 TRAVEL = 1.0  # radii it covers
 RECENT = 6  # places that show where the next one is
@@ -59,12 +60,6 @@ class Piece:
             xy=self.xy[which],
             radius=self.radius,
         )
-
-    @property
-    def lost(self) -> dict[int, int]:
-        """Frames left out before a frame of it."""
-        more = np.diff(self.t) - np.diff(self.frames)
-        return {int(self.frames[k + 1]): round(more[k]) for k in np.flatnonzero(more > 0.5)}
 
 
 def parabola(t: Array, xy: Array) -> tuple[Array, Array, float]:
@@ -204,12 +199,12 @@ class _Growth:
         room = NEXT if len(places) > 3 else (0.5, 0.2)
         later = time - recent[-1]
         most = (room[0] * radius + room[1] * speed) * (1 + 0.5 * (later - 1))
-        for lost in range(LOST + 1 if len(places) >= SURE and speed > 0.5 * radius else 1):
+        for lost in range(LOST + 1 if len(places) >= SURE and speed > STEP * radius else 1):
             ahead = later + lost
             expected = np.array([1.0, ahead, ahead**2]) @ solved
             off = np.hypot(*(self.xy[there] - expected).T)
             k = int(np.argmin(off))
-            if off[k] < (most if lost == 0 else 0.7 * most):
+            if off[k] < (most if lost == 0 else min(0.7 * most, 0.35 * speed)):
                 return int(there[k]), lost
         return None
 

@@ -76,30 +76,15 @@ class BallCourse:
         return np.array([each == flight for each in self.flight], bool)
 
 
-def course_of_tracked(tracked: Tracked) -> BallCourse:
+def course_of_tracked(tracked: Tracked, found: FollowedClip) -> BallCourse:
     """Return the course of a ball that was located sharply."""
     located, legs = tracked.located, tracked.legs
     scale = tracked.plane.metres_per_pixel
     residuals = np.full((len(tracked.frames), 2), np.nan)
-    flight = [""] * len(tracked.frames)
-    for name, used, fitted in (
-        ("in", legs.used_in, legs.flight_in),
-        ("out", legs.used_out, legs.flight_out),
-    ):
-        if fitted is None:
-            continue
+    flight = np.full(len(tracked.frames), "", object)
+    for name, used, fitted in zip(("in", "out"), legs.used, legs.flights, strict=False):
         residuals[used] = _turned(fitted.residuals, fitted.velocity) / scale
-        for k in np.flatnonzero(used):
-            flight[k] = name
-    contacts = []
-    if legs.flight_out:
-        known = np.isfinite(located.x) & np.isfinite(tracked.plane.places[:, 0])
-        # the plane's metres back to pixels, near enough for a mark
-        near = int(np.argmin(np.abs(np.where(known, tracked.times - legs.flight_in.time, np.inf))))
-        off = (legs.flight_in.place - tracked.plane.places[near]) / scale
-        off = off * [1.0, tracked.plane.sense]
-        at = (located.x[near] + off[0], located.y[near] + off[1])
-        contacts.append((legs.flight_in.time, float(at[0]), float(at[1])))
+        flight[used] = name
     return BallCourse(
         clip=tracked.clip,
         frames=tracked.frames,
@@ -111,13 +96,17 @@ def course_of_tracked(tracked: Tracked) -> BallCourse:
         u=np.stack([located.x_u, located.y_u], axis=1),
         metres=tracked.plane.places,
         chi_square=located.chi_square,
-        flight=flight,
+        flight=flight.tolist(),
         flags=[
             "|".join(flag.name or "" for flag in PlaceFlag(int(each))) for each in located.flags
         ],
         residuals=residuals,
-        contacts=contacts,
+        contacts=_contacts(found),
     )
+
+
+def _contacts(found: FollowedClip) -> list[tuple[float, float, float]]:
+    return [(e.time.value, float(e.place[0]), float(e.place[1])) for e in found.contacts]
 
 
 def course_of_followed(found: FollowedClip) -> BallCourse:
@@ -158,9 +147,7 @@ def course_of_followed(found: FollowedClip) -> BallCourse:
         flight=[str(k + 1) if named else "" for _, k, _ in order],
         flags=[""] * len(order),
         residuals=residuals,
-        contacts=[
-            (each.time.value, float(each.place[0]), float(each.place[1])) for each in found.contacts
-        ],
+        contacts=_contacts(found),
     )
 
 
