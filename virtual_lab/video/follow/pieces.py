@@ -25,6 +25,7 @@ SURE = 4  # places before a step may be read as lost frames
 STEP = 0.25  # radii of it, at least
 LEAST = 5  # places of a piece
 TRAVEL = 1.0  # radii it covers
+SHORT, STEADY = 0.5, 0.01  # radii, if it strays off a parabola by so little: no noise does
 RECENT = 6  # places that show where the next one is
 NEW = (0.9, 0.35)  # radii and steps that the third place may be off a line
 NEXT = (0.25, 0.12)  # radii and steps that any later one may be off a parabola
@@ -116,7 +117,9 @@ class _Growth:
                 continue
             places, t = best
             way, radius = self.xy[places], float(np.median(self.radius[places]))
-            if np.ptp(way, axis=0).max() < TRAVEL * radius:
+            travel = np.ptp(way, axis=0).max() / radius
+            stray = parabola(np.array(t), way)[2] / radius
+            if travel < TRAVEL and (travel < SHORT or stray > STEADY):
                 continue
             self.used[places] = True
             found.append(
