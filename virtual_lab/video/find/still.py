@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,7 +108,7 @@ class Still:
 
 def difference_of(part: Image, behind: Image) -> NDArray[np.float32]:
     """Return how far a picture is from another, by the channel that differs most [DN]."""
-    return np.asarray(_strongest(_apart(part, behind)), np.float32)
+    return _strongest(_apart(part, behind)).astype(np.float32)
 
 
 def difference_of_light(part: Image, behind: Image) -> NDArray[np.float32]:
@@ -119,7 +120,7 @@ def difference_of_light(part: Image, behind: Image) -> NDArray[np.float32]:
 
     if part.ndim == 2:
         return difference_of(part, behind)
-    return np.asarray(cv2.absdiff(LIGHT[part], LIGHT[behind]).max(axis=2), np.float32)
+    return _strongest(cv2.absdiff(cv2.LUT(part, LIGHT), cv2.LUT(behind, LIGHT)))
 
 
 def still_of(
@@ -313,13 +314,13 @@ def _grey(picture: Image) -> Image:
     return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)
 
 
-def _strongest(apart: NDArray[np.uint8]) -> Image:
+def _strongest(apart: NDArray[Any]) -> NDArray[Any]:
     import cv2
 
     if apart.ndim == 2:
         return apart
     one, two, three = cv2.split(apart)
-    return np.asarray(cv2.max(cv2.max(one, two), three), np.uint8)
+    return cv2.max(cv2.max(one, two), three)
 
 
 def _apart(one: Image, other: Image) -> Image:

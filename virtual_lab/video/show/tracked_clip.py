@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -93,13 +94,14 @@ class TrackedClip:
 
         self.progress("drawing")
         pictures = pictures_of(self.course, self.followed.watched.thumbs)
-        with new_folder(folder) as draft:
+        with new_folder(folder) as draft, ThreadPoolExecutor(1) as beside:
+            film = beside.submit(write_film, self.course, pictures, draft / "track.webp")
             write_table(self.course, draft / "track.csv")
             text = json.dumps(self.document, indent=2, allow_nan=False)
             (draft / "result.json").write_text(text + "\n", encoding="utf-8")
             draw_track(self.course, pictures, self.title, draft / "track.png")
             write_sheet(self.course, pictures, draft / "sheet.png")
-            write_film(self.course, pictures, draft / "track.webp")
+            film.result()
             if self.bat:
                 write_bat_table(self.bat, draft / "bat.csv")
                 draw_bat(self.bat, draft / "bat.png")
