@@ -115,7 +115,7 @@ class FollowedClip:
     @property
     def seconds(self) -> float:
         """Of one step of `t`."""
-        return _step(self.known, self.scene) * _thinned(self.lost)
+        return _step(self.known, self.scene, self.ways) * _thinned(self.lost)
 
     @property
     def lost(self) -> dict[int, int]:
@@ -231,9 +231,14 @@ def _support(scene: FlightScene, ways: list[Piece]) -> float:
     return sum(len(each.t) for each in ways) / (0.02 + fit.spread / radius)
 
 
-def _step(known: Known, scene: FlightScene) -> float:
-    """Return the seconds of a step: where repeats take no time, steps are fewer than pictures."""
+def _step(known: Known, scene: FlightScene, ways: Sequence[Piece]) -> float:
+    """Return the seconds of a step of time: more than a picture's where repeats take no time.
+
+    How many pictures are repeats shows where the ball flies; where nothing moves it does not.
+    """
     counted = np.flatnonzero(np.isfinite(scene.time))
+    if ways:
+        counted = np.sort(np.concatenate([way.frames for way in ways]))
     if len(counted) < 2:
         return 1 / known.rate
     frames = counted[-1] - counted[0]
@@ -266,7 +271,7 @@ def _said(
 ) -> FollowedClip:
     notes: list[Note] = [("", words) for words in clip.warnings]
     lost = scene.lost(ways)
-    step = _step(known, scene) * _thinned(lost)
+    step = _step(known, scene, ways) * _thinned(lost)
     motion = motion_of(scene, found, ways, step)
     flights: list[FlightSeen] = []
     contacts: list[Contact] = []
