@@ -111,66 +111,46 @@ def _contacts(found: FollowedClip) -> list[tuple[float, float, float]]:
 
 def course_of_followed(found: FollowedClip) -> BallCourse:
     """Return the course of a ball that was followed: of its flights, else of all its pieces."""
-    ways = found.ways or found.pieces
-    if not ways:
-        return _empty(found.clip)
-    blobs = found.watched.found
-    order = sorted(
-        (int(f), k, j) for k, way in enumerate(ways) for j, f in enumerate(way.frames.tolist())
-    )
-    named = bool(found.ways)
-    rows = [blobs[ways[k].blobs[j]] for _, k, j in order]
-    some = np.array(rows, blobs.dtype)
-    step = found.seconds
-    scale = found.scale.metres_per_pixel if found.scale else np.nan
-    xy = np.stack([some["x"], some["y"]], axis=1)
-    residuals = np.full((len(order), 2), np.nan)
-    spread = np.nan
+    ways, clip = found.ways or found.pieces, found.clip
+    if ways:
+        frames = np.concatenate([way.frames for way in ways])
+        some = found.watched.found[np.concatenate([way.blobs for way in ways])]
+        times = found.seconds * np.concatenate([way.t for way in ways])
+    else:  # some frames, to look at
+        frames = np.unique(np.linspace(0, clip.count - 1, SOME).astype(np.intp))
+        names = ("x", "y", "picture_x", "picture_y", "radius", "length")
+        some = np.full(len(frames), np.nan, [(name, float) for name in names])
+        times = clip.times[frames]
+    flight = np.full(len(frames), "", object)
+    residuals, spread = np.full((len(frames), 2), np.nan), np.nan
     if found.fit is not None:
         spread = found.fit.spread
-        turned = [
-            _turned(left, found.fit.at(k, way.t.mean())[0, 2:])
-            for k, (left, way) in enumerate(zip(found.fit.residuals, ways, strict=True))
-        ]
-        residuals = np.array([turned[k][j] for _, k, j in order]).reshape(-1, 2)
-    return BallCourse(
-        clip=found.clip,
-        frames=np.array([frame for frame, _, _ in order], np.intp),
-        times=np.array([step * ways[k].t[j] for _, k, j in order]),
-        xy=xy,
-        drift=np.stack([some["picture_x"], some["picture_y"]], axis=1) - xy,
-        radius=(some["radius"] + some["length"]) / 2,  # as the scale takes it
-        reach=np.array(some["length"]),
-        u=np.full((len(order), 2), spread),
-        metres=scale * xy,
-        chi_square=np.full(len(order), np.nan),
-        flight=[str(k + 1) if named else "" for _, k, _ in order],
-        flags=[""] * len(order),
-        residuals=residuals,
-        contacts=_contacts(found),
-    )
-
-
-def _empty(clip: Clip) -> BallCourse:
-    """Return a course without a ball: some frames, to look at."""
-    frames = np.unique(np.linspace(0, clip.count - 1, SOME).astype(np.intp))
-    none = np.full(len(frames), np.nan)
-    both = np.full((len(frames), 2), np.nan)
+        flight = np.repeat([str(k + 1) for k in range(len(ways))], [len(way.t) for way in ways])
+        residuals = np.concatenate(
+            [
+                _turned(left, found.fit.at(k, way.t.mean())[0, 2:])
+                for k, (left, way) in enumerate(zip(found.fit.residuals, ways, strict=True))
+            ]
+        )
+    order = np.argsort(frames, kind="stable")
+    frames, some, times = frames[order], some[order], times[order]
+    scale = found.scale.metres_per_pixel if found.scale else np.nan
+    xy = np.stack([some["x"], some["y"]], axis=1)
     return BallCourse(
         clip=clip,
         frames=frames,
-        times=clip.times[frames],
-        xy=both,
-        drift=np.zeros((len(frames), 2)),
-        radius=none,
-        reach=none,
-        u=both,
-        metres=both,
-        chi_square=none,
-        flight=[""] * len(frames),
+        times=times,
+        xy=xy,
+        drift=np.nan_to_num(np.stack([some["picture_x"], some["picture_y"]], axis=1) - xy),
+        radius=(some["radius"] + some["length"]) / 2,  # as the scale takes it
+        reach=np.array(some["length"]),
+        u=np.full((len(frames), 2), spread),
+        metres=scale * xy,
+        chi_square=np.full(len(frames), np.nan),
+        flight=flight[order].tolist(),
         flags=[""] * len(frames),
-        residuals=both,
-        contacts=[],
+        residuals=residuals[order],
+        contacts=_contacts(found),
     )
 
 
