@@ -112,7 +112,7 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> list[Piece]:
         if not flights:
             return []
         readout = readout_of(scene, flights, LOOSELY)
-        flights = _merged(flights, joint_fit(scene, flights, readout=readout))
+        flights = _merged(scene, flights, joint_fit(scene, flights, readout=readout))
         fit = joint_fit(scene, flights, readout=readout)
         flights = _aligned(flights, fit)
         before = [each.frames.tolist() for each in flights]
@@ -309,7 +309,7 @@ def _once(flights: list[Piece]) -> list[Piece]:
     return sorted(kept, key=lambda each: each.frames[0])
 
 
-def _merged(flights: list[Piece], fit: Fit) -> list[Piece]:
+def _merged(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
     """Return flights, neighbours that one way explains made one; lost frames are tried."""
     merged, last = [flights[0]], 0
     for k, piece in enumerate(flights[1:], start=1):
@@ -318,13 +318,8 @@ def _merged(flights: list[Piece], fit: Fit) -> list[Piece]:
             piece.t[0] - one.t[-1] <= 3 * BETWEEN
             and (lost := _one_way(fit, last, k, one, piece)) is not None
         ):
-            merged[-1] = Piece(
-                blobs=np.concatenate([one.blobs, piece.blobs]),
-                frames=np.concatenate([one.frames, piece.frames]),
-                t=np.concatenate([one.t, piece.t + lost]),
-                xy=np.concatenate([one.xy, piece.xy]),
-                radius=(one.radius + piece.radius) / 2,
-            )
+            both = np.concatenate([one.blobs, piece.blobs])
+            merged[-1] = Piece.of(scene.found, both, np.concatenate([one.t, piece.t + lost]))
         else:
             merged.append(piece)
         last = k
@@ -380,18 +375,8 @@ def _refilled(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]
                 places.append((frame, one, t))
         if len(places) < SIDE:
             continue
-        places.sort()
-        blobs = np.array([one for _, one, _ in places])
-        some = scene.found[blobs]
-        refilled.append(
-            Piece(
-                blobs=blobs,
-                frames=np.array([frame for frame, _, _ in places]),
-                t=np.array([t for _, _, t in places]),
-                xy=np.stack([some["x"], some["y"]], axis=1),
-                radius=float(np.median(some["radius"])),
-            )
-        )
+        _, blobs, t = map(np.array, zip(*sorted(places), strict=True))
+        refilled.append(Piece.of(scene.found, blobs, t))
     return refilled
 
 

@@ -52,6 +52,18 @@ class Piece:
     xy: Array  # (place, 2) [pixels]
     radius: float
 
+    @classmethod
+    def of(cls, found: Blobs, blobs: Ints, t: Array) -> Piece:
+        """Return the piece of some blobs at times."""
+        some = found[blobs]
+        return cls(
+            blobs=blobs,
+            frames=some["frame"].astype(np.intp),
+            t=t,
+            xy=np.stack([some["x"], some["y"]], axis=1),
+            radius=float(np.median(some["radius"])),
+        )
+
     def part(self, which: NDArray[np.bool_] | slice) -> Piece:
         """Return some of the places."""
         return Piece(
@@ -96,7 +108,7 @@ def pieces(found: Blobs, time: Array) -> list[Piece]:
 class _Growth:
     def __init__(self, found: Blobs, time: Array) -> None:
         usable = (found["dirty"] < DIRTY) & ~found["cut"] & np.isfinite(time[found["frame"]])
-        self.index = np.flatnonzero(usable)
+        self.found, self.index = found, np.flatnonzero(usable)
         some = found[usable]
         self.frame = some["frame"].astype(np.intp)
         self.xy = np.stack([some["x"], some["y"]], axis=1)
@@ -122,15 +134,7 @@ class _Growth:
             if travel < TRAVEL and (travel < SHORT or stray > STEADY):
                 continue
             self.used[places] = True
-            found.append(
-                Piece(
-                    blobs=self.index[places],
-                    frames=self.frame[places],
-                    t=np.array(t),
-                    xy=way,
-                    radius=radius,
-                )
-            )
+            found.append(Piece.of(self.found, self.index[places], np.array(t)))
         return found
 
     def _in(self, frame: int) -> Ints:

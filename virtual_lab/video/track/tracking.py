@@ -344,14 +344,14 @@ def middle_of(samples: Frame) -> Image:
 
 
 def uncovered_mean(
-    samples: Frame, first: Image, covered: Iterable[list[tuple[float, float, float]]]
+    samples: Iterable[Frame], first: Image, covered: Iterable[list[tuple[float, float, float]]]
 ) -> Image:
     """Return the mean of the samples where the ball did not cover them.
 
     Parameters
     ----------
     samples
-        (sample, row, column).
+        Pictures, (row, column) each.
     first
         What is taken where fewer than three samples show the background.
     covered
