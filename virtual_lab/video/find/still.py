@@ -33,6 +33,7 @@ Image = NDArray[np.uint8]
 
 SEARCHED = 4e5  # pixels of the picture that is searched: larger ones are made smaller
 NO_DRIFT = 0.15  # pixels over a clip: a camera on a stand
+STILL = 0.05  # pixels searched: pictures laid upon one another as they are
 FASTEST = 3.0  # pixels a frame of drift
 ROUNDS = 2  # the samples are laid upon one of them, and then on the median of all
 FEWEST = 8  # samples that show which side of the background a ball is on
@@ -193,6 +194,8 @@ def _laid(greys: Sequence[Image], most: float) -> Array:
                 for k in side:
                     guess = shifts[k] = edges.shift(greys[k], guess)
             middle = _median(greys, shifts)
+        if np.abs(shifts).max() < STILL:
+            return none
         steps = np.hypot(*np.diff(shifts, axis=0).T)
         if steps.size and steps.max() > most:
             continue

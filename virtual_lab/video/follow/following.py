@@ -9,6 +9,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.video.calibration.plane import distance_of
+from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.timing import UNEVEN, usual_step
 from virtual_lab.video.find.watching import Watched, repeats, watch
@@ -26,6 +28,7 @@ __all__ = [
     "PixelScale",
     "follow",
     "following",
+    "known_of",
 ]
 
 Array = NDArray[np.float64]
@@ -131,6 +134,27 @@ class FollowedClip:
     def warnings(self) -> tuple[str, ...]:
         """The same in sentences, and what only need be known."""
         return tuple(dict.fromkeys(words for _, words in self.notes))
+
+
+def known_of(clip: Clip, calibration: ClipCalibration) -> Known:
+    """Return what a calibration file says, as the following of any clip takes it.
+
+    Whoever calibrates a camera is taken to have one that opens all its rows at once.
+    """
+    scale, camera = calibration.metres_per_pixel, calibration.camera
+    if camera and (far := distance_of(camera)):
+        scale = far / camera.matrix[0][0]
+    return Known(
+        rate=1 / usual_step(clip.times),
+        ball=calibration.ball_diameter_m,
+        ball_u=calibration.ball_diameter_m_u,
+        metres_per_pixel=scale,
+        metres_per_pixel_u=calibration.metres_per_pixel_u,
+        exposure=calibration.exposure_s,
+        gravity=float(np.hypot(*calibration.gravity_mps2)) or GRAVITY,
+        readout=0.0,
+        stands=True,
+    )
 
 
 def follow(

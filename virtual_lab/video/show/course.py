@@ -6,7 +6,7 @@ import csv
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.follow.following import FollowedClip
 from virtual_lab.video.locate.located import PlaceFlag
-from virtual_lab.video.track.tracking import Tracked
+
+if TYPE_CHECKING:
+    from virtual_lab.video.track.tracking import Tracked
 
 __all__ = [
     "COLUMNS",

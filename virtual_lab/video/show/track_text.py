@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from virtual_lab.output.rounding import decimals, with_uncertainty
 from virtual_lab.units import DEGREE, miles_per_hour
 from virtual_lab.video.follow.following import FlightSeen, FollowedClip
 from virtual_lab.video.follow.said import Said, or_none
 from virtual_lab.video.locate.located import PlaceFlag
-from virtual_lab.video.track.tracking import Tracked
+
+if TYPE_CHECKING:
+    from virtual_lab.video.track.tracking import Tracked
 
 __all__ = ["track_document", "track_text", "track_title"]
 

@@ -11,11 +11,10 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder
-from virtual_lab.video.bat.clip import BatSeen, bat_document, find_bat
 from virtual_lab.video.clips.calibration_file import ClipCalibration, read_calibration
 from virtual_lab.video.clips.clip import Clip, open_clip
 from virtual_lab.video.clips.options import (
@@ -27,12 +26,7 @@ from virtual_lab.video.clips.options import (
     seconds_of,
 )
 from virtual_lab.video.follow.correction import read_track
-from virtual_lab.video.follow.following import (
-    FollowedClip,
-    Known,
-    follow,
-    following,
-)
+from virtual_lab.video.follow.following import FollowedClip, Known, follow, following, known_of
 from virtual_lab.video.show.course import (
     BallCourse,
     course_of_followed,
@@ -40,8 +34,10 @@ from virtual_lab.video.show.course import (
     write_table,
 )
 from virtual_lab.video.show.track_text import track_document, track_text, track_title
-from virtual_lab.video.track.speeds import with_speeds
-from virtual_lab.video.track.tracking import Tracked, known_of, sharpened
+
+if TYPE_CHECKING:
+    from virtual_lab.video.bat.clip import BatSeen
+    from virtual_lab.video.track.tracking import Tracked
 
 __all__ = ["Asked", "TrackedClip", "track_clip"]
 
@@ -128,22 +124,25 @@ def track_clip(
         found = follow(clip, known, progress=progress)
     found = replace(found, notes=(*found.notes, *(("", words) for words in notes)))
     tracked = bat = None
+    extra: dict[str, Any] = {}
+    lines = []
     if _wants_sharp(asked, found):
+        from virtual_lab.video.bat.clip import bat_document, find_bat
+        from virtual_lab.video.show.bat_plot import bat_text
+        from virtual_lab.video.track.speeds import with_speeds
+        from virtual_lab.video.track.tracking import sharpened
+
         tracked = sharpened(found, calibration, progress=progress)
         found = with_speeds(found, tracked, calibration)
-        bat = find_bat(tracked, calibration)
+        if bat := find_bat(tracked, calibration):
+            lines, extra = [bat_text(bat)], {"bat": bat_document(bat)}
     # samples of a large clip take 50 MB, and have given what they can but how dark a picture is
     found = replace(found, clip=replace(clip, samples=clip.samples[:2].copy()))
-    lines = [track_text(found)]
-    if bat:
-        from virtual_lab.video.show.bat_plot import bat_text
-
-        lines.append(bat_text(bat))
     return TrackedClip(
         followed=found,
         course=course_of_tracked(tracked, found) if tracked else course_of_followed(found),
-        document=track_document(found, tracked) | ({"bat": bat_document(bat)} if bat else {}),
-        text="\n".join(lines),
+        document=track_document(found, tracked) | extra,
+        text="\n".join([track_text(found), *lines]),
         title=track_title(found),
         tracked=tracked,
         bat=bat,

@@ -11,18 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
-from virtual_lab.video.calibration.plane import Plane, distance_of, plane_of
+from virtual_lab.video.calibration.plane import Plane, plane_of
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import Clip, open_clip
 from virtual_lab.video.clips.reading import Frame
 from virtual_lab.video.clips.timing import usual_step
-from virtual_lab.video.follow.following import GRAVITY, FollowedClip, Known, follow
+from virtual_lab.video.follow.following import FollowedClip, follow, known_of
 from virtual_lab.video.follow.pieces import GAP
 from virtual_lab.video.locate.located import Located, PlaceFlag, Regions, part_of, squares
 from virtual_lab.video.locate.sharp import Sharp
 from virtual_lab.video.track.legs import AirOnFlight, Legs, Places, legs_of
 
-__all__ = ["Tracked", "known_of", "middle_of", "sharpened", "track_hit", "uncovered_mean"]
+__all__ = ["Tracked", "middle_of", "sharpened", "track_hit", "uncovered_mean"]
 
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
@@ -80,27 +80,6 @@ def track_hit(
     clip = open_clip(path, calibration)
     found = follow(clip, known_of(clip, calibration), progress=progress)
     return found, sharpened(found, calibration, progress=progress)
-
-
-def known_of(clip: Clip, calibration: ClipCalibration) -> Known:
-    """Return what a calibration file says, as the following of any clip takes it.
-
-    Whoever calibrates a camera is taken to have one that opens all its rows at once.
-    """
-    scale, camera = calibration.metres_per_pixel, calibration.camera
-    if camera and (far := distance_of(camera)):
-        scale = far / camera.matrix[0][0]
-    return Known(
-        rate=1 / usual_step(clip.times),
-        ball=calibration.ball_diameter_m,
-        ball_u=calibration.ball_diameter_m_u,
-        metres_per_pixel=scale,
-        metres_per_pixel_u=calibration.metres_per_pixel_u,
-        exposure=calibration.exposure_s,
-        gravity=float(np.hypot(*calibration.gravity_mps2)) or GRAVITY,
-        readout=0.0,
-        stands=True,
-    )
 
 
 def sharpened(
