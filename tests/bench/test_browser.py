@@ -91,7 +91,7 @@ def test_a_fault_is_found(visit: Visit) -> None:
     page.get_by_role("button", name="Give the verdict").click()
     page.get_by_role("button", name="Hand the day in").click()
     page.get_by_role("link", name="debrief").click()
-    assert "(found)" in page.inner_text("main")
+    assert "named it" in page.inner_text("main")
 
 
 def test_a_careless_day_is_kept_whole(visit: Visit) -> None:
