@@ -37,7 +37,7 @@ def main(folder: Path) -> None:
     subprocess.run(command, check=True)
     known = ClipCalibration(frames_per_second=RATE, metres_per_pixel=1e-3, exposure_s=1e-5)
     begun = time.process_time()
-    tracked = track_hit(path, known)
+    _, tracked = track_hit(path, known)
     assert len(tracked.frames) > COUNT // 2
     print(_status("VmHWM"), COUNT, time.process_time() - begun)
 

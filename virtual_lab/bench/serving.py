@@ -7,6 +7,7 @@ is still being set up behind it; what is done on the day waits for that, which t
 from __future__ import annotations
 
 import secrets
+import socket
 import threading
 import time
 import webbrowser
@@ -36,7 +37,6 @@ __all__ = ["LOOPBACK", "ServedDay", "serve"]
 LOOPBACK = "127.0.0.1"
 MOST_TRAINEES = 50
 FIRST_LOOK = 0.5  # s, that loading leaves the processor to a first page
-STARTING = 10.0  # s, that a server may take to listen
 
 
 class ServedDay:
@@ -168,26 +168,26 @@ def serve(
     names = {f"{host}:{port}", *([f"localhost:{port}"] if host == LOOPBACK else [])}
     doors = {token: days[name] for token, name in tokens.items()}
     certificate, key = tls or (None, None)
-    server = uvicorn.Server(
-        uvicorn.Config(
-            application(doors, hosts=frozenset(names), secure=tls is not None),
-            host=host,
-            port=port,
-            log_level="warning",
-            access_log=False,
-            server_header=False,
-            backlog=64,
-            limit_concurrency=4 * MOST_TRAINEES,
-            ssl_certfile=certificate,
-            ssl_keyfile=key,
-        )
+    settings = uvicorn.Config(
+        application(doors, hosts=frozenset(names), secure=tls is not None),
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        backlog=64,
+        limit_concurrency=4 * MOST_TRAINEES,
+        ssl_certfile=certificate,
+        ssl_keyfile=key,
     )
-    thread = threading.Thread(target=server.run, daemon=True)
+    try:
+        settings.load()
+    except OSError as fault:  # SSLError is one
+        raise InputError(str(certificate), "tls", None, f"cannot be used ({fault})") from fault
+    server = uvicorn.Server(settings)
+    thread = threading.Thread(
+        target=server.run, kwargs={"sockets": [_listening(host, port)]}, daemon=True
+    )
     thread.start()
-    begun = time.monotonic()
     while not server.started:
-        if not thread.is_alive() or time.monotonic() - begun > STARTING:
-            raise InputError("", "port", port, f"cannot be listened on at {host}; try another")
         time.sleep(0.005)
     scheme = "https" if tls else "http"
     addresses = [f"{scheme}://{host}:{port}/?token={token}" for token in tokens]
@@ -217,6 +217,18 @@ def _require(host: str, tls: tuple[Path, Path] | None, trainees: int) -> None:
             raise InputError(str(path), "tls", None, "no such file")
     if not 1 <= trainees <= MOST_TRAINEES:
         raise InputError("", "trainees", trainees, f"allowed: 1 to {MOST_TRAINEES}")
+
+
+def _listening(host: str, port: int) -> socket.socket:
+    own = socket.socket()
+    own.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        own.bind((host, port))
+    except OSError as fault:
+        own.close()
+        allowed = f"cannot be served at {host} ({fault.strerror}); try another"
+        raise InputError("", "port", port, allowed) from fault
+    return own
 
 
 def _warm(scenario: Scenario) -> None:

@@ -32,6 +32,7 @@ LEFT, RIGHT, TOP, BOTTOM = -950, 760, -130, 1000  # mm that are seen
 BALL = 36.5  # mm, its radius
 BARREL = 0.033  # m, radius of one
 STROBE = 6  # frames from one outline of the ball to the next
+STOP = np.radians(170.0)  # of a bat that rests on its stop
 SLOW = 0.03  # of e_A, below which the eye does not see which way a ball goes
 NO_BAT: tuple[tuple[float, ...], tuple[float, ...]] = (
     (0.0, 0.35, 0.6, 0.86),
@@ -99,6 +100,8 @@ def sketched(event: DayEvent, rules: Procedure, place: float) -> Motion:
         angle = angle + (float(sketch["turn"]) - bat_speed / lever) * after
     else:
         x = x - speed / 2 * after
+    if "stop" in struck:
+        angle = np.minimum(angle, STOP)
     words = told(struck, sketch.get("way", ""), sketch.get("side", "straight"))
     return Motion(time=time, x=x, z=np.full(time.shape, place), angle=angle, told=words)
 

@@ -63,7 +63,7 @@ __all__ = ["rehearse"]
     default="127.0.0.1",
     show_default=True,
     metavar="ADDRESS",
-    help="Where the page is served; beyond this machine only with TLS.",
+    help="Where the page is served, as browsers name it; beyond this machine only with TLS.",
 )
 @click.option(
     "--tls-certificate", type=click.Path(path_type=Path), metavar="FILE", help="Its chain, PEM."

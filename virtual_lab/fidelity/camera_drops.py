@@ -5,18 +5,23 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from virtual_lab.fidelity.camera_map import FLAGGED, GOOD, INACCURATE, UNSAID
 from virtual_lab.streams import Streams
-from virtual_lab.video.track.legs import AirOnFlight, Places, split
+from virtual_lab.video.find.blobs import BLOB
+from virtual_lab.video.follow.flights import FlightScene, flights_of
+from virtual_lab.video.follow.pieces import Piece, pieces
+from virtual_lab.video.track.legs import AirOnFlight, fit_flight
 
 __all__ = ["DROPPED", "METHOD", "dropped_frames"]
 
+Array = NDArray[np.float64]
 DROPPED, METHOD = "frames dropped, no time stamps", "legs"
 COUNTS = (0, 1, 2, 3, 5)  # of dropped frames, one after the other
 ERRORS = (0.002, 0.02, 0.1, 0.5)  # pixels, of a place
 FLIGHTS, FRAMES = 24, 20  # of each a flight in and out
-STEP, BACK = 12.5, -5.0  # pixels a frame
+STEP, BACK, RADIUS = 12.5, -5.0, 15.0  # pixels a frame, pixels
 BEYOND, TOLERANCE = 5.0, 1e-3  # standard uncertainties; of the speed, of a good cell
 
 
@@ -38,21 +43,20 @@ def _cell(count: int, error: float) -> dict[str, Any]:
         seen = (
             places[kept] + error * draws.normal(f"{name}: places", (kept.size, 2), np.array([k]))[0]
         )
-        legs = split(
-            Places(
-                t=np.arange(kept.size, dtype=float),
-                places=seen,
-                u=np.full(kept.size, error),
-                pattern_u=0.0,
-                exposure=0.0,
-            ),
+        flights, lost = _followed(seen)
+        said[k] = bool(lost) or len(flights) != 2
+        first_flight = flights[0]
+        speed = fit_flight(
+            first_flight.t,
+            first_flight.xy,
+            np.full(len(first_flight.t), error),
+            0.0,
             AirOnFlight(),
-            stamped=False,
+            float(first_flight.t[-1]),
         )
-        said[k] = bool(legs.lost or legs.stepped)
         true = float(np.hypot(STEP, 0.1))
-        off[k] = legs.flight_in.speed / true - 1
-        beyond[k] = abs(legs.flight_in.speed - true) > BEYOND * legs.flight_in.speed_u
+        off[k] = speed.speed / true - 1
+        beyond[k] = abs(speed.speed - true) > BEYOND * speed.speed_u
     rms = float(np.sqrt(np.mean(off**2)))
     unsaid = int((beyond & ~said).sum())
     if unsaid:
@@ -73,3 +77,18 @@ def _cell(count: int, error: float) -> dict[str, Any]:
         "flagged": int(said.sum()),
         "lost": 0,
     }
+
+
+def _followed(places: Array) -> tuple[list[Piece], dict[int, int]]:
+    """Return the flights that places are followed as, one a frame, and frames that are missing."""
+    found = np.zeros(len(places), BLOB)
+    found["frame"] = np.arange(len(places))
+    for names, values in ((("x", "picture_x"), places[:, 0]), (("y", "picture_y"), places[:, 1])):
+        for name in names:
+            found[name] = values
+    found["radius"] = found["length"] = RADIUS
+    scene = FlightScene(
+        found=found, time=np.arange(len(places), dtype=float), size=(1280, 800), exposure=0.0
+    )
+    flights = flights_of(scene, pieces(found, scene.time))
+    return flights, scene.lost(flights)

@@ -9,7 +9,7 @@ import pytest
 
 from tests.simulation.instruments.camera.scenes import camera_of, course_of, spec_of
 from tests.video.stitched import LENS, scene
-from tests.video.track.test_tracking import KNOWN, RATE, SCENES, require
+from tests.video.track.test_tracking import KNOWN, RATE, SCENES, hit, require
 from virtual_lab.simulation.instruments.camera.film import whole_frames
 from virtual_lab.simulation.instruments.camera.shots import take
 from virtual_lab.streams import Streams
@@ -17,16 +17,14 @@ from virtual_lab.video.clips.calibration_file import CameraModel, ClipCalibratio
 from virtual_lab.video.locate.located import Regions
 from virtual_lab.video.locate.noise import Noise
 from virtual_lab.video.locate.sharp import lens_of, noise_of_ball, on_the_limb, place
-from virtual_lab.video.track.speeds import speeds
-from virtual_lab.video.track.tracking import track_hit
 
 
 @pytest.mark.parametrize("name", ["light on dark", "beside a bat that swings", "dim"])
 def test_a_plain_ball_is_tracked_to_its_uncertainty(name: str, tmp_path: Path) -> None:
     film = SCENES[name]
     np.save(tmp_path / "clip.npy", np.stack(list(film.frames())))
-    tracked = track_hit(tmp_path / "clip.npy", replace(KNOWN, exposure_s=film.shutter / RATE))
-    require(film, speeds(tracked, KNOWN))
+    tracked, found = hit(tmp_path / "clip.npy", replace(KNOWN, exposure_s=film.shutter / RATE))
+    require(film, found)
     x, y = film.places()
     located = tracked.located
     pulls = [
@@ -76,12 +74,11 @@ def test_a_stitched_ball_that_spins_is_tracked(tmp_path: Path) -> None:
         spec, lens, camera.clock, course, camera.plane, draws, "film", np.arange(3), whole=True
     )
     true = shown.outlines.middle[shown.shot == 0]
-    tracked = track_hit(tmp_path / "clip.npy", known)
-    flying = tracked.legs.used_in | tracked.legs.used_out
+    tracked, said = hit(tmp_path / "clip.npy", known)
+    flying = np.logical_or(*tracked.legs.used)
     located = tracked.located
     off = np.stack([located.x, located.y], axis=1) - true[tracked.frames]
     assert float(np.sqrt(np.mean(off[flying] ** 2))) < 0.03
-    said = speeds(tracked, known)
     assert said.speed_out is not None
     into, out = float(np.ravel(flight.speed_in)[0]), float(np.ravel(flight.speed_out)[0])
     for speed, exact in ((said.speed_in, into), (said.speed_out, out)):

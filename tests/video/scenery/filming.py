@@ -196,6 +196,11 @@ class _Filmed:
         if path.hand is not None:
             for k in range(len(t)):
                 touched[k] = self._touched(actor, path, float(time[k]), picture[k], radius[k])
+        for other, its in zip(scene.actors, self.paths, strict=True):
+            if other is not actor:
+                beside = self.lens.seen(*its.at(time))
+                away = np.hypot(*(self.lens.project(beside) - still).T)
+                touched |= away < radius + self._radius(other, beside) + BESIDE
         return Frames(
             exposure=exposures,
             time=time,

@@ -82,7 +82,7 @@ class Frames:
     radius: Array  # px
     phase: tuple[str, ...]  # hand | flight | rolling | pendulum
     whole: Flags  # all of the ball is in the picture, all the exposure
-    touched: Flags  # a hand is on it or within 2 px
+    touched: Flags  # a hand or another ball is on it or within 2 px
     contact: Flags  # the exposure spans a contact, a release or a catch
     repeat: Flags  # the same exposure as in the frame before
 

@@ -12,7 +12,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.video.bat.angles import BatAngles, Recoil, bat_angles, recoil_of
 from virtual_lab.video.bat.outline import find_outline
 from virtual_lab.video.clips.calibration_file import ClipCalibration
-from virtual_lab.video.track.tracking import Tracked
+from virtual_lab.video.track.tracking import Tracked, uncovered_mean
 
 __all__ = ["BatSeen", "bat_document", "find_bat"]
 
@@ -42,7 +42,7 @@ def find_bat(tracked: Tracked, calibration: ClipCalibration) -> BatSeen | None:
     place, camera = calibration.bat, calibration.camera
     if place is None or camera is None:
         return None
-    contact = tracked.legs.flight_in.time
+    contact = tracked.legs.flights[0].time
     times, balls = tracked.clip.times, _balls(tracked)
     rest = _at_rest(tracked, times < contact - max(LASTS, tracked.exposure), balls)
     outline = find_outline(rest, place.pivot_m, place.toward_m, place.widest_m, camera)
@@ -51,7 +51,7 @@ def find_bat(tracked: Tracked, calibration: ClipCalibration) -> BatSeen | None:
         for time, frame in zip(times, tracked.clip.frames(), strict=True)
     )
     angles = bat_angles(frames, outline, camera, balls, pivoted=place.pivoted)
-    if tracked.legs.flight_out is None:
+    if len(tracked.legs.flights) < 2:
         where = str(tracked.clip.source.path)
         raise InputError(where, "bat", None, "the ball is not seen to leave it: no recoil to read")
     recoil = recoil_of(times, angles, contact, lasts=LASTS)
@@ -80,18 +80,10 @@ def _balls(tracked: Tracked) -> Array:
 
 def _at_rest(tracked: Tracked, before: NDArray[np.bool_], balls: Array) -> NDArray[np.float32]:
     """Return the mean of the frames before contact, the ball left out."""
-    rows, columns = tracked.clip.shape
-    total, count = np.zeros((rows, columns)), np.zeros((rows, columns), np.int32)
-    for number, frame in tracked.clip.chosen(np.flatnonzero(before)):
-        free = np.ones((rows, columns), bool)
-        x, y, reach = balls[number]
-        if np.isfinite(reach):
-            far = reach + MARGIN
-            top, left = max(0, int(y - far)), max(0, int(x - far))
-            part = np.s_[top : int(y + far) + 2, left : int(x + far) + 2]
-            row, column = np.ogrid[:rows, :columns]
-            free[part] = np.hypot(column[:, part[1]] - x, row[part[0]] - y) > far
-        total += np.where(free, frame, 0)
-        count += free
-    mean = total / np.maximum(count, 1)
-    return np.where(count > 0, mean, tracked.background).astype(np.float32)
+    numbers = np.flatnonzero(before)
+    spots = [
+        [(float(x), float(y), float(reach + MARGIN))] if np.isfinite(reach) else []
+        for x, y, reach in balls[numbers]
+    ]
+    frames = (frame for _, frame in tracked.clip.chosen(numbers))
+    return uncovered_mean(frames, tracked.background, spots)

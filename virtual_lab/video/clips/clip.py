@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
-from contextlib import suppress
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from queue import Full, Queue
-from threading import Event, Thread
 from typing import TypeVar
 
 import numpy as np
@@ -28,7 +27,6 @@ KEPT = 60e6  # B: a shorter clip is decoded once and stays in memory
 Item = TypeVar("Item")
 
 AHEAD = 2  # items decoded before they are asked for
-PATIENCE = 0.1  # s between looks whether anybody still reads
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,36 +130,8 @@ def _require_size(frame: Frame, path: Path, calibration: ClipCalibration) -> Non
 
 def ahead(items: Iterator[Item]) -> Iterator[Item]:
     """Yield items in order, made in a thread; what it raises is raised here."""
-    queue: Queue[tuple[Item | None, BaseException | None]] = Queue(AHEAD)
-    left = Event()
-
-    def put(item: Item | None, fault: BaseException | None = None) -> None:
-        while not left.is_set():
-            with suppress(Full):
-                queue.put((item, fault), timeout=PATIENCE)
-                break
-
-    def work() -> None:
-        try:
-            for item in items:
-                put(item)
-                if left.is_set():
-                    return
-            put(None, StopIteration())
-        except BaseException as fault:
-            put(None, fault)
-
-    thread = Thread(target=work, daemon=True)
-    thread.start()
-    try:
-        while True:
-            item, fault = queue.get()
-            if isinstance(fault, StopIteration):
-                return
-            if fault is not None:
-                raise fault
-            assert item is not None
+    with ThreadPoolExecutor(1) as worker:
+        waiting = deque(worker.submit(next, items, None) for _ in range(AHEAD))
+        while (item := waiting.popleft().result()) is not None:
+            waiting.append(worker.submit(next, items, None))
             yield item
-    finally:
-        left.set()
-        thread.join()

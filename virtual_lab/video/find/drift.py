@@ -132,8 +132,7 @@ def _steepest(slope: NDArray[np.float32]) -> NDArray[np.intp]:
             top, left = i * rows // PARTS, j * columns // PARTS
             part = slope[top : (i + 1) * rows // PARTS, left : (j + 1) * columns // PARTS]
             flat = part.ravel()
-            best = np.argsort(-flat, kind="stable")[:share] if part.size > share else None
-            kept = np.arange(part.size) if best is None else best
+            kept = np.argpartition(-flat, min(share, flat.size - 1))[:share]
             y, x = np.unravel_index(kept[flat[kept] > STEEPEST], part.shape)
             chosen.append(np.stack([y + top, x + left], axis=1))
     return np.concatenate(chosen)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,7 @@ Image = NDArray[np.uint8]
 
 SEARCHED = 4e5  # pixels of the picture that is searched: larger ones are made smaller
 NO_DRIFT = 0.15  # pixels over a clip: a camera on a stand
+STILL = 0.05  # pixels searched: pictures laid upon one another as they are
 FASTEST = 3.0  # pixels a frame of drift
 ROUNDS = 2  # the samples are laid upon one of them, and then on the median of all
 FEWEST = 8  # samples that show which side of the background a ball is on
@@ -107,7 +109,7 @@ class Still:
 
 def difference_of(part: Image, behind: Image) -> NDArray[np.float32]:
     """Return how far a picture is from another, by the channel that differs most [DN]."""
-    return np.asarray(_strongest(_apart(part, behind)), np.float32)
+    return _strongest(_apart(part, behind)).astype(np.float32)
 
 
 def difference_of_light(part: Image, behind: Image) -> NDArray[np.float32]:
@@ -119,7 +121,7 @@ def difference_of_light(part: Image, behind: Image) -> NDArray[np.float32]:
 
     if part.ndim == 2:
         return difference_of(part, behind)
-    return np.asarray(cv2.absdiff(LIGHT[part], LIGHT[behind]).max(axis=2), np.float32)
+    return _strongest(cv2.absdiff(cv2.LUT(part, LIGHT), cv2.LUT(behind, LIGHT)))
 
 
 def still_of(
@@ -192,6 +194,8 @@ def _laid(greys: Sequence[Image], most: float) -> Array:
                 for k in side:
                     guess = shifts[k] = edges.shift(greys[k], guess)
             middle = _median(greys, shifts)
+        if np.abs(shifts).max() < STILL:
+            return none
         steps = np.hypot(*np.diff(shifts, axis=0).T)
         if steps.size and steps.max() > most:
             continue
@@ -313,13 +317,13 @@ def _grey(picture: Image) -> Image:
     return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)
 
 
-def _strongest(apart: NDArray[np.uint8]) -> Image:
+def _strongest(apart: NDArray[Any]) -> NDArray[Any]:
     import cv2
 
     if apart.ndim == 2:
         return apart
     one, two, three = cv2.split(apart)
-    return np.asarray(cv2.max(cv2.max(one, two), three), np.uint8)
+    return cv2.max(cv2.max(one, two), three)
 
 
 def _apart(one: Image, other: Image) -> Image:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,28 +56,11 @@ def watch(
     progress
         Called now and then.
     """
+    import cv2
+
     depth = max(8, int(clip.full_scale).bit_length())
     apart = float(np.diff(clip.sampled).max()) if len(clip.sampled) > 1 else 1.0
     still = still_of(list(clip.samples), depth, apart, stands=stands)
-    watched = _watched(clip, still, frames, progress)
-    if region:
-        found = watched.found
-        x, y, wide, high = region
-        inside = (found["x"] > x) & (found["x"] < x + wide)
-        inside &= (found["y"] > y) & (found["y"] < y + high)
-        watched = replace(watched, found=found[inside])
-    return watched
-
-
-def _watched(
-    clip: Clip,
-    still: Still,
-    frames: tuple[int, int] | None,
-    progress: Callable[[str], None],
-) -> Watched:
-    import cv2
-
-    depth = still.depth
     first, last = frames or (0, clip.count - 1)
     shifts, change = np.zeros((clip.count, 2)), np.full(clip.count, np.nan)
     found: list[Blobs] = [np.zeros(0, BLOB)]
@@ -104,9 +87,12 @@ def _watched(
             quality = [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
             thumbs[number] = cv2.imencode(".jpg", small, quality)[1]
         found.append(blobs(number, picture, small, shift, still))
-    return Watched(
-        still=still, found=np.concatenate(found), shifts=shifts, change=change, thumbs=thumbs
-    )
+    whole = np.concatenate(found)
+    if region:
+        x, y, wide, high = region
+        inside = (whole["x"] > x) & (whole["x"] < x + wide)
+        whole = whole[inside & (whole["y"] > y) & (whole["y"] < y + high)]
+    return Watched(still=still, found=whole, shifts=shifts, change=change, thumbs=thumbs)
 
 
 def repeats(change: Array) -> NDArray[np.bool_]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,10 @@ from virtual_lab.video.follow.joint import Fit
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.said import Said, from_fit, widened
 
-__all__ = ["Contact", "contacts_of"]
+__all__ = ["COVERAGE", "Contact", "Note", "contacts_of", "excessive"]
 
 Array = NDArray[np.float64]
+Note = tuple[str, str]  # a flag in capitals, "" where none need be raised, and a sentence
 
 SQUARE = np.cos(35 * DEGREE)  # a change of velocity nearer than this to a normal is along it
 BEHIND = 0.35  # of the difference between fits with and without drag, as u
@@ -37,12 +38,20 @@ class Contact:
     kind: str  # floor | wall | struck
     restitution: Said | None
     place: Array  # (2,) still frame [pixels]
+    metres: Array  # the same [m]
+    metres_u: float
 
 
 def contacts_of(
-    scene: FlightScene, ways: list[Piece], fit: Fit, free: Fit, other_fit: Fit | None, step: float
-) -> tuple[list[Contact], tuple[list[str], list[str]]]:
-    """Return the contacts, and flags and sentences about them.
+    scene: FlightScene,
+    ways: list[Piece],
+    fit: Fit,
+    free: Fit,
+    other_fit: Fit | None,
+    step: float,
+    unit: float,
+) -> tuple[list[Contact], list[Note]]:
+    """Return the contacts, and what is to be said of them.
 
     Parameters
     ----------
@@ -54,9 +63,10 @@ def contacts_of(
         With a perspective, or without the one of `fit`, where the camera is tilted.
     step
         Seconds of a step of time.
+    unit
+        Metres of a pixel.
     """
-    flags: list[str] = []
-    warnings: list[str] = []
+    notes: list[Note] = []
     found = []
     for met in meetings(ways, fit):
         one, other = ways[met.first], ways[met.first + 1]
@@ -72,21 +82,22 @@ def contacts_of(
         if min(len(one.t), len(other.t)) >= SIDE and kind != "other":
             value, flag, why = _restitution(fit, free, other_fit, met.first, met.t, normal, kind)
             if flag:
-                flags.append(flag)
-                warnings.append(f"contact at frame {frame:.1f}: {why}")
+                notes.append((flag, f"contact at frame {frame:.1f}: {why}"))
         found.append(
             Contact(
                 before=met.first,
                 after=met.first + 1,
                 t=met.t - late,
                 frame=frame - late,
-                time=Said(value=step * (met.t - late), u=step * time.u),
+                time=replace(time, value=met.t - late).times(step),
                 kind="struck" if kind == "other" else kind,
                 restitution=value,
                 place=met.place,
+                metres=unit * met.place,
+                metres_u=unit * fit.spread,
             )
         )
-    return found, (flags, warnings)
+    return found, notes
 
 
 def _frame(scene: FlightScene, one: Piece, other: Piece, t: float) -> float:
@@ -155,11 +166,20 @@ def _restitution(
     if other_fit is not None:
         more.append(said.value - ratio(other_fit))
     said = widened(said, *more)
-    if said.value - COVERAGE * said.u > 1:
-        why = f"a ratio of {said.value:.3g}: nothing at rest gives back more than it takes"
-        return None, "ABOVE_ONE", f"{why}; no restitution is given"
+    if why := excessive(said):
+        return None, "ABOVE_ONE", why
     if said.value <= 0:
         return None, "CONTACT_UNCLEAR", f"the ball goes on through the {kind}; none is given"
     if said.u > COARSE:
         return None, "CONTACT_UNCLEAR", "the flights say too little of it; no restitution is given"
     return said, "", ""
+
+
+def excessive(ratio: Said) -> str:
+    """Return what speaks against a ratio of speeds as a restitution, "" where nothing does."""
+    if ratio.value - COVERAGE * ratio.u <= 1:
+        return ""
+    return (
+        f"the speeds have the ratio {ratio.value:.3g}, and nothing at rest gives back more than it "
+        "takes: it moved, or something else was followed; no restitution is given"
+    )

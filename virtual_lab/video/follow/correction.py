@@ -75,15 +75,7 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
         own = np.array([each == name for each in names])
         if own.sum() < SIDE:
             continue
-        ways.append(
-            Piece(
-                blobs=np.flatnonzero(own),
-                frames=found["frame"][own].astype(np.intp),
-                t=t[own],
-                xy=np.stack([found["x"][own], found["y"][own]], axis=1),
-                radius=float(np.median(found["radius"][own])),
-            )
-        )
+        ways.append(Piece.of(found, np.flatnonzero(own), t[own]))
     shifts = np.zeros((clip.count, 2))
     shifts[found["frame"]] = np.stack(
         [found["picture_x"] - found["x"], found["picture_y"] - found["y"]], axis=1

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.video.find.blobs import Blobs
-from virtual_lab.video.follow.joint import Fit, Way, fit_flights
+from virtual_lab.video.follow.joint import DRAG, DRAG_U, Fit, Way, fit_flights
 from virtual_lab.video.follow.pieces import DIRTY, Piece, parabola
 
 __all__ = [
@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 FEWEST = 6  # places of a flight
 SIDE = 4  # places on each side of a contact, to state a restitution
 ALIKE = 0.25  # of the acceleration that flights may differ by before drag and tilt are known
+BENDS = 0.02  # radii by which the shorter of them may bend otherwise: few scatter little by chance
 UPRIGHT = 0.5  # radians that g may be off the picture's downward direction
 SAG = 1.0  # radii that gravity must bend a way by, for its direction to be asked for
 SHOWS = 0.3  # the same, for gravity to be missed where there is none
@@ -71,6 +72,14 @@ class FlightScene:
             return None
         return self.fall * radius if self.fall_in_radii else self.fall
 
+    def lost(self, ways: Sequence[Piece]) -> dict[int, int]:
+        """Return how many frames were left out before some frames of flights."""
+        found: dict[int, int] = {}
+        for way in ways:
+            more = np.diff(way.t) - np.diff(self.time[way.frames])
+            found |= {int(way.frames[k + 1]): round(more[k]) for k in np.flatnonzero(more > 0.5)}
+        return found
+
     def way(self, piece: Piece) -> Way:
         """Return a piece's places as the joint fit takes them."""
         return Way(t=piece.t, xy=piece.xy, late=self.late(piece.blobs))
@@ -103,7 +112,7 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> list[Piece]:
         if not flights:
             return []
         readout = readout_of(scene, flights, LOOSELY)
-        flights = _merged(flights, joint_fit(scene, flights, readout=readout))
+        flights = _merged(scene, flights, joint_fit(scene, flights, readout=readout))
         fit = joint_fit(scene, flights, readout=readout)
         flights = _aligned(flights, fit)
         before = [each.frames.tolist() for each in flights]
@@ -227,7 +236,10 @@ def _of_one_gravity(scene: FlightScene, pieces: list[Piece]) -> list[Piece]:
             continue
         like = []
         for other, own, own_u, _ in told:
-            room = max(3 * float(np.hypot(u[0], own_u[0])), ALIKE * float(np.hypot(*pull)))
+            shown = 8 * BENDS * piece.radius / min(np.ptp(piece.t), np.ptp(other.t)) ** 2
+            chance = 3 * float(np.hypot(u[0], own_u[0]))
+            slowed = (DRAG + DRAG_U) / piece.radius * max(_fast(piece), _fast(other)) ** 2
+            room = max(chance, shown, slowed, ALIKE * float(np.hypot(*pull)))
             small = max(other.radius, piece.radius) / min(other.radius, piece.radius) < SIZE
             colour = np.abs(_colour(scene, other) - _colour(scene, piece)).max() < 60
             if np.hypot(*(own - pull)) < room and small and colour:
@@ -237,6 +249,11 @@ def _of_one_gravity(scene: FlightScene, pieces: list[Piece]) -> list[Piece]:
         if support > best[0]:
             best = (support, like)
     return best[1]
+
+
+def _fast(piece: Piece) -> float:
+    """Return the mean speed along a piece [pixels/frame]."""
+    return float(np.hypot(*(piece.xy[-1] - piece.xy[0])) / np.ptp(piece.t))
 
 
 def _bent(scene: FlightScene, piece: Piece) -> tuple[Array, Array, float]:
@@ -292,7 +309,7 @@ def _once(flights: list[Piece]) -> list[Piece]:
     return sorted(kept, key=lambda each: each.frames[0])
 
 
-def _merged(flights: list[Piece], fit: Fit) -> list[Piece]:
+def _merged(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
     """Return flights, neighbours that one way explains made one; lost frames are tried."""
     merged, last = [flights[0]], 0
     for k, piece in enumerate(flights[1:], start=1):
@@ -301,13 +318,8 @@ def _merged(flights: list[Piece], fit: Fit) -> list[Piece]:
             piece.t[0] - one.t[-1] <= 3 * BETWEEN
             and (lost := _one_way(fit, last, k, one, piece)) is not None
         ):
-            merged[-1] = Piece(
-                blobs=np.concatenate([one.blobs, piece.blobs]),
-                frames=np.concatenate([one.frames, piece.frames]),
-                t=np.concatenate([one.t, piece.t + lost]),
-                xy=np.concatenate([one.xy, piece.xy]),
-                radius=(one.radius + piece.radius) / 2,
-            )
+            both = np.concatenate([one.blobs, piece.blobs])
+            merged[-1] = Piece.of(scene.found, both, np.concatenate([one.t, piece.t + lost]))
         else:
             merged.append(piece)
         last = k
@@ -363,18 +375,8 @@ def _refilled(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]
                 places.append((frame, one, t))
         if len(places) < SIDE:
             continue
-        places.sort()
-        blobs = np.array([one for _, one, _ in places])
-        some = scene.found[blobs]
-        refilled.append(
-            Piece(
-                blobs=blobs,
-                frames=np.array([frame for frame, _, _ in places]),
-                t=np.array([t for _, _, t in places]),
-                xy=np.stack([some["x"], some["y"]], axis=1),
-                radius=float(np.median(some["radius"])),
-            )
-        )
+        _, blobs, t = map(np.array, zip(*sorted(places), strict=True))
+        refilled.append(Piece.of(scene.found, blobs, t))
     return refilled
 
 

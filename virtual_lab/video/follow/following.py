@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.units import DEGREE
+from virtual_lab.video.calibration.plane import distance_of
+from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.timing import UNEVEN, usual_step
 from virtual_lab.video.find.watching import Watched, repeats, watch
-from virtual_lab.video.follow.contacts import Contact, contacts_of
+from virtual_lab.video.follow.contacts import Contact, Note, contacts_of
 from virtual_lab.video.follow.flights import FlightScene, beside, flights_of, joint_fit, readout_of
 from virtual_lab.video.follow.joint import Fit
 from virtual_lab.video.follow.kinds import MotionKind, motion_of
 from virtual_lab.video.follow.pieces import Piece, pieces
-from virtual_lab.video.follow.said import Said, from_fit, or_none, widened
+from virtual_lab.video.follow.said import Said, from_fit, widened
 
 __all__ = [
     "FlightSeen",
@@ -27,8 +27,8 @@ __all__ = [
     "Known",
     "PixelScale",
     "follow",
-    "followed_document",
     "following",
+    "known_of",
 ]
 
 Array = NDArray[np.float64]
@@ -89,11 +89,10 @@ class FlightSeen:
     end: float
     speed_in: Said  # where it begins: at the contact before, else at its first place
     speed_out: Said
-    velocity_in: Array  # (2,) right and down [m/s]
-    velocity_out: Array
+    angle_in: Said  # of the velocity, from the picture's right, anticlockwise as seen [rad]
+    angle_out: Said
     acceleration: Said  # its own, without drag
     radius: float  # [pixels]
-    drag_per_m: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,14 +111,50 @@ class FollowedClip:
     motion: MotionKind
     scale: PixelScale | None
     gravity: Said | None  # that the flights share [m/s²]
+    drag_per_m: float | None
     repeated: Mask  # (frame,)
-    flags: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = field(default=())
+    notes: tuple[Note, ...]
 
     @property
     def seconds(self) -> float:
         """Of one step of `t`."""
-        return _step(self.known, self.scene) * _thinned(self.ways)
+        return _step(self.known, self.scene, self.ways) * _thinned(self.lost)
+
+    @property
+    def lost(self) -> dict[int, int]:
+        """How many frames were left out before some frames."""
+        return self.scene.lost(self.ways)
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """What speaks against the result, in capitals."""
+        return tuple(dict.fromkeys(flag for flag, _ in self.notes if flag))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The same in sentences, and what only need be known."""
+        return tuple(dict.fromkeys(words for _, words in self.notes))
+
+
+def known_of(clip: Clip, calibration: ClipCalibration) -> Known:
+    """Return what a calibration file says, as the following of any clip takes it.
+
+    Whoever calibrates a camera is taken to have one that opens all its rows at once.
+    """
+    scale, camera = calibration.metres_per_pixel, calibration.camera
+    if camera and (far := distance_of(camera)):
+        scale = far / camera.matrix[0][0]
+    return Known(
+        rate=1 / usual_step(clip.times),
+        ball=calibration.ball_diameter_m,
+        ball_u=calibration.ball_diameter_m_u,
+        metres_per_pixel=scale,
+        metres_per_pixel_u=calibration.metres_per_pixel_u,
+        exposure=calibration.exposure_s,
+        gravity=float(np.hypot(*calibration.gravity_mps2)) or GRAVITY,
+        readout=0.0,
+        stands=True,
+    )
 
 
 def follow(
@@ -220,22 +255,26 @@ def _support(scene: FlightScene, ways: list[Piece]) -> float:
     return sum(len(each.t) for each in ways) / (0.02 + fit.spread / radius)
 
 
-def _step(known: Known, scene: FlightScene) -> float:
-    """Return the seconds of a step: where repeats take no time, steps are fewer than pictures."""
+def _step(known: Known, scene: FlightScene, ways: Sequence[Piece]) -> float:
+    """Return the seconds of a step of time: more than a picture's where repeats take no time.
+
+    How many pictures are repeats shows where the ball flies; where nothing moves it does not.
+    """
     counted = np.flatnonzero(np.isfinite(scene.time))
+    if ways:
+        counted = np.sort(np.concatenate([way.frames for way in ways]))
     if len(counted) < 2:
         return 1 / known.rate
     frames = counted[-1] - counted[0]
     return float(frames / (scene.time[counted[-1]] - scene.time[counted[0]]) / known.rate)
 
 
-def _thinned(ways: Sequence[Piece]) -> float:
+def _thinned(lost: dict[int, int]) -> float:
     """Return the share of a stored picture's time that a step of time takes.
 
     Where every so manieth frame was left out the file's rate is that of what is left: a step is
     shorter. Frames that are lost here and there leave the rate as it was.
     """
-    lost = {frame: n for way in ways for frame, n in way.lost.items()}
     frames = np.array(sorted(lost))
     if len(frames) < 2 or set(lost.values()) != {1}:
         return 1.0
@@ -254,9 +293,9 @@ def _said(
     ways: list[Piece],
     same: Mask,
 ) -> FollowedClip:
-    flags: list[str] = []
-    warnings = list(clip.warnings)
-    step = _step(known, scene) * _thinned(ways)
+    notes: list[Note] = [("", words) for words in clip.warnings]
+    lost = scene.lost(ways)
+    step = _step(known, scene, ways) * _thinned(lost)
     motion = motion_of(scene, found, ways, step)
     flights: list[FlightSeen] = []
     contacts: list[Contact] = []
@@ -272,52 +311,46 @@ def _said(
                 scene, ways, readout
             ):
                 fit, other = skewed, fit
-            flags.append("TILTED")
-            warnings.append(
+            words = (
                 "the acceleration changes over the picture as before a tilted camera: scale and "
                 "speeds are those of its middle, by a fitted perspective where flights agree by "
                 "that, and their u and the restitution's cover it"
             )
+            notes.append(("TILTED", words))
     scale = scale_by_ball(watched, known, ways or found, fit)
     if fit and scale:
         if readout and scene.readout is None:
-            flags.append("ROLLING_SHUTTER")
-            warnings.append(
+            words = (
                 f"the shutter rolls: the flights fit a readout of about {readout:.2g} of a frame; "
                 "give --readout to say how long it is"
             )
+            notes.append(("ROLLING_SHUTTER", words))
         free = joint_fit(
             scene, ways, readout=readout, drag=False, shared=False, tilted=bool(fit.tilt.any())
         )
-        contacts, said = contacts_of(scene, ways, fit, free, other, step)
-        flags += said[0]
-        warnings += said[1]
+        contacts, said = contacts_of(scene, ways, fit, free, other, step, scale.metres_per_pixel)
+        notes += said
         flights = _flights(scene, ways, fit, free, other, contacts, scale, step)
         shared = from_fit(fit, partial(_pull, 0))
         shared = widened(shared, shared.value * scale.relative_u)
         unit = scale.metres_per_pixel / step**2
-        gravity = Said(value=unit * shared.value, u=unit * shared.u)
-        _against(known, scene, flights, scale, flags, warnings)
+        gravity = shared.times(unit)
+        notes += _against(known, flights, scale)
     if ways and (more := beside(scene, ways, found)):
-        flags.append("SECOND_BALL")
         first = min(int(each.frames[0]) for each in more)
-        warnings.append(
+        words = (
             f"another ball flies beside the one followed, from frame {first} on: --ball-at says "
             "which is meant; where they are alike flights may be mixed up"
         )
-    lost = {frame: n for way in ways for frame, n in way.lost.items()}
+        notes.append(("SECOND_BALL", words))
     if lost:
-        flags.append("LOST_FRAMES")
         where = ", ".join(f"{n} before frame {frame}" for frame, n in sorted(lost.items())[:6])
-        warnings.append(
-            f"frames are missing though time stamps are even ({where}): time was mended"
-        )
+        words = f"frames are missing though time stamps are even ({where}): time was mended"
+        notes.append(("LOST_FRAMES", words))
     same = _while_moving(same, ways or found)
     if same.any():
-        flags.append("REPEATED_FRAMES")
-        warnings.append(
-            f"{int(same.sum())} frames are stored twice while the ball moves: a repeat is no place"
-        )
+        words = f"{same.sum()} frames are stored twice while the ball moves: a repeat is no place"
+        notes.append(("REPEATED_FRAMES", words))
     return FollowedClip(
         clip=clip,
         watched=watched,
@@ -331,9 +364,9 @@ def _said(
         motion=motion,
         scale=scale,
         gravity=gravity,
+        drag_per_m=fit.drag / scale.metres_per_pixel if fit and scale else None,
         repeated=same,
-        flags=tuple(dict.fromkeys(flags)),
-        warnings=tuple(dict.fromkeys(warnings)),
+        notes=tuple(notes),
     )
 
 
@@ -415,7 +448,7 @@ def _flights(
     found = []
     for k, way in enumerate(ways):
         ends = (before.get(k, float(way.t[0])), after.get(k, float(way.t[-1])))
-        speeds, velocities = [], []
+        speeds, angles = [], []
         for t in ends:
             moment = t + fit.readout * float(np.median(scene.late(way.blobs))) if fit.readout else t
             said = from_fit(fit, partial(_speed, k, moment))
@@ -426,8 +459,9 @@ def _flights(
                 late = moment + float(np.median(scene.late(way.blobs)))
                 more.append((said.value - _speed(k, late, rolled)) / np.sqrt(3))
             said = widened(said, *more, said.value * scale.relative_u)
-            speeds.append(Said(value=unit * said.value, u=unit * said.u))
-            velocities.append(unit * fit.at(k, moment)[0, 2:])
+            speeds.append(said.times(unit))
+            right, down = fit.at(k, moment)[0, 2:]
+            angles.append(Said(value=float(np.arctan2(-down, right)), u=said.u / said.value))
         pull = from_fit(own, partial(_pull, k))
         off = [pull.value * scale.relative_u]
         if others is not None:
@@ -444,11 +478,10 @@ def _flights(
                 end=float(way.t[-1]) * step,
                 speed_in=speeds[0],
                 speed_out=speeds[1],
-                velocity_in=velocities[0],
-                velocity_out=velocities[1],
-                acceleration=Said(value=unit / step * pull.value, u=unit / step * pull.u),
+                angle_in=angles[0],
+                angle_out=angles[1],
+                acceleration=pull.times(unit / step),
                 radius=way.radius,
-                drag_per_m=fit.drag / scale.metres_per_pixel,
             )
         )
     return found
@@ -468,15 +501,9 @@ def _speed(flight: int, t: float, fit: Fit) -> float:
     return float(np.hypot(*fit.at(flight, t)[0, 2:]))
 
 
-def _against(
-    known: Known,
-    scene: FlightScene,
-    flights: list[FlightSeen],
-    scale: PixelScale,
-    flags: list[str],
-    warnings: list[str],
-) -> None:
-    """Say what speaks against scale, ball, frame rate and shutter."""
+def _against(known: Known, flights: list[FlightSeen], scale: PixelScale) -> list[Note]:
+    """Return what speaks against scale, ball, frame rate and shutter."""
+    notes = []
     bends = [
         each
         for each in flights
@@ -488,101 +515,16 @@ def _against(
         value = float(np.average([each.acceleration.value for each in bends], weights=weight))
         u = float(np.min([each.acceleration.u for each in bends]))
         if abs(value - known.gravity) > max(TOLD * u, NEAR_G * known.gravity):
-            flags.append("GRAVITY")
-            warnings.append(
+            words = (
                 f"the ball falls with {value:.3g} m/s², not {known.gravity:.3g}: the scale, the "
                 "ball's diameter or the frame rate is wrong (slow motion declares the rate it "
                 "plays at: --fps), and every speed with it"
             )
+            notes.append(("GRAVITY", words))
     if known.readout is None and flights:
-        flags.append("READOUT_UNKNOWN")
-        warnings.append(
+        words = (
             "neither --readout nor --global-shutter is given: a shutter may roll for up to a "
             "frame, and the speeds' u covers that; a restitution's does not"
         )
-
-
-def _flight_document(flight: FlightSeen) -> dict[str, Any]:
-    """Return a flight as JSON has it; frames are those of its first and last place."""
-    return {
-        "first_frame": flight.first_frame,
-        "last_frame": flight.last_frame,
-        "places": flight.places,
-        "speed_in_mps": flight.speed_in.document(),
-        "speed_out_mps": flight.speed_out.document(),
-        "acceleration_mps2": flight.acceleration.document(),
-    }
-
-
-def _contact_document(contact: Contact) -> dict[str, Any]:
-    """Return a contact as JSON has it; its frame lies between stored ones."""
-    return {
-        "time_s": contact.time.value,
-        "frame": contact.frame,
-        "kind": contact.kind,
-        "restitution": or_none(contact.restitution),
-    }
-
-
-def followed_document(found: FollowedClip) -> dict[str, Any]:
-    """Return the result; the keys of one contact are None where there is none, or several."""
-    one = found.contacts[0] if len(found.contacts) == 1 else None
-    before = after = None
-    if one:
-        before, after = found.flights[one.before], found.flights[one.after]
-    elif len(found.flights) == 1:
-        before = found.flights[0]
-    scale = found.scale
-    of = "" if one is None else {"floor": " along the vertical", "wall": " along the level"}
-    words = f"speeds{of.get(one.kind, '')}" if one and isinstance(of, dict) else None
-    unit = scale.metres_per_pixel if scale else float("nan")
-    return {
-        "clip": found.clip.source.path.name,
-        "motion": found.motion.kind,
-        "period_s": None
-        if found.motion.period is None or found.motion.period_u is None
-        else {"value": found.motion.period, "u": found.motion.period_u},
-        "flights": [_flight_document(each) for each in found.flights],
-        "contacts": [_contact_document(each) for each in found.contacts],
-        "gravity_mps2": or_none(found.gravity),
-        "speed_in_mps": or_none(before.speed_out if before else None),
-        "speed_out_mps": or_none(after.speed_in if after else None),
-        "restitution": or_none(one.restitution if one else None),
-        "restitution_of": words if one and one.restitution else None,
-        "angle_in_deg": _angle(before.velocity_out, before.speed_out) if before else None,
-        "angle_out_deg": _angle(after.velocity_in, after.speed_in) if after else None,
-        "contact": None
-        if one is None
-        else {
-            "time_s": one.time.document(),
-            "x_m": unit * float(one.place[0]),
-            "y_m": unit * float(one.place[1]),
-            "u_m": unit * (found.fit.spread if found.fit else 0.0),
-        },
-        "scale": None
-        if scale is None
-        else {
-            "metres_per_pixel": scale.metres_per_pixel,
-            "relative_u": scale.relative_u,
-            "from": scale.source,
-        },
-        "exposure_s": found.known.exposure,
-        "drag_per_m": found.flights[0].drag_per_m if found.flights else None,
-        "counts": {
-            "frames": found.clip.count,
-            "with_ball": sum(len(each.t) for each in found.ways or found.pieces),
-            "in": before.places if before else 0,
-            "out": after.places if after else 0,
-            "in_contact": 0,
-            "lost": sum(n for way in found.ways for n in way.lost.values()),
-            "repeated": int(found.repeated.sum()),
-        },
-        "flags": list(found.flags),
-        "frame_flags": {},
-        "warnings": list(found.warnings),
-    }
-
-
-def _angle(velocity: np.ndarray, speed: Said) -> dict[str, float]:
-    value = float(np.arctan2(-velocity[1], velocity[0]))
-    return Said(value=value / DEGREE, u=speed.u / max(speed.value, 1e-12) / DEGREE).document()
+        notes.append(("READOUT_UNKNOWN", words))
+    return notes

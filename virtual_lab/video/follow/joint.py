@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Fit", "Way", "fit_flights"]
+__all__ = ["DRAG", "DRAG_U", "Fit", "Way", "fit_flights"]
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.video.follow.flights import SAG, SIZE, FlightScene, joint_fit
 from virtual_lab.video.follow.pieces import Piece
+from virtual_lab.video.follow.said import Said
 
 __all__ = ["MotionKind", "motion_of"]
 
@@ -31,8 +32,7 @@ class MotionKind:
     """A kind, and what goes with it."""
 
     kind: str  # flights | free-fall | pendulum | rolling | carried | none
-    period: float | None = None  # of a pendulum [s]
-    period_u: float | None = None
+    period: Said | None = None  # of a pendulum [s]
 
 
 def motion_of(
@@ -114,8 +114,8 @@ def _pendulum(ball: Sequence[Piece], step: float) -> MotionKind | None:
         return None
     rms = np.sqrt(left / len(t))
     period_u = float(np.sqrt(6) * rms / (np.pi * swing * np.sqrt(len(t)) * turns))
-    period = 2 * np.pi / omega
-    return MotionKind(kind="pendulum", period=step * period, period_u=step * period * period_u)
+    period = step * 2 * np.pi / omega
+    return MotionKind(kind="pendulum", period=Said(value=period, u=period * period_u))
 
 
 def _harmonic(t: Array, along: Array, omega: float) -> tuple[float, Array]:

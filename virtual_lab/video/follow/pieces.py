@@ -22,8 +22,10 @@ Ints = NDArray[np.intp]
 GAP = 4  # frames in a row that need not show the ball
 LOST = 3  # frames that may have been left out at one place
 SURE = 4  # places before a step may be read as lost frames
+STEP = 0.25  # radii of it, at least
 LEAST = 5  # places of a piece
 TRAVEL = 1.0  # radii it covers
+SHORT, STEADY = 0.5, 0.01  # radii, if it strays off a parabola by so little: no noise does
 RECENT = 6  # places that show where the next one is
 NEW = (0.9, 0.35)  # radii and steps that the third place may be off a line
 NEXT = (0.25, 0.12)  # radii and steps that any later one may be off a parabola
@@ -50,6 +52,18 @@ class Piece:
     xy: Array  # (place, 2) [pixels]
     radius: float
 
+    @classmethod
+    def of(cls, found: Blobs, blobs: Ints, t: Array) -> Piece:
+        """Return the piece of some blobs at times."""
+        some = found[blobs]
+        return cls(
+            blobs=blobs,
+            frames=some["frame"].astype(np.intp),
+            t=t,
+            xy=np.stack([some["x"], some["y"]], axis=1),
+            radius=float(np.median(some["radius"])),
+        )
+
     def part(self, which: NDArray[np.bool_] | slice) -> Piece:
         """Return some of the places."""
         return Piece(
@@ -59,12 +73,6 @@ class Piece:
             xy=self.xy[which],
             radius=self.radius,
         )
-
-    @property
-    def lost(self) -> dict[int, int]:
-        """Frames left out before a frame of it."""
-        more = np.diff(self.t) - np.diff(self.frames)
-        return {int(self.frames[k + 1]): round(more[k]) for k in np.flatnonzero(more > 0.5)}
 
 
 def parabola(t: Array, xy: Array) -> tuple[Array, Array, float]:
@@ -100,7 +108,7 @@ def pieces(found: Blobs, time: Array) -> list[Piece]:
 class _Growth:
     def __init__(self, found: Blobs, time: Array) -> None:
         usable = (found["dirty"] < DIRTY) & ~found["cut"] & np.isfinite(time[found["frame"]])
-        self.index = np.flatnonzero(usable)
+        self.found, self.index = found, np.flatnonzero(usable)
         some = found[usable]
         self.frame = some["frame"].astype(np.intp)
         self.xy = np.stack([some["x"], some["y"]], axis=1)
@@ -121,18 +129,12 @@ class _Growth:
                 continue
             places, t = best
             way, radius = self.xy[places], float(np.median(self.radius[places]))
-            if np.ptp(way, axis=0).max() < TRAVEL * radius:
+            travel = np.ptp(way, axis=0).max() / radius
+            stray = parabola(np.array(t), way)[2] / radius
+            if travel < TRAVEL and (travel < SHORT or stray > STEADY):
                 continue
             self.used[places] = True
-            found.append(
-                Piece(
-                    blobs=self.index[places],
-                    frames=self.frame[places],
-                    t=np.array(t),
-                    xy=way,
-                    radius=radius,
-                )
-            )
+            found.append(Piece.of(self.found, self.index[places], np.array(t)))
         return found
 
     def _in(self, frame: int) -> Ints:
@@ -204,12 +206,12 @@ class _Growth:
         room = NEXT if len(places) > 3 else (0.5, 0.2)
         later = time - recent[-1]
         most = (room[0] * radius + room[1] * speed) * (1 + 0.5 * (later - 1))
-        for lost in range(LOST + 1 if len(places) >= SURE and speed > 0.5 * radius else 1):
+        for lost in range(LOST + 1 if len(places) >= SURE and speed > STEP * radius else 1):
             ahead = later + lost
             expected = np.array([1.0, ahead, ahead**2]) @ solved
             off = np.hypot(*(self.xy[there] - expected).T)
             k = int(np.argmin(off))
-            if off[k] < (most if lost == 0 else 0.7 * most):
+            if off[k] < (most if lost == 0 else min(0.7 * most, 0.35 * speed)):
                 return int(there[k]), lost
         return None
 

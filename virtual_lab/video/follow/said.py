@@ -23,6 +23,10 @@ class Said:
         """Return it as JSON has it."""
         return {"value": self.value, "u": self.u}
 
+    def times(self, factor: float) -> Said:
+        """Return it in another unit."""
+        return Said(value=factor * self.value, u=factor * self.u)
+
 
 def or_none(said: Said | None) -> dict[str, float] | None:
     """Return a value as JSON has it, None where there is none."""

@@ -6,7 +6,7 @@ import csv
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.follow.following import FollowedClip
 from virtual_lab.video.locate.located import PlaceFlag
-from virtual_lab.video.track.tracking import Tracked
+
+if TYPE_CHECKING:
+    from virtual_lab.video.track.tracking import Tracked
 
 __all__ = [
     "COLUMNS",
@@ -76,30 +78,15 @@ class BallCourse:
         return np.array([each == flight for each in self.flight], bool)
 
 
-def course_of_tracked(tracked: Tracked) -> BallCourse:
+def course_of_tracked(tracked: Tracked, found: FollowedClip) -> BallCourse:
     """Return the course of a ball that was located sharply."""
     located, legs = tracked.located, tracked.legs
     scale = tracked.plane.metres_per_pixel
     residuals = np.full((len(tracked.frames), 2), np.nan)
-    flight = [""] * len(tracked.frames)
-    for name, used, fitted in (
-        ("in", legs.used_in, legs.flight_in),
-        ("out", legs.used_out, legs.flight_out),
-    ):
-        if fitted is None:
-            continue
+    flight = np.full(len(tracked.frames), "", object)
+    for name, used, fitted in zip(("in", "out"), legs.used, legs.flights, strict=False):
         residuals[used] = _turned(fitted.residuals, fitted.velocity) / scale
-        for k in np.flatnonzero(used):
-            flight[k] = name
-    contacts = []
-    if legs.flight_out:
-        known = np.isfinite(located.x) & np.isfinite(tracked.plane.places[:, 0])
-        # the plane's metres back to pixels, near enough for a mark
-        near = int(np.argmin(np.abs(np.where(known, tracked.times - legs.flight_in.time, np.inf))))
-        off = (legs.flight_in.place - tracked.plane.places[near]) / scale
-        off = off * [1.0, tracked.plane.sense]
-        at = (located.x[near] + off[0], located.y[near] + off[1])
-        contacts.append((legs.flight_in.time, float(at[0]), float(at[1])))
+        flight[used] = name
     return BallCourse(
         clip=tracked.clip,
         frames=tracked.frames,
@@ -111,79 +98,61 @@ def course_of_tracked(tracked: Tracked) -> BallCourse:
         u=np.stack([located.x_u, located.y_u], axis=1),
         metres=tracked.plane.places,
         chi_square=located.chi_square,
-        flight=flight,
+        flight=flight.tolist(),
         flags=[
             "|".join(flag.name or "" for flag in PlaceFlag(int(each))) for each in located.flags
         ],
         residuals=residuals,
-        contacts=contacts,
+        contacts=_contacts(found),
     )
+
+
+def _contacts(found: FollowedClip) -> list[tuple[float, float, float]]:
+    return [(e.time.value, float(e.place[0]), float(e.place[1])) for e in found.contacts]
 
 
 def course_of_followed(found: FollowedClip) -> BallCourse:
     """Return the course of a ball that was followed: of its flights, else of all its pieces."""
-    ways = found.ways or found.pieces
-    if not ways:
-        return _empty(found.clip)
-    blobs = found.watched.found
-    order = sorted(
-        (int(f), k, j) for k, way in enumerate(ways) for j, f in enumerate(way.frames.tolist())
-    )
-    named = bool(found.ways)
-    rows = [blobs[ways[k].blobs[j]] for _, k, j in order]
-    some = np.array(rows, blobs.dtype)
-    step = found.seconds
-    scale = found.scale.metres_per_pixel if found.scale else np.nan
-    xy = np.stack([some["x"], some["y"]], axis=1)
-    residuals = np.full((len(order), 2), np.nan)
-    spread = np.nan
+    ways, clip = found.ways or found.pieces, found.clip
+    if ways:
+        frames = np.concatenate([way.frames for way in ways])
+        some = found.watched.found[np.concatenate([way.blobs for way in ways])]
+        times = found.seconds * np.concatenate([way.t for way in ways])
+    else:  # some frames, to look at
+        frames = np.unique(np.linspace(0, clip.count - 1, SOME).astype(np.intp))
+        names = ("x", "y", "picture_x", "picture_y", "radius", "length")
+        some = np.full(len(frames), np.nan, [(name, float) for name in names])
+        times = clip.times[frames]
+    flight = np.full(len(frames), "", object)
+    residuals, spread = np.full((len(frames), 2), np.nan), np.nan
     if found.fit is not None:
         spread = found.fit.spread
-        turned = [
-            _turned(left, found.fit.at(k, way.t.mean())[0, 2:])
-            for k, (left, way) in enumerate(zip(found.fit.residuals, ways, strict=True))
-        ]
-        residuals = np.array([turned[k][j] for _, k, j in order]).reshape(-1, 2)
-    return BallCourse(
-        clip=found.clip,
-        frames=np.array([frame for frame, _, _ in order], np.intp),
-        times=np.array([step * ways[k].t[j] for _, k, j in order]),
-        xy=xy,
-        drift=np.stack([some["picture_x"], some["picture_y"]], axis=1) - xy,
-        radius=(some["radius"] + some["length"]) / 2,  # as the scale takes it
-        reach=np.array(some["length"]),
-        u=np.full((len(order), 2), spread),
-        metres=scale * xy,
-        chi_square=np.full(len(order), np.nan),
-        flight=[str(k + 1) if named else "" for _, k, _ in order],
-        flags=[""] * len(order),
-        residuals=residuals,
-        contacts=[
-            (each.time.value, float(each.place[0]), float(each.place[1])) for each in found.contacts
-        ],
-    )
-
-
-def _empty(clip: Clip) -> BallCourse:
-    """Return a course without a ball: some frames, to look at."""
-    frames = np.unique(np.linspace(0, clip.count - 1, SOME).astype(np.intp))
-    none = np.full(len(frames), np.nan)
-    both = np.full((len(frames), 2), np.nan)
+        flight = np.repeat([str(k + 1) for k in range(len(ways))], [len(way.t) for way in ways])
+        residuals = np.concatenate(
+            [
+                _turned(left, found.fit.at(k, way.t.mean())[0, 2:])
+                for k, (left, way) in enumerate(zip(found.fit.residuals, ways, strict=True))
+            ]
+        )
+    order = np.argsort(frames, kind="stable")
+    frames, some, times = frames[order], some[order], times[order]
+    scale = found.scale.metres_per_pixel if found.scale else np.nan
+    xy = np.stack([some["x"], some["y"]], axis=1)
     return BallCourse(
         clip=clip,
         frames=frames,
-        times=clip.times[frames],
-        xy=both,
-        drift=np.zeros((len(frames), 2)),
-        radius=none,
-        reach=none,
-        u=both,
-        metres=both,
-        chi_square=none,
-        flight=[""] * len(frames),
+        times=times,
+        xy=xy,
+        drift=np.nan_to_num(np.stack([some["picture_x"], some["picture_y"]], axis=1) - xy),
+        radius=(some["radius"] + some["length"]) / 2,  # as the scale takes it
+        reach=np.array(some["length"]),
+        u=np.full((len(frames), 2), spread),
+        metres=scale * xy,
+        chi_square=np.full(len(frames), np.nan),
+        flight=flight[order].tolist(),
         flags=[""] * len(frames),
-        residuals=both,
-        contacts=[],
+        residuals=residuals[order],
+        contacts=_contacts(found),
     )
 
 

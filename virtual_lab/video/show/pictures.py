@@ -212,7 +212,7 @@ def draw_track(course: BallCourse, pictures: Pictures, title: str, path: Path) -
         _picture(picture, course, pictures)
         _residuals(along, across, course)
         figure.suptitle(title, fontsize=9)
-        figure.savefig(path)
+        figure.savefig(path, pil_kwargs={"compress_level": 3})
 
 
 def strobe(course: BallCourse, pictures: Pictures) -> NDArray[np.uint8]:

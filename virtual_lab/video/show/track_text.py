@@ -1,103 +1,153 @@
-"""What `virtual-lab track` prints."""
+"""What `virtual-lab track` prints of a clip, and writes of it as JSON."""
 
 from __future__ import annotations
 
-from math import hypot
+from typing import TYPE_CHECKING, Any
 
 from virtual_lab.output.rounding import decimals, with_uncertainty
 from virtual_lab.units import DEGREE, miles_per_hour
-from virtual_lab.video.follow.following import FollowedClip
-from virtual_lab.video.follow.said import Said
-from virtual_lab.video.track.speeds import Speeds
-from virtual_lab.video.track.tracking import Tracked
+from virtual_lab.video.follow.following import FlightSeen, FollowedClip
+from virtual_lab.video.follow.said import Said, or_none
+from virtual_lab.video.locate.located import PlaceFlag
 
-__all__ = ["followed_text", "followed_title", "plus_minus", "track_text", "track_title"]
+if TYPE_CHECKING:
+    from virtual_lab.video.track.tracking import Tracked
+
+__all__ = ["track_document", "track_text", "track_title"]
+
+RATIOS = {"floor": "speeds along the vertical", "wall": "speeds along the level"}
 
 
-def track_text(tracked: Tracked, found: Speeds) -> str:
-    """Return the result of a ball that was located sharply in a few lines."""
-    legs = tracked.legs
+def track_document(found: FollowedClip, tracked: Tracked | None = None) -> dict[str, Any]:
+    """Return the result; the keys of one contact are None where there is none, or several."""
+    before, after = _hit(found, tracked)
+    one = found.contacts[0] if len(found.contacts) == 1 else None
+    scale, motion = found.scale, found.motion
+    places = [each.places for each in found.flights] or [len(each.t) for each in found.pieces]
+    return {
+        "clip": found.clip.source.path.name,
+        "motion": motion.kind,
+        "period_s": or_none(motion.period),
+        "flights": [
+            {
+                "first_frame": each.first_frame,
+                "last_frame": each.last_frame,
+                "places": each.places,
+                "speed_in_mps": each.speed_in.document(),
+                "speed_out_mps": each.speed_out.document(),
+                "acceleration_mps2": each.acceleration.document(),
+            }
+            for each in found.flights
+        ],
+        "contacts": [
+            {
+                "time_s": each.time.value,
+                "frame": each.frame,  # between stored ones
+                "kind": each.kind,
+                "restitution": or_none(each.restitution),
+            }
+            for each in found.contacts
+        ],
+        "gravity_mps2": or_none(found.gravity),
+        "speed_in_mps": or_none(before.speed_out if before else None),
+        "speed_out_mps": or_none(after.speed_in if after else None),
+        "restitution": or_none(one.restitution if one else None),
+        "restitution_of": RATIOS.get(one.kind, "speeds") if one and one.restitution else None,
+        "angle_in_deg": or_none(before.angle_out.times(1 / DEGREE) if before else None),
+        "angle_out_deg": or_none(after.angle_in.times(1 / DEGREE) if after else None),
+        "contact": None
+        if one is None
+        else {
+            "time_s": one.time.document(),
+            "x_m": float(one.metres[0]),
+            "y_m": float(one.metres[1]),
+            "u_m": one.metres_u,
+        },
+        "scale": None
+        if scale is None
+        else {
+            "metres_per_pixel": scale.metres_per_pixel,
+            "relative_u": scale.relative_u,
+            "from": scale.source,
+        },
+        "exposure_s": tracked.exposure if tracked else found.known.exposure,
+        "drag_per_m": found.drag_per_m,
+        "counts": {
+            "frames": found.clip.count,
+            "with_ball": len(tracked.frames) if tracked else sum(places),
+            "in": before.places if before else 0,
+            "out": after.places if after else 0,
+            "in_contact": int(tracked.legs.struck.sum()) if tracked else 0,
+            "lost": sum(found.lost.values()),
+        },
+        "flags": list(found.flags),
+        "frame_flags": _frame_flags(tracked) if tracked else {},
+        "warnings": list(found.warnings),
+    }
+
+
+def _hit(
+    found: FollowedClip, tracked: Tracked | None
+) -> tuple[FlightSeen | None, FlightSeen | None]:
+    """Return the flights before and after one contact, or the only one."""
+    if len(found.contacts) == 1:
+        return found.flights[found.contacts[0].before], found.flights[found.contacts[0].after]
+    if len(found.flights) == 1:
+        return found.flights[0], None
+    return (found.flights[0], found.flights[1]) if tracked else (None, None)
+
+
+def _frame_flags(tracked: Tracked) -> dict[str, int]:
+    counts = {str(e.name): int(((tracked.located.flags & e) > 0).sum()) for e in PlaceFlag}
+    return {name: count for name, count in counts.items() if count}
+
+
+def track_text(found: FollowedClip) -> str:
+    """Return the result in a few lines."""
+    motion, flights = found.motion, found.flights
+    places = [each.places for each in flights] or [len(each.t) for each in found.pieces]
     lines = [
-        f"{tracked.clip.source.path.name}: {tracked.clip.count} frames, the ball in "
-        f"{len(tracked.frames)}, {int(legs.used_in.sum())} of them in, "
-        f"{int(legs.used_out.sum())} out",
-        _line("speed in", found.speed_in, "m/s"),
+        f"{found.clip.source.path.name}: {found.clip.count} frames, {motion.kind}, "
+        f"the ball in {sum(places)}"
     ]
-    if found.speed_out and found.angle_out:
-        turned = (found.angle_out.value - found.angle_in.value) / DEGREE % 360
-        turned_u = hypot(found.angle_out.u, found.angle_in.u) / DEGREE
-        lines.append(_line("speed out", found.speed_out, "m/s"))
-        if found.restitution:
-            of = f"ratio of {found.restitution_of}"
-            lines.append(_line("restitution", found.restitution, of))
-        lines.append(_line("turned by", Said(value=turned, u=turned_u), "deg"))
-    if found.contact_time:
-        ms = Said(value=1e3 * found.contact_time.value, u=1e3 * found.contact_time.u)
-        lines.append(_line("contact at", ms, "ms"))
-    return "\n".join([*lines, *_notes(found.flags, found.warnings)])
-
-
-def followed_text(found: FollowedClip) -> str:
-    """Return what was followed in a few lines."""
-    places = sum(len(each.t) for each in found.ways or found.pieces)
-    lines = [
-        f"{found.clip.source.path.name}: {found.clip.count} frames, {found.motion.kind}, "
-        f"the ball in {places}"
-    ]
-    if found.motion.period is not None and found.motion.period_u is not None:
-        period = Said(value=found.motion.period, u=found.motion.period_u)
-        lines.append(_line("period", period, "s"))
-    by_flight = {each.before: each for each in found.contacts}
-    for k, flight in enumerate(found.flights):
-        into, out, pull = (
-            with_uncertainty(each.value, each.u)
-            for each in (flight.speed_in, flight.speed_out, flight.acceleration)
-        )
+    if motion.period:
+        lines.append(f"  period {_rounded(motion.period)} s")
+    contacts = {each.before: each for each in found.contacts}
+    for k, flight in enumerate(flights):
+        speeds = [flight.speed_in, flight.speed_out][: 2 - (flight.speed_in == flight.speed_out)]
+        mph = " to ".join(f"{miles_per_hour(each.value):.2f}" for each in speeds)
         lines.append(
             f"  flight {k + 1}: frames {flight.first_frame} to {flight.last_frame}, "
-            f"{flight.places} places, {into} to {out} m/s, acceleration {pull} m/s²"
+            f"{flight.places} places, {' to '.join(map(_rounded, speeds))} m/s ({mph} mph), "
+            f"acceleration {_rounded(flight.acceleration)} m/s²"
         )
-        if contact := by_flight.get(k):
+        if contact := contacts.get(k):
             value = contact.restitution
-            of = with_uncertainty(value.value, value.u) if value else "not stated"
+            of = RATIOS.get(contact.kind, "speeds")
+            turned = flights[contact.after].angle_in.value - flight.angle_out.value
             lines.append(
                 f"  {contact.kind} at frame {contact.frame:.2f}, {contact.time.value:.4f} s: "
-                f"restitution {of}"
+                f"restitution {f'{_rounded(value)} (ratio of {of})' if value else 'not stated'}, "
+                f"turned by {turned / DEGREE % 360:.1f} deg"
             )
-    return "\n".join([*lines, *_notes(found.flags, found.warnings)])
+    lines += [f"  flags: {', '.join(found.flags)}"] if found.flags else []
+    return "\n".join([*lines, *(f"  warning: {each}" for each in found.warnings)])
 
 
-def track_title(tracked: Tracked, found: Speeds) -> str:
-    """Return the result of a ball that was located sharply in a line."""
-    parts = [f"in {plus_minus(found.speed_in)} m/s"]
-    if found.speed_out:
-        parts.append(f"out {plus_minus(found.speed_out)} m/s")
-    if found.restitution:
-        parts.append(f"ratio {plus_minus(found.restitution)}")
-    return f"{tracked.clip.source.path.name}: {', '.join(parts)} (k = 2)"
-
-
-def followed_title(found: FollowedClip) -> str:
-    """Return what was followed in a line."""
+def track_title(found: FollowedClip) -> str:
+    """Return the result in a line."""
     parts = [found.motion.kind]
-    told = [plus_minus(each.restitution) for each in found.contacts if each.restitution]
-    if told:
-        parts.append(f"restitution {', '.join(told)} (k = 2)")
+    ratios = [_plus_minus(each.restitution) for each in found.contacts if each.restitution]
+    if ratios:
+        parts.append(f"restitution {', '.join(ratios)} (k = 2)")
     return f"{found.clip.source.path.name}: {'; '.join(parts)}"
 
 
-def plus_minus(said: Said) -> str:
+def _plus_minus(said: Said) -> str:
     """Return ``0.9470 ± 0.0096``, with twice the standard uncertainty."""
     places = decimals(2 * said.u)
     return f"{said.value:.{places}f} ± {2 * said.u:.{places}f}"
 
 
-def _notes(flags: tuple[str, ...], warnings: tuple[str, ...]) -> list[str]:
-    told = [f"  flags: {', '.join(flags)}"] if flags else []
-    return told + [f"  warning: {each}" for each in warnings]
-
-
-def _line(name: str, said: Said, unit: str) -> str:
-    mph = f", {miles_per_hour(said.value):.2f} mph" if unit == "m/s" else ""
-    rounded = with_uncertainty(said.value, said.u)
-    return f"  {name:12} {rounded} {unit}{mph}".rstrip()
+def _rounded(said: Said) -> str:
+    return with_uncertainty(said.value, said.u)

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder
-from virtual_lab.video.bat.clip import BatSeen, bat_document, find_bat
 from virtual_lab.video.clips.calibration_file import ClipCalibration, read_calibration
 from virtual_lab.video.clips.clip import Clip, open_clip
 from virtual_lab.video.clips.options import (
@@ -26,27 +26,18 @@ from virtual_lab.video.clips.options import (
     seconds_of,
 )
 from virtual_lab.video.follow.correction import read_track
-from virtual_lab.video.follow.following import (
-    FollowedClip,
-    Known,
-    follow,
-    followed_document,
-    following,
-)
+from virtual_lab.video.follow.following import FollowedClip, Known, follow, following, known_of
 from virtual_lab.video.show.course import (
     BallCourse,
     course_of_followed,
     course_of_tracked,
     write_table,
 )
-from virtual_lab.video.show.track_text import (
-    followed_text,
-    followed_title,
-    track_text,
-    track_title,
-)
-from virtual_lab.video.track.speeds import Speeds, document, speeds
-from virtual_lab.video.track.tracking import Tracked, known_of, sharpened
+from virtual_lab.video.show.track_text import track_document, track_text, track_title
+
+if TYPE_CHECKING:
+    from virtual_lab.video.bat.clip import BatSeen
+    from virtual_lab.video.track.tracking import Tracked
 
 __all__ = ["Asked", "TrackedClip", "track_clip"]
 
@@ -99,13 +90,14 @@ class TrackedClip:
 
         self.progress("drawing")
         pictures = pictures_of(self.course, self.followed.watched.thumbs)
-        with new_folder(folder) as draft:
+        with new_folder(folder) as draft, ThreadPoolExecutor(1) as beside:
+            film = beside.submit(write_film, self.course, pictures, draft / "track.webp")
             write_table(self.course, draft / "track.csv")
             text = json.dumps(self.document, indent=2, allow_nan=False)
             (draft / "result.json").write_text(text + "\n", encoding="utf-8")
             draw_track(self.course, pictures, self.title, draft / "track.png")
             write_sheet(self.course, pictures, draft / "sheet.png")
-            write_film(self.course, pictures, draft / "track.webp")
+            film.result()
             if self.bat:
                 write_bat_table(self.bat, draft / "bat.csv")
                 draw_bat(self.bat, draft / "bat.png")
@@ -130,17 +122,30 @@ def track_clip(
         found = following(clip, watched, known, ways)
     else:
         found = follow(clip, known, progress=progress)
-    found = replace(found, warnings=(*found.warnings, *notes))
+    found = replace(found, notes=(*found.notes, *(("", words) for words in notes)))
+    tracked = bat = None
+    extra: dict[str, Any] = {}
+    lines = []
     if _wants_sharp(asked, found):
-        return _sharp(found, calibration, progress)
+        from virtual_lab.video.bat.clip import bat_document, find_bat
+        from virtual_lab.video.show.bat_plot import bat_text
+        from virtual_lab.video.track.speeds import with_speeds
+        from virtual_lab.video.track.tracking import sharpened
+
+        tracked = sharpened(found, calibration, progress=progress)
+        found = with_speeds(found, tracked, calibration)
+        if bat := find_bat(tracked, calibration):
+            lines, extra = [bat_text(bat)], {"bat": bat_document(bat)}
     # samples of a large clip take 50 MB, and have given what they can but how dark a picture is
     found = replace(found, clip=replace(clip, samples=clip.samples[:2].copy()))
     return TrackedClip(
         followed=found,
-        course=course_of_followed(found),
-        document=followed_document(found),
-        text=followed_text(found),
-        title=followed_title(found),
+        course=course_of_tracked(tracked, found) if tracked else course_of_followed(found),
+        document=track_document(found, tracked) | extra,
+        text="\n".join([track_text(found), *lines]),
+        title=track_title(found),
+        tracked=tracked,
+        bat=bat,
         progress=progress,
     )
 
@@ -219,66 +224,4 @@ def _wants_sharp(asked: Asked, found: FollowedClip) -> bool:
     """Return whether the purpose needs more: a calibrated camera that stands, and one hit."""
     if asked.calibration is None or asked.track is not None or found.watched.still.drifts:
         return False
-    return bool(found.pieces) and len(found.contacts) <= 1 and len(found.ways) <= 2
-
-
-def _sharp(
-    found: FollowedClip,
-    calibration: ClipCalibration,
-    progress: Callable[[str], None],
-) -> TrackedClip:
-    tracked = sharpened(found, calibration, progress=progress)
-    told = speeds(tracked, calibration)
-    bat = find_bat(tracked, calibration)
-    from virtual_lab.video.show.bat_plot import bat_text
-
-    lines = [track_text(tracked, told), *([bat_text(bat)] if bat else [])]
-    return TrackedClip(
-        followed=found,
-        course=course_of_tracked(tracked),
-        document=document(tracked, told)
-        | _of_any(found, tracked, told)
-        | ({"bat": bat_document(bat)} if bat else {}),
-        text="\n".join(lines),
-        title=track_title(tracked, told),
-        tracked=tracked,
-        bat=bat,
-        progress=progress,
-    )
-
-
-def _of_any(found: FollowedClip, tracked: Tracked, told: Speeds) -> dict[str, Any]:
-    """Return the keys that the document of any clip has, by the sharp places."""
-    legs = tracked.legs
-    flights = []
-    rough = {each.first_frame: each for each in found.flights}
-    for used, speed in ((legs.used_in, told.speed_in), (legs.used_out, told.speed_out)):
-        if speed is None:
-            continue
-        frames = tracked.frames[used]
-        like = min(rough.values(), key=lambda e: abs(e.first_frame - frames[0]), default=None)
-        flights.append(
-            {
-                "first_frame": int(frames[0]),
-                "last_frame": int(frames[-1]),
-                "places": int(used.sum()),
-                "speed_in_mps": speed.document(),
-                "speed_out_mps": speed.document(),
-                "acceleration_mps2": like.acceleration.document() if like else None,
-            }
-        )
-    contacts = []
-    if told.contact_time:
-        kind = found.contacts[0].kind if found.contacts else "struck"
-        time = told.contact_time.value
-        frame = float((time - tracked.clip.times[0]) / (1 / found.known.rate))
-        contacts.append(
-            {
-                "time_s": time,
-                "frame": frame,
-                "kind": kind,
-                "restitution": told.restitution.document() if told.restitution else None,
-            }
-        )
-    kind = found.motion.kind if found.flights else "flights"
-    return {"motion": kind, "period_s": None, "flights": flights, "contacts": contacts}
+    return 0 < len(found.ways) <= 2 and not found.repeated.any()

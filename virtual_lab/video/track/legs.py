@@ -1,4 +1,4 @@
-"""Straight flights, and where a way breaks: flight in, contact, flight out, lost frames.
+"""Straight flights through sharp places: of the flight in, and of that out of a contact.
 
 A frame during whose exposure the ball was struck belongs to neither flight; nor does one that
 shows the ball pressed against what it struck, which its neighbours' line shows.
@@ -6,6 +6,7 @@ shows the ball pressed against what it struck, which its neighbours' line shows.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.relations.flight import distance_after
 
-__all__ = ["AirOnFlight", "Legs", "Places", "StraightFlight", "fit_flight", "split", "straight"]
+__all__ = ["AirOnFlight", "Legs", "Places", "StraightFlight", "fit_flight", "legs_of"]
 
 
 LAGS = np.geomspace(0.02, 30, 24)  # of the time a flight is seen: how slow a pattern may be
@@ -28,10 +29,9 @@ LEAST = 3  # frames of a flight
 WILD = 8.0  # robust standard deviations of the residuals: a frame this far off is left out
 STRUCK = 4.0  # standard uncertainties: a frame next to the contact this far off is in it
 TOUCHED = 0.34  # of a flight's frames: no contact is seen in more
+ROUNDS = 3
 TURNED = 6.0  # standard uncertainties that the velocity must change by for a contact
 CHANGED = 0.03  # of the speed, likewise
-JUMPED = 6.0  # standard uncertainties of a step in the line
-WHOLE = 0.2  # of a frame's way: a step this near to whole frames' is that of lost frames
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,11 +66,6 @@ class StraightFlight:
         return float(np.hypot(np.sqrt(self.covariance[1, 1]), self.speed * self.drag_u))
 
 
-def straight(t: Array, places: Array, air: AirOnFlight) -> Array:
-    """Return places (frame, 2) as they were without gravity: a straight line's."""
-    return np.asarray(places - 0.5 * np.outer(t**2, air.gravity))
-
-
 def fit_flight(
     t: Array,
     places: Array,
@@ -103,7 +98,7 @@ def fit_flight(
         The uncertainty is that of the residuals' scatter alone: quick, for a search.
     """
     tau = t - moment
-    level = straight(tau, places, air)
+    level = places - 0.5 * np.outer(tau**2, air.gravity)  # without gravity: a straight line's
     weight = 1 / u
     velocity = np.zeros(2)
     for _ in range(4):  # the way depends on the speed, by the drag, a little
@@ -188,121 +183,58 @@ class Places:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Legs:
-    """The flights of a clip; masks are (frame,) of the places given."""
+    """The flights of a clip, one or two; masks are (frame,) of the places given."""
 
-    flight_in: StraightFlight
-    flight_out: StraightFlight | None  # None: no contact was seen
-    gap: tuple[float, float] | None  # last frame of the flight in, first of that out [s]
-    used_in: Mask
-    used_out: Mask
-    wild: Mask  # far off both lines
+    flights: list[StraightFlight]  # in, and out where a contact was seen
+    used: list[Mask]  # of each
+    wild: Mask  # far off their lines
     struck: Mask  # in contact
-    lost: dict[int, int]  # frame: how many frames are missing before it
-    stepped: dict[int, float]  # frame: a step in the line that no lost frames make [m]
 
 
-def split(seen: Places, air: AirOnFlight, *, stamped: bool) -> Legs:
-    """Return the flights in and out of a clip in which the ball is seen three times or more.
+def legs_of(seen: Places, ways: Sequence[Mask], air: AirOnFlight) -> Legs:
+    """Return the straight flights of one way or two, without frames that belong to neither.
 
     Parameters
     ----------
     seen
         Where the ball was; NaN where it was not found.
+    ways
+        Which frames are of the first flight and of the second, (frame,), three or more of each.
     air
         Drag and gravity.
-    stamped
-        Whether every frame has a time stamp of its own: then a step in the line is no lost frame.
     """
-    legs = _legs(seen, air)
-    steps = _steps(seen, air, legs)
-    lost = {} if stamped else {frame: n for frame, (n, _) in steps.items() if n}
-    stepped = {frame: step for frame, (_, step) in steps.items() if frame not in lost}
-    if lost:
-        later = seen.t.copy()
-        for frame, missing in lost.items():
-            later[frame:] += missing * float(np.median(np.diff(seen.t)))
-        legs = _legs(replace(seen, t=later), air)
-    return replace(legs, lost=lost, stepped=stepped)
-
-
-def _legs(seen: Places, air: AirOnFlight) -> Legs:
-    """Return the flights, without those frames that belong to neither."""
     usable = np.isfinite(seen.places).all(axis=1) & np.isfinite(seen.u)
     wild = np.zeros_like(usable)
-    for _ in range(4):
-        first, second = _broken(seen, air, usable & ~wild)
-        far = (_far(seen, air, first) | _far(seen, air, second)) & ~wild
-        if not far.any():
-            break
-        wild |= far
-    if not second.any():
-        moment = float(seen.t[first].max())
-        flight = _fit(seen, air, first, moment, rough=False)
-        none = np.zeros_like(wild)
-        return Legs(
-            flight_in=flight,
-            flight_out=None,
-            gap=None,
-            used_in=first,
-            used_out=none,
-            wild=wild,
-            struck=none,
-            lost={},
-            stepped={},
-        )
-    for _ in range(3):
-        start = float(seen.t[second].min())
-        moment = _meeting(_fit(seen, air, first, start), _fit(seen, air, second, start))
+    for _ in range(ROUNDS):
+        for way in ways:
+            wild |= _far(seen, air, way & usable & ~wild)
+    used = [way & usable & ~wild for way in ways]
+    used = [each for each in used if each.sum() >= LEAST]
+    if len(used) != 2 or not _turns(seen, air, *used):
+        whole = np.logical_or.reduce(used)
+        flight = _fit(seen, air, whole, float(seen.t[whole].max()), rough=False)
+        return Legs(flights=[flight], used=[whole], wild=wild, struck=np.zeros_like(wild))
+    for _ in range(ROUNDS):
+        start = float(seen.t[used[1]].min())
+        moment = _meeting(*(_fit(seen, air, each, start) for each in used))
         during = np.abs(seen.t - moment) <= seen.exposure / 2
-        first = _clear(seen, air, first & ~during, moment)
-        second = _clear(seen, air, second & ~during, moment)
-    flights = (_fit(seen, air, each, moment, rough=False) for each in (first, second))
-    flight_in, flight_out = flights
-    gap = float(seen.t[first].max()), float(seen.t[second].min())
-    between = (seen.t > gap[0]) & (seen.t < gap[1])
+        used = [_clear(seen, air, each & ~during, moment) for each in used]
+    between = (seen.t > seen.t[used[0]].max()) & (seen.t < seen.t[used[1]].min())
     return Legs(
-        flight_in=flight_in,
-        flight_out=flight_out,
-        gap=gap,
-        used_in=first,
-        used_out=second,
+        flights=[_fit(seen, air, each, moment, rough=False) for each in used],
+        used=used,
         wild=wild & ~between,
         struck=usable & between,
-        lost={},
-        stepped={},
     )
 
 
-def _broken(seen: Places, air: AirOnFlight, used: Mask) -> tuple[Mask, Mask]:
-    """Return the frames before and after the break that two straight lines show best.
-
-    None is after it where the ball's velocity does not change by more than its uncertainty.
-    """
-    frames = np.flatnonzero(used)
-    none = np.zeros_like(used)
-    level = straight(seen.t, seen.places, air)
-    breaks = range(LEAST, len(frames) - LEAST + 1)
-    if not breaks:
-        return used, none
-    costs = [_misfit(seen, level, frames[:k]) + _misfit(seen, level, frames[k:]) for k in breaks]
-    k = breaks[int(np.argmin(costs))]
-    first, second = none.copy(), none.copy()
-    first[frames[:k]], second[frames[k:]] = True, True
-    before, after = (_fit(seen, air, each, float(seen.t[frames[k]])) for each in (first, second))
+def _turns(seen: Places, air: AirOnFlight, first: Mask, second: Mask) -> bool:
+    """Return whether the velocity changes by more than its uncertainty."""
+    moment = float(seen.t[second].min())
+    before, after = (_fit(seen, air, each, moment) for each in (first, second))
     change = float(np.hypot(*(after.velocity - before.velocity)))
     u = float(np.hypot(before.speed_u, after.speed_u))
-    if change < max(TURNED * u, CHANGED * before.speed):
-        return used, none
-    return first, second
-
-
-def _misfit(seen: Places, level: Array, frames: NDArray[np.intp]) -> float:
-    """Return the weighted sum of squares of some frames about a line."""
-    t, weight = seen.t[frames], 1 / seen.u[frames] ** 2
-    off = t - np.average(t, weights=weight)
-    places = level[frames] - np.average(level[frames], axis=0, weights=weight)
-    slope = (weight * off) @ places / float(weight @ off**2)
-    return float(weight @ ((places - np.outer(off, slope)) ** 2).sum(axis=1))
+    return change > max(TURNED * u, CHANGED * before.speed)
 
 
 def _far(seen: Places, air: AirOnFlight, used: Mask) -> Mask:
@@ -342,46 +274,6 @@ def _clear(seen: Places, air: AirOnFlight, used: Mask, moment: float) -> Mask:
             break
         used = others
     return used
-
-
-def _steps(seen: Places, air: AirOnFlight, legs: Legs) -> dict[int, tuple[int, float]]:
-    """Return the frames before which a line steps along its way: missing frames, and metres.
-
-    The lost frames are 0 where the step is no whole number of frames' way.
-    """
-    found = {}
-    step = float(np.median(np.diff(seen.t)))
-    for used, flight in ((legs.used_in, legs.flight_in), (legs.used_out, legs.flight_out)):
-        if flight is None or used.sum() < 2 * LEAST:
-            continue
-        frames = np.flatnonzero(used)
-        level = straight(seen.t[frames], seen.places[frames], air)
-        along = level @ flight.velocity / flight.speed
-        best = max(
-            (_step(seen, frames, along, k) for k in range(2, len(frames) - 1)),
-            key=lambda each: abs(each[1]) / each[2],
-        )
-        k, size, u, speed = best
-        if abs(size) < JUMPED * u or abs(size) < WHOLE * speed * step:
-            continue
-        missing = round(size / (speed * step))
-        whole = missing > 0 and abs(size / (speed * step) - missing) < WHOLE
-        found[int(frames[k])] = (missing if whole else 0, size)
-    return found
-
-
-def _step(
-    seen: Places, frames: NDArray[np.intp], along: Array, k: int
-) -> tuple[int, float, float, float]:
-    """Return k, the step before the k-th frame, its u, and the speed beside it."""
-    t = seen.t[frames] - seen.t[frames].mean()
-    design = np.stack([np.ones_like(t), t, (np.arange(len(t)) >= k).astype(float)], axis=1)
-    solver = np.linalg.pinv(design)
-    _, speed, size = solver @ along
-    left = along - design @ solver @ along
-    spread = np.sqrt(float(left @ left) / max(1, len(t) - 3))
-    u = max(spread, float(np.median(seen.u[frames]))) * float(np.sqrt(solver[2] @ solver[2]))
-    return k, float(size), u, float(speed)
 
 
 def _fit(

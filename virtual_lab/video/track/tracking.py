@@ -1,4 +1,4 @@
-"""A clip to speeds: found, located, linked, fitted; what `virtual-lab track` runs."""
+"""The ball followed through a clip of a calibrated camera, located as sharply as can be."""
 
 from __future__ import annotations
 
@@ -11,46 +11,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
-from virtual_lab.video.calibration.plane import Plane, distance_of, plane_of
+from virtual_lab.video.calibration.plane import Plane, plane_of
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import Clip, open_clip
 from virtual_lab.video.clips.reading import Frame
 from virtual_lab.video.clips.timing import usual_step
-from virtual_lab.video.follow.following import GRAVITY, FollowedClip, Known, follow
-from virtual_lab.video.follow.pieces import GAP, Piece
+from virtual_lab.video.follow.following import FollowedClip, follow, known_of
+from virtual_lab.video.follow.pieces import GAP
 from virtual_lab.video.locate.located import Located, PlaceFlag, Regions, part_of, squares
 from virtual_lab.video.locate.sharp import Sharp
-from virtual_lab.video.track.legs import AirOnFlight, Legs, Places, split
+from virtual_lab.video.track.legs import AirOnFlight, Legs, Places, legs_of
 
-__all__ = [
-    "Image",
-    "Tracked",
-    "known_of",
-    "middle_of",
-    "sharpened",
-    "track_hit",
-    "uncovered_mean",
-]
+__all__ = ["Tracked", "middle_of", "sharpened", "track_hit", "uncovered_mean"]
 
 Array = NDArray[np.float64]
+Image = NDArray[np.float32]
 
 NAMES = tuple(field.name for field in fields(Located))
 AT_ONCE = 32  # frames whose regions are located together
 LEAST = 3  # frames that locate the ball
-LEAST_PLACES = 5  # of a piece of its way
-ALIKE = 1.35  # ratio of the radii of one ball's pieces
 NEAR_SIZE = 1.45  # ratio to the radius expected: what is farther off is not the ball
 REACH = 1.5  # steps that a ball moves at most from where it was before
 USELESS = PlaceFlag.NOT_FOUND | PlaceFlag.CLIPPED | PlaceFlag.OVERLAP | PlaceFlag.POOR_FIT
-
-
 TRIED = 8  # frames from which an exposure is read
 FAINT = 0.1  # of the ball's brightness: less is noise
-ROUGH = 0.5  # pixels, standard uncertainty of a spot's place
-
-
-Image = NDArray[np.float32]
-
 ROWS = 64  # at a time: a sorted stack of whole frames would need the memory of them all
 ENOUGH = 3  # frames that must show a pixel's background for their mean to be taken
 
@@ -61,16 +45,22 @@ class Tracked:
 
     clip: Clip
     frames: NDArray[np.intp]  # their numbers
+    times: Array  # [s], of frames that were left out too
     exposure: float  # [s]
     background: Image
     located: Located
     plane: Plane
     legs: Legs
+    stepped: list[int]  # frames before which the ball steps ahead of its time stamps
 
-    @property
-    def times(self) -> Array:
-        """Time of each frame [s]."""
-        return self.clip.times[self.frames]
+    def pixels(self, metres: Array, time: float) -> Array:
+        """Return where a place of the plane is seen, (2,), near enough for a mark."""
+        away = np.abs(self.times - time)
+        away[~np.isfinite(self.plane.places[:, 0])] = np.inf
+        near = int(np.argmin(away))
+        off = (metres - self.plane.places[near]) / self.plane.metres_per_pixel
+        here = np.array([self.located.x[near], self.located.y[near]])
+        return np.asarray(here + off * [1, self.plane.sense])
 
 
 def track_hit(
@@ -78,8 +68,8 @@ def track_hit(
     calibration: ClipCalibration,
     *,
     progress: Callable[[str], None] = lambda _: None,
-) -> Tracked:
-    """Return the way of the ball in a clip of a camera that stands still.
+) -> tuple[FollowedClip, Tracked]:
+    """Return the ball followed through a clip of a camera that stands still, and its sharp places.
 
     Raises
     ------
@@ -89,28 +79,7 @@ def track_hit(
     progress(f"reading {path}")
     clip = open_clip(path, calibration)
     found = follow(clip, known_of(clip, calibration), progress=progress)
-    return sharpened(found, calibration, progress=progress)
-
-
-def known_of(clip: Clip, calibration: ClipCalibration) -> Known:
-    """Return what a calibration file says, as the following of any clip takes it.
-
-    Whoever calibrates a camera is taken to have one that opens all its rows at once.
-    """
-    scale, camera = calibration.metres_per_pixel, calibration.camera
-    if camera and (far := distance_of(camera)):
-        scale = far / camera.matrix[0][0]
-    return Known(
-        rate=1 / usual_step(clip.times),
-        ball=calibration.ball_diameter_m,
-        ball_u=calibration.ball_diameter_m_u,
-        metres_per_pixel=scale,
-        metres_per_pixel_u=calibration.metres_per_pixel_u,
-        exposure=calibration.exposure_s,
-        gravity=float(np.hypot(*calibration.gravity_mps2)) or GRAVITY,
-        readout=0.0,
-        stands=True,
-    )
+    return found, sharpened(found, calibration, progress=progress)
 
 
 def sharpened(
@@ -126,56 +95,102 @@ def sharpened(
     InputError
         No ball, too few frames that locate it, or nothing that sets the scale.
     """
-    clip = found.clip
-    expected = _expected_radius(calibration)
-    ball = _ball(found, expected)
-    background = _bare(found)
+    clip, where = found.clip, str(found.clip.source.path)
+    known, expected = found.known, None
+    if known.ball and known.metres_per_pixel:
+        expected = known.ball / 2 / known.metres_per_pixel
+    if not found.ways or found.fit is None or not _sized(found, expected):
+        size = f" with a radius near {expected:.3g} pixels" if expected else ""
+        allowed = f"not found: nothing round{size} was seen to fly through six frames or more"
+        raise InputError(where, "ball", None, allowed)
+    ball = _ball(found)
     frames = ball["frame"].astype(np.intp)
-    start, exposure = starts(clip, background, ball, calibration.exposure_s)
+    of = np.argmin([np.abs(frames[:, None] - w.frames).min(axis=1) for w in found.ways], axis=0)
+    times, stepped = _times(found, frames, stamped=calibration.timestamps is not None)
+    velocities = [found.fit.at(k, way.t.mean())[0, 2:] for k, way in enumerate(found.ways)]
+    background = _bare(found)
+    start, exposure = _start(
+        clip, background, ball, np.array(velocities)[of] / found.seconds, calibration.exposure_s
+    )
     progress(f"locating the ball in {len(frames)} frames (its loops are compiled at the first use)")
     located = _located(clip, frames, background, start, Sharp(ball_radius=expected))
-    against = located.flags & np.uint16(USELESS)
-    good = against == 0
-    where = str(clip.source.path)
-    if good.sum() < LEAST:
-        allowed = f"at least {LEAST} frames must show it whole and round"
+    good = (located.flags & np.uint16(USELESS)) == 0
+    flown = [np.isin(frames, way.frames) for way in found.ways]
+    if min((good & each).sum() for each in flown) < LEAST:
+        allowed = f"at least {LEAST} frames of each flight must show it whole and round"
         raise InputError(where, "frames that locate the ball", int(good.sum()), allowed)
     plane = plane_of(located, calibration, where)
     scale = plane.metres_per_pixel
-    places = np.where(good[:, None], plane.places, np.nan)
-    own = scale * np.hypot(located.x_u, located.y_u) / np.sqrt(2)
-    pattern = 0.0
-    if located.pattern_u is not None:
-        pattern = float(np.nanmedian(located.pattern_u[good]))
-    legs = split(
+    pattern = 0.0 if located.pattern_u is None else float(np.nanmedian(located.pattern_u[good]))
+    legs = legs_of(
         Places(
-            t=clip.times[frames],
-            places=places,
-            u=own,
+            t=times,
+            places=np.where(good[:, None], plane.places, np.nan),
+            u=scale * np.hypot(located.x_u, located.y_u) / np.sqrt(2),
             pattern_u=scale * pattern,
             exposure=exposure,
         ),
+        flown,
         AirOnFlight(
             drag=calibration.drag_per_m,
             drag_u=calibration.drag_per_m_u,
             gravity=calibration.gravity_mps2,
         ),
-        stamped=calibration.timestamps is not None,
     )
     flags = located.flags.copy()
-    flags[legs.wild] |= np.uint16(PlaceFlag.JUMP)
+    flags[legs.wild | np.isin(frames, stepped)] |= np.uint16(PlaceFlag.JUMP)
     flags[legs.struck] |= np.uint16(PlaceFlag.CONTACT)
-    for frame in legs.stepped:
-        flags[frame] |= np.uint16(PlaceFlag.JUMP)
     return Tracked(
         clip=clip,
         frames=frames,
+        times=times,
         exposure=exposure,
         background=background,
         located=replace(located, flags=flags),
         plane=plane,
         legs=legs,
+        stepped=stepped,
     )
+
+
+def _sized(found: FollowedClip, expected: float | None) -> bool:
+    """Return whether the ball is as large as the calibration lets it be."""
+    longest = max(found.ways, key=lambda each: len(each.t))
+    return expected is None or 1 / NEAR_SIZE < longest.radius / expected < NEAR_SIZE
+
+
+def _ball(found: FollowedClip) -> NDArray[np.void]:
+    """Return the ball's blob in each frame that shows it: along its flights, between and beside."""
+    blobs, ways = found.watched.found, found.ways
+    known = {int(f): int(b) for way in ways for f, b in zip(way.frames, way.blobs, strict=True)}
+    flown = np.array(sorted(known))
+    radius = max(each.radius for each in ways)
+    speed = max(float(np.hypot(*np.diff(way.xy, axis=0).T).max()) for way in ways)
+    chosen = dict(known)
+    for frame in range(flown[0] - GAP, flown[-1] + GAP + 1):
+        near = int(flown[np.argmin(np.abs(flown - frame))])
+        there = np.flatnonzero(blobs["frame"] == frame)
+        size = blobs["radius"][there]
+        there = there[(size > 0.5 * radius) & (size < 1.6 * radius)]
+        if frame in known or abs(near - frame) > GAP or not there.size:
+            continue
+        last = blobs[known[near]]
+        away = np.hypot(blobs["x"][there] - last["x"], blobs["y"][there] - last["y"])
+        if away.min() < REACH * speed * abs(near - frame) + 0.5 * radius:
+            chosen[frame] = int(there[np.argmin(away)])
+    return blobs[[chosen[frame] for frame in sorted(chosen)]]
+
+
+def _times(
+    found: FollowedClip, frames: NDArray[np.intp], *, stamped: bool
+) -> tuple[Array, list[int]]:
+    """Return the time of frames [s], mended where some were left out; those that stamps deny."""
+    ahead = np.concatenate([way.t - found.scene.time[way.frames] for way in found.ways])
+    ahead = np.interp(frames, np.concatenate([way.frames for way in found.ways]), ahead)
+    times = found.clip.times[frames]
+    if stamped:
+        return times, sorted(found.lost)
+    return times + np.round(ahead) * usual_step(found.clip.times), []
 
 
 def _located(
@@ -209,58 +224,6 @@ def _together(parts: list[Located], name: str) -> Any:
     return None if values[0] is None else np.concatenate(values)
 
 
-def _expected_radius(calibration: ClipCalibration) -> float | None:
-    """Return the ball's radius in the picture where the scale is known [pixels]."""
-    diameter, scale = calibration.ball_diameter_m, calibration.metres_per_pixel
-    if not diameter:
-        return None
-    if scale:
-        return diameter / 2 / scale
-    if camera := calibration.camera:
-        far = distance_of(camera)
-        return diameter / 2 * camera.matrix[0][0] / far if far else None
-    return None
-
-
-def _ball(found: FollowedClip, expected: float | None) -> NDArray[np.void]:
-    """Return the ball's blob in each frame that shows it: along its pieces, between and beyond."""
-    blobs = found.watched.found
-    ways = found.ways or [each for each in found.pieces if _sized(each, expected)]
-    if found.ways and not _sized(max(found.ways, key=lambda each: len(each.t)), expected):
-        ways = []
-    if not ways:
-        where, size = str(found.clip.source.path), ""
-        if expected:
-            size = f" with a radius near {expected:.3g} pixels"
-        allowed = f"nothing round{size} was seen to move through {LEAST_PLACES} frames or more"
-        raise InputError(where, "ball", None, f"not found: {allowed}")
-    longest = max(ways, key=lambda each: len(each.t))
-    ways = [each for each in ways if 1 / ALIKE < each.radius / longest.radius < ALIKE]
-    chosen = {int(f): int(b) for way in ways for f, b in zip(way.frames, way.blobs, strict=True)}
-    likely = np.flatnonzero(
-        (blobs["radius"] > 0.5 * longest.radius) & (blobs["radius"] < 1.6 * longest.radius)
-    )
-    order = np.argsort(blobs["frame"][likely], kind="stable")
-    for one in (*likely[order], *likely[order][::-1]):
-        frame = int(blobs["frame"][one])
-        if frame in chosen:
-            continue
-        near = sorted(chosen, key=lambda each: abs(each - frame))[:3]
-        if abs(near[0] - frame) > GAP or len(near) < 3:
-            continue
-        here, before, *_ = (blobs[chosen[each]] for each in near)
-        step = np.hypot(here["x"] - before["x"], here["y"] - before["y"])
-        step *= abs(near[0] - frame) / max(1, abs(near[1] - near[0]))
-        away = np.hypot(blobs["x"][one] - here["x"], blobs["y"][one] - here["y"])
-        if away < REACH * step + 0.5 * longest.radius:
-            chosen[frame] = int(one)
-    return blobs[[chosen[frame] for frame in sorted(chosen)]]
-
-
-def _sized(piece: Piece, expected: float | None) -> bool:
-    return expected is None or 1 / NEAR_SIZE < piece.radius / expected < NEAR_SIZE
-
-
 def _bare(found: FollowedClip) -> Image:
     """Return the background without anything that moved."""
     clip, blobs = found.clip, found.watched.found
@@ -273,40 +236,37 @@ def _bare(found: FollowedClip) -> Image:
     return uncovered_mean(samples, middle_of(samples), covered)
 
 
-def starts(
-    clip: Clip, background: Image, found: NDArray[np.void], exposure: float | None
+def _start(
+    clip: Clip,
+    background: Image,
+    ball: NDArray[np.void],
+    velocity: Array,
+    exposure: float | None,
 ) -> tuple[Located, float]:
     """Return where to start in each frame, and the exposure [s], read off the blur if unknown.
 
     Parameters
     ----------
-    found
-        The ball's blob in each frame that shows it, an array of `find.blobs.BLOB`.
+    ball
+        Its blob in each frame that shows it, an array of `find.blobs.BLOB`.
+    velocity
+        Of it, (frame, 2) [pixels/s].
     """
-    frames = found["frame"].astype(np.intp)
-    t = clip.times[frames]
-    places = np.stack([found["picture_x"], found["picture_y"]], axis=1)
-    whole = found[~found["cut"]] if not found["cut"].all() else found
-    rough = Places(
-        t=t, places=places, u=np.full(len(t), ROUGH), pattern_u=0.0, exposure=exposure or 0.0
-    )
-    legs = split(rough, AirOnFlight(), stamped=False)
-    velocity = np.tile(legs.flight_in.velocity, (len(t), 1))
-    if legs.flight_out:
-        velocity[t > legs.flight_out.time] = legs.flight_out.velocity
-    unknown, zero = np.full(len(t), np.nan), np.zeros(len(t))
+    whole = ball[~ball["cut"]] if not ball["cut"].all() else ball
+    unknown, zero = np.full(len(ball), np.nan), np.zeros(len(ball))
     start = Located(
-        x=places[:, 0],
-        y=places[:, 1],
-        radius=np.full(len(t), float(np.median(whole["radius"]))),
+        x=ball["picture_x"].copy(),
+        y=ball["picture_y"].copy(),
+        radius=np.full(len(ball), float(np.median(whole["radius"]))),
         x_u=unknown,
         y_u=unknown,
         blur_x=zero,
         blur_y=zero,
         chi_square=unknown,
-        flags=np.zeros(len(t), np.uint16),
+        flags=np.zeros(len(ball), np.uint16),
     )
     if exposure is None:
+        frames = ball["frame"].astype(np.intp)
         exposure = _exposure(clip, background, start, frames, velocity)
     return replace(
         start, blur_x=velocity[:, 0] * exposure, blur_y=velocity[:, 1] * exposure
@@ -363,14 +323,14 @@ def middle_of(samples: Frame) -> Image:
 
 
 def uncovered_mean(
-    samples: Frame, first: Image, covered: Iterable[list[tuple[float, float, float]]]
+    samples: Iterable[Frame], first: Image, covered: Iterable[list[tuple[float, float, float]]]
 ) -> Image:
     """Return the mean of the samples where the ball did not cover them.
 
     Parameters
     ----------
     samples
-        (sample, row, column).
+        Pictures, (row, column) each.
     first
         What is taken where fewer than three samples show the background.
     covered
