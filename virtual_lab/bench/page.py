@@ -24,8 +24,9 @@ from virtual_lab.units import INCH, MPH
 
 if TYPE_CHECKING:
     from virtual_lab.bench.desk import Desk
+    from virtual_lab.bench.exam import Hall
 
-__all__ = ["Refusal", "day_page", "notebook_page", "notebook_table", "plain_page"]
+__all__ = ["Refusal", "day_page", "hall_page", "notebook_page", "notebook_table", "plain_page"]
 
 PACKAGE = "virtual_lab.bench"
 PARTS = {
@@ -174,6 +175,12 @@ def notebook_table(desk: Desk) -> str:
         cells = (each.number, each.minute, each.title, struck, each.given, each.readings)
         rows.writerow([quoted(cell) for cell in cells])
     return lines.getvalue()
+
+
+def hall_page(hall: Hall) -> str:
+    """Return the trainer's page of an exam: who is where, and nothing of the truth."""
+    page = page_template(PACKAGE, "hall.html")
+    return page.render(hall=hall, trainees=list(hall.trainees()))
 
 
 def plain_page(title: str, sentence: str) -> str:

@@ -21,6 +21,7 @@ from virtual_lab import catalog
 from virtual_lab.bench.actions import Action
 from virtual_lab.bench.day import Day, DayEvent
 from virtual_lab.bench.desk import Desk
+from virtual_lab.bench.exam import Hall
 from virtual_lab.bench.log import LOG
 from virtual_lab.bench.scenario import Scenario
 from virtual_lab.bench.slow_motion import Motion
@@ -135,6 +136,7 @@ def serve(
     say: Callable[[str], None],
     host: str = LOOPBACK,
     tls: tuple[Path, Path] | None = None,
+    exam: str = "",
 ) -> None:
     """Begin days in folders, or take them up again, and serve them until stopped.
 
@@ -152,6 +154,8 @@ def serve(
         Is given the lines that tell a trainer what to do.
     tls
         Certificate and key, files as OpenSSL writes them.
+    exam
+        The title of one: the days are closed until the trainer begins it on a page of its own.
 
     Raises
     ------
@@ -165,11 +169,12 @@ def serve(
     _require(host, tls, len(folders))
     days = {name: ServedDay(folder, scenario, seed) for name, folder in folders.items()}
     tokens = {secrets.token_urlsafe(24): name for name in days}
+    hall = (secrets.token_urlsafe(24), Hall(exam, days)) if exam else None
     names = {f"{host}:{port}", *([f"localhost:{port}"] if host == LOOPBACK else [])}
     doors = {token: days[name] for token, name in tokens.items()}
     certificate, key = tls or (None, None)
     settings = uvicorn.Config(
-        application(doors, hosts=frozenset(names), secure=tls is not None),
+        application(doors, hosts=frozenset(names), secure=tls is not None, exam=hall),
         log_level="warning",
         access_log=False,
         server_header=False,
@@ -191,6 +196,8 @@ def serve(
         time.sleep(0.005)
     scheme = "https" if tls else "http"
     addresses = [f"{scheme}://{host}:{port}/?token={token}" for token in tokens]
+    if hall:
+        say(f"the trainer: open {scheme}://{host}:{port}/?token={hall[0]} once, in one browser")
     for (name, folder), address in zip(folders.items(), addresses, strict=True):
         again = "taken up again" if (folder / LOG).exists() else "begun"
         say(f"{name or 'the day'}, {again} in {folder}: open {address} once, in one browser")

@@ -26,13 +26,21 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from virtual_lab.bench.actions import Action, action_of
 from virtual_lab.bench.day import DayEvent
-from virtual_lab.bench.page import Refusal, day_page, notebook_page, notebook_table, plain_page
+from virtual_lab.bench.page import (
+    Refusal,
+    day_page,
+    hall_page,
+    notebook_page,
+    notebook_table,
+    plain_page,
+)
 from virtual_lab.bench.slow_motion import Motion
 from virtual_lab.bench.table import MAKE_READY
 from virtual_lab.errors import InputError
 
 if TYPE_CHECKING:
     from virtual_lab.bench.desk import Desk
+    from virtual_lab.bench.exam import Hall
 
 __all__ = ["Room", "application"]
 
@@ -74,13 +82,17 @@ class Room(Protocol):
 class Seat:
     """A trainee's: the day, one thing done on it at a time, and when it was asked for."""
 
-    room: Room
+    room: Room | None  # None: a trainer's
     lock: threading.Lock = field(default_factory=threading.Lock)
     asked: deque[float] = field(default_factory=lambda: deque(maxlen=MOST_A_SECOND))
 
 
 def application(
-    rooms: Mapping[str, Room], *, hosts: frozenset[str], secure: bool = False
+    rooms: Mapping[str, Room],
+    *,
+    hosts: frozenset[str],
+    secure: bool = False,
+    exam: tuple[str, Hall] | None = None,
 ) -> ASGIApp:
     """Return the server of some days.
 
@@ -92,6 +104,8 @@ def application(
         Names with port that are served, such as ``127.0.0.1:8000``.
     secure
         Whether it is served by TLS.
+    exam
+        The trainer's token, and the hall that opens and closes the days.
     """
 
     def show(request: Request) -> Response:
@@ -126,12 +140,14 @@ def application(
 
     def acted(seat: Seat, given: dict[str, str]) -> Response:
         name, number = given.pop("do", ""), given.pop("entry_number", "")
+        room = seat.room
+        assert room is not None  # the door sends a trainer elsewhere
         with seat.lock:
             try:
-                _do(seat.room, name, number, given)
+                _do(room, name, number, given)
             except InputError as fault:
                 refusal = Refusal(sentence=str(fault), action=name, argument=fault.key, given=given)
-                return HTMLResponse(shown(seat.room, refusal=refusal), status_code=422)
+                return HTMLResponse(shown(room, refusal=refusal), status_code=422)
         return RedirectResponse("/", status_code=303)
 
     def page_answer(page: Callable[[Room], str]) -> Callable[[Request], Response]:
@@ -163,7 +179,29 @@ def application(
         static("bench.js", "text/javascript"),
         static("icon.svg", "image/svg+xml"),
     ]
-    return Door(Starlette(routes=routes), rooms, hosts=hosts, secure=secure)
+    door = Door(Starlette(routes=routes), rooms, hosts=hosts, secure=secure)
+    if exam is not None:
+        token, door.hall = exam
+        door.unopened[token] = Seat(room=None)
+        door.hall_inside = Starlette(routes=[*_hall_routes(door.hall), *routes[-3:]])
+    return door
+
+
+def _hall_routes(hall: Hall) -> list[Route]:
+    """Return what a trainer may ask for."""
+
+    async def turn(request: Request) -> Response:
+        given = dict(parse_qsl((await request.body()).decode("utf-8", errors="replace")))
+        try:
+            hall.turn(given.get("do", ""))
+        except InputError as fault:
+            return _says(422, str(fault))
+        return RedirectResponse("/", status_code=303)
+
+    return [
+        Route("/", lambda _: HTMLResponse(hall_page(hall))),
+        Route("/do", turn, methods=["POST"]),
+    ]
 
 
 def _do(room: Room, name: str, number: str, given: dict[str, str]) -> None:
@@ -228,7 +266,9 @@ class Door:
         self, inside: ASGIApp, rooms: Mapping[str, Room], *, hosts: frozenset[str], secure: bool
     ) -> None:
         self.inside, self.hosts, self.secure = inside, hosts, secure
-        self.unopened = dict(rooms)  # by token
+        self.unopened = {token: Seat(room=room) for token, room in rooms.items()}
+        self.hall: Hall | None = None
+        self.hall_inside = inside  # of a trainer
         self.seats: dict[str, Seat] = {}  # by cookie
         self.cookie = "bench-" + min(hosts).rpartition(":")[2]  # cookies know no ports
 
@@ -253,9 +293,16 @@ class Door:
                 ]
             await send(message)
 
-        refused = self._misdirected(request) or self._entering(request) or self._unknown(request)
+        refused = (
+            self._misdirected(request)
+            or self._entering(request)
+            or self._unknown(request)
+            or self._too_early(request)
+        )
         if refused is None:
-            await self.inside(scope, _limited(receive), guarded)
+            trainer = request.scope["seat"].room is None
+            inside = self.hall_inside if trainer else self.inside
+            await inside(scope, _limited(receive), guarded)
         else:
             await refused(scope, receive, guarded)
 
@@ -279,7 +326,7 @@ class Door:
         if not known:
             return None
         session = secrets.token_urlsafe(32)
-        self.seats[session] = Seat(room=self.unopened.pop(known[0]))
+        self.seats[session] = self.unopened.pop(known[0])
         answer = RedirectResponse("/", status_code=303)
         answer.set_cookie(
             self.cookie, session, httponly=True, samesite="strict", secure=self.secure
@@ -298,6 +345,13 @@ class Door:
             return _says(429, "Too many requests; wait a second, then go back.")
         seat.asked.append(now)
         return None
+
+    def _too_early(self, request: Request) -> Response | None:
+        """Return the answer to a trainee of an exam that is not begun, or is over."""
+        trainer = request.scope["seat"].room is None
+        if trainer or self.hall is None or self.hall.is_open or request.url.path == "/bench.css":
+            return None
+        return _says(409, f"The exam is {self.hall.state}.")
 
 
 def _says(status: int, sentence: str) -> Response:

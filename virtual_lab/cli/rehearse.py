@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -78,6 +79,12 @@ __all__ = ["rehearse"]
     help="How many take the day, each in a browser and a folder of their own.",
 )
 @click.option(
+    "--exam",
+    type=click.Path(path_type=Path),
+    metavar="CLASS.TOML",
+    help="Serve an exam to a class: title, scenario and trainees; the trainer begins and ends it.",
+)
+@click.option(
     "--replay",
     type=click.Path(path_type=Path),
     metavar="FILE",
@@ -96,6 +103,7 @@ def day_command(
     tls_certificate: Path | None,
     tls_key: Path | None,
     trainees: int,
+    exam: Path | None,
     replay: Path | None,
     browser: bool,
 ) -> RehearsedDay | StudyResult | Answer:
@@ -126,10 +134,18 @@ def day_command(
         usage("--tls-certificate and --tls-key go together")
     tls = (tls_certificate, tls_key) if tls_certificate and tls_key else None
     served: dict[str, Any] = {"port": port, "host": host, "tls": tls, "browser": browser}
-    return _served(scenario, day, trainees, seed=seed, **served)
+    if exam is None:
+        names = [f"{n:02}" for n in range(1, trainees + 1)] if trainees > 1 else []
+        return _served(scenario, day, names, seed=seed, **served)
+    if trainees > 1:
+        usage("--exam names the trainees, --trainees counts them")
+    from virtual_lab.bench.exam import load_class
+
+    found = load_class(exam)
+    return _served(found.scenario, day, found.trainees, seed=seed, exam=found.title, **served)
 
 
-def _served(scenario: str, folder: Path | None, trainees: int, **served: Any) -> Answer:
+def _served(scenario: str, folder: Path | None, trainees: Sequence[str], **served: Any) -> Answer:
     """Serve the page until it is stopped."""
     from importlib.util import find_spec
 
@@ -143,10 +159,9 @@ def _served(scenario: str, folder: Path | None, trainees: int, **served: Any) ->
     from virtual_lab.bench.serving import serve
 
     target = folder or first_free(Path("out") / Path(scenario).stem)
-    alone = {"": target}
-    each = {f"trainee {n}": target / f"{n:02}" for n in range(1, trainees + 1)}
+    each = {f"trainee {name}": target / name for name in trainees}
     serve(
-        alone if trainees == 1 else each,
+        each or {"": target},
         load_scenario(scenario),
         say=lambda text: click.echo(text, err=True),
         **served,

@@ -1,0 +1,97 @@
+"""An exam: a class that takes one scenario at one time, and what its trainer sees meanwhile."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Protocol
+
+from annotated_types import Len
+
+from virtual_lab.bench.desk import Desk
+from virtual_lab.bench.scenario import load_scenario
+from virtual_lab.catalog import read
+from virtual_lab.catalog.specs import Name, Spec, Title
+from virtual_lab.errors import InputError
+from virtual_lab.files import read_text
+
+__all__ = ["ClassSheet", "Hall", "TraineeShown", "load_class"]
+
+FOLDER = re.compile(r"\w[\w .-]{0,59}")  # a trainee's name is that of a folder
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClassSheet(Spec):
+    """Who takes an exam, and which."""
+
+    title: Title
+    scenario: str
+    trainees: Annotated[tuple[Name, ...], Len(1, 50)]
+
+    def __post_init__(self) -> None:
+        for name in self.trainees:
+            if not FOLDER.fullmatch(name):
+                raise ValueError(f"{name!r} names no folder; allowed: letters, digits, space . -")
+        if len(set(self.trainees)) < len(self.trainees):
+            raise ValueError("a trainee is named twice")
+
+
+def load_class(path: Path) -> ClassSheet:
+    """Return the class of a .toml file; `InputError` where it or its scenario is no exam."""
+    found = read(read_text(path), str(path), ClassSheet).spec
+    if load_scenario(found.scenario).spec.feedback != "never":
+        allowed = 'allowed: a scenario with feedback = "never"'
+        raise InputError(str(path), "scenario", found.scenario, allowed)
+    return found
+
+
+class Watched(Protocol):
+    """A day that is being taken."""
+
+    @property
+    def desk(self) -> Desk: ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TraineeShown:
+    """How far a trainee is; nothing of the truth."""
+
+    name: str
+    state: str
+    entries: int
+    minutes: str
+    shots: int
+
+
+class Hall:
+    """An exam that is going on: closed until the trainer begins it, and once it is over."""
+
+    def __init__(self, title: str, days: Mapping[str, Watched]) -> None:
+        self.title, self.days = title, days
+        self.state = "not begun"
+
+    @property
+    def is_open(self) -> bool:
+        return self.state == "begun"
+
+    def turn(self, word: str) -> None:
+        """Begin the exam, or end it for good; `InputError` of anything else."""
+        allowed = {"not begun": {"begin": "begun"}, "begun": {"end": "over"}}.get(self.state, {})
+        if word not in allowed:
+            raise InputError("exam", "do", word, f"is {self.state}; allowed: {list(allowed)}")
+        self.state = allowed[word]
+
+    def trainees(self) -> Iterator[TraineeShown]:
+        """Yield how far each is."""
+        for name, day in self.days.items():
+            now = day.desk.day
+            state = "at work" if now.events else "not begun"
+            yield TraineeShown(
+                name=name,
+                state="handed in" if now.handed_in else "reduced" if now.reduced else state,
+                entries=len(now.events),
+                minutes=f"{now.seconds / 60:.0f}",
+                shots=len(now.fired),
+            )
