@@ -113,7 +113,7 @@ def leaks(sent: bytes, canaries: Iterable[float], figures: int) -> set[float]:
     return found
 
 
-SEEN = ("measure-balance", "swing", "hit-wall", "gauge-gates", "fire-check-cylinder", "reduce")
+SEEN = ("hit-wall", "fire-check-cylinder", "reduce")
 HASHES = ("sha256", "sha1", "md5")
 
 

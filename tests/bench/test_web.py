@@ -326,7 +326,7 @@ def test_no_cell_of_a_table_sent_out_is_a_formula(browser: Browser) -> None:
     """What is typed stands behind its name; a cell that began with it would be quoted."""
     browser.do("note-deviation", because="=1+1")
     rows = list(csv.reader(StringIO(browser.ask("/notebook.csv").text)))
-    assert rows[1][2:5] == ["Note a deviation", "no", "step tare, because =1+1"]
+    assert rows[1][2:5] == ["Note a deviation", "no", "step another, because =1+1"]
     assert [quoted(each) for each in ("=1", "+a", "-b", "@c", "\t=1", "-1.5", "plain")] == [
         "'=1",
         "'+a",

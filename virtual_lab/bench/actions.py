@@ -106,7 +106,7 @@ MASS = _choice("entered_as", "scale in g, entered as", *MASSES)
 LENGTH = _choice("entered_as", "rule in mm, entered as", *LENGTHS)
 BALL = Argument(name="ball", title="ball", kind="whole", low=1, high=1000)
 SHOT = Argument(name="shot", title="shot", kind="whole", low=1, high=10_000)
-STEPS = (*PREPARING, *MAKE_READY, "load-ball", "another")
+STEPS = ("another", *PREPARING, *MAKE_READY, "load-ball")
 REASON = Argument(name="because", title="because", kind="text")
 
 ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(

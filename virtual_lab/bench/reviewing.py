@@ -19,12 +19,11 @@ from virtual_lab.bench.table import action_table
 from virtual_lab.errors import InputError
 from virtual_lab.files import read_json
 from virtual_lab.output.result import Rows
-from virtual_lab.output.tables import column
+from virtual_lab.output.tables import column, quoted
 
 __all__ = ["ClassDay", "PlayedEntry", "TriedDay", "check_scenario", "replay", "summary"]
 
 TRIED = (1, 2, 3)  # seeds that a scenario is tried with
-FORMULA = ("=", "+", "-", "@")  # what a spreadsheet takes for the start of one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,8 +95,8 @@ def _outcome(folder: Path, trainee: str) -> ClassDay:
         if not kept.day.handed_in:
             unknown: dict[str, Any] = dict.fromkeys((*SCORES, "right", "brier"))
             return ClassDay(
-                trainee=_cell(trainee),
-                day=_cell(kept.scenario.title),
+                trainee=quoted(trainee),
+                day=quoted(kept.scenario.title),
                 verdict="not handed in",
                 **unknown,
                 found="",
@@ -109,8 +108,8 @@ def _outcome(folder: Path, trainee: str) -> ClassDay:
         save_debrief(debriefed(kept), folder)
     told = read_json(path)
     return ClassDay(
-        trainee=_cell(trainee),
-        day=_cell(told["title"]),
+        trainee=quoted(trainee),
+        day=quoted(told["title"]),
         verdict=told["verdict"],
         right=told["right_verdict"],
         brier=told["brier"],
@@ -121,11 +120,6 @@ def _outcome(folder: Path, trainee: str) -> ClassDay:
         minutes=told["minutes"],
         shots=told["shots"],
     )
-
-
-def _cell(words: str) -> str:
-    """Return what was typed as a cell that no spreadsheet takes for a formula."""
-    return f"'{words}" if words.startswith(FORMULA) else words
 
 
 def check_scenario(name: str | Path) -> Rows[TriedDay]:
