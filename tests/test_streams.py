@@ -12,8 +12,8 @@ from scipy import stats
 from scipy.special import ndtri
 
 from virtual_lab.errors import InputError
-from virtual_lab.philox import fill
 from virtual_lab.streams import Quiet, Streams, commitment
+from virtual_lab.streams.philox import fill
 
 NAMES = st.text(min_size=1, max_size=20)
 SEEDS = st.integers(0, 2**128)
@@ -113,7 +113,7 @@ def test_normal_numbers_are_the_quantiles_of_the_uniform_ones() -> None:
 
 def test_the_farthest_tails() -> None:
     """Down to 2^-53, which one number in 5e15 meets: by the kernel's own steps, against scipy."""
-    from virtual_lab import philox as compiled
+    from virtual_lab.streams import philox as compiled
 
     tail = 2.0 ** -np.arange(4.0, 54.0)
     numbers = np.concatenate([0.5 - tail, tail - 0.5])

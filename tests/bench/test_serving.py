@@ -24,18 +24,17 @@ HERE = Path(__file__)
     ],
 )
 def test_what_cannot_be_served_is_said(tmp_path: Path, given: dict[str, Any], message: str) -> None:
-    with socket.socket() as taken, pytest.raises(InputError, match=message):
+    with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
-        serve(
-            **{
-                "folders": {"": tmp_path / "day"},
-                "scenario": load_scenario("plain-day"),
-                "seed": 3,
-                "port": taken.getsockname()[1],
-                "browser": False,
-                "say": print,
-                **given,
-            }
-        )
+        usual = {
+            "folders": {"": tmp_path / "day"},
+            "scenario": load_scenario("plain-day"),
+            "seed": 3,
+            "port": taken.getsockname()[1],
+            "browser": False,
+            "say": print,
+        }
+        with pytest.raises(InputError, match=message):
+            serve(**usual | given)
     assert list(tmp_path.iterdir()) == []

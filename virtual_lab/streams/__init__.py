@@ -116,6 +116,6 @@ def _key(seed: int, branch: tuple[int, ...], name: str) -> tuple[int, int, int]:
 
 @cache
 def _kernel() -> Callable[..., Any]:
-    from virtual_lab.philox import fill
+    from virtual_lab.streams.philox import fill
 
     return fill
