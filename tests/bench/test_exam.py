@@ -66,7 +66,7 @@ def test_the_trainer_sees_who_is_where_and_no_truth(
     assert "bearing-friction" not in page
     assert trainer.ask("/debrief").status == trainer.ask("/notebook").status == 404
     assert ada.ask("/debrief").status == 409
-    assert "Your trainer opens the debrief" in ada.ask("/").text
+    assert "your trainer opens the debrief" in ada.ask("/").text
     assert turned(ada, "end").status == 422  # no action of a trainee
     assert opened.is_open
 

@@ -14,13 +14,13 @@ from virtual_lab.bench.actions import ARGUMENTS, Argument
 from virtual_lab.bench.day import DayEvent, offered
 from virtual_lab.bench.inspection import known_doubts
 from virtual_lab.bench.operators import PREPARATION
+from virtual_lab.bench.scenario import UNITS
 from virtual_lab.bench.slow_motion import Motion, SlowMotion, sketched, slow_motion
 from virtual_lab.bench.table import MAKE_READY, action_table
 from virtual_lab.bench.traces import traces_of
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.tables import quoted
 from virtual_lab.output.template import page_template
-from virtual_lab.units import INCH, MPH
 
 if TYPE_CHECKING:
     from virtual_lab.bench.desk import Desk
@@ -111,10 +111,10 @@ def day_page(
         That of the shot, once it may be seen.
     """
     day, table = desk.day, action_table()
-    hits = _hits(desk)
+    hits = _hits(desk, briefing)
     steps = _steps(desk)
     guided = briefing["guidance"] == "guided" and not day.handed_in
-    present = _present(desk, steps, hits) if guided else ""
+    present = _present(desk, steps, hits) if guided and offered(day, "fire") else ""
     shown = min(shot or len(hits), len(hits))
     fired = [event for event in day.events if event.action == "fire"]
     refused = refusal or Refusal(sentence="")
@@ -136,6 +136,7 @@ def day_page(
         done_of=_done_of(desk),
         sheets=table.actions,
         hits=hits,
+        units=_units(briefing),
         undecided=[hit for hit in hits if hit.decision == "undecided"],
         hits_note=desk.missing,
         metric=METRICS[desk.rules.spec.metric],
@@ -161,7 +162,8 @@ def notebook_page(desk: Desk, briefing: Mapping[str, Any]) -> str:
         rules=desk.rules.spec,
         metric=METRICS[desk.rules.spec.metric],
         entries=_entries(desk),
-        hits=_hits(desk),
+        hits=_hits(desk, briefing),
+        units=_units(briefing),
     )
 
 
@@ -297,8 +299,14 @@ def _suggested(desk: Desk) -> dict[str, str]:
     }
 
 
-def _hits(desk: Desk) -> list[HitShown]:
+def _units(briefing: Mapping[str, Any]) -> list[str]:
+    """Return the units in which places and speeds are printed."""
+    return [unit for unit, _ in UNITS[briefing["units"]]]
+
+
+def _hits(desk: Desk, briefing: Mapping[str, Any]) -> list[HitShown]:
     day = desk.day
+    (length, metre), (_, metre_a_second) = UNITS[briefing["units"]]
     if not day.fired:
         return []
     whole = not desk.missing
@@ -312,8 +320,8 @@ def _hits(desk: Desk) -> list[HitShown]:
             windows = desk.reasons[shot] or "within"
             unit = METRICS[desk.rules.spec.metric].unit_si
             numbers = (
-                _number(found.readings.place[shot] / INCH, 3),
-                _number(found.shots.speed[shot] / MPH, 2),
+                _number(found.readings.place[shot] / metre, 3 if length == "in" else 1),
+                _number(found.shots.speed[shot] / metre_a_second, 2),
                 _number(found.shots.collision_efficiency[shot], 4),
                 _number(found.shot_metric[shot] / unit, 4),
             )
