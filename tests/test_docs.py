@@ -16,7 +16,7 @@ BLOCK = re.compile(r"^```(python)?\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 OPTIONS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 
-@pytest.mark.parametrize("name", ["certify-and-score", "uncertainty-study", "a-clip"])
+@pytest.mark.parametrize("name", ["certify-and-score", "uncertainty-study", "a-clip", "rehearse"])
 def test_a_tutorial_runs_as_it_stands(
     name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
