@@ -11,7 +11,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.video.clips.calibration_file import CameraModel, ClipCalibration
 from virtual_lab.video.locate.located import Located
 
-__all__ = ["RIM", "Plane", "distance_of", "on_plane", "plane_of", "relative_u_of"]
+__all__ = ["RIM", "PixelScale", "Plane", "distance_of", "on_plane", "plane_of", "relative_u_of"]
 
 Array = NDArray[np.float64]
 
@@ -20,13 +20,19 @@ RIM = 3.0  # a pattern's effect on the radius over that on the place: rims are d
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plane:
-    """What a picture measures."""
+class PixelScale:
+    """Metres of a pixel in the plane of the ball, with the relative u of it."""
 
-    places: Array  # (frame, 2) [m]
     metres_per_pixel: float  # at the ball's middle place
     relative_u: float  # standard uncertainty of every length
     source: str  # what sets the scale
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plane(PixelScale):
+    """What a picture measures."""
+
+    places: Array  # (frame, 2) [m]
     sizes: Array  # how large a ball in the plane looks in each frame, by its place, (frame,)
     sense: float = 1.0  # -1 where Y runs up the picture and X to its right
 

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.video.calibration.plane import distance_of
+from virtual_lab.video.calibration.plane import PixelScale, distance_of
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.timing import UNEVEN, usual_step
@@ -25,7 +25,6 @@ __all__ = [
     "FlightSeen",
     "FollowedClip",
     "Known",
-    "PixelScale",
     "follow",
     "following",
     "known_of",
@@ -70,29 +69,17 @@ class Known:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PixelScale:
-    """Metres of a pixel in the plane of the ball, with the relative u of it."""
-
-    metres_per_pixel: float
-    relative_u: float
-    source: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class FlightSeen:
     """A flight in metres and seconds."""
 
     first_frame: int
     last_frame: int
     places: int
-    start: float  # [s]
-    end: float
     speed_in: Said  # where it begins: at the contact before, else at its first place
     speed_out: Said
     angle_in: Said  # of the velocity, from the picture's right, anticlockwise as seen [rad]
     angle_out: Said
     acceleration: Said  # its own, without drag
-    radius: float  # [pixels]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -335,7 +322,7 @@ def _said(
         shared = widened(shared, shared.value * scale.relative_u)
         unit = scale.metres_per_pixel / step**2
         gravity = shared.times(unit)
-        notes += _against(known, flights, scale)
+        notes += _against(known, ways, flights, scale, step)
     if ways and (more := beside(scene, ways, found)):
         first = min(int(each.frames[0]) for each in more)
         words = (
@@ -474,14 +461,11 @@ def _flights(
                 first_frame=int(way.frames[0]),
                 last_frame=int(way.frames[-1]),
                 places=len(way.t),
-                start=float(way.t[0]) * step,
-                end=float(way.t[-1]) * step,
                 speed_in=speeds[0],
                 speed_out=speeds[1],
                 angle_in=angles[0],
                 angle_out=angles[1],
                 acceleration=pull.times(unit / step),
-                radius=way.radius,
             )
         )
     return found
@@ -501,14 +485,16 @@ def _speed(flight: int, t: float, fit: Fit) -> float:
     return float(np.hypot(*fit.at(flight, t)[0, 2:]))
 
 
-def _against(known: Known, flights: list[FlightSeen], scale: PixelScale) -> list[Note]:
+def _against(
+    known: Known, ways: list[Piece], flights: list[FlightSeen], scale: PixelScale, step: float
+) -> list[Note]:
     """Return what speaks against scale, ball, frame rate and shutter."""
     notes = []
     bends = [
         each
-        for each in flights
-        if max(known.gravity, each.acceleration.value) * (each.end - each.start) ** 2 / 8
-        > 2 * scale.metres_per_pixel * each.radius
+        for way, each in zip(ways, flights, strict=True)
+        if max(known.gravity, each.acceleration.value) * (step * np.ptp(way.t)) ** 2 / 8
+        > 2 * scale.metres_per_pixel * way.radius
     ]
     if bends:
         weight = np.array([1 / max(each.acceleration.u, 1e-9) ** 2 for each in bends])

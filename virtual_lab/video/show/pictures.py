@@ -35,7 +35,7 @@ COLOURS = ((178, 114, 0), (0, 94, 213), (115, 158, 0), (167, 121, 204), (0, 159,
 LEFT = (150, 150, 150)
 
 
-HEX = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
+HEX = tuple(f"#{red:02x}{green:02x}{blue:02x}" for blue, green, red in COLOURS)
 OTHERS = "0.45"
 BALLS = 14  # drawn into one picture, about
 

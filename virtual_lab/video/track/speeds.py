@@ -11,7 +11,7 @@ from virtual_lab.units import DEGREE
 from virtual_lab.video.calibration.plane import RIM
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.follow.contacts import COVERAGE, Contact, Note, excessive
-from virtual_lab.video.follow.following import FollowedClip, PixelScale
+from virtual_lab.video.follow.following import FollowedClip
 from virtual_lab.video.follow.said import Said, widened
 from virtual_lab.video.track.legs import StraightFlight
 from virtual_lab.video.track.tracking import Tracked
@@ -69,11 +69,7 @@ def with_speeds(
         found,
         flights=flights,
         contacts=contacts,
-        scale=PixelScale(
-            metres_per_pixel=plane.metres_per_pixel,
-            relative_u=plane.relative_u,
-            source=plane.source,
-        ),
+        scale=plane,
         drag_per_m=calibration.drag_per_m,
         notes=(*kept, *_against(tracked, calibration, off), *notes),
     )
