@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -25,8 +24,6 @@ KEPT = 60e6  # B: a shorter clip is decoded once and stays in memory
 
 
 Item = TypeVar("Item")
-
-AHEAD = 2  # items decoded before they are asked for
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,9 +126,9 @@ def _require_size(frame: Frame, path: Path, calibration: ClipCalibration) -> Non
 
 
 def ahead(items: Iterator[Item]) -> Iterator[Item]:
-    """Yield items in order, made in a thread; what it raises is raised here."""
+    """Yield items in order, the next one made in a thread; what it raises is raised here."""
     with ThreadPoolExecutor(1) as worker:
-        waiting = deque(worker.submit(next, items, None) for _ in range(AHEAD))
-        while (item := waiting.popleft().result()) is not None:
-            waiting.append(worker.submit(next, items, None))
+        coming = worker.submit(next, items, None)
+        while (item := coming.result()) is not None:
+            coming = worker.submit(next, items, None)
             yield item

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +20,6 @@ Array = NDArray[np.float64]
 Note = tuple[str, str]  # a flag in capitals, "" where none need be raised, and a sentence
 
 SQUARE = np.cos(35 * DEGREE)  # a change of velocity nearer than this to a normal is along it
-BEHIND = 0.35  # of the difference between fits with and without drag, as u
 COVERAGE = 2.0  # u: what lies beyond is no chance
 CHANGED = 0.2  # of the speed: a smaller change is no contact
 SLANT = 0.5 * DEGREE  # of a floor or a wall off g, and of g as the camera sees it
@@ -46,8 +46,7 @@ def contacts_of(
     scene: FlightScene,
     ways: list[Piece],
     fit: Fit,
-    free: Fit,
-    other_fit: Fit | None,
+    others: Sequence[tuple[Fit, float]],
     step: float,
     unit: float,
 ) -> tuple[list[Contact], list[Note]]:
@@ -57,10 +56,9 @@ def contacts_of(
     ----------
     fit
         Of flights that share g and drag.
-    free
-        Of parabolas, each on its own.
-    other_fit
-        With a perspective, or without the one of `fit`, where the camera is tilted.
+    others
+        By other models (parabolas, each on its own; with a perspective or without), and what share
+        of a difference is u.
     step
         Seconds of a step of time.
     unit
@@ -80,7 +78,7 @@ def contacts_of(
         time = from_fit(fit, lambda f: _closest(f, met.first, met.t)[0])  # noqa: B023
         value = None
         if min(len(one.t), len(other.t)) >= SIDE and kind != "other":
-            value, flag, why = _restitution(fit, free, other_fit, met.first, met.t, normal, kind)
+            value, flag, why = _restitution(fit, others, met.first, met.t, normal, kind)
             if flag:
                 notes.append((flag, f"contact at frame {frame:.1f}: {why}"))
         found.append(
@@ -140,8 +138,7 @@ def _closest(fit: Fit, first: int, t: float) -> tuple[float, Array, Array]:
 
 def _restitution(
     fit: Fit,
-    free: Fit,
-    other_fit: Fit | None,
+    others: Sequence[tuple[Fit, float]],
     first: int,
     t: float,
     normal: Array | None,
@@ -156,15 +153,13 @@ def _restitution(
         return float(-(after @ normal) / (before @ normal))
 
     said = from_fit(fit, ratio)
-    more = [BEHIND * (said.value - ratio(free))]
+    more = [share * (said.value - ratio(other)) for other, share in others]
     if normal is not None:  # a floor is level, a wall upright, but for so much
         _, before, after = _closest(fit, first, t)
         side = np.array([-normal[1], normal[0]])
         more.append(
             SLANT * float(after @ side + said.value * before @ side) / float(before @ normal)
         )
-    if other_fit is not None:
-        more.append(said.value - ratio(other_fit))
     said = widened(said, *more)
     if why := excessive(said):
         return None, "ABOVE_ONE", why

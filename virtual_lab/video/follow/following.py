@@ -315,13 +315,12 @@ def _said(
         free = joint_fit(
             scene, ways, readout=readout, drag=False, shared=False, tilted=bool(fit.tilt.any())
         )
-        contacts, said = contacts_of(scene, ways, fit, free, other, step, scale.metres_per_pixel)
+        others = [(free, BEHIND), *([(other, 1.0)] if other else [])]
+        contacts, said = contacts_of(scene, ways, fit, others, step, scale.metres_per_pixel)
         notes += said
-        flights = _flights(scene, ways, fit, free, other, contacts, scale, step)
-        shared = from_fit(fit, partial(_pull, 0))
-        shared = widened(shared, shared.value * scale.relative_u)
+        flights = _flights(scene, ways, fit, others, contacts, scale, step)
         unit = scale.metres_per_pixel / step**2
-        gravity = shared.times(unit)
+        gravity = _told(partial(_pull, 0), fit, [], scale).times(unit)
         notes += _against(known, ways, flights, scale, step)
     if ways and (more := beside(scene, ways, found)):
         first = min(int(each.frames[0]) for each in more)
@@ -417,58 +416,54 @@ def _flights(
     scene: FlightScene,
     ways: list[Piece],
     fit: Fit,
-    free: Fit,
-    other: Fit | None,
+    others: list[tuple[Fit, float]],
     contacts: list[Contact],
     scale: PixelScale,
     step: float,
 ) -> list[FlightSeen]:
-    tilted = bool(fit.tilt.any())
-    own = joint_fit(scene, ways, readout=fit.readout, shared=False, tilted=tilted)
+    """Return the flights; `others`: fits by other models, and their differences' share of u."""
+    ways_of = {"shared": False, "tilted": bool(fit.tilt.any())}
+    own = joint_fit(scene, ways, readout=fit.readout, **ways_of)
+    owns = [(fit, 1.0)] if len(others) > 1 and not fit.tilt.any() else []
+    if scene.readout is None:  # any readout up to a frame is as likely
+        rolled = joint_fit(scene, ways, readout=1.0, tilted=ways_of["tilted"])
+        others = [*others, (rolled, 1 / np.sqrt(3))]
+        owns.append((joint_fit(scene, ways, readout=1.0, **ways_of), 1 / np.sqrt(3)))
     unit = scale.metres_per_pixel / step
     before = {each.after: each.t for each in contacts}
     after = {each.before: each.t for each in contacts}
-    rolled = others = None
-    if scene.readout is None:
-        rolled = joint_fit(scene, ways, readout=1.0, tilted=tilted)
-        others = joint_fit(scene, ways, readout=1.0, shared=False, tilted=tilted)
     found = []
     for k, way in enumerate(ways):
+        late = float(np.median(scene.late(way.blobs)))
         ends = (before.get(k, float(way.t[0])), after.get(k, float(way.t[-1])))
-        speeds, angles = [], []
-        for t in ends:
-            moment = t + fit.readout * float(np.median(scene.late(way.blobs))) if fit.readout else t
-            said = from_fit(fit, partial(_speed, k, moment))
-            more = [BEHIND * (said.value - _speed(k, moment, free))]
-            if other is not None:
-                more.append(said.value - _speed(k, moment, other))
-            if rolled is not None:
-                late = moment + float(np.median(scene.late(way.blobs)))
-                more.append((said.value - _speed(k, late, rolled)) / np.sqrt(3))
-            said = widened(said, *more, said.value * scale.relative_u)
-            speeds.append(said.times(unit))
-            right, down = fit.at(k, moment)[0, 2:]
-            angles.append(Said(value=float(np.arctan2(-down, right)), u=said.u / said.value))
-        pull = from_fit(own, partial(_pull, k))
-        off = [pull.value * scale.relative_u]
-        if others is not None:
-            off.append((pull.value - _pull(k, others)) / np.sqrt(3))
-        if other is not None and not tilted:
-            off.append(pull.value - _pull(k, fit))
-        pull = widened(pull, *off)
+        speeds = [_told(partial(_speed, k, t, late), fit, others, scale) for t in ends]
+        ways_out = [fit.at(k, t + fit.readout * late)[0, 2:] for t in ends]
+        angles = [
+            Said(value=float(np.arctan2(-down, right)), u=speed.u / speed.value)
+            for speed, (right, down) in zip(speeds, ways_out, strict=True)
+        ]
         found.append(
             FlightSeen(
                 first_frame=int(way.frames[0]),
                 last_frame=int(way.frames[-1]),
                 places=len(way.t),
-                speed_in=speeds[0],
-                speed_out=speeds[1],
+                speed_in=speeds[0].times(unit),
+                speed_out=speeds[1].times(unit),
                 angle_in=angles[0],
                 angle_out=angles[1],
-                acceleration=pull.times(unit / step),
+                acceleration=_told(partial(_pull, k), own, owns, scale).times(unit / step),
             )
         )
     return found
+
+
+def _told(
+    quantity: Callable[[Fit], float], fit: Fit, others: list[tuple[Fit, float]], scale: PixelScale
+) -> Said:
+    """Return what follows from a fit [pixels], its u with what other models say and the scale's."""
+    said = from_fit(fit, quantity)
+    off = (share * (said.value - quantity(other)) for other, share in others)
+    return widened(said, *off, said.value * scale.relative_u)
 
 
 def _apart(scene: FlightScene, ways: list[Piece], readout: float, *, tilted: bool = False) -> float:
@@ -481,8 +476,9 @@ def _pull(flight: int, fit: Fit) -> float:
     return float(np.hypot(*fit.pull[flight]))
 
 
-def _speed(flight: int, t: float, fit: Fit) -> float:
-    return float(np.hypot(*fit.at(flight, t)[0, 2:]))
+def _speed(flight: int, t: float, late: float, fit: Fit) -> float:
+    """Return a flight's speed at a time of the first row; the ball was read so `late`."""
+    return float(np.hypot(*fit.at(flight, t + fit.readout * late)[0, 2:]))
 
 
 def _against(
