@@ -260,7 +260,7 @@ def _picture(axes: Axes, course: BallCourse, pictures: Pictures) -> None:
             axes.plot(*course.xy[used].T, ".", color=colour, markersize=3, label=label)
     for k, (_, x, y) in enumerate(course.contacts):
         mark = "contact" if k == 0 else None
-        axes.plot(x, y, "+", color="k", markersize=11, markeredgewidth=1.2, label=mark)
+        axes.plot(x, y, "+", color="k", markersize=8, markeredgewidth=1.2, label=mark)
     axes.set(xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
     axes.set(xlabel="x, pixels", ylabel="y, pixels")
     axes.legend(
@@ -271,7 +271,7 @@ def _picture(axes: Axes, course: BallCourse, pictures: Pictures) -> None:
         frameon=True,
         edgecolor="none",
         ncols=5 if columns > rows else 1,
-        markerscale=2,
+        markerscale=1.5,
     )
 
 
