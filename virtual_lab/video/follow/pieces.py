@@ -23,6 +23,7 @@ GAP = 4  # frames in a row that need not show the ball
 LOST = 3  # frames that may have been left out at one place
 SURE = 4  # places before a step may be read as lost frames
 STEP = 0.25  # radii of it, at least
+EXACT = 0.1  # of it, that a place may be off if it is less than twice that
 LEAST = 5  # places of a piece
 TRAVEL = 1.0  # radii it covers
 SHORT, STEADY = 0.5, 0.01  # radii, if it strays off a parabola by so little: no noise does
@@ -206,12 +207,13 @@ class _Growth:
         room = NEXT if len(places) > 3 else (0.5, 0.2)
         later = time - recent[-1]
         most = (room[0] * radius + room[1] * speed) * (1 + 0.5 * (later - 1))
+        stray = 0.7 * most if speed > 2 * STEP * radius else EXACT * speed
         for lost in range(LOST + 1 if len(places) >= SURE and speed > STEP * radius else 1):
             ahead = later + lost
             expected = np.array([1.0, ahead, ahead**2]) @ solved
             off = np.hypot(*(self.xy[there] - expected).T)
             k = int(np.argmin(off))
-            if off[k] < (most if lost == 0 else min(0.7 * most, 0.35 * speed)):
+            if off[k] < (most if lost == 0 else stray):
                 return int(there[k]), lost
         return None
 
