@@ -17,7 +17,7 @@ from virtual_lab.video.track.legs import AirOnFlight, fit_flight
 __all__ = ["DROPPED", "METHOD", "dropped_frames"]
 
 Array = NDArray[np.float64]
-DROPPED, METHOD = "frames dropped, no time stamps", "legs"
+DROPPED, METHOD = "frames dropped, no time stamps", "followed"
 COUNTS = (0, 1, 2, 3, 5)  # of dropped frames, one after the other
 ERRORS = (0.002, 0.02, 0.1, 0.5)  # pixels, of a place
 FLIGHTS, FRAMES = 24, 20  # of each a flight in and out
