@@ -116,11 +116,13 @@ def track_text(found: FollowedClip) -> str:
     for k, flight in enumerate(flights):
         speeds = [flight.speed_in, flight.speed_out][: 2 - (flight.speed_in == flight.speed_out)]
         mph = " to ".join(f"{miles_per_hour(each.value):.2f}" for each in speeds)
-        lines.append(
+        words = (
             f"  flight {k + 1}: frames {flight.first_frame} to {flight.last_frame}, "
-            f"{flight.places} places, {' to '.join(map(_rounded, speeds))} m/s ({mph} mph), "
-            f"acceleration {_rounded(flight.acceleration)} m/s²"
+            f"{flight.places} places, {' to '.join(map(_rounded, speeds))} m/s ({mph} mph)"
         )
+        if flight.acceleration.u < flight.acceleration.value:  # else it bends too little to say
+            words += f", acceleration {_rounded(flight.acceleration)} m/s²"
+        lines.append(words)
         if contact := contacts.get(k):
             value = contact.restitution
             of = RATIOS.get(contact.kind, "speeds")
