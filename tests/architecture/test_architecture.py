@@ -217,3 +217,27 @@ def test_every_data_file_is_shipped() -> None:
         if path.is_file() and path.suffix not in {".py", ".pyc"} and path.parent.name != "figures"
     }
     assert every - covered == set()
+
+
+def test_no_public_name_stands_for_two_things() -> None:
+    """What a module defines and names in its ``__all__``; a rig is RIG, as entry points ask."""
+    found: dict[str, list[str]] = {}
+    for path in MODULES:
+        if "cli" in path.parts:
+            continue
+        body = ast.parse(path.read_text("utf-8")).body
+        own = {each.name for each in body if isinstance(each, ast.ClassDef | ast.FunctionDef)}
+        assigned = [
+            (target.id, each.value)
+            for each in body
+            if isinstance(each, ast.Assign)
+            for target in each.targets
+            if isinstance(target, ast.Name)
+        ]
+        own |= {name for name, _ in assigned}
+        for name, value in assigned:
+            if name == "__all__":
+                for public in set(ast.literal_eval(value)) & own:
+                    found.setdefault(public, []).append(str(path.relative_to(ROOT)))
+    twice = {name: paths for name, paths in found.items() if len(paths) > 1}
+    assert twice.keys() <= {"RIG"}, twice
