@@ -180,6 +180,8 @@ def serve(
         log_level="warning",
         access_log=False,
         server_header=False,
+        ws="none",
+        lifespan="off",
         backlog=64,
         limit_concurrency=4 * MOST_TRAINEES,
         ssl_certfile=certificate,
