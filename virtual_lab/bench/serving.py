@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import secrets
 import socket
+import sys
 import threading
 import time
 import webbrowser
@@ -37,6 +38,7 @@ __all__ = ["LOOPBACK", "ServedDay", "serve"]
 
 LOOPBACK = "127.0.0.1"
 MOST_TRAINEES = 50
+SWITCH = 5e-4  # s, that loading may hold up an answer
 FIRST_LOOK = 0.5  # s, that loading leaves the processor to a first page
 
 
@@ -178,6 +180,8 @@ def serve(
         log_level="warning",
         access_log=False,
         server_header=False,
+        ws="none",
+        lifespan="off",
         backlog=64,
         limit_concurrency=4 * MOST_TRAINEES,
         ssl_certfile=certificate,
@@ -204,6 +208,7 @@ def serve(
     say("Ctrl-C stops, the day stays; root and your account can read the sealed file, no page can")
     if browser:
         webbrowser.open(addresses[0])
+    sys.setswitchinterval(SWITCH)
     try:
         for day in days.values():
             day.looked_at.wait(FIRST_LOOK)
@@ -227,7 +232,7 @@ def _require(host: str, tls: tuple[Path, Path] | None, trainees: int) -> None:
 
 
 def _listening(host: str, port: int) -> socket.socket:
-    own = socket.socket()
+    own = socket.socket(proto=socket.IPPROTO_TCP)  # without it an answer in two parts waits 40 ms
     own.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         own.bind((host, port))
