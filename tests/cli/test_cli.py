@@ -355,15 +355,16 @@ def test_a_fitted_bat_can_be_profiled(run: Run, tmp_path: Path) -> None:
 
 def test_a_laboratorys_mornings(run: Run, tmp_path: Path) -> None:
     """The table, the picture's path, and the next free folder where none is named."""
-    code, out, err = run("daily", "--days", "40", "--drift", "0.001", "--rule", "1")
+    short = ("daily", "--days", "12", "--baseline", "6", "--hits", "4")
+    code, out, err = run(*short, "--rule", "1")
     assert (code, [line for line in err.splitlines() if not line.startswith("…")]) == (0, [])
     assert "cumulative sum (CUSUM)" in out
     pictures = [line for line in out.splitlines() if line.startswith("out/")]
     assert pictures == ["out/daily"]
     assert not out.endswith("\n\n")
-    document = json.loads(run("daily", "--days", "30", "--json")[1])
+    document = json.loads(run(*short, "--json")[1])
     assert document["folder"] == "out/daily-2"
-    assert len(document["days"]) == 30
+    assert len(document["days"]) == 12
     assert (tmp_path / "out" / "daily-2" / "daily.png").is_file()
 
 

@@ -87,14 +87,14 @@ def test_the_constant_is_the_control_bats_e_with_its_uncertainty(rules: str) -> 
 
 
 def test_the_intervals_hold_the_truth(rules: str) -> None:
-    """12 laboratories; of intervals of 95 % fewer than 9 hold it once in 5000 times."""
+    """8 laboratories; of intervals of 95 % fewer than 5 hold it once in 2500 times."""
     held = 0
-    for seed in range(60_000, 60_012):
+    for seed in range(60_000, 60_008):
         found = controlled(rules, seed=seed)
         assert found.certification.metric is not None
         low, high = found.certification.metric.interval_95
         held += low <= found.sealed.measurand["metric"] <= high
-    assert held >= 9
+    assert held >= 5
 
 
 def test_a_livelier_lot_goes_out_of_the_ratio(rules: str, tmp_path: Path) -> None:

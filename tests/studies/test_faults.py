@@ -14,14 +14,14 @@ from virtual_lab.errors import InputError
 from virtual_lab.studies.faults import PROCEDURES, Bias, faults
 
 FEW = ("gate-moved", "wrong-lot", "encoder-slip", "ball-out-of-round")
-LABORATORIES = 6
+LABORATORIES = 4
 TABLE = Path(__file__).with_name("faults-2026-11-22.csv")
 
 
 def test_a_few_faults_come_out_as_predicted(tmp_path: Path) -> None:
     """The reduced form of ``virtual-lab faults`` (60 laboratories a fault, table beside this).
 
-    Caught is caught in all 6; the biases lie within three standard uncertainties of those
+    Caught is caught in all 4; the biases lie within three standard uncertainties of those
     predicted; no sound day is flagged, which 1 % a day leaves 94 % likely.
     """
     rows = faults(FEW, procedures=("astm-f1881",), laboratories=LABORATORIES, seed=600)

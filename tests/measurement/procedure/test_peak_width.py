@@ -101,11 +101,11 @@ def test_a_drop_of_nothing_or_of_a_speed_is_refused() -> None:
 
 
 def test_the_interval_holds_the_true_width_in_most_laboratories() -> None:
-    """Of 40 intervals of 95 % at least 33 hold it with probability 0.999."""
+    """Of 24 intervals of 95 % at least 19 hold it with probability 0.999."""
     held = 0
-    for tested in Campaign.of("r161", "bbcor").run(40, 70_000):
+    for tested in Campaign.of("r161", "bbcor").run(24, 70_000):
         width = tested.certification.width
         assert width is not None
         low, high = width.budget.interval_95
         held += low <= tested.sealed.measurand[WIDTH_KEY] <= high
-    assert held >= 33
+    assert held >= 19
