@@ -18,10 +18,11 @@ from virtual_lab.bench.scenario import load_scenario
 from virtual_lab.bench.serving import ServedDay
 from virtual_lab.bench.web import application
 
-__all__ = ["SEED", "chromium", "enter", "faults_of", "free_port", "opened", "served"]
+__all__ = ["FOCUSED", "SEED", "chromium", "enter", "faults_of", "free_port", "opened", "served"]
 
 SEED = 3
 FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
+FOCUSED = "document.activeElement !== document.body"
 
 
 def chromium() -> str:
@@ -71,9 +72,10 @@ def served(folder: Path, scenario: str = "plain-day") -> Iterator[tuple[ServedDa
 
 def enter(page: Any, key: str = "Enter") -> str:
     """Press a key on what has the focus, and return what has it on the next page."""
+    page.wait_for_function(FOCUSED)  # given once the page is drawn, which may be after its load
     with page.expect_navigation():
         page.keyboard.press(key)
-    page.wait_for_function("document.activeElement !== document.body")
+    page.wait_for_function(FOCUSED)
     return str(page.evaluate("document.activeElement.textContent"))
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.bench.browsing import enter, faults_of, opened, served
+from tests.bench.browsing import FOCUSED, enter, faults_of, opened, served
 from virtual_lab.bench.serving import ServedDay
 
 WIDE, NARROW = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
@@ -198,7 +198,7 @@ def test_axe_finds_nothing_on_any_state(visit: Visit, every: bool) -> None:
     look("refused")
     page.goto(page.url.removesuffix("do"))
     for _ in range(12):
-        page.wait_for_function("document.activeElement !== document.body")
+        page.wait_for_function(FOCUSED)
         enter(page)
     press("Load, make ready and fire")
     page.evaluate("document.querySelectorAll('details').forEach(each => each.open = true)")
