@@ -12,8 +12,8 @@ from virtual_lab.bench.day import Day, DayEvent, replayed
 from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.firing import Firing, ShotConditions
 from virtual_lab.bench.page import day_page
-from virtual_lab.bench.sketching import blurred, plan, true_motion
-from virtual_lab.bench.slow_motion import sketched, slow_motion, told
+from virtual_lab.bench.sketching import blurred, plan_of_shot, true_motion
+from virtual_lab.bench.slow_motion import contact_words, sketched, slow_motion
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.streams import Streams
 
@@ -115,11 +115,11 @@ def before_shot(day: Day, shot: int) -> Day:
 
 def test_a_shot_that_meets_the_frame_says_so() -> None:
     """Aimed beyond the opening of the gates, the ball strikes a frame before the bat."""
-    seen = plan(apparatus().firing, conditions(0)._replace(place=0.55))
+    seen = plan_of_shot(apparatus().firing, conditions(0)._replace(place=0.55))
     assert seen is not None
     assert [contact.struck for contact in seen.contacts][:1] == ["frame"]
-    assert told(["frame"]) == "The ball strikes the frame of a gate."
-    assert told(["bat", "stop"], "back", "up") == (
+    assert contact_words(["frame"]) == "The ball strikes the frame of a gate."
+    assert contact_words(["bat", "stop"], "back", "up") == (
         "The ball strikes the bat; the bat strikes its stop; it comes back, rising."
     )
-    assert told([]) == "No ball came."
+    assert contact_words([]) == "No ball came."

@@ -33,9 +33,9 @@ __all__ = [
     "DayScore",
     "Debrief",
     "ExpertDay",
-    "FaultTold",
-    "HitTold",
-    "StepTold",
+    "FaultReview",
+    "HitReview",
+    "StepReview",
     "debrief",
     "debrief_page",
     "debriefed",
@@ -76,7 +76,7 @@ class CostlyDecision:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FaultTold:
+class FaultReview:
     """A fault of the day: its cue, when it could be seen, and when it was named."""
 
     name: str
@@ -91,7 +91,7 @@ class FaultTold:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StepTold:
+class StepReview:
     """A step of the procedure: what was expected, and what was done."""
 
     title: str
@@ -101,7 +101,7 @@ class StepTold:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HitTold:
+class HitReview:
     """A hit and what became of it."""
 
     ball: int  # from 1
@@ -146,14 +146,14 @@ class Debrief:
     found: tuple[str, ...]
     missed: tuple[str, ...]
     false_alarms: tuple[str, ...]
-    told: tuple[FaultTold, ...]
+    fault_reviews: tuple[FaultReview, ...]
     scores: tuple[DayScore, ...]
     keep: str
     change: str
     costly: tuple[CostlyDecision, ...]
-    steps: tuple[StepTold, ...]
+    steps: tuple[StepReview, ...]
     own: tuple[OwnResult, ...]
-    hits: tuple[tuple[HitTold | None, HitTold | None], ...]  # the trainee's, the expert's
+    hits: tuple[tuple[HitReview | None, HitReview | None], ...]  # the trainee's, the expert's
     expert: ExpertDay
     disputes: tuple[tuple[str, str], ...]  # score, the trainee's note
     minutes: float
@@ -222,7 +222,7 @@ def debrief(apparatus: Apparatus, day: Day, scenario: Scenario, seal: str = "") 
         found=tuple(name for name in faults if name in named),
         missed=tuple(name for name in faults if name not in named),
         false_alarms=tuple(name for name in named if name not in faults),
-        told=tuple(_told(day, faults)),
+        fault_reviews=tuple(_fault_reviews(day, faults)),
         scores=scores,
         keep=keep,
         change=change,
@@ -270,7 +270,7 @@ def _named(day: Day, worst: str) -> dict[str, float]:
     return {name: sure for name, sure in named.items() if name in known_doubts()}
 
 
-def _told(day: Day, faults: tuple[str, ...]) -> Iterator[FaultTold]:
+def _fault_reviews(day: Day, faults: tuple[str, ...]) -> Iterator[FaultReview]:
     """Yield each fault with the entry that first showed it and the one that named it."""
     visible: dict[str, int] = {}
     desk = Desk(replace(_handed_over(day), events=(), came_with=0))
@@ -288,7 +288,7 @@ def _told(day: Day, faults: tuple[str, ...]) -> Iterator[FaultTold]:
     for name in faults:
         sheet = fault_sheets()[name]
         found_by = sheet.found_by
-        yield FaultTold(
+        yield FaultReview(
             name=name,
             title=sheet.title,
             cue=sheet.cue,
@@ -310,7 +310,7 @@ def _advice(scores: tuple[DayScore, ...]) -> tuple[str, str]:
     return f"{best.name}: {best.because}", change
 
 
-def _steps(day: Day) -> Iterator[StepTold]:
+def _steps(day: Day) -> Iterator[StepReview]:
     """Yield each step that was due: before what, and how often it was done."""
     sheets, notes = action_table().actions, excused(day)
     due: dict[str, list[StepDue]] = {}
@@ -321,7 +321,7 @@ def _steps(day: Day) -> Iterator[StepTold]:
         shots = ", ".join(str(each.shot + 1) for each in left if each.shot is not None)
         done = "done" if not left else f"left out before shot {shots}" if shots else "left out"
         before = f"before “{sheets[PREPARING[step]].title}”" if step in PREPARING else ""
-        yield StepTold(
+        yield StepReview(
             title=sheets[step].title,
             expected=before or "before each shot",
             done=done,
@@ -329,7 +329,7 @@ def _steps(day: Day) -> Iterator[StepTold]:
         )
 
 
-def _hits(desk: Desk) -> list[HitTold]:
+def _hits(desk: Desk) -> list[HitReview]:
     found = None if desk.missing or not desk.day.fired else desk.by_rules
     rows = []
     for shot, (ball, _) in enumerate(desk.day.fired):
@@ -350,7 +350,7 @@ def _hits(desk: Desk) -> list[HitTold]:
         )
         place, speed, efficiency, metric = numbers
         rows.append(
-            HitTold(
+            HitReview(
                 ball=ball + 1,
                 place=place,
                 speed=speed,

@@ -47,7 +47,7 @@ def load_class(path: Path) -> ClassSheet:
     return found
 
 
-class Watched(Protocol):
+class WatchedDay(Protocol):
     """A day that is being taken."""
 
     @property
@@ -68,7 +68,7 @@ class TraineeShown:
 class Hall:
     """An exam that is going on: closed until the trainer begins it, and once it is over."""
 
-    def __init__(self, title: str, days: Mapping[str, Watched]) -> None:
+    def __init__(self, title: str, days: Mapping[str, WatchedDay]) -> None:
         self.title, self.days = title, days
         self.state = "not begun"
 

@@ -2,7 +2,7 @@
 
 An animation drawn to 5 mm would give e_A to 0.0003. So the rebound is off by a draw of the day
 and one of the shot, which no number of shots averages out, and the bat's turn by another. After
-the day is handed in, `plan` gives the shot as it was.
+the day is handed in, `plan_of_shot` gives the shot as it was.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from virtual_lab.bench.day import Day, evolve
 from virtual_lab.bench.firing import Firing, ShotConditions
-from virtual_lab.bench.slow_motion import Motion, told
+from virtual_lab.bench.slow_motion import Motion, contact_words
 from virtual_lab.simulation.cannon_station import RestingBatStation
 from virtual_lab.simulation.flights import RestingBat, Surroundings, scene_of
 from virtual_lab.simulation.motion import play
@@ -21,7 +21,7 @@ from virtual_lab.simulation.motion.plan_view import PlanView, plan_view
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.rig import Stage
 
-__all__ = ["REBOUND_BLUR", "TURN_BLUR", "blurred", "plan", "sketch_of", "true_motion"]
+__all__ = ["REBOUND_BLUR", "TURN_BLUR", "blurred", "plan_of_shot", "sketch_of", "true_motion"]
 
 REBOUND_BLUR = (0.03, 0.03)  # standard deviation of e_A: of a day, of a shot
 TURN_BLUR = (0.1, 0.1)  # of the bat's turn, as a share: of a day, of a shot
@@ -46,7 +46,7 @@ def _sketched(firing: Firing, shot: ShotConditions) -> dict[str, Any]:
     truth = firing.shot(shot)[1].truth
     efficiency, across = (float(truth[name][0]) for name in ("collision_efficiency", "across"))
     met = bool(np.isfinite(efficiency))
-    seen = plan(firing, shot)
+    seen = plan_of_shot(firing, shot)
     others = {contact.struck: None for contact in seen.contacts} if seen else {}
     struck = [*others] or ["bat"] * met
     if not met:
@@ -74,7 +74,7 @@ def blurred(firing: Firing, shot: ShotConditions, efficiency: float) -> tuple[fl
     return round(float(efficiency + off), 2), round(float(rate), 1)
 
 
-def plan(firing: Firing, shot: ShotConditions) -> PlanView | None:
+def plan_of_shot(firing: Firing, shot: ShotConditions) -> PlanView | None:
     """Return a shot at a bat at rest as it was; None at other rigs, or where no scene plays it."""
     laboratory, asked = firing.as_it_stands(shot)
     station = laboratory.stations[Stage.IMPACT]
@@ -104,7 +104,7 @@ def true_motion(firing: Firing, day: Day, shot: int) -> Motion | None:
     before = Day(morning=day.morning, balls=day.balls)
     for event in day.events:
         if event.action == "fire" and len(before.fired) == shot - 1:
-            seen = plan(firing, firing.conditions(before))
+            seen = plan_of_shot(firing, firing.conditions(before))
             return None if seen is None else _motion(seen)
         before = evolve(before, event)
     return None
@@ -117,6 +117,6 @@ def _motion(seen: PlanView) -> Motion:
         x=seen.ball_x,
         z=seen.ball_z,
         angle=seen.angle,
-        told=told([contact.struck for contact in seen.contacts]),
+        words=contact_words([contact.struck for contact in seen.contacts]),
         true=True,
     )

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from virtual_lab.bench.day import Day, DayEvent
     from virtual_lab.measurement.procedure import Procedure
 
-__all__ = ["Motion", "SlowMotion", "sketched", "slow_motion", "told"]
+__all__ = ["Motion", "SlowMotion", "contact_words", "sketched", "slow_motion"]
 
 FRAMES = 121
 AFTER = 0.15  # s after the contact
@@ -55,7 +55,7 @@ class Motion:
     x: NDArray[np.float64]
     z: NDArray[np.float64]
     angle: NDArray[np.float64]
-    told: str  # what happened, in words
+    words: str  # what happened, in words
     true: bool = False  # whether it is what really happened
 
 
@@ -65,7 +65,7 @@ class SlowMotion:
 
     shot: int  # from 1
     frames: str  # JSON of [time in ms, x, z, angle] each
-    told: str
+    words: str
     true: bool
     axis: float  # of the bat, from its tip
     bat: str  # points of its outline
@@ -102,11 +102,11 @@ def sketched(event: DayEvent, rules: Procedure, place: float) -> Motion:
         x = x - speed / 2 * after
     if "stop" in struck:
         angle = np.minimum(angle, STOP)
-    words = told(struck, sketch.get("way", ""), sketch.get("side", "straight"))
-    return Motion(time=time, x=x, z=np.full(time.shape, place), angle=angle, told=words)
+    words = contact_words(struck, sketch.get("way", ""), sketch.get("side", "straight"))
+    return Motion(time=time, x=x, z=np.full(time.shape, place), angle=angle, words=words)
 
 
-def told(struck: Sequence[str], way: str = "", side: str = "straight") -> str:
+def contact_words(struck: Sequence[str], way: str = "", side: str = "straight") -> str:
     """Return what happened on a shot, in a sentence."""
     ends = {"back": f"it comes back{SIDES[side]}", "on": "it does not come back"}
     text = "; ".join([*(WORDS[each] for each in struck), *([ends[way]] if way else [])])
@@ -135,7 +135,7 @@ def slow_motion(shot: int, motion: Motion, day: Day, rules: Procedure) -> SlowMo
     return SlowMotion(
         shot=shot,
         frames=json.dumps(frames, separators=(",", ":")),
-        told=motion.told,
+        words=motion.words,
         true=motion.true,
         axis=float(axis),
         bat=" ".join(right + left[::-1]),

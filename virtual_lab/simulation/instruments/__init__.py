@@ -41,13 +41,13 @@ class Instrument(Protocol):
     def errors(self) -> Mapping[str, float]: ...
 
 
-class Sheet(Protocol):
+class InstrumentSheet(Protocol):
     """A spec that knows what it would be without errors."""
 
     def ideal(self) -> Self: ...
 
 
-S = TypeVar("S", bound=Sheet)
+S = TypeVar("S", bound=InstrumentSheet)
 T = TypeVar("T")
 
 
