@@ -33,7 +33,7 @@ from virtual_lab.bench.serving import ServedDay
 SOUND, DECOY = "plain-day", "monday"  # a decoy says that something may be wrong, and nothing is
 CHECKS = ("weigh-check-mass", "tap-bat", "fire-check-ball", "gauge-gates", "fire-check-cylinder")
 LEAST_SPREAD = 0.05  # of a feature that hardly differs from day to day
-TOGETHER = 10  # days after which expert and book are told apart
+TOGETHER = 10  # days after which expert and book are classified
 
 
 def day_of(scenario: Scenario, operator: str, seed: int) -> Day:
@@ -110,7 +110,7 @@ def expert(days: int) -> None:
 
 def operators(days: int) -> None:
     fitted = [observed(name, range(7000, 7000 + days)) for name in OPERATORS]
-    print(f"operators told apart, fitted on {days} days each and judged on {days} fresh ones")
+    print(f"operators classified, fitted on {days} days each and judged on {days} fresh ones")
     for place, name in enumerate(OPERATORS):
         likely = likelihoods(fitted, observed(name, range(8000, 8000 + days)))
         right = float((likely.argmax(axis=1) == place).mean())

@@ -238,8 +238,8 @@ def test_the_debrief_sets_an_experts_day_beside_the_trainees() -> None:
     assert len(found.hits) == max(found.shots, found.expert.shots)
     same = [(mine, theirs) for mine, theirs in debriefed("book").hits]
     assert all(mine == theirs for mine, theirs in same)
-    told = found.fault_reviews[0]
-    assert (told.visible, told.named, told.checks) == (0, 0, ("Gauge the gate distances",))
+    review = found.fault_reviews[0]
+    assert (review.visible, review.named, review.checks) == (0, 0, ("Gauge the gate distances",))
     assert "missed it" in debrief_page(found)
     assert found.change.startswith(("protocol", "detection", "record", "result"))
 
@@ -253,10 +253,10 @@ def test_nothing_went_wrong_is_said_and_only_then() -> None:
 def test_a_fault_is_told_with_the_entry_that_showed_it_and_the_one_that_named_it() -> None:
     found = debriefed("expert", "bat-cracked")
     events = {event.number: event for event in day_by("expert", "bat-cracked").events}
-    (told,) = found.fault_reviews
-    assert events[told.visible].action == "tap-bat"
-    assert events[told.named].arguments["doubt"] == "bat-cracked"
-    assert told.visible < told.named
+    (review,) = found.fault_reviews
+    assert events[review.visible].action == "tap-bat"
+    assert events[review.named].arguments["doubt"] == "bat-cracked"
+    assert review.visible < review.named
 
 
 def test_the_confidence_in_the_verdict_is_scored_by_brier() -> None:

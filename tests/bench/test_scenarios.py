@@ -151,6 +151,9 @@ def test_a_class_in_one_table_a_day_played_back_and_a_scenario_tried(
     assert {row["same"] for row in entries} == {True}
     with pytest.raises(InputError, match="not handed in"):
         run("--replay", str(tmp_path / "plain-day"))
+    for other in ("copy.sqlite", "nowhere"):  # never the day that lies beside it
+        with pytest.raises(InputError, match="that is there, or its folder"):
+            run("--replay", str(tmp_path / "=cmd" / other))
 
     tried = run("check", "short-day")
     assert {row["operator"] for row in tried} == {"book", "expert"}

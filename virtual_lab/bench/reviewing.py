@@ -184,7 +184,10 @@ def replay(path: str | Path) -> Rows[PlayedEntry]:
         No log, or a day that was not handed in.
     """
     place = Path(path)
-    kept = KeptDay(place if place.is_dir() else place.parent)
+    log = place / LOG if place.is_dir() else place
+    if log.name != LOG or not log.is_file():
+        raise InputError("", "replay", str(path), f"allowed: a {LOG} that is there, or its folder")
+    kept = KeptDay(log.parent)
     if not kept.day.handed_in:
         raise InputError(str(place), "day", None, "is not handed in yet")
     sheets = action_table().actions

@@ -107,12 +107,16 @@ def table_text(
         first = rows[0]
         named = isinstance(first, Mapping)
         columns = {key: Column(key) for key in first} if named else columns_of(first)
+    records = [record(row) for row in rows]
     lines = [
         [each.head for each in columns.values()],
-        *([_cell(row, key, each) for key, each in columns.items()] for row in rows),
+        *(
+            [_cell(row, values, key, each) for key, each in columns.items()]
+            for row, values in zip(rows, records, strict=True)
+        ),
     ]
     if across:
-        heads = ["", *(str(record(row)[across]) for row in rows)]
+        heads = ["", *(str(values[across]) for values in records)]
         lines = [heads, *(list(line) for line in zip(*lines, strict=True))]
     widths = [max(len(line[place]) for line in lines) for place in range(len(lines[0]))]
     return "\n".join(
@@ -140,10 +144,10 @@ def number(value: float | None, form: str = ".6f") -> str:
     return "" if value is None else f"{value:{form}}"
 
 
-def _cell(row: Any, key: str, printed: Column) -> str:
+def _cell(row: Any, values: Mapping[str, Any], key: str, printed: Column) -> str:
     if not isinstance(printed.form, str):
         return printed.form(row)
-    value = record(row)[key]
+    value = values[key]
     if value is None:
         return ""
     if isinstance(value, float):
