@@ -18,41 +18,44 @@ if TYPE_CHECKING:
     from virtual_lab.api import (
         Calibration,
         Certificate,
+        Compared,
+        InputError,
+        Profiled,
         Sheet,
         Track,
         ball,
         bat,
+        bias,
         board,
         calibrate,
         certify,
+        chart,
+        clip_coverage,
+        convergence,
+        coverage,
+        critique,
+        daily,
+        effects,
+        faults,
+        fit_bat,
         instrument,
+        paper,
+        percussion,
         procedure,
+        profile,
         reduce,
         rig,
+        score,
+        sensitivity,
+        shelf,
+        show,
+        slope,
+        stability,
         sweep,
+        template,
         track,
     )
-    from virtual_lab.api.charts import chart, stability
     from virtual_lab.bench.running import rehearse
-    from virtual_lab.errors import InputError
-    from virtual_lab.fidelity.mode_convergence import convergence
-    from virtual_lab.studies.bats.ball_law import sensitivity
-    from virtual_lab.studies.bats.compare import Compared, profile
-    from virtual_lab.studies.bats.fit_bat import fit_bat
-    from virtual_lab.studies.bats.percussion import percussion
-    from virtual_lab.studies.bats.profile import Profiled
-    from virtual_lab.studies.bias import bias
-    from virtual_lab.studies.clips import clip_coverage
-    from virtual_lab.studies.coverage import coverage
-    from virtual_lab.studies.critique import critique
-    from virtual_lab.studies.daily import daily
-    from virtual_lab.studies.effects import effects
-    from virtual_lab.studies.faults import faults
-    from virtual_lab.studies.inventory import shelf
-    from virtual_lab.studies.paper import paper
-    from virtual_lab.studies.place_slope import slope
-    from virtual_lab.studies.score import score_folder as score
-    from virtual_lab.studies.template import template
 
 __all__ = [
     "Calibration",
@@ -89,6 +92,7 @@ __all__ = [
     "score",
     "sensitivity",
     "shelf",
+    "show",
     "slope",
     "stability",
     "sweep",
@@ -106,6 +110,6 @@ def __getattr__(name: str) -> object:
     """Load what is asked for, once."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = import_module("virtual_lab.api").of(name)
+    found = getattr(import_module("virtual_lab.api"), name)
     globals()[name] = found
     return found

@@ -17,7 +17,12 @@ def test_the_calibration_beside_a_film_is_what_the_laboratory_knows(
     """It reads; the camera is the session's; the bat's pivot and width are within millimetres."""
     monkeypatch.setattr(rigs.filmed_cannon, "write_films", lambda *_: None)
     done = certify(
-        "r161", procedure="bbcor", rig="filmed-cannon", seed=3, detail=RecordDetail.SUMMED
+        "r161",
+        procedure="bbcor",
+        rig="filmed-cannon",
+        seed=3,
+        film=True,
+        detail=RecordDetail.SUMMED,
     )
     assert done.film is not None
     done.film(tmp_path)

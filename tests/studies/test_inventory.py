@@ -11,7 +11,7 @@ from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoa
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.streams import Quiet
-from virtual_lab.studies.inventory import shown_sheet
+from virtual_lab.studies.inventory import show
 from virtual_lab.units import MPH, STANDARD_GRAVITY
 
 RADIUS = 0.0366
@@ -44,7 +44,7 @@ def test_curtains_lose_a_ball_that_is_slower_than_the_sheet_says(name: str) -> N
     gates = LightGates.commission(
         catalog.load("instruments", name, LightGateSpec).spec, Quiet(), "g"
     )
-    said = shown_sheet(name).document["slowest_rebound"]
+    said = show(name).document["slowest_rebound"]
     for gate, row in enumerate(said["at_gates"]):
         speeds = row["speed_mph"] * MPH * np.array([0.999, 1.001])
         contact = np.full(2, 0.1)
@@ -67,7 +67,7 @@ def test_boards_see_a_ball_that_is_as_fast_as_the_sheet_says(name: str, rung: Re
     """And none of half that speed, which falls four times as far."""
     spec = catalog.load("instruments", name, LightBoardSpec).spec
     boards = LightBoards.commission(spec, Quiet(), "b")
-    said = shown_sheet(name).document["slowest_rebound"]
+    said = show(name).document["slowest_rebound"]
     for board, row in enumerate(said["at_gates"]):
         speeds = row["speed_mph"] * MPH * np.array([0.5, 1.001])
         contact = np.full(2, 0.1)
@@ -81,6 +81,6 @@ def test_boards_see_a_ball_that_is_as_fast_as_the_sheet_says(name: str, rung: Re
 
 def test_a_sheet_says_so_in_a_line() -> None:
     """0.5502 m √(g / 0.15 m) = 4.449 m/s = 9.952 mph."""
-    text = shown_sheet("pivot-gates").text
+    text = show("pivot-gates").text
     assert "75 mm of fall: 10.0 mph at 0.5502 m, 4.5 mph at 0.2499 m; " in text
-    assert "slowest" not in shown_sheet("lab-scale").text
+    assert "slowest" not in show("lab-scale").text

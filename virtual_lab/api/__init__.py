@@ -21,31 +21,72 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from virtual_lab.api.charts import chart, stability
     from virtual_lab.certificate.document import CertificateDocument
+    from virtual_lab.fidelity.mode_convergence import convergence
     from virtual_lab.lab import Tested
     from virtual_lab.measurement.certification import Certification
     from virtual_lab.output.metrics import Printed
     from virtual_lab.simulation.truth import Sealed
+    from virtual_lab.studies.bats.ball_law import sensitivity
+    from virtual_lab.studies.bats.compare import Compared, profile
+    from virtual_lab.studies.bats.fit_bat import fit_bat
+    from virtual_lab.studies.bats.percussion import percussion
+    from virtual_lab.studies.bats.profile import Profiled
+    from virtual_lab.studies.bias import bias
+    from virtual_lab.studies.clips import clip_coverage
+    from virtual_lab.studies.coverage import coverage
+    from virtual_lab.studies.critique import critique
+    from virtual_lab.studies.daily import daily
+    from virtual_lab.studies.effects import effects
+    from virtual_lab.studies.faults import faults
+    from virtual_lab.studies.inventory import shelf, show
+    from virtual_lab.studies.paper import paper
+    from virtual_lab.studies.place_slope import slope
     from virtual_lab.studies.score import QuantityScore
+    from virtual_lab.studies.score import score_folder as score
+    from virtual_lab.studies.template import template
     from virtual_lab.video.calibration.calibrating import Calibrated
     from virtual_lab.video.show.tracked_clip import TrackedClip
 
 __all__ = [
     "Calibration",
     "Certificate",
+    "Compared",
+    "InputError",
+    "Profiled",
     "Sheet",
     "Track",
     "ball",
     "bat",
+    "bias",
     "board",
     "calibrate",
     "certify",
+    "chart",
+    "clip_coverage",
+    "convergence",
+    "coverage",
+    "critique",
+    "daily",
+    "effects",
+    "faults",
+    "fit_bat",
     "instrument",
-    "of",
+    "paper",
+    "percussion",
     "procedure",
+    "profile",
     "reduce",
     "rig",
+    "score",
+    "sensitivity",
+    "shelf",
+    "show",
+    "slope",
+    "stability",
     "sweep",
+    "template",
     "track",
 ]
 
@@ -71,19 +112,21 @@ ELSEWHERE = {  # name: module, name there; functions take sheets and paths in th
     "score": (f"{STUDIES}.score", "score_folder"),
     "sensitivity": (f"{STUDIES}.bats.ball_law", "sensitivity"),
     "shelf": (f"{STUDIES}.inventory", "shelf"),
+    "show": (f"{STUDIES}.inventory", "show"),
     "slope": (f"{STUDIES}.place_slope", "slope"),
     "stability": ("virtual_lab.api.charts", "stability"),
     "template": (f"{STUDIES}.template", "template"),
 }
 
 
-def of(name: str) -> Any:
-    """Return what the package offers under a name, loaded now."""
+def __getattr__(name: str) -> Any:
+    """Load a study when it is asked for, once."""
     if name not in ELSEWHERE:
-        return globals()[name]
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, there = ELSEWHERE[name]
     found = getattr(import_module(module), there)
-    return found if isinstance(found, type) else with_sheets(found)
+    globals()[name] = found if isinstance(found, type) else with_sheets(found)
+    return globals()[name]
 
 
 def bat(name: str | Path) -> Sheet:
@@ -118,7 +161,7 @@ class Certificate:
     certification: Certification
     sealed: Sealed | None = None
     control: Certificate | None = None  # of the control bat
-    film: Callable[[Path], None] | None = None  # of the first shot
+    film: Callable[[Path], None] | None = None  # of the first shot, where it was asked for
     seed: int | None = None  # the one that was given, None where it was drawn
 
     @cached_property
@@ -215,14 +258,14 @@ class Certificate:
             raise ValueError("these records came without a sealed truth")
         return score(self.document, self.sealed.document()["measurand"])
 
-    def save(self, folder: str | Path, *, film: bool = False) -> Path:
+    def save(self, folder: str | Path) -> Path:
         """Write certificate, readings, raw records and truth into a new folder, and seal it.
 
-        `film` adds the first shot in whole frames: lossless with its time stamps, as a preview,
-        and the calibration that ``virtual-lab track`` reads.
+        A film is lossless with its time stamps, with a preview, and with the calibration that
+        ``virtual-lab track`` reads.
 
-        Raises `InputError` where the folder is not empty or cannot be written, or nothing films;
-        nothing is left half-written.
+        Raises `InputError` where the folder is not empty or cannot be written; nothing is left
+        half-written.
         """
         from virtual_lab.certificate.html import certificate_page
         from virtual_lab.files import new_folder
@@ -230,9 +273,6 @@ class Certificate:
         from virtual_lab.records.session import save_session
 
         target = Path(folder)
-        if film and self.film is None:
-            allowed = "the rig has no camera; one that has is filmed-cannon"
-            raise InputError("", "film", "the first shot", allowed)
         with new_folder(target) as draft:
             (draft / "certificate.json").write_text(self.printed.text(), encoding="utf-8")
             page = certificate_page(self.printed)
@@ -245,7 +285,7 @@ class Certificate:
                 (draft / TRUTH).write_bytes(self._truth)
             if self.control:
                 self.control.save(draft / "control")
-            if film and self.film:
+            if self.film:
                 (draft / "film").mkdir()
                 self.film(draft / "film")
             if self.sealed:
@@ -291,6 +331,7 @@ def certify(
     faults: str | Sequence[str] = (),
     control_bat: str | Path | Sheet | None = None,
     correction: str | None = None,
+    film: bool = False,
     progress: Progress = quiet,
 ) -> Certificate:
     """Take a bat through a procedure and return its certificate.
@@ -326,13 +367,16 @@ def certify(
     correction
         ``METHOD:E0``, such as ``trampoline:0.5``: convert the result to a standard ball where the
         rules do not; the certificate marks it as assumed.
+    film
+        Whether `Certificate.save` keeps the first shot in whole frames.
     progress
         Called with what goes on, a sentence at a time.
 
     Raises
     ------
     InputError
-        An unknown name, a file that cannot be used, a seed that is no whole number from 0.
+        An unknown name, a file that cannot be used, a seed that is no whole number from 0, a film
+        where the rig has no camera.
     """
     from virtual_lab.lab import TestSetup, certify_bat
     from virtual_lab.simulation.rig import Reality
@@ -354,6 +398,7 @@ def certify(
             faults=(faults,) if isinstance(faults, str) else faults,
             control_bat=control_bat,
             correction=correction,
+            film=film,
         )
         return certify_bat(setup, progress)
 

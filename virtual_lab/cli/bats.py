@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from virtual_lab import api
 from virtual_lab.cli.plumbing import (
-    Answer,
     ball_option,
     command,
     inertia_option,
@@ -32,24 +32,14 @@ KINDS = ("bats", "balls", "procedures", "instruments", "rigs", "conditions", "fa
 @click.argument("kind", required=False, metavar="[KIND]", type=click.Choice(KINDS))
 def list_(kind: str | None) -> Any:
     """List the catalog (bats, balls, procedures, instruments, rigs, conditions, faults)."""
-    from virtual_lab.studies.inventory import shelf
-
-    return shelf(kind)
+    return api.shelf(kind)
 
 
 @command("show")
 @click.argument("name", shell_complete=names(*KINDS))
 def show(name: str) -> Any:
     """Show a specification, every number with its unit and source, or a certificate.json."""
-    if name.endswith(".json"):
-        from virtual_lab.certificate.document import read_document
-        from virtual_lab.certificate.text import certificate_text
-
-        certificate = read_document(Path(name))
-        return Answer(document=certificate.as_json(), text=certificate_text(certificate))
-    from virtual_lab.studies.inventory import shown_sheet
-
-    return shown_sheet(name)
+    return api.show(name)
 
 
 @command("profile", keeps=True, table=True, picture=True)
@@ -66,23 +56,13 @@ def show(name: str) -> Any:
 )
 @inertia_option
 @ball_option
-def profile(
-    bats: tuple[str, ...],
-    swing_law: str,
-    swings: tuple[float, ...],
-    reference_inertia: str | None,
-    ball: str | None,
-) -> Any:
+def profile(bats: tuple[str, ...], **asked: Any) -> Any:
     """Show e, r, e_A and v_f of one BAT along its barrel, or compare several BATs.
 
     Of one bat: its curves, modal frequencies and nodes. Of several: the greatest e, BPF, e_A and
     v_f of each, and how far apart they are.
     """
-    from virtual_lab.studies.bats.compare import profile as study
-
-    return study(
-        bats, swings=swings, swing_law=swing_law, reference_inertia=reference_inertia, ball=ball
-    )
+    return api.profile(bats, **asked)
 
 
 @command("fit-bat", table=True)
@@ -106,13 +86,11 @@ def profile(
 @seed_option("")
 def fit_bat(measured: str, target: Path, members: int, seed: int, progress: Progress) -> Any:
     """Fit a bat file to what was MEASURED of a bat, and show what the measurements leave open."""
-    from virtual_lab.studies.bats.fit_bat import fit_bat as fit
-
     if target.suffix != ".toml":
         raise InputError("", "out", str(target), "a bat file's name ends in .toml")
     if target.exists():
         raise InputError("", "out", str(target), "is there already; name another file")
-    fitted = fit(measured, members=members, seed=seed, progress=progress)
+    fitted = api.fit_bat(measured, members=members, seed=seed, progress=progress)
     fitted.write(target)
     return fitted
 
@@ -121,9 +99,7 @@ def fit_bat(measured: str, target: Path, members: int, seed: int, progress: Prog
 @click.argument("bat", shell_complete=names("bats"))
 def sensitivity(bat: str, progress: Progress) -> Any:
     """Show the sensitivity of a BAT's results to the force law of the ball."""
-    from virtual_lab.studies.bats.ball_law import sensitivity as study
-
-    return study(bat, progress=progress)
+    return api.sensitivity(bat, progress=progress)
 
 
 @command("slope", table=True)
@@ -131,9 +107,7 @@ def sensitivity(bat: str, progress: Progress) -> Any:
 @procedure_option()
 def slope(bats: tuple[str, ...], procedure: str) -> Any:
     """Show how e_A changes along the barrel where a procedure hits BATs (or those of baseball)."""
-    from virtual_lab.studies.place_slope import slope as study
-
-    return study(bats, procedure=procedure)
+    return api.slope(bats, procedure=procedure)
 
 
 @command("percussion", keeps=True, table=True, picture=True)
@@ -150,6 +124,4 @@ def slope(bats: tuple[str, ...], procedure: str) -> Any:
 )
 def percussion(bat: str, progress: Progress, **asked: Any) -> Any:
     """Fire at a pivoted BAT along its barrel: what hits off the centre of percussion cost."""
-    from virtual_lab.studies.bats.percussion import percussion as study
-
-    return study(bat, progress=progress, **asked)
+    return api.percussion(bat, progress=progress, **asked)

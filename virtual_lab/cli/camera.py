@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from virtual_lab import api
 from virtual_lab.cli.plumbing import Answer, command, names, seed_option
 from virtual_lab.errors import InputError
 
@@ -62,9 +63,7 @@ def track(clip: Path, progress: Progress, **asked: Any) -> Any:
     """
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # its messages would stand beside ours
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
-    from virtual_lab.api import track as follow
-
-    return follow(clip, progress=progress, **asked)
+    return api.track(clip, progress=progress, **asked)
 
 
 @command("calibrate")
@@ -96,10 +95,8 @@ def calibrate(pictures: tuple[Path, ...], target: Path, progress: Progress, **as
     for file in (target, target.with_suffix(".png")):
         if file.exists():
             raise InputError("", "--out", str(file), "is there already; name another")
-    from virtual_lab.api import calibrate as find_lens
-
     progress("looking for the board")
-    found = find_lens(pictures, **asked)
+    found = api.calibrate(pictures, **asked)
     found.save(target)
     return Answer(document=found.document, text=found.text, files=(target,))
 
@@ -117,16 +114,11 @@ def calibrate(pictures: tuple[Path, ...], target: Path, progress: Progress, **as
 @seed_option("  [default: drawn]", None)
 def board(board: str, **asked: Any) -> Answer:
     """Take pictures of a calibration board with a simulated camera, to rehearse `calibrate`."""
-    from virtual_lab.relations.board import board_of
-
-    board_of(board)  # refused before anything is loaded
-    from virtual_lab.api import board as film
-
     where: dict[str, str] = {}
     files: list[Path] = []
 
     def save(folder: Path) -> None:
-        film(folder, board=board, **asked)
+        api.board(folder, board=board, **asked)
         files.append(folder / "pictures")
         where.update(pictures=str(files[0]), truth=str(folder / "truth"))
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from virtual_lab import api
 from virtual_lab.cli.plumbing import (
     Answer,
     command,
@@ -19,7 +20,6 @@ from virtual_lab.cli.plumbing import (
 )
 
 if TYPE_CHECKING:
-    from virtual_lab.api import Certificate
     from virtual_lab.output.progress import Progress
 
 __all__ = ["certify", "reduce", "score", "template"]
@@ -27,7 +27,7 @@ __all__ = ["certify", "reduce", "score", "template"]
 ALTERED = 3  # exit code
 
 
-@command("certify", folder="{bat}-{procedure}", picture=True)
+@command("certify", folder="{bat}-{procedure}", page="certificate.html", picture=True)
 @click.argument("bat", shell_complete=names("bats"))
 @procedure_option()
 @click.option(
@@ -75,64 +75,19 @@ ALTERED = 3  # exit code
     is_flag=True,
     help="Keep the first shot in whole frames too, for 'track'; needs --rig filmed-cannon.",
 )
-def certify(
-    bat: str,
-    procedure: str,
-    rig: str | None,
-    ideal: bool,
-    noise_free: bool,
-    film: bool,
-    progress: Progress,
-    **asked: Any,
-) -> Any:
+def certify(bat: str, ideal: bool, noise_free: bool, progress: Progress, **asked: Any) -> Any:
     """Take BAT (a name or a .toml file) through a procedure and write its certificate."""
-    from virtual_lab import catalog
-
     if ideal and noise_free:
         usage("--ideal and --noise-free exclude each other")
-    catalog.find("bats", bat)
-    if film:
-        _require_camera(procedure, rig)
-    from virtual_lab.api import certify as test
-
     reality = "ideal" if ideal else "noise-free" if noise_free else "real"
-    certificate = test(
-        bat, procedure=procedure, rig=rig, reality=reality, progress=progress, **asked
-    )
-    return _Kept(certificate, film=film)
-
-
-class _Kept:
-    """A certificate that may be saved with its film."""
-
-    def __init__(self, certificate: Certificate, *, film: bool) -> None:
-        self.document, self.text = certificate.document, certificate.text
-        self.plot, self.certificate, self.film = certificate.plot, certificate, film
-        self.files: list[Path] = []
-
-    def save(self, folder: Path) -> None:
-        self.certificate.save(folder, film=self.film)
-        self.files.append(folder / "certificate.html")
-
-
-def _require_camera(procedure: str, rig: str | None) -> None:
-    """Refuse to film where nothing can, before the test and not after it."""
-    from virtual_lab import catalog
-    from virtual_lab.lab.fitting import require_camera
-    from virtual_lab.measurement.procedure import Procedure
-    from virtual_lab.simulation.rig import Stage, find_rig
-
-    asked = rig or catalog.load("procedures", procedure, Procedure).spec.rig
-    require_camera(find_rig(asked, Stage.IMPACT))
+    return api.certify(bat, reality=reality, progress=progress, **asked)
 
 
 @command("reduce", keeps=True, picture=True)
 @click.argument("records", type=click.Path(path_type=Path))
 def reduce(records: Path) -> Any:
     """Reduce a folder of raw RECORDS, ours or another laboratory's, without the truth."""
-    from virtual_lab.api import reduce as certificate_of
-
-    return certificate_of(records)
+    return api.reduce(records)
 
 
 @command("score", table=True)
@@ -142,9 +97,7 @@ def score(folder: Path) -> Any:
 
     What was altered in FOLDER since the test is named, file and key, and the exit code is 3.
     """
-    from virtual_lab.studies.score import score_folder
-
-    return score_folder(folder)
+    return api.score(folder)
 
 
 @command("template")
@@ -155,7 +108,5 @@ def template(procedure: str, folder: Path) -> Answer:
     from virtual_lab.files import check_new_folder
 
     check_new_folder(folder)
-    from virtual_lab.studies.template import template as write
-
-    written = write(procedure, folder)
+    written = api.template(procedure, folder)
     return Answer(document={"folder": str(written)}, text=str(written))

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from virtual_lab import api
 from virtual_lab.cli.plumbing import command, names
 
 if TYPE_CHECKING:
@@ -28,9 +29,7 @@ def _study(group: click.Group, name: str, words: str) -> None:
     """Add the command of one chart or map."""
 
     def measured(progress: Progress) -> Any:
-        from virtual_lab.api import charts
-
-        return getattr(charts, str(group.name))(name, progress=progress)
+        return getattr(api, str(group.name))(name, progress=progress)
 
     measured.__doc__ = words
     group.add_command(command(name, folder=f"{group.name}-{name}", table=True)(measured))
@@ -66,6 +65,4 @@ _study(
 @click.argument("bats", nargs=-1, metavar="[BAT]...", shell_complete=names("bats"))
 def convergence(bats: tuple[str, ...], progress: Progress) -> Any:
     """Show the error in e_A by the number of modes, for BATs or every bat of the catalog."""
-    from virtual_lab.fidelity.mode_convergence import convergence as study
-
-    return study(bats, progress=progress)
+    return api.convergence(bats, progress=progress)

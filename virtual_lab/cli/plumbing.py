@@ -79,6 +79,7 @@ def command(
     name: str,
     *,
     folder: str | Callable[[Mapping[str, Any]], Path] = "",
+    page: str = "",
     keeps: bool = False,
     table: bool = False,
     picture: bool = False,
@@ -93,6 +94,8 @@ def command(
         The usual folder's name, in ``out/``, with the command's parameters in braces, or what
         makes its path of them; results are written there where ``--out`` names no other. Without
         one they are written where ``--out`` says so.
+    page
+        The file of the folder that is named at the end, in the folder's place.
     keeps
         Whether the command has ``--out`` at all; one with a usual folder has.
     table, picture
@@ -132,7 +135,7 @@ def command(
                     with new_files(plot.parent) as draft:
                         found.plot(draft / plot.name)
             files = [path for path in (csv, plot) if path]
-            _print(found, target, files, as_json=as_json)
+            _print(found, target, page, files, as_json=as_json)
             return int(getattr(found, "code", 0))
 
         shared = _shared_options(folder, keeps=keeps, table=table, picture=picture)
@@ -198,14 +201,16 @@ def _check_new_file(path: Path, endings: Sequence[str]) -> None:
         raise InputError("", "file", str(path), "is there already; name another")
 
 
-def _print(found: Any, folder: Path | None, files: Sequence[Path], *, as_json: bool) -> None:
+def _print(
+    found: Any, folder: Path | None, page: str, files: Sequence[Path], *, as_json: bool
+) -> None:
     """Print what was found, and in every case where it was written.
 
     With JSON on stdout that is the key `folder` of the document, and of rows a line on stderr.
     """
     written = [*([folder] if folder else []), *files]
     if not as_json:
-        written = [*(getattr(found, "files", ()) or ([folder] if folder else ())), *files]
+        written = [*(getattr(found, "files", ()) or ([folder / page] if folder else ())), *files]
         parts = [found.text, "\n".join(map(str, written))]
         click.echo("\n\n".join(part for part in parts if part))
         return

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from virtual_lab import api
 from virtual_lab.cli.plumbing import (
     ball_option,
     command,
@@ -66,27 +67,18 @@ def coverage(
         given = context.get_parameter_source("laboratories")
         if effects or given is click.core.ParameterSource.COMMANDLINE:
             usage("--clips goes with neither --effects nor --laboratories")
-        from virtual_lab.studies.clips import clip_coverage
-
         rules = procedure or "bbcor"
-        return clip_coverage(bat, procedure=rules, clips=clips, progress=progress, **asked)
+        return api.clip_coverage(bat, procedure=rules, clips=clips, progress=progress, **asked)
     asked |= {"procedure": procedure or "astm-f1881", "laboratories": laboratories}
-    if effects:
-        from virtual_lab.studies.effects import effects as terms
-
-        return terms(bat, progress=progress, **asked)
-    from virtual_lab.studies.coverage import coverage as intervals
-
-    return intervals(bat, progress=progress, **asked)
+    study = api.effects if effects else api.coverage
+    return study(bat, progress=progress, **asked)
 
 
 @command("bias", keeps=True, table=True)
 @procedure_option()
 def bias(procedure: str, progress: Progress) -> Any:
     """Measure what the method gets wrong when nothing is random, for every bat."""
-    from virtual_lab.studies.bias import bias as study
-
-    return study(procedure, progress=progress)
+    return api.bias(procedure, progress=progress)
 
 
 @command("faults", keeps=True, table=True)
@@ -102,9 +94,7 @@ def bias(procedure: str, progress: Progress) -> Any:
 )
 def faults(faults: tuple[str, ...], progress: Progress, **asked: Any) -> Any:
     """Play FAULTs of a real day (or all) and compare the outcome with the predictions."""
-    from virtual_lab.studies.faults import faults as study
-
-    return study(faults, progress=progress, **asked)
+    return api.faults(faults, progress=progress, **asked)
 
 
 @command("critique", keeps=True, table=True, picture=True)
@@ -130,20 +120,9 @@ def faults(faults: tuple[str, ...], progress: Progress, **asked: Any) -> Any:
 @ball_option
 @laboratories_option(20)
 @seed_option(FIRST)
-def critique(
-    bats: tuple[str, ...],
-    swing_law: str,
-    swings: tuple[float, ...],
-    progress: Progress,
-    **asked: Any,
-) -> Any:
+def critique(bats: tuple[str, ...], progress: Progress, **asked: Any) -> Any:
     """Show which test procedures rank BATs as the field does, and which do not."""
-    from virtual_lab.studies.bats.profile import chosen_swings
-    from virtual_lab.studies.critique import FIELD_SWINGS
-    from virtual_lab.studies.critique import critique as study
-
-    chosen = chosen_swings(swing_law, swings, FIELD_SWINGS)
-    return study(bats, swings=chosen, progress=progress, **asked)
+    return api.critique(bats, progress=progress, **asked)
 
 
 @command("daily", folder="daily", table=True, picture=True)
@@ -177,14 +156,10 @@ def critique(
 @seed_option("")
 def daily(progress: Progress, **asked: Any) -> Any:
     """Fire a check ball at wall and check cylinder each morning and keep control charts."""
-    from virtual_lab.studies.daily import daily as study
-
-    return study(progress=progress, **asked)
+    return api.daily(progress=progress, **asked)
 
 
 @command("paper", keeps=True, table=True, picture=True)
 def paper(progress: Progress) -> Any:
     """Compare every number, figure and claim of the 2003 paper with what is found here."""
-    from virtual_lab.studies.paper import paper as study
-
-    return study(progress=progress)
+    return api.paper(progress=progress)

@@ -55,6 +55,7 @@ def certify_bat(setup: TestSetup, progress: Progress = quiet) -> Tested:
     control = by_the_book(
         replace(
             laboratory,
+            setup=replace(setup, film=False),
             draws=own,
             specimen=replace(laboratory.specimen, bat=made_bat(bat, own)),
             session=replace(session, bat=bat.name, bat_sport=bat.sport or ""),

@@ -11,7 +11,7 @@ from virtual_lab.records import LengthReadings
 from virtual_lab.records.session import Session
 from virtual_lab.relations.flight import drag_rate
 from virtual_lab.relations.pinhole import looking_down
-from virtual_lab.simulation.rig import FilmingStation, ShotPlan, Specimen, Station
+from virtual_lab.simulation.rig import FilmingStation, ShotPlan, Specimen
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 
@@ -45,9 +45,9 @@ widest_m = {widest!r}
 
 
 def film_of(
-    station: Station, order: ShotPlan, specimen: Specimen, draws: Draws, session: Session
-) -> Callable[[Path], None] | None:
-    """Return what films the first shot of a test into a folder, None where nothing films.
+    station: FilmingStation, order: ShotPlan, specimen: Specimen, draws: Draws, session: Session
+) -> Callable[[Path], None]:
+    """Return what films the first shot of a test into a folder.
 
     Parameters
     ----------
@@ -60,8 +60,6 @@ def film_of(
     session
         What was recorded, the bench's readings of the bat among it.
     """
-    if not isinstance(station, FilmingStation):
-        return None
     filming: Any = station
     sensor = filming.camera.spec.sensor
 

@@ -15,6 +15,7 @@ from virtual_lab.catalog import Entry
 from virtual_lab.lab.fitting import (
     nominal_places,
     require_ball,
+    require_camera,
     require_motion,
     require_places,
     require_rig,
@@ -66,12 +67,15 @@ class Laboratory:
         ------
         InputError
             An unknown rig or rung, a motion the rig does not have, a rig that lacks what the
-            procedure needs, a bat or ball that its rules do not fit.
+            procedure needs or that is to film without a camera, a bat or ball that its rules do
+            not fit.
         """
         rules, bat, ball = setup.rules.spec, setup.bat.spec, setup.ball.spec
         rig = find_rig(setup.rig, Stage.IMPACT)
         require_rig(rig, rules)
         require_motion(rig, setup.motion)
+        if setup.film:
+            require_camera(rig)
         require_places(rules, bat)
         require_ball(rules, ball)
         seed = secrets.randbits(SEED_BITS) if setup.seed is None else setup.seed

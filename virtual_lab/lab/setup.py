@@ -40,6 +40,7 @@ class TestSetup:
     test: int | None = None
     control_bat: Entry[BatSpec] | None = None
     detail: RecordDetail = RecordDetail.FULL
+    film: bool = False  # of the first shot
     made: bool = True  # False: the bat as drawn
     collision: Ladder | None = None  # that many laboratories share
 
@@ -58,6 +59,7 @@ class TestSetup:
         test: int | None = None,
         control_bat: str | Entry[BatSpec] | None = None,
         correction: str | None = None,
+        film: bool = False,
         detail: RecordDetail = RecordDetail.FULL,
     ) -> Self:
         """Return the setup of a bat's test by a procedure.
@@ -86,6 +88,8 @@ class TestSetup:
             has its own bat, balls, readings and hits. None: its only one.
         correction
             ``METHOD:E0`` by which to convert to a standard ball where the rules do not.
+        film
+            Whether the first shot is to be kept in whole frames.
         detail
             How much the instruments write.
 
@@ -122,6 +126,7 @@ class TestSetup:
             faults=FaultSet.of(faults, rig=rig),
             test=test,
             control_bat=control,
+            film=film,
             detail=detail,
         )
 

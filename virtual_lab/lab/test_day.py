@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,14 @@ from virtual_lab.measurement.session_reduction import Preparation, Reduced, prep
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.collision.modal import kernel_is_compiled
-from virtual_lab.simulation.rig import MotionRung, Reality, RigOutput, ShotPlan, Stage
+from virtual_lab.simulation.rig import (
+    FilmingStation,
+    MotionRung,
+    Reality,
+    RigOutput,
+    ShotPlan,
+    Stage,
+)
 from virtual_lab.simulation.truth import Sealed
 from virtual_lab.units import INCH
 
@@ -43,7 +51,7 @@ class Tested:
     certification: Certification
     sealed: Sealed
     control: Tested | None = None  # of the control bat, where the rules ask for one
-    film: Callable[[Path], None] | None = None  # films the first shot into a folder, if one can
+    film: Callable[[Path], None] | None = None  # films the first shot into a folder
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -158,13 +166,13 @@ class TestDay:
         return Tested(
             certification=evaluate(session, self.reduced),
             sealed=self._seal(self.reduced),
-            film=film_of(
-                laboratory.impact,
-                *laboratory.setup.faults.done(Stage.IMPACT, self.plans[0], laboratory.specimen),
-                laboratory.draws,
-                session,
-            ),
+            film=self._film(session) if laboratory.setup.film else None,
         )
+
+    def _film(self, session: Session) -> Callable[[Path], None]:
+        laboratory = self.laboratory
+        done = laboratory.setup.faults.done(Stage.IMPACT, self.plans[0], laboratory.specimen)
+        return film_of(cast(FilmingStation, laboratory.impact), *done, laboratory.draws, session)
 
     def _on_bench(self, asked: Callable[[str], bool]) -> TestDay:
         laboratory = self.laboratory

@@ -32,6 +32,7 @@ from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import record
 from virtual_lab.simulation.rig import Reality
 from virtual_lab.studies.bats.compare import compare
+from virtual_lab.studies.bats.profile import chosen_swings
 from virtual_lab.studies.critique_chart import draw_critique
 from virtual_lab.studies.critique_text import Pair, Placed, Ranking, critique_text
 
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = [
-    "FIELD_SWINGS",
     "FIELD_TIE_MPH",
     "SURE",
     "Critique",
@@ -161,7 +161,8 @@ def critique(
     bats: Sequence[str],
     *,
     procedures: Sequence[str] = (),
-    swings: Sequence[float | None] = FIELD_SWINGS,
+    swings: Sequence[float] = (),
+    swing_law: str = "power",
     reference_inertia: str | None = None,
     ball: str | None = None,
     laboratories: int = 20,
@@ -177,8 +178,10 @@ def critique(
     procedures
         Likewise; by default all of the catalog of the sport of the field's balls. One named
         here is played with its own ball, whatever that is.
-    swings, reference_inertia, ball
-        Of the field, as `virtual_lab.studies.bats.compare.compare` takes them; a procedure has its
+    swings
+        Exponents n of the power law in the field, 0 to 0.5; by default 0, 0.3 and 0.5.
+    swing_law, reference_inertia, ball
+        Of the field, as `virtual_lab.studies.bats.compare.profile` takes them; a procedure has its
         own.
     laboratories, seed
         How many test every bat by every procedure, and the seed of the first.
@@ -192,8 +195,8 @@ def critique(
     """
     if laboratories < 2:
         raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
-    compared = compare(bats, swings=swings, reference_inertia=reference_inertia, ball=ball)
-    exponents = tuple(dict.fromkeys(swings))
+    exponents = chosen_swings(swing_law, swings, FIELD_SWINGS)
+    compared = compare(bats, swings=exponents, reference_inertia=reference_inertia, ball=ball)
     top = [row.peaks["v_f_mph"] for row in compared.peaks]  # bat by bat, n by n
     ranked = []
     for procedure in procedures or _of_this_game(compared.sports):

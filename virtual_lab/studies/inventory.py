@@ -7,15 +7,18 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from importlib.metadata import entry_points
 from importlib.resources import files
+from pathlib import Path
 
 from virtual_lab import catalog
 from virtual_lab.catalog.reading import Datum
+from virtual_lab.certificate.document import CertificateDocument, read_document
+from virtual_lab.certificate.text import certificate_text
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.output.result import Json, Rows
 from virtual_lab.output.tables import column, table_text
 from virtual_lab.units import MPH
 
-__all__ = ["ShelfEntry", "ShownSheet", "shelf", "shown_sheet"]
+__all__ = ["ShelfEntry", "ShownCertificate", "ShownSheet", "shelf", "show"]
 
 RIGS = "virtual_lab.rigs"  # the group of entry points
 
@@ -140,14 +143,34 @@ class ShownSheet:
         return "\n".join(parts).rstrip()
 
 
-def shown_sheet(name: str) -> ShownSheet:
-    """Return a catalog entry by its name.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShownCertificate:
+    """A certificate that was read from its file."""
+
+    certificate: CertificateDocument
+
+    @property
+    def document(self) -> Json:
+        """All of it for JSON."""
+        return self.certificate.as_json()
+
+    @property
+    def text(self) -> str:
+        """All of it for a terminal."""
+        return certificate_text(self.certificate)
+
+
+def show(name: str) -> ShownSheet | ShownCertificate:
+    """Return a catalog entry by its name, or the certificate in a .json file.
 
     Raises
     ------
     InputError
-        Nothing in the catalog has this name; the nearest names are suggested.
+        Nothing in the catalog has this name; the nearest names are suggested. A file without a
+        certificate.
     """
+    if name.endswith(".json"):
+        return ShownCertificate(certificate=read_document(Path(name)))
     for kind in catalog.KINDS:
         if name in catalog.names(kind):
             return _sheet(kind, name)
