@@ -5,14 +5,17 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from math import isfinite, nan
+from inspect import getsource
+from math import inf, isfinite, nan
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
-from virtual_lab.studies.paper import CLAIMS, Claim, Findings, Row
-from virtual_lab.studies.paper.claim import about, at_least, at_most, between
+from virtual_lab.catalog.reading import DATA
+from virtual_lab.studies.paper import CLAIMS, Claim, Findings, examples, metrics, models, procedures
+from virtual_lab.studies.paper.claim import read_claims
+from virtual_lab.studies.paper.findings import FINDERS
 from virtual_lab.studies.paper.text import cells
 
 
@@ -47,25 +50,72 @@ def test_every_section_and_numbered_thing_of_the_paper_is_there() -> None:
     assert sum(claim.paper in (12.8, 2.6) for claim in CLAIMS) == 4  # test speeds of Sec. II C
 
 
-def test_bounds_of_a_claim() -> None:
-    def row(claim: Claim) -> Row:
-        return claim.row()
+def made_up(found: float, *, paper: float | None = None, low: float, high: float) -> Claim:
+    return Claim(
+        section="II C",
+        where="text",
+        says="made up",
+        paper=paper,
+        low=low,
+        high=high,
+        unit="mph",
+        why="w",
+        find=lambda: found,
+    )
 
-    said = ("I", "text", "x")
-    assert row(about(*said, 6.0, 0.5, lambda: 6.4)).holds
-    assert not row(about(*said, 6.0, 0.5, lambda: 5.4)).holds
-    assert row(about(*said, 6.0, 0.5, lambda: 5.4)).deviation == pytest.approx(-0.6)
-    assert not row(at_least(*said, 1.0, lambda: 0.9, why="w")).holds
-    assert not row(at_most(*said, 1.0, lambda: 1.1, why="w")).holds
-    assert row(between(*said, 0.0, 1.0, lambda: 0.5, why="w")).holds
-    assert not row(between(*said, 0.0, 1.0, lambda: nan, why="w")).holds
-    assert at_least(*said, 1.0, lambda: 0.9, why="w").tolerance == "≥ 1"
-    assert about(*said, 6.0, 0.5, lambda: 6.4).tolerance == "± 0.5"
+
+def test_bounds_of_a_claim() -> None:
+    assert made_up(6.4, paper=6.0, low=5.5, high=6.5).row().holds
+    below = made_up(5.4, paper=6.0, low=5.5, high=6.5)
+    assert not below.row().holds
+    assert below.row().deviation == pytest.approx(-0.6)
+    assert below.tolerance == "± 0.5"
+    assert not made_up(0.9, low=1.0, high=inf).row().holds
+    assert not made_up(1.1, low=-inf, high=1.0).row().holds
+    assert made_up(0.5, low=0.0, high=1.0).row().holds
+    assert not made_up(nan, low=0.0, high=1.0).row().holds
+    assert made_up(0.9, low=1.0, high=inf).tolerance == "≥ 1"
+
+
+def test_a_table_of_claims_is_read(tmp_path: Path) -> None:
+    """Bounds by tolerance, by one end and by both; numbers, words and the law without exponent."""
+    path = tmp_path / "claims.csv"
+    path.write_text(
+        "section,where,says,paper,within,low,high,unit,why,find\n"
+        "I,text,a,6,0.5,,,mph,w,seen 1 0.5 x energy\n"
+        "I,text,b,,,2,,,w,seen\nI,text,c,,,2,3,,w,seen\n"
+    )
+    seen: list[tuple[object, ...]] = []
+
+    def find(*given: object) -> float:
+        seen.append(given)
+        return 6.4
+
+    first, second, third = read_claims(path, {"seen": find})
+    assert (first.low, first.paper, first.high, first.unit) == (5.5, 6.0, 6.5, "mph")
+    assert (second.low, second.high, second.paper) == (2.0, inf, None)
+    assert (third.low, third.high) == (2.0, 3.0)
+    assert first.row().holds
+    assert seen == [(1, 0.5, "x", None)]
+    with pytest.raises(KeyError, match="seen"):
+        next(read_claims(path, {}))
+
+
+def test_every_finder_of_a_section_finds_something() -> None:
+    """What no claim names, nor another function of its module, would be dead."""
+    rows = (DATA / "paper" / "claims.csv").read_text("utf-8").splitlines()
+    named = {row.rpartition(",")[2].split()[0] for row in rows[1:]}
+    for section in (metrics, models, examples, procedures):
+        text = getsource(section)
+        own = {name for name in FINDERS if getattr(section, name, None) is FINDERS[name]}
+        own = {name for name in own if FINDERS[name].__module__ == section.__name__}
+        once = {name for name in own if len(re.findall(rf"\b{name}\(", text)) == 1}
+        assert once - named <= {"table_one", "drawn"}
 
 
 def test_text_folder_and_json_say_the_same(tmp_path: Path) -> None:
     """Of a few rows; the pictures are of all four bats."""
-    failing = about("II C", "text", "made up", 2.6, 0.05, lambda: 3.0, unit="mph")
+    failing = made_up(3.0, paper=2.6, low=2.55, high=2.65)
     claims = [*(claim for claim in CLAIMS if claim.section == "II C"), failing]
     found = Findings(found=tuple(claim.row() for claim in claims))
     assert found.held == len(claims) - 1

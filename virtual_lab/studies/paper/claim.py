@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import csv
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from math import inf, isfinite
+from pathlib import Path
 
-__all__ = ["Claim", "Row", "about", "at_least", "at_most", "between"]
+__all__ = ["Claim", "Row", "read_claims"]
+
+WORDS: Mapping[str, None] = {"energy": None}  # a swing of constant energy has no exponent
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,79 +85,36 @@ class Row:
         }
 
 
-def about(
-    section: str,
-    where: str,
-    says: str,
-    paper: float,
-    tolerance: float,
-    find: Callable[[], float],
-    *,
-    unit: str = "",
-    why: str = "rounding of the print",
-) -> Claim:
-    """Return the claim that a number is the one in print within a tolerance."""
-    return Claim(
-        section=section,
-        where=where,
-        says=says,
-        paper=paper,
-        low=paper - tolerance,
-        high=paper + tolerance,
-        unit=unit,
-        why=why,
-        find=find,
-    )
+def read_claims(path: Path, finders: Mapping[str, Callable[..., float]]) -> Iterator[Claim]:
+    """Return the claims of a table; `find` is the name of a finder and its arguments.
+
+    A number in print has the bounds that it is `within`; of others an empty bound is none.
+    Raises `KeyError` for a finder that there is not.
+    """
+    with path.open(encoding="utf-8", newline="") as table:
+        for row in csv.DictReader(table):
+            finder, *arguments = row["find"].split()
+            paper = float(row["paper"]) if row["paper"] else None
+            low, high = float(row["low"] or -inf), float(row["high"] or inf)
+            if paper is not None:
+                low, high = paper - float(row["within"]), paper + float(row["within"])
+            yield Claim(
+                section=row["section"],
+                where=row["where"],
+                says=row["says"],
+                paper=paper,
+                low=low,
+                high=high,
+                unit=row["unit"],
+                why=row["why"],
+                find=partial(finders[finder], *map(_argument, arguments)),
+            )
 
 
-def between(
-    section: str,
-    where: str,
-    says: str,
-    low: float,
-    high: float,
-    find: Callable[[], float],
-    *,
-    unit: str = "",
-    why: str,
-) -> Claim:
-    """Return the claim that a number lies within bounds."""
-    return Claim(
-        section=section,
-        where=where,
-        says=says,
-        paper=None,
-        low=low,
-        high=high,
-        unit=unit,
-        why=why,
-        find=find,
-    )
-
-
-def at_least(
-    section: str,
-    where: str,
-    says: str,
-    low: float,
-    find: Callable[[], float],
-    *,
-    unit: str = "",
-    why: str,
-) -> Claim:
-    """Return the claim that a number is not below a bound."""
-    return between(section, where, says, low, inf, find, unit=unit, why=why)
-
-
-def at_most(
-    section: str,
-    where: str,
-    says: str,
-    high: float,
-    find: Callable[[], float],
-    *,
-    unit: str = "",
-    why: str,
-) -> Claim:
-    """Return the claim that a number is not above a bound."""
-    return between(section, where, says, -inf, high, find, unit=unit, why=why)
+def _argument(word: str) -> float | str | None:
+    for kind in (int, float):
+        try:
+            return kind(word)
+        except ValueError:
+            continue
+    return WORDS.get(word, word)

@@ -114,6 +114,19 @@ def top(bat: str, what: str, swing: float | None = 0.0) -> Peak:
     return profiled(bat)[swing].peaks[what]
 
 
+def peak_value(bat: str, what: str) -> float:
+    return top(bat, what).value
+
+
+def peak_place(bat: str, what: str) -> float:
+    return top(bat, what).place
+
+
+def ball_restitution(name: str, speed: float) -> float:
+    """Return e0 of a ball at a speed [mph]."""
+    return float(paper_ball(name).restitution.at(speed * MPH))
+
+
 def lead(first: str, second: str, swing: float | None = 0.0) -> float:
     """Return the greatest v_f of a bat less that of another [mph]."""
     return top(first, "v_f_mph", swing).value - top(second, "v_f_mph", swing).value

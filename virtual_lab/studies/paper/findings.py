@@ -6,21 +6,25 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from virtual_lab.catalog.reading import DATA
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult
-from virtual_lab.studies.paper import conclusions, examples, metrics, models, procedures
-from virtual_lab.studies.paper.claim import Claim, Row
+from virtual_lab.studies.paper import computed, examples, metrics, models, procedures
+from virtual_lab.studies.paper.claim import Claim, Row, read_claims
 from virtual_lab.studies.paper.page import draw_page, write_page
 from virtual_lab.studies.paper.text import paper_text
 
 __all__ = ["CLAIMS", "Findings", "paper"]
 
+FINDERS = {
+    name: finder
+    for section in (computed, metrics, models, examples, procedures)
+    for name, finder in vars(section).items()
+    if callable(finder) and finder.__module__ == section.__name__
+}
 CLAIMS: tuple[Claim, ...] = (
-    *metrics.CLAIMS,
-    *models.CLAIMS,
-    *examples.CLAIMS,
-    *procedures.CLAIMS,
-    *conclusions.CLAIMS,
+    *read_claims(DATA / "paper" / "claims.csv", FINDERS),
+    *examples.table_one(),
 )
 
 
