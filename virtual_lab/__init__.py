@@ -9,107 +9,26 @@
 bat, a ball, a procedure) takes the path of a .toml file or a sheet too, ``vl.procedure("bbcor")``.
 """
 
-from __future__ import annotations
+from typing import TYPE_CHECKING, Any
 
-from importlib import import_module
-from typing import TYPE_CHECKING
+from virtual_lab import api
 
 if TYPE_CHECKING:
-    from virtual_lab.api import (
-        Calibration,
-        Certificate,
-        Compared,
-        InputError,
-        Profiled,
-        Sheet,
-        Track,
-        ball,
-        bat,
-        bias,
-        board,
-        calibrate,
-        certify,
-        chart,
-        clip_coverage,
-        convergence,
-        coverage,
-        critique,
-        daily,
-        effects,
-        faults,
-        fit_bat,
-        instrument,
-        paper,
-        percussion,
-        procedure,
-        profile,
-        reduce,
-        rig,
-        score,
-        sensitivity,
-        shelf,
-        show,
-        slope,
-        stability,
-        sweep,
-        template,
-        track,
-    )
+    from virtual_lab.api import *  # noqa: F403
     from virtual_lab.bench.running import rehearse
 
-__all__ = [
-    "Calibration",
-    "Certificate",
-    "Compared",
-    "InputError",
-    "Profiled",
-    "Sheet",
-    "Track",
-    "__version__",
-    "ball",
-    "bat",
-    "bias",
-    "board",
-    "calibrate",
-    "certify",
-    "chart",
-    "clip_coverage",
-    "convergence",
-    "coverage",
-    "critique",
-    "daily",
-    "effects",
-    "faults",
-    "fit_bat",
-    "instrument",
-    "paper",
-    "percussion",
-    "procedure",
-    "profile",
-    "reduce",
-    "rehearse",
-    "rig",
-    "score",
-    "sensitivity",
-    "shelf",
-    "show",
-    "slope",
-    "stability",
-    "sweep",
-    "template",
-    "track",
-]
+__all__ = ["__version__", "rehearse"]
+__all__ += api.__all__
 __version__ = "0.1.0"
 
 
 def __dir__() -> list[str]:
-    return __all__
+    return sorted(__all__)
 
 
-def __getattr__(name: str) -> object:
+def __getattr__(name: str) -> Any:
     """Load what is asked for, once."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = getattr(import_module("virtual_lab.api"), name)
-    globals()[name] = found
-    return found
+    globals()[name] = getattr(api, name)
+    return globals()[name]
