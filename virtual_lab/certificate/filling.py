@@ -44,7 +44,7 @@ from virtual_lab.measurement.certification import Certification
 from virtual_lab.measurement.model import CONTROL, QUANTITIES
 from virtual_lab.measurement.procedure import CHOICE, Procedure
 from virtual_lab.measurement.procedure.peak_width import Width
-from virtual_lab.measurement.reduction.recoil import DEGREE, SETTLE
+from virtual_lab.measurement.reduction.recoil import FIT
 from virtual_lab.measurement.swing_range import SwingResult
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.records import EncoderRecord
@@ -62,7 +62,7 @@ LAW_SPREAD = 0.045  # of r161's peak e over the laws of the ball: virtual-lab se
 SIMULATED = "SIMULATED: no real bat was tested and no accredited laboratory issued this."
 PACKAGES = ("virtual-lab", "numpy", "scipy", "pandas", "numba")
 RING_SHOWN = 20e-3  # s, the slowest ring is seen to turn a few times
-EVERY = 8  # of the slow turn's samples shown: more would only make the page heavier
+SAMPLES_PER_POINT = 8  # of the slow turn's samples shown: more would only make the page heavier
 
 
 def certificate(
@@ -365,8 +365,8 @@ def _encoder(certification: Certification) -> EncoderTrace | None:
     shown = (after >= 0) & (after <= RING_SHOWN)
     return EncoderTrace(
         shot=shot,
-        settled_ms=SETTLE * 1e3,
-        turn=_trace(after[::EVERY], angle[::EVERY], turn[::EVERY]),
+        settled_ms=FIT.settling_time * 1e3,
+        turn=_trace(*(each[::SAMPLES_PER_POINT] for each in (after, angle, turn))),
         ring=_trace(after[shown], (angle - turn)[shown], ring[shown]),
     )
 
@@ -395,13 +395,13 @@ def _turn_and_ring(
     after: Array, angle: Array, frequency: Array, decay: Array
 ) -> tuple[Array, Array]:
     """Return turn and ring, (sample,): powers of time beside rings of known pitch and decay."""
-    fitted = after > SETTLE
-    columns = [(after / after[-1]) ** power for power in range(DEGREE + 1)]
+    fitted = after > FIT.settling_time
+    columns = [(after / after[-1]) ** power for power in range(FIT.polynomial_order + 1)]
     for pitch, loss in zip(frequency, decay, strict=True):
         # before contact there is no ring, and an envelope run backwards would overflow
         envelope, phase = np.exp(-loss * np.maximum(after, 0)), 2 * np.pi * pitch * after
         columns += [envelope * np.cos(phase), envelope * np.sin(phase)]
     basis = np.stack(columns, axis=1)
     weights = np.linalg.lstsq(basis[fitted], angle[fitted], rcond=None)[0]
-    turns = DEGREE + 1
+    turns = FIT.polynomial_order + 1
     return basis[:, :turns] @ weights[:turns], basis[:, turns:] @ weights[turns:]

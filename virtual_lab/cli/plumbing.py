@@ -40,7 +40,7 @@ __all__ = [
 ]
 
 Function = Callable[..., Any]
-WHOLE = 1000  # characters: no sentence of ours is cut short
+HELP_WIDTH = 1000  # characters: no sentence of ours is cut short
 LONGEST_NAME = 60  # of a part of a folder's name
 TABLES, PICTURES = (".csv",), (".png", ".svg", ".pdf")
 
@@ -71,7 +71,7 @@ class Sections(click.Group):
         widest = max(len(name) for name in self.commands)
         for title, commands in self.sections.items():
             with formatter.section(title):
-                rows = [(str(each.name), each.get_short_help_str(WHOLE)) for each in commands]
+                rows = [(str(each.name), each.get_short_help_str(HELP_WIDTH)) for each in commands]
                 formatter.write_dl([(name.ljust(widest), words) for name, words in rows])
 
 

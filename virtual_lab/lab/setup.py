@@ -20,7 +20,7 @@ from virtual_lab.simulation.rig import MotionRung, Reality, Stage
 __all__ = ["TestSetup"]
 
 BENCH_RIG, BALL_RIG = "bench", "ball-wall"
-SOUND = FaultSet()
+NO_FAULTS = FaultSet()
 METHODS = ("ratio", "trampoline")  # of converting a result to a standard ball
 
 
@@ -36,7 +36,7 @@ class TestSetup:
     reality: Reality = Reality.REAL
     rung: str | None = None  # of the collision; None takes the cheapest that is good enough
     motion: MotionRung = MotionRung.CLOSED_FORM
-    faults: FaultSet = SOUND
+    faults: FaultSet = NO_FAULTS
     test: int | None = None
     control_bat: Entry[BatSpec] | None = None
     detail: RecordDetail = RecordDetail.FULL

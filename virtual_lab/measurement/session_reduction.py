@@ -62,7 +62,7 @@ Array = NDArray[np.float64]
 BAT_PROPERTIES = ("mass", "length", "z_cm", "inertia_cm")
 POSITIVE = ("span", "clock", "scale", "counts_per_turn", "gravity", "radius", "pitch")
 PIVOT_TOLERANCE = 5e-3  # m, a rig this far off is another rig
-ALONG = "impact.cannon.along"
+AIM_ALONG = "impact.cannon.along"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,7 +145,7 @@ def prepare(session: Session) -> Preparation:
         raise InputError("procedure.toml", "pivot_from_knob", f"{asked:g} m", allowed)
     balls = observe_balls(session)
     constants = _constants(session) | ball_constants(balls)
-    constants |= _place_constants(procedure.spec, constants.get(ALONG))
+    constants |= _place_constants(procedure.spec, constants.get(AIM_ALONG))
     return Preparation(
         procedure=procedure,
         constants=constants,

@@ -18,7 +18,7 @@ __all__ = ["Progress", "quiet", "shown"]
 
 PATIENCE = 2.0  # s, before the first word on a terminal
 TERMINAL_STEP, PIPE_STEP = 0.2, 10.0  # s, between two lines
-CLEAR = "\r\x1b[K"
+CLEAR_LINE = "\r\x1b[K"
 
 
 class Progress(Protocol):
@@ -88,12 +88,12 @@ def _write(status: _Status, stream: TextIO, over: threading.Event) -> None:
     while True:
         line = f"… {status.line()}"
         if terminal:
-            line = CLEAR + line[: get_terminal_size().columns - 1]
+            line = CLEAR_LINE + line[: get_terminal_size().columns - 1]
         try:
             print(line, end="" if terminal else "\n", file=stream, flush=True)
             if over.wait(TERMINAL_STEP if terminal else PIPE_STEP):
                 if terminal:
-                    print(CLEAR, end="", file=stream, flush=True)
+                    print(CLEAR_LINE, end="", file=stream, flush=True)
                 return
         except (OSError, ValueError):  # the reader has gone: nobody reads any more
             return

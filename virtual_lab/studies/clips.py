@@ -30,7 +30,7 @@ __all__ = ["ClipCoverage", "clip_coverage"]
 
 Array = NDArray[np.float64]
 NORMAL_95 = 1.959964
-LEAST = 2  # clips with a result
+LEAST_CLIPS = 2  # clips with a result
 PLACE = 6 * INCH  # from the tip
 RIG = "filmed-cannon"
 QUANTITIES = {"v_in": "speed_in", "v_out": "speed_out", "e_A": "efficiency"}
@@ -139,8 +139,8 @@ def _clip(laboratory: Laboratory, rung: RecordDetail) -> Array:
 def _row(quantity: str, value: Array, u: Array, true: Array) -> ClipCoverage:
     seen = np.isfinite(value)
     error, u = (value - true)[seen], u[seen]
-    if error.size < LEAST:
-        allowed = f"of these {error.size} gave a result; film more, {LEAST} must"
+    if error.size < LEAST_CLIPS:
+        allowed = f"of these {error.size} gave a result; film more, {LEAST_CLIPS} must"
         raise InputError("", "clips", seen.size, allowed)
     held = int((np.abs(error) <= NORMAL_95 * u).sum())
     count = binomtest(held, error.size).proportion_ci(0.95, "exact")

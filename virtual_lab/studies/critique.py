@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FIELD_TIE_MPH",
-    "SURE",
+    "RELIABLE_SHARE",
     "Critique",
     "critique",
     "misranking",
@@ -50,7 +50,7 @@ __all__ = [
 Array = NDArray[np.float64]
 FIELD_SWINGS = (0.0, 0.3, 0.5)
 FIELD_TIE_MPH = 0.1  # bats less than this apart in the field have no order there
-SURE = 0.95  # a ranking that comes out one way this often is that procedure's
+RELIABLE_SHARE = 0.95  # a ranking that comes out one way this often is that procedure's
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -250,9 +250,9 @@ def misranking(field: float, differences: Array) -> Ranking:
     wrong = int((toward * found < 0).sum())
     share = binomtest(wrong, found.size).proportion_ci(0.95, "exact")
     verdict = "by chance"
-    if probability >= SURE:
+    if probability >= RELIABLE_SHARE:
         verdict = "other way round"
-    elif probability <= 1 - SURE:
+    elif probability <= 1 - RELIABLE_SHARE:
         verdict = "as the field"
     return replace(
         tie,

@@ -26,7 +26,7 @@ from virtual_lab.measurement.reduction.observations import (
     restitution_names,
 )
 from virtual_lab.measurement.reduction.shot_algebra import SLOPE_ERROR, measured_balls
-from virtual_lab.measurement.session_reduction import ALONG
+from virtual_lab.measurement.session_reduction import AIM_ALONG
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
@@ -40,10 +40,10 @@ __all__ = ["Effect", "effects"]
 
 Array = NDArray[np.float64]
 WORDS = "Effect: what one standard uncertainty of the term does to the metric. SI: its unit."
-ACROSS = "impact.aim.across_square"
+AIM_SQUARE = "impact.aim.across_square"
 HITS = "hits"
 BARREL_PLACE = np.array(6 * INCH)  # where the bench takes the barrel's radius, from the tip
-LEAST = 4  # laboratories a term
+LEAST_LABORATORIES = 4  # laboratories a term
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,9 +104,9 @@ def effects(
         if tested.certification.verdict.value != "INVALID":
             cases.append(_case(tested))
     names = list(dict.fromkeys(name for case in cases for name in case.components))
-    if len(cases) < LEAST * len(names) or not cases:
-        allowed = f"allowed: {LEAST} and more with a result for each of {len(names)} terms"
-        raise InputError("", "laboratories", len(cases), allowed)
+    if len(cases) < LEAST_LABORATORIES * len(names) or not cases:
+        least = f"{LEAST_LABORATORIES} and more with a result for each of {len(names)} terms"
+        raise InputError("", "laboratories", len(cases), f"allowed: {least}")
     regressors = {name: _errors_of(name, cases) for name in names}
     known = {name: errors for name, errors in regressors.items() if errors is not None}
     found, found_se, left = _regressed(np.array([case.error for case in cases]), known)
@@ -118,9 +118,9 @@ def effects(
             realised, se = left, left / sqrt(2 * (len(cases) - len(known) - 1))
         elif name == CHOICE:
             realised, se = _spread(np.array([case.choice for case in cases]))
-        elif name == SLOPE_ERROR and ALONG in found:
+        elif name == SLOPE_ERROR and AIM_ALONG in found:
             # one bat has one slope: what the sheet's differs by, the effect of the aim shows
-            realised, se = found[ALONG] - _stated(ALONG, cases), found_se[ALONG]
+            realised, se = found[AIM_ALONG] - _stated(AIM_ALONG, cases), found_se[AIM_ALONG]
         rows.append(
             Effect(
                 bat=bat,
@@ -220,7 +220,7 @@ def _errors_of(name: str, cases: list[_Case]) -> Array | None:
             for each, case in zip(parts, cases, strict=True)
         ]
         return np.asarray(np.array(moved) / _stated(name, cases))
-    if name == ACROSS:
+    if name == AIM_SQUARE:
         square = float(np.mean(np.concatenate([case.across for case in cases]) ** 2))
         off = [case.components[name].value - square for case in cases]
     elif all(name in case.off for case in cases):

@@ -27,9 +27,9 @@ from virtual_lab.output.tables import column
 __all__ = ["PROCEDURES", "Bias", "Played", "faults"]
 
 PROCEDURES = ("astm-f1881", "bbcor")
-CAUGHT = 0.95  # of the laboratories, at least
+LEAST_CAUGHT = 0.95  # of the laboratories, at least
 FALSE_ALARMS = 0.01  # of the sound ones, at most
-FAR = 3.0  # standard uncertainties
+AGREEMENT_U = 3.0  # standard uncertainties
 
 
 def _share(row: Played) -> str:
@@ -80,7 +80,7 @@ class Bias:
     @property
     def near(self) -> bool:
         """Whether it is what was predicted."""
-        return self.z is not None and abs(self.z) <= FAR
+        return self.z is not None and abs(self.z) <= AGREEMENT_U
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -229,7 +229,7 @@ def _spoiled_row(
         prediction.metric_bias_u,
     )
     named = set((prediction.caught_by or "").split(", "))
-    caught = float(np.mean([bool(named & set(each.catches)) for each in spoiled])) >= CAUGHT
+    caught = float(np.mean([bool(named & set(each.catches)) for each in spoiled])) >= LEAST_CAUGHT
     predicted = prediction.caught_by or "a bias"
     row = _row(name, prediction.procedure, predicted, spoiled, efficiency, metric)
     right = caught if prediction.caught_by else efficiency.near and metric.near

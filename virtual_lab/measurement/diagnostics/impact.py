@@ -25,7 +25,7 @@ COUNTING = 1 / sqrt(12)  # rms of whole counts
 ENCODER_REST = 1.5  # times that and the noise at rest, of one shot
 LEAST_PLACE = 1e-5  # m
 LEAST_E_A = 1e-5
-FEWEST = 3  # shots that a mean and its scatter may rest on
+FEWEST_SHOTS = 3  # shots that a mean and its scatter may rest on
 CONTRADICTION = 6.0  # standard uncertainties
 SPOILED = 0.1  # share of the shots that no scrap of a sabot explains
 
@@ -63,7 +63,7 @@ def boards_in_line(seen: Evidence) -> Iterator[Flag]:
         part = (times[:, board] - times[:, 0]) / (times[:, last] - times[:, 0])
         off = (reach[board] - reach[0] - part * (reach[last] - reach[0]))[valid]
         off, share = off[np.isfinite(off)], part[valid][np.isfinite(off)]
-        if off.size < FEWEST:
+        if off.size < FEWEST_SHOTS:
             continue
         place = {_distance(k): known[_distance(k)] for k in (0, board, last)}
         middle, mean = float(share.mean()), float(off.mean())
@@ -89,7 +89,7 @@ def aim(seen: Evidence) -> Iterator[Flag]:
     aimed = (("along", marks.along, lined_up), ("across", marks.across, height))
     for way, marked, at in aimed:
         off = marked - at.value
-        if off.size < FEWEST:
+        if off.size < FEWEST_SHOTS:
             continue
         mean = float(off.mean())
         survey = propagate(lambda x: {"off": x["along"][:, 0]}, {"along": lined_up})["off"]
@@ -124,7 +124,7 @@ def recoil_and_rebound(seen: Evidence) -> Iterator[Flag]:
     shots, valid = seen.shots, seen.judgement.valid
     apart = shots.recoil_efficiency - shots.rebound_efficiency
     both = valid & np.isfinite(apart)
-    if both.sum() < FEWEST:
+    if both.sum() < FEWEST_SHOTS:
         return
 
     def mean_apart(x: Mapping[str, Array]) -> dict[str, Array]:
@@ -152,7 +152,7 @@ def _scatter(seen: Evidence, apart: Array, shared: Sequence[Component]) -> Compo
     degrees, square = apart.size - 1.0, float(apart.var(ddof=1))
     marks = seen.session.records["impact"].get("aim")
     lever = [part.sensitivity for part in shared if part.name == "impact.cannon.along"]
-    if isinstance(marks, AimMarks) and marks.along.size >= FEWEST and lever:
+    if isinstance(marks, AimMarks) and marks.along.size >= FEWEST_SHOTS and lever:
         more = marks.along.size - 1.0
         marked = lever[0] ** 2 * float(marks.along.var(ddof=1))
         square = (degrees * square + more * marked) / (degrees + more)

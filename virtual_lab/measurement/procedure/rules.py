@@ -24,7 +24,7 @@ __all__ = [
 ]
 
 MOST_SPEEDS = 20
-MOST = 1000  # of anything counted: beyond, a slip of the pen and no test
+MOST_COUNTED = 1000  # of anything counted: beyond, a slip of the pen and no test
 SETTING_STEP = 0.5e-3  # m, the operator sets a place to half a millimetre
 REFERENCE_PLACE = 6 * INCH  # from the tip, where a bat's speed is named
 OPTIONAL_WINDOWS = (
@@ -43,7 +43,7 @@ Length = Annotated[float, Gt(0), Dimension("length")]
 SPEED = Dimension("speed", 1, 100)  # m/s, of a ball cannon or a bat
 Speed = Annotated[float, SPEED]
 Number = Annotated[float, Gt(0), Dimension("number")]
-Count = Annotated[int, Dimension("number", 2, MOST)]
+Count = Annotated[int, Dimension("number", 2, MOST_COUNTED)]
 
 
 def _require_positive(spec: Spec, *names: str) -> None:
@@ -89,9 +89,10 @@ class Scan(Spec):
     high: Length
     coarse_step: Length
     fine_step: Length
-    coarse_hits: Annotated[int, Dimension("number", 1, MOST)]
+    coarse_hits: Annotated[int, Dimension("number", 1, MOST_COUNTED)]
     fit_half_width: Length  # of the curve's piece that is fitted about the best place
-    final_hits: Annotated[int, Dimension("number", 0, MOST)]  # 0: the top of the fitted curve
+    # 0: the top of the fitted curve
+    final_hits: Annotated[int, Dimension("number", 0, MOST_COUNTED)]
     consecutive: YesNo = False  # an invalid shot among the final hits begins them again
     # what has its greatest value at the best place: the metric, or v_f at the test's own speeds
     seeks: Literal["metric", "batted_speed"] = "metric"

@@ -9,6 +9,9 @@ each shot's own and enter linearly. The shared ones are found by variable projec
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from math import sqrt
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,21 +22,29 @@ __all__ = ["fit_recoil"]
 
 Array = NDArray[np.float64]
 
-DEGREE = 3  # turn, and two terms of its slowing
-MAX_RINGS = 6
-SETTLE = 3e-3  # s after contact: ball gone, forced motion over
-# s, the turn is extrapolated to the end of contact; ball data say 0.6 to 1.0, at 60 mph nearer
-# 0.7. Friction takes 1e-4 of the rate a millisecond, so a tenth of one is 1e-5.
-CONTACT_DURATION = 0.7e-3
-FIRST_DECAY = 5.0  # 1/s
-WIDEST_DECAY = 300.0  # 1/s
-STANDS_OUT = 20.0  # a ring's peak over the median of the periodogram
-MAX_STEPS = 10
-SEARCHED = 48  # shots, which give the rings to far below what one shot's noise hides
-FEW = 32  # shots that go together: their residuals stay in the cache
-CONVERGED = 1e-5  # of a frequency or decay in units of 1/record, far below what noise hides
-FINEST = 1e-3  # counts, rms that is no ring where what is shown are no whole counts
-COUNTING = 1.02 / np.sqrt(12)  # the same where they are: counting alone, and a little more
+
+@dataclass(frozen=True, slots=True)
+class RecoilFit:
+    """How the turn and its ring are fitted."""
+
+    polynomial_order: int = 3  # turn, and two terms of its slowing
+    most_rings: int = 6
+    settling_time: float = 3e-3  # s after contact: ball gone, forced motion over
+    # s, the turn is extrapolated to the end of contact; ball data say 0.6 to 1.0, at 60 mph
+    # nearer 0.7. Friction takes 1e-4 of the rate a millisecond, so a tenth of one is 1e-5.
+    contact_duration: float = 0.7e-3
+    first_decay: float = 5.0  # 1/s
+    greatest_decay: float = 300.0  # 1/s
+    peak_over_median: float = 20.0  # of a ring in the periodogram
+    most_steps: int = 10
+    shots_searched: int = 48  # which give the rings to far below what one shot's noise hides
+    shots_together: int = 32  # their residuals stay in the cache
+    converged_step: float = 1e-5  # in units of 1/record, far below what noise hides
+    residual: float = 1e-3  # counts, rms that is no ring where what is shown are no whole counts
+    residual_of_counts: float = 1.02 / sqrt(12)  # where they are: counting, and a little more
+
+
+FIT = RecoilFit()
 
 
 def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
@@ -52,8 +63,8 @@ def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
         The record ends too soon after contact to fit anything.
     """
     seen = contact[np.isfinite(contact)]
-    after = record.times > (seen.max() if seen.size else np.inf) + SETTLE
-    if after.sum() < 20 * (DEGREE + 1 + 2 * MAX_RINGS):
+    after = record.times > (seen.max() if seen.size else np.inf) + FIT.settling_time
+    if after.sum() < 20 * (FIT.polynomial_order + 1 + 2 * FIT.most_rings):
         raise ValueError("the encoder record ends too soon after contact")
     tail = slice(int(after.argmax()), None)
     times, counts = record.times[tail], record.counts[:, tail]
@@ -62,18 +73,21 @@ def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
     # all shots ring alike, so a few of a large batch give the frequencies
     whole = bool(np.array_equal(counts[:1], np.rint(counts[:1])))
     rings, basis = _find_rings(
-        clock, counts[:SEARCHED].T, span, no_ring=COUNTING if whole else FINEST
+        clock,
+        counts[: FIT.shots_searched].T,
+        span,
+        no_ring=FIT.residual_of_counts if whole else FIT.residual,
     )
     orthogonal, triangle = np.linalg.qr(basis)
     seen, square = np.empty((contact.size, basis.shape[1])), np.empty(contact.size)
-    for first in range(0, contact.size, FEW):
-        part = slice(first, first + FEW)
+    for first in range(0, contact.size, FIT.shots_together):
+        part = slice(first, first + FIT.shots_together)
         seen[part] = counts[part] @ orthogonal
         left = counts[part] - seen[part] @ orthogonal.T
         square[part] = np.einsum("st,st->s", left, left)
     row = np.zeros((contact.size, basis.shape[1]))
-    release = (contact + CONTACT_DURATION - origin) / span
-    for power in range(1, DEGREE + 1):
+    release = (contact + FIT.contact_duration - origin) / span
+    for power in range(1, FIT.polynomial_order + 1):
         row[:, power] = power * release ** (power - 1) / span
     freedom = len(times) - basis.shape[1] - len(rings)
     weight = np.linalg.solve(triangle.T, row.T)
@@ -97,14 +111,14 @@ def _find_rings(clock: Array, counts: Array, span: float, no_ring: float) -> tup
     """
     rings = np.empty((0, 2))  # frequency and decay in units of 1/span
     basis = _basis(clock, rings)
-    while len(rings) < MAX_RINGS:
+    while len(rings) < FIT.most_rings:
         _, residual = _project(basis, counts)
         small = np.sqrt((residual**2).mean()) < no_ring
         peak = None if small else _strongest(clock, residual)
         if peak is None:
             break
         try:
-            more = _refine(clock, counts, np.vstack([rings, [peak, FIRST_DECAY * span]]), span)
+            more = _refine(clock, counts, np.vstack([rings, [peak, FIT.first_decay * span]]), span)
         except np.linalg.LinAlgError:
             break  # the new ring fell upon one already there
         wider = _basis(clock, more)
@@ -120,28 +134,28 @@ def _strongest(clock: Array, residual: Array) -> float | None:
     spectrum = np.fft.rfft(np.hanning(n)[:, None] * residual, 4 * n, axis=0)
     power = (np.abs(spectrum) ** 2).sum(axis=1)
     frequency = np.fft.rfftfreq(4 * n, clock[1] - clock[0])
-    power[frequency < DEGREE] = 0.0  # slower than the polynomial itself
+    power[frequency < FIT.polynomial_order] = 0.0  # slower than the polynomial itself
     best = int(power.argmax())
-    return float(frequency[best]) if power[best] > STANDS_OUT * np.median(power) else None
+    return float(frequency[best]) if power[best] > FIT.peak_over_median * np.median(power) else None
 
 
 def _refine(clock: Array, counts: Array, rings: Array, span: float) -> Array:
     """Return the rings that leave the least residual, by Gauss-Newton from a near start."""
-    for _ in range(MAX_STEPS):
+    for _ in range(FIT.most_steps):
         basis = _basis(clock, rings)
         orthogonal, triangle = np.linalg.qr(basis)
         seen = orthogonal.T @ counts
         coefficients, residual = np.linalg.solve(triangle, seen), counts - orthogonal @ seen
-        moves = clock[:, None] * basis[:, DEGREE + 1 :]
+        moves = clock[:, None] * basis[:, FIT.polynomial_order + 1 :]
         moves -= orthogonal @ (orthogonal.T @ moves)
-        shares = _shares(coefficients[DEGREE + 1 :])
+        shares = _shares(coefficients[FIT.polynomial_order + 1 :])
         # normal equations of changes that are sums of products, a move times its shares
         flat, between = shares.reshape(len(shares), -1), moves.T @ moves
         matrix = flat @ np.einsum("mn,pns->pms", between, shares).reshape(flat.shape).T
         step = np.linalg.lstsq(matrix, flat @ (moves.T @ residual).ravel(), rcond=None)[0]
         step = np.clip(step.reshape(-1, 2), [-0.5, -20.0], [0.5, 20.0])
-        rings = np.clip(rings + step, 0.0, [np.inf, WIDEST_DECAY * span])
-        if np.abs(step).max() < CONVERGED:
+        rings = np.clip(rings + step, 0.0, [np.inf, FIT.greatest_decay * span])
+        if np.abs(step).max() < FIT.converged_step:
             break
     return rings
 
@@ -162,7 +176,7 @@ def _shares(coefficients: Array) -> Array:
 
 def _basis(clock: Array, rings: Array) -> Array:
     """Return powers of time, then a decaying cosine and sine for each ring."""
-    columns = [clock**power for power in range(DEGREE + 1)]
+    columns = [clock**power for power in range(FIT.polynomial_order + 1)]
     for frequency, decay in rings:
         envelope = np.exp(-decay * clock)
         phase = 2 * np.pi * frequency * clock
@@ -182,7 +196,7 @@ def _at_rest(record: EncoderRecord, contact: Array) -> tuple[Array, Array]:
 
     A bat at rest shows the rate 0. NaN where too little was recorded.
     """
-    before = record.times < np.nanmin(contact) - SETTLE / 3
+    before = record.times < np.nanmin(contact) - FIT.settling_time / 3
     if before.sum() < 3:
         nothing = np.full(contact.shape, np.nan)
         return nothing, nothing

@@ -40,14 +40,7 @@ from virtual_lab.units import INCH, OUNCE
 __all__ = ["TEMPLATES", "BatMeasurements", "Fitted", "Template", "computed", "fit"]
 
 Floats = NDArray[np.float64]
-WEIGHT = 1e-4  # the relative misfit that counts as much as a parameter's usual spread
-NODE_WEIGHT = 1e-3 * INCH
-CLOSE = 1e-3  # relative misfit a fit may keep
-NODE_CLOSE = 0.05 * INCH
 COARSE = {"order": 6, "element_size": 0.1}  # 1e-6 in the first two frequencies
-STEPS = 60
-STEP = 1e-4  # of the differences, in spreads of a parameter
-TOLERANCE = 1e-5  # of the fit, whose cost is about 1 where the data are met
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -161,20 +154,21 @@ def fit(
         return np.concatenate((data, x - near))
 
     def jacobian(x: Floats) -> Floats:
-        # a step well above the rounding in the frequencies, whatever the size of x
-        middle, steps = residuals(x), STEP * np.eye(x.size)
-        return np.stack([(residuals(x + step) - middle) / STEP for step in steps], axis=1)
+        width = 1e-4  # spreads: well above the rounding in the frequencies, whatever x is
+        middle, steps = residuals(x), width * np.eye(x.size)
+        return np.stack([(residuals(x + step) - middle) / width for step in steps], axis=1)
 
+    tolerance = 1e-5  # of a cost that is about 1 where the data are met
     edge = 1e-6 * (high - low)
     found = least_squares(
         residuals,
         np.clip(near if start is None else (start - usual) / spread, low + edge, high - edge),
         jac=jacobian,
         bounds=(low, high),
-        ftol=TOLERANCE,
-        xtol=TOLERANCE,
-        gtol=TOLERANCE,
-        max_nfev=STEPS,
+        ftol=tolerance,
+        xtol=tolerance,
+        gtol=tolerance,
+        max_nfev=60,
     )
     parameters = usual + spread * found.x
     body = template.build(parameters, measured.length)
@@ -225,11 +219,13 @@ def _said(missed: dict[str, float]) -> str:
 
 
 def _weight(name: str) -> float:
-    return NODE_WEIGHT if name.startswith("node") else WEIGHT
+    """Return the misfit, relative or of a place [m], that counts as a parameter's usual spread."""
+    return 1e-3 * INCH if name.startswith("node") else 1e-4
 
 
 def _close(name: str) -> float:
-    return NODE_CLOSE if name.startswith("node") else CLOSE
+    """Return the misfit that a fit may keep."""
+    return 0.05 * INCH if name.startswith("node") else 1e-3
 
 
 def _wood(x: Floats, length: float) -> BatBody:

@@ -41,8 +41,8 @@ PROCEDURE = "astm-f1881"
 PLACES_IN = np.arange(2.0, 12.01, 1.0)
 BESIDE_IN = (-0.01, 0.0, 0.01)  # of the centre of percussion, where play is taken up late
 FIRST_SLOT = 1_000_000  # beyond any shot of a test
-PLAIN = {"friction": 0.09}  # thirty times the roller bearing's
-LOOSE = {"clearance": 0.2e-3}  # m
+PLAIN_BEARING = {"friction": 0.09}  # thirty times the roller bearing's
+LOOSE_BEARING = {"clearance": 0.2e-3}  # m
 READINGS = {"recoil": "recoil_efficiency", "rebound": "rebound_efficiency"}
 
 
@@ -195,7 +195,7 @@ def _row(still: _Stand, place: float, shots: int, read: list[_Read]) -> Struck:
     smooth = still.counting_finely()
     as_installed, plain, loose = (
         smooth.fire(place, 2, 0, **bearing)[0].shots.recoil_efficiency[0]
-        for bearing in ({}, PLAIN, LOOSE)
+        for bearing in ({}, PLAIN_BEARING, LOOSE_BEARING)
     )
 
     def readings(name: str) -> ReadError:

@@ -12,8 +12,8 @@ from virtual_lab.studies.bats.percussion_text import Struck
 
 __all__ = ["draw_percussion"]
 
-NEAR_IN = 0.1
-RECOIL, REBOUND, PLAIN, LOOSE = "#0072b2", "#d55e00", "#009e73", "#cc79a7"
+LEAST_DISTANCE_IN = 0.1
+COLOURS = {"recoil": "#0072b2", "rebound": "#d55e00", "plain": "#009e73", "loose": "#cc79a7"}
 
 
 def draw_percussion(rows: Sequence[Struck], percussion_in: float, bat: str, path: Path) -> None:
@@ -39,13 +39,14 @@ def draw_percussion(rows: Sequence[Struck], percussion_in: float, bat: str, path
 
     z_of_all = [row.z_in for row in rows]
     # hard by the centre of percussion only a loose bearing makes a difference
-    shown = [row for row in rows if not 1e-6 < abs(row.z_in - percussion_in) < NEAR_IN]
+    shown = [row for row in rows if not 1e-6 < abs(row.z_in - percussion_in) < LEAST_DISTANCE_IN]
     z = of("z_in")
 
     with style.context(STYLE, after_reset=True):
         figure = Figure(figsize=(7.6, 7.6), dpi=150, layout="constrained")
         errors, shifts, loads = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 2))
-        for name, mark, colour in (("recoil", "o", RECOIL), ("rebound", "s", REBOUND)):
+        for name, mark in (("recoil", "o"), ("rebound", "s")):
+            colour = COLOURS[name]
             errors.plot(
                 z, of(f"{name}.rms", 1e3), mark, color=colour, label=f"by {name}: rms error"
             )
@@ -59,9 +60,11 @@ def draw_percussion(rows: Sequence[Struck], percussion_in: float, bat: str, path
         handles = [*errors.get_legend_handles_labels()[0], *beside.get_lines()]
         errors.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
         plain, loose = "plain bearing, friction 0.09", "loose bearing, 0.2 mm either way"
-        shifts.plot(z, of("plain_shift", 1e3), "^-", markersize=4, color=PLAIN, label=plain)
+        shifts.plot(
+            z, of("plain_shift", 1e3), "^-", markersize=4, color=COLOURS["plain"], label=plain
+        )
         moved = [1e3 * row.loose_shift for row in rows]
-        shifts.plot(z_of_all, moved, "D", markersize=4, color=LOOSE, label=loose)
+        shifts.plot(z_of_all, moved, "D", markersize=4, color=COLOURS["loose"], label=loose)
         shifts.set_ylabel("shift of $e_A$\nby recoil, 10$^{-3}$")
         shifts.legend(loc="best")
         loads.plot(z, of("reaction_ns"), "o-", markersize=4, color="black", label="on the axis")
