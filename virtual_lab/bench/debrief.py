@@ -123,6 +123,7 @@ class ExpertDay:
     shots: int
     doubts: tuple[str, ...]
     checks: tuple[str, ...]  # actions that the trainee did not take
+    apart: str  # why its verdict is not the one that is right of the trainee's day; empty: it is
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -179,14 +180,12 @@ def debrief(apparatus: Apparatus, day: Day, scenario: Scenario, seal: str = "") 
     desk = Desk(day)
     own = tuple(desk.own(entry.arguments) if (entry := desk.last("enter-result")) else ())
     value, u = _result(desk, own)
-    truth = apparatus.finish(day).sealed.measurand.get("metric") if value is not None else None
     limit = desk.rules.spec.most
     given = desk.last("give-verdict")
     assert given is not None
     named = _named(day, str(given.arguments["doubt"]))
     faults = scenario.faults
-    admitted = value is None or all(each.met for each in desk.certification.findings)
-    right = _right_verdict(value, u, truth, limit, spoilt=bool(faults), admitted=admitted)
+    truth, right = _right_verdict(apparatus, desk, value, u, spoilt=bool(faults))
     refused = day.verdict == "INVALID" and (bool(set(faults) & set(named)) or value is None)
     rightly = day.verdict == right or refused
     confidence = float(given.arguments["confidence"]) / 100
@@ -230,7 +229,7 @@ def debrief(apparatus: Apparatus, day: Day, scenario: Scenario, seal: str = "") 
         steps=tuple(_steps(day)),
         own=own,
         hits=tuple(zip_longest(_hits(desk), _hits(beside))),
-        expert=_expert(beside, day),
+        expert=_expert(apparatus, beside, desk, right, spoilt=bool(faults)),
         disputes=tuple(
             (str(event.arguments["score"]), str(event.arguments["note"]))
             for event in day.events
@@ -362,47 +361,82 @@ def _hits(desk: Desk) -> list[HitReview]:
     return rows
 
 
-def _expert(beside: Desk, day: Day) -> ExpertDay:
+def _expert(
+    apparatus: Apparatus, beside: Desk, desk: Desk, right: str, *, spoilt: bool
+) -> ExpertDay:
     theirs, sheets = beside.day, action_table().actions
     given = beside.last("give-verdict")
     assert given is not None
-    mine = {event.action for event in day.events}
+    mine = {event.action for event in desk.day.events}
     noted = [event for event in theirs.events if event.action == "note-doubt"]
     checks = dict.fromkeys(
         sheets[event.action].title
         for event in theirs.events
         if event.action not in mine and sheets[event.action].part in {"bench", "wall", "rig"}
     )
+    value, u = beside.result or (None, None)
+    own = _right_verdict(apparatus, beside, value, u, spoilt=spoilt)[1]
     return ExpertDay(
         verdict=theirs.verdict,
         confidence=float(given.arguments["confidence"]) / 100,
-        value=beside.result[0] if beside.result else None,
+        value=value,
         minutes=theirs.seconds / 60,
         shots=len(theirs.fired),
         doubts=tuple(str(event.arguments["doubt"]) for event in noted),
         checks=tuple(checks),
+        apart=_apart(right, own, beside, desk) if theirs.verdict != right else "",
     )
 
 
+def _apart(right: str, own: str, beside: Desk, desk: Desk) -> str:
+    """Return why an expert gives another verdict than is right of the trainee's day.
+
+    `own` is the verdict that is right of the expert's day: the same laboratory, another day's work.
+    """
+    given = beside.day.verdict
+    if given == "INVALID":
+        return (
+            f"Both hold: what was wrong leaves the result within its U, so {right} is right, and "
+            "who has seen a fault may refuse to judge, as the expert does"
+        )
+    if given != own:
+        return (
+            f"Here the expert is wrong, as U allows: the truth lies on the other side of the limit "
+            f"from the expert's result, so {right} is right"
+        )
+    lost = (
+        "left your day without a result" if desk.result is None else "put your result beyond its U"
+    )
+    mended = {event.action for event in beside.day.events if event.constants} - {
+        event.action for event in desk.day.events if event.constants
+    }
+    titles = " and ".join(action_table().actions[name].title.lower() for name in sorted(mended))
+    how = f" mended the day ({titles}, and reduce with what is found)" if titles else "'s day holds"
+    if right == "INVALID":
+        return (
+            f"Both hold: the fault {lost}, so {right} is right of your day; "
+            f"the expert{how}, so {given} is right of the expert's"
+        )
+    return f"Both hold: {right} is right of what you measured, {given} of what the expert measured"
+
+
 def _right_verdict(
-    value: float | None,
-    u: float | None,
-    truth: float | None,
-    limit: float | None,
-    *,
-    spoilt: bool,
-    admitted: bool,
-) -> str:
-    """Return the verdict of who knows the truth: INVALID where a fault put the result beyond U."""
-    if value is None or u is None or truth is None:
-        return "INVALID" if spoilt else "MEASURED"
+    apparatus: Apparatus, desk: Desk, value: float | None, u: float | None, *, spoilt: bool
+) -> tuple[float | None, str]:
+    """Return the truth and the verdict of who knows it: INVALID where a fault put x beyond U."""
+    if value is None or u is None:
+        return None, "INVALID" if spoilt else "MEASURED"
+    truth = apparatus.finish(desk.day).sealed.measurand.get("metric")
+    limit = desk.rules.spec.most
+    if truth is None:
+        return None, "INVALID" if spoilt else "MEASURED"
     if spoilt and abs(value - truth) > 2 * u:
-        return "INVALID"
-    if not admitted:
-        return "FAIL"
+        return truth, "INVALID"
+    if not all(each.met for each in desk.certification.findings):
+        return truth, "FAIL"
     if limit is None:
-        return "MEASURED"
-    return "PASS" if truth <= limit else "FAIL"
+        return truth, "MEASURED"
+    return truth, "PASS" if truth <= limit else "FAIL"
 
 
 def _result_score(
