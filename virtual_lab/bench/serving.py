@@ -204,7 +204,8 @@ def serve(
         say(f"the trainer: open {scheme}://{host}:{port}/?token={hall[0]} once, in one browser")
     for (name, folder), address in zip(folders.items(), addresses, strict=True):
         again = "taken up again" if (folder / LOG).exists() else "begun"
-        say(f"{name or 'the day'}, {again} in {folder}: open {address} once, in one browser")
+        once = "; the code in it lets them in again" if hall else " once, in one browser"
+        say(f"{name or 'the day'}, {again} in {folder}: open {address}{once}")
     say("Ctrl-C stops, the day stays; root and your account can read the sealed file, no page can")
     if browser:
         webbrowser.open(addresses[0])
