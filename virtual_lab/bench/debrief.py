@@ -18,6 +18,13 @@ from virtual_lab.bench.actions import ARGUMENTS, OWN_RESULTS, Action
 from virtual_lab.bench.apparatus import Apparatus
 from virtual_lab.bench.day import Day, Decision, replayed
 from virtual_lab.bench.desk import UNDECIDED, Desk, OwnResult
+from virtual_lab.bench.deviations import (
+    DENIED,
+    JUSTIFIED,
+    Deviation,
+    deviations,
+    needless_seconds,
+)
 from virtual_lab.bench.inspection import doubts, fault_sheets, known_doubts
 from virtual_lab.bench.keeping import KeptDay, played, taken
 from virtual_lab.bench.operators import operator_of
@@ -153,6 +160,7 @@ class Debrief:
     change: str
     costly: tuple[CostlyDecision, ...]
     steps: tuple[StepReview, ...]
+    deviations: tuple[Deviation, ...]
     own: tuple[OwnResult, ...]
     hits: tuple[tuple[HitReview | None, HitReview | None], ...]  # the trainee's, the expert's
     expert: ExpertDay
@@ -190,12 +198,14 @@ def debrief(apparatus: Apparatus, day: Day, scenario: Scenario, seal: str = "") 
     rightly = day.verdict == right or refused
     confidence = float(given.arguments["confidence"]) / 100
     brier = (confidence - rightly) ** 2
+    departed = list(deviations(desk))
+    odd = _justly_rejected(day, departed)
     values = (
         _result_score(value, u, truth, day.verdict, right, bool(set(faults) & set(named))),
         _detection_score(named, faults, brier),
-        _protocol_score(day),
-        _record_score(desk, own),
-        _economy_score(day, scenario),
+        _protocol_score(day, departed),
+        _record_score(desk, own, odd),
+        _economy_score(day, scenario, needless_seconds(departed, desk)),
     )
     scores = tuple(
         DayScore(name=name, value=score, weight=scenario.weights.get(name, 1.0), because=why)
@@ -225,8 +235,9 @@ def debrief(apparatus: Apparatus, day: Day, scenario: Scenario, seal: str = "") 
         scores=scores,
         keep=keep,
         change=change,
-        costly=_costly(apparatus, desk, truth, own),
+        costly=_costly(apparatus, desk, truth, own, odd),
         steps=tuple(_steps(day)),
+        deviations=tuple(departed),
         own=own,
         hits=tuple(zip_longest(_hits(desk), _hits(beside))),
         expert=_expert(apparatus, beside, desk, right, spoilt=bool(faults)),
@@ -481,51 +492,77 @@ def _detection_score(
     return 1 - float(np.mean([*lost, brier])), words
 
 
-def _protocol_score(day: Day) -> tuple[float, str]:
-    """Score the share of the steps of the book that were done in time, or left out with reason."""
+def _protocol_score(day: Day, departed: list[Deviation]) -> tuple[float, str]:
+    """Score the share of the steps of the book that were done in time, or left out with reason.
+
+    A reason counts unless what was to be seen speaks against it; of each step the last one noted.
+    """
     due = len(list(steps_due(day)))
-    notes = excused(day)
-    missed = [each.step for each in left_out(day) if each.step not in notes]
+    reasons = {each.step: each.judged != DENIED for each in departed if each.step}
+    missed = [each.step for each in left_out(day) if not reasons.get(each.step, False)]
     words = f"{due - len(missed)} of {due} steps done in time, or left out with a reason noted"
     if missed:
         words += "; left out: " + ", ".join(sorted(set(missed)))
     return ((due - len(missed)) / due if due else 0.0), words
 
 
-def _record_score(desk: Desk, own: tuple[OwnResult, ...]) -> tuple[float, str]:
-    """Score the share of hits decided as the windows have it, and of own results that agree."""
+def _justly_rejected(day: Day, departed: list[Deviation]) -> set[int]:
+    """Return the shots rejected for what was odd about them, though the windows have nothing."""
+    just = {each.entry for each in departed if each.judged == JUSTIFIED}
+    shots = {
+        int(event.arguments["shot"]) - 1
+        for event in day.events
+        if event.action == "reject" and event.number in just
+    }
+    return {shot for shot in shots if not day.decisions[shot].accepted}
+
+
+def _record_score(desk: Desk, own: tuple[OwnResult, ...], odd: set[int]) -> tuple[float, str]:
+    """Score the share of hits decided as the windows have it, and of own results that agree.
+
+    An odd hit may be rejected though it is within them.
+    """
     reasons = desk.reasons if not desk.missing else ()
     if not reasons:
         return 0.0, "no hit to decide on"
     given = desk.day.decisions
     right = sum(
-        shot in given and given[shot].accepted == (not why) for shot, why in enumerate(reasons)
+        shot in given and (given[shot].accepted == (not why) or shot in odd)
+        for shot, why in enumerate(reasons)
     )
     words = f"{right} of {len(reasons)} hits decided as the windows have it"
+    words += f", {len(odd)} of them rejected as odd" if odd else ""
     agree = sum(each.agrees for each in own)
     if own:
         words += f", {agree} of {len(own)} own results agree with the records"
     return (right + agree) / (len(reasons) + len(own)), words
 
 
-def _economy_score(day: Day, scenario: Scenario) -> tuple[float, str]:
-    minutes, shots = day.seconds / 60, max(len(day.fired), 1)
-    share = min(1.0, scenario.minutes / max(day.seconds, 1.0)) * min(1.0, scenario.shots / shots)
+def _economy_score(day: Day, scenario: Scenario, needless: float) -> tuple[float, str]:
+    minutes, shots = (day.seconds - needless) / 60, max(len(day.fired), 1)
+    share = min(1.0, scenario.minutes / max(60 * minutes, 1.0)) * min(1.0, scenario.shots / shots)
     words = f"{minutes:.0f} min and {len(day.fired)} shots"
+    words += (
+        f", {needless / 60:.0f} min of checks that a sign asked for not counted" if needless else ""
+    )
     return share, f"{words}; a good day takes {scenario.minutes / 60:.0f} and {scenario.shots}"
 
 
 def _costly(
-    apparatus: Apparatus, desk: Desk, truth: float | None, own: tuple[OwnResult, ...]
+    apparatus: Apparatus,
+    desk: Desk,
+    truth: float | None,
+    own: tuple[OwnResult, ...],
+    odd: set[int],
 ) -> tuple[CostlyDecision, ...]:
-    """Return the decisions that cost most, each mended alone."""
+    """Return the decisions that cost most, each mended alone; an `odd` hit was rejected rightly."""
     found: list[CostlyDecision] = []
     value = desk.result[0] if desk.result else None
     entered = desk.last("enter-result")
     for each in own:
         if OWN_RESULTS[each.name] == desk.rules.spec.metric and value is not None and entered:
             found += _cost(entered.number, f"{each.name} entered", each.entered, value, truth, 0.0)
-    for entry, what, actions, by_windows in list(_mended(desk))[:MOST_MENDED]:
+    for entry, what, actions, by_windows in list(_mended(desk, odd))[:MOST_MENDED]:
         try:
             mended = _played_again(apparatus, actions, by_windows)
         except InputError:
@@ -574,7 +611,7 @@ def _played_again(apparatus: Apparatus, actions: list[Action], by_windows: set[i
     return Desk(replace(day, decisions={**day.decisions, **decided}))
 
 
-def _mended(desk: Desk) -> Iterator[tuple[int, str, list[Action], set[int]]]:
+def _mended(desk: Desk, odd: set[int]) -> Iterator[tuple[int, str, list[Action], set[int]]]:
     """Yield days with one decision mended: its entry, what it was, and the day's actions.
 
     With them the hits that are decided by the windows there: those that were so on the day.
@@ -606,7 +643,7 @@ def _mended(desk: Desk) -> Iterator[tuple[int, str, list[Action], set[int]]]:
                 what = f"{sheets[action.name].title.lower()}: {action.arguments[key]}"
                 others = [*actions[: number - 1], mended, *actions[number:]]
                 yield number, f"{what}, not {SLIPS[key]}", others, own
-    for shot in sorted(day.decisions.keys() - own):
+    for shot in sorted(day.decisions.keys() - own - odd):
         if shot < len(reasons):
             word = "accepted" if day.decisions[shot].accepted else "rejected"
             why = reasons[shot] or "the windows have nothing against it"
