@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from virtual_lab.bench.exam import Hall
 from virtual_lab.bench.scenario import load_scenario
 from virtual_lab.bench.serving import ServedDay
 from virtual_lab.bench.web import application
@@ -52,14 +53,17 @@ def free_port() -> int:
 
 
 @contextmanager
-def served(folder: Path, scenario: str = "plain-day") -> Iterator[tuple[ServedDay, str]]:
-    """Serve a day; give it and its first address."""
+def served(
+    folder: Path, scenario: str = "plain-day", trainer: str = ""
+) -> Iterator[tuple[ServedDay, str]]:
+    """Serve a day, of an exam where a trainer's token is given; give it and its first address."""
     import uvicorn
 
     day = ServedDay(folder, load_scenario(scenario), SEED)
     day.open()
     port = free_port()
-    app = application({"token": day}, hosts=frozenset({f"127.0.0.1:{port}"}))
+    exam = (trainer, Hall("Spring class", {"Ada": day})) if trainer else None
+    app = application({"token": day}, hosts=frozenset({f"127.0.0.1:{port}"}), exam=exam)
     server = uvicorn.Server(uvicorn.Config(app, port=port, log_level="error"))
     thread = threading.Thread(target=server.run)
     thread.start()

@@ -1,5 +1,6 @@
 """An exam: closed until it begins and once it is over; its trainer sees who is where, no truth."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -69,6 +70,32 @@ def test_the_trainer_sees_who_is_where_and_no_truth(
     assert "your trainer opens the debrief" in ada.ask("/").text
     assert turned(ada, "end").status == 422  # no action of a trainee
     assert opened.is_open
+
+
+def test_a_code_lets_a_trainee_in_again_and_ends_the_session_that_was_lost(
+    hall: tuple[Browser, Browser, Hall],
+) -> None:
+    trainer, ada, opened = hall
+    turned(trainer, "begin")
+    ada.do("tare")
+    again, lost = Browser(ada.day), ada.cookie
+    again.application = ada.application
+    stranger = again.ask("/")
+    assert stranger.status == 403
+    assert 'name="token"' in stranger.text
+    assert again.ask("/bench.css").status == 200
+    assert "no such code" in again.ask("/?token=guessed").text
+    assert "joined again" not in trainer.ask("/").text
+    assert again.open().status == 303
+    assert again.cookie != lost
+    assert ada.ask("/").status == ada.ask("/do", {"do": "tare"}).status == 403
+    assert again.do("weigh-bat").status == 303
+    assert [each.entries for each in opened.trainees()] == [2, 0]
+    shown = trainer.ask("/").text
+    assert re.search(r"<td class=\"left\">at work, joined again at \d\d:\d\d</td>", shown)
+    assert shown.count("joined again") == 1
+    trainer.cookie = ""
+    assert trainer.ask("/?token=chalk").status == 403  # whoever guides the exam came in already
 
 
 @pytest.mark.parametrize(

@@ -244,6 +244,33 @@ def test_the_debrief_sets_an_experts_day_beside_the_trainees() -> None:
     assert found.change.startswith(("protocol", "detection", "record", "result"))
 
 
+@pytest.mark.parametrize(
+    ("name", "faults", "limit", "said"),
+    [
+        (
+            "book",
+            ("gate-moved",),
+            None,
+            "INVALID is right of your day; the expert mended the day (gau",
+        ),
+        ("book", ("encoder-slip",), None, "may refuse to judge"),
+        ("book", (), 0.948, "Here the expert is wrong, as U allows"),
+        ("book", ("bat-cracked",), None, ""),
+        ("expert", ("gate-moved",), None, ""),
+    ],
+)
+def test_why_an_expert_gives_another_verdict_than_is_right_is_told(
+    name: str, faults: tuple[str, ...], limit: float | None, said: str
+) -> None:
+    given = scenario(faults, limit=limit)
+    machines = apparatus(*faults) if limit is None else Apparatus(laboratory_of(given, 3, SALT))
+    found = debrief(machines, taken(machines, operator_of(name, 4)), given)
+    assert (found.expert.verdict == found.right_verdict) == (not said)
+    assert said in found.expert.apart
+    assert bool(said) == (" expert " in found.expert.apart)
+    assert found.expert.apart in debrief_page(found).replace("&#39;", "'")
+
+
 def test_nothing_went_wrong_is_said_and_only_then() -> None:
     assert "Nothing went wrong" in debrief_page(debriefed("book"))
     assert "Nothing went wrong" not in debrief_page(debriefed("careless"))

@@ -12,8 +12,9 @@ from urllib.parse import urlencode
 
 import pytest
 
-from tests.bench.days import PLAIN
+from tests.bench.days import PLAIN, asked
 from virtual_lab.bench.actions import ARGUMENTS
+from virtual_lab.bench.page import day_page
 from virtual_lab.bench.scenario import load_scenario
 from virtual_lab.bench.serving import ServedDay
 from virtual_lab.bench.web import application
@@ -311,6 +312,25 @@ def test_the_first_page_does_not_wait_for_the_laboratory(tmp_path: Path) -> None
     day.open()
     sealed = re.compile(r'<p class="soft">Sealed this morning.*</p>\n')
     assert sealed.subn("", browser.ask("/").text) == (first, 1)
+
+
+def test_nor_does_that_of_a_day_taken_up_again(tmp_path: Path) -> None:
+    """Its page is made of the log; only how a shot really went waits for the laboratory."""
+    before = served(tmp_path / "day")
+    for action in asked(PLAIN[:18]):
+        before.do(action)
+    again = ServedDay(tmp_path / "day", load_scenario("first-day"), None)  # it has its own
+    browser = Browser(again)
+    browser.open()
+    assert browser.ask("/").text == day_page(before.desk, before.briefing)
+    end = ("reduce", {}), ("give-verdict", {"verdict": "PASS"}), ("hand-in", {})
+    for action in asked(end):
+        before.do(action)
+    last = Browser(ServedDay(tmp_path / "day", load_scenario("plain-day"), None))
+    last.open()
+    assert "Look again" in last.ask("/").text
+    last.day.open()
+    assert "As it really was" in last.ask("/").text
 
 
 def test_the_notebook_holds_what_was_done_and_shown(browser: Browser) -> None:

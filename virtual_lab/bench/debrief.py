@@ -18,6 +18,13 @@ from virtual_lab.bench.actions import ARGUMENTS, OWN_RESULTS, Action
 from virtual_lab.bench.apparatus import Apparatus
 from virtual_lab.bench.day import Day, Decision, replayed
 from virtual_lab.bench.desk import UNDECIDED, Desk, OwnResult
+from virtual_lab.bench.deviations import (
+    DENIED,
+    JUSTIFIED,
+    Deviation,
+    deviations,
+    needless_seconds,
+)
 from virtual_lab.bench.inspection import doubts, fault_sheets, known_doubts
 from virtual_lab.bench.keeping import KeptDay, played, taken
 from virtual_lab.bench.operators import operator_of
@@ -123,6 +130,7 @@ class ExpertDay:
     shots: int
     doubts: tuple[str, ...]
     checks: tuple[str, ...]  # actions that the trainee did not take
+    apart: str  # why its verdict is not the one that is right of the trainee's day; empty: it is
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,6 +160,7 @@ class Debrief:
     change: str
     costly: tuple[CostlyDecision, ...]
     steps: tuple[StepReview, ...]
+    deviations: tuple[Deviation, ...]
     own: tuple[OwnResult, ...]
     hits: tuple[tuple[HitReview | None, HitReview | None], ...]  # the trainee's, the expert's
     expert: ExpertDay
@@ -179,24 +188,24 @@ def debrief(apparatus: Apparatus, day: Day, scenario: Scenario, seal: str = "") 
     desk = Desk(day)
     own = tuple(desk.own(entry.arguments) if (entry := desk.last("enter-result")) else ())
     value, u = _result(desk, own)
-    truth = apparatus.finish(day).sealed.measurand.get("metric") if value is not None else None
     limit = desk.rules.spec.most
     given = desk.last("give-verdict")
     assert given is not None
     named = _named(day, str(given.arguments["doubt"]))
     faults = scenario.faults
-    admitted = value is None or all(each.met for each in desk.certification.findings)
-    right = _right_verdict(value, u, truth, limit, spoilt=bool(faults), admitted=admitted)
+    truth, right = _right_verdict(apparatus, desk, value, u, spoilt=bool(faults))
     refused = day.verdict == "INVALID" and (bool(set(faults) & set(named)) or value is None)
     rightly = day.verdict == right or refused
     confidence = float(given.arguments["confidence"]) / 100
     brier = (confidence - rightly) ** 2
+    departed = list(deviations(desk))
+    odd = _justly_rejected(day, departed)
     values = (
         _result_score(value, u, truth, day.verdict, right, bool(set(faults) & set(named))),
         _detection_score(named, faults, brier),
-        _protocol_score(day),
-        _record_score(desk, own),
-        _economy_score(day, scenario),
+        _protocol_score(day, departed),
+        _record_score(desk, own, odd),
+        _economy_score(day, scenario, needless_seconds(departed, desk)),
     )
     scores = tuple(
         DayScore(name=name, value=score, weight=scenario.weights.get(name, 1.0), because=why)
@@ -226,11 +235,12 @@ def debrief(apparatus: Apparatus, day: Day, scenario: Scenario, seal: str = "") 
         scores=scores,
         keep=keep,
         change=change,
-        costly=_costly(apparatus, desk, truth, own),
+        costly=_costly(apparatus, desk, truth, own, odd),
         steps=tuple(_steps(day)),
+        deviations=tuple(departed),
         own=own,
         hits=tuple(zip_longest(_hits(desk), _hits(beside))),
-        expert=_expert(beside, day),
+        expert=_expert(apparatus, beside, desk, right, spoilt=bool(faults)),
         disputes=tuple(
             (str(event.arguments["score"]), str(event.arguments["note"]))
             for event in day.events
@@ -362,47 +372,82 @@ def _hits(desk: Desk) -> list[HitReview]:
     return rows
 
 
-def _expert(beside: Desk, day: Day) -> ExpertDay:
+def _expert(
+    apparatus: Apparatus, beside: Desk, desk: Desk, right: str, *, spoilt: bool
+) -> ExpertDay:
     theirs, sheets = beside.day, action_table().actions
     given = beside.last("give-verdict")
     assert given is not None
-    mine = {event.action for event in day.events}
+    mine = {event.action for event in desk.day.events}
     noted = [event for event in theirs.events if event.action == "note-doubt"]
     checks = dict.fromkeys(
         sheets[event.action].title
         for event in theirs.events
         if event.action not in mine and sheets[event.action].part in {"bench", "wall", "rig"}
     )
+    value, u = beside.result or (None, None)
+    own = _right_verdict(apparatus, beside, value, u, spoilt=spoilt)[1]
     return ExpertDay(
         verdict=theirs.verdict,
         confidence=float(given.arguments["confidence"]) / 100,
-        value=beside.result[0] if beside.result else None,
+        value=value,
         minutes=theirs.seconds / 60,
         shots=len(theirs.fired),
         doubts=tuple(str(event.arguments["doubt"]) for event in noted),
         checks=tuple(checks),
+        apart=_apart(right, own, beside, desk) if theirs.verdict != right else "",
     )
 
 
+def _apart(right: str, own: str, beside: Desk, desk: Desk) -> str:
+    """Return why an expert gives another verdict than is right of the trainee's day.
+
+    `own` is the verdict that is right of the expert's day: the same laboratory, another day's work.
+    """
+    given = beside.day.verdict
+    if given == "INVALID":
+        return (
+            f"Both hold: what was wrong leaves the result within its U, so {right} is right, and "
+            "who has seen a fault may refuse to judge, as the expert does"
+        )
+    if given != own:
+        return (
+            f"Here the expert is wrong, as U allows: the truth lies on the other side of the limit "
+            f"from the expert's result, so {right} is right"
+        )
+    lost = (
+        "left your day without a result" if desk.result is None else "put your result beyond its U"
+    )
+    mended = {event.action for event in beside.day.events if event.constants} - {
+        event.action for event in desk.day.events if event.constants
+    }
+    titles = " and ".join(action_table().actions[name].title.lower() for name in sorted(mended))
+    how = f" mended the day ({titles}, and reduce with what is found)" if titles else "'s day holds"
+    if right == "INVALID":
+        return (
+            f"Both hold: the fault {lost}, so {right} is right of your day; "
+            f"the expert{how}, so {given} is right of the expert's"
+        )
+    return f"Both hold: {right} is right of what you measured, {given} of what the expert measured"
+
+
 def _right_verdict(
-    value: float | None,
-    u: float | None,
-    truth: float | None,
-    limit: float | None,
-    *,
-    spoilt: bool,
-    admitted: bool,
-) -> str:
-    """Return the verdict of who knows the truth: INVALID where a fault put the result beyond U."""
-    if value is None or u is None or truth is None:
-        return "INVALID" if spoilt else "MEASURED"
+    apparatus: Apparatus, desk: Desk, value: float | None, u: float | None, *, spoilt: bool
+) -> tuple[float | None, str]:
+    """Return the truth and the verdict of who knows it: INVALID where a fault put x beyond U."""
+    if value is None or u is None:
+        return None, "INVALID" if spoilt else "MEASURED"
+    truth = apparatus.finish(desk.day).sealed.measurand.get("metric")
+    limit = desk.rules.spec.most
+    if truth is None:
+        return None, "INVALID" if spoilt else "MEASURED"
     if spoilt and abs(value - truth) > 2 * u:
-        return "INVALID"
-    if not admitted:
-        return "FAIL"
+        return truth, "INVALID"
+    if not all(each.met for each in desk.certification.findings):
+        return truth, "FAIL"
     if limit is None:
-        return "MEASURED"
-    return "PASS" if truth <= limit else "FAIL"
+        return truth, "MEASURED"
+    return truth, "PASS" if truth <= limit else "FAIL"
 
 
 def _result_score(
@@ -447,51 +492,77 @@ def _detection_score(
     return 1 - float(np.mean([*lost, brier])), words
 
 
-def _protocol_score(day: Day) -> tuple[float, str]:
-    """Score the share of the steps of the book that were done in time, or left out with reason."""
+def _protocol_score(day: Day, departed: list[Deviation]) -> tuple[float, str]:
+    """Score the share of the steps of the book that were done in time, or left out with reason.
+
+    A reason counts unless what was to be seen speaks against it; of each step the last one noted.
+    """
     due = len(list(steps_due(day)))
-    notes = excused(day)
-    missed = [each.step for each in left_out(day) if each.step not in notes]
+    reasons = {each.step: each.judged != DENIED for each in departed if each.step}
+    missed = [each.step for each in left_out(day) if not reasons.get(each.step, False)]
     words = f"{due - len(missed)} of {due} steps done in time, or left out with a reason noted"
     if missed:
         words += "; left out: " + ", ".join(sorted(set(missed)))
     return ((due - len(missed)) / due if due else 0.0), words
 
 
-def _record_score(desk: Desk, own: tuple[OwnResult, ...]) -> tuple[float, str]:
-    """Score the share of hits decided as the windows have it, and of own results that agree."""
+def _justly_rejected(day: Day, departed: list[Deviation]) -> set[int]:
+    """Return the shots rejected for what was odd about them, though the windows have nothing."""
+    just = {each.entry for each in departed if each.judged == JUSTIFIED}
+    shots = {
+        int(event.arguments["shot"]) - 1
+        for event in day.events
+        if event.action == "reject" and event.number in just
+    }
+    return {shot for shot in shots if not day.decisions[shot].accepted}
+
+
+def _record_score(desk: Desk, own: tuple[OwnResult, ...], odd: set[int]) -> tuple[float, str]:
+    """Score the share of hits decided as the windows have it, and of own results that agree.
+
+    An odd hit may be rejected though it is within them.
+    """
     reasons = desk.reasons if not desk.missing else ()
     if not reasons:
         return 0.0, "no hit to decide on"
     given = desk.day.decisions
     right = sum(
-        shot in given and given[shot].accepted == (not why) for shot, why in enumerate(reasons)
+        shot in given and (given[shot].accepted == (not why) or shot in odd)
+        for shot, why in enumerate(reasons)
     )
     words = f"{right} of {len(reasons)} hits decided as the windows have it"
+    words += f", {len(odd)} of them rejected as odd" if odd else ""
     agree = sum(each.agrees for each in own)
     if own:
         words += f", {agree} of {len(own)} own results agree with the records"
     return (right + agree) / (len(reasons) + len(own)), words
 
 
-def _economy_score(day: Day, scenario: Scenario) -> tuple[float, str]:
-    minutes, shots = day.seconds / 60, max(len(day.fired), 1)
-    share = min(1.0, scenario.minutes / max(day.seconds, 1.0)) * min(1.0, scenario.shots / shots)
+def _economy_score(day: Day, scenario: Scenario, needless: float) -> tuple[float, str]:
+    minutes, shots = (day.seconds - needless) / 60, max(len(day.fired), 1)
+    share = min(1.0, scenario.minutes / max(60 * minutes, 1.0)) * min(1.0, scenario.shots / shots)
     words = f"{minutes:.0f} min and {len(day.fired)} shots"
+    words += (
+        f", {needless / 60:.0f} min of checks that a sign asked for not counted" if needless else ""
+    )
     return share, f"{words}; a good day takes {scenario.minutes / 60:.0f} and {scenario.shots}"
 
 
 def _costly(
-    apparatus: Apparatus, desk: Desk, truth: float | None, own: tuple[OwnResult, ...]
+    apparatus: Apparatus,
+    desk: Desk,
+    truth: float | None,
+    own: tuple[OwnResult, ...],
+    odd: set[int],
 ) -> tuple[CostlyDecision, ...]:
-    """Return the decisions that cost most, each mended alone."""
+    """Return the decisions that cost most, each mended alone; an `odd` hit was rejected rightly."""
     found: list[CostlyDecision] = []
     value = desk.result[0] if desk.result else None
     entered = desk.last("enter-result")
     for each in own:
         if OWN_RESULTS[each.name] == desk.rules.spec.metric and value is not None and entered:
             found += _cost(entered.number, f"{each.name} entered", each.entered, value, truth, 0.0)
-    for entry, what, actions, by_windows in list(_mended(desk))[:MOST_MENDED]:
+    for entry, what, actions, by_windows in list(_mended(desk, odd))[:MOST_MENDED]:
         try:
             mended = _played_again(apparatus, actions, by_windows)
         except InputError:
@@ -540,7 +611,7 @@ def _played_again(apparatus: Apparatus, actions: list[Action], by_windows: set[i
     return Desk(replace(day, decisions={**day.decisions, **decided}))
 
 
-def _mended(desk: Desk) -> Iterator[tuple[int, str, list[Action], set[int]]]:
+def _mended(desk: Desk, odd: set[int]) -> Iterator[tuple[int, str, list[Action], set[int]]]:
     """Yield days with one decision mended: its entry, what it was, and the day's actions.
 
     With them the hits that are decided by the windows there: those that were so on the day.
@@ -572,7 +643,7 @@ def _mended(desk: Desk) -> Iterator[tuple[int, str, list[Action], set[int]]]:
                 what = f"{sheets[action.name].title.lower()}: {action.arguments[key]}"
                 others = [*actions[: number - 1], mended, *actions[number:]]
                 yield number, f"{what}, not {SLIPS[key]}", others, own
-    for shot in sorted(day.decisions.keys() - own):
+    for shot in sorted(day.decisions.keys() - own - odd):
         if shot < len(reasons):
             word = "accepted" if day.decisions[shot].accepted else "rejected"
             why = reasons[shot] or "the windows have nothing against it"

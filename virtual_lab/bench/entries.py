@@ -1,4 +1,4 @@
-"""Records and constants as the entries of a log hold them: lists and numbers of JSON."""
+"""Records, constants and a morning's session as a log holds them: lists and numbers of JSON."""
 
 from __future__ import annotations
 
@@ -9,9 +9,17 @@ from typing import Any
 import numpy as np
 
 from virtual_lab.records import RECORD_TYPES, Record
+from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["constant_of_entry", "entry_of_constant", "entry_of_record", "record_of"]
+__all__ = [
+    "constant_of_entry",
+    "entry_of_constant",
+    "entry_of_record",
+    "entry_of_session",
+    "record_of",
+    "session_of_entry",
+]
 
 KINDS = {kind: name for name, kind in RECORD_TYPES.items()}
 
@@ -39,3 +47,26 @@ def entry_of_constant(known: Estimate) -> dict[str, Any]:
 def constant_of_entry(entry: Mapping[str, Any]) -> Estimate:
     """Return the constant of an entry."""
     return Estimate(**entry)
+
+
+def entry_of_session(session: Session) -> dict[str, Any]:
+    """Return what a laboratory knew in the morning, without records."""
+    return {
+        "bat": session.bat,
+        "ball": session.ball,
+        "bat_sport": session.bat_sport,
+        "ball_sport": session.ball_sport,
+        "date": session.date,
+        "rigs": dict(session.rigs),
+        "procedure_text": session.procedure_text,
+        "simulation": dict(session.simulation),
+        "calibration": {
+            name: entry_of_constant(known) for name, known in session.calibration.items()
+        },
+    }
+
+
+def session_of_entry(entry: Mapping[str, Any]) -> Session:
+    """Return the session of an entry."""
+    calibration = {name: constant_of_entry(known) for name, known in entry["calibration"].items()}
+    return Session(**{**entry, "calibration": calibration, "records": {}})

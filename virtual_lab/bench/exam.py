@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Protocol
 
@@ -63,6 +64,7 @@ class TraineeShown:
     entries: int
     minutes: str
     shots: int
+    joined: str  # again, when; empty: never lost
 
 
 class Hall:
@@ -71,6 +73,7 @@ class Hall:
     def __init__(self, title: str, days: Mapping[str, WatchedDay]) -> None:
         self.title, self.days = title, days
         self.state = "not begun"
+        self.joined: dict[str, str] = {}  # again: trainee, and when
 
     @property
     def is_open(self) -> bool:
@@ -83,6 +86,11 @@ class Hall:
             raise InputError("exam", "do", word, f"is {self.state}; allowed: {list(allowed)}")
         self.state = allowed[word]
 
+    def join_again(self, day: object) -> None:
+        """Note that the trainee of a day came back with the code, from another browser."""
+        name = next(name for name, each in self.days.items() if each is day)
+        self.joined[name] = f"{datetime.now():%H:%M}"
+
     def trainees(self) -> Iterator[TraineeShown]:
         """Yield how far each is."""
         for name, day in self.days.items():
@@ -94,4 +102,5 @@ class Hall:
                 entries=len(now.events),
                 minutes=f"{now.seconds / 60:.0f}",
                 shots=len(now.fired),
+                joined=self.joined.get(name, ""),
             )

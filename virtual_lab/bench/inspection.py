@@ -23,7 +23,17 @@ from virtual_lab.bench.table import action_table
 from virtual_lab.catalog.faults import FaultSheet
 from virtual_lab.records import GateRecord
 
-__all__ = ["Doubt", "detectable", "doubts", "fault_sheets", "known_doubts", "remedied_by_gauge"]
+__all__ = [
+    "Doubt",
+    "Sign",
+    "detectable",
+    "doubts",
+    "fault_sheets",
+    "known_doubts",
+    "remedied_by_gauge",
+    "signs",
+    "signs_of_edges",
+]
 
 WORST_MORNING = 0.002  # of a chart's mean: no chart of a dozen mornings is known better
 USUAL_BAT = 0.8  # kg
@@ -69,7 +79,7 @@ def detectable() -> tuple[str, ...]:
 def doubts(desk: Desk) -> Iterator[Doubt]:
     """Yield what the day so far points to, each fault once."""
     found: dict[str, Doubt] = {}
-    for sign in _signs(desk):
+    for sign in signs(desk):
         known = fault_sheets()[sign.fault].found_by
         if known and sign.number > known.beyond and sign.fault not in found:
             found[sign.fault] = Doubt(fault=sign.fault, why=sign.why, confidence=known.sure)
@@ -88,7 +98,8 @@ def remedied_by_gauge(desk: Desk) -> bool:
     )
 
 
-def _signs(desk: Desk) -> Iterator[Sign]:
+def signs(desk: Desk) -> Iterator[Sign]:
+    """Yield every number that may decide on a fault, whether it does or not."""
     for look in (_scale, _bench, _lot, _gates, _wall, _paper, _cylinder, _taps, _shots):
         yield from look(desk)
 
@@ -192,7 +203,7 @@ def _shots(desk: Desk) -> Iterator[Sign]:
     yield Sign("gate-misses", float(missed.mean()), why)
     record = desk.session.records["impact"]["gates"]
     if isinstance(record, GateRecord):
-        yield from _edges(record)
+        yield from signs_of_edges(record)
     waited = {
         step: [shot for shot in range(missed.size) if shot not in hurried]
         for step in ("wait-pressure", "wait-rest")
@@ -217,7 +228,7 @@ def _shots(desk: Desk) -> Iterator[Sign]:
         yield Sign("encoder-play", float(rough.min()), why)
 
 
-def _edges(record: GateRecord) -> Iterator[Sign]:
+def signs_of_edges(record: GateRecord) -> Iterator[Sign]:
     """Hold how long each ball breaks the first beam and the last against each other."""
     long = record.times[..., 1] - record.times[..., 0]
     ratio = long[:, :, 0] / long[:, :, -1]

@@ -11,7 +11,7 @@ import json
 import os
 import re
 import secrets
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
@@ -23,7 +23,7 @@ from virtual_lab.bench.actions import Action
 from virtual_lab.bench.apparatus import Apparatus
 from virtual_lab.bench.day import Day, DayEvent, decide, evolve, replayed
 from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.entries import constant_of_entry, entry_of_constant
+from virtual_lab.bench.entries import entry_of_session
 from virtual_lab.bench.log import LOG, DayLog, SequenceError
 from virtual_lab.bench.operators import Operator, operator_of
 from virtual_lab.bench.protocol import remarks
@@ -33,7 +33,6 @@ from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder, read_bytes, read_json
 from virtual_lab.lab import Laboratory, TestSetup
 from virtual_lab.measurement.procedure import Procedure
-from virtual_lab.records.session import Session
 from virtual_lab.streams import commitment
 
 __all__ = ["LOG", "SECRET", "KeptDay", "done", "laboratory_of", "morning_of", "played", "taken"]
@@ -91,15 +90,8 @@ class KeptDay:
         laboratory = laboratory_of(
             self.scenario, int(sealed["seed"]), bytes.fromhex(sealed["salt"])
         )
-        session = _session(self.log.morning["session"])
-        self.apparatus = Apparatus(replace(laboratory, session=session))
-        self.morning = replace(
-            morning_of(self.apparatus.laboratory),
-            came_with=int(self.log.morning["came_with"]),
-            checklists=self.scenario.checklists,
-            remarks=self.scenario.feedback == "during",
-            exam=self.scenario.feedback == "never",
-        )
+        self.morning = self.log.first
+        self.apparatus = Apparatus(replace(laboratory, session=self.morning.morning))
         self.desk = Desk(replayed(self.morning, self.log.events()))
 
     @classmethod
@@ -130,7 +122,7 @@ class KeptDay:
                 draft / LOG,
                 {
                     "briefing": scenario.spec.briefing() | {"commitment": _digest(content)},
-                    "session": _entry_of_session(laboratory.session),
+                    "session": entry_of_session(laboratory.session),
                     "came_with": len(came),
                 },
             )
@@ -224,24 +216,3 @@ def _individuals(laboratory: Laboratory) -> dict[str, Any]:
 
 def _digest(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
-
-
-def _entry_of_session(session: Session) -> dict[str, Any]:
-    return {
-        "bat": session.bat,
-        "ball": session.ball,
-        "bat_sport": session.bat_sport,
-        "ball_sport": session.ball_sport,
-        "date": session.date,
-        "rigs": dict(session.rigs),
-        "procedure_text": session.procedure_text,
-        "simulation": dict(session.simulation),
-        "calibration": {
-            name: entry_of_constant(known) for name, known in session.calibration.items()
-        },
-    }
-
-
-def _session(entry: Mapping[str, Any]) -> Session:
-    calibration = {name: constant_of_entry(known) for name, known in entry["calibration"].items()}
-    return Session(**{**entry, "calibration": calibration, "records": {}})

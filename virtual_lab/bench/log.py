@@ -13,8 +13,11 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from virtual_lab.bench.day import DayEvent
+from virtual_lab.bench.day import Day, DayEvent
+from virtual_lab.bench.entries import session_of_entry
+from virtual_lab.catalog import read
 from virtual_lab.errors import InputError
+from virtual_lab.measurement.procedure import Procedure
 
 __all__ = ["LOG", "DayLog", "SequenceError", "entry_document"]
 
@@ -58,6 +61,19 @@ class DayLog:
             base.executescript(f"BEGIN; {TABLE} COMMIT;")
             _put(base, 0, {"schema": SCHEMA, **morning})
         return cls(path)
+
+    @property
+    def first(self) -> Day:
+        """The day as it began; of another laboratory's records too, before the first of them."""
+        session, told = session_of_entry(self.morning["session"]), self.morning["briefing"]
+        return Day(
+            morning=session,
+            balls=read(session.procedure_text, "procedure.toml", Procedure).spec.balls,
+            came_with=int(self.morning["came_with"]),
+            checklists=told["checklists"],
+            remarks=told["feedback"] == "during",
+            exam=told["feedback"] == "never",
+        )
 
     def append(self, event: DayEvent) -> None:
         """Write an event to disk; `SequenceError` where its number is not the next."""

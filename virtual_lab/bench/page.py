@@ -185,9 +185,10 @@ def hall_page(hall: Hall) -> str:
     return page.render(hall=hall, trainees=list(hall.trainees()))
 
 
-def plain_page(title: str, sentence: str) -> str:
-    """Return a page that says one thing."""
-    return page_template(PACKAGE, "plain.html").render(title=title, sentence=sentence)
+def plain_page(title: str, sentence: str, *, by_code: bool = False) -> str:
+    """Return a page that says one thing, and may ask for a trainee's code."""
+    page = page_template(PACKAGE, "plain.html")
+    return page.render(title=title, sentence=sentence, by_code=by_code)
 
 
 def _steps(desk: Desk) -> list[Step]:

@@ -49,7 +49,7 @@ class Scenario(Spec):
 
     def briefing(self) -> dict[str, object]:
         """Return what a trainee may know of it, in the form of JSON."""
-        told = ("title", "task", "guidance", "feedback", "units", "minutes", "shots")
+        told = ("title", "task", "guidance", "feedback", "checklists", "units", "minutes", "shots")
         return {key: getattr(self, key) for key in told}
 
     def __post_init__(self) -> None:

@@ -1,7 +1,8 @@
 """The page started on this machine: days in folders, a server that serves each to one browser.
 
-The first page needs the rules and the table of actions alone, so it is served while the laboratory
-is still being set up behind it; what is done on the day waits for that, which takes seconds.
+The first page needs the rules and the table of actions alone, and of a day that is taken up again
+the log: so it is served while the laboratory is still being set up behind it; what is done on the
+day waits for that, which takes seconds.
 """
 
 from __future__ import annotations
@@ -20,10 +21,10 @@ from typing import TYPE_CHECKING, Any
 
 from virtual_lab import catalog
 from virtual_lab.bench.actions import Action
-from virtual_lab.bench.day import Day, DayEvent
+from virtual_lab.bench.day import Day, DayEvent, replayed
 from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.exam import Hall
-from virtual_lab.bench.log import LOG
+from virtual_lab.bench.log import LOG, DayLog
 from virtual_lab.bench.scenario import Scenario
 from virtual_lab.bench.slow_motion import Motion
 from virtual_lab.catalog import Entry
@@ -53,6 +54,8 @@ class ServedDay:
 
     def open(self) -> KeptDay:
         """Set the laboratory up; `InputError` where scenario or folder are unfit."""
+        if self._begun:
+            _ = self._first.missing  # first what the first page is made of, then the machines
         from virtual_lab.bench.keeping import KeptDay
 
         if self._begun:
@@ -70,11 +73,17 @@ class ServedDay:
     @property
     def desk(self) -> Desk:
         self.looked_at.set()
-        return self.kept.desk if self._begun or self._opened.done() else self._morning
+        return self.kept.desk if self._opened.done() else self._first
 
     @cached_property
-    def _morning(self) -> Desk:
-        """The desk of a day of which nothing but its rules is known yet."""
+    def _log(self) -> DayLog:
+        return DayLog(self.folder / LOG)
+
+    @cached_property
+    def _first(self) -> Desk:
+        """The desk that the log gives, or nothing but the rules of a day that begins."""
+        if self._begun:
+            return Desk(replayed(self._log.first, self._log.events()))
         rules = catalog.load("procedures", self.scenario.spec.procedure, Procedure)
         session = Session(
             bat=self.scenario.spec.bat,
@@ -89,21 +98,24 @@ class ServedDay:
 
     @property
     def briefing(self) -> Mapping[str, Any]:
-        if self._begun or self._opened.done():
-            found: Mapping[str, Any] = self.kept.log.morning["briefing"]
-            return found
-        return self.scenario.spec.briefing()
+        if not (self._begun or self._opened.done()):
+            return self.scenario.spec.briefing()
+        found: Mapping[str, Any] = self._log.morning["briefing"]
+        return found
 
     def do(self, action: Action, number: int | None = None) -> DayEvent:
         return self.kept.do(action, number)
 
     def motion(self, shot: int) -> Motion | None:
-        """Return how a shot, from 1, really went, once the day is handed in."""
+        """Return how a shot, from 1, really went, once the day is handed in.
+
+        None while the laboratory is being set up: no page waits for it.
+        """
+        if not self._opened.done() or not self.kept.day.handed_in or self.kept.day.exam:
+            return None
         from virtual_lab.bench.sketching import true_motion
 
         kept = self.kept
-        if not kept.day.handed_in or kept.day.exam:
-            return None
         return true_motion(kept.apparatus.firing, kept.day, shot)
 
     def certificate(self) -> str:
@@ -204,7 +216,8 @@ def serve(
         say(f"the trainer: open {scheme}://{host}:{port}/?token={hall[0]} once, in one browser")
     for (name, folder), address in zip(folders.items(), addresses, strict=True):
         again = "taken up again" if (folder / LOG).exists() else "begun"
-        say(f"{name or 'the day'}, {again} in {folder}: open {address} once, in one browser")
+        once = "; the code in it lets them in again" if hall else " once, in one browser"
+        say(f"{name or 'the day'}, {again} in {folder}: open {address}{once}")
     say("Ctrl-C stops, the day stays; root and your account can read the sealed file, no page can")
     if browser:
         webbrowser.open(addresses[0])

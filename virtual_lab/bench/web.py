@@ -50,6 +50,7 @@ MOST_SHOTS = 12  # of one button
 NEAR = 1e-6  # m: places that are one
 POLICY = "default-src 'self'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
 SANDBOX = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox"
+OPEN_TO_ALL = {"/bench.css", "/icon.svg"}
 HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Cache-Control": "no-store",
@@ -182,7 +183,7 @@ def application(
     door = Door(Starlette(routes=routes), rooms, hosts=hosts, secure=secure)
     if exam is not None:
         token, door.hall = exam
-        door.unopened[token] = Seat(room=None)
+        door.codes[token] = Seat(room=None)
         door.hall_inside = Starlette(routes=[*_hall_routes(door.hall), *routes[-3:]])
     return door
 
@@ -266,7 +267,7 @@ class Door:
         self, inside: ASGIApp, rooms: Mapping[str, Room], *, hosts: frozenset[str], secure: bool
     ) -> None:
         self.inside, self.hosts, self.secure = inside, hosts, secure
-        self.unopened = {token: Seat(room=room) for token, room in rooms.items()}
+        self.codes = {token: Seat(room=room) for token, room in rooms.items()}
         self.hall: Hall | None = None
         self.hall_inside = inside  # of a trainer
         self.seats: dict[str, Seat] = {}  # by cookie
@@ -320,13 +321,19 @@ class Door:
         return None
 
     def _entering(self, request: Request) -> Response | None:
-        """Return the answer to a token: it opens a door once."""
-        given = request.query_params.get("token", "").encode()
-        known = [each for each in self.unopened if secrets.compare_digest(each.encode(), given)]
-        if not known:
+        """Return the answer to a token: it opens a door once, a trainee's of an exam again."""
+        token = _known(self.codes, request.query_params.get("token", ""))
+        if token is None:
             return None
+        seat = self.codes[token]
+        if self.hall is None or seat.room is None:
+            del self.codes[token]
+        for earlier in [session for session, taken in self.seats.items() if taken is seat]:
+            del self.seats[earlier]  # the lost browser, or whoever has it now
+            if self.hall is not None:
+                self.hall.join_again(seat.room)
         session = secrets.token_urlsafe(32)
-        self.seats[session] = self.unopened.pop(known[0])
+        self.seats[session] = seat
         answer = RedirectResponse("/", status_code=303)
         answer.set_cookie(
             self.cookie, session, httponly=True, samesite="strict", secure=self.secure
@@ -335,27 +342,43 @@ class Door:
 
     def _unknown(self, request: Request) -> Response | None:
         """Return the answer to who has no cookie, or asks too often; seat who may come in."""
-        given = request.cookies.get(self.cookie, "").encode()
-        known = [each for each in self.seats if secrets.compare_digest(each.encode(), given)]
-        if not known:
-            return _says(403, "Open the address that the command printed, in one browser.")
-        seat = request.scope["seat"] = self.seats[known[0]]
+        session = _known(self.seats, request.cookies.get(self.cookie, ""))
+        if session is None:
+            request.scope["seat"] = Seat(room=None)
+            return None if request.url.path in OPEN_TO_ALL else self._stranger(request)
+        seat = request.scope["seat"] = self.seats[session]
         now = time.monotonic()
         if len(seat.asked) == MOST_A_SECOND and now - seat.asked[0] < 1:
             return _says(429, "Too many requests; wait a second, then go back.")
         seat.asked.append(now)
         return None
 
+    def _stranger(self, request: Request) -> Response:
+        if self.hall is None:
+            return _says(403, "Open the address that the command printed, in one browser.")
+        wrong = "There is no such code. " if "token" in request.query_params else ""
+        sentence = f"{wrong}Your code opens your day; if it is open elsewhere, it is closed there."
+        return _says(403, sentence, title=self.hall.title, by_code=True)
+
     def _too_early(self, request: Request) -> Response | None:
         """Return the answer to a trainee of an exam that is not begun, or is over."""
         trainer = request.scope["seat"].room is None
-        if trainer or self.hall is None or self.hall.is_open or request.url.path == "/bench.css":
+        free = trainer or request.url.path in OPEN_TO_ALL
+        if free or self.hall is None or self.hall.is_open:
             return None
-        return _says(409, f"The exam is {self.hall.state}.")
+        return _says(409, f"The exam is {self.hall.state}.", title=self.hall.title)
 
 
-def _says(status: int, sentence: str) -> Response:
-    return HTMLResponse(plain_page("Not here", sentence), status_code=status)
+def _known(keys: Mapping[str, object], given: str) -> str | None:
+    """Return the key that was given, compared in a time that tells nothing of it."""
+    found = [key for key in keys if secrets.compare_digest(key.encode(), given.encode())]
+    return found[0] if found else None
+
+
+def _says(
+    status: int, sentence: str, *, title: str = "Not here", by_code: bool = False
+) -> Response:
+    return HTMLResponse(plain_page(title, sentence, by_code=by_code), status_code=status)
 
 
 def _limited(receive: Receive) -> Callable[[], Awaitable[Message]]:

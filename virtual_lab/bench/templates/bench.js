@@ -1,6 +1,6 @@
 "use strict";
-// A cursor on the traces, the slow motion, one answer to a double click. Without this file the
-// page shows and does the same, standing still.
+// A cursor on the traces, the slow motion, one answer to a double click, a class looked at again.
+// Without this file the pages show and do the same, standing still.
 
 function near(values, wanted) {
   let best = 0;
@@ -68,6 +68,15 @@ for (const figure of document.querySelectorAll("[data-motion]")) {
       if (range.value === range.max) clearInterval(timer);
     }, 45);
   });
+}
+
+for (const part of document.querySelectorAll("[data-renew]")) {  // what others do meanwhile
+  setInterval(async () => {
+    const answer = await fetch(location.href).catch(() => null);
+    if (!answer?.ok) return;
+    const page = new DOMParser().parseFromString(await answer.text(), "text/html");
+    part.innerHTML = page.querySelector("[data-renew]").innerHTML;
+  }, 1000 * part.dataset.renew);
 }
 
 for (const form of document.forms) {

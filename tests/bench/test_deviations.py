@@ -1,0 +1,114 @@
+"""A departure is held against what was to be seen: borne out, not, or left to the trainer."""
+
+import pytest
+
+from tests.bench.days import PLAIN, Asked, apparatus, asked, day_of, scenario, without
+from virtual_lab.bench.debrief import debrief, debrief_page
+from virtual_lab.bench.desk import Desk
+from virtual_lab.bench.deviations import DENIED, JUSTIFIED, OPEN, Deviation, deviations, oddity
+from virtual_lab.bench.keeping import played
+
+END = (("reduce", {}), ("give-verdict", {"verdict": "PASS"}), ("hand-in", {}))
+
+
+def note(step: str) -> Asked:
+    return ("note-deviation", {"step": step, "because": "it read so"})
+
+
+def judged(days: list[Asked], *faults: str) -> list[Deviation]:
+    return list(deviations(Desk(day_of(days, *faults))))
+
+
+FIRST_SHOT = PLAIN[:18]  # to its decision
+
+
+@pytest.mark.parametrize(
+    ("step", "expected", "why"),
+    [
+        ("zero-encoder", JUSTIFIED, "rad/s before hit 1"),
+        ("wait-rest", DENIED, "turned at 0.3"),
+        ("wait-pressure", DENIED, "m/s off"),
+        ("clear-scrap", OPEN, "no record"),  # before the first shot nothing is due
+        ("load-ball", OPEN, "no record"),
+        ("tare", OPEN, "no check mass"),
+        ("another", OPEN, "no record"),
+    ],
+)
+def test_a_step_left_out_is_held_against_what_its_shot_showed(
+    step: str, expected: str, why: str
+) -> None:
+    days = [each for each in FIRST_SHOT if each[0] != step or step == "load-ball"]
+    (found,) = judged([*days, note(step)])
+    assert (found.judged, found.step) == (expected, step)
+    assert why in found.why
+
+
+def test_a_note_before_there_is_anything_to_see_is_the_trainers() -> None:
+    days = [note("wait-rest"), *(each for each in FIRST_SHOT if each[0] != "wait-rest")]
+    assert [each.judged for each in judged(days)] == [OPEN]
+
+
+def test_a_ball_fired_again_was_warm_or_had_rested() -> None:
+    shots = PLAIN[12:18]
+    again = [each for each in shots if each[0] not in {"load-ball", "accept"}]
+    for rest, expected in ((0, DENIED), (8, JUSTIFIED)):
+        waited = [("fire-check-ball", {})] * rest
+        assert judged([*FIRST_SHOT, *waited, *again, note("load-ball")])[-1].judged == expected
+
+
+def test_a_scale_is_clear_or_not() -> None:
+    """Not tared it shows what it crept; with a dish on it 2 g more, whatever it crept."""
+    days = [("weigh-check-mass", {}), note("tare"), ("weigh-bat", {})]
+    desk = Desk(day_of(days))
+    readings = [value for what, value, _ in desk.day.events[0].shown if what.startswith("read")]
+    off = abs(sum(readings) / len(readings) - 500)
+    (sound,) = deviations(desk)
+    assert sound.judged != (DENIED if off < 0.1 else JUSTIFIED)
+    assert judged(days, "scale-not-tared")[0].judged == DENIED
+
+
+def test_a_step_made_good_is_justified_once_it_is() -> None:
+    late = [("level-stand", {}), ("measure-balance", {})]
+    first = without("level-stand")
+    assert judged([*first, note("level-stand")])[-1].judged == OPEN
+    assert judged([*first, *late, note("level-stand")])[-1].judged == JUSTIFIED
+    assert judged([*first, *late[::-1], note("level-stand")])[-1].judged == OPEN
+
+
+def test_what_is_justified_is_not_marked_down_and_what_is_denied_is() -> None:
+    def protocol(step: str, *more: Asked) -> float:
+        day = played(apparatus(), asked([*without(step), *more, *END]))
+        told = debrief(apparatus(), day, scenario())
+        assert len(told.deviations) == len(more)
+        assert not more or f"<strong>{told.deviations[0].judged}</strong>" in debrief_page(told)
+        return {score.name: score.value for score in told.scores}["protocol"]
+
+    assert protocol("zero-encoder") < 1 == protocol("zero-encoder", note("zero-encoder"))
+    assert protocol("wait-rest", note("wait-rest")) == protocol("wait-rest") < 1
+
+
+def test_an_odd_hit_may_be_rejected_and_a_sound_one_not() -> None:
+    """A gate that fires twice: the windows let some of its hits through, the traces do not."""
+    scores = []
+    for faults in ((), ("gate-doubles",)):
+        desk = Desk(day_of(PLAIN, *faults))
+        shots = [s for s, why in enumerate(desk.reasons) if not why]
+        shot = next((s for s in shots if oddity(desk, s)), shots[0])
+        reject = ("reject", {"shot": shot + 1, "because": "look at the trace"})
+        day = played(apparatus(*faults), asked([*PLAIN, reject, *END]))
+        told = debrief(apparatus(*faults), day, scenario(faults))
+        assert told.deviations[-1].judged == (JUSTIFIED if faults else DENIED)
+        wrong = [each.what for each in told.costly if each.what.startswith(f"hit {shot + 1} ")]
+        scores.append(({each.name: each.value for each in told.scores}["record"], bool(wrong)))
+    assert scores[0] == (pytest.approx(6 / 7), True)
+    assert scores[1][1] is False
+
+
+def test_a_check_that_a_sign_asked_for_costs_nothing() -> None:
+    twice = [("gauge-gates", {}), ("gauge-gates", {"use": "gauge"})]
+    for faults in ((), ("gate-moved",)):
+        day = played(apparatus(*faults), asked([*twice, *PLAIN, *END]))
+        told = debrief(apparatus(*faults), day, scenario(faults))
+        assert [each.entry for each in told.deviations] == ([2] if faults else [])
+        words = {each.name: each.because for each in told.scores}["economy"]
+        assert ("3 min of checks that a sign asked for not counted" in words) == bool(faults)

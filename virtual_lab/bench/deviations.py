@@ -1,0 +1,229 @@
+"""Departures from the procedure that the records bear out: a step left out, a hit, a check more.
+
+What counts is what the trainee could see when it was done or noted. Where the records say nothing
+either way a reason is the trainer's to judge, and nothing is marked down for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from math import tau
+
+import numpy as np
+
+from virtual_lab.bench.day import DayEvent
+from virtual_lab.bench.desk import Desk
+from virtual_lab.bench.inspection import doubts, fault_sheets, signs, signs_of_edges
+from virtual_lab.bench.protocol import left_out
+from virtual_lab.bench.table import PREPARING, action_table
+from virtual_lab.records import GateRecord
+
+__all__ = ["DENIED", "JUSTIFIED", "OPEN", "Deviation", "deviations", "needless_seconds", "oddity"]
+
+JUSTIFIED, DENIED, OPEN = "justified", "not borne out", "for the trainer to judge"
+CLEAR = 2.0  # standard uncertainties, within which a scale shows a check mass as it is
+SEEN = {
+    "bat again": "bat and ball met again",
+    "stop": "the bat struck its stop",
+    "frame": "the ball struck the frame of a gate",
+}
+Evidence = tuple[bool | None, str]  # whether there was a reason; None: nothing was to be seen
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Deviation:
+    """A departure from the procedure, and how it is judged."""
+
+    entry: int
+    what: str
+    because: str  # as the trainee has it
+    judged: str  # JUSTIFIED, DENIED or OPEN
+    why: str  # what the records showed
+    step: str = ""  # left out
+
+
+def deviations(desk: Desk) -> Iterator[Deviation]:
+    """Yield how each step left out, hit rejected and check added was judged, by entry."""
+    before = Desk(replace(desk.day, events=(), struck=frozenset()))
+    for event in desk.day.events:
+        if event.number not in desk.day.struck and event.number > desk.day.came_with:
+            yield from JUDGES.get(event.action, _added)(before, event)
+        before = before.after(event)
+
+
+def needless_seconds(found: list[Deviation], desk: Desk) -> float:
+    """Return the laboratory time of checks that a sign asked for: not held against a day."""
+    asked = {each.entry for each in found if each.judged == JUSTIFIED}
+    return sum(
+        event.seconds
+        for event in desk.day.events
+        if event.number in asked and event.action not in JUDGES
+    )
+
+
+def oddity(desk: Desk, shot: int) -> str:
+    """Return what is odd about a shot, from 0, beside its windows; empty: nothing."""
+    fired = [event for event in desk.day.events if event.action == "fire"][shot]
+    for struck in fired.sketch.get("struck", ()):
+        if struck in SEEN:
+            return SEEN[struck]
+    record = desk.session.records["impact"]["gates"]
+    if isinstance(record, GateRecord):
+        for sign in signs_of_edges(GateRecord(times=record.times[[shot]])):
+            known = fault_sheets()[sign.fault].found_by
+            if known and sign.number > known.beyond:
+                return sign.why
+    turning = None if desk.missing else desk.by_rules.readings.recoil
+    slip = fault_sheets()["encoder-slip"].found_by
+    if turning is not None and slip:
+        rough = turning.residual[shot] - float(np.median(turning.residual))
+        if rough > slip.beyond:
+            return f"the bat turned {rough:.2f} counts rms rougher than on the other shots"
+    return ""
+
+
+def _noted(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
+    """Yield a deviation that was noted, held against what was there to be seen."""
+    step, day = str(event.arguments["step"]), desk.day
+    left = [each for each in left_out(day) if each.step == step]
+    shots = [each.shot for each in left if each.shot is not None]
+    if left and all(each.before < day.came_with for each in left):
+        reason: Evidence = (None, "another laboratory left it out")
+    elif step in PREPARING and _again(desk, step):
+        title = action_table().actions[PREPARING[step]].title.lower()
+        reason = (True, f"made good: it was done, and then “{title}” once more, which counts")
+    elif step in BY_DAY:
+        reason = BY_DAY[step](desk)
+    elif step in BY_SHOT and shots and not desk.missing:
+        seen = [BY_SHOT[step](desk, shot) for shot in shots]
+        against = [each for each in seen if each[0] is not True]
+        reason = (against or seen)[0]
+    else:
+        reason = (None, "no record shows whether there was a reason")
+    yield Deviation(
+        entry=event.number,
+        what=f"left out: {_title(step)}",
+        because=str(event.arguments["because"]),
+        judged={True: JUSTIFIED, False: DENIED, None: OPEN}[reason[0]],
+        why=reason[1],
+        step=step,
+    )
+
+
+def _rejected(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
+    """Yield a hit rejected that is within the windows."""
+    shot = int(event.arguments["shot"]) - 1
+    if desk.missing or desk.reasons[shot]:
+        return
+    odd = oddity(desk, shot)
+    yield Deviation(
+        entry=event.number,
+        what=f"hit {shot + 1} rejected, within the windows",
+        because=str(event.arguments["because"]),
+        judged=JUSTIFIED if odd else DENIED,
+        why=odd or "nothing odd was to be seen of it",
+    )
+
+
+def _added(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
+    """Yield a check that something seen before it asked for."""
+    sheet = action_table().actions[event.action]
+    if sheet.in_book or event.action not in _checks():
+        return
+    for doubt in doubts(desk):
+        known = fault_sheets()[doubt.fault].found_by
+        if known and event.action in known.actions:
+            yield Deviation(
+                entry=event.number,
+                what=f"a check more: {sheet.title.lower()}",
+                because="",
+                judged=JUSTIFIED,
+                why=f"{doubt.why}; its time is not counted",
+            )
+            return
+
+
+def _checks() -> set[str]:
+    return {
+        name
+        for sheet in fault_sheets().values()
+        if sheet.found_by
+        for name in sheet.found_by.actions
+    }
+
+
+def _title(step: str) -> str:
+    sheets = action_table().actions
+    return sheets[step].title.lower() if step in sheets else step
+
+
+def _again(desk: Desk, step: str) -> bool:
+    """Return whether a step came after all, and after it again what it is for."""
+    done = [event.action for event in desk.day.events]
+    return step in done and PREPARING[step] in done[done.index(step) :]
+
+
+def _zero(desk: Desk) -> Evidence:
+    for sign in signs(desk):
+        if sign.fault == "scale-not-tared":
+            known = fault_sheets()[sign.fault].found_by
+            off = bool(known and sign.number > known.beyond)
+            return (True if sign.number < CLEAR else False if off else None), sign.why
+    return None, "no check mass was weighed by then"
+
+
+def _at_rest(desk: Desk, shot: int) -> Evidence:
+    turning, allowed = desk.by_rules.readings.recoil, desk.rules.spec.windows.rate_before
+    if turning is None or allowed is None:
+        return None, "no encoder shows whether the bat turned"
+    turn = desk.session.calibration["impact.encoder.counts_per_turn"].value / tau
+    rate = abs(float(turning.before[shot])) / turn
+    why = f"the bat turned at {rate:.3f} rad/s before hit {shot + 1}, allowed {allowed:.3f}"
+    return rate <= allowed, why
+
+
+def _fast(desk: Desk, shot: int) -> Evidence:
+    asked, speed = desk.rules.spec.ball_speed, float(desk.by_rules.shots.speed[shot])
+    allowed = desk.rules.spec.windows.speed_tolerance
+    if not np.isfinite(speed):
+        return None, f"the speed of shot {shot + 1} was not seen"
+    off = f"ball {shot + 1} came {speed - asked:+.2f} m/s off, allowed {allowed:.2f}"
+    return abs(speed - asked) <= allowed, off
+
+
+def _clear(desk: Desk, shot: int) -> Evidence:
+    record = desk.session.records["impact"]["gates"]
+    known = fault_sheets()["sabot-trip"].found_by
+    if not isinstance(record, GateRecord) or known is None:
+        return None, "the gates do not show scrap"
+    found = [
+        s for s in signs_of_edges(GateRecord(times=record.times[[shot]])) if s.fault == "sabot-trip"
+    ]
+    if not found:
+        return None, f"a gate did not see shot {shot + 1}"
+    why = f"on shot {shot + 1} {found[0].why}"
+    return found[0].number <= known.beyond, why
+
+
+def _cold(desk: Desk, shot: int) -> Evidence:
+    rest, fired = action_table().consequences.ball_rest, desk.day.fired
+    ball, at = fired[shot]
+    earlier = [second for other, second in fired[:shot] if other == ball]
+    rested = (at - earlier[-1]) / 60 if earlier else float("inf")
+    why = f"the ball of shot {shot + 1} had rested {rested:.0f} min of {rest / 60:.0f}"
+    return rested * 60 >= rest, why if earlier else f"it was the first hit of ball {ball + 1}"
+
+
+BY_DAY: Mapping[str, Callable[[Desk], Evidence]] = {"tare": _zero}
+BY_SHOT: Mapping[str, Callable[[Desk, int], Evidence]] = {  # step: what its shot showed
+    "zero-encoder": _at_rest,  # a count to begin with is taken off where the bat was at rest
+    "wait-rest": _at_rest,
+    "wait-pressure": _fast,
+    "clear-scrap": _clear,
+    "load-ball": _cold,
+}
+JUDGES: Mapping[str, Callable[[Desk, DayEvent], Iterator[Deviation]]] = {
+    "note-deviation": _noted,
+    "reject": _rejected,
+}
