@@ -56,7 +56,7 @@ BREACHES = [
         ("certificate.text", "lab.measurand", NEVER_TRUE),
         ("output.style", "studies.score", NEVER_TRUE),
         ("rigs.bench", "measurement.reduction.gates", NEVER_REDUCED),
-        ("simulation.faults.desk", "measurement.reduction.gates", NEVER_REDUCED),
+        ("simulation.faults.catalogue", "measurement.reduction.gates", NEVER_REDUCED),
         ("simulation.instruments.scale", "video.clips.clip", NEVER_REDUCED),
         ("bench.desk", "bench.firing", AT_THE_BENCH),
         ("simulation.physics.ball", "simulation.collision.scene", FLOORS),

@@ -13,7 +13,7 @@ import pytest
 from tests.fidelity.charts import require_files
 from virtual_lab.errors import InputError
 from virtual_lab.fidelity import collision_chart as chart
-from virtual_lab.fidelity.collision_drawing import IN_ALL, SOLVING, draw_collision
+from virtual_lab.fidelity.collision_chart import Question, Series, draw_collision
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.units import INCH
 
@@ -24,7 +24,7 @@ Rows = list[dict[str, Any]]
 @pytest.fixture(scope="module")
 def rows() -> Rows:
     with pytest.MonkeyPatch.context() as patch:
-        for name, value in {"BATCH": 40, "REPEATS": 1, "SCENES": 24, "FEW": 4, "FEWEST": 1}.items():
+        for name, value in {"BATCH": 40, "SCENES": 24, "FEW": 4, "FEWEST": 1}.items():
             patch.setattr(chart, name, value)
         patch.setattr(chart, "MODE_COUNTS", (4, 10, 20, 40))
         return chart.collision_rows()
@@ -36,7 +36,7 @@ def of(rows: Rows, series: str) -> Rows:
 
 def test_more_modes_and_smaller_steps_err_less(rows: Rows) -> None:
     """Errors only: times are for the reader, never for a test."""
-    for series in (chart.MODES, chart.STEPS):
+    for series in (Series.MODES, Series.STEPS):
         errors = np.array([row["worst_error"] for row in of(rows, series)])
         assert errors[-1] < errors[0] / 50
         assert (np.diff(errors) < 0).all()
@@ -44,30 +44,20 @@ def test_more_modes_and_smaller_steps_err_less(rows: Rows) -> None:
 
 def test_each_question_has_a_reference_of_its_own(rows: Rows) -> None:
     """A hundred modes by scipy err by what they leave out; methods have the same modes given."""
-    asked = {series: {row["held_against"] for row in of(rows, series)} for series in chart_series()}
-    solving = {chart.STEPS, chart.SCIPY}
-    assert asked == {one: {SOLVING if one in solving else IN_ALL} for one in asked}
-    (reference,) = of(rows, chart.REFERENCE)
+    asked = {series: {row["held_against"] for row in of(rows, series)} for series in Series}
+    solving = {Series.STEPS, Series.SCIPY}
+    assert asked == {
+        one: {Question.SOLVING if one in solving else Question.IN_ALL} for one in asked
+    }
+    (reference,) = of(rows, Series.REFERENCE)
     assert 1e-7 < reference["worst_error"] < 2e-5
-    assert min(row["worst_error"] for row in of(rows, chart.SCIPY)) < 1e-6
-    assert max(row["worst_error"] for row in of(rows, chart.SCIPY)) < 5e-3
-
-
-def chart_series() -> list[str]:
-    return [
-        chart.RIGID,
-        chart.SURROGATE,
-        chart.MODES,
-        chart.ELEMENTS,
-        chart.REFERENCE,
-        chart.STEPS,
-        chart.SCIPY,
-    ]
+    assert min(row["worst_error"] for row in of(rows, Series.SCIPY)) < 1e-6
+    assert max(row["worst_error"] for row in of(rows, Series.SCIPY)) < 5e-3
 
 
 def test_a_surrogate_errs_as_its_modes_do_and_by_its_tolerance(rows: Rows) -> None:
-    default = next(row for row in of(rows, chart.MODES) if row["setting"] == "20 modes")
-    for row, tolerance in zip(of(rows, chart.SURROGATE), chart.TOLERANCES, strict=True):
+    default = next(row for row in of(rows, Series.MODES) if row["setting"] == "20 modes")
+    for row, tolerance in zip(of(rows, Series.SURROGATE), chart.TOLERANCES, strict=True):
         assert abs(row["worst_error"] - default["worst_error"]) <= 2 * tolerance
 
 
@@ -75,9 +65,9 @@ def test_where_methods_fail_is_looked_for_all_along_the_bat(rows: Rows) -> None:
     whole = chart._scenes(chart.WHOLE_IN, 24).impact_position / INCH
     outside = np.mean((whole < 1.5) | (whole > 12.5))
     assert 0.4 < outside < 0.9
-    assert {row["refused_along_the_bat"] for row in of(rows, chart.SURROGATE)} == {outside}
-    assert of(rows, chart.RIGID)[0]["off_along_the_bat"] > 0.8
-    few, *_, many = of(rows, chart.MODES)
+    assert {row["refused_along_the_bat"] for row in of(rows, Series.SURROGATE)} == {outside}
+    assert of(rows, Series.RIGID)[0]["off_along_the_bat"] > 0.8
+    few, *_, many = of(rows, Series.MODES)
     assert few["off_along_the_bat"] > 0.3
     assert many["off_along_the_bat"] == many["refused_along_the_bat"] == 0
 
@@ -94,7 +84,9 @@ def test_what_is_off_and_what_refuses_are_counted_apart(monkeypatch: pytest.Monk
     def exact(ends_in: tuple[float, float], count: int) -> np.ndarray:
         return np.zeros(count)
 
-    point = chart.Point(panel=IN_ALL, series="x", setting="y", efficiency=poor, exact=exact)
+    point = chart.Point(
+        panel=Question.IN_ALL, series=Series.RIGID, setting="y", efficiency=poor, exact=exact
+    )
     monkeypatch.setattr(chart, "_points", lambda body: iter([point]))
     (row,) = chart.collision_rows()
     whole = chart._scenes(chart.WHOLE_IN, chart.SCENES).impact_position / INCH

@@ -11,18 +11,19 @@ import numpy as np
 import pytest
 
 from virtual_lab.fidelity import collision_stability as maps
+from virtual_lab.fidelity.drawing import State
 from virtual_lab.simulation.collision.stepping import FINE, OneByOne
 
 
 @pytest.fixture(scope="module")
 def rows() -> list[dict[str, Any]]:
     ends = {axis: (values[0], values[-1]) for axis, values in maps.AXES.items()}
-    ends[maps.CONTACTS] = (1, 3)
+    ends[maps.Axis.CONTACTS] = (1, 3)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(maps, "AXES", ends)
         patch.setattr(maps, "FACTORS", (0.5, 1.0, 1.3, 1.5, 4.0))
         patch.setattr(maps, "PLACES_IN", (1.0, 6.5, 16.0))
-        patch.setattr(maps, "POOL", 600)
+        patch.setattr(maps, "POOLED_SCENES", 600)
         return maps.collision_cells()
 
 
@@ -32,24 +33,24 @@ def at(rows: list[dict[str, Any]], *steps: str) -> list[dict[str, Any]]:
 
 def no_result(row: dict[str, Any]) -> bool:
     """Whether a column's scenes are those that cannot be followed."""
-    return bool((row["map"], row["value"]) == (maps.RESTITUTION, 0.005))
+    return bool((row["map"], row["value"]) == (maps.Axis.RESTITUTION, 0.005))
 
 
 def test_what_is_shipped_is_good_everywhere_or_gives_no_result(rows: list[dict[str, Any]]) -> None:
     for row in at(rows, maps.SHIPPED):
-        assert row["state"] == (maps.NO_RESULT if no_result(row) else maps.GOOD), row
+        assert row["state"] == (State.NO_RESULT if no_result(row) else State.GOOD), row
         assert (row["scenes"] > 0) != no_result(row), row
 
 
 def test_the_default_knows_which_scenes_it_got_wrong(rows: list[dict[str, Any]]) -> None:
     known = [row for row in at(rows, "0.5", "1") if not no_result(row)]
-    assert {row["state"] for row in known} == {maps.GOOD, maps.NOTICED}
+    assert {row["state"] for row in known} == {State.GOOD, State.NOTICED}
     assert max(row["worst_unnoticed_error"] for row in known) < FINE.tolerance
 
 
 def test_scenes_are_of_the_contacts_that_their_column_says() -> None:
     for contacts in (1, 3):
-        for model, scenes in maps._column(maps.CONTACTS, contacts):
+        for model, scenes in maps._column(maps.Axis.CONTACTS, contacts):
             exact = replace(model, stepper=OneByOne(refinement=2.0)).collide(scenes)
             assert len(scenes) > 0
             assert (exact.contacts == contacts).all()
@@ -65,8 +66,8 @@ def test_only_a_clamped_bat_swings_back(rows: list[dict[str, Any]]) -> None:
 def test_what_is_not_refused_is_stable(rows: list[dict[str, Any]]) -> None:
     for row in rows:
         assert row["refused"] == (row["step"] in ("1.5", "4")), row
-        assert row["refused"] or row["state"] != maps.UNSTABLE, row
-    assert maps.UNSTABLE in {row["state"] for row in at(rows, "4")}
+        assert row["refused"] or row["state"] != State.UNSTABLE, row
+    assert State.UNSTABLE in {row["state"] for row in at(rows, "4")}
 
 
 def test_states_are_told_apart() -> None:
@@ -82,13 +83,13 @@ def test_states_are_told_apart() -> None:
 
         return str(maps._cell(outcome(0.1 + error), outcome(0.1), False)["state"])
 
-    assert state(1e-7, 0.0, False) == maps.GOOD
-    assert state(1e-3, 0.0, True) == maps.NOTICED
-    assert state(0.3, 0.5, True, given_up=True) == maps.NOTICED
-    assert state(1e-3, 0.0, False) == maps.INACCURATE
-    assert state(1e-7, 0.2, True) == maps.UNSTABLE
-    assert state(-5.0, 0.0, True) == maps.UNSTABLE
-    assert state(np.nan, np.nan, True) == maps.UNSTABLE
+    assert state(1e-7, 0.0, False) == State.GOOD
+    assert state(1e-3, 0.0, True) == State.NOTICED
+    assert state(0.3, 0.5, True, given_up=True) == State.NOTICED
+    assert state(1e-3, 0.0, False) == State.INACCURATE
+    assert state(1e-7, 0.2, True) == State.UNSTABLE
+    assert state(-5.0, 0.0, True) == State.UNSTABLE
+    assert state(np.nan, np.nan, True) == State.UNSTABLE
 
 
 def test_text_and_files(rows: list[dict[str, Any]], tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from virtual_lab.bench.table import action_table
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.lab import Laboratory
 from virtual_lab.records import BoardRecord, EncoderRecord, GateRecord, Record
-from virtual_lab.simulation.faults import BaseFault, FaultSet
+from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.rig import ShotPlan, Specimen, Stage
 from virtual_lab.simulation.truth import draw_balls, made_bat
 from virtual_lab.units import MPH
@@ -122,12 +122,7 @@ def _order(first: int, hits: int, *, place: float) -> ShotPlan:
 
 def _standing(laboratory: Laboratory) -> Laboratory:
     """Return a laboratory with its check standards on the rigs; no fault of a lot befalls them."""
-    sound = BaseFault.__dict__["specimen"]
-    faults = tuple(
-        fault
-        for fault in laboratory.setup.faults.faults
-        if getattr(type(fault), "specimen", None) is sound
-    )
+    faults = tuple(fault for fault in laboratory.setup.faults.faults if not fault.specimen)
     ball = catalog.load("balls", BALL, BallSpec).spec
     cylinder = catalog.load_bat(CYLINDER).spec
     return replace(

@@ -10,10 +10,10 @@ whether it is right to; of scenes that it gives no result for there is nothing t
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
+from enum import StrEnum
 from functools import cache, cached_property
 from math import inf, isfinite
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
+from virtual_lab.fidelity.drawing import State, draw_stability, maps_text
 from virtual_lab.fidelity.results import StabilityMap
 from virtual_lab.output.progress import Progress, quiet
-from virtual_lab.output.tables import table_text
 from virtual_lab.simulation.collision.modal import BENDING_MODES, ModalModel, collide_bats
-from virtual_lab.simulation.collision.scene import EnergySplit, Scenes
+from virtual_lab.simulation.collision.scene import Collisions, Scenes
 from virtual_lab.simulation.collision.splitting import Splitting
 from virtual_lab.simulation.collision.stepping import (
     FINE,
@@ -49,42 +49,7 @@ Column = list[tuple[ModalModel, Scenes]]  # a batch of `collide_bats`
 BATS, BALL = ("r161", "ea70"), "baseball-2003"
 FACTORS = (0.25, 0.5, 0.7, 0.85, 1.0, 1.15, 1.3, 1.5, 2.0, 3.0, 3.5, 4.0)
 SHIPPED = "as shipped"  # in place of a factor
-PLACES_IN = (1.0, 4.0, 6.5, 10.0, 16.0, 24.0)
-SPEEDS_MPH, MANY_SPEEDS_MPH = (60.0, 160.0), (20.0, 45.0, 70.0, 95.0, 120.0, 160.0)
-EXPONENTS = (1.0, 1.5)
-COMPRESSION = 0.012  # m, a usual one
-GOOD, NOTICED = "good", "inaccurate, and the pass doubts it"
-INACCURATE, UNSTABLE = "inaccurate, unnoticed", "unstable"
-NO_RESULT = "no result is given"
-MARKS = {GOOD: ".", NOTICED: "?", INACCURATE: "o", UNSTABLE: "X", NO_RESULT: "-"}
-COLOURS = {
-    GOOD: "#6baed6",
-    NOTICED: "#fee391",
-    INACCURATE: "#f16913",
-    UNSTABLE: "#800026",
-    NO_RESULT: "#d9d9d9",
-}
-HATCH = "//"
-LAST_PHASE = 10.5  # rad a step, of the growth drawn
-EMPTY: dict[str, Any] = {
-    "state": NO_RESULT,
-    "scenes": 0,
-    "off": 0,
-    "doubted": 0,
-    "worst_error": None,
-    "worst_unnoticed_error": None,
-    "worst_leak": None,
-    "swung_back": 0,
-}
-TOLERANCE = FINE.tolerance  # of a good cell: what the default promises
-RUNAWAY = 2.0  # |e_A| that no collision has
-LEAK = 0.1  # share of the energy lost or won that no collision is worth
-
-
-MODES, PLACE, SPEED = "bending modes", "z [in]", "speed [mph]"
-STIFFNESS, EXPONENT = "stiffness of the ball, over the usual", "exponent of the ball"
-RESTITUTION, MASS = "e0 of the ball", "mass of the ball, over the usual"
-SUPPORT, CONTACTS = "support of the bat", "contacts"
+PLACES_IN, SPEEDS_MPH = (1.0, 4.0, 6.5, 10.0, 16.0, 24.0), (60.0, 160.0)
 SUPPORTS: dict[str, Support] = {
     "free": Free(),
     "pinned 28 in": Pinned(28 * INCH),
@@ -92,17 +57,33 @@ SUPPORTS: dict[str, Support] = {
     "clamped 33 in": Clamped(33 * INCH),
     "clamped 25 in": Clamped(25 * INCH),
 }
-POOL, POOL_SEED, HARDEST = 3000, 5, 100.0  # scenes that those of so many contacts are picked from
-AXES: dict[str, tuple[Any, ...]] = {
-    MODES: (4, 6, 8, 10, 14, 20, 26, 32, 40),
-    PLACE: (0.5, 1, 2, 3, 4.5, 6, 8, 11, 15, 20, 25, 30),
-    SPEED: (0.1, 0.3, 1, 3, 10, 30, 60, 90, 120, 160, 200),
-    STIFFNESS: (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100),
-    EXPONENT: (1, 1.1, 1.25, 1.5, 1.75, 2, 2.5, 3),
-    RESTITUTION: (0.005, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 1),
-    MASS: (0.01, 0.1, 0.3, 0.6, 1, 2, 5, 10, 30, 100),
-    SUPPORT: tuple(SUPPORTS),
-    CONTACTS: (1, 2, 3, 4, 5, 6),
+POOLED_SCENES = 3000  # that those of so many contacts are picked from
+
+
+class Axis(StrEnum):
+    """What changes across a map."""
+
+    MODES = "bending modes"
+    PLACE = "z [in]"
+    SPEED = "speed [mph]"
+    STIFFNESS = "stiffness of the ball, over the usual"
+    EXPONENT = "exponent of the ball"
+    RESTITUTION = "e0 of the ball"
+    MASS = "mass of the ball, over the usual"
+    SUPPORT = "support of the bat"
+    CONTACTS = "contacts"
+
+
+AXES: dict[Axis, tuple[Any, ...]] = {
+    Axis.MODES: (4, 6, 8, 10, 14, 20, 26, 32, 40),
+    Axis.PLACE: (0.5, 1, 2, 3, 4.5, 6, 8, 11, 15, 20, 25, 30),
+    Axis.SPEED: (0.1, 0.3, 1, 3, 10, 30, 60, 90, 120, 160, 200),
+    Axis.STIFFNESS: (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100),
+    Axis.EXPONENT: (1, 1.1, 1.25, 1.5, 1.75, 2, 2.5, 3),
+    Axis.RESTITUTION: (0.005, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 1),
+    Axis.MASS: (0.01, 0.1, 0.3, 0.6, 1, 2, 5, 10, 30, 100),
+    Axis.SUPPORT: tuple(SUPPORTS),
+    Axis.CONTACTS: (1, 2, 3, 4, 5, 6),
 }
 
 
@@ -124,7 +105,6 @@ class Boundless(Splitting):
 
     @cached_property
     def limit(self) -> float:
-        """None."""
         return inf
 
 
@@ -138,6 +118,19 @@ class ColumnOutcome:
     given_up: Marked  # before the first release
     swung_back: Marked
 
+    @classmethod
+    def of(cls, parts: list[Collisions]) -> ColumnOutcome:
+        def whole(part: Any) -> Any:
+            return np.concatenate([part(each) for each in parts])
+
+        return cls(
+            efficiency=whole(lambda each: each.collision_efficiency),
+            leak=whole(lambda each: np.abs(each.energy.total - 1)),
+            doubted=whole(lambda each: each.redone > 0),
+            given_up=whole(lambda each: each.contacts == 0),
+            swung_back=whole(lambda each: each.swung_back),
+        )
+
 
 def collision_stability(progress: Progress = quiet) -> StabilityMap:
     """Return the maps; their rows are those of `collision_cells`."""
@@ -145,8 +138,16 @@ def collision_stability(progress: Progress = quiet) -> StabilityMap:
 
 
 def _maps(rows: list[dict[str, Any]]) -> StabilityMap:
+    down = "step over the default's"
+    title = (
+        "Stepping of the modal rung: up to 24 scenes a cell in one bare pass, and as shipped; "
+        f"good: all of them to {FINE.tolerance:.0e} in e_A, else how many are not"
+    )
     return StabilityMap(
-        title="stability of the collision", text=_maps_text(rows), rows=rows, picture=_draw
+        title="stability of the collision",
+        text=maps_text(rows, down),
+        rows=rows,
+        picture=lambda cells, path: draw_stability(cells, path, title=title, down=down, framed="1"),
     )
 
 
@@ -163,38 +164,9 @@ def collision_cells(progress: Progress = quiet) -> list[dict[str, Any]]:
         for step, stepper, refused in _steppers():
             for value, column, true in zip(values, columns, exact, strict=True):
                 found = _outcome(column, stepper) if true else None
-                cell = _cell(found, true, step == SHIPPED) if found and true else EMPTY
-                row = {"map": axis, "value": value, "step": step, "refused": refused}
-                rows.append(row | cell)
+                row = {"map": axis.value, "value": value, "step": step, "refused": refused}
+                rows.append(row | _cell(found, true, step == SHIPPED))
     return rows
-
-
-def _maps_text(rows: list[dict[str, Any]]) -> str:
-    """Return a table a map for a terminal, the states by their marks."""
-    key = ", ".join(f"{mark} {state}" for state, mark in MARKS.items())
-    parts = [f"down, steps over the default's; {key}; in brackets refused, and what it would be"]
-    for axis in AXES:
-        own = [row for row in rows if row["map"] == axis]
-        table = []
-        for step in dict.fromkeys(row["step"] for row in own):
-            marks = [(row["value"], _mark(row)) for row in own if row["step"] == step]
-            table.append({"step": step} | {_head(value): mark for value, mark in marks})
-        if any(row["swung_back"] for row in own):
-            late = [row for row in own if row["step"] == SHIPPED]
-            table.append(
-                {"step": "swung back"} | {_head(row["value"]): row["swung_back"] for row in late}
-            )
-        parts.append(f"{axis}\n{table_text(table)}")
-    return "\n\n".join(parts)
-
-
-def _head(value: float | str) -> str:
-    return value if isinstance(value, str) else f"{value:g}"
-
-
-def _mark(row: dict[str, Any]) -> str:
-    mark = MARKS[row["state"]]
-    return f"({mark})" if row["refused"] else mark
 
 
 def _steppers() -> Iterator[tuple[str, Stepper, bool]]:
@@ -202,43 +174,36 @@ def _steppers() -> Iterator[tuple[str, Stepper, bool]]:
     scheme = FINE.splitting
     boundless = Boundless(order=scheme.order, kicks=scheme.kicks, drifts=scheme.drifts)
     for factor in FACTORS:
-        try:
-            stepper, refused = FINE.finer(1 / factor), False
-        except InputError:
-            stepper, refused = replace(FINE, splitting=boundless).finer(1 / factor), True
-        yield f"{factor:g}", OnePass(stepper=stepper), refused
+        refused = FINE.mode_step * factor > scheme.limit
+        stepper = replace(FINE, splitting=boundless) if refused else FINE
+        yield f"{factor:g}", OnePass(stepper=stepper.finer(1 / factor)), refused
     yield SHIPPED, FINE, False
 
 
-def _column(axis: str, value: Any) -> Column:
+def _column(axis: Axis, value: Any) -> Column:
     """Return the bats and scenes of one column: all as usual but one thing."""
-    if axis == CONTACTS:
+    if axis is Axis.CONTACTS:
         return _meeting(int(value))
     ball = catalog.load("balls", BALL, BallSpec).spec
-    exponents = (value,) if axis == EXPONENT else EXPONENTS if axis in (PLACE, SPEED) else (1.0,)
-    speeds = (value,) if axis == SPEED else MANY_SPEEDS_MPH if axis == PLACE else SPEEDS_MPH
-    place, speed, exponent = (
-        grid.ravel()
-        for grid in np.meshgrid(
-            np.array([value] if axis == PLACE else PLACES_IN) * INCH,
-            np.array(speeds) * MPH,
-            exponents,
-        )
-    )
-    usual = Scenes.with_ball(ball, impact_position=place, relative_speed=speed)
-    harder = value if axis == STIFFNESS else 1.0
-    scenes = replace(
-        usual,
-        exponent=exponent,
-        # whatever the exponent, the same force at a usual compression
-        stiffness=harder * ball.stiffness * COMPRESSION ** (ball.exponent - exponent),
-        ball_mass=usual.ball_mass * (value if axis == MASS else 1.0),
-        ball_restitution=np.full(len(usual), value)
-        if axis == RESTITUTION
-        else usual.ball_restitution,
-    )
-    count = int(value) if axis == MODES else BENDING_MODES
-    support = value if axis == SUPPORT else "free"
+    several = axis in (Axis.PLACE, Axis.SPEED)
+    exponents = (value,) if axis is Axis.EXPONENT else (1.0, 1.5) if several else (1.0,)
+    many = (20.0, 45.0, 70.0, 95.0, 120.0, 160.0)
+    speeds = (value,) if axis is Axis.SPEED else many if axis is Axis.PLACE else SPEEDS_MPH
+    places = (value,) if axis is Axis.PLACE else PLACES_IN
+    grid = np.meshgrid(np.array(places) * INCH, np.array(speeds) * MPH, exponents)
+    place, speed, exponent = (each.ravel() for each in grid)
+    scenes = Scenes.with_ball(ball, impact_position=place, relative_speed=speed)
+    # whatever the exponent, the same force at a usual compression of 12 mm
+    stiffness = ball.stiffness * 0.012 ** (ball.exponent - exponent)
+    scenes = replace(scenes, exponent=exponent, stiffness=stiffness)
+    if axis is Axis.STIFFNESS:
+        scenes = replace(scenes, stiffness=value * stiffness)
+    if axis is Axis.MASS:
+        scenes = replace(scenes, ball_mass=value * scenes.ball_mass)
+    if axis is Axis.RESTITUTION:
+        scenes = replace(scenes, ball_restitution=np.full(len(scenes), value))
+    count = int(value) if axis is Axis.MODES else BENDING_MODES
+    support = value if axis is Axis.SUPPORT else "free"
     return [(_model(bat, support, count), scenes) for bat in BATS]
 
 
@@ -254,16 +219,17 @@ def _meeting(contacts: int) -> Column:
 
 @cache
 def _pool(bat: str) -> tuple[Scenes, NDArray[np.int64]]:
-    """Return scenes all along a bat with usual and harder balls, and how often they meet."""
+    """Return scenes all along a bat, balls up to 100 times as hard, and how often they meet."""
     ball = catalog.load("balls", BALL, BallSpec).spec
-    draws = Streams(POOL_SEED)
-    place, speed, harder = (draws.uniform(name, POOL) + 0.5 for name in ("z", "speed", "harder"))
+    draws, (slow, fast) = Streams(5), SPEEDS_MPH
+    names = ("z", "speed", "harder")
+    place, speed, harder = (draws.uniform(name, POOLED_SCENES) + 0.5 for name in names)
     usual = Scenes.with_ball(
         ball,
         impact_position=(0.3 + 29.7 * place) * INCH,
-        relative_speed=(SPEEDS_MPH[0] + (SPEEDS_MPH[1] - SPEEDS_MPH[0]) * speed) * MPH,
+        relative_speed=(slow + (fast - slow) * speed) * MPH,
     )
-    pool = replace(usual, stiffness=usual.stiffness * HARDEST**harder)
+    pool = replace(usual, stiffness=usual.stiffness * 100.0**harder)
     return pool, _model(bat, "free", BENDING_MODES).collide(pool).contacts
 
 
@@ -283,33 +249,28 @@ def _exact(column: Column) -> ColumnOutcome | None:
 def _outcome(column: Column, stepper: Stepper) -> ColumnOutcome:
     (first, scenes), *others = column
     with np.errstate(all="ignore"):  # what runs away overflows
-        parts = collide_bats([(replace(first, stepper=stepper), scenes), *others])
-        shares = [[getattr(part.energy, one.name) for one in fields(EnergySplit)] for part in parts]
-        return ColumnOutcome(
-            efficiency=np.concatenate([part.collision_efficiency for part in parts]),
-            leak=np.concatenate([np.abs(np.sum(share, axis=0) - 1) for share in shares]),
-            doubted=np.concatenate([part.redone > 0 for part in parts]),
-            given_up=np.concatenate([part.contacts == 0 for part in parts]),
-            swung_back=np.concatenate([part.swung_back for part in parts]),
-        )
+        return ColumnOutcome.of(collide_bats([(replace(first, stepper=stepper), scenes), *others]))
 
 
-def _cell(found: ColumnOutcome, true: ColumnOutcome, shipped: bool) -> dict[str, Any]:
+def _cell(found: ColumnOutcome | None, true: ColumnOutcome | None, shipped: bool) -> dict[str, Any]:
     """Return the state of a cell and of how many scenes what is said."""
+    if found is None or true is None:
+        counts = dict.fromkeys(("scenes", "off", "doubted", "swung_back"), 0)
+        worst = dict.fromkeys(("worst_error", "worst_unnoticed_error", "worst_leak"))
+        return {"state": State.NO_RESULT.value} | counts | worst
     error = np.abs(found.efficiency - true.efficiency)
-    # no comparison holds of a nan
-    held = (np.abs(found.efficiency) <= RUNAWAY) & (found.leak <= LEAK) | found.given_up
-    good = error <= TOLERANCE
+    # no collision has such an e_A or is worth such a leak; and no comparison holds of a nan
+    held = (np.abs(found.efficiency) <= 2.0) & (found.leak <= 0.1) | found.given_up
+    good = error <= FINE.tolerance  # what the default promises
     unnoticed = ~good if shipped else ~good & ~found.doubted
-    state = GOOD if good.all() else INACCURATE if unnoticed.any() else NOTICED
-    known = error[~found.doubted | shipped]
+    state = State.GOOD if good.all() else State.INACCURATE if unnoticed.any() else State.NOTICED
     return {
-        "state": state if held.all() else UNSTABLE,
+        "state": (state if held.all() else State.UNSTABLE).value,
         "scenes": len(error),
         "off": int((~good).sum()),
         "doubted": int(found.doubted.sum()),
         "worst_error": _worst(error),
-        "worst_unnoticed_error": _worst(known),
+        "worst_unnoticed_error": _worst(error[~found.doubted | shipped]),
         "worst_leak": _worst(found.leak[~found.given_up]),
         "swung_back": int(true.swung_back.sum()),
     }
@@ -319,74 +280,3 @@ def _worst(values: Array) -> float | None:
     """Return the greatest; None where one is beyond numbers, which JSON has no word for."""
     worst = float(values.max(initial=0.0))
     return worst if isfinite(worst) else None
-
-
-def _draw(rows: list[dict[str, Any]], path: Path) -> None:
-    from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    figure = Figure(figsize=(19.5, 8.6), dpi=110, layout="constrained")
-    panels = figure.subplots(2, 5).ravel()
-    for axis, axes in zip(AXES, panels, strict=False):
-        _draw_map(axes, axis, [row for row in rows if row["map"] == axis])
-    _draw_growth(panels[-1])
-    keys: list[Any] = [Patch(color=colour, label=state) for state, colour in COLOURS.items()]
-    keys.append(Patch(fill=False, hatch=HATCH, edgecolor="0.5", label="refused as past the limit"))
-    keys.append(Line2D([], [], color="black", linewidth=2, label="the default's step"))
-    figure.legend(handles=keys, loc="outside lower center", ncols=7, frameon=False, fontsize=9)
-    title = (
-        "Stepping of the modal rung: up to 24 scenes a cell in one bare pass, and as shipped; "
-        f"good: all of them to {TOLERANCE:.0e} in $e_A$, else how many are not"
-    )
-    figure.suptitle(title, fontsize=11)
-    figure.savefig(path)
-
-
-def _draw_map(axes: Any, name: str, rows: list[dict[str, Any]]) -> None:
-    from matplotlib.patches import Rectangle
-    from matplotlib.patheffects import withStroke
-
-    values = list(dict.fromkeys(row["value"] for row in rows))
-    steps = list(dict.fromkeys(row["step"] for row in rows))
-    # what is shipped stands apart from the steps
-    heights = [i + (step == SHIPPED) / 2 for i, step in enumerate(steps)]
-    for row in rows:
-        corner = (values.index(row["value"]) - 0.5, heights[steps.index(row["step"])] - 0.5)
-        colour = COLOURS[row["state"]]
-        look: dict[str, Any] = {"facecolor": colour, "edgecolor": "white", "linewidth": 1.0}
-        if row["refused"]:
-            look |= {"hatch": HATCH, "edgecolor": "0.6", "linewidth": 0.0}
-        axes.add_patch(Rectangle(corner, 1, 1, **look))
-        if row["off"]:
-            ink = "white" if row["state"] == UNSTABLE else "black"
-            middle = (corner[0] + 0.5, corner[1] + 0.47)
-            label = axes.annotate(row["off"], middle, ha="center", va="center", fontsize=6.5)
-            label.set(color=ink, path_effects=[withStroke(linewidth=2.5, foreground=colour)])
-    box = (-0.5, heights[steps.index("1")] - 0.5)
-    axes.add_patch(Rectangle(box, len(values), 1, fill=False, linewidth=2, zorder=3, clip_on=False))
-    axes.set_xlim(-0.5, len(values) - 0.5)
-    axes.set_ylim(-0.5, heights[-1] + 0.5)
-    heads = [_head(value).replace(" ", "\n", 1) for value in values]
-    axes.set_xticks(range(len(values)), heads, fontsize=7)
-    axes.set_yticks(heights, steps, fontsize=8)
-    axes.tick_params(length=0)
-    axes.spines[:].set_visible(False)
-    axes.set_xlabel(name, fontsize=9)
-    axes.set_ylabel("step over the default's", fontsize=9)
-
-
-def _draw_growth(axes: Any) -> None:
-    """Draw what a step multiplies an oscillator by: where the limits come from."""
-    phases = np.linspace(0.0, LAST_PHASE, 40_001)
-    scheme = FINE.splitting
-    growth, limit = scheme.growth(phases) - 1, f"limit {scheme.limit:.3f}"
-    axes.semilogy(phases, np.where(growth > 1e-7, growth, 1e-7), color="C0", label=limit)
-    axes.axvline(FINE.mode_step, color="C0", linestyle=":", linewidth=1.2)
-    axes.set_xlim(0, LAST_PHASE)
-    axes.set_ylim(1e-5, 1e4)
-    axes.set_xlabel("phase a step [rad]; dotted: the default", fontsize=9)
-    axes.set_ylabel("growth of an oscillator a step, less 1", fontsize=9)
-    axes.tick_params(labelsize=8)
-    axes.grid(True, which="major", linewidth=0.3)
-    axes.legend(fontsize=8, loc="upper left", framealpha=1, edgecolor="none")

@@ -2,25 +2,34 @@
 
 Bodies have their own centre of mass, elasticities carry the restitution, and whatever step and
 iterations are asked for are taken. Nothing is refused here: this is what
-`virtual_lab.simulation.motion` is held against. The truth beside it is smooth contact of rigid
-bodies, by hand.
+`virtual_lab.simulation.motion` is held against. The bat is rigid, of one radius, in no air and on
+no friction, so that pymunk could be right. The truth is smooth contact of rigid bodies.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from functools import cache
+from math import cos, inf, sin
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Hit", "Rod", "energy_lost", "hit_of", "missed", "off_round_end", "round_hit"]
+from virtual_lab import catalog
+from virtual_lab.catalog.specs import BallSpec, Profile
+from virtual_lab.simulation.motion import play
+from virtual_lab.simulation.motion.played import BAT
+from virtual_lab.simulation.motion.scene import PivotedBat, ShotScene, ShotState
+from virtual_lab.simulation.physics.beam import beam_of
+from virtual_lab.units import INCH
+
+__all__ = ["Rod", "energy_lost", "missed", "naive_errors", "rod", "rod_scene"]
 
 Array = NDArray[np.float64]
-AFTER = 2  # steps after the first kick, in which a contact may still work
-SLOP = 1e-5  # m, as small as pymunk bears well; its own is 0.1 m
-BEYOND = 0.1  # m, past the bat, where a ball that was not thrown back is given up
+# The bat from above, where it is struck on its straight side; the same with a half circle for a
+# tip; and its barrel as a disc, seen along the bat, of the mass that it opposes 6 in from its tip.
+Shape = Literal["side", "round tip", "section"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,145 +50,177 @@ class Rod:
     def inertia_cm(self) -> float:
         return self.inertia - self.mass * (self.axis - self.z_cm) ** 2
 
-    def recoil(self, lever: float) -> float:
+    @property
+    def reach(self) -> float:
+        """Distance of ball and axis as they touch [m]."""
+        return self.radius + self.ball_radius
+
+    def recoil(self, lever: Any) -> Any:
         """Return r for a blow at a lever [m]."""
         return self.ball_mass * lever**2 / self.inertia
 
     def efficiency(self, place: Array, *_: Any) -> Array:
         """Return e_A with e = e0, as a scene of motion asks for it."""
-        r = self.ball_mass * (self.axis - place) ** 2 / self.inertia
+        r = self.recoil(self.axis - place)
         return np.asarray((self.restitution - r) / (1 + r))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Hit:
-    """How a ball and bat part: velocity in the plane [m/s], rate [rad/s]."""
+@cache
+def rod() -> Rod:
+    """Return a bat of one radius with the mass and the inertia of a real one."""
+    beam = beam_of(catalog.load_bat("r161").spec.body)
+    ball = catalog.load("balls", "baseball-2003", BallSpec).spec
+    axis = beam.length - 6 * INCH
+    return Rod(
+        length=beam.length,
+        radius=0.0318,
+        axis=axis,
+        mass=beam.mass,
+        z_cm=beam.z_cm,
+        inertia=beam.inertia(axis),
+        ball_mass=ball.mass,
+        ball_radius=ball.radius,
+        restitution=0.5,
+    )
 
-    velocity: Array
-    rate: float
 
-
-def hit_of(
-    rod: Rod,
-    start: tuple[float, float],
-    velocity: tuple[float, float],
-    *,
+def rod_scene(
+    start: dict[str, float],
+    speed: float,
     step: float,
-    iterations: int = 10,
-    slop: float = SLOP,
-    angle: float = 0.0,
-    rate: float = 0.0,
-    round_end: bool = False,
-) -> Hit:
-    """Return how pymunk parts a ball and a pivoted bat, seen from above (x and z)."""
-    import pymunk
+    shots: int,
+    *,
+    ahead: float = 0.12,
+    duration: float | None = None,
+) -> ShotScene:
+    """Return shots at the bat of `rod` that start some 0.12 m ahead of its axis.
 
-    space = _space(iterations, slop)
-    bat = pymunk.Body(rod.mass, rod.inertia_cm)
-    arm = rod.axis - rod.z_cm
-    bat.position = arm * np.sin(angle), rod.axis - arm * np.cos(angle)
-    bat.angle, bat.angular_velocity = angle, rate
-    bat.velocity = rate * arm * np.cos(angle), rate * arm * np.sin(angle)
-    low, high, half = -rod.z_cm, rod.length - rod.z_cm, rod.radius
-    if round_end:
-        shape: Any = pymunk.Segment(bat, (0, low + half), (0, high), half)
-    else:
-        shape = pymunk.Poly(bat, [(-half, low), (half, low), (half, high), (-half, high)])
-    shape.elasticity = rod.restitution
-    joint = pymunk.PivotJoint(space.static_body, bat, (0.0, rod.axis))
-    space.add(bat, joint, shape)
-    ball = _ball(space, rod, start, velocity)
-    _run(space, ball, step, lambda: ball.position.x > BEYOND)
-    return Hit(velocity=np.array(ball.velocity), rate=float(bat.angular_velocity))
-
-
-def round_hit(
-    rod: Rod, start: tuple[float, float], speed: float, *, step: float, iterations: int = 10
-) -> Hit:
-    """Return how pymunk parts a ball and a round barrel, seen along the bat (x and y).
-
-    The barrel stands for the mass that the whole bat opposes 6 in from its tip.
+    Their contacts fall evenly into a `step` [s]; `start` says what is not as usual. By default
+    they last to 5 ms after the last contact.
     """
-    import pymunk
+    bat, many = rod(), np.ones(shots)
+    way = ahead + speed * step * (np.arange(shots) + 0.5) / shots
+    return ShotScene(
+        start=ShotState.of(**({"vx": speed} | start | {"x": -way})),
+        ball_mass=bat.ball_mass * many,
+        ball_drag=0 * many,
+        ball_radius=bat.ball_radius,
+        bat=PivotedBat(
+            Profile(z=(0.0, bat.length), outer_diameter=(2 * bat.radius, 2 * bat.radius)),
+            bat.axis,
+            bat.inertia,
+        ),
+        efficiency=bat.efficiency,
+        duration=duration or float(way.max()) / speed + 5e-3,
+    )
 
-    space = _space(iterations, SLOP)
-    barrel = pymunk.Body(rod.ball_mass / rod.recoil(rod.axis - 0.1524), float("inf"))
-    shape = pymunk.Circle(barrel, rod.radius)
-    shape.elasticity = rod.restitution
-    space.add(barrel, shape)
-    ball = _ball(space, rod, start, (speed, 0.0))
-    _run(space, ball, step, lambda: ball.position.x > BEYOND)
-    return Hit(velocity=np.array(ball.velocity), rate=0.0)
+
+def naive_errors(
+    scene: ShotScene,
+    step: float,
+    *,
+    iterations: int = 10,
+    slop: float = 1e-5,
+    shape: Shape = "side",
+) -> Array:
+    """Return how far the ball's velocity is off after pymunk's contact, (shot,) [m/s]."""
+    bat, errors = rod(), np.empty(scene.shots)
+    thrown = np.array(play(scene, "closed-form").first(BAT).state[3:6]).T
+    for shot in range(scene.shots):
+        one = scene.start.part(shot)
+        plane = [0, 1] if shape == "section" else [0, 2]
+        true = thrown[shot, plane]
+        if shape == "round tip":
+            true = _off_round_tip(bat, float(one.z), float(one.vx))
+        space = _space(iterations, slop)
+        _stand(space, bat, shape, float(one.angle), float(one.rate))
+        found = _hit(space, bat, np.array(one[:3])[plane], np.array(one[3:6])[plane], step)
+        errors[shot] = np.linalg.norm(found - true)
+    return errors
 
 
-def missed(rod: Rod, speed: float, step: float, shots: int) -> float:
+def missed(bat: Rod, speed: float, step: float, shots: int) -> float:
     """Return the share of `shots`, evenly spread over a step, that are not thrown back.
 
     The ball comes squarely at a place where it would be, so it jumped what it had to strike.
     """
     passed = 0
     for shot in range(shots):
-        start = -0.2 - speed * step * (shot + 0.5) / shots
-        hit = hit_of(rod, (start, 0.1524), (speed, 0.0), step=step)
-        passed += bool(hit.velocity[0] >= 0)
+        space = _space()
+        _stand(space, bat)
+        start = np.array([-0.2 - speed * step * (shot + 0.5) / shots, 6 * INCH])
+        passed += bool(_hit(space, bat, start, np.array([speed, 0.0]), step)[0] >= 0)
     return passed / shots
 
 
-def off_round_end(rod: Rod, place: float, speed: float) -> Array:
-    """Return the velocity (x, z) off a resting bat whose tip is a half circle, by hand [m/s].
-
-    Up to one radius from the tip the ball meets that circle, beyond it the straight side.
-    """
-    aside = np.arcsin(min(place - rod.radius, 0.0) / (rod.radius + rod.ball_radius))
-    normal = np.array([-np.cos(aside), np.sin(aside)])
-    lever = (rod.axis - max(place, rod.radius)) * np.cos(aside)
-    gain = (1 + rod.restitution) / (1 + rod.recoil(lever)) * speed * np.cos(aside)
-    return np.asarray(np.array([speed, 0.0]) + gain * normal)
-
-
-def energy_lost(rod: Rod, rate: float, step: float, duration: float = 1.0) -> float:
+def energy_lost(bat: Rod, rate: float, step: float, duration: float = 1.0) -> float:
     """Return the share of its energy a bat loses that turns freely on a `PivotJoint`."""
-    import pymunk
-
-    space = _space(10, SLOP)
-    bat = pymunk.Body(rod.mass, rod.inertia_cm)
-    bat.position, bat.angular_velocity = (0.0, rod.z_cm), rate
-    bat.velocity = rate * (rod.axis - rod.z_cm), 0.0
-    space.add(bat, pymunk.PivotJoint(space.static_body, bat, (0.0, rod.axis)))
-
-    def energy() -> float:
-        square = float(bat.velocity.dot(bat.velocity))
-        return rod.mass / 2 * square + rod.inertia_cm / 2 * float(bat.angular_velocity) ** 2
-
-    before = energy()
+    space = _space()
+    body = _stand(space, bat, rate=rate)
+    before = body.kinetic_energy
     for _ in range(round(duration / step)):
         space.step(step)
-    return 1 - energy() / before
+    return float(1 - body.kinetic_energy / before)
 
 
-def _space(iterations: int, slop: float) -> Any:
+def _space(iterations: int = 10, slop: float = 1e-5) -> Any:
     import pymunk
 
     space = pymunk.Space()
-    space.iterations, space.collision_slop = iterations, slop
+    space.iterations, space.collision_slop = iterations, slop  # its own slop is 0.1 m
     return space
 
 
-def _ball(space: Any, rod: Rod, start: tuple[float, float], velocity: tuple[float, float]) -> Any:
+def _stand(
+    space: Any, bat: Rod, shape: Shape = "side", angle: float = 0.0, rate: float = 0.0
+) -> Any:
+    """Put the bat into a space; return its body."""
     import pymunk
 
-    ball = pymunk.Body(rod.ball_mass, float("inf"))
-    ball.position, ball.velocity = start, velocity
-    shape = pymunk.Circle(ball, rod.ball_radius)
-    shape.elasticity = 1.0
-    space.add(ball, shape)
-    return ball
+    if shape == "section":
+        body = pymunk.Body(bat.ball_mass / bat.recoil(bat.axis - 6 * INCH), inf)
+        outline: Any = pymunk.Circle(body, bat.radius)
+    else:
+        body, arm = pymunk.Body(bat.mass, bat.inertia_cm), bat.axis - bat.z_cm
+        body.position = arm * sin(angle), bat.axis - arm * cos(angle)
+        body.angle, body.angular_velocity = angle, rate
+        body.velocity = rate * arm * cos(angle), rate * arm * sin(angle)
+        space.add(body, pymunk.PivotJoint(space.static_body, body, (0.0, bat.axis)))
+        low, high, half = -bat.z_cm, bat.length - bat.z_cm, bat.radius
+        if shape == "side":
+            corners = [(-half, low), (half, low), (half, high), (-half, high)]
+            outline = pymunk.Poly(body, corners)
+        else:
+            outline = pymunk.Segment(body, (0, low + half), (0, high), half)
+    outline.elasticity = bat.restitution
+    space.add(outline, *([body] if shape == "section" else []))
+    return body
 
 
-def _run(space: Any, ball: Any, step: float, past: Callable[[], bool]) -> None:
-    """Step until the ball has been kicked or is past the bat."""
+def _hit(space: Any, bat: Rod, start: Array, velocity: Array, step: float) -> Array:
+    """Return a ball's velocity two steps after its first kick, or as it is past the bat [m/s]."""
+    import pymunk
+
+    ball = pymunk.Body(bat.ball_mass, inf)
+    ball.position, ball.velocity = tuple(start.tolist()), tuple(velocity.tolist())
+    circle = pymunk.Circle(ball, bat.ball_radius)
+    circle.elasticity = 1.0
+    space.add(ball, circle)
     came = ball.velocity
-    while ball.velocity == came and not past():
+    while ball.velocity == came and ball.position.x <= 0.1:
         space.step(step)
-    for _ in range(AFTER):
+    for _ in range(2):  # in which a contact may still work
         space.step(step)
+    return np.array(ball.velocity)
+
+
+def _off_round_tip(bat: Rod, place: float, speed: float) -> Array:
+    """Return the velocity (x, z) off a resting bat whose tip is a half circle [m/s].
+
+    Up to one radius from the tip the ball meets that circle, beyond it the straight side.
+    """
+    aside = np.arcsin(min(place - bat.radius, 0.0) / bat.reach)
+    normal = np.array([-np.cos(aside), np.sin(aside)])
+    lever = (bat.axis - max(place, bat.radius)) * np.cos(aside)
+    gain = (1 + bat.restitution) / (1 + bat.recoil(lever)) * speed * np.cos(aside)
+    return np.asarray(np.array([speed, 0.0]) + gain * normal)

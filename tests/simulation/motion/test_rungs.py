@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.simulation.motion.reference import reference
 from tests.simulation.motion.scenes import (
     AXIS,
     INERTIA,
@@ -19,7 +20,6 @@ from tests.simulation.motion.scenes import (
     scene,
     stop,
 )
-from virtual_lab.fidelity.motion_reference import reference
 from virtual_lab.relations.flight import speed_after, time_before
 from virtual_lab.simulation.motion import play
 from virtual_lab.simulation.motion.played import BAT, BAT_AGAIN, FRAME, STOP, PlayedShots

@@ -37,11 +37,6 @@ class Splitting:
         real = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 1e-3)]
         return float(np.sqrt(real.min()))
 
-    def growth(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return how much a step may swell an oscillator that turns by `phase` [rad] in it."""
-        beyond = np.maximum(np.abs(self._half_trace(phase**2)), 1.0)
-        return np.asarray(beyond + np.sqrt(beyond**2 - 1))
-
     @cached_property
     def _half_trace(self) -> Polynomial:
         """Half the trace of a step of ``q'' = -phase^2 q``, over the square of the phase."""

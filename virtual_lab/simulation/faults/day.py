@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from virtual_lab.errors import InputError, nearest
-from virtual_lab.simulation.faults import desk, gates, machines
-from virtual_lab.simulation.faults.fault import Fault
+from virtual_lab.simulation.faults.catalogue import CATALOGUE
+from virtual_lab.simulation.faults.fault import Fault, Written
 from virtual_lab.simulation.rig import (
     RigOutput,
     ShotPlan,
@@ -19,11 +19,7 @@ from virtual_lab.simulation.rig import (
 from virtual_lab.streams import Draws, Quiet
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["CATALOGUE", "FaultSet"]
-
-CATALOGUE: Mapping[str, Fault] = {
-    fault.name: fault for module in (gates, machines, desk) for fault in module.FAULTS
-}
+__all__ = ["FaultSet"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,22 +53,27 @@ class FaultSet:
         """What is on, for the sealed truth."""
         return tuple(fault.name for fault in self.faults)
 
+    def at(self, stage: Stage) -> list[Fault]:
+        """Return the faults that act at a stage."""
+        return [fault for fault in self.faults if fault.acts_at(stage)]
+
     def station(self, stage: Stage, station: Station) -> Station:
         """Return the rig of a stage as it really stands."""
-        for fault in self.faults:
-            station = fault.station(stage, station)
+        for fault in self.at(stage):
+            station = (fault.station and fault.station(station)) or station
         return station
 
     def calibration(self, known: Mapping[str, Estimate]) -> Mapping[str, Estimate]:
         """Return the constants as they were entered."""
         for fault in self.faults:
-            known = fault.calibration(known)
+            known = fault.calibration(known) if fault.calibration else known
         return known
 
     def done(self, stage: Stage, order: ShotPlan, specimen: Specimen) -> tuple[ShotPlan, Specimen]:
         """Return what is done on this day instead of an order, and what it is done to."""
-        for fault in self.faults:
-            order, specimen = fault.order(stage, order), fault.specimen(stage, specimen)
+        for fault in self.at(stage):
+            order = fault.order(order) if fault.order else order
+            specimen = fault.specimen(specimen) if fault.specimen else specimen
         return order, specimen
 
     def play(
@@ -83,8 +84,12 @@ class FaultSet:
         play = station.play(done, specimen, draws)
         if done is not order and "log" in play.records:
             play = replace(play, records={**play.records, "log": order.log()})
-        for fault in self.faults:
-            play = replace(play, records=fault.records(stage, station, order, play, draws))
+        for fault in self.at(stage):
+            if fault.record and fault.channel in play.records:
+                record = play.records[fault.channel]
+                written = Written(stage, station, order, play, draws, fault.name)
+                changed = replace(record, **fault.record(record, written))
+                play = replace(play, records={**play.records, fault.channel: changed})
         return play
 
 

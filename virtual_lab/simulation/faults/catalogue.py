@@ -1,0 +1,235 @@
+"""The faults: of hands and papers, of what times the ball, of the machine at the bat."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from math import tau
+from typing import Any
+
+import numpy as np
+
+from virtual_lab.records import BoardRecord
+from virtual_lab.simulation.faults.fault import Fault, Written, constant_off, other_sheet, sheet_off
+from virtual_lab.simulation.rig import ShotPlan, Specimen, Stage, Station
+from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.units import DEGREE, INCH, MPH, OUNCE
+
+__all__ = ["CATALOGUE"]
+
+Arrays = Mapping[str, Any]
+GRAM = 1e-3  # kg
+# gate times are (shot, way, gate, ..., edge): in and out; from the cannon's gate to the target's;
+# as the ball breaks a beam and as it clears it
+IN, OUT = 0, 1
+FIRST_GATE, LAST_GATE = 0, -1
+BROKEN, CLEARED = 0, 1
+FAR_SWING, USUAL_SWING = 20 * DEGREE, 4 * DEGREE  # at which the pendulum is let go
+SCRAPS = 0.6  # share of the balls that the scraps of a bad sabot are ahead of
+
+
+def misread(factor: float) -> Callable[[Any, Written], Arrays]:
+    """Enter every reading as so many times itself."""
+    return lambda record, _: {"readings": record.readings * factor}
+
+
+def from_knob(record: Any, written: Written) -> Arrays:
+    """Measure the balance point from the knob's end and enter it as from the tip."""
+    return {"readings": float(written.play.truth["length"]) - record.readings}
+
+
+def usual_amplitude(record: Any, _: Written) -> Arrays:
+    """Note the usual amplitude, whatever it was."""
+    ends = ("first_amplitude", "last_amplitude")
+    return {end: getattr(record, end) * (USUAL_SWING / FAR_SWING) for end in ends}
+
+
+def clamp_forgotten(known: Mapping[str, Estimate]) -> Mapping[str, Estimate]:
+    """Never enter the moment of inertia of the pendulum's clamp."""
+    key = "bench.pendulum.clamp_inertia"
+    return {**known, key: replace(known[key], value=0.0)}
+
+
+def livelier(specimen: Specimen) -> Specimen:
+    """Fire balls of a livelier lot than those measured at the wall."""
+    balls = specimen.balls
+    return replace(specimen, balls=replace(balls, restitution=balls.restitution + 0.02))
+
+
+def worn_out(specimen: Specimen) -> Specimen:
+    """Have one ball of the lot that has been hit too often."""
+    restitution = specimen.balls.restitution.copy()
+    restitution[3] -= 0.04
+    return replace(specimen, balls=replace(specimen.balls, restitution=restitution))
+
+
+def cracked(specimen: Specimen) -> Specimen:
+    """Crack the bat between the bench and the first hit: a tenth less stiff, f1 5 % lower."""
+    bat, left = specimen.bat, 0.9
+    material = replace(
+        bat.body.material,
+        youngs_modulus=bat.body.material.youngs_modulus * left,
+        shear_modulus=bat.body.material.shear_modulus * left,
+    )
+    return replace(specimen, bat=replace(bat, body=replace(bat.body, material=material)))
+
+
+def out_of_round(record: Any, written: Written) -> Arrays:
+    """Fire balls egg-shaped by 1.5 mm: each passage meets another radius, front and back."""
+    times, truth = record.times.copy(), written.play.truth
+    speed = truth["speed"]
+    back = truth.get("rebound_speed", truth.get("ball_restitution", 0) * speed)
+    speeds = np.stack([speed, np.abs(back)], axis=1)[:, :, None, None]
+    shape = (*times.shape[1:3], 2)
+    turn = tau * (written.chance(f".{written.stage.value}", shape) - 0.5)
+    late = 1.5e-3 * np.sin(turn) * np.array([-1.0, 1.0]) / speeds
+    beams = times.ndim - late.ndim
+    return {"times": times + late.reshape(*late.shape[:3], *(1,) * beams, 2)}
+
+
+def swapped(record: Any, written: Written) -> Arrays:
+    """File the gate records of two shots of one round under each other's number."""
+    slot = written.order.slot
+    first, second = (np.flatnonzero(slot == shot) for shot in (1, 4))
+    filed = np.arange(len(slot))
+    if first.size and second.size:
+        filed[first], filed[second] = second, first
+    return {"times": record.times[filed]}
+
+
+def every_second_missed(record: Any, written: Written) -> Arrays:
+    """Miss every second ball that comes in, at the gate nearest the bat."""
+    times = record.times.copy()
+    times[written.order.slot % 2 == 1, IN, LAST_GATE] = np.nan
+    return {"times": times}
+
+
+def cleared_twice(record: Any, written: Written) -> Arrays:
+    """Clear the gate nearest the bat a second time: its last edge is 0.4 ms later."""
+    times = record.times.copy()
+    times[written.some(0.6), IN, LAST_GATE, ..., CLEARED] += 0.4e-3
+    return {"times": times}
+
+
+def scraps_of_beams(station: Station) -> Station:
+    """Let boards play the scraps of a sabot, which they do themselves."""
+    return sheet_off("gates", sabot_rate=SCRAPS)(station) or station
+
+
+def scraps_ahead(record: Any, written: Written) -> Arrays:
+    """Break the first gate 30 mm ahead of many a ball, by scraps of the sabot."""
+    if isinstance(record, BoardRecord):
+        return {}
+    times, struck = record.times.copy(), written.some(SCRAPS)
+    times[struck, IN, FIRST_GATE, BROKEN] -= 0.03 / written.play.truth["speed"][struck]
+    return {"times": times}
+
+
+def drifting(record: Any, written: Written) -> Arrays:
+    """Show a greater and greater e0 at the wall from first hit to last, 6 % in all."""
+    times, slot = record.times.copy(), written.order.slot
+    back = times[:, OUT]
+    start = back[:, LAST_GATE, BROKEN][:, None, None]
+    faster = (1 + 0.06 * slot / max(slot.max(), 1))[:, None, None]
+    times[:, OUT] = start + (back - start) / faster
+    return {"times": times}
+
+
+def too_slow(order: ShotPlan) -> ShotPlan:
+    """Fire 3 mph slower than asked for."""
+    return replace(order, speed=order.speed - 3 * MPH)
+
+
+def slipping(record: Any, written: Written) -> Arrays:
+    """Slip the encoder's coupling once in some of the shots: 20 counts are lost."""
+    samples = record.counts.shape[1]
+    when = 0.3 + 0.6 * written.chance(".when")
+    slipped = np.arange(samples) > samples * when[:, None]
+    return {"counts": record.counts - 20.0 * (slipped & written.some(0.6)[:, None])}
+
+
+def loose(record: Any, written: Written) -> Arrays:
+    """Loosen the bat on the pivot: the encoder follows once 0.3 degrees are taken up."""
+    counts = record.counts
+    width = np.round(0.3 / 360 * counts_per_turn(written))
+    followed = np.empty_like(counts)
+    last = counts[:, 0]
+    for sample in range(counts.shape[1]):
+        last = np.clip(last, counts[:, sample] - width, counts[:, sample])
+        followed[:, sample] = last
+    return {"counts": followed}
+
+
+def still_swinging(record: Any, written: Written) -> Arrays:
+    """Fire while the bat still swings by 0.3 rad/s from being set, either way."""
+    way = np.where(written.some(0.5), 1.0, -1.0)
+    turned = counts_per_turn(written) / tau * 0.3 * record.times
+    return {"counts": record.counts + np.round(way[:, None] * turned)}
+
+
+def counts_per_turn(written: Written) -> float:
+    """Return what the laboratory takes the encoder for."""
+    return written.station.calibration["encoder.counts_per_turn"].value
+
+
+def _at_bench(name: str, channel: str, record: Callable[[Any, Written], Arrays]) -> Fault:
+    return Fault(name=name, stage=Stage.BENCH, channel=channel, record=record)
+
+
+def _at_bat(name: str, channel: str, record: Callable[[Any, Written], Arrays]) -> Fault:
+    return Fault(name=name, channel=channel, record=record)
+
+
+CATALOGUE: Mapping[str, Fault] = {
+    fault.name: fault
+    for fault in (
+        # what times the ball: the recorder's clock runs fast, far more than its sheet allows
+        Fault(name="gate-clock", station=constant_off("gates", "clock", times=1 + 100e-6)),
+        _at_bat("gate-doubles", "gates", cleared_twice),
+        _at_bat("gate-misses", "gates", every_second_missed),
+        # the one nearest the bat was knocked toward the cannon after its survey
+        Fault(name="gate-moved", station=constant_off("gates", "distance", plus=1e-3)),
+        Fault(name="sabot-trip", station=scraps_of_beams, channel="gates", record=scraps_ahead),
+        Fault(name="wall-drift", stage=Stage.BALLS, channel="gates", record=drifting),
+        # the machine at the bat: aimed above the bat's axis, and too far from its tip
+        Fault(name="aim-across", station=constant_off("cannon", "across", plus=0.3 * INCH)),
+        Fault(name="aim-along", station=constant_off("cannon", "along", plus=0.5 * INCH)),
+        _at_bat("bat-not-at-rest", "encoder", still_swinging),
+        # dry: it drags, and rubs like a plain one under the blow [N m, 1]
+        Fault(
+            name="bearing-friction", station=sheet_off("pivot", constant_torque=1.0, friction=0.1)
+        ),
+        Fault(name="cannon-slow", order=too_slow),
+        # half the counts a turn that its sheet says
+        Fault(name="encoder-half-counts", station=constant_off("encoder", "scale", times=0.5)),
+        _at_bat("encoder-play", "encoder", loose),
+        _at_bat("encoder-slip", "encoder", slipping),
+        Fault(name="pivot-off", station=constant_off("pivot", "from_knob", plus=5e-3)),
+        # hands and papers
+        _at_bench("balance-from-knob", "balance", from_knob),
+        # two digits transposed: 5.152 oz for 5.125 oz
+        _at_bench("ball-mass-typed", "ball-mass", misread(5.152 / 5.125)),
+        Fault(name="ball-out-of-round", stage=None, channel="gates", record=out_of_round),
+        Fault(name="ball-worn-out", stage=None, specimen=worn_out),
+        Fault(name="bat-cracked", specimen=cracked),
+        Fault(name="clamp-forgotten", stage=None, calibration=clamp_forgotten),
+        # the scale showed ounces, and they were entered as grams
+        _at_bench("ounces-as-grams", "ball-mass", misread(GRAM / OUNCE)),
+        _at_bench("bat-ounces-as-grams", "bat-mass", misread(GRAM / OUNCE)),
+        Fault(
+            name="pendulum-wide",
+            stage=Stage.BENCH,
+            station=lambda bench: other_sheet(bench, "pendulum", release_amplitude=FAR_SWING),
+            channel="pendulum",
+            record=usual_amplitude,
+        ),
+        _at_bat("records-swapped", "gates", swapped),
+        # a dish of 2 g was left on it when bat and balls were weighed
+        Fault(
+            name="scale-not-tared",
+            stage=Stage.BENCH,
+            station=constant_off("scale", "zero", plus=2e-3),
+        ),
+        Fault(name="wrong-lot", specimen=livelier),
+    )
+}
