@@ -101,7 +101,7 @@ class Firing:
 
     def fired(self, day: Day) -> list[tuple[ShotPlan, RigOutput]]:
         """Return the order and the outcome of each shot of a day."""
-        before = Day(morning=day.morning, balls=day.balls)
+        before = day.until(0)
         found = []
         for event in day.events:
             if event.action == "fire":

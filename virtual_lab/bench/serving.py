@@ -44,9 +44,14 @@ FIRST_LOOK = 0.5  # s, that loading leaves the processor to a first page
 
 
 class ServedDay:
-    """A day as a page is given it, in a folder: begun there, or taken up again."""
+    """A day as a page is given it, in a folder: begun there, or taken up again.
 
-    def __init__(self, folder: Path, scenario: Entry[Scenario], seed: int | None) -> None:
+    Without a scenario it is there to be looked at, once it is handed in: by the trainer of an exam.
+    """
+
+    def __init__(
+        self, folder: Path, scenario: Entry[Scenario] | None, seed: int | None = None
+    ) -> None:
         self.folder, self.scenario, self.seed = folder, scenario, seed
         self._opened: Future[KeptDay] = Future()
         self._begun = (folder / LOG).exists()
@@ -58,7 +63,7 @@ class ServedDay:
             _ = self._first.missing  # first what the first page is made of, then the machines
         from virtual_lab.bench.keeping import KeptDay
 
-        if self._begun:
+        if self._begun or self.scenario is None:
             kept = KeptDay(self.folder)
         else:
             kept = KeptDay.begin(self.folder, self.scenario, self.seed)
@@ -82,7 +87,7 @@ class ServedDay:
     @cached_property
     def _first(self) -> Desk:
         """The desk that the log gives, or nothing but the rules of a day that begins."""
-        if self._begun:
+        if self._begun or self.scenario is None:
             return Desk(replayed(self._log.first, self._log.events()))
         rules = catalog.load("procedures", self.scenario.spec.procedure, Procedure)
         session = Session(
@@ -98,10 +103,15 @@ class ServedDay:
 
     @property
     def briefing(self) -> Mapping[str, Any]:
-        if not (self._begun or self._opened.done()):
+        if self.scenario and not (self._begun or self._opened.done()):
             return self.scenario.spec.briefing()
         found: Mapping[str, Any] = self._log.morning["briefing"]
         return found
+
+    @property
+    def open_book(self) -> bool:
+        day = self.desk.day
+        return day.handed_in and not (day.exam and self.scenario)
 
     def do(self, action: Action, number: int | None = None) -> DayEvent:
         return self.kept.do(action, number)
@@ -111,7 +121,7 @@ class ServedDay:
 
         None while the laboratory is being set up: no page waits for it.
         """
-        if not self._opened.done() or not self.kept.day.handed_in or self.kept.day.exam:
+        if not (self._opened.done() and self.open_book):
             return None
         from virtual_lab.bench.sketching import true_motion
 
@@ -133,7 +143,7 @@ class ServedDay:
         from virtual_lab.bench.running import save_debrief
 
         kept = self.kept
-        if kept.day.exam:
+        if kept.day.exam and self.scenario:
             raise InputError("debrief", "day", None, "is an exam: your trainer opens the debrief")
         told = debriefed(kept)
         save_debrief(told, kept.folder)
@@ -142,9 +152,9 @@ class ServedDay:
 
 def serve(
     folders: Mapping[str, Path],
-    scenario: Entry[Scenario],
+    scenario: Entry[Scenario] | None,
     *,
-    seed: int | None,
+    seed: int | None = None,
     port: int,
     browser: bool,
     say: Callable[[str], None],
@@ -159,7 +169,8 @@ def serve(
     folders
         Of each trainee, by name.
     scenario, seed
-        Of days that begin; the trainees of one seed have the same day.
+        Of days that begin; the trainees of one seed have the same day. Without a scenario days
+        that were handed in are played back.
     port, host
         Where the page is served; beyond this machine only with `tls`.
     browser
@@ -211,11 +222,13 @@ def serve(
     while not server.started:
         time.sleep(0.005)
     scheme = "https" if tls else "http"
-    addresses = [f"{scheme}://{host}:{port}/?token={token}" for token in tokens]
+    page = "" if scenario else "replay"
+    addresses = [f"{scheme}://{host}:{port}/{page}?token={token}" for token in tokens]
     if hall:
         say(f"the trainer: open {scheme}://{host}:{port}/?token={hall[0]} once, in one browser")
     for (name, folder), address in zip(folders.items(), addresses, strict=True):
         again = "taken up again" if (folder / LOG).exists() else "begun"
+        again = again if scenario else "played back"
         once = "; the code in it lets them in again" if hall else " once, in one browser"
         say(f"{name or 'the day'}, {again} in {folder}: open {address}{once}")
     say("Ctrl-C stops, the day stays; root and your account can read the sealed file, no page can")
@@ -226,7 +239,8 @@ def serve(
         for day in days.values():
             day.looked_at.wait(FIRST_LOOK)
             day.open()
-        _warm(scenario.spec)
+        if scenario:
+            _warm(scenario.spec)
         thread.join()
     finally:
         server.should_exit = True

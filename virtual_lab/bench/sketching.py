@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from virtual_lab.bench.day import Day, evolve
+from virtual_lab.bench.day import Day
 from virtual_lab.bench.firing import Firing, ShotConditions
 from virtual_lab.bench.slow_motion import Motion, contact_words
 from virtual_lab.simulation.cannon_station import RestingBatStation
@@ -101,13 +101,9 @@ def plan_of_shot(firing: Firing, shot: ShotConditions) -> PlanView | None:
 
 def true_motion(firing: Firing, day: Day, shot: int) -> Motion | None:
     """Return how a shot of a day, from 1, really went; None where no scene plays it."""
-    before = Day(morning=day.morning, balls=day.balls)
-    for event in day.events:
-        if event.action == "fire" and len(before.fired) == shot - 1:
-            seen = plan_of_shot(firing, firing.conditions(before))
-            return None if seen is None else _motion(seen)
-        before = evolve(before, event)
-    return None
+    fired = [event.number for event in day.events if event.action == "fire"]
+    seen = plan_of_shot(firing, firing.conditions(day.until(fired[shot - 1] - 1)))
+    return None if seen is None else _motion(seen)
 
 
 def _motion(seen: PlanView) -> Motion:

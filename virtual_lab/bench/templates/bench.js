@@ -1,6 +1,6 @@
 "use strict";
-// A cursor on the traces, the slow motion, one answer to a double click, a class looked at again.
-// Without this file the pages show and do the same, standing still.
+// A cursor on the traces, the slow motion, one answer to a double click, a class looked at again,
+// a day played back by arrow keys. Without this file the pages show and do the same, standing still.
 
 function near(values, wanted) {
   let best = 0;
@@ -77,6 +77,17 @@ for (const part of document.querySelectorAll("[data-renew]")) {  // what others 
     const page = new DOMParser().parseFromString(await answer.text(), "text/html");
     part.innerHTML = page.querySelector("[data-renew]").innerHTML;
   }, 1000 * part.dataset.renew);
+}
+
+for (const [key, way] of [["ArrowLeft", "prev"], ["ArrowRight", "next"]]) {  // a day played back
+  const link = document.querySelector(`a[rel=${way}]`);
+  addEventListener("keydown", (event) => {
+    if (link && event.key === key && !event.target.closest("input, .scroll")) link.click();
+  });
+}
+for (const now of document.querySelectorAll(".scroll [aria-current]")) {
+  const list = now.closest(".scroll");
+  list.scrollTop = now.offsetTop - list.clientHeight / 2;
 }
 
 for (const form of document.forms) {
