@@ -78,7 +78,7 @@ class Browser:
         answer = {key.decode(): value.decode() for key, value in got[0]["headers"]}
         if "set-cookie" in answer:
             self.cookie = answer["set-cookie"].partition(";")[0]
-        text = b"".join(message.get("body", b"") for message in got[1:]).decode()
+        text = b"".join(message.get("body", b"") for message in got[1:]).decode(errors="replace")
         return Answer(status=got[0]["status"], headers=answer, text=text)
 
     def open(self) -> Answer:

@@ -182,6 +182,7 @@ def _shown(
         "metric": METRICS[desk.rules.spec.metric],
         "last": last,
         "last_hit": hits[-1] if last and last.action == "fire" else None,
+        "filmed": bool(briefing.get("camera") and shown and "rebound" in fired[shown - 1].sketch),
         "traces": traces_of(shown, fired[shown - 1].records) if shown else None,
         "motion": _motion(desk, shown, fired, true_motion) if shown else None,
     }

@@ -14,7 +14,7 @@ import threading
 import time
 import webbrowser
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -39,6 +39,8 @@ __all__ = ["LOOPBACK", "ServedDay", "serve"]
 
 LOOPBACK = "127.0.0.1"
 MOST_TRAINEES = 50
+MOST_FILMS = 16  # of a day that are kept
+FILM_MAKER = ThreadPoolExecutor(1, "film")  # one core is left to the answers
 SWITCH = 5e-4  # s, that loading may hold up an answer
 FIRST_LOOK = 0.5  # s, that loading leaves the processor to a first page
 
@@ -56,6 +58,8 @@ class ServedDay:
         self._opened: Future[KeptDay] = Future()
         self._begun = (folder / LOG).exists()
         self.looked_at = threading.Event()
+        self._films: dict[tuple[int, bool], Future[bytes]] = {}  # shot, whether as it was
+        self._filming = threading.Lock()
 
     def open(self) -> KeptDay:
         """Set the laboratory up; `InputError` where scenario or folder are unfit."""
@@ -114,7 +118,36 @@ class ServedDay:
         return day.handed_in and not (day.exam and self.scenario)
 
     def do(self, action: Action, number: int | None = None) -> DayEvent:
-        return self.kept.do(action, number)
+        done = self.kept.do(action, number)
+        if action.name == "fire" and self.briefing["camera"]:
+            self._film(len(self.kept.day.fired), False)  # behind the answer
+        return done
+
+    def film(self, shot: int, *, true: bool) -> bytes:
+        """Return a camera's frames of a shot, from 1, as one PNG; nothing where there are none.
+
+        As the eye had it, or once that may be seen as it was. It waits until they are made.
+        """
+        if not (self.briefing.get("camera") and 1 <= shot <= len(self.kept.day.fired)):
+            return b""
+        return self._film(shot, true and self.open_book).result()
+
+    def _film(self, shot: int, true: bool) -> Future[bytes]:
+        with self._filming:
+            if (shot, true) not in self._films:
+                if len(self._films) == MOST_FILMS:
+                    del self._films[next(iter(self._films))]
+                self._films[shot, true] = FILM_MAKER.submit(self._filmed, shot, true)
+            return self._films[shot, true]
+
+    def _filmed(self, shot: int, true: bool) -> bytes:
+        from virtual_lab.bench.sketching import film_as_seen, true_film
+
+        day, machines = self.kept.day, self.kept.apparatus
+        if true:
+            return true_film(machines.firing, day, shot)
+        fired = [event for event in day.events if event.action == "fire"]
+        return film_as_seen(machines.laboratory.setup, fired[shot - 1])
 
     def motion(self, shot: int) -> Motion | None:
         """Return how a shot, from 1, really went, once the day is handed in.

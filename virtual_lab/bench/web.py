@@ -52,6 +52,7 @@ MOST_SHOTS = 12  # of one button
 NEAR = 1e-6  # m: places that are one
 POLICY = "default-src 'self'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
 SANDBOX = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox"
+KEPT = {"Cache-Control": "private, max-age=600"}  # what does not change
 OPEN_TO_ALL = {"/bench.css", "/icon.svg"}
 HEADERS = {
     "X-Content-Type-Options": "nosniff",
@@ -75,6 +76,10 @@ class Room(Protocol):
     def do(self, action: Action, number: int | None = None) -> DayEvent: ...
     def motion(self, shot: int) -> Motion | None:
         """Return how a shot, from 1, really went; None before the day is handed in."""
+        ...
+
+    def film(self, shot: int, *, true: bool) -> bytes:
+        """Return a camera's frames of a shot, from 1, as one PNG; nothing where there are none."""
         ...
 
     def certificate(self) -> str:
@@ -138,8 +143,7 @@ def application(
 
     def static(name: str, kind: str) -> Route:
         content = files("virtual_lab.bench").joinpath("templates", name).read_bytes()
-        kept = {"Cache-Control": "private, max-age=600"}
-        return Route(f"/{name}", lambda _: Response(content, media_type=kind, headers=kept))
+        return Route(f"/{name}", lambda _: Response(content, media_type=kind, headers=KEPT))
 
     routes = [
         Route(
@@ -147,6 +151,7 @@ def application(
         ),
         Route("/do", act, methods=["POST"]),
         Route("/do", lambda _: RedirectResponse("/", status_code=303)),
+        Route("/film", _film),
         Route("/replay", _locked(_replayed)),
         Route("/notebook", _locked(_notebook)),
         Route("/notebook.csv", _locked(_table)),
@@ -204,6 +209,15 @@ def _notebook(room: Room, _: Request) -> Response:
 
 def _table(room: Room, _: Request) -> Response:
     return Response(notebook_table(room.desk), media_type="text/csv")
+
+
+def _film(request: Request) -> Response:
+    """Answer with frames; no other request waits until they are made."""
+    true = request.query_params.get("as") == "it-was"
+    picture = request.scope["seat"].room.film(_query(request, "shot"), true=true)
+    if not picture:
+        return _says(404, "There are no frames.")
+    return Response(picture, media_type="image/png", headers=KEPT)
 
 
 def _sandboxed(page: Callable[[], str]) -> Response:

@@ -70,6 +70,13 @@ for (const figure of document.querySelectorAll("[data-motion]")) {
   });
 }
 
+for (const film of document.querySelectorAll(".film img")) {
+  const making = document.createElement("progress");
+  making.setAttribute("aria-label", "The frames are being made");
+  if (!film.complete) film.after(making);
+  for (const end of ["load", "error"]) film.addEventListener(end, () => making.remove());
+}
+
 for (const part of document.querySelectorAll("[data-renew]")) {  // what others do meanwhile
   setInterval(async () => {
     const answer = await fetch(location.href).catch(() => null);
