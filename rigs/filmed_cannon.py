@@ -9,7 +9,7 @@ where the camera was calibrated.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -88,6 +88,17 @@ class FilmedCannonStation(BallCannonStation):
         course, bat = self.scene(flown, order, specimen, draws)
         seen, truth = self.camera.watch(course, draws, CLIP, order.slot, order.rung, bat)
         return RigOutput(records={**timed.records, "camera": seen}, truth={**timed.truth, **truth})
+
+    def unfilmed(self) -> BallCannonStation:
+        """Return the rig with its camera off: it fires and times the same balls."""
+        own = {part.name: getattr(self, part.name) for part in fields(BallCannonStation)}
+        return BallCannonStation(**own)
+
+    def frames(self, order: ShotPlan, specimen: Specimen, draws: Draws, count: int) -> np.ndarray:
+        """Return some whole frames of the first shot of an order, (count, row, column), 0 to 1."""
+        course, bat = self.scene(self.fly(order, specimen, draws), order, specimen, draws)
+        taken = whole_frames(self.camera, course, draws, CLIP, order.slot, bat, count)
+        return np.stack([grey for _, grey in taken]) / self.camera.spec.sensor.full_scale
 
     def film(self, order: ShotPlan, specimen: Specimen, draws: Draws, folder: Path) -> None:
         """Film the first shot of an order, as `play` plays it, in whole frames."""

@@ -222,9 +222,12 @@ def test_axe_finds_nothing_on_any_state(visit: Visit, looks: Looks) -> None:
     page.goto(home)
     looks.look(page, "reduced")
     do(day, ("give-verdict", {"verdict": "PASS"}), ("hand-in", {}))
-    for state, path in (("handed in", ""), ("notebook", "notebook")):
+    for state, path in (("handed in", ""), ("notebook", "notebook"), ("replay", "replay")):
         page.goto(home + path)
         looks.look(page, state)
+    for key, entry in (("Enter", 1), ("ArrowRight", 2), ("ArrowLeft", 1)):
+        page.keyboard.press(key)
+        page.wait_for_selector(f"text=Entry {entry} of")
     # nothing runs in these, so their text is looked at
     texts = {
         name: page.context.request.get(home + name).text() for name in ("debrief", "certificate")
@@ -279,4 +282,9 @@ def test_without_its_script_the_page_does_the_same(visit: Visit) -> None:
     page.get_by_role("button", name="Tare the scale").first.click()
     page.get_by_role("button", name="Weigh the bat").first.click()
     assert names(day) == ["tare", "weigh-bat"]
+    assert "reading 1" in page.inner_text("#display")
+    do(day, ("give-verdict", {"verdict": "INVALID"}), ("hand-in", {}))
+    page.goto(page.url + "replay")
+    for _ in range(2):
+        page.get_by_role("link", name="Next").click()
     assert "reading 1" in page.inner_text("#display")

@@ -22,6 +22,8 @@ from virtual_lab.output.tables import quoted
 
 SOUND = {"number": "1", "whole": "1", "text": "so"}  # by kind of argument
 HOST, TOKEN = "127.0.0.1:8377", "the token of the opened address"
+END = (("reduce", {}), ("give-verdict", {"verdict": "PASS"}), ("hand-in", {}))
+PICTURES = re.compile(r'(<section [^>]*id="(display|shot)".*?</section>)', re.DOTALL)
 ORIGIN = {"origin": f"http://{HOST}"}
 
 
@@ -76,7 +78,7 @@ class Browser:
         answer = {key.decode(): value.decode() for key, value in got[0]["headers"]}
         if "set-cookie" in answer:
             self.cookie = answer["set-cookie"].partition(";")[0]
-        text = b"".join(message.get("body", b"") for message in got[1:]).decode()
+        text = b"".join(message.get("body", b"") for message in got[1:]).decode(errors="replace")
         return Answer(status=got[0]["status"], headers=answer, text=text)
 
     def open(self) -> Answer:
@@ -323,14 +325,49 @@ def test_nor_does_that_of_a_day_taken_up_again(tmp_path: Path) -> None:
     browser = Browser(again)
     browser.open()
     assert browser.ask("/").text == day_page(before.desk, before.briefing)
-    end = ("reduce", {}), ("give-verdict", {"verdict": "PASS"}), ("hand-in", {})
-    for action in asked(end):
+    for action in asked(END):
         before.do(action)
     last = Browser(ServedDay(tmp_path / "day", load_scenario("plain-day"), None))
     last.open()
     assert "Look again" in last.ask("/").text
     last.day.open()
     assert "As it really was" in last.ask("/").text
+
+
+def test_a_day_is_played_back_entry_by_entry_once_it_is_handed_in(tmp_path: Path) -> None:
+    """Each page has what the page of the day had then, and leads on; no machine is needed."""
+    day, shown = served(tmp_path / "day"), []
+    browser = Browser(day)
+    browser.open()
+    for action in asked((*PLAIN[:18], *END)):
+        assert browser.ask("/replay").status == 409
+        day.do(action)
+        browser.rest()
+        page = browser.ask("/").text
+        shown.append([part[0] for part in PICTURES.findall(page)])
+    later = Browser(ServedDay(tmp_path / "day", None))
+    assert later.ask(f"/replay?token={TOKEN.replace(' ', '%20')}").headers["location"] == "/replay"
+    for number in (0, *range(11, len(shown) + 1)):
+        later.rest()
+        page = later.ask(f"/replay?entry={number}").text
+        if 0 < number < len(shown):  # the page of the day then shows how it really was
+            assert [part[0] for part in PICTURES.findall(page)] == shown[number - 1]
+        assert f"<strong>{f'Entry {number}' if number else 'The morning'}</strong>" in page
+        assert ('rel="next"' in page) == (number < len(shown))
+        assert ('rel="prev"' in page) == (number > 0)
+    assert later.ask("/replay?entry=999").status == 404
+    assert "The morning</strong>" in later.ask("/replay?entry=x").text
+
+
+def test_an_exam_is_played_back_by_its_trainer_alone(tmp_path: Path) -> None:
+    day = served(tmp_path / "day", "exam-day")
+    for action in asked((("give-verdict", {"verdict": "INVALID"}), END[-1])):
+        day.do(action)
+    trainee, trainer = Browser(day), Browser(ServedDay(tmp_path / "day", None))
+    trainee.open()
+    trainer.open()
+    assert trainee.ask("/replay").status == 409
+    assert trainer.ask("/replay?entry=1").status == 200
 
 
 def test_the_notebook_holds_what_was_done_and_shown(browser: Browser) -> None:

@@ -100,6 +100,12 @@ class Day:
         """Return how often an action was done."""
         return self.done.get(action, 0)
 
+    def until(self, entry: int) -> Day:
+        """Return the day as it was after so many entries."""
+        kept = ("morning", "balls", "came_with", "checklists", "remarks", "exam")
+        first = Day(**{name: getattr(self, name) for name in kept})
+        return replayed(first, self.events[:entry])
+
 
 def decide(day: Day, action: Action) -> float:
     """Return the price of an action [s]; `InputError` where it cannot be done now.

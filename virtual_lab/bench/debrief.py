@@ -16,7 +16,7 @@ import numpy as np
 
 from virtual_lab.bench.actions import ARGUMENTS, OWN_RESULTS, Action
 from virtual_lab.bench.apparatus import Apparatus
-from virtual_lab.bench.day import Day, Decision, replayed
+from virtual_lab.bench.day import Day, Decision
 from virtual_lab.bench.desk import UNDECIDED, Desk, OwnResult
 from virtual_lab.bench.deviations import (
     DENIED,
@@ -211,7 +211,7 @@ def debrief(apparatus: Apparatus, day: Day, scenario: Scenario, seal: str = "") 
         DayScore(name=name, value=score, weight=scenario.weights.get(name, 1.0), because=why)
         for name, (score, why) in zip(SCORES, values, strict=True)
     )
-    beside = Desk(taken(apparatus, operator_of("expert"), _handed_over(day)))
+    beside = Desk(taken(apparatus, operator_of("expert"), day.until(day.came_with)))
     keep, change = _advice(scores)
     return Debrief(
         title=scenario.title,
@@ -257,12 +257,6 @@ def debriefed(kept: KeptDay) -> Debrief:
     return debrief(kept.apparatus, kept.day, kept.scenario, kept.seal)
 
 
-def _handed_over(day: Day) -> Day:
-    """Return the day as its operator was given it."""
-    morning = Day(morning=day.morning, balls=day.balls, came_with=day.came_with)
-    return replayed(morning, day.events[: day.came_with])
-
-
 def _result(desk: Desk, own: Iterable[OwnResult]) -> tuple[float | None, float | None]:
     """Return the metric that stands on the report, and its standard uncertainty."""
     if desk.result is None:
@@ -283,7 +277,7 @@ def _named(day: Day, worst: str) -> dict[str, float]:
 def _fault_reviews(day: Day, faults: tuple[str, ...]) -> Iterator[FaultReview]:
     """Yield each fault with the entry that first showed it and the one that named it."""
     visible: dict[str, int] = {}
-    desk = Desk(replace(_handed_over(day), events=(), came_with=0))
+    desk = Desk(day.until(0))
     for event in day.events if faults else ():
         desk = desk.after(event)
         if event.records or event.shown:

@@ -7,7 +7,7 @@ either way a reason is the trainer's to judge, and nothing is marked down for it
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import tau
 
 import numpy as np
@@ -45,7 +45,7 @@ class Deviation:
 
 def deviations(desk: Desk) -> Iterator[Deviation]:
     """Yield how each step left out, hit rejected and check added was judged, by entry."""
-    before = Desk(replace(desk.day, events=(), struck=frozenset()))
+    before = Desk(desk.day.until(0))
     for event in desk.day.events:
         if event.number not in desk.day.struck and event.number > desk.day.came_with:
             yield from JUDGES.get(event.action, _added)(before, event)

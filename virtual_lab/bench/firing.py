@@ -16,7 +16,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.lab import Laboratory
 from virtual_lab.records import EncoderRecord, GateRecord
 from virtual_lab.simulation.faults.fault import fitted_with, instrument_of, other_sheet
-from virtual_lab.simulation.rig import RigOutput, ShotPlan, Stage, Station
+from virtual_lab.simulation.rig import FilmingStation, RigOutput, ShotPlan, Stage, Station
 from virtual_lab.simulation.truth import TrueBalls
 
 __all__ = ["Firing", "ShotConditions", "altered"]
@@ -101,7 +101,7 @@ class Firing:
 
     def fired(self, day: Day) -> list[tuple[ShotPlan, RigOutput]]:
         """Return the order and the outcome of each shot of a day."""
-        before = Day(morning=day.morning, balls=day.balls)
+        before = day.until(0)
         found = []
         for event in day.events:
             if event.action == "fire":
@@ -168,6 +168,10 @@ class Firing:
         tripping = float(draws.uniform("rehearsal.scrap", slots=asked.slot)[0]) + 0.5
         laboratory, order = self.as_it_stands(shot)
         station: Any = laboratory.stations[Stage.IMPACT]
+        if isinstance(station, FilmingStation):  # its frames are made when they are looked at
+            station = station.unfilmed()
+            stations = {**laboratory.stations, Stage.IMPACT: station}
+            laboratory = replace(laboratory, stations=stations)
         play = laboratory.play(Stage.IMPACT, order)
         records = {**play.records, "log": asked.log()}
         gates, encoder = records["gates"], records.get("encoder")

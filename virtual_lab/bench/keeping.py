@@ -28,6 +28,7 @@ from virtual_lab.bench.log import LOG, DayLog, SequenceError
 from virtual_lab.bench.operators import Operator, operator_of
 from virtual_lab.bench.protocol import remarks
 from virtual_lab.bench.scenario import Scenario
+from virtual_lab.bench.sketching import has_camera
 from virtual_lab.catalog import Entry, read
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder, read_bytes, read_json
@@ -46,7 +47,11 @@ AFTER_FIRING = ("note-doubt", "reduce", "give-verdict", "hand-in")
 def laboratory_of(scenario: Scenario, seed: int, salt: bytes) -> Laboratory:
     """Return the laboratory of a scenario's day; `InputError` as `Laboratory.open`."""
     setup = TestSetup.of(
-        scenario.bat, procedure=_rules(scenario), seed=seed, faults=scenario.faults
+        scenario.bat,
+        procedure=_rules(scenario),
+        rig=scenario.rig or None,
+        seed=seed,
+        faults=scenario.faults,
     )
     opened = Laboratory.open(setup)
     known = {
@@ -121,7 +126,8 @@ class KeptDay:
             log = DayLog.create(
                 draft / LOG,
                 {
-                    "briefing": scenario.spec.briefing() | {"commitment": _digest(content)},
+                    "briefing": scenario.spec.briefing()
+                    | {"commitment": _digest(content), "camera": has_camera(laboratory)},
                     "session": entry_of_session(laboratory.session),
                     "came_with": len(came),
                 },

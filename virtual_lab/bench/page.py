@@ -11,7 +11,8 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from virtual_lab.bench.actions import ARGUMENTS, Argument
-from virtual_lab.bench.day import DayEvent, offered
+from virtual_lab.bench.day import Day, DayEvent, offered
+from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.inspection import known_doubts
 from virtual_lab.bench.operators import PREPARATION
 from virtual_lab.bench.scenario import UNITS
@@ -23,10 +24,17 @@ from virtual_lab.output.tables import quoted
 from virtual_lab.output.template import page_template
 
 if TYPE_CHECKING:
-    from virtual_lab.bench.desk import Desk
     from virtual_lab.bench.exam import Hall
 
-__all__ = ["Refusal", "day_page", "hall_page", "notebook_page", "notebook_table", "plain_page"]
+__all__ = [
+    "Refusal",
+    "day_page",
+    "hall_page",
+    "notebook_page",
+    "notebook_table",
+    "plain_page",
+    "replay_page",
+]
 
 PACKAGE = "virtual_lab.bench"
 PARTS = {
@@ -115,16 +123,13 @@ def day_page(
     steps = _steps(desk)
     guided = briefing["guidance"] == "guided" and not day.handed_in
     present = _present(desk, steps, hits) if guided and offered(day, "fire") else ""
-    shown = min(shot or len(hits), len(hits))
-    fired = [event for event in day.events if event.action == "fire"]
     refused = refusal or Refusal(sentence="")
     focus = refused.action or present or _again(day.events)
-    last = day.events[-1] if day.events else None
     return page_template(PACKAGE, "day.html").render(
+        **_shown(desk, briefing, hits, shot, true_motion),
         briefing=briefing,
         listed=briefing["guidance"] != "none",
         refused=refused,
-        day=day,
         rules=desk.rules.spec,
         next_number=len(day.events) + 1,
         steps=steps,
@@ -134,24 +139,53 @@ def day_page(
         parts=[(name, title, _forms(name, desk, refused)) for name, title in PARTS.items()],
         forms={name: _form(name, desk, refused) for name in table.actions},
         done_of=_done_of(desk),
-        sheets=table.actions,
         hits=hits,
-        units=_units(briefing),
         undecided=[hit for hit in hits if hit.decision == "undecided"],
         hits_note=desk.missing,
-        metric=METRICS[desk.rules.spec.metric],
         suggested=_suggested(desk),
         can_fire=offered(day, "fire"),
         ready=[(table.actions[name].title, name in day.ready) for name in MAKE_READY],
         each_shot=f"{sum(table.actions[name].minutes for name in EACH_SHOT) / 60:g}",
-        last=last,
-        last_hit=hits[-1] if last and last.action == "fire" else None,
-        traces=traces_of(shown, fired[shown - 1].records) if shown else None,
-        motion=_motion(desk, shown, fired, true_motion) if shown else None,
         doubts=known_doubts(),
-        entries=_entries(desk)[::-1],
+        entries=_entries(day)[::-1],
         left_over=f"{(briefing['minutes'] - day.seconds) / 60:.0f}",
     )
+
+
+def replay_page(day: Day, briefing: Mapping[str, Any], number: int) -> str:
+    """Return what the page of a day showed after an entry, 0: in the morning, and the way on."""
+    desk, entries = Desk(day.until(number)), _entries(day)
+    return page_template(PACKAGE, "replay.html").render(
+        briefing=briefing,
+        number=number,
+        entries=entries,
+        at=entries[number - 1] if number else None,
+        **_shown(desk, briefing, _hits(desk, briefing)),
+    )
+
+
+def _shown(
+    desk: Desk,
+    briefing: Mapping[str, Any],
+    hits: list[HitShown],
+    shot: int | None = None,
+    true_motion: Motion | None = None,
+) -> dict[str, Any]:
+    """Return what display and pictures are made of."""
+    day, shown = desk.day, min(shot or len(hits), len(hits))
+    fired = [event for event in day.events if event.action == "fire"]
+    last = day.events[-1] if day.events else None
+    return {
+        "day": day,
+        "sheets": action_table().actions,
+        "units": _units(briefing),
+        "metric": METRICS[desk.rules.spec.metric],
+        "last": last,
+        "last_hit": hits[-1] if last and last.action == "fire" else None,
+        "filmed": bool(briefing.get("camera") and shown and "rebound" in fired[shown - 1].sketch),
+        "traces": traces_of(shown, fired[shown - 1].records) if shown else None,
+        "motion": _motion(desk, shown, fired, true_motion) if shown else None,
+    }
 
 
 def notebook_page(desk: Desk, briefing: Mapping[str, Any]) -> str:
@@ -161,7 +195,7 @@ def notebook_page(desk: Desk, briefing: Mapping[str, Any]) -> str:
         day=desk.day,
         rules=desk.rules.spec,
         metric=METRICS[desk.rules.spec.metric],
-        entries=_entries(desk),
+        entries=_entries(desk.day),
         hits=_hits(desk, briefing),
         units=_units(briefing),
     )
@@ -172,7 +206,7 @@ def notebook_table(desk: Desk) -> str:
     lines = StringIO()
     rows = csv.writer(lines)
     rows.writerow(["entry", "time_min", "action", "struck_out", "entered", "shown"])
-    for each in _entries(desk):
+    for each in _entries(desk.day):
         struck = "yes" if each.struck else "no"
         cells = (each.number, each.minute, each.title, struck, each.given, each.readings)
         rows.writerow([quoted(cell) for cell in cells])
@@ -356,8 +390,8 @@ def _motion(
     return slow_motion(shown, true_motion or sketched(event, rules, place), desk.day, rules)
 
 
-def _entries(desk: Desk) -> list[EntryShown]:
-    sheets, day = action_table().actions, desk.day
+def _entries(day: Day) -> list[EntryShown]:
+    sheets = action_table().actions
     minutes = accumulate(event.seconds / 60 for event in day.events)
     return [
         EntryShown(

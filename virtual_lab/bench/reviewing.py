@@ -11,7 +11,7 @@ from virtual_lab.bench.actions import Action
 from virtual_lab.bench.day import evolve
 from virtual_lab.bench.debrief import debriefed
 from virtual_lab.bench.keeping import LOG, KeptDay, done
-from virtual_lab.bench.log import entry_document
+from virtual_lab.bench.log import DayLog, entry_document
 from virtual_lab.bench.operators import operator_of
 from virtual_lab.bench.running import save_debrief
 from virtual_lab.bench.scenario import SCORES, Scenario, load_scenario
@@ -21,7 +21,15 @@ from virtual_lab.files import read_json
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column, quoted
 
-__all__ = ["ClassDay", "PlayedEntry", "TriedDay", "check_scenario", "replay", "summary"]
+__all__ = [
+    "ClassDay",
+    "PlayedEntry",
+    "TriedDay",
+    "check_scenario",
+    "played_folder",
+    "replay",
+    "summary",
+]
 
 TRIED = (1, 2, 3)  # seeds that a scenario is tried with
 
@@ -183,13 +191,7 @@ def replay(path: str | Path) -> Rows[PlayedEntry]:
     InputError
         No log, or a day that was not handed in.
     """
-    place = Path(path)
-    log = place / LOG if place.is_dir() else place
-    if log.name != LOG or not log.is_file():
-        raise InputError("", "replay", str(path), f"allowed: a {LOG} that is there, or its folder")
-    kept = KeptDay(log.parent)
-    if not kept.day.handed_in:
-        raise InputError(str(place), "day", None, "is not handed in yet")
+    kept = KeptDay(played_folder(path))
     sheets = action_table().actions
     day, rows = kept.morning, []
     for event in kept.day.events:
@@ -209,3 +211,14 @@ def replay(path: str | Path) -> Rows[PlayedEntry]:
     differ = [str(row.entry) for row in rows if not row.same]
     words = f"entries that come out otherwise: {', '.join(differ)}" if differ else "the same day"
     return Rows(name="replay", title=kept.scenario.title, rows=rows, words=words)
+
+
+def played_folder(path: str | Path) -> Path:
+    """Return the folder of a day that is to be played back; `InputError` as `replay`."""
+    place = Path(path)
+    log = place / LOG if place.is_dir() else place
+    if log.name != LOG or not log.is_file():
+        raise InputError("", "replay", str(path), f"allowed: a {LOG} that is there, or its folder")
+    if not any(event.action == "hand-in" for event in DayLog(log).events()):
+        raise InputError(str(place), "day", None, "is not handed in yet")
+    return log.parent

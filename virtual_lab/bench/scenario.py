@@ -36,6 +36,7 @@ class Scenario(Spec):
     task: Title  # what the trainee is told
     bat: str
     procedure: str
+    rig: str = ""  # at the bat; else the one that the rules name
     limit: Annotated[float | None, Gt(0), Dimension("number")] = None  # in place of the rules'
     faults: tuple[str, ...] = ()  # which nobody is told of
     records_of: Literal["", "book", "careless", "cheating"] = ""  # who took them; else the trainee

@@ -14,7 +14,7 @@ import threading
 import time
 import webbrowser
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -39,18 +39,27 @@ __all__ = ["LOOPBACK", "ServedDay", "serve"]
 
 LOOPBACK = "127.0.0.1"
 MOST_TRAINEES = 50
+MOST_FILMS = 16  # of a day that are kept
+FILM_MAKER = ThreadPoolExecutor(1, "film")  # one core is left to the answers
 SWITCH = 5e-4  # s, that loading may hold up an answer
 FIRST_LOOK = 0.5  # s, that loading leaves the processor to a first page
 
 
 class ServedDay:
-    """A day as a page is given it, in a folder: begun there, or taken up again."""
+    """A day as a page is given it, in a folder: begun there, or taken up again.
 
-    def __init__(self, folder: Path, scenario: Entry[Scenario], seed: int | None) -> None:
+    Without a scenario it is there to be looked at, once it is handed in: by the trainer of an exam.
+    """
+
+    def __init__(
+        self, folder: Path, scenario: Entry[Scenario] | None, seed: int | None = None
+    ) -> None:
         self.folder, self.scenario, self.seed = folder, scenario, seed
         self._opened: Future[KeptDay] = Future()
         self._begun = (folder / LOG).exists()
         self.looked_at = threading.Event()
+        self._films: dict[tuple[int, bool], Future[bytes]] = {}  # shot, whether as it was
+        self._filming = threading.Lock()
 
     def open(self) -> KeptDay:
         """Set the laboratory up; `InputError` where scenario or folder are unfit."""
@@ -58,7 +67,7 @@ class ServedDay:
             _ = self._first.missing  # first what the first page is made of, then the machines
         from virtual_lab.bench.keeping import KeptDay
 
-        if self._begun:
+        if self._begun or self.scenario is None:
             kept = KeptDay(self.folder)
         else:
             kept = KeptDay.begin(self.folder, self.scenario, self.seed)
@@ -82,7 +91,7 @@ class ServedDay:
     @cached_property
     def _first(self) -> Desk:
         """The desk that the log gives, or nothing but the rules of a day that begins."""
-        if self._begun:
+        if self._begun or self.scenario is None:
             return Desk(replayed(self._log.first, self._log.events()))
         rules = catalog.load("procedures", self.scenario.spec.procedure, Procedure)
         session = Session(
@@ -98,20 +107,54 @@ class ServedDay:
 
     @property
     def briefing(self) -> Mapping[str, Any]:
-        if not (self._begun or self._opened.done()):
+        if self.scenario and not (self._begun or self._opened.done()):
             return self.scenario.spec.briefing()
         found: Mapping[str, Any] = self._log.morning["briefing"]
         return found
 
+    @property
+    def open_book(self) -> bool:
+        day = self.desk.day
+        return day.handed_in and not (day.exam and self.scenario)
+
     def do(self, action: Action, number: int | None = None) -> DayEvent:
-        return self.kept.do(action, number)
+        done = self.kept.do(action, number)
+        if action.name == "fire" and self.briefing["camera"]:
+            self._film(len(self.kept.day.fired), False)  # behind the answer
+        return done
+
+    def film(self, shot: int, *, true: bool) -> bytes:
+        """Return a camera's frames of a shot, from 1, as one PNG; nothing where there are none.
+
+        As the eye had it, or once that may be seen as it was. It waits until they are made.
+        """
+        if not (self.briefing.get("camera") and 1 <= shot <= len(self.kept.day.fired)):
+            return b""
+        return self._film(shot, true and self.open_book).result()
+
+    def _film(self, shot: int, true: bool) -> Future[bytes]:
+        with self._filming:
+            if (shot, true) not in self._films:
+                if len(self._films) == MOST_FILMS:
+                    del self._films[next(iter(self._films))]
+                self._films[shot, true] = FILM_MAKER.submit(self._filmed, shot, true)
+            return self._films[shot, true]
+
+    def _filmed(self, shot: int, true: bool) -> bytes:
+        from virtual_lab.bench.sketching import film_as_seen, true_film
+
+        day, machines = self.kept.day, self.kept.apparatus
+        if true:
+            return true_film(machines.firing, day, shot)
+        fired = [event for event in day.events if event.action == "fire"]
+        return film_as_seen(machines.laboratory.setup, fired[shot - 1])
 
     def motion(self, shot: int) -> Motion | None:
         """Return how a shot, from 1, really went, once the day is handed in.
 
         None while the laboratory is being set up: no page waits for it.
         """
-        if not self._opened.done() or not self.kept.day.handed_in or self.kept.day.exam:
+        if not (self._opened.done() and self.open_book):
             return None
         from virtual_lab.bench.sketching import true_motion
 
@@ -133,7 +176,7 @@ class ServedDay:
         from virtual_lab.bench.running import save_debrief
 
         kept = self.kept
-        if kept.day.exam:
+        if kept.day.exam and self.scenario:
             raise InputError("debrief", "day", None, "is an exam: your trainer opens the debrief")
         told = debriefed(kept)
         save_debrief(told, kept.folder)
@@ -142,9 +185,9 @@ class ServedDay:
 
 def serve(
     folders: Mapping[str, Path],
-    scenario: Entry[Scenario],
+    scenario: Entry[Scenario] | None,
     *,
-    seed: int | None,
+    seed: int | None = None,
     port: int,
     browser: bool,
     say: Callable[[str], None],
@@ -159,7 +202,8 @@ def serve(
     folders
         Of each trainee, by name.
     scenario, seed
-        Of days that begin; the trainees of one seed have the same day.
+        Of days that begin; the trainees of one seed have the same day. Without a scenario days
+        that were handed in are played back.
     port, host
         Where the page is served; beyond this machine only with `tls`.
     browser
@@ -211,11 +255,13 @@ def serve(
     while not server.started:
         time.sleep(0.005)
     scheme = "https" if tls else "http"
-    addresses = [f"{scheme}://{host}:{port}/?token={token}" for token in tokens]
+    page = "" if scenario else "replay"
+    addresses = [f"{scheme}://{host}:{port}/{page}?token={token}" for token in tokens]
     if hall:
         say(f"the trainer: open {scheme}://{host}:{port}/?token={hall[0]} once, in one browser")
     for (name, folder), address in zip(folders.items(), addresses, strict=True):
         again = "taken up again" if (folder / LOG).exists() else "begun"
+        again = again if scenario else "played back"
         once = "; the code in it lets them in again" if hall else " once, in one browser"
         say(f"{name or 'the day'}, {again} in {folder}: open {address}{once}")
     say("Ctrl-C stops, the day stays; root and your account can read the sealed file, no page can")
@@ -226,7 +272,8 @@ def serve(
         for day in days.values():
             day.looked_at.wait(FIRST_LOOK)
             day.open()
-        _warm(scenario.spec)
+        if scenario:
+            _warm(scenario.spec)
         thread.join()
     finally:
         server.should_exit = True

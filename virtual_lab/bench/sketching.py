@@ -3,30 +3,56 @@
 An animation drawn to 5 mm would give e_A to 0.0003. So the rebound is off by a draw of the day
 and one of the shot, which no number of shots averages out, and the bat's turn by another. After
 the day is handed in, `plan_of_shot` gives the shot as it was.
+
+So it is with a camera's frames: before the day is handed in they are those of nominal machines, a
+nominal bat and ball whose e_A is the sketch's, so no fit of them finds more than the sketch has.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from virtual_lab.bench.day import Day, evolve
+from virtual_lab.bench.day import Day, DayEvent
 from virtual_lab.bench.firing import Firing, ShotConditions
-from virtual_lab.bench.slow_motion import Motion, contact_words
+from virtual_lab.bench.slow_motion import Motion, clear_rebound, contact_words
+from virtual_lab.catalog.specs import BatBody
+from virtual_lab.lab import Laboratory, TestSetup
 from virtual_lab.simulation.cannon_station import RestingBatStation
+from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
+from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.flights import RestingBat, Surroundings, scene_of
+from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.motion import play
 from virtual_lab.simulation.motion.plan_view import PlanView, plan_view
 from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.rig import Stage
+from virtual_lab.simulation.physics.supports import Support
+from virtual_lab.simulation.rig import FilmingStation, ShotPlan, Specimen, Stage, find_rig
+from virtual_lab.simulation.truth import draw_balls, made_bat
+from virtual_lab.streams import Quiet
 
-__all__ = ["REBOUND_BLUR", "TURN_BLUR", "blurred", "plan_of_shot", "sketch_of", "true_motion"]
+__all__ = [
+    "REBOUND_BLUR",
+    "TURN_BLUR",
+    "blurred",
+    "film_as_seen",
+    "has_camera",
+    "plan_of_shot",
+    "sketch_of",
+    "true_film",
+    "true_motion",
+]
+
+Array = NDArray[np.float64]
 
 REBOUND_BLUR = (0.03, 0.03)  # standard deviation of e_A: of a day, of a shot
 TURN_BLUR = (0.1, 0.1)  # of the bat's turn, as a share: of a day, of a shot
 WATCHED = 0.15  # s after the contact, as long as an encoder writes
 LONGER = 0.5  # s, of a ball that meets more than the bat
+FRAMES, COLUMNS, FRAME_WIDTH = 6, 3, 320  # of a film, of a row, pixels of each
 SQUARE = 0.008  # m off the bat's axis, within which a ball is seen to come straight back
 
 
@@ -101,13 +127,80 @@ def plan_of_shot(firing: Firing, shot: ShotConditions) -> PlanView | None:
 
 def true_motion(firing: Firing, day: Day, shot: int) -> Motion | None:
     """Return how a shot of a day, from 1, really went; None where no scene plays it."""
-    before = Day(morning=day.morning, balls=day.balls)
-    for event in day.events:
-        if event.action == "fire" and len(before.fired) == shot - 1:
-            seen = plan_of_shot(firing, firing.conditions(before))
-            return None if seen is None else _motion(seen)
-        before = evolve(before, event)
-    return None
+    seen = plan_of_shot(firing, firing.conditions(before_shot(day, shot)))
+    return None if seen is None else _motion(seen)
+
+
+@dataclass(frozen=True)
+class AsSeen(Ladder):
+    """Collisions that all have the e_A that an eye had."""
+
+    rebound: float = 0.0
+
+    def efficiency(self, body: BatBody, support: Support, scenes: Scenes) -> Array:
+        return np.full(scenes.impact_position.shape, self.rebound)
+
+
+def has_camera(laboratory: Laboratory) -> bool:
+    """Return whether a camera hangs over the bat."""
+    return isinstance(laboratory.stations[Stage.IMPACT], FilmingStation)
+
+
+def film_as_seen(setup: TestSetup, event: DayEvent) -> bytes:
+    """Return frames of a shot as its sketch has it, as one PNG; nothing where none met the bat.
+
+    Made of the sketch, the place set and data sheets alone.
+    """
+    station = find_rig(setup.rig, Stage.IMPACT).commission(Quiet(), ideal=True)
+    if "rebound" not in event.sketch or not isinstance(station, FilmingStation):
+        return b""
+    rules, ball = setup.rules.spec, setup.ball.spec
+    probe = probing_scenes(ball, rules.ball_speed)
+    rebound = clear_rebound(event.sketch)
+    specimen = Specimen(
+        bat=made_bat(setup.bat.spec, Quiet()),
+        balls=draw_balls(ball, 1, Quiet()),
+        collision=AsSeen(probe=probe, standard_uncertainty=None, rebound=rebound),
+    )
+    order = ShotPlan(
+        slot=np.array([0]),
+        ball=np.array([0]),
+        speed=np.array([rules.ball_speed]),
+        place=np.array(event.records["log"]["place"]),
+        rung=RecordDetail.SUMMED,
+    )
+    return _strip(station.frames(order, specimen, Quiet(), FRAMES))
+
+
+def true_film(firing: Firing, day: Day, shot: int) -> bytes:
+    """Return frames of a shot of a day, from 1, as it really went."""
+    laboratory, asked = firing.as_it_stands(firing.conditions(before_shot(day, shot)))
+    station = laboratory.stations[Stage.IMPACT]
+    if not isinstance(station, FilmingStation):
+        return b""
+    order, specimen = laboratory.setup.faults.done(Stage.IMPACT, asked, laboratory.specimen)
+    return _strip(station.frames(order, specimen, laboratory.draws, FRAMES))
+
+
+def before_shot(day: Day, shot: int) -> Day:
+    """Return a day as it was before a shot, from 1."""
+    fired = [event.number for event in day.events if event.action == "fire"]
+    return day.until(fired[shot - 1] - 1)
+
+
+def _strip(frames: Array) -> bytes:
+    """Return frames in rows as one small PNG, in tones as an eye has them."""
+    import cv2
+
+    height = round(FRAME_WIDTH * frames.shape[1] / frames.shape[2])
+    small = [
+        cv2.resize(each, (FRAME_WIDTH, height), interpolation=cv2.INTER_AREA) for each in frames
+    ]
+    tones = 255 * np.sqrt(np.clip(np.array(small) / np.max(small), 0, 1))
+    edged = np.pad(tones, ((0, 0), (1, 1), (1, 1)))
+    rows = edged.reshape(-1, COLUMNS, *edged.shape[1:]).transpose(0, 2, 1, 3)
+    picture = rows.reshape(-1, COLUMNS * edged.shape[2]).astype(np.uint8)
+    return bytes(cv2.imencode(".png", picture)[1])
 
 
 def _motion(seen: PlanView) -> Motion:

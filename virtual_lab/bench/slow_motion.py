@@ -8,10 +8,10 @@ along the line of fire, z along the resting bat from its tip; time 0 is the firs
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from virtual_lab.bench.day import Day, DayEvent
     from virtual_lab.measurement.procedure import Procedure
 
-__all__ = ["Motion", "SlowMotion", "contact_words", "sketched", "slow_motion"]
+__all__ = ["Motion", "SlowMotion", "clear_rebound", "contact_words", "sketched", "slow_motion"]
 
 FRAMES = 121
 AFTER = 0.15  # s after the contact
@@ -94,8 +94,7 @@ def sketched(event: DayEvent, rules: Procedure, place: float) -> Motion:
         x = np.full(time.shape, np.nan)
     after = np.maximum(time, 0.0)
     if "rebound" in sketch:
-        rebound = float(sketch["rebound"])
-        rebound = max(rebound, SLOW) if sketch["way"] == "back" else min(rebound, -SLOW)
+        rebound = clear_rebound(sketch)
         x = x - (rebound * (speed + bat_speed) + bat_speed) * after
         angle = angle + (float(sketch["turn"]) - bat_speed / lever) * after
     else:
@@ -104,6 +103,12 @@ def sketched(event: DayEvent, rules: Procedure, place: float) -> Motion:
         angle = np.minimum(angle, STOP)
     words = contact_words(struck, sketch.get("way", ""), sketch.get("side", "straight"))
     return Motion(time=time, x=x, z=np.full(time.shape, place), angle=angle, words=words)
+
+
+def clear_rebound(sketch: Mapping[str, Any]) -> float:
+    """Return e_A as a sketch has it, so far from nothing that the way the ball goes is seen."""
+    rebound = float(sketch["rebound"])
+    return max(rebound, SLOW) if sketch["way"] == "back" else min(rebound, -SLOW)
 
 
 def contact_words(struck: Sequence[str], way: str = "", side: str = "straight") -> str:

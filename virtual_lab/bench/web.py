@@ -33,6 +33,7 @@ from virtual_lab.bench.page import (
     notebook_page,
     notebook_table,
     plain_page,
+    replay_page,
 )
 from virtual_lab.bench.slow_motion import Motion
 from virtual_lab.bench.table import MAKE_READY
@@ -46,10 +47,12 @@ __all__ = ["Room", "application"]
 
 LARGEST_BODY = 64 * 1024  # B
 MOST_A_SECOND = 20  # requests of a session
+LONGEST_NUMBER = 7  # digits of one in an address
 MOST_SHOTS = 12  # of one button
 NEAR = 1e-6  # m: places that are one
 POLICY = "default-src 'self'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
 SANDBOX = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox"
+KEPT = {"Cache-Control": "private, max-age=600"}  # what does not change
 OPEN_TO_ALL = {"/bench.css", "/icon.svg"}
 HEADERS = {
     "X-Content-Type-Options": "nosniff",
@@ -65,9 +68,18 @@ class Room(Protocol):
     def desk(self) -> Desk: ...
     @property
     def briefing(self) -> Mapping[str, Any]: ...
+    @property
+    def open_book(self) -> bool:
+        """Whether what happened may be looked at: handed in, and no exam but its trainer's."""
+        ...
+
     def do(self, action: Action, number: int | None = None) -> DayEvent: ...
     def motion(self, shot: int) -> Motion | None:
         """Return how a shot, from 1, really went; None before the day is handed in."""
+        ...
+
+    def film(self, shot: int, *, true: bool) -> bytes:
+        """Return a camera's frames of a shot, from 1, as one PNG; nothing where there are none."""
         ...
 
     def certificate(self) -> str:
@@ -109,28 +121,6 @@ def application(
         The trainer's token, and the hall that opens and closes the days.
     """
 
-    def show(request: Request) -> Response:
-        seat = request.scope["seat"]
-        with seat.lock:
-            return HTMLResponse(shown(seat.room, request.query_params.get("shot", "")))
-
-    def shown(room: Room, asked: str = "", refusal: Refusal | None = None) -> str:
-        desk = room.desk
-        fired = len(desk.day.fired)
-        shot = int(asked) if asked.isdecimal() and 1 <= int(asked) <= fired else fired
-        true = room.motion(shot) if shot and desk.day.handed_in else None
-        return day_page(desk, room.briefing, refusal=refusal, shot=shot, true_motion=true)
-
-    def notebook(request: Request) -> Response:
-        seat = request.scope["seat"]
-        with seat.lock:
-            return HTMLResponse(notebook_page(seat.room.desk, seat.room.briefing))
-
-    def table(request: Request) -> Response:
-        seat = request.scope["seat"]
-        with seat.lock:
-            return Response(notebook_table(seat.room.desk), media_type="text/csv")
-
     async def act(request: Request) -> Response:
         body = (await request.body()).decode("utf-8", errors="replace")
         try:
@@ -148,34 +138,25 @@ def application(
                 _do(room, name, number, given)
             except InputError as fault:
                 refusal = Refusal(sentence=str(fault), action=name, argument=fault.key, given=given)
-                return HTMLResponse(shown(room, refusal=refusal), status_code=422)
+                return HTMLResponse(_day(room, refusal=refusal), status_code=422)
         return RedirectResponse("/", status_code=303)
-
-    def page_answer(page: Callable[[Room], str]) -> Callable[[Request], Response]:
-        def answer(request: Request) -> Response:
-            seat = request.scope["seat"]
-            with seat.lock:
-                try:
-                    text = page(seat.room)
-                    return HTMLResponse(text, headers={"Content-Security-Policy": SANDBOX})
-                except InputError as fault:
-                    return HTMLResponse(plain_page("Not yet", str(fault)), status_code=409)
-
-        return answer
 
     def static(name: str, kind: str) -> Route:
         content = files("virtual_lab.bench").joinpath("templates", name).read_bytes()
-        kept = {"Cache-Control": "private, max-age=600"}
-        return Route(f"/{name}", lambda _: Response(content, media_type=kind, headers=kept))
+        return Route(f"/{name}", lambda _: Response(content, media_type=kind, headers=KEPT))
 
     routes = [
-        Route("/", show),
+        Route(
+            "/", _locked(lambda room, request: HTMLResponse(_day(room, _query(request, "shot"))))
+        ),
         Route("/do", act, methods=["POST"]),
         Route("/do", lambda _: RedirectResponse("/", status_code=303)),
-        Route("/notebook", notebook),
-        Route("/notebook.csv", table),
-        Route("/certificate", page_answer(lambda room: room.certificate())),
-        Route("/debrief", page_answer(lambda room: room.debrief())),
+        Route("/film", _film),
+        Route("/replay", _locked(_replayed)),
+        Route("/notebook", _locked(_notebook)),
+        Route("/notebook.csv", _locked(_table)),
+        Route("/certificate", _locked(lambda room, _: _sandboxed(room.certificate))),
+        Route("/debrief", _locked(lambda room, _: _sandboxed(room.debrief))),
         static("bench.css", "text/css"),
         static("bench.js", "text/javascript"),
         static("icon.svg", "image/svg+xml"),
@@ -186,6 +167,64 @@ def application(
         door.codes[token] = Seat(room=None)
         door.hall_inside = Starlette(routes=[*_hall_routes(door.hall), *routes[-3:]])
     return door
+
+
+def _locked(answer: Callable[[Room, Request], Response]) -> Callable[[Request], Response]:
+    """Return what answers from a trainee's room, one request at a time."""
+
+    def locked(request: Request) -> Response:
+        seat = request.scope["seat"]
+        with seat.lock:
+            return answer(seat.room, request)
+
+    return locked
+
+
+def _query(request: Request, name: str) -> int:
+    """Return a number that stands in an address; -1 where there is none."""
+    asked = request.query_params.get(name, "")
+    return int(asked) if asked.isdecimal() and len(asked) < LONGEST_NUMBER else -1
+
+
+def _day(room: Room, asked: int = -1, refusal: Refusal | None = None) -> str:
+    desk = room.desk
+    fired = len(desk.day.fired)
+    shot = asked if 1 <= asked <= fired else fired
+    true = room.motion(shot) if shot and desk.day.handed_in else None
+    return day_page(desk, room.briefing, refusal=refusal, shot=shot, true_motion=true)
+
+
+def _replayed(room: Room, request: Request) -> Response:
+    day, entry = room.desk.day, max(_query(request, "entry"), 0)
+    if not room.open_book:
+        return _says(409, "A day is played back once it is handed in and is no exam.")
+    if entry > len(day.events):
+        return _says(404, f"There is no such entry; there are 0 to {len(day.events)}.")
+    return HTMLResponse(replay_page(day, room.briefing, entry))
+
+
+def _notebook(room: Room, _: Request) -> Response:
+    return HTMLResponse(notebook_page(room.desk, room.briefing))
+
+
+def _table(room: Room, _: Request) -> Response:
+    return Response(notebook_table(room.desk), media_type="text/csv")
+
+
+def _film(request: Request) -> Response:
+    """Answer with frames; no other request waits until they are made."""
+    true = request.query_params.get("as") == "it-was"
+    picture = request.scope["seat"].room.film(_query(request, "shot"), true=true)
+    if not picture:
+        return _says(404, "There are no frames.")
+    return Response(picture, media_type="image/png", headers=KEPT)
+
+
+def _sandboxed(page: Callable[[], str]) -> Response:
+    try:
+        return HTMLResponse(page(), headers={"Content-Security-Policy": SANDBOX})
+    except InputError as fault:
+        return HTMLResponse(plain_page("Not yet", str(fault)), status_code=409)
 
 
 def _hall_routes(hall: Hall) -> list[Route]:
@@ -334,7 +373,8 @@ class Door:
                 self.hall.join_again(seat.room)
         session = secrets.token_urlsafe(32)
         self.seats[session] = seat
-        answer = RedirectResponse("/", status_code=303)
+        to = "/replay" if request.url.path == "/replay" else "/"
+        answer = RedirectResponse(to, status_code=303)
         answer.set_cookie(
             self.cookie, session, httponly=True, samesite="strict", secure=self.secure
         )

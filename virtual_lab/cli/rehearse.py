@@ -88,7 +88,8 @@ __all__ = ["rehearse"]
     "--replay",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Play a day back from its log, day.sqlite, once it is handed in.",
+    help="Play a day back from its log, day.sqlite, once it is handed in: a table of its entries, "
+    "with --open the page to step through it.",
 )
 @click.option("--open", "browser", is_flag=True, help="Open the page in a browser.")
 def day_command(
@@ -114,7 +115,7 @@ def day_command(
     """
     if sum(map(bool, (operator, script, replay))) > 1:
         usage("--operator, --script and --replay exclude each other")
-    if replay:
+    if replay and not browser:
         from virtual_lab.bench.reviewing import replay as played_back
 
         return played_back(replay)
@@ -134,6 +135,10 @@ def day_command(
         usage("--tls-certificate and --tls-key go together")
     tls = (tls_certificate, tls_key) if tls_certificate and tls_key else None
     served: dict[str, Any] = {"port": port, "host": host, "tls": tls, "browser": browser}
+    if replay:
+        from virtual_lab.bench.reviewing import played_folder
+
+        return _served(None, played_folder(replay), [], **served)
     if exam is None:
         names = [f"{n:02}" for n in range(1, trainees + 1)] if trainees > 1 else []
         return _served(scenario, day, names, seed=seed, **served)
@@ -145,8 +150,10 @@ def day_command(
     return _served(found.scenario, day, found.trainees, seed=seed, exam=found.title, **served)
 
 
-def _served(scenario: str, folder: Path | None, trainees: Sequence[str], **served: Any) -> Answer:
-    """Serve the page until it is stopped."""
+def _served(
+    scenario: str | None, folder: Path | None, trainees: Sequence[str], **served: Any
+) -> Answer:
+    """Serve the page until it is stopped; without a scenario, to play a day back."""
     from importlib.util import find_spec
 
     from virtual_lab.errors import InputError
@@ -158,11 +165,11 @@ def _served(scenario: str, folder: Path | None, trainees: Sequence[str], **serve
     from virtual_lab.bench.scenario import load_scenario
     from virtual_lab.bench.serving import serve
 
-    target = folder or first_free(Path("out") / Path(scenario).stem)
+    target = folder or first_free(Path("out") / Path(scenario or "").stem)
     each = {f"trainee {name}": target / name for name in trainees}
     serve(
         each or {"": target},
-        load_scenario(scenario),
+        load_scenario(scenario) if scenario else None,
         say=lambda text: click.echo(text, err=True),
         **served,
     )

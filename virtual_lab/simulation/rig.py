@@ -185,6 +185,14 @@ class FilmingStation(Station, Protocol):
         """Film the first shot of an order: ``shot-0.mp4``, its ``.csv`` of times, a preview."""
         ...
 
+    def frames(self, order: ShotPlan, specimen: Specimen, draws: Draws, count: int) -> Array:
+        """Return some whole frames of an order's first shot, (count, row, column), 0 to 1."""
+        ...
+
+    def unfilmed(self) -> Station:
+        """Return the station with its camera off."""
+        ...
+
 
 @runtime_checkable
 class WallStation(Station, Protocol):

@@ -1,6 +1,6 @@
 "use strict";
-// A cursor on the traces, the slow motion, one answer to a double click, a class looked at again.
-// Without this file the pages show and do the same, standing still.
+// A cursor on the traces, the slow motion, one answer to a double click, a class looked at again,
+// a day played back by arrow keys. Without this file the pages show and do the same, standing still.
 
 function near(values, wanted) {
   let best = 0;
@@ -70,6 +70,13 @@ for (const figure of document.querySelectorAll("[data-motion]")) {
   });
 }
 
+for (const film of document.querySelectorAll(".film img")) {
+  const making = document.createElement("progress");
+  making.setAttribute("aria-label", "The frames are being made");
+  if (!film.complete) film.after(making);
+  for (const end of ["load", "error"]) film.addEventListener(end, () => making.remove());
+}
+
 for (const part of document.querySelectorAll("[data-renew]")) {  // what others do meanwhile
   setInterval(async () => {
     const answer = await fetch(location.href).catch(() => null);
@@ -77,6 +84,17 @@ for (const part of document.querySelectorAll("[data-renew]")) {  // what others 
     const page = new DOMParser().parseFromString(await answer.text(), "text/html");
     part.innerHTML = page.querySelector("[data-renew]").innerHTML;
   }, 1000 * part.dataset.renew);
+}
+
+for (const [key, way] of [["ArrowLeft", "prev"], ["ArrowRight", "next"]]) {  // a day played back
+  const link = document.querySelector(`a[rel=${way}]`);
+  addEventListener("keydown", (event) => {
+    if (link && event.key === key && !event.target.closest("input, .scroll")) link.click();
+  });
+}
+for (const now of document.querySelectorAll(".scroll [aria-current]")) {
+  const list = now.closest(".scroll");
+  list.scrollTop = now.offsetTop - list.clientHeight / 2;
 }
 
 for (const form of document.forms) {

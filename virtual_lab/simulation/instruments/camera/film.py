@@ -32,10 +32,12 @@ def whole_frames(
     name: str,
     slots: Slots,
     bat: FilmedBat | None = None,
+    count: int | None = None,
 ) -> Iterator[tuple[float, Frame]]:
     """Yield time stamp [s] and grey values (row, column) of the first shot's frames in turn.
 
-    They go from the first frame the camera keeps to the last, whether the ball is there or not.
+    They go from the first frame the camera keeps to the last, whether the ball is there or not:
+    all of them, or `count` at equal steps.
     """
     spec = camera.spec
     frames = take(
@@ -43,7 +45,10 @@ def whole_frames(
     )
     still, numbers = background(spec), frames.numbers(slots)
     corner = np.zeros((1, 2), np.int64)
-    for number in np.flatnonzero(frames.shot == 0):
+    kept = np.flatnonzero(frames.shot == 0)
+    if count is not None:
+        kept = kept[np.linspace(0, kept.size - 1, count).astype(int)]
+    for number in kept:
         one = frames.part(slice(number, number + 1))
         reach = int(spec.window + np.abs(one.blur).max())
         left, top = np.clip(
