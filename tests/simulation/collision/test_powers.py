@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from numba import njit
 
-from virtual_lab.simulation.collision import batch_kernel, lanes, powers
 from virtual_lab.simulation.collision.powers import exp2, log2
 
 
@@ -42,10 +41,3 @@ def test_powers_of_a_ball() -> None:
     u, power = np.exp2(rng.uniform(-40, 3, 200_000)), rng.uniform(1, 20, 200_000)
     found = each(power * each(u, True), False)
     assert (np.abs(found / u**power - 1) / (power + 2)).max() < 6e-11
-
-
-def test_a_compiled_kernel_is_kept_for_its_sources_only() -> None:
-    """The compiler's cache looks at one file; the others are in the key through a closure."""
-    held = [cell.cell_contents for cell in batch_kernel.collide_lanes.py_func.__closure__]
-    assert held == [batch_kernel._digest(lanes, powers)]
-    assert held != [batch_kernel._digest(lanes)]

@@ -1,92 +1,311 @@
-"""Many collisions at once: blocks of lanes, their events, and a scene for every lane that is free.
+"""Many collisions at once: blocks of scenes in step, a lane of a vector register to each.
+
+Every pass runs over the lanes, so that the compiler makes one instruction of eight scenes.
+Coordinates, ball and scheme are those of `modal_kernel`. Steps follow the stiffness of the
+moment and are shortened to end on what each lane heads for: loading, the turn of the approach;
+unloading, release, or when it rises again the greatest compression so far; flying, the touch.
+Where a step went too far the next goes back, for each law is smooth past its own end.
 
 A lane that is done takes the next scene: none waits for the slowest, and no scene knows its
 neighbours. What a step may have hidden - a dip out of contact, a brush in flight, too many
 steps - leaves a scene in doubt.
+
+The compiler keeps a kernel until this file changes: save it again after a change in `powers`.
 """
 
 from __future__ import annotations
 
-import hashlib
-from pathlib import Path
-from typing import Any
+from collections import namedtuple
+from enum import IntEnum
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from virtual_lab.simulation.collision import lanes as at
-from virtual_lab.simulation.collision import powers
-from virtual_lab.simulation.collision.powers import COMPILES, log2, wide
+from virtual_lab.simulation.collision.powers import COMPILES, SIMD, exp2, log2, wide
 
-__all__ = ["GIVEN", "collide_lanes"]
+__all__ = ["Given", "Rule", "collide_lanes"]
 
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
 Scheme = tuple[Floats, Floats]  # kicks, drifts
-# growth, turn and brush of `InStep`; the time in which contacts count
-Rule = tuple[float, float, float, float]
 Out = tuple[Floats, Floats, Counts]
-
-# what is given of a scene, by column: a, b, log2 k, C, speed, c, first compression and force,
-# step of the modes, step of the ball times sqrt(k a u^(a-1)), nearness of a release
-GIVEN = 11
-A, B, LOG, SERIES, V, INVERSE, FIRST, FIRST_FORCE, MODE_STEP, BALL_STEP, NEAR_END = range(GIVEN)
-
-DONE, GOES_ON, DOUBT = range(3)
-AFRESH = 1 / 256  # of the step of the modes, the first step of a later contact
-FLAT = 3.0  # squares of the nearness of a turn: what is left beyond that, of the way, is no turn
-FALL = 0.3  # of the time to release from rest, the first step down
-NO_FORCE = -5000.0  # its logarithm
 SCALAR: dict[str, Any] = {"forceinline": True, "error_model": "numpy"}
 
 
+class Given(NamedTuple):
+    """What is given of the scenes, arrays (n,), SI."""
+
+    exponent: Floats  # a
+    unloading: Floats  # b
+    log_k: Floats  # log2 of the stiffness
+    series: Floats  # C
+    speed: Floats
+    inverse_mass: Floats  # c
+    first: Floats  # compression at the end of the series at touch
+    first_force: Floats
+    mode_step: Floats  # the longest step for the modes
+    ball_step: Floats  # and for the ball, times sqrt(k a u^(a-1))
+    near_end: Floats  # nearness of a release, of the greatest compression
+
+
+class Rule(NamedTuple):
+    """How all scenes are stepped: three settings of `InStep`, the time in which contacts count."""
+
+    growth: float
+    turn: float
+    brush: float
+    window: float
+
+
+class After(IntEnum):
+    """What an event leaves of a scene to do."""
+
+    DONE = 0
+    GOES_ON = 1
+    DOUBT = 2
+
+
+LANES = 64
+CHUNK = 5  # modes a pass: 15 and 20, which the ladder takes most, leave no rest
+ROW = LANES + 8  # rows are whole cache lines apart, and not a power of two
+
+
+# where the rows of a block begin, a number a lane; the modes come last
+Rows = namedtuple(
+    "Rows",
+    "s s_rate x rate bend jerk old_rate old_bend force u u_share log_k power c compliance time "
+    "h h_mode h_grown ball event steps scene phase peak near turned reach loss softness head",
+)
+ModeRows = namedtuple("ModeRows", "p v g w2 size")  # and those of a mode, from its first on
+
+
+class Phases(NamedTuple):
+    """What a lane is doing."""
+
+    loading: float = 1.0
+    unloading: float = 0.0
+    flying: float = -1.0
+
+
+class Events(NamedTuple):
+    """What a lane has come to."""
+
+    none: float = 0.0
+    reached: float = 1.0
+    turned_back: float = 2.0
+    clear: float = 3.0
+    lost: float = 4.0
+
+
+class Limits(NamedTuple):
+    """Of a step and of numbers; README has how they were found."""
+
+    most_steps: float = 1500.0
+    sweep: float = 0.5  # of the greatest compression over b, the most a rising ball moves in a step
+    touch: float = 1e-7  # of it: how near a branch is left or a contact begun
+    hidden: float = 10.0  # times what counts as turned: a slower approach may have turned in a step
+    least_u: float = 1e-12  # from here on nothing becomes a denormal
+    least_log: float = -200.0
+    least_force: float = 1e-9
+    no_force: float = -5000.0  # the logarithm of its stiffness
+    afresh: float = 1 / 256  # of the step of the modes, the first step of a later contact
+    # squares of the nearness of a turn: what is left beyond that, of the way, is no turn
+    flat: float = 3.0
+    fall: float = 0.3  # of the time to release from rest, the first step down
+
+
+AT, MODE = Rows(*range(0, 31 * ROW, ROW)), ModeRows(*range(0, 5 * ROW, ROW))
+PHASE, EVENT, LIMITS = Phases(), Events(), Limits()
+
+
+@njit(**SIMD)
+def _forces(w: Floats) -> None:
+    """Set the force of each lane at its approach."""
+    wide()
+    for j in range(LANES):
+        x = w[AT.x + j]
+        u = max(x, LIMITS.least_u)
+        y = w[AT.log_k + j] + w[AT.power + j] * log2(u)
+        w[AT.force + j] = exp2(max(y, LIMITS.least_log)) if x > 0.0 else 0.0
+        w[AT.u + j] = u
+
+
+@njit(**SIMD)
+def _forces_in_series(w: Floats) -> None:
+    """Bring forces closer to those of ball and stiff modes in series: x = u + C F(u).
+
+    One pass of Newton's method from the ball's last share u / x of the approach, which
+    hardly changes from stage to stage.
+    """
+    wide()
+    for j in range(LANES):
+        x, power, series = w[AT.x + j], w[AT.power + j], w[AT.compliance + j]
+        given = max(x, LIMITS.least_u)
+        u = given * w[AT.u_share + j]
+        force = exp2(max(w[AT.log_k + j] + power * log2(u), LIMITS.least_log))
+        slope = power * force / u
+        change = max((given - u - series * force) / (1.0 + series * slope), -0.5 * u)
+        force += slope * change
+        w[AT.u + j] = u + change
+        w[AT.u_share + j] = (u + change) / given
+        w[AT.force + j] = force if x > 0.0 else 0.0
+
+
+@njit(**SIMD)
+def _stage_chunk(w: Floats, modes: Floats, kick: float, drift: float) -> None:
+    wide()
+    for j in range(LANES):
+        h = w[AT.h + j]
+        force = w[AT.force + j]
+        x = w[AT.x + j]
+        for m in range(CHUNK):
+            row = m * MODE.size + j
+            p, v, g = modes[row + MODE.p], modes[row + MODE.v], modes[row + MODE.g]
+            v += kick * h * (force - modes[row + MODE.w2] * p)
+            p += drift * h * v
+            modes[row + MODE.p], modes[row + MODE.v] = p, v
+            x -= g * p
+        w[AT.x + j] = x
+
+
+@njit(**SIMD)
+def _stage(w: Floats, modes: int, kick: float, drift: float) -> None:
+    """Kick all velocities by the present force, then drift."""
+    wide()
+    for j in range(LANES):
+        h = w[AT.h + j]
+        rate = w[AT.s_rate + j] - kick * h * w[AT.c + j] * w[AT.force + j]
+        s = w[AT.s + j] + drift * h * rate
+        w[AT.s_rate + j] = rate
+        w[AT.s + j] = s
+        w[AT.x + j] = s
+    for i in range(0, modes, CHUNK):
+        _stage_chunk(w, w[AT.head + i * MODE.size : AT.head + (i + CHUNK) * MODE.size], kick, drift)
+
+
+@njit(**SIMD)
+def _look_chunk(w: Floats, modes: Floats) -> None:
+    wide()
+    for j in range(LANES):
+        force = w[AT.force + j]
+        rate = w[AT.rate + j]
+        bend = w[AT.bend + j]
+        for m in range(CHUNK):
+            g = modes[m * MODE.size + MODE.g + j]
+            rate -= g * modes[m * MODE.size + MODE.v + j]
+            bend -= g * (
+                force - modes[m * MODE.size + MODE.w2 + j] * modes[m * MODE.size + MODE.p + j]
+            )
+        w[AT.rate + j] = rate
+        w[AT.bend + j] = bend
+
+
+@njit(**SIMD)
+def _look(w: Floats, modes: int) -> None:
+    """Set the first and second derivative of the approach."""
+    wide()
+    for j in range(LANES):
+        w[AT.old_rate + j] = w[AT.rate + j]
+        w[AT.old_bend + j] = w[AT.bend + j]
+        w[AT.rate + j] = w[AT.s_rate + j]
+        w[AT.bend + j] = -w[AT.c + j] * w[AT.force + j]
+    for i in range(0, modes, CHUNK):
+        _look_chunk(w, w[AT.head + i * MODE.size : AT.head + (i + CHUNK) * MODE.size])
+
+
+@njit(**SIMD)
+def _plan(w: Floats, growth: float, window: float) -> None:
+    """Say which lanes have come to an event, and how far the others are to step."""
+    wide()
+    for j in range(LANES):
+        h = w[AT.h + j]
+        w[AT.time + j] += h
+        w[AT.steps + j] += 1.0
+        x, rate, bend, peak = w[AT.x + j], w[AT.rate + j], w[AT.bend + j], w[AT.peak + j]
+        loading, flying = w[AT.phase + j] > 0.0, w[AT.phase + j] < 0.0
+        unloading = (not loading) & (not flying)
+        jerk = (bend - w[AT.old_bend + j]) / h
+        w[AT.jerk + j] = jerk
+        # what is to vanish, falling, and its derivatives
+        filling = unloading & (rate > 0.0) & ((w[AT.turned + j] > 0.0) | (x > peak))
+        upward = filling | flying
+        sign = -1.0 if upward else 1.0
+        miss = sign * (rate if loading else (x - peak if filling else x))
+        first = sign * (bend if loading else rate)
+        second = sign * (jerk if loading else bend)
+        square = first * first - 2.0 * second * miss
+        to = 2.0 * miss / (np.sqrt(max(square, 0.0)) - first)
+        seen = (square >= 0.0) & ((to > 0.0) | (miss < 0.0)) & (first < 0.0)
+        # a ball that rises, or is about to, comes back to its stiffest
+        step = min(w[AT.h_mode + j], growth * w[AT.h_grown + j])
+        rising = unloading & (rate + step * bend > 0.0)
+        softness = w[AT.u + j] / (w[AT.power + j] * max(w[AT.force + j], LIMITS.least_force))
+        softness = w[AT.softness + j] if rising else softness
+        step = min(step, w[AT.ball + j] * np.sqrt(softness))
+        sweep = LIMITS.sweep * peak / (w[AT.power + j] * max(rate, 1e-3))
+        step = min(step, sweep) if rising else step
+        w[AT.h_grown + j] = step
+        far = abs(to)
+        landing = far if far < step else (0.5 * far if far < 2.0 * step else step)
+        w[AT.h + j] = (landing if to > 0.0 else -landing) if seen else step
+        reached = (abs(miss) <= (LIMITS.touch * peak if upward else w[AT.near + j])) & (first < 0.0)
+        again = (rate > 0.0) | (w[AT.turned + j] > 0.0)
+        turned = (
+            (w[AT.old_rate + j] * rate < 0.0) & (not loading) & (rate < 0.0 if flying else again)
+        )
+        gone = flying & ((w[AT.s + j] + w[AT.reach + j] < 0.0) | (w[AT.time + j] > window))
+        event = EVENT.turned_back if turned else EVENT.none
+        event = EVENT.reached if reached else event
+        event = EVENT.clear if gone else event
+        # a touch, or a turn and a turn back, that one step may have hidden
+        missed = flying & (x > 0.0) & (rate < 0.0)
+        slow = (rate - LIMITS.hidden * w[AT.near + j]) * jerk < 0.5 * bend * bend
+        dipped = loading & (bend > 0.0) & (w[AT.old_bend + j] < 0.0) & slow
+        w[AT.event + j] = (
+            EVENT.lost if missed | dipped | (w[AT.steps + j] > LIMITS.most_steps) else event
+        )
+
+
 @njit(**SCALAR)
-def _load(w: Floats, j: int, i: int, w2: Floats, g: Floats, given: Floats, near: float) -> None:
-    """Put scene i into lane j, a moment after touch: there ``u^a`` is not smooth."""
-    a, series, speed, c = given[i, A], given[i, SERIES], given[i, V], given[i, INVERSE]
-    u, force = given[i, FIRST], given[i, FIRST_FORCE]
+def _load(lane: Floats, i: int, w2: Floats, g: Floats, given: Given, near: float) -> None:
+    """Put scene i into a lane, a moment after touch: there ``u^a`` is not smooth."""
+    a, series, speed, c = given.exponent[i], given.series[i], given.speed[i], given.inverse_mass[i]
+    u, force = given.first[i], given.first_force[i]
     x = u + series * force
     impulse = (u * force / (a + 1.0) + 0.5 * series * force**2) / speed
     drift = impulse * x / speed / (a + 2.0)
     total = c
     for m in range(w2.size):
-        row = at.HEAD + m * at.MODE + j
-        w[row + at.P], w[row + at.V] = drift, impulse
-        w[row + at.G], w[row + at.W2] = g[i, m], w2[m]
+        row = AT.head + m * MODE.size
+        lane[row + MODE.p], lane[row + MODE.v] = drift, impulse
+        lane[row + MODE.g], lane[row + MODE.w2] = g[i, m], w2[m]
         total += g[i, m]
     time = (x + total * drift) / speed
-    w[at.S + j], w[at.S_RATE + j], w[at.X + j] = speed * time - c * drift, speed - c * impulse, x
-    w[at.RATE + j], w[at.BEND + j] = speed - total * impulse, -total * force
-    w[at.FORCE + j], w[at.U + j], w[at.U_SHARE + j] = force, u, u / x
-    w[at.LOG_K + j], w[at.POWER + j], w[at.C + j], w[at.COMPLIANCE + j] = (
-        given[i, LOG],
-        a,
-        c,
-        series,
-    )
-    w[at.TIME + j], w[at.H_GROWN + j], w[at.H_MODE + j] = time, time, given[i, MODE_STEP]
-    w[at.H + j], w[at.BALL + j] = min(time, given[i, MODE_STEP]), given[i, BALL_STEP]
-    w[at.PHASE + j], w[at.NEAR + j], w[at.PEAK + j], w[at.TURNED + j] = (
-        at.LOADING,
-        near * speed,
-        0.0,
-        0.0,
-    )
-    w[at.SCENE + j], w[at.STEPS + j], w[at.LOSS + j], w[at.REACH + j] = float(i), 0.0, 0.0, 0.0
+    lane[AT.s], lane[AT.s_rate], lane[AT.x] = speed * time - c * drift, speed - c * impulse, x
+    lane[AT.rate], lane[AT.bend] = speed - total * impulse, -total * force
+    lane[AT.force], lane[AT.u], lane[AT.u_share] = force, u, u / x
+    lane[AT.log_k], lane[AT.power], lane[AT.c], lane[AT.compliance] = given.log_k[i], a, c, series
+    lane[AT.time], lane[AT.h_grown], lane[AT.h_mode] = time, time, given.mode_step[i]
+    lane[AT.h], lane[AT.ball] = min(time, given.mode_step[i]), given.ball_step[i]
+    lane[AT.phase], lane[AT.near], lane[AT.scene] = PHASE.loading, near * speed, float(i)
+    lane[AT.peak] = lane[AT.turned] = lane[AT.steps] = lane[AT.loss] = lane[AT.reach] = 0.0
 
 
 @njit(**SCALAR)
-def _switch(w: Floats, j: int, phase: float, power: float, log_k: float, near: float) -> None:
-    """Put lane j under another law; its force is the same in both."""
-    w[at.PHASE + j], w[at.POWER + j], w[at.LOG_K + j], w[at.NEAR + j] = phase, power, log_k, near
-    w[at.TURNED + j] = 0.0
-    if phase == at.UNLOADING:
-        softness = w[at.U + j] / (power * w[at.FORCE + j])
-        fall = np.sqrt(-2.0 * w[at.X + j] / w[at.BEND + j])  # time to release from rest
-        w[at.SOFTNESS + j] = softness
-        w[at.H_GROWN + j] = min(w[at.H_GROWN + j], w[at.BALL + j] * np.sqrt(softness), FALL * fall)
-    w[at.H + j] = w[at.H_GROWN + j]
+def _switch(lane: Floats, phase: float, power: float, log_k: float, near: float) -> None:
+    """Put a lane under another law; its force is the same in both."""
+    lane[AT.phase], lane[AT.power], lane[AT.log_k], lane[AT.near] = phase, power, log_k, near
+    lane[AT.turned] = 0.0
+    if phase == PHASE.unloading:
+        softness = lane[AT.u] / (power * lane[AT.force])
+        fall = np.sqrt(-2.0 * lane[AT.x] / lane[AT.bend])  # time to release from rest
+        lane[AT.softness] = softness
+        lane[AT.h_grown] = min(
+            lane[AT.h_grown], lane[AT.ball] * np.sqrt(softness), LIMITS.fall * fall
+        )
+    lane[AT.h] = lane[AT.h_grown]
 
 
 @njit(**SCALAR)
@@ -103,183 +322,171 @@ def _ring(p: float, v: float, w2: float, t: float) -> tuple[float, float]:
 
 
 @njit(**SCALAR)
-def _release(w: Floats, j: int, i: int, states: Floats, sums: Floats, speed: float) -> bool:
-    """Write down the state of lane j; return whether ball and bat can still meet."""
+def _release(lane: Floats, i: int, states: Floats, sums: Floats, speed: float) -> bool:
+    """Write down the state of a lane; return whether ball and bat can still meet."""
     modes = (states.shape[1] - 2) // 2
-    s_rate, c, loss = w[at.S_RATE + j], w[at.C + j], w[at.LOSS + j]
-    t = -w[at.X + j] / w[at.RATE + j]  # still to go, or gone too far
-    t -= 0.5 * w[at.BEND + j] / w[at.RATE + j] * t * t
-    if abs(w[at.BEND + j] * t) > 0.5 * abs(w[at.RATE + j]):  # it grazes
+    s_rate, c, loss = lane[AT.s_rate], lane[AT.c], lane[AT.loss]
+    t = -lane[AT.x] / lane[AT.rate]  # still to go, or gone too far
+    t -= 0.5 * lane[AT.bend] / lane[AT.rate] * t * t
+    if abs(lane[AT.bend] * t) > 0.5 * abs(lane[AT.rate]):  # it grazes
         t = 0.0
     closing, energy, reach = s_rate, 0.0, 0.0
     for m in range(modes):
-        row = at.HEAD + m * at.MODE + j
-        p, v, g, w2 = w[row + at.P], w[row + at.V], w[row + at.G], w[row + at.W2]
+        row = AT.head + m * MODE.size
+        p, v, g, w2 = (
+            lane[row + MODE.p],
+            lane[row + MODE.v],
+            lane[row + MODE.g],
+            lane[row + MODE.w2],
+        )
         states[i, m], states[i, modes + m] = _ring(p, v, w2, t)
         square = v * v + w2 * p * p
         closing += g * np.sqrt(square)
         energy += g * square
     if closing > 0.0:
         for m in range(modes):
-            row = at.HEAD + m * at.MODE + j
-            p, v = w[row + at.P], w[row + at.V]
-            reach += w[row + at.G] * np.sqrt(v * v / w[row + at.W2] + p * p)
-    w[at.REACH + j] = reach
-    states[i, 2 * modes], states[i, 2 * modes + 1] = w[at.S + j] + s_rate * t, s_rate
-    sums[i, 0], sums[i, 1] = w[at.TIME + j] + t, loss
+            row = AT.head + m * MODE.size
+            p, v = lane[row + MODE.p], lane[row + MODE.v]
+            reach += lane[row + MODE.g] * np.sqrt(v * v / lane[row + MODE.w2] + p * p)
+    lane[AT.reach] = reach
+    states[i, 2 * modes], states[i, 2 * modes + 1] = lane[AT.s] + s_rate * t, s_rate
+    sums[i, 0], sums[i, 1] = lane[AT.time] + t, loss
     sums[i, 2] = 1.0 - (s_rate**2 + c * (energy + 2.0 * loss)) / speed**2
     return bool(closing > 0.0)
 
 
 @njit(**SCALAR)
-def _extreme(w: Floats, j: int) -> float:
+def _extreme(lane: Floats) -> float:
     """Return the approach where it turned within the last step, by its last derivatives."""
-    rate, bend, jerk = w[at.RATE + j], w[at.BEND + j], w[at.JERK + j]
+    rate, bend, jerk = lane[AT.rate], lane[AT.bend], lane[AT.jerk]
     root = np.sqrt(max(bend**2 - 2.0 * jerk * rate, 0.0))
     ago = 2.0 * rate / (bend + np.copysign(root, bend))
-    return float(w[at.X + j] - ago * (rate - ago * (0.5 * bend - ago * jerk / 6.0)))
+    return float(lane[AT.x] - ago * (rate - ago * (0.5 * bend - ago * jerk / 6.0)))
 
 
 @njit(**SCALAR)
-def _pass_event(
-    w: Floats, j: int, i: int, given: Floats, near: float, brush: float, out: Out
-) -> int:
-    """Take lane j over its event; return what that leaves of its scene i to do."""
-    states, sums, counts = out
-    a, b, speed, log_k = given[i, A], given[i, B], given[i, V], given[i, LOG]
-    event, phase, rate = w[at.EVENT + j], w[at.PHASE + j], w[at.RATE + j]
+def _pass_event(lane: Floats, i: int, given: Given, rule: Rule, out: Out) -> int:
+    """Take a lane over its event; return what that leaves of its scene i to do."""
+    (states, sums, counts), near, brush = out, rule.turn, rule.brush
+    a, b, speed, log_k = given.exponent[i], given.unloading[i], given.speed[i], given.log_k[i]
+    event, phase, rate = lane[AT.event], lane[AT.phase], lane[AT.rate]
     lost = 1.0 / (a + 1.0) - 1.0 / (b + 1.0)  # in the ball, over its greatest force times u
-    if event in (at.CLEAR, at.LOST):
-        return DONE if event == at.CLEAR else DOUBT
-    if event == at.TURNED_BACK:
-        peak, extreme = w[at.PEAK + j], _extreme(w, j)
-        if phase == at.FLYING:
+    if event in (EVENT.clear, EVENT.lost):
+        return After.DONE if event == EVENT.clear else After.DOUBT
+    if event == EVENT.turned_back:
+        peak, extreme = lane[AT.peak], _extreme(lane)
+        if phase == PHASE.flying:
             hidden = extreme > -brush * peak
         elif rate < 0.0:
             hidden = extreme > (1.0 - brush) * peak
         else:
             counts[i, 1] += 1
-            w[at.TURNED + j] = 1.0
+            lane[AT.turned] = 1.0
             hidden = extreme < 0.1 * brush * peak
-        return DOUBT if hidden else GOES_ON
-    if phase == at.LOADING:
-        left = -0.5 * rate**2 / w[at.BEND + j]  # to where it turns
-        if left > FLAT * near**2 * w[at.X + j]:
-            return DOUBT
-        u = w[at.U + j] + left
-        w[at.PEAK + j] = w[at.X + j] + left
-        w[at.LOSS + j] += lost * u * w[at.FORCE + j] * (1.0 + a * left / w[at.U + j])
-        _switch(w, j, at.UNLOADING, b, log_k - (b - a) * log2(u), w[at.X + j] * given[i, NEAR_END])
-    elif phase == at.FLYING:
-        w[at.U_SHARE + j], w[at.H_GROWN + j] = 1.0, AFRESH * w[at.H_MODE + j]
-        _switch(w, j, at.LOADING, a, log_k, near * rate)
+        return After.DOUBT if hidden else After.GOES_ON
+    if phase == PHASE.loading:
+        left = -0.5 * rate**2 / lane[AT.bend]  # to where it turns
+        if left > LIMITS.flat * near**2 * lane[AT.x]:
+            return After.DOUBT
+        u = lane[AT.u] + left
+        lane[AT.peak] = lane[AT.x] + left
+        lane[AT.loss] += lost * u * lane[AT.force] * (1.0 + a * left / lane[AT.u])
+        _switch(lane, PHASE.unloading, b, log_k - (b - a) * log2(u), lane[AT.x] * given.near_end[i])
+    elif phase == PHASE.flying:
+        lane[AT.u_share], lane[AT.h_grown] = 1.0, LIMITS.afresh * lane[AT.h_mode]
+        _switch(lane, PHASE.loading, a, log_k, near * rate)
     elif rate > 0.0:
-        w[at.LOSS + j] -= lost * w[at.U + j] * w[at.FORCE + j]
-        _switch(w, j, at.LOADING, a, log_k, near * rate)
+        lane[AT.loss] -= lost * lane[AT.u] * lane[AT.force]
+        _switch(lane, PHASE.loading, a, log_k, near * rate)
     else:
         counts[i, 0] += 1
-        if not _release(w, j, i, states, sums, speed):
-            return DONE
-        if w[at.BEND + j] > 0.0 and rate**2 < 2.0 * brush * w[at.PEAK + j] * w[at.BEND + j]:
-            return DOUBT
-        w[at.FORCE + j] = 0.0
-        _switch(w, j, at.FLYING, 1.0, NO_FORCE, 0.0)
-    return GOES_ON
+        if not _release(lane, i, states, sums, speed):
+            return After.DONE
+        if lane[AT.bend] > 0.0 and rate**2 < 2.0 * brush * lane[AT.peak] * lane[AT.bend]:
+            return After.DOUBT
+        lane[AT.force] = 0.0
+        _switch(lane, PHASE.flying, 1.0, LIMITS.no_force, 0.0)
+    return After.GOES_ON
 
 
-def _kernel(sources: str) -> Any:
-    """Return the kernel. A compiled one is kept for these sources only.
+@njit(cache=True, nogil=True)
+def collide_lanes(
+    w2: Floats, bat: Counts, g: Floats, given: Given, scheme: Scheme, rule: Rule
+) -> Out:
+    """Run n collisions with N flexible modes.
 
-    The compiler's own cache looks for changes in this file alone; what a function takes from
-    around it is part of the key.
+    Parameters
+    ----------
+    w2 : (bats, N) array
+        Squared angular frequencies [1/s^2].
+    bat : (n,) array
+        Which bat each scene is of.
+    g : (n, N) array
+        Squared shapes at the impacts [1/kg].
+    given, rule
+        See there.
+    scheme : two arrays
+        Kicks and drifts, one kick more than drifts.
+
+    Returns
+    -------
+    states : (n, 2 N + 2) array
+        p, p', s, s' at the last release.
+    sums : (n, 3) array
+        First touch to last release [s]; work lost in the ball [J]; share of the energy that
+        does not close.
+    counts : (n, 5) array
+        Contacts; turns back before release; 1 where the scene is in doubt; 1 where ball and
+        bat may meet after all the time; steps.
     """
-
-    @njit(cache=True, nogil=True)
-    def collide_lanes(
-        w2: Floats, bat: Counts, g: Floats, given: Floats, scheme: Scheme, rule: Rule
-    ) -> Out:
-        """Run n collisions with N flexible modes.
-
-        Parameters
-        ----------
-        w2 : (bats, N) array
-            Squared angular frequencies [1/s^2].
-        bat : (n,) array
-            Which bat each scene is of.
-        g : (n, N) array
-            Squared shapes at the impacts [1/kg].
-        given : (n, GIVEN) array
-            See above, all in SI.
-        scheme : two arrays
-            Kicks and drifts, one kick more than drifts.
-        rule : tuple
-
-        Returns
-        -------
-        states : (n, 2 N + 2) array
-            p, p', s, s' at the last release.
-        sums : (n, 3) array
-            First touch to last release [s]; work lost in the ball [J]; share of the energy that
-            does not close.
-        counts : (n, 5) array
-            Contacts; turns back before release; 1 where the scene is in doubt; 1 where ball and
-            bat may meet after all the time; steps.
-        """
-        wide()
-        _ = sources
-        scenes, modes = g.shape
-        (kicks, drifts), (growth, near, brush, window) = scheme, rule
-        out = (
-            np.zeros((scenes, 2 * modes + 2)),
-            np.zeros((scenes, 3)),
-            np.zeros((scenes, 5), np.int64),
-        )
-        padded = -(-modes // at.CHUNK) * at.CHUNK
-        room = np.zeros(at.HEAD + padded * at.MODE + 8)
-        w = room[(-room.ctypes.data // 8) % 8 :][: at.HEAD + padded * at.MODE]
-        stiff = False
-        for i in range(scenes):
-            stiff |= given[i, SERIES] > 0.0
-        w[at.SCENE : at.SCENE + at.LANES] = -1.0
-        w[at.EVENT : at.EVENT + at.LANES] = at.CLEAR
-        taken = left = 0
-        while True:
-            for j in range(at.LANES):
-                if w[at.EVENT + j] == at.NONE:
+    wide()
+    scenes, modes = g.shape
+    kicks, drifts = scheme
+    out = (
+        np.zeros((scenes, 2 * modes + 2)),
+        np.zeros((scenes, 3)),
+        np.zeros((scenes, 5), np.int64),
+    )
+    padded = -(-modes // CHUNK) * CHUNK
+    size = AT.head + padded * MODE.size
+    room = np.zeros(size + 8)
+    w = room[(-room.ctypes.data // 8) % 8 :][:size]  # from the start of a cache line on
+    stiff = np.any(given.series > 0.0)
+    w[AT.scene : AT.scene + LANES] = -1.0
+    w[AT.event : AT.event + LANES] = EVENT.clear
+    taken = left = 0
+    while True:
+        for j in range(LANES):
+            lane = w[j:]
+            if lane[AT.event] == EVENT.none:
+                continue
+            i = int(lane[AT.scene])
+            if i >= 0:
+                after = _pass_event(lane, i, given, rule, out)
+                if after == After.GOES_ON:
                     continue
-                i = int(w[at.SCENE + j])
-                if i >= 0:
-                    state = _pass_event(w, j, i, given, near, brush, out)
-                    if state == GOES_ON:
-                        continue
-                    near_yet = w[at.S + j] + w[at.REACH + j] >= 0.0
-                    out[2][i, 2], out[2][i, 4] = state == DOUBT, int(w[at.STEPS + j])
-                    out[2][i, 3] = w[at.EVENT + j] == at.CLEAR and near_yet
-                    left += 1
-                    w[at.SCENE + j] = -1.0
-                if taken < scenes:
-                    _load(w, j, taken, w2[bat[taken]], g, given, near)
-                    taken += 1
-            if left == scenes:
-                return out
-            for i in range(drifts.size):
-                at.stage(w, padded, kicks[i], drifts[i])
-                if stiff:
-                    at.forces_in_series(w)
-                    at.forces_in_series(w)
-                else:
-                    at.forces(w)
-            at.stage(w, padded, kicks[drifts.size], 0.0)
-            at.look(w, padded)
-            at.plan(w, growth, window)
-
-    if COMPILES:
-        return collide_lanes
-    return np.errstate(all="ignore")(collide_lanes)  # a lane that waits divides 0 by 0
+                counts = out[2][i]
+                near_yet = lane[AT.s] + lane[AT.reach] >= 0.0
+                counts[2], counts[4] = after == After.DOUBT, int(lane[AT.steps])
+                counts[3] = lane[AT.event] == EVENT.clear and near_yet
+                left += 1
+                lane[AT.scene] = -1.0
+            if taken < scenes:
+                _load(lane, taken, w2[bat[taken]], g, given, rule.turn)
+                taken += 1
+        if left == scenes:
+            return out
+        for i in range(drifts.size):
+            _stage(w, padded, kicks[i], drifts[i])
+            if stiff:
+                _forces_in_series(w)
+                _forces_in_series(w)
+            else:
+                _forces(w)
+        _stage(w, padded, kicks[drifts.size], 0.0)
+        _look(w, padded)
+        _plan(w, rule.growth, rule.window)
 
 
-def _digest(*modules: Any) -> str:
-    return hashlib.sha256(b"".join(Path(m.__file__).read_bytes() for m in modules)).hexdigest()
-
-
-collide_lanes = _kernel(_digest(at, powers))
+if not COMPILES:
+    collide_lanes = np.errstate(all="ignore")(collide_lanes)  # a lane that waits divides 0 by 0

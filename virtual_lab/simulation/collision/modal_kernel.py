@@ -19,6 +19,10 @@ modes ring freely; if the surface can still catch the ball, a fresh contact begi
 
 from __future__ import annotations
 
+from enum import IntEnum
+from math import inf, isnan, nan
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -36,15 +40,29 @@ Law = tuple[float, float, float, float]  # coefficient, scale of u, power, C
 Times = tuple[float, float]  # in which contacts count, and in which a later one is looked for [s]
 
 KICKS, DRIFTS = SRKN_11.kicks, SRKN_11.drifts
-TURN, FULL, RELEASE = 0, 1, 2  # events: x' = 0, x back at its peak, x = 0
-ROOT_TRIES = 60
-FIRST_STEPS, GROWTH = 256.0, 2.0
-# of a contact or a flight, which is then given up: over a second with a usual bat, and what is of
-# numbers that are none would never end
-MOST_STEPS = 200_000
-FLIGHT_STEP = 0.1  # the least one, in steps: a touch shorter than it is no touch
-NONE, LOST = -1.0, -2.0  # in the place of a time: there is none, or it took too many steps
 FAST = {"reassoc", "contract", "nsz"}
+
+
+class Event(IntEnum):
+    """What a step ends on."""
+
+    TURN = 0  # x' = 0
+    FULL = 1  # x back at its peak
+    RELEASE = 2  # x = 0
+
+
+class Limits(NamedTuple):
+    """Of steps and of tries."""
+
+    root_tries: int = 60
+    first_step: float = 1 / 256  # of a step, for u^a is not smooth at touch; it doubles
+    # of a contact or a flight, which is then given up: over a second with a usual bat, and what
+    # is of numbers that are none would never end
+    most_steps: int = 200_000
+    flight_step: float = 0.1  # the least one, in steps: a touch shorter than it is no touch
+
+
+LIMITS = Limits()
 
 
 @njit(cache=True, fastmath=FAST)
@@ -63,7 +81,7 @@ def _force(x: float, law: Law) -> tuple[float, float]:
         return 0.0, x
     # Newton's method from the far side of a convex function: it cannot overshoot
     u = x
-    for _ in range(ROOT_TRIES):
+    for _ in range(LIMITS.root_tries):
         force = coefficient * (u / scale) ** power
         miss = u + compliance * force - x
         if miss <= 1e-14 * x:
@@ -96,9 +114,9 @@ def _miss(event: int, bat: Bat, law: Law, state: State, peak: float) -> tuple[fl
     c, g, w2 = bat
     p, v, r = state
     x, rate = _approach(r[0], g, p), _approach(r[1], g, v)
-    if event == RELEASE:
+    if event == Event.RELEASE:
         return x, rate
-    if event == FULL:
+    if event == Event.FULL:
         return x - peak, rate
     force, _ = _force(x, law)
     bend = -c * force
@@ -119,7 +137,7 @@ def _step_to(
     after, slope = _miss(event, bat, law, state, peak)
     past_event = after > 0.0
     t = h - after / slope
-    for _ in range(ROOT_TRIES):
+    for _ in range(LIMITS.root_tries):
         if not low < t < high:
             t = 0.5 * (low + high)
         y[:] = old
@@ -139,23 +157,23 @@ def _step_to(
 def _contact(
     h: float, bat: Bat, ball: Law, state: State, y: Floats, old: Floats
 ) -> tuple[float, float, int]:
-    """Follow one contact from touch to release; return (duration or `LOST`, peak u, turns back)."""
+    """Follow one contact from touch to release; return (duration, peak u, turns back)."""
     k, a, b, compliance = ball
     first, g = (k, 1.0, a, compliance), bat[1]
     loading, law = True, first
     p, v, r = state
     t, peak, u_max, turns = 0.0, 0.0, 0.0, 0
     rate = _approach(r[1], g, v)
-    step = h / FIRST_STEPS
-    for _ in range(MOST_STEPS):
+    step = h * LIMITS.first_step
+    for _ in range(LIMITS.most_steps):
         old[:] = y
-        step = min(h, GROWTH * step)
+        step = min(h, 2.0 * step)
         span = step
         _step(span, bat, law, state)
         before, rate = rate, _approach(r[1], g, v)
         turned = before * rate < 0.0
         if turned:  # or a step could hide that x was out of its branch for a moment
-            span = _step_to(TURN, span, bat, law, state, peak, y, old)
+            span = _step_to(Event.TURN, span, bat, law, state, peak, y, old)
             rate = 0.0
         x = _approach(r[0], g, p)
         if loading and turned:
@@ -163,15 +181,15 @@ def _contact(
             force, u_max = _force(peak, law)
             loading, law = False, (force, u_max, b, compliance)
         elif not loading and x > peak:
-            span = _step_to(FULL, span, bat, law, state, peak, y, old)
+            span = _step_to(Event.FULL, span, bat, law, state, peak, y, old)
             rate = _approach(r[1], g, v)
             loading, law = True, first
         elif x <= 0.0:
-            return t + _step_to(RELEASE, span, bat, law, state, peak, y, old), u_max, turns
+            return t + _step_to(Event.RELEASE, span, bat, law, state, peak, y, old), u_max, turns
         elif turned and before < 0.0:
             turns += 1
         t += span
-    return LOST, u_max, turns
+    return nan, u_max, turns  # it took too many steps
 
 
 @njit(cache=True, fastmath=FAST)
@@ -191,9 +209,9 @@ def _ring(t: float, bat: Bat, state: State, y: Floats, old: Floats) -> float:
 
 @njit(cache=True)
 def _flight(h: float, limit: float, bat: Bat, state: State, y: Floats, old: Floats) -> float:
-    """Fly from the release in `y` to the next touch; return its time, `NONE` or `LOST`.
+    """Fly from the release in `y` to the next touch; return its time.
 
-    The surface is nowhere faster than the sum of its modal amplitudes, so a step of gap over
+    It is inf where there is none, nan where it took too many steps. The surface is nowhere faster than the sum of its modal amplitudes, so a step of gap over
     (that + the closing speed of the ball) cannot jump over a contact; h is the least step. Nor is
     it ever farther out: once the ball is beyond that, or `limit` is over, no touch follows.
     """
@@ -214,7 +232,7 @@ def _flight(h: float, limit: float, bat: Bat, state: State, y: Floats, old: Floa
         high += max(h, gap / closing)
         gap = -_ring(high, bat, state, y, old)
         if gap < 0.0:
-            for _ in range(ROOT_TRIES):
+            for _ in range(LIMITS.root_tries):
                 middle = 0.5 * (low + high)
                 if _ring(middle, bat, state, y, old) > 0.0:
                     high = middle
@@ -223,10 +241,10 @@ def _flight(h: float, limit: float, bat: Bat, state: State, y: Floats, old: Floa
             _ring(high, bat, state, y, old)
             return high
         steps += 1
-        if steps > MOST_STEPS:
-            return LOST
+        if steps > LIMITS.most_steps:
+            return nan
     y[:] = old
-    return NONE
+    return inf
 
 
 @njit(cache=True, fastmath=FAST)
@@ -250,20 +268,20 @@ def _follow(
     k, a, b, _ = ball
     window, horizon = times
     t, wait, loss = 0.0, 0.0, 0.0
-    while wait >= 0.0 and t + wait < window:
+    while t + wait < window:
         t += wait
         time, u_max, turns = _contact(h, bat, ball, state, y, old)
-        if time == LOST:
+        if isnan(time):
             counts[2] = Failure.ENDLESS
             break
         t += time
         loss += k * u_max ** (a + 1.0) * (1.0 / (a + 1.0) - 1.0 / (b + 1.0))
         counts[0] += 1
         counts[1] += turns
-        wait = _flight(FLIGHT_STEP * h, horizon, bat, state, y, old)
-        if wait == LOST:
+        wait = _flight(LIMITS.flight_step * h, horizon, bat, state, y, old)
+        if isnan(wait):
             counts[2] = Failure.ENDLESS
-    if wait > 0.0:
+    if 0.0 < wait < inf:
         y[:] = old  # as released: this touch comes too late to count
         counts[3] = 1
     return t, loss
@@ -329,5 +347,5 @@ def meets_again(
         y[:] = states[i]
         state = (y[:modes], y[modes : 2 * modes], y[2 * modes :])
         bat = (0.0, g[i], w2[which[i]])
-        found[i] = _flight(FLIGHT_STEP * steps[i], horizon, bat, state, y, old) >= 0.0
+        found[i] = _flight(LIMITS.flight_step * steps[i], horizon, bat, state, y, old) < inf
     return found

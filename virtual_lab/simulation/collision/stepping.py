@@ -299,30 +299,30 @@ class InStep:
 
     def _try(self, struck: CollisionBatch, window: float) -> tuple[Followed, NDArray[np.bool_]]:
         """Return where one pass gets to, and which scenes (n,) it is sure of."""
-        from virtual_lab.simulation.collision.batch_kernel import collide_lanes
+        from virtual_lab.simulation.collision.batch_kernel import Given, Rule, collide_lanes
 
         a, b, c, v = struck.exponent, struck.unloading, struck.inverse_mass, struck.speed
         first = self.first * ((a + 1) * v**2 / (2 * struck.stiffness * c)) ** (1 / (a + 1))
-        given = (
-            a,
-            b,
-            np.log2(struck.stiffness),
-            struck.compliance,
-            v,
-            c,
-            first,
-            struck.stiffness * first**a,
-            self.mode_step / np.maximum(struck.fastest(), 1.0),
-            self.ball_step / np.sqrt(c),
-            np.minimum(self.release, 1e-8 ** (1 / (b + 1))),
+        given = Given(
+            exponent=a,
+            unloading=b,
+            log_k=np.log2(struck.stiffness),
+            series=struck.compliance,
+            speed=v,
+            inverse_mass=c,
+            first=first,
+            first_force=struck.stiffness * first**a,
+            mode_step=self.mode_step / np.maximum(struck.fastest(), 1.0),
+            ball_step=self.ball_step / np.sqrt(c),
+            near_end=np.minimum(self.release, 1e-8 ** (1 / (b + 1))),
         )
         states, sums, counts = collide_lanes(
             struck.squares,
             struck.bat,
             struck.shapes,
-            np.stack(given, axis=1),
+            Given(*(np.ascontiguousarray(each) for each in given)),
             (self.splitting.kicks, self.splitting.drifts),
-            (self.growth, self.turn, self.brush, window),
+            Rule(self.growth, self.turn, self.brush, window),
         )
         followed = Followed.first_try(states, sums, counts)
         return followed, (counts[:, 2] == 0) & (np.abs(followed.open_energy) < self.tolerance)
