@@ -46,7 +46,7 @@ def corners_seen(
         drawn = lens.drawn(lens.seen(board.corners() @ turned.T + place))
         ids = np.flatnonzero(((drawn > 5) & (drawn < np.array(SIZE) - 6)).all(axis=1))
         places = drawn[ids] + noise * draws.normal(f"noise {view}", (len(ids), 2))
-        seen.append(BoardView(ids=ids, places=places, u=np.full(len(ids), noise)))
+        seen.append(BoardView(ids=ids, places=places))
     return seen
 
 

@@ -10,11 +10,9 @@ from scipy.special import ndtr
 from tests.video.plain import FIELD, Balls, balls
 from tests.video.spectrum import disc
 from tests.video.stitched import LENS, Array, Scene, scene
-from virtual_lab.errors import InputError
-from virtual_lab.video.locate import edge_sums as at
-from virtual_lab.video.locate.edge_fit import EdgeFit, fit_edge
-from virtual_lab.video.locate.edge_kernel import covered
-from virtual_lab.video.locate.edge_sums import View
+from virtual_lab.video.locate import rim_profiles as at
+from virtual_lab.video.locate.edge_fit import EdgeFit, covered, fit_edge, solve_ring
+from virtual_lab.video.locate.edge_kernel import View
 from virtual_lab.video.locate.located import Located, PlaceFlag
 from virtual_lab.video.locate.noise import Noise
 from virtual_lab.video.locate.rim_profiles import FIRST, PER, blurred_profiles
@@ -69,7 +67,7 @@ def test_a_rim_that_is_not_seen_is_told(hidden: float) -> None:
     back = np.where(columns > middle + radius * np.cos(np.pi * hidden), 110.0, 40.0)
     away = np.hypot(columns - middle, rows - middle)
     region = np.where((away < radius) & (back < 100), 190.0, back)
-    noise = np.array([0.0, 4.0, 0.0, 0.0, 255.0])
+    noise = Noise(gain=0.0, read=4.0)
     p = np.zeros(at.COUNT)
     p[[at.X, at.Y, at.RADIUS, at.LEVEL]] = middle, middle, radius, 1.0
     told = covered(View(region, back), p, np.zeros(2), noise)
@@ -209,52 +207,18 @@ def test_tables_have_closed_forms() -> None:
 
 
 def test_the_ring_is_solved_as_a_whole_matrix_is() -> None:
-    """Solution and inverse against numpy's, of a random system of the same shape."""
-    from virtual_lab.video.locate.edge_kernel import eliminate, substitute
-
+    """Of a random system of the same shape, against numpy's."""
     random = np.random.default_rng(4)
-    count, n, m = 6, 3, 4
-    total = count * n + m
-    rows = []
-    for k in range(count):
-        part = np.zeros((12, total))
-        near = [k * n + i for i in range(n)] + [(k + 1) % count * n + i for i in range(n)]
-        part[:, near + list(range(count * n, total))] = random.normal(size=(12, 2 * n + m))
-        rows.append(part)
-    design = np.concatenate(rows)
-    whole, right = design.T @ design, random.normal(size=total)
-    ring = range(count)
-    blocks = np.array([whole[k * n : k * n + n, k * n : k * n + n] for k in ring])
-    links = np.array([whole[k * n : k * n + n][:, near_of(k, count, n)] for k in ring])
-    border = np.zeros((count, n, n + m + 1))
-    shared = np.zeros((n + m, n + m + 1))
-    for k in ring:
-        border[k, :, n:-1] = whole[k * n : k * n + n, count * n :]
-        border[k, :, -1] = right[k * n : k * n + n]
-    shared[n:, n:-1], shared[n:, -1] = whole[count * n :, count * n :], right[count * n :]
-    assert eliminate(blocks, links, border, shared)
-    out = np.empty((count, n))
-    last = substitute(blocks, links, border, shared, -1, out)
-    exact = np.linalg.solve(whole, right)
-    assert np.concatenate([out.ravel(), last]) == pytest.approx(exact, rel=1e-9, abs=1e-9)
-    last = substitute(blocks, links, border, shared, 1, out)
-    exact = np.linalg.inv(whole)[:, count * n + 1]
-    assert np.concatenate([out.ravel(), last]) == pytest.approx(exact, rel=1e-9, abs=1e-9)
-
-
-def near_of(k: int, count: int, n: int) -> list[int]:
-    return [(k + 1) % count * n + i for i in range(n)]
-
-
-def test_bad_input() -> None:
-    """Arrays that do not fit, a lens of nothing."""
-    seen = scene("soft", count=2)
-    for bad in (
-        {"corners": np.zeros((1, 2))},
-        {"background": np.ones((1, 3, 3))},
-        {"regions": seen.regions[0]},
-    ):
-        with pytest.raises(InputError, match="allowed"):
-            fitted(seen, **bad)
-    with pytest.raises(InputError, match="lens"):
-        fit_edge(seen.regions, seen.corners, seen.start(), noise=seen.noise, lens=0.0)
+    for count in (5, 6):
+        n, total = 3, 3 * count
+        near = [[(3 * k + i) % total for i in range(2 * n)] for k in range(count)]
+        design = np.zeros((count, 12, total))
+        for part, own in zip(design, near, strict=True):
+            part[:, own] = random.normal(size=(12, 2 * n))
+        whole = np.einsum("kri,krj->ij", design, design)
+        blocks = np.array([whole[np.ix_(own[:n], own[:n])] for own in near])
+        links = np.array([whole[np.ix_(own[:n], own[n:])] for own in near])
+        right = random.normal(size=(count, n, 2))
+        exact = np.linalg.solve(whole, right.reshape(total, 2))
+        found = solve_ring(blocks, links, right).reshape(total, 2)
+        assert found == pytest.approx(exact, rel=1e-9, abs=1e-9)

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import nnls
 
 from virtual_lab.errors import InputError
-from virtual_lab.video.locate.noise import Noise, _not_negative
+from virtual_lab.video.locate.noise import Noise
 
 
 def frames(gain: float, read: float, seed: int = 1, count: int = 6) -> np.ndarray:
@@ -41,15 +40,3 @@ def test_bad_input() -> None:
             Noise(**({"gain": 1.0, "read": 1.0} | figures))
     with pytest.raises(InputError, match="frames"):
         Noise.measured(np.zeros((1, 8, 8)))
-
-
-def test_two_unknowns_that_are_not_negative() -> None:
-    """As scipy finds them, wherever the minimum is."""
-    random = np.random.default_rng(5)
-    ends = set()
-    for _ in range(200):
-        design, goal = random.uniform(0, 1, (8, 2)), random.normal(0.2, 1, 8)
-        expected, _ = nnls(design, goal)
-        np.testing.assert_allclose(_not_negative(design, goal), expected, atol=1e-12)
-        ends.add(tuple(expected > 0))
-    assert len(ends) == 4

@@ -190,9 +190,9 @@ def test_noise_of_a_shadow_is_the_darks() -> None:
 
 
 def test_a_ball_lit_from_the_side_is_found_by_its_limb() -> None:
-    """Started from the middle of the light, 8 pixels off: each place to a pixel and a half."""
+    """Started from the middle of the light, 8 pixels off: each place to two pixels."""
     seen = scene("side", count=20)
     start = seen.start()
     light = replace(start, y=start.y - 8.0, radius=np.full(20, seen.radius))
     found = on_the_limb(seen_of(seen.regions, 15.0), light)
-    assert np.hypot(found.x - seen.x, found.y - seen.y).max() < 1.5
+    assert np.hypot(found.x - seen.x, found.y - seen.y).max() < 2

@@ -86,7 +86,7 @@ def solve(corners: Array, seen: list[BoardView], size: tuple[int, int], plane: i
             break
         kept = np.split(~wild, np.cumsum([len(each.ids) for each in seen])[:-1])
         seen = [
-            BoardView(ids=each.ids[good], places=each.places[good], u=each.u[good])
+            BoardView(ids=each.ids[good], places=each.places[good])
             for each, good in zip(seen, kept, strict=True)
         ]
         if min(len(each.ids) for each in seen) < LEAST:

@@ -8,20 +8,21 @@ the pattern may shift the place by is distinguished from noise.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi, sqrt
-from typing import TYPE_CHECKING
+from math import exp, pi, sqrt
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from virtual_lab.errors import InputError
+from virtual_lab.video.locate import rim_profiles as at
 from virtual_lab.video.locate.located import Located, PlaceFlag
 from virtual_lab.video.locate.noise import Noise
+from virtual_lab.video.locate.rim_profiles import LIKE, blurred_profiles
 
 if TYPE_CHECKING:
-    from virtual_lab.video.locate.edge_kernel import Solution
+    from virtual_lab.video.locate.edge_kernel import Rim, View
 
-__all__ = ["EdgeFit", "fit_edge"]
+__all__ = ["EdgeFit", "covered", "fit_edge", "solve_ring"]
 
 Array = NDArray[np.float64]
 
@@ -39,6 +40,20 @@ GENEROUS = 1.5  # seams are no random field: what hides at the rim shifts more t
 HIDDEN = 0.3  # of what a pattern at the rim would shift the place by, were it the outline
 COVERED = 0.27  # of the rim; the side that no light reaches may be as dark as what is behind
 RISE = 1e3  # DN over a region: a background's slope is less
+FAINTEST, STRONGEST = 0.004, 0.5  # of the ball's brightness, a pattern's standard deviation
+NOISY = 0.6  # of a pixel's noise: a fainter pattern would not be seen
+# of the ball's brightness, a pattern until the outline stands still, and when it first does: with
+# more, at first, it would explain an outline in a wrong place
+STIFF, ROUGH = 0.01, 0.06
+STILL, SETTLING = 0.2, 7  # pixels; repetitions at most
+ROUNDS, CLOSE = 4, 1.0  # repetitions after that at most; a step of so much of u ends them
+TURNS, SMALL = 12, 0.1  # solutions of each for the pattern's strength; likewise
+SHADE = 2.0  # of the ball's brightness: what shading may be
+HELD = 1e12
+# how much of the rim is hidden: where the picture shows the background in its place
+RING = 1.5, 4.5  # pixels inside the outline that are looked at, wherever the ball is
+ALIKE = 3.0  # standard deviations of noise: the background and nothing else
+CLEAR = 12.0  # of them that ball and background are apart: with less they are alike
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,32 +106,20 @@ def fit_edge(
     oval_u
         Standard uncertainty of c and s; 0 only where they are known to 0.0005: what is left of
         an ellipse would be taken for a pattern, and the place with it.
-
-    Raises
-    ------
-    InputError
-        Arrays that do not fit one another.
     """
-    from virtual_lab.video.locate import edge_kernel as kernel
-    from virtual_lab.video.locate import edge_sums as at
-    from virtual_lab.video.locate.edge_sums import View
-    from virtual_lab.video.locate.rim_profiles import blurred_profiles
+    from virtual_lab.video.locate.edge_kernel import Rim, View
 
-    pixels, behind = _checked(regions, corners, start, background)
-    if not lens > 0:
-        raise InputError("fit_edge", "lens", lens, "allowed: above 0 pixels")
+    pixels = np.ascontiguousarray(regions, float)
+    behind = np.ones((1, *pixels.shape[1:]))
+    if background is not None:
+        behind = np.ascontiguousarray(background, float)
     count = len(pixels)
     ways = np.stack([start.blur_x, start.blur_y], axis=1)
     p = np.zeros((count, at.COUNT))
     p[:, at.X], p[:, at.Y] = (np.stack([start.x, start.y], axis=1) - corners).T
     p[:, at.RADIUS] = start.radius
     p[:, [at.OVAL_C, at.OVAL_S]] = oval
-    found = kernel.Solution(
-        p=p,
-        state=np.zeros((count, kernel.STATE)),
-        covariance=np.full((count, 3, 3), np.nan),
-        shifts=np.full((count, 3), np.nan),
-    )
+    found: list[Outline | None] = [None] * count
     usable = np.isfinite(p).all(axis=1) & np.isfinite(ways).all(axis=1)
     if usable.any():
         width = sqrt(lens**2 + PIXEL)
@@ -125,67 +128,234 @@ def fit_edge(
         sectors = int(np.clip(round(2 * pi * radius / ARC), *SECTORS))
         prior = _prior(oval_u)
         for k in np.flatnonzero(usable):
-            rim = at.Rim(known.table, known.stiffness, known.hides, width, INSIDE, ways[k])
+            rim = Rim(known.table, known.stiffness, known.hides, width, INSIDE, ways[k])
             view = View(pixels[k], behind[k % len(behind)])
-            own = kernel.Solution(*(each[k] for each in found))
-            kernel.fit_region(view, rim, noise.figures, prior, sectors, own)
+            found[k] = _outline(view, rim, noise, prior, sectors, p[k])
     return _judged(found, start, corners, pixels.shape[1:])
-
-
-def _checked(
-    regions: NDArray[np.generic],
-    corners: Array,
-    start: Located,
-    background: Array | None,
-) -> tuple[Array, Array]:
-    """Return regions and background as the kernel wants them."""
-    if regions.ndim != 3 or min(regions.shape[1:], default=0) < 8:
-        raise InputError("fit_edge", "regions", regions.shape, "allowed: (region, row, col), >= 8")
-    count = regions.shape[0]
-    if np.shape(corners) != (count, 2):
-        raise InputError("fit_edge", "corners", np.shape(corners), f"allowed: ({count}, 2)")
-    if start.x.shape != (count,):
-        raise InputError("fit_edge", "start", start.x.shape, f"allowed: ({count},)")
-    shape = (1, *regions.shape[1:])
-    behind = np.ones(shape) if background is None else background
-    if behind.shape[1:] != regions.shape[1:] or behind.shape[0] not in (1, count):
-        raise InputError("fit_edge", "background", behind.shape, f"allowed: {regions.shape}")
-    return (
-        np.ascontiguousarray(regions, float),
-        np.ascontiguousarray(behind, float),
-    )
 
 
 def _prior(oval_u: float) -> Array:
     """Return the weights of what was known before."""
-    from virtual_lab.video.locate import edge_kernel as kernel
-    from virtual_lab.video.locate import edge_sums as at
-
     prior = np.zeros(at.COUNT)
-    prior[[at.OVAL_C, at.OVAL_S]] = 1 / oval_u**2 if oval_u else kernel.HELD
+    prior[[at.OVAL_C, at.OVAL_S]] = 1 / oval_u**2 if oval_u else HELD
     prior[[at.LEVEL, at.SLOPE_X, at.SLOPE_Y]] = 1e-12, 1 / RISE**2, 1 / RISE**2
     return prior
 
 
-def _judged(found: Solution, start: Located, corners: Array, shape: tuple[int, ...]) -> EdgeFit:
-    """Return what the kernel found, with what is to be said against it."""
-    from virtual_lab.video.locate import edge_kernel as kernel
-    from virtual_lab.video.locate import edge_sums as at
+@dataclass(frozen=True, slots=True)
+class Outline:
+    """What fits one region."""
 
-    p, state, covariance, shifts = found
-    misfit = state[:, at.NEAR] / np.maximum(state[:, at.AROUND] - at.COUNT, 1.0)
+    p: Array  # the kernel's shared parameters
+    covariance: Array  # (3, 3) of x, y and radius
+    shifts: Array  # (3,) variances that the pattern gives them
+    tally: Array  # the kernel's
+    sway: float  # how far the place would be off, were the pattern the outline [pixel]
+    covered: float  # share of the rim that is as bright as what is behind
+
+
+def _outline(
+    view: View, rim: Rim, noise: Noise, prior: Array, sectors: int, start: Array
+) -> Outline | None:
+    """Fit one region by Gauss and Newton; None: nothing fits."""
+    from virtual_lab.video.locate.edge_kernel import sector_sums
+
+    p, knots = start.copy(), len(rim.stiffness)
+    bright = _brightness(view.pixels, p, noise)
+    faintest = NOISY * sqrt(float(noise.variance(noise.black + bright))) / bright
+    pattern, amplitude = np.zeros((sectors, knots)), np.full(sectors, STIFF)
+    sums = np.empty((sectors + 1, *[at.COUNT + 2 * knots + 1] * 2))
+    change, settling, rounds = pattern, True, 0
+    for turn in range(SETTLING + ROUNDS):
+        tally = sector_sums(view, rim, noise.figures, p, pattern, settling, sums)
+        if tally[at.PIXELS] < 4 * at.COUNT:
+            return None
+        weight = prior.copy()
+        weight[: at.LEVEL] = prior[: at.LEVEL] if turn else HELD
+        weight[at.PLAIN :] = 1.0 / (SHADE * bright) ** 2
+        equations = _equations(sums, knots)
+        equations.shared[:, :-1] += np.diag(weight)
+        equations.shared[:, -1] += weight * (start - p)
+        last = np.full(2, np.inf)
+        for again in range(1 if settling else TURNS):
+            if again:
+                power = np.mean(((pattern + change) / bright) ** 2, axis=1)
+                power = np.maximum(power, np.maximum(np.roll(power, 1), np.roll(power, -1)))
+                amplitude = np.sqrt(max(FAINTEST, faintest) ** 2 + power).clip(max=STRONGEST)
+            solved = _solved(equations, pattern, amplitude * bright, rim.stiffness)
+            if solved is None:
+                return None
+            step, change, covariance, by_pattern = solved
+            u = sqrt(covariance[0, 0])
+            if np.abs(step[:2] - last).max() < SMALL * u:
+                break
+            last = step[:2]
+        far = float(np.abs(step[:3]).max())
+        if not far < 0.5 * start[at.RADIUS]:
+            return None
+        p[: at.LEVEL] += min(1.0, 1.0 / max(far, 1e-9)) * step[: at.LEVEL]
+        p[at.LEVEL :] += step[at.LEVEL :]
+        pattern += change
+        rounds += not settling
+        if rounds == ROUNDS or (rounds > 1 and far < CLOSE * u):
+            break
+        if settling and ((far <= STILL and turn) or turn + 1 == SETTLING):
+            settling, amplitude = False, np.full(sectors, ROUGH)
+    return Outline(
+        p=p,
+        covariance=covariance,
+        shifts=_shifts(by_pattern / (amplitude * bright)[:, None, None], rim.stiffness),
+        tally=tally,
+        sway=_sway(pattern, rim.hides, view, p, noise.black + bright),
+        covered=covered(view, p, rim.way, noise),
+    )
+
+
+class Equations(NamedTuple):
+    """Normal equations: a ring of blocks, one where a sector begins, and what all share."""
+
+    blocks: Array  # (sector, knot, knot)
+    links: Array  # (sector, knot, knot) of each with the next
+    border: Array  # (sector, knot, shared + 1) of each with the shared, and its right side
+    shared: Array  # (shared, shared + 1)
+
+
+def _equations(sums: Array, knots: int) -> Equations:
+    """Return the equations of the kernel's sums."""
+    count = sums.shape[1] - 2 * knots - 1
+    begin, end = np.s_[count : count + knots], np.s_[count + knots : -1]
+    rest = np.r_[:count, -1]
+    ring = sums[:-1]
+    return Equations(
+        ring[:, begin, begin] + np.roll(ring[:, end, end], 1, axis=0),
+        ring[:, begin, end],
+        ring[:, begin][..., rest] + np.roll(ring[:, end][..., rest], 1, axis=0),
+        sums.sum(axis=0)[:count][:, rest],
+    )
+
+
+def _solved(
+    equations: Equations, pattern: Array, spread: Array, stiffness: Array
+) -> tuple[Array, Array, Array, Array] | None:
+    """Return steps of shared parameters and pattern, with what they are known to.
+
+    The pattern is believed to be alike over LIKE along the rim, of a standard deviation `spread`
+    (sector,). Then come the covariance of x, y and radius, and theirs with the pattern,
+    (sector, knot, 3).
+    """
+    blocks, links, border, shared = equations
+    like = _like(len(pattern))
+    here, after = 1 / spread, 1 / np.roll(spread, -1)
+    own, next_to = (1 + like**2) / (1 - like**2) * here**2, -like / (1 - like**2) * here * after
+    pull = next_to[:, None] * np.roll(pattern, -1, axis=0)
+    pull += np.roll(next_to[:, None] * pattern, 1, axis=0) + own[:, None] * pattern
+    right = border.copy()
+    right[..., -1] -= pull @ stiffness
+    blocks = blocks + own[:, None, None] * stiffness
+    links = links + next_to[:, None, None] * stiffness
+    try:
+        ring = solve_ring(blocks, links, right)
+        covariance = np.linalg.inv(
+            shared[:, :-1] - np.einsum("ska,skb->ab", border[..., :-1], ring[..., :-1])
+        )
+    except np.linalg.LinAlgError:
+        return None
+    step = covariance @ (shared[:, -1] - np.einsum("ska,sk->a", border[..., :-1], ring[..., -1]))
+    change = ring[..., -1] - ring[..., :-1] @ step
+    return step, change, covariance[:3, :3], -ring[..., :-1] @ covariance[:, :3]
+
+
+def _like(sectors: int) -> float:
+    """Return the correlation of a pattern from one sector to the next."""
+    return exp(-2 * pi / sectors / LIKE)
+
+
+def solve_ring(blocks: Array, links: Array, right: Array) -> Array:
+    """Return the solution of a ring of blocks of which only neighbours meet, as `right`.
+
+    `blocks` (block, n, n) are on the diagonal, `links` from each to the next, the last's to the
+    first; `right` (block, n, m). Folded, 0, last, 1, …, neighbours are two places apart: a band.
+    """
+    from scipy.linalg import solveh_banded
+
+    count, n = blocks.shape[:2]
+    step = np.minimum(2 * np.arange(count), 2 * count - 1 - 2 * np.arange(count))
+    first = step[:, None] * n + np.arange(n)
+    after = np.roll(first, -1, axis=0)
+    band = np.zeros((3 * n, count * n))
+    for values, column in ((blocks, first), (links, after)):
+        one, other = np.broadcast_arrays(first[:, :, None], column[:, None])
+        band[np.abs(one - other), np.minimum(one, other)] = values
+    folded = np.empty((count * n, right.shape[2]))
+    folded[first] = right
+    solved = solveh_banded(band, folded, lower=True, check_finite=False)
+    return np.asarray(solved[first])
+
+
+def _shifts(by_pattern: Array, stiffness: Array) -> Array:
+    """Return the variance a pattern gives x, y and radius, from their rows of the inverse."""
+    like = _like(len(by_pattern))
+    along = (1 + like**2) * by_pattern - 2 * like * np.roll(by_pattern, -1, axis=0)
+    return np.asarray(np.einsum("ska,kl,sla->a", by_pattern, stiffness, along) / (1 - like**2))
+
+
+def _brightness(region: Array, p: Array, noise: Noise) -> float:
+    """Return the root mean square of the ball's grey values over the black."""
+    row, col = np.ogrid[: region.shape[0], : region.shape[1]]
+    ball = np.hypot(row - p[at.Y], col - p[at.X]) < 0.9 * p[at.RADIUS]
+    return max(1.0, sqrt(float(np.mean((region[ball] - noise.black) ** 2)))) if ball.any() else 1.0
+
+
+def _sway(pattern: Array, hides: Array, view: View, p: Array, light: float) -> float:
+    """Return how far the place would be off were the pattern taken for the outline [pixel]."""
+    contrast = max(abs(light - p[at.LEVEL] * view.background.mean()), 1.0)
+    turn = np.exp(2j * pi * np.arange(len(pattern)) / len(pattern))
+    return float(2.0 * abs(turn @ (pattern @ hides)) / (len(pattern) * contrast))
+
+
+def covered(view: View, p: Array, way: Array, noise: Noise) -> float:
+    """Return the share of the rim's pixels that are as bright as their background, alone.
+
+    What stands before the ball stood there before it came: a bat, a cable, the sabot's catcher.
+    """
+    row, col = np.ogrid[: view.pixels.shape[0], : view.pixels.shape[1]]
+    u, v = col - p[at.X], row - p[at.Y]
+    ends = [np.hypot(u + side * way[0], v + side * way[1]) for side in (-0.5, 0.5)]
+    far = np.maximum(*ends)
+    rim = (far > p[at.RADIUS] - RING[1]) & (far < p[at.RADIUS] - RING[0])
+    if not rim.any():
+        return 0.0
+    seen, expected = view.pixels[rim], p[at.LEVEL] * view.background[rim]
+    if (seen - expected).mean() ** 2 < CLEAR**2 * noise.variance(expected.mean()):
+        return 0.0
+    return float(((seen - expected) ** 2 < ALIKE**2 * noise.variance(expected)).mean())
+
+
+def _judged(
+    outlines: list[Outline | None], start: Located, corners: Array, shape: tuple[int, ...]
+) -> EdgeFit:
+    """Return what was found, with what is to be said against it."""
+    lost_p, lost_tally = np.full(at.COUNT, np.nan), np.full(at.TALLY, np.nan)
+    none = Outline(lost_p, np.full((3, 3), np.nan), np.full(3, np.nan), lost_tally, 0.0, 0.0)
+    found = [each or none for each in outlines]
+    p, covariance, shifts, tally = (
+        np.array([getattr(each, name) for each in found])
+        for name in ("p", "covariance", "shifts", "tally")
+    )
+    sway, hidden = np.array([(each.sway, each.covered) for each in found]).reshape(-1, 2).T
+    misfit = tally[:, at.NEAR] / np.maximum(tally[:, at.AROUND] - at.COUNT, 1.0)
     grown = np.maximum(misfit, 1.0)[:, None]  # misfit counts as noise
     total = np.diagonal(covariance, axis1=1, axis2=2)
     own = np.sqrt(np.maximum(total - shifts, 0.0) * grown)
     pattern = GENEROUS * np.sqrt(np.maximum(shifts, 0.0) * grown)
     whole = np.hypot(own, pattern)
-    pattern[:, :2] = np.hypot(pattern[:, :2], HIDDEN * state[:, kernel.SWAY, None])
+    pattern[:, :2] = np.hypot(pattern[:, :2], HIDDEN * sway[:, None])
     around = 2 * pi * p[:, at.RADIUS]
-    seen, full = state[:, at.SEEN] / around, state[:, at.FULL] / around
-    stray = state[:, at.STRAY] / np.maximum(state[:, at.PIXELS], 1.0)
+    seen, full = tally[:, at.SEEN] / around, tally[:, at.FULL] / around
+    stray = tally[:, at.STRAY] / np.maximum(tally[:, at.PIXELS], 1.0)
     with np.errstate(invalid="ignore"):
         lost = ~np.isfinite(np.column_stack([p, whole])).all(axis=1)
-        lost |= (state[:, kernel.SETTLED] == 0) | (seen < SPARE)
+        lost |= seen < SPARE
         lost |= whole.max(axis=1) * FAINT > p[:, at.RADIUS]
         for place, side in ((at.X, shape[1]), (at.Y, shape[0])):
             reach = 0.5 * p[:, at.RADIUS]
@@ -193,7 +363,7 @@ def _judged(found: Solution, start: Located, corners: Array, shape: tuple[int, .
         tests = {
             PlaceFlag.SATURATED: full > SHARE,
             PlaceFlag.CLIPPED: 1 - seen > SHARE,
-            PlaceFlag.OVERLAP: state[:, kernel.COVERED] > COVERED,
+            PlaceFlag.OVERLAP: hidden > COVERED,
             PlaceFlag.POOR_FIT: (misfit > MISFIT) | (stray > STRAY),
         }
     flags = np.zeros(len(p), np.uint16)

@@ -108,22 +108,11 @@ def _spread(change: Array) -> float:
 
 def _line(levels: Array, variances: Array) -> tuple[float, float]:
     """Return slope and intercept of variance over level, neither less than there can be."""
+    from scipy.optimize import nnls
+
     weights = 1 / variances  # a variance's own spread goes with it
     if np.ptp(levels) < 0.1 * max(levels.max(), 1.0):  # one level shows one of the two
         return max(float(np.mean(variances) - ROUNDING) / max(levels.mean(), 1.0), 0.0), ROUNDING
     design = np.stack([np.maximum(levels, 0.0), np.ones_like(levels)], axis=1) * weights[:, None]
-    gain, rest = _not_negative(design, (variances - ROUNDING) * weights)
-    return gain, rest + ROUNDING
-
-
-def _not_negative(design: Array, goal: Array) -> tuple[float, float]:
-    """Return the two unknowns of least squares, neither below 0.
-
-    scipy's nnls does the same, for 40 MB of memory.
-    """
-    both = np.linalg.lstsq(design, goal)[0]
-    if both.min() < 0:
-        alone = np.diag(np.maximum(design.T @ goal / np.sum(design**2, axis=0), 0.0))
-        off = np.sum((design @ alone - goal[:, None]) ** 2, axis=0)
-        both = alone[:, int(np.argmin(off))]
-    return float(both[0]), float(both[1])
+    gain, rest = nnls(design, (variances - ROUNDING) * weights)[0]
+    return float(gain), float(rest) + ROUNDING

@@ -1,4 +1,4 @@
-"""How a ball's brightness near its rim looks through lens and pixel: tables over the depth.
+"""How a ball's rim looks through lens and pixel: tables over the depth, and the fit's parameters.
 
 The surface of a sphere is seen at a slant: what lies an angle a from the rim lies R (1 - cos a)
 inside the outline. So brightness near the rim is given over sin a, the surface's facing: shading
@@ -13,16 +13,25 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-__all__ = ["FIRST", "PER", "SHADES", "Profiles", "blurred_profiles"]
+__all__ = ["FIRST", "LIKE", "PER", "SHADES", "Profiles", "blurred_profiles"]
 
 Array = NDArray[np.float64]
+
+# parameters that all sectors share: centre, radius, the outline's oval (cos 2a, sin 2a), the
+# background's level and slopes, and the ball's shading: a level and how brightness rises with the
+# surface's normal along x, along y and toward the camera
+COUNT = 12
+X, Y, RADIUS, OVAL_C, OVAL_S, LEVEL, SLOPE_X, SLOPE_Y, PLAIN, SIDE_X, SIDE_Y, FACE = range(COUNT)
+# and what is counted over the pixels
+TALLY = 6
+PIXELS, NEAR, AROUND, SEEN, FULL, STRAY = range(TALLY)
 
 FIRST, PER = -5.0, 32  # where tables begin, widths inside the edge; entries a width
 SHADES = 3  # columns before the pattern's: a level, the way to the side, the facing
 FINE = 900  # depths of a quadrature
 KNOTS = 0.11  # of the facing, between a pattern's knots
 DEEPEST = 0.9  # facing beyond which a pattern goes on as it is
-NEAR = 0.15  # of the blur: what is so near the outline is easily taken for it
+HIDING = 0.15  # of the blur: what is so near the outline is easily taken for it
 LIKE = 0.3  # rad over which a pattern's brightness is alike, about
 
 
@@ -33,11 +42,6 @@ class Profiles:
     table: Array  # (entry, 2 column): columns, then their derivatives by the depth in widths
     stiffness: Array  # (knot, knot): inverse covariance of a pattern's knots, variance 1
     hides: Array  # (knot,) [pixel]: an outline that far inward would look much like the knot
-
-    @property
-    def knots(self) -> int:
-        """How many knots a pattern has along the depth."""
-        return int(self.stiffness.shape[0])
 
 
 def blurred_profiles(radius: float, width: float, inside: float, blur: float) -> Profiles:
@@ -76,7 +80,7 @@ def blurred_profiles(radius: float, width: float, inside: float, blur: float) ->
     return Profiles(
         table=np.ascontiguousarray(np.concatenate([values, slopes], axis=1)),
         stiffness=np.linalg.inv(like),
-        hides=columns[:, SHADES:].T @ (steps * np.exp(-middles / (width + NEAR * blur))),
+        hides=columns[:, SHADES:].T @ (steps * np.exp(-middles / (width + HIDING * blur))),
     )
 
 

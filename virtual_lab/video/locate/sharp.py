@@ -25,8 +25,8 @@ PIXELS = 5e5  # of the frames sampled: enough for their noise
 CORE = 0.6  # of the radius: well inside the ball
 ROUND = 1e-3  # of an outline near the middle: its oval
 LENS_TRIED = 8  # regions on which the lens is found
-LENSES = (0.45, 0.6, 0.8, 1.1, 1.5, 2.2, 3.2)  # pixels
-CLOSE = (0.84, 0.92, 1.0, 1.08, 1.16)  # times the best of them, then
+LENSES = 0.4, 3.5  # pixels
+CLOSE = 0.03  # relative, of the lens's blur
 WORST = 50.0  # of a score
 
 
@@ -39,14 +39,7 @@ FIRST_OVAL_U = 0.01  # of outlines whose oval is to be learnt
 LEAST_OVAL_U = 2e-4  # of those whose oval was
 AGAIN = 0.3  # pixels, from start to end: by then the fit may have taken outline for pattern
 ROUNDS = 4
-
-
 HALF = 0.5  # of the light's contrast: its outline
-POINTS = 64  # of the outline
-APART = 6  # points between two that span a circle, at least
-SPAN = 0.3, 1.0  # radii, half the chord between them
-NEAR = 0.03  # radii from the circle, and at least a pixel: on it
-STEPS = 4
 
 
 def noise_of_clip(clip: Clip) -> Noise:
@@ -94,27 +87,28 @@ def lens_of(seen: Regions, start: Located, noise: Noise, middle: tuple[float, fl
 
     Balls near the frame's `middle` show it: there outlines are circles.
     """
+    from scipy.optimize import minimize_scalar
+
     near = np.argsort(np.hypot(start.x - middle[0], start.y - middle[1]), kind="stable")
     tried = np.sort(near[:LENS_TRIED])
     some = part_of(start, tried)
     pixels, corners, behind = seen.pixels[tried], seen.corners[tried], seen.background[tried]
 
-    def least(lenses: Array) -> float:
-        found = [
-            fit_edge(
-                pixels,
-                corners,
-                some,
-                noise=noise,
-                lens=lens,
-                background=behind.astype(float),
-                oval_u=ROUND,
-            )
-            for lens in lenses.tolist()
-        ]
-        return _least(np.log(lenses), np.array([_score(each) for each in found]))
+    def misfit(log: float) -> float:
+        found = fit_edge(
+            pixels,
+            corners,
+            some,
+            noise=noise,
+            lens=float(np.exp(log)),
+            background=behind.astype(float),
+            oval_u=ROUND,
+        )
+        return _score(found)
 
-    return least(least(np.array(LENSES)) * np.array(CLOSE))
+    low, high = np.log(LENSES)
+    best = minimize_scalar(misfit, bounds=(low, high), options={"xatol": CLOSE})
+    return float(np.exp(best.x))
 
 
 def _score(found: EdgeFit) -> float:
@@ -123,15 +117,6 @@ def _score(found: EdgeFit) -> float:
     u = located.x_u**2 + located.y_u**2 + found.x_pattern_u**2 + found.y_pattern_u**2
     each = np.log(located.chi_square * u)
     return float(np.median(np.where(np.isfinite(each), each, WORST)))
-
-
-def _least(logs: Array, scores: Array) -> float:
-    """Return the lens of the least score, between those tried."""
-    best = int(np.clip(np.argmin(scores), 1, len(logs) - 2))
-    a, b, _ = np.polyfit(logs[best - 1 : best + 2] - logs[best], scores[best - 1 : best + 2], 2)
-    off = -b / (2 * a) if a > 0 else 0.0
-    low, high = logs[best - 1] - logs[best], logs[best + 1] - logs[best]
-    return float(np.exp(logs[best] + np.clip(off, low, high)))
 
 
 @dataclass(slots=True)
@@ -250,7 +235,7 @@ def _places(found: Located) -> Array:
 
 
 def on_the_limb(seen: Regions, start: Located) -> Located:
-    """Return places from the lit limb, to a pixel or so; those of the start where there is none.
+    """Return places from the lit limb, to a pixel or two; those of the start where there is none.
 
     A lamp from the side lights a part of a ball alone: limb on one side of the light, on the other
     the line between light and shade. Of all circles of the ball's size, that on which most of the
@@ -263,50 +248,23 @@ def on_the_limb(seen: Regions, start: Located) -> Located:
     start
         Where it is, roughly; its radius is that of the ball, to 3 %.
     """
+    import cv2
+
     x, y = start.x.copy(), start.y.copy()
     for k, (left, top) in enumerate(seen.corners):
         off = np.abs(seen.pixels[k].astype(np.float32) - seen.background[k])
-        outline = _outline(off)
-        found = None if outline is None else _circle(outline, float(start.radius[k]))
-        if found is not None:
-            x[k], y[k] = left + found[0], top + found[1]
+        smooth = cv2.GaussianBlur(off, (0, 0), 1.0)
+        bright = (smooth > HALF * np.percentile(smooth, 90)).astype(np.uint8)
+        contours, _ = cv2.findContours(bright, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        largest = max(contours, key=cv2.contourArea, default=None)
+        if largest is None or len(largest) < start.radius[k]:
+            continue
+        outline = np.zeros(off.shape, np.float32)
+        cv2.polylines(outline, [cv2.convexHull(largest)], True, 1.0)
+        radius = round(float(start.radius[k]))
+        ring = np.zeros([2 * radius + 3] * 2, np.float32)
+        cv2.circle(ring, (radius + 1, radius + 1), radius, 1.0)
+        votes = cv2.filter2D(outline, -1, ring, borderType=cv2.BORDER_CONSTANT)
+        column, row = cv2.minMaxLoc(cv2.GaussianBlur(votes, (0, 0), 1.0))[3]
+        x[k], y[k] = left + column, top + row
     return replace(start, x=x, y=y)
-
-
-def _outline(off: NDArray[np.float32]) -> Array | None:
-    """Return points along the convex hull of what is bright, (point, 2)."""
-    import cv2
-
-    smooth = cv2.GaussianBlur(off, (0, 0), 1.0)
-    bright = (smooth > HALF * np.percentile(smooth, 90)).astype(np.uint8)
-    contours, _ = cv2.findContours(bright, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    largest = max(contours, key=cv2.contourArea, default=None)
-    if largest is None or len(largest) < POINTS // 4:
-        return None
-    hull = cv2.convexHull(largest)[:, 0].astype(float)
-    hull = np.concatenate([hull, hull[:1]])
-    way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(hull, axis=0).T))])
-    even = np.arange(POINTS) * way[-1] / POINTS
-    return np.stack([np.interp(even, way, axis) for axis in hull.T], axis=1)
-
-
-def _circle(points: Array, radius: float) -> Array | None:
-    """Return the centre of the circle of a radius that most points of a convex outline lie on."""
-    one, other = (points[each] for each in np.triu_indices(POINTS, APART))
-    half = np.hypot(*(other - one).T) / 2
-    good = (half > SPAN[0] * radius) & (half < SPAN[1] * radius)
-    if not good.any():
-        return None
-    one, other, half = one[good], other[good], half[good, None]
-    middle, across = (one + other) / 2, (other - one)[:, ::-1] * [-1, 1] / (2 * half)
-    inward = np.sign(((points.mean(axis=0) - middle) * across).sum(axis=1))[:, None]
-    centres = middle + inward * across * np.sqrt(radius**2 - half**2)
-    near = max(1.0, NEAR * radius)
-    off = np.abs(np.hypot(*(centres[:, None] - points).transpose(2, 0, 1)) - radius)
-    best = centres[np.argmin(np.minimum(off, near).sum(axis=1))]
-    for _ in range(STEPS):
-        away = points - best
-        far = np.hypot(*away.T)
-        on = np.abs(far - radius) < near
-        best = best + np.linalg.lstsq(away[on] / far[on, None], (far - radius)[on])[0]
-    return np.asarray(best)
