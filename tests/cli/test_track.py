@@ -84,6 +84,7 @@ def test_a_clip_without_a_calibration_file_warns(folder: Path) -> None:
         (["clip.mp4", "--ball", "28mm", "--calibration", "none.toml"], "none.toml"),
         (["cal.toml", "--ball", "28mm"], "cannot be opened"),
         (["none.mp4", "--ball", "28mm"], "no such file"),
+        (["none.mp4"], "no such file"),
     ],
 )
 def test_bad_input_leaves_nothing_behind(folder: Path, arguments: list[str], words: str) -> None:

@@ -87,8 +87,7 @@ def _followed(places: Array) -> tuple[list[Piece], dict[int, int]]:
         for name in names:
             found[name] = values
     found["radius"] = found["length"] = RADIUS
-    scene = FlightScene(
-        found=found, time=np.arange(len(places), dtype=float), size=(1280, 800), exposure=0.0
-    )
-    flights = flights_of(scene, pieces(found, scene.time))
+    time = np.arange(len(places), dtype=float)
+    scene = FlightScene(found=found, time=time, stamped=time, size=(1280, 800), exposure=0.0)
+    flights, _ = flights_of(scene, pieces(found, time))
     return flights, scene.lost(flights)

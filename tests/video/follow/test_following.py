@@ -5,13 +5,14 @@ All twins, with other seeds: python -m tests.video.follow.study.
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.video.follow.twins import require_contacts, require_flights, run
 from tests.video.scenery.scene import Made
-from tests.video.scenery.scenes import SCENES
+from tests.video.scenery.scenes import SCENES, UNSEEN
 from virtual_lab.video.follow.following import FollowedClip, following
 
 Get = Callable[[str], tuple[Made, FollowedClip]]
@@ -71,6 +72,19 @@ def test_thinned_frames_are_found_by_the_motion(followed: Get) -> None:
     gaps = np.flatnonzero(np.diff(made.exposures) > 1) + 1
     assert missing
     assert missing <= set(gaps.tolist())
+
+
+@pytest.mark.parametrize(("name", "seed", "crf"), [("thinned", 38, 29), ("stamped", 32, 24)])
+def test_frames_left_out_of_a_phone_s_file(name: str, seed: int, crf: int, tmp_path: Path) -> None:
+    """H.264 with B-frames; time stamps that hide what is missing, and some that tell it."""
+    scene = (SCENES | UNSEEN)[name]
+    scene = replace(scene, codec="H264", crf=crf, seed=scene.seed + 100 * seed)
+    made, found = run(scene, tmp_path)
+    assert ("LOST_FRAMES" in found.flags) == (name == "thinned")
+    assert "GRAVITY" not in found.flags
+    require_flights(made.truth, found)
+    require_contacts(made.truth, found)
+    assert len(found.contacts) >= 2
 
 
 def test_a_wrong_frame_rate_is_told_by_gravity(followed: Get) -> None:

@@ -8,6 +8,7 @@ from tests.video.scenery.filming import film
 from tests.video.scenery.scene import BallTruth, Made, Scene
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import open_clip
+from virtual_lab.video.clips.timing import usual_step
 from virtual_lab.video.follow.following import FollowedClip, Known, follow
 
 __all__ = ["require_contacts", "require_flights", "run"]
@@ -15,8 +16,10 @@ __all__ = ["require_contacts", "require_flights", "run"]
 
 def run(scene: Scene, folder: Path) -> tuple[Made, FollowedClip]:
     made = film(scene, folder)
-    rate = scene.fps
-    if scene.stored == "thinned":
+    rate: float | None = scene.fps
+    if scene.true_stamps or not scene.rate_said:
+        rate = None
+    elif scene.stored == "thinned":
         rate = 5 / 6 * rate
     elif scene.stored == "doubled":
         rate = 2 * rate
@@ -24,6 +27,7 @@ def run(scene: Scene, folder: Path) -> tuple[Made, FollowedClip]:
         rate = rate * len(made.exposures) / scene.count
     clip = open_clip(made.path, ClipCalibration(frames_per_second=rate))
     diameter = scene.actors[0].ball.diameter if scene.actors else 0.05
+    rate = rate or 1 / usual_step(clip.times)
     return made, follow(clip, Known(rate=rate, ball=diameter, ball_u=0.01 * diameter))
 
 

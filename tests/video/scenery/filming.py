@@ -35,6 +35,8 @@ Image = NDArray[np.float32]
 
 SWAY = 0.3  # s over which the hand that holds the camera wanders
 FASTEST = 0.95  # px a frame of drift
+MAINS = 100.3  # 1/s
+WINDOW = (0.05, 0.45, 0.62, 0.92)  # of rows and columns: where it is
 BESIDE = 2.0  # px from the outline at which a hand still counts as on the ball
 
 
@@ -42,7 +44,7 @@ def film(scene: Scene, folder: Path) -> Made:
     """Film a scene, store it in a folder and return the file with what is true of it."""
     filmed = _Filmed(scene)
     exposures = stored_exposures(scene.stored, scene.count, scene.seed)
-    path = write(scene, filmed.pictures(exposures), folder)
+    path = write(scene, filmed.pictures(exposures), folder, exposures)
     times = filmed.time(exposures)
     return Made(
         path=path,
@@ -254,14 +256,15 @@ class _Filmed:
     def _drift(self) -> Array:
         """Return a smooth random walk of stated extent, never faster than FASTEST."""
         wanted = self.scene.phone.drift
+        panned = self.scene.phone.pan * self.clock[:, None] * [-1.0, 0.0]
         if not wanted:
-            return np.zeros((len(self.clock), 2))
+            return panned
         steps = self.rng.standard_normal((len(self.clock), 2))
         walk = gaussian_filter1d(np.cumsum(steps, axis=0), SWAY * 1000, axis=0, mode="nearest")
         walk *= wanted / np.ptp(walk, axis=0).max()
         speed = np.abs(np.gradient(walk, self.clock, axis=0)).max() / self.scene.fps
         walk *= min(1.0, FASTEST / speed)
-        return walk - walk[0]
+        return walk - walk[0] + panned
 
     def _picture(self, exposure: int) -> NDArray[np.uint8]:
         scene, phone = self.scene, self.scene.phone
@@ -269,6 +272,13 @@ class _Filmed:
         time = float(self.time(np.array(exposure)))
         picture = self._moved_background(time)
         light = 1 + phone.flicker * np.sin(2 * np.pi * 1.7 * time) * rng.uniform(0.3, 1)
+        mains = float(np.sin(2 * np.pi * MAINS * time) * np.sinc(MAINS * scene.exposure))
+        light *= 1 + phone.mains * mains
+        top, bottom, left, right = (
+            round(share * side)
+            for share, side in zip(WINDOW, np.repeat(self.shape, 2), strict=True)
+        )
+        picture[top:bottom, left:right] *= (1 + phone.window * mains) ** (1 / phone.gamma)
         for actor, path in zip(scene.actors, self.paths, strict=True):
             self._shadows(picture, actor, path, time)
         for actor, path in zip(scene.actors, self.paths, strict=True):

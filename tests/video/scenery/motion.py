@@ -153,6 +153,7 @@ class Thrown:
     arm_from: Pair | None = None
     surfaces: tuple[Surface, ...] = ()
     caught: float | None = None  # s
+    rolls: bool = False  # until released, at that speed, off the end of a table
 
     def path(self, ball: Ball, until: float) -> Path:
         until = max(until, (self.caught or self.released) + 0.1)
@@ -166,7 +167,7 @@ class Thrown:
         if self.released > 0:
             before = np.arange(0, self.released, STEP)
             t, places = np.append(before, t), np.concatenate([self._held(before), places])
-            phases.insert(0, (0.0, "hand"))
+            phases.insert(0, (0.0, "rolling" if self.rolls else "hand"))
         if self.caught is not None and until > end:
             after = np.arange(end + STEP, until + STEP, STEP)
             slowed = FOLLOW * (1 - np.exp(-(after - end) / FOLLOW))[:, None]
@@ -226,6 +227,8 @@ class Thrown:
 
     def _held(self, t: Array) -> Array:
         """Return places in the hand: speed grows as a smooth step up to that of release."""
+        if self.rolls:
+            return np.array(self.place) - (self.released - t)[:, None] * np.array(self.velocity)
         u = np.clip(1 - (self.released - t) / self.run_up, 0, 1)
         short = self.run_up * (0.5 - (u**3 - u**4 / 2))
         return np.array(self.place) - short[:, None] * np.array(self.velocity)

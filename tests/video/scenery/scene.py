@@ -33,10 +33,13 @@ class Phone:
     pitch: float = 0.0  # deg, looking down
     yaw: float = 0.0  # deg, looking to the right
     drift: float = 0.0  # px over the clip, at most 1 px a frame
+    pan: float = 0.0  # px/s to the right, beside the drift
     readout: float = 0.0  # s from the first row to the last
     blur: float = 0.7  # px, standard deviation of lens and processing
     noise: float = 1.5  # grey values, at all brightnesses as after a gamma
     flicker: float = 0.0  # relative amplitude of the light
+    mains: float = 0.0  # the same of a lamp, at 100 Hz
+    window: float = 0.0  # the same, of a part of the picture alone
     gamma: float = 2.2
 
 
@@ -64,9 +67,12 @@ class Scene:
     mirror: float = 0.0  # share of light the floor reflects
     stored: str = "all"
     file_rate: float | None = None
+    rate_said: bool = True  # whoever follows it knows the true rate, not the file's alone
     rotation: int = 0  # deg clockwise that a player has to turn the stored frames
-    codec: str = "MJPG"  # MJPG | mp4v | VP80 | FFV1 | PNG
+    codec: str = "MJPG"  # MJPG | mp4v | VP80 | FFV1 | PNG, or as a phone writes: H264 | HEVC
     jpeg: int = 90  # quality; before another codec 100 leaves the frames as they are
+    crf: int = 26  # a phone's quality: 18 is good, 34 bad
+    true_stamps: bool = False  # of a phone: each frame's own time, not those of an even rate
 
 
 @dataclass(frozen=True, kw_only=True)

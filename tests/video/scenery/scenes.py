@@ -6,7 +6,7 @@ from tests.video.scenery.backdrop import Backdrop
 from tests.video.scenery.motion import Ball, Carried, Rolling, Surface, Swinging, Thrown
 from tests.video.scenery.scene import Actor, Phone, Scene
 
-__all__ = ["LARGE", "SCENES"]
+__all__ = ["LARGE", "SCENES", "UNSEEN"]
 
 GREEN = Ball(diameter=0.080, mass=0.070, colour=(0.05, 0.72, 0.07))
 RED = Ball(diameter=0.040, mass=0.024, colour=(0.06, 0.07, 0.55), facing=2)
@@ -305,5 +305,133 @@ SCENES = {
         rolling_shutter,
         tilted,
         upright,
+    )
+}
+
+# what else a person may film, found by asking what nobody had made up yet; in a phone's H.264
+PHONED = Phone(drift=14.0, flicker=0.01, noise=1.2)
+BOUNCING = Surface(at=0.46, restitution=(0.77, 0.78, 0.80))
+GREY = Ball(diameter=0.070, mass=0.060, colour=(0.42, 0.43, 0.44), texture=0.08)
+
+
+def _thrown(name: str, **changes: object) -> Scene:
+    motion = {key: changes.pop(key) for key in list(changes) if key in Thrown.__annotations__}
+    actor = Actor(
+        ball=changes.pop("ball", GREEN), motion=replace(thrown_on_wall.actors[0].motion, **motion)
+    )
+    given = {"phone": PHONED, "backdrop": PLASTER, "actors": (actor,), "codec": "H264"}
+    return replace(thrown_on_wall, name=name, **(given | changes))
+
+
+UNSEEN = {
+    scene.name: scene
+    for scene in (
+        _thrown(
+            "far-away",
+            size=(640, 360),
+            count=110,
+            fps=60,
+            exposure=1 / 240,
+            phone=replace(PHONED, distance=6.0, focal=800, drift=20),
+            place=(-1.2, -0.3),
+            velocity=(0.7, 0.0),
+            surfaces=(replace(BOUNCING, at=1.0),),
+            floor=1.0,
+        ),
+        _thrown(
+            "across",
+            fps=60,
+            count=70,
+            exposure=1 / 250,
+            place=(-1.3, 0.1),
+            velocity=(3.2, -1.9),
+            released=0.25,
+            arm_from=None,
+            surfaces=(),
+        ),
+        _thrown("lobbed", place=(-0.5, 0.3), velocity=(0.45, -4.2), fps=60, count=110),
+        _thrown(
+            "off-a-table",
+            fps=60,
+            count=100,
+            exposure=1 / 200,
+            place=(-0.1, -0.25),
+            velocity=(0.55, 0.0),
+            released=0.9,
+            rolls=True,
+            arm_from=None,
+        ),
+        replace(
+            two_balls,
+            name="two-alike",
+            codec="H264",
+            actors=(two_balls.actors[0], replace(two_balls.actors[1], ball=GREEN)),
+        ),
+        _thrown(
+            "caught",
+            fps=60,
+            count=90,
+            exposure=1 / 200,
+            place=(-0.3, -0.35),
+            velocity=(0.25, 0.0),
+            arm_from=(-1.2, -0.4),
+            caught=1.12,
+        ),
+        _thrown("window", phone=replace(PHONED, window=0.25, mains=0.02), fps=60, count=160),
+        _thrown(
+            "lamp", fps=240, count=300, exposure=1 / 960, phone=replace(PHONED, mains=0.25, drift=6)
+        ),
+        _thrown(
+            "grey-on-grey",
+            fps=60,
+            count=150,
+            exposure=1 / 120,
+            ball=GREY,
+            backdrop=replace(PLASTER, floor=(158, 160, 162), wall=(95, 90, 88)),
+            velocity=(0.6, -1.9),
+            surfaces=(replace(BOUNCING, at=0.25),),
+            floor=0.0,
+        ),
+        _thrown("sharp", size=(960, 540), phone=replace(PHONED, focal=1250, blur=0.35, drift=30)),
+        _thrown("at-25", fps=25, count=66),
+        _thrown("slow-motion", fps=240, file_rate=30, count=300, exposure=1 / 500, rate_said=False),
+        _thrown(
+            "zoomed",
+            size=(640, 480),
+            fps=240,
+            count=240,
+            exposure=1 / 1000,
+            phone=replace(PHONED, distance=2.0, focal=3750, drift=8, blur=1.5),
+            place=(-0.1, -0.05),
+            velocity=(0.12, 0.0),
+            released=0.2,
+            arm_from=(-0.6, -0.3),
+            surfaces=(replace(BOUNCING, at=0.12),),
+            floor=0.12,
+        ),
+        _thrown("tiny", phone=replace(PHONED, focal=225, distance=2.1), fps=60, count=150),
+        _thrown("blurred", exposure=1 / 31, place=(-0.70, 0.0), velocity=(1.1, -2.4)),
+        _thrown("panned", phone=replace(PHONED, pan=90.0, drift=6), fps=60, count=140),
+        _thrown("turned-after", phone=replace(PHONED, pan=260.0, drift=0), fps=30, count=70),
+        _thrown("stamped", stored="lost", true_stamps=True),
+        _thrown("hevc", codec="HEVC"),
+        _thrown(
+            "portrait",
+            size=(240, 426),
+            rotation=90,
+            fps=60,
+            count=120,
+            place=(-0.2, -0.1),
+            velocity=(0.22, -1.2),
+        ),
+        _thrown(
+            "into-a-corner",
+            fps=120,
+            count=170,
+            exposure=1 / 400,
+            place=(-0.6, -0.2),
+            velocity=(1.9, -0.4),
+            surfaces=(BOUNCING, Surface(kind="right", at=0.5, restitution=(0.7,))),
+        ),
     )
 }

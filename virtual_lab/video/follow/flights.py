@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 FEWEST = 6  # places of a flight
 SIDE = 4  # places on each side of a contact, to state a restitution
 ALIKE = 0.25  # of the acceleration that flights may differ by before drag and tilt are known
-BENDS = 0.02  # radii by which the shorter of them may bend otherwise: few scatter little by chance
+BENDS = 0.08  # radii by which the shorter of them may bend otherwise: few scatter little by chance
 UPRIGHT = 0.5  # radians that g may be off the picture's downward direction
 SAG = 1.0  # radii that gravity must bend a way by, for its direction to be asked for
 SHOWS = 0.3  # the same, for gravity to be missed where there is none
@@ -43,10 +43,12 @@ FAR_OFF = 1000  # frames: no flight before or after
 FAR = 4.0  # radii that a second ball goes
 HALF = 0.5  # of the ball's contrast: what has less is its shadow or mirror image
 ROUNDS = 4
+ASIDE = 0.45  # radii, median (the worst: twice that), off another flight's way: they are one
 APART = 0.6  # radii that two flights may miss each other by at a contact
 SMOOTH = 0.12  # radii, rms: a flight's places lie on its way
 SHARP = 0.04  # radii, likewise, where the acceleration is far from g; or, of a way that bends by
 CLEAN, DEEP = 0.015, 3.0  # so many radii, a share of its sag: no hand draws such a parabola
+CODED = 0.4  # pixels, that a codec leaves of that with a small ball
 READOUTS = (0.0, 0.25, 0.5, 0.75, 1.0)  # frames, tried
 GOOD = 0.015  # radii: a spread that no other readout need mend
 SURELY, LOOSELY = 4.0, 1.5  # factors of the misfit: to say so, and to decide which places belong
@@ -58,6 +60,7 @@ class FlightScene:
 
     found: Blobs  # blobs
     time: Array  # of each frame [frames], NaN: a repeat
+    stamped: Array  # the same by the time stamps, repeats counted
     size: tuple[int, int]  # columns, rows
     exposure: float | None  # [frames]
     fall: float | None = None  # g, in radii a frame² by the ball's size or in px/frame²
@@ -104,14 +107,14 @@ class Meeting:
     after: Array
 
 
-def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> list[Piece]:
-    """Return the flights among pieces: of one ball, of one gravity; empty where there is none."""
+def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece], Fit | None]:
+    """Return the flights among pieces, of one ball and one gravity, and their fit; or none."""
     chosen = _of_one_gravity(scene, [each for each in pieces if len(each.t) >= FEWEST - 1])
     flights = _once(chosen)
+    if not flights:
+        return [], None
+    readout = readout_of(scene, flights, LOOSELY)
     for _ in range(ROUNDS):
-        if not flights:
-            return []
-        readout = readout_of(scene, flights, LOOSELY)
         flights = _merged(scene, flights, joint_fit(scene, flights, readout=readout))
         fit = joint_fit(scene, flights, readout=readout)
         flights = _aligned(flights, fit)
@@ -119,15 +122,19 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> list[Piece]:
         flights = _refilled(scene, flights, joint_fit(scene, flights, readout=readout))
         flights = _parted(scene, flights)
         flights = [each for each in flights if len(each.t) >= SIDE]
-        if [each.frames.tolist() for each in flights] == before:
+        if not flights or [each.frames.tolist() for each in flights] == before:
             break
     flights = [each for each in flights if len(each.t) >= FEWEST]
-    return flights if flights and _holds(scene, flights) else []
+    while flights:
+        fit = joint_fit(scene, flights, readout=readout_of(scene, flights, LOOSELY))
+        if _holds(scene, flights, fit):
+            return flights, fit
+        flights.pop(int(np.argmax([(left**2).mean() for left in fit.residuals])))
+    return [], None
 
 
-def _holds(scene: FlightScene, flights: Sequence[Piece]) -> bool:
+def _holds(scene: FlightScene, flights: Sequence[Piece], fit: Fit) -> bool:
     """Return whether flights fitted together still fall as gravity lets them."""
-    fit = joint_fit(scene, flights, readout=readout_of(scene, flights, LOOSELY))
     longest = max(flights, key=lambda each: len(each.t))
     u = np.sqrt(np.diagonal(fit.covariance)[:2])
     rms = fit.spread if len(flights) > 1 else SHARP / SMOOTH * fit.spread
@@ -141,7 +148,7 @@ def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]
     bright = min(float(np.median(scene.found["contrast"][each.blobs])) for each in flights)
     for piece in pieces:
         pull, u, rms = _bent(scene, piece)
-        if len(piece.t) < FEWEST + 2 or rms > SHARP * piece.radius:
+        if len(piece.t) < FEWEST + 2 or rms > max(SHARP * piece.radius, CODED):
             continue
         if taken & set(piece.blobs.tolist()) or np.ptp(piece.xy, axis=0).max() < FAR * piece.radius:
             continue
@@ -263,7 +270,7 @@ def _bent(scene: FlightScene, piece: Piece) -> tuple[Array, Array, float]:
     late = scene.late(piece.blobs)
     tried = [parabola(piece.t + each * late, piece.xy) for each in READOUTS]
     best = min(tried, key=lambda each: each[2])
-    return best if best[2] < 0.5 * tried[0][2] else tried[0]
+    return best if LOOSELY * best[2] ** 2 < tried[0][2] ** 2 else tried[0]
 
 
 def _falls(scene: FlightScene, piece: Piece, pull: Array, u: Array, rms: float) -> bool:
@@ -329,18 +336,27 @@ def _merged(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
 def _one_way(fit: Fit, one: int, other: int, before: Piece, after: Piece) -> int | None:
     """Return how many frames are left out between parts of one flight, None: they are two.
 
-    Their velocities agree in the middle between them, and their places do.
+    Their velocities agree in the middle between them, and their places do; or the places of the
+    shorter one, which another ball may have drawn aside, lie by the way of the longer one.
     """
     middle = (before.t[-1] + after.t[0]) / 2
     best: tuple[float, int] | None = None
     for lost in range(4):
         first, second = fit.at(one, middle)[0], fit.at(other, middle - lost)[0]
-        fast = float(np.hypot(*first[2:]))
         turned = float(np.hypot(*(second - first)[2:]))
-        if turned > max(0.2 * fast, 1.5 * float(np.hypot(*fit.pull[0]))):
-            continue
-        apart = float(np.hypot(*(second - first)[:2]))
-        if apart < 0.5 * before.radius and (best is None or apart < 0.3 * best[0]):
+        least = 1.5 * float(np.hypot(*fit.pull[0]))
+        off = np.array([(second - first)[:2]])
+        if (
+            turned > max(0.2 * float(np.hypot(*first[2:])), least)
+            or np.hypot(*off[0]) > ASIDE * before.radius
+        ):
+            if len(before.t) < len(after.t):
+                off = fit.seen(other, before.t - lost) - before.xy
+            else:
+                off = fit.seen(one, after.t + lost) - after.xy
+        aside = np.hypot(*off.T) / before.radius
+        apart = float(np.median(aside))
+        if apart < ASIDE and aside.max() < 2 * ASIDE and (best is None or apart < 0.3 * best[0]):
             best = (apart, lost)
     return None if best is None else best[1]
 

@@ -46,6 +46,8 @@ BEHIND = 0.35  # of the difference between fits with and without drag, as u
 MOVED = 0.1  # radii a frame: a ball that moves less may well look the same
 LEAST_PERIOD, MOST_PERIOD = 3, 10  # frames, of those left out of 30 a second to make 25 or 24
 ALTERNATE = 0.4  # of the frames that are repeats: every frame was stored twice
+GROWN = 4  # times that pieces grow at most
+SAME = 0.01  # of gravity: nothing new will be found by it
 AT_ONCE = 2  # repeats among the frames of flights, to ask whether they stand for time that passed
 
 
@@ -105,7 +107,7 @@ class FollowedClip:
     @property
     def seconds(self) -> float:
         """Of one step of `t`."""
-        return _step(self.known, self.scene, self.ways) * _thinned(self.lost)
+        return _step(self.known, self.scene, self.ways) * _thinned(self.scene, self.ways)
 
     @property
     def lost(self) -> dict[int, int]:
@@ -168,7 +170,7 @@ def following(
     alternate = float(same.mean()) > ALTERNATE
     if same.sum() >= AT_ONCE and not alternate and given is None:
         tries.append(_flown(clip, watched, known, same, given, squeezed=True))
-    scene, found, ways = max(tries, key=lambda each: _support(each[0], each[2]))
+    _, scene, found, ways = max(tries, key=lambda each: each[0])
     return _said(clip, watched, known, scene, found, ways, same)
 
 
@@ -180,20 +182,31 @@ def _flown(
     given: Sequence[Piece] | None,
     *,
     squeezed: bool,
-) -> tuple[FlightScene, list[Piece], list[Piece]]:
-    """Return the scene, all pieces and the flights; squeezed: a repeat takes no time."""
-    time = _times(clip, known)
-    if squeezed:
-        time = time - np.cumsum(same)
-    time = np.where(same, np.nan, time)
-    scene = replace(_scene(clip, watched, known, time), doubled=float(same.mean()) > ALTERNATE)
-    found = list(given) if given is not None else pieces(watched.found, time)
-    found = [each for each in found if not known.ball_at or _passes(watched, each, known.ball_at)]
-    ways = found if given is not None else flights_of(scene, found)
-    return scene, found, list(ways)
+) -> tuple[float, FlightScene, list[Piece], list[Piece]]:
+    """Return support, scene, all pieces and the flights; squeezed: a repeat takes no time."""
+    stamped = _times(clip)
+    time = np.where(same, np.nan, stamped - np.cumsum(same) if squeezed else stamped)
+    scene = _scene(clip, watched, known, time)
+    scene = replace(scene, stamped=stamped, doubled=float(same.mean()) > ALTERNATE)
+    if given is not None:
+        return 0.0, scene, list(given), list(given)
+    best: tuple[float, list[Piece], list[Piece]] = (-1.0, [], [])
+    pull = None
+    for _ in range(GROWN):  # again where gravity is known: through frames that are missing
+        found = pieces(watched.found, time, pull)
+        found = [p for p in found if not known.ball_at or _passes(watched, p, known.ball_at)]
+        ways, fit = flights_of(scene, found)
+        if (support := _support(scene, ways, fit) if fit else 0.0) > best[0]:
+            best = support, found, ways
+        before, pull = pull, fit.pull[0] if fit else None
+        if pull is None or (
+            before is not None and np.hypot(*(pull - before)) < SAME * np.hypot(*pull)
+        ):
+            break
+    return best[0], scene, *best[1:]
 
 
-def _times(clip: Clip, known: Known) -> Array:
+def _times(clip: Clip) -> Array:
     """Return the time of each frame in steps; uneven time stamps of the file count."""
     steps = np.diff(clip.times)
     if len(steps) and steps.max() > UNEVEN * float(np.median(steps)):
@@ -210,6 +223,7 @@ def _scene(clip: Clip, watched: Watched, known: Known, time: Array) -> FlightSce
     return FlightScene(
         found=watched.found,
         time=time,
+        stamped=time,
         size=(clip.shape[1], clip.shape[0]),
         exposure=None if known.exposure is None else known.exposure * known.rate,
         fall=fall,
@@ -234,12 +248,11 @@ def _passes(watched: Watched, piece: Piece, at: tuple[float, float, int]) -> boo
     return bool(0.6 < ratio < 1.6 and np.abs(colour).max() < 60)
 
 
-def _support(scene: FlightScene, ways: list[Piece]) -> float:
-    if not ways:
-        return 0.0
-    fit = joint_fit(scene, ways, readout=readout_of(scene, ways, 1.5))
+def _support(scene: FlightScene, ways: list[Piece], fit: Fit) -> float:
+    """Return what speaks for flights: places beyond what was free to choose, over their scatter."""
     radius = float(np.median([each.radius for each in ways]))
-    return sum(len(each.t) for each in ways) / (0.02 + fit.spread / radius)
+    spare = sum(len(each.t) for each in ways) - 4 * len(ways) - len(scene.lost(ways))
+    return spare / (0.02 + fit.spread / radius)
 
 
 def _step(known: Known, scene: FlightScene, ways: Sequence[Piece]) -> float:
@@ -252,23 +265,27 @@ def _step(known: Known, scene: FlightScene, ways: Sequence[Piece]) -> float:
         counted = np.sort(np.concatenate([way.frames for way in ways]))
     if len(counted) < 2:
         return 1 / known.rate
-    frames = counted[-1] - counted[0]
-    return float(frames / (scene.time[counted[-1]] - scene.time[counted[0]]) / known.rate)
+    taken = scene.stamped[counted[-1]] - scene.stamped[counted[0]]
+    return float(taken / (scene.time[counted[-1]] - scene.time[counted[0]]) / known.rate)
 
 
-def _thinned(lost: dict[int, int]) -> float:
+def _thinned(scene: FlightScene, ways: Sequence[Piece]) -> float:
     """Return the share of a stored picture's time that a step of time takes.
 
     Where every so manieth frame was left out the file's rate is that of what is left: a step is
     shorter. Frames that are lost here and there leave the rate as it was.
     """
-    frames = np.array(sorted(lost))
-    if len(frames) < 2 or set(lost.values()) != {1}:
+    if sum(scene.lost(ways).values()) < AT_ONCE:
         return 1.0
-    steps = np.diff(frames)
-    period = int(steps.min())
-    regular = LEAST_PERIOD <= period <= MOST_PERIOD and not (steps % period).any()
-    return period / (period + 1) if regular else 1.0
+    frames = [np.stack([way.frames[:-1], way.frames[1:]]) for way in ways]
+    lost = np.concatenate([np.diff(w.t) - np.diff(scene.time[w.frames]) for w in ways])
+    first, last = np.concatenate(frames, axis=1)
+    for period in range(LEAST_PERIOD, MOST_PERIOD + 1):
+        for phase in range(period):
+            left_out = (last - phase) // period - (first - phase) // period
+            if (left_out == np.rint(lost)).all():
+                return period / (period + 1)
+    return 1.0
 
 
 def _said(
@@ -282,7 +299,7 @@ def _said(
 ) -> FollowedClip:
     notes: list[Note] = [("", words) for words in clip.warnings]
     lost = scene.lost(ways)
-    step = _step(known, scene, ways) * _thinned(lost)
+    step = _step(known, scene, ways) * _thinned(scene, ways)
     motion = motion_of(scene, found, ways, step)
     flights: list[FlightSeen] = []
     contacts: list[Contact] = []

@@ -24,6 +24,7 @@ ROLLED = 3.0  # radii it then goes at least
 SWUNG = 0.6  # of a period that must be seen
 ARC = 0.02  # of its swing, that a pendulum may be off its arc
 HARMONIC = 0.03  # of the variance that a pendulum's harmonic may leave
+LET_GO = 0.15  # of its last speed: what a falling ball may have had upward
 DOWN = 0.15  # radians that free fall may be off g
 
 
@@ -66,7 +67,9 @@ def _only_falls(scene: FlightScene, flights: Sequence[Piece]) -> bool:
     velocity = fit.at(0, way.t)[:, 2:]
     along = velocity @ down
     aside = np.abs(velocity @ np.array([-down[1], down[0]]))
-    return bool(along[0] > -2 * size and aside.max() < np.tan(DOWN) * along[-1])
+    return bool(
+        along[0] > -max(2 * size, LET_GO * along[-1]) and aside.max() < np.tan(DOWN) * along[-1]
+    )
 
 
 def _largest_group(pieces: Sequence[Piece]) -> list[Piece]:

@@ -7,7 +7,7 @@ out of the file though its time stamps are even: the ball is then ahead by as ma
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,7 @@ TRAVEL = 1.0  # radii it covers
 SHORT, STEADY = 0.5, 0.01  # radii, if it strays off a parabola by so little: no noise does
 RECENT = 6  # places that show where the next one is
 NEW = (0.9, 0.35)  # radii and steps that the third place may be off a line
+SEEN = (0.4, 0.1)  # the same where gravity is known, off its parabola
 NEXT = (0.25, 0.12)  # radii and steps that any later one may be off a parabola
 FASTEST = 9.0  # radii a frame
 SLOWEST = 0.01
@@ -40,6 +41,8 @@ BREAK = 0.22  # of the speed that it must change by for a contact
 BREAK_PULL = 3.0  # of what gravity adds in a frame: less than that leaves no flight behind it
 BENT = 0.1  # radii, rms off a parabola: no flight, or not all of it
 BREAK_U = 6.0  # standard uncertainties, likewise
+BETTER, CLEARLY = 0.5, 0.3  # share of the misfit, and radii it shrinks by: times are mended
+STRAY, FEW = 0.15, 0.15  # radii off the others' parabola, of so small a share of the places
 ENDS = 4.0  # scatters that the first or last place may be off the others' parabola
 
 
@@ -90,7 +93,7 @@ def _smooth(t: Array, xy: Array, degree: int) -> tuple[Array, Array, float]:
     return solver @ xy, solver, float(np.sqrt((left**2).sum() / max(1, 2 * (len(t) - degree - 1))))
 
 
-def pieces(found: Blobs, time: Array) -> list[Piece]:
+def pieces(found: Blobs, time: Array, pull: Array | None = None) -> list[Piece]:
     """Return the pieces of smooth motion among blobs, in order of time.
 
     Parameters
@@ -99,17 +102,21 @@ def pieces(found: Blobs, time: Array) -> list[Piece]:
         Blobs of all frames in order, an array of `find.blobs.BLOB`.
     time
         Of each frame in steps of a frame, NaN: a repeat that does not count, (frame,).
+    pull
+        Acceleration that all share, (2,) [pixels/frame²], where it is known.
     """
-    grown = _Growth(found, time).all()
+    grown = _Growth(found, time, pull).all()
+    if pull is not None:
+        grown = [_retimed(each, time, pull) for each in grown]
     whole = [each for one in grown for each in _broken(one)]
-    whole = [each for each in map(_trimmed, whole) if len(each.t) >= LEAST]
+    whole = [each for each in map(_trimmed, map(_cleaned, whole)) if len(each.t) >= LEAST]
     return sorted(whole, key=lambda each: each.frames[0])
 
 
 class _Growth:
-    def __init__(self, found: Blobs, time: Array) -> None:
+    def __init__(self, found: Blobs, time: Array, pull: Array | None) -> None:
         usable = (found["dirty"] < DIRTY) & ~found["cut"] & np.isfinite(time[found["frame"]])
-        self.found, self.index = found, np.flatnonzero(usable)
+        self.found, self.index, self.pull = found, np.flatnonzero(usable), pull
         some = found[usable]
         self.frame = some["frame"].astype(np.intp)
         self.xy = np.stack([some["x"], some["y"]], axis=1)
@@ -165,8 +172,11 @@ class _Growth:
             fast = np.hypot(*speed.T)
             good = (fast < FASTEST * radius) & (fast > SLOWEST * radius)
             expected = self.xy[second] + speed * (t2 - t1)
+            if self.pull is not None:
+                expected += self.pull * (t2 - t0) * (t2 - t1) / 2
             off = np.linalg.norm(self.xy[third][None] - expected[:, None], axis=2)
-            most = (NEW[0] * radius + NEW[1] * fast) * (t2 - t1)
+            room = NEW if self.pull is None else SEEN
+            most = (room[0] * radius + room[1] * fast) * (t2 - t1)
             off[(off > most[:, None]) | ~good[:, None]] = np.inf
             for k in np.argsort(off, axis=None)[:SEEDS]:
                 m, n = np.unravel_index(k, off.shape)
@@ -202,13 +212,19 @@ class _Growth:
     ) -> tuple[int, int] | None:
         recent = np.array(t[-RECENT:])
         xy = self.xy[places[-RECENT:]]
-        solved, *_ = _smooth(recent - recent[-1], xy, 2)
+        s = recent - recent[-1]
+        if self.pull is None:
+            solved, *_ = _smooth(s, xy, 2)
+        else:
+            fallen = s[:, None] ** 2 * self.pull / 2
+            solved = np.vstack([_smooth(s, xy - fallen, 1)[0], self.pull / 2])
         speed = float(np.hypot(*(xy[-1] - xy[-2]))) / (recent[-1] - recent[-2])
-        room = NEXT if len(places) > 3 else (0.5, 0.2)
+        room = NEXT if len(places) > 3 or self.pull is not None else (0.5, 0.2)
         later = time - recent[-1]
         most = (room[0] * radius + room[1] * speed) * (1 + 0.5 * (later - 1))
         stray = 0.7 * most if speed > 2 * STEP * radius else EXACT * speed
-        for lost in range(LOST + 1 if len(places) >= SURE and speed > STEP * radius else 1):
+        sure = len(places) >= (SURE if self.pull is None else SURE - 1)
+        for lost in range(LOST + 1 if sure and speed > STEP * radius else 1):
             ahead = later + lost
             expected = np.array([1.0, ahead, ahead**2]) @ solved
             off = np.hypot(*(self.xy[there] - expected).T)
@@ -216,6 +232,47 @@ class _Growth:
             if off[k] < (most if lost == 0 else stray):
                 return int(there[k]), lost
         return None
+
+
+def _retimed(piece: Piece, time: Array, pull: Array) -> Piece:
+    """Return a piece whose places have the times at which they lie on gravity's parabola best.
+
+    Tried are frames left out before each place, and one place that came a step early or late.
+    """
+    count, even = len(piece.t), time[piece.frames]
+    later = np.arange(count) >= np.arange(1, count)[:, None]
+    moved = np.concatenate([later, np.eye(count, dtype=bool)])
+    tried = [n * moved for n in range(-LOST, LOST + 1)]
+    fast = np.hypot(*np.gradient(piece.xy, piece.t, axis=0).T) > STEP * piece.radius
+    least, start = (CLEARLY * piece.radius) ** 2, np.stack([piece.t, even])
+    before, plain = _off_parabola(start, piece.xy, pull).tolist()
+    # frames are left out only where that explains clearly more
+    t, cost = (even, plain) if plain < before + least else (piece.t, before)
+    while True:
+        steps = np.concatenate(tried)
+        times = t + steps
+        lost = np.diff(times - even, axis=1)
+        good = (lost > -0.5).all(axis=1) & (lost < LOST + 0.5).all(axis=1)
+        good &= ((steps != 0) & fast).any(axis=1)
+        if not good.any():
+            break
+        costs = _off_parabola(times[good], piece.xy, pull)
+        best = int(np.argmin(costs))
+        if costs[best] > cost - least:
+            break
+        t, cost = times[good][best], float(costs[best])
+    if cost > BETTER * min(plain, before):
+        t = even if plain < before + least else piece.t
+    return replace(piece, t=t)
+
+
+def _off_parabola(t: Array, xy: Array, pull: Array) -> Array:
+    """Return the squares off a parabola of known acceleration, summed, for times (try, place)."""
+    t = t - t.mean(axis=1, keepdims=True)
+    left = xy - pull * (t**2)[..., None] / 2
+    left = left - left.mean(axis=1, keepdims=True)
+    slope = np.einsum("tp,tpc->tc", t, left) / (t**2).sum(axis=1, keepdims=True)
+    return np.asarray(((left - t[..., None] * slope[:, None]) ** 2).sum(axis=(1, 2)))
 
 
 def _broken(piece: Piece) -> list[Piece]:
@@ -254,6 +311,14 @@ def _ending(piece: Piece) -> Callable[[float], tuple[Array, float, float]]:
         return slope @ solved, rms * float(np.linalg.norm(slope @ solver)), rms
 
     return at
+
+
+def _cleaned(piece: Piece) -> Piece:
+    """Return a piece without single places that the others' parabola denies."""
+    s = piece.t - piece.t.mean()
+    off = np.hypot(*(piece.xy - np.vander(s, 3) @ np.polyfit(s, piece.xy, 2)).T)
+    wild = off > max(ENDS * float(np.median(off)), STRAY * piece.radius)
+    return piece.part(~wild) if wild.mean() < FEW else piece
 
 
 def _trimmed(piece: Piece) -> Piece:

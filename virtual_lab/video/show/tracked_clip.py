@@ -25,6 +25,7 @@ from virtual_lab.video.clips.options import (
     scale_of,
     seconds_of,
 )
+from virtual_lab.video.clips.reading import open_source
 from virtual_lab.video.follow.correction import read_track
 from virtual_lab.video.follow.following import FollowedClip, Known, follow, following, known_of
 from virtual_lab.video.show.course import (
@@ -113,6 +114,7 @@ def track_clip(
     InputError
         A clip or file that cannot be read, words of another form, or no length known.
     """
+    open_source(path)  # what is no clip needs no scale
     calibration, said, notes = _known(path, asked)
     progress(f"reading {path}")
     clip = open_clip(path, calibration)
