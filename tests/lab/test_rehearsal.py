@@ -57,8 +57,8 @@ def test_hits_beside_a_place_cost_half_the_curvature() -> None:
 
 def test_a_scan_that_goes_where_hits_came_out_high_pays_for_it() -> None:
     """The lift of a fitted top at fixed places is not what a scan gets: it goes on looking."""
-    scatter = 3e-3
-    bias, se = rehearsal(BESR).bias(Straying(0.0, scatter), Streams(3), 2000)
+    scatter = 8e-3  # that of a poor laboratory, which shows it in 500 tests by 4 of its se
+    bias, se = rehearsal(BESR).bias(Straying(0.0, scatter), Streams(3), 500)
     x = np.repeat(np.arange(-2.0, 3.0) / 2, BESR.valid_hits)  # half widths of the fit
     design = np.vander(x, 4, increasing=True)
     slope_variance = scatter**2 * np.linalg.inv(design.T @ design)[1, 1]
