@@ -86,9 +86,9 @@ def likelihoods(fitted: Sequence[np.ndarray], seen: np.ndarray) -> np.ndarray:
     return np.array(rows).T
 
 
-def detection(days: int) -> None:
+def detection(days: int, faults: Sequence[str] = ()) -> None:
     print(f"found by its own checks alone, of {days} days")
-    for fault in detectable():
+    for fault in faults or detectable():
         print(f"  {fault:<22}{found(fault, range(1000, 1000 + days)):>5}", flush=True)
 
 
@@ -160,5 +160,6 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("what", choices=tuple(STUDIES))
     parser.add_argument("--days", type=int, default=100)
+    parser.add_argument("--fault", action="append", default=[], choices=detectable())
     asked = parser.parse_args()
-    STUDIES[asked.what](asked.days)
+    STUDIES[asked.what](asked.days, *([asked.fault] if asked.fault else []))

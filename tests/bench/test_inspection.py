@@ -5,12 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from tests.bench.days import apparatus, detector
+from tests.bench.days import apparatus, day_of, detector
 from virtual_lab import catalog
+from virtual_lab.bench.actions import action_of
 from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.inspection import detectable, doubts, fault_sheets
-from virtual_lab.bench.keeping import taken
+from virtual_lab.bench.keeping import played, taken
 from virtual_lab.bench.table import action_table
+from virtual_lab.errors import InputError
 
 STUDY = Path(__file__).with_name("study-2026-11-22.txt")
 ROW = re.compile(r"^  ([\w-]+) +(\d+)$", re.MULTILINE)
@@ -22,9 +24,28 @@ def test_a_fault_is_found_by_its_checks_and_no_other_is_named(fault: str) -> Non
     assert {doubt.fault for doubt in doubts(Desk(day))} == {fault}
 
 
-@pytest.mark.parametrize("fault", ["encoder-slip", "bat-cracked", "bearing-friction"])
+SOUND_TOO = ("encoder-slip", "bat-cracked", "bearing-friction", "pendulum-wide", "pivot-off")
+
+
+@pytest.mark.parametrize("fault", [*SOUND_TOO, "clamp-forgotten", "gate-clock", "wrong-lot"])
 def test_the_same_checks_name_nothing_on_a_sound_day(fault: str) -> None:
     assert list(doubts(Desk(taken(apparatus(), detector(fault))))) == []
+
+
+@pytest.mark.parametrize("name", ["reweigh-balls", "recheck-balls"])
+def test_a_reading_again_needs_the_first(name: str) -> None:
+    with pytest.raises(InputError, match="comes first"):
+        played(apparatus(), [action_of(name)])
+
+
+def test_a_pendulum_let_go_too_far_is_so_from_every_angle() -> None:
+    for amplitude in (2, 4, 20, 45):
+        days = [("fit-clamp", {}), ("swing", {"amplitude": amplitude})]
+        named = [
+            {doubt.fault for doubt in doubts(Desk(day_of(days, *faults)))}
+            for faults in ((), ("pendulum-wide",))
+        ]
+        assert named == [set(), {"pendulum-wide"}]
 
 
 def test_what_finds_a_fault_is_done_at_the_bench() -> None:

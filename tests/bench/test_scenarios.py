@@ -41,8 +41,10 @@ def test_eight_scenarios_ship_and_are_documented() -> None:
 def test_a_fault_that_no_check_finds_is_in_no_scenario(tmp_path: Path) -> None:
     path = tmp_path / "own.toml"
     text = load_scenario("plain-day").text
-    path.write_text(text.replace("procedure =", 'faults = ["gate-clock"]\nprocedure ='), "utf-8")
-    with pytest.raises(InputError, match=r"no check at the bench finds gate-clock"):
+    path.write_text(
+        text.replace("procedure =", 'faults = ["records-swapped"]\nprocedure ='), "utf-8"
+    )
+    with pytest.raises(InputError, match=r"no check at the bench finds records-swapped"):
         load_scenario(str(path))
 
 

@@ -28,8 +28,8 @@ from virtual_lab.bench.sketching import sketch_of
 from virtual_lab.bench.table import Consequences, action_table
 from virtual_lab.errors import InputError
 from virtual_lab.lab import Laboratory, TestDay, Tested
-from virtual_lab.records import Record
-from virtual_lab.simulation.faults.fault import other_sheet
+from virtual_lab.records import MassReadings, Record
+from virtual_lab.simulation.faults.fault import instrument_of, other_sheet
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.simulation.physics.modes import modes_of
 from virtual_lab.simulation.physics.supports import Free
@@ -41,6 +41,8 @@ __all__ = ["Apparatus", "Reading"]
 
 Array = NDArray[np.float64]
 MILLIMETRE, GRAM = 1e-3, 1e-3
+CLAMP = "clamp_inertia"
+USUAL_RELEASE, FARTHEST = 4.0, 90.0  # deg: of the pendulum's sheet; from which a bat can hang
 CHANNELS = {  # action: channel of the bench
     "weigh-bat": "bat-mass",
     "weigh-balls": "ball-mass",
@@ -119,9 +121,16 @@ class Apparatus:
         return {
             **dict.fromkeys(CHANNELS, self._measure),
             "weigh-check-mass": self._check_mass,
+            "reweigh-balls": self._reweigh_balls,
+            "swing-clamp": self._swing_clamp,
             "gauge-balls": self._gauge_balls,
             "tap-bat": self._tap,
             "hit-wall": self._hit_wall,
+            "recheck-balls": self._recheck_balls,
+            "measure-pivot": self._measure_pivot,
+            "compare-clock": lambda day, action: Reading(
+                shown=self.checks.clock(day.times(action.name))
+            ),
             "fire-check-ball": lambda day, action: Reading(
                 shown=self.checks.ball(day.times(action.name))
             ),
@@ -214,6 +223,46 @@ class Apparatus:
         known = (("certified", self._table.check_mass / GRAM, "g"),)
         return Reading(shown=(*_numbered("reading", readings / GRAM, "g"), *known))
 
+    def _reweigh_balls(self, day: Day, action: Action) -> Reading:
+        """Weigh some balls as the display has them, beside what was entered of them."""
+        entered = Desk(day).session.records.get("bench", {}).get("ball-mass")
+        if not isinstance(entered, MassReadings):
+            raise InputError(action.name, "balls", None, "weigh-balls comes first")
+        station: Any = self._scale_as_it_stands(day, self.laboratory.stations[Stage.BENCH])
+        repeats, earlier = station.spec.repeats, day.times(action.name)
+        balls = np.arange(self._table.balls_again)
+        shown = station.scale.weigh(
+            self.laboratory.specimen.balls.mass[balls],
+            repeats * (earlier + 1),
+            self.laboratory.draws,
+            "rehearsal.reweigh",
+            balls,
+        ).readings[:, repeats * earlier :]
+        return Reading(
+            shown=_beside(
+                ("on the display", shown.mean(axis=1) / GRAM),
+                ("as entered", entered.readings[balls].mean(axis=1) / GRAM),
+                "g",
+            )
+        )
+
+    def _swing_clamp(self, day: Day, action: Action) -> Reading:
+        """Show the clamp's own moment of inertia, beside the one that was entered."""
+        station: Any = self.laboratory.stations[Stage.BENCH]
+        measured = station.pendulum.true[CLAMP] + self._table.clamp_u * self._off(day, action)
+        entered = day.morning.calibration[f"bench.pendulum.{CLAMP}"].value
+        return Reading(
+            shown=tuple(
+                (f"clamp, {word}", round(float(inertia) * 1e6, 1), "kg mm²")
+                for word, inertia in (("measured", measured), ("as entered", entered))
+            )
+        )
+
+    def _off(self, day: Day, action: Action) -> float:
+        """Return by how many standard uncertainties a reading by hand is off, by its number."""
+        number = np.array([day.times(action.name)])
+        return float(self.laboratory.draws.normal(f"rehearsal.{action.name}", slots=number)[0])
+
     def _gauge_balls(self, day: Day, action: Action) -> Reading:
         balls = self._played_with(Stage.IMPACT).balls
         slots = np.arange(balls.mass.size) + balls.mass.size * day.times(action.name)
@@ -225,22 +274,46 @@ class Apparatus:
         """Show the first bending frequency, of the bat as it is once it was fired at."""
         bat = self._played_with(Stage.IMPACT if day.fired else Stage.BENCH).bat
         frequency = float(modes_of(bat.body, Free(), 1).bending_frequencies[0])
-        number = np.array([day.times(action.name)])
-        noise = self._table.tap_u * float(
-            self.laboratory.draws.normal("rehearsal.tap", slots=number)[0]
-        )
+        noise = self._table.tap_u * self._off(day, action)
         return Reading(shown=(("first bending frequency", round(frequency + noise, 1), "Hz"),))
 
     # the wall
 
     def _hit_wall(self, day: Day, action: Action) -> Reading:
         play = self.firing.wall(day.times(action.name))
-        log: Any = play.records["log"]
-        ratio = speed_ratio(play.records["gates"])
-        means = [float(np.nanmean(ratio[log.ball == ball])) for ball in range(day.balls)]
-        return Reading(play.records, _numbered("ball", np.round(means, 4), "speed out / in"))
+        means = np.round(_ratios(play, day.balls), 4)
+        return Reading(play.records, _numbered("ball", means, "speed out / in"))
+
+    def _recheck_balls(self, day: Day, action: Action) -> Reading:
+        """Fire some of the balls that lie at the rig at the wall, beside what they did before."""
+        morning = Desk(day).last("hit-wall")
+        if morning is None:
+            raise InputError(action.name, "balls", None, "hit-wall comes first")
+        count = self._table.balls_again
+        play = self.firing.wall_again(day, count, day.times(action.name))
+        return Reading(
+            shown=_beside(
+                ("now", np.round(_ratios(play, count), 4)),
+                ("before", np.array([value for _, value, _ in morning.shown[:count]])),
+                "speed out / in",
+            )
+        )
 
     # the rig at the bat
+
+    def _measure_pivot(self, day: Day, action: Action) -> Reading:
+        pivot = instrument_of(self.laboratory.stations[Stage.IMPACT], "pivot")
+        known = day.morning.calibration.get("impact.pivot.from_knob")
+        if pivot is None or known is None:
+            raise InputError(action.name, "pivot", None, "this rig has none")
+        off = self._table.pivot_rule_u * self._off(day, action)
+        measured = (pivot.true["from_knob"] + off) / MILLIMETRE
+        return Reading(
+            shown=(
+                ("axis from the knob, measured", round(float(measured), 1), "mm"),
+                ("axis from the knob, surveyed", round(known.value / MILLIMETRE, 1), "mm"),
+            )
+        )
 
     def _gauge_gates(self, day: Day, action: Action) -> Reading:
         station: Any = self.laboratory.stations[Stage.IMPACT]
@@ -345,18 +418,38 @@ class Apparatus:
 
 
 def _swung(station: Any, given: Mapping[str, Any], table: Consequences) -> Station:
-    """Return the bench whose bat is let go as asked, its swings timed as asked."""
+    """Return the bench whose bat is let go as asked, its swings timed as asked.
+
+    Where it is let go too far out for its sheet, it is so from wherever it is asked.
+    """
     by_hand = (
         {"timer_jitter": table.hand_reaction, "timer_resolution": table.hand_step}
         if given["clock"] == "hand"
         else {}
     )
+    farther = station.pendulum.spec.release_amplitude / (USUAL_RELEASE * DEGREE)
     return other_sheet(
         station,
         "pendulum",
-        release_amplitude=float(given["amplitude"]) * DEGREE,
+        release_amplitude=min(float(given["amplitude"]) * farther, FARTHEST) * DEGREE,
         swings=int(given["swings"]),
         **by_hand,
+    )
+
+
+def _ratios(play: RigOutput, balls: int) -> Array:
+    """Return how fast each of the first balls comes back from the wall, (ball,)."""
+    log: Any = play.records["log"]
+    ratio = speed_ratio(play.records["gates"])
+    return np.array([np.nanmean(ratio[log.ball == ball]) for ball in range(balls)])
+
+
+def _beside(one: tuple[str, Array], other: tuple[str, Array], unit: str) -> Shown:
+    """Return two values of each ball beside each other."""
+    return tuple(
+        (f"ball {ball}, {word}", float(f"{value:.7g}"), unit)
+        for ball, values in enumerate(zip(one[1], other[1], strict=True), 1)
+        for word, value in zip((one[0], other[0]), values, strict=True)
     )
 
 

@@ -15,11 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab import catalog
+from virtual_lab.bench.inspection import CLOCK
 from virtual_lab.bench.table import action_table
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.lab import Laboratory
 from virtual_lab.records import BoardRecord, EncoderRecord, GateRecord, Record
 from virtual_lab.simulation.faults import FaultSet
+from virtual_lab.simulation.faults.fault import instrument_of
 from virtual_lab.simulation.rig import ShotPlan, Specimen, Stage
 from virtual_lab.simulation.truth import draw_balls, made_bat
 from virtual_lab.units import MPH
@@ -64,6 +66,26 @@ class CheckStandards:
             return found
 
         return self._against_chart(hit, earlier)
+
+    def clock(self, earlier: int) -> Shown:
+        """Compare the clock of the gates with a reference, beside what it did before."""
+        numbers = np.arange(DAYS + earlier + 1)
+        off = action_table().consequences.clock_u * self.laboratory.draws.normal(
+            "rehearsal.clock", slots=numbers
+        )
+        today, before = (
+            1e6 * (instrument_of(each.stations[Stage.IMPACT], "gates").clock - 1)
+            for each in (self.laboratory, self._sound)
+        )
+        chart = before + 1e6 * off[:DAYS]
+        numbers_shown = {
+            "today": today + 1e6 * off[-1],
+            "chart": chart.mean(),
+            "standard deviation of a morning": chart.std(ddof=1),
+        }
+        return tuple(
+            (f"{CLOCK}, {word}", round(float(at), 1), "ppm") for word, at in numbers_shown.items()
+        )
 
     @cached_property
     def _sound(self) -> Laboratory:

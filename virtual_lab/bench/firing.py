@@ -22,6 +22,7 @@ from virtual_lab.simulation.truth import TrueBalls
 __all__ = ["Firing", "ShotConditions", "altered"]
 
 Array = NDArray[np.float64]
+AGAIN = 2_000_000  # beyond the hits of any test of the lot, and of the check ball
 
 
 class ShotConditions(NamedTuple):
@@ -51,16 +52,18 @@ class Firing:
         """Fire the lot at the wall, the balls as `earlier` such tests left them."""
         laboratory = self._found(earlier)
         rules = laboratory.rules.spec
-        each = np.tile(rules.wall_speeds, rules.wall_hits)
-        ball = np.arange(rules.balls).repeat(each.size)
-        order = ShotPlan(
-            slot=np.arange(ball.size) + ball.size * earlier,
-            ball=ball,
-            speed=np.tile(each, rules.balls),
-            place=np.zeros(ball.shape),
-            rung=laboratory.setup.detail,
+        hits = rules.balls * rules.wall_hits * len(rules.wall_speeds)
+        return _at_the_wall(laboratory, rules.balls, hits * earlier)
+
+    def wall_again(self, day: Day, balls: int, earlier: int) -> RigOutput:
+        """Fire the first balls that lie at the rig at the wall, `earlier` times done before."""
+        laboratory = self._found(day.times("hit-wall"))
+        nothing = ShotPlan(
+            slot=np.array([0]), ball=np.array([0]), speed=np.zeros(1), place=np.zeros(1)
         )
-        return laboratory.play(Stage.BALLS, order)
+        own = laboratory.setup.faults.done(Stage.IMPACT, nothing, laboratory.specimen)[1]
+        laboratory = replace(laboratory, specimen=replace(laboratory.specimen, balls=own.balls))
+        return _at_the_wall(laboratory, balls, AGAIN * (earlier + 1))
 
     def _found(self, walls: int) -> Laboratory:
         """Return the laboratory whose balls are as so many wall tests found them."""
@@ -197,6 +200,21 @@ class Firing:
             left = draws.uniform("rehearsal.zero", slots=asked.slot) + 0.5
             counts = counts + np.round(left * turn)[:, None]
         return record if counts is record.counts else replace(record, counts=counts)
+
+
+def _at_the_wall(laboratory: Laboratory, balls: int, first: int) -> RigOutput:
+    """Fire the first balls of a lot at the wall, their hits numbered from `first` on."""
+    rules = laboratory.rules.spec
+    each = np.tile(rules.wall_speeds, rules.wall_hits)
+    ball = np.arange(balls).repeat(each.size)
+    order = ShotPlan(
+        slot=first + np.arange(ball.size),
+        ball=ball,
+        speed=np.tile(each, balls),
+        place=np.zeros(ball.shape),
+        rung=laboratory.setup.detail,
+    )
+    return laboratory.play(Stage.BALLS, order)
 
 
 def _tripping(shot: ShotConditions) -> float:

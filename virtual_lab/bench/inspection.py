@@ -18,12 +18,14 @@ import numpy as np
 from virtual_lab import catalog
 from virtual_lab.bench.day import DayEvent
 from virtual_lab.bench.desk import Desk
+from virtual_lab.bench.entries import record_of
 from virtual_lab.bench.protocol import left_out
 from virtual_lab.bench.table import action_table
 from virtual_lab.catalog.faults import FaultSheet
 from virtual_lab.records import GateRecord
 
 __all__ = [
+    "CLOCK",
     "Doubt",
     "Sign",
     "detectable",
@@ -35,9 +37,10 @@ __all__ = [
     "signs_of_edges",
 ]
 
+CLOCK = "clock of the gates, fast"  # as compare-clock shows it
+SLOWING_U = 0.4  # relative, of the loss of amplitude: two readings a few of their steps apart
 WORST_MORNING = 0.002  # of a chart's mean: no chart of a dozen mornings is known better
 USUAL_BAT = 0.8  # kg
-UNEXPLAINED = 0.5  # sure of what a contradiction of recoil and rebound most often means
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,8 +90,6 @@ def doubts(desk: Desk) -> Iterator[Doubt]:
         known = fault_sheets()[name].found_by
         if known and not found.keys() & set(known.unless):
             yield doubt
-    if not found:
-        yield from _contradiction(desk)
 
 
 def remedied_by_gauge(desk: Desk) -> bool:
@@ -100,7 +101,7 @@ def remedied_by_gauge(desk: Desk) -> bool:
 
 def signs(desk: Desk) -> Iterator[Sign]:
     """Yield every number that may decide on a fault, whether it does or not."""
-    for look in (_scale, _bench, _lot, _gates, _wall, _paper, _cylinder, _taps, _shots):
+    for look in LOOKS:
         yield from look(desk)
 
 
@@ -127,6 +128,65 @@ def _bench(desk: Desk) -> Iterator[Sign]:
     if length and balance and balance.arguments["end"] == "tip":
         share = _mean(balance) / _mean(length)
         yield Sign("balance-from-knob", share, f"balance point at {share:.2f} of the length")
+
+
+def _pendulum(desk: Desk) -> Iterator[Sign]:
+    from virtual_lab.measurement.diagnostics.bench import swing_slowing  # loads slowly
+
+    swung, alone = desk.last("swing"), desk.last("swing-clamp")
+    slowed = swing_slowing(record_of(swung.records["pendulum"])) if swung else None
+    if slowed:
+        times, u, _ = slowed
+        why = f"the periods shorten {times:.1f} times as much as the amplitudes read allow"
+        yield Sign("pendulum-wide", abs(times - 1) / hypot(u, SLOWING_U), why)
+    if alone:
+        shown = dict(_numbers(alone))
+        off = shown["clamp, measured"] - shown["clamp, as entered"]
+        known = desk.session.calibration["bench.pendulum.clamp_inertia"]
+        number = abs(off) * 1e-6 / hypot(known.u, action_table().consequences.clamp_u)
+        why = f"the clamp alone has {off:+.0f} kg mm² off what was entered"
+        yield Sign("clamp-forgotten", number, why)
+
+
+def _weighed_again(desk: Desk) -> Iterator[Sign]:
+    event, done = desk.last("reweigh-balls"), [each.action for each in desk.day.events]
+    if event and "tare" in done[: done.index("weigh-balls")]:  # else the scale may have changed
+        shown = dict(_numbers(event))
+        off = np.mean([v if "display" in what else -v for what, v in shown.items()]) * 2e-3
+        step = desk.session.calibration["bench.scale.resolution"].value
+        why = f"the display shows a ball {off * 1e3:+.2f} g off what was entered"
+        yield Sign("ball-mass-typed", abs(float(off)) / step, why)
+
+
+def _hit_again(desk: Desk) -> Iterator[Sign]:
+    event = desk.last("recheck-balls")
+    if event:
+        shown = list(_numbers(event))
+        again, morning = (np.array([v for _, v in shown[first::2]]) for first in (0, 1))
+        more = float(np.mean(again / morning)) - 1
+        why = f"the balls at the rig come back {more:+.1%} faster than this morning"
+        yield Sign("wrong-lot", more, why)
+
+
+def _pivot(desk: Desk) -> Iterator[Sign]:
+    event = desk.last("measure-pivot")
+    if event:
+        shown = dict(_numbers(event))
+        off = (shown["axis from the knob, measured"] - shown["axis from the knob, surveyed"]) * 1e-3
+        known = desk.session.calibration["impact.pivot.from_knob"]
+        why = f"the axis is {off * 1e3:+.1f} mm from where it was surveyed"
+        number = abs(off) / hypot(known.u, action_table().consequences.pivot_rule_u)
+        yield Sign("pivot-off", number, why)
+
+
+def _clock(desk: Desk) -> Iterator[Sign]:
+    event = desk.last("compare-clock")
+    if event:
+        shown = dict(_numbers(event))
+        off = shown[f"{CLOCK}, today"] - shown[f"{CLOCK}, chart"]
+        why = f"the gates' clock runs {off:+.0f} ppm off its chart"
+        u = shown[f"{CLOCK}, standard deviation of a morning"]
+        yield Sign("gate-clock", abs(off) / u, why)
 
 
 def _lot(desk: Desk) -> Iterator[Sign]:
@@ -242,18 +302,6 @@ def signs_of_edges(record: GateRecord) -> Iterator[Sign]:
         yield Sign("ball-out-of-round", off, f"balls look up to {off:.1%} longer at one gate")
 
 
-def _contradiction(desk: Desk) -> Iterator[Doubt]:
-    """Name what most often sets recoil and rebound apart where nothing else explains it."""
-    if not desk.day.fired or desk.missing:
-        return
-    for flag in desk.certification.flags:
-        if flag.name == "recoil-and-rebound":
-            shots = desk.by_rules.shots
-            more = float(np.nanmean(shots.recoil_efficiency - shots.rebound_efficiency)) > 0
-            fault = "pivot-off" if more else "ball-mass-typed"
-            yield Doubt(fault=fault, why=flag.sentence, confidence=UNEXPLAINED)
-
-
 def _charted(desk: Desk, action: str) -> Iterator[tuple[str, float, float]]:
     """Yield each number of a check standard: over its chart's mean, and off it in sigmas."""
     event = desk.last(action)
@@ -276,3 +324,21 @@ def _numbers(event: DayEvent) -> Iterator[tuple[str, float]]:
     for what, value, _ in event.shown:
         if not isinstance(value, str):
             yield what, float(value)
+
+
+LOOKS = (
+    _scale,
+    _bench,
+    _pendulum,
+    _weighed_again,
+    _lot,
+    _gates,
+    _pivot,
+    _clock,
+    _wall,
+    _hit_again,
+    _paper,
+    _cylinder,
+    _taps,
+    _shots,
+)

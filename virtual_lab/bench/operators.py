@@ -93,12 +93,13 @@ def _judged(look: Look) -> Iterator[Action]:
 
 
 def _before_the_wall(look: Look) -> Iterator[Action]:
-    yield action_of("tap-bat")
-    yield action_of("fire-check-ball")
+    for name in ("reweigh-balls", "swing-clamp", "tap-bat", "fire-check-ball"):
+        yield action_of(name)
     yield action_of("gauge-gates")
     if remedied_by_gauge(look()):
         yield action_of("gauge-gates", {"use": "gauge"})
-    yield action_of("fire-check-cylinder")
+    for name in ("measure-pivot", "compare-clock", "fire-check-cylinder"):
+        yield action_of(name)
 
 
 def _how(name: str, habits: Habits) -> Mapping[str, object]:
@@ -152,6 +153,7 @@ def _end(look: Look, habits: Habits) -> Iterator[Action]:
     if habits.checks:
         if not look().day.came_with:
             yield action_of("tap-bat")
+            yield action_of("recheck-balls")
         for doubt in doubts(look()):
             yield action_of(
                 "note-doubt", {"doubt": doubt.fault, "confidence": 100 * doubt.confidence}

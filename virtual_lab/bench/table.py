@@ -52,6 +52,10 @@ class Consequences(Spec):
     hand_step: Time
     check_mass: Mass
     gauge_u: Length
+    pivot_rule_u: Length
+    clamp_u: Annotated[float, Gt(0), Dimension("inertia")]
+    clock_u: Annotated[float, Gt(0), Dimension("number")]
+    balls_again: Annotated[int, Gt(0), Dimension("number")]
     gauge_step: Length
     ball_gauge_u: Length
     aim_setting: Length

@@ -63,9 +63,12 @@ class FaultSheet(Spec):
     missed: str  # what it does to the result if nobody sees it
     excludes: str  # what the evidence rules out
     found_by: FoundBy | None = None  # none: no check at the bench shows it on 99 days of 100
+    unfound: str = ""  # why there is none
     predictions: Annotated[tuple[Prediction, ...], MinLen(1)]
 
     def __post_init__(self) -> None:
+        if (self.found_by is None) == (not self.unfound):
+            raise ValueError("needs found_by, or unfound: why no check at the bench finds it")
         named = [prediction.procedure for prediction in self.predictions]
         if len(named) != len(set(named)):
             raise ValueError("two predictions for one procedure")

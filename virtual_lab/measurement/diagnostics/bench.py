@@ -19,6 +19,7 @@ __all__ = [
     "lot_rules",
     "pendulum_swing",
     "sports",
+    "swing_slowing",
     "wall_drift",
 ]
 
@@ -79,16 +80,31 @@ def bat_shape(seen: Evidence) -> Iterator[Flag]:
 
 
 def pendulum_swing(seen: Evidence) -> Iterator[Flag]:
-    """Hold the slowing of a swing that dies away against the amplitudes that were read.
+    """Hold the slowing of a swing that dies away against the amplitudes that were read."""
+    found = swing_slowing(seen.session.records["bench"]["pendulum"])
+    if found is None:
+        return
+    slowing, scatter, dof = found
+    u, likely = chance(slowing - 1, [scatter_component(scatter, dof)], least=DECAY_U)
+    if likely < FALSE_ALARMS:
+        yield Flag(
+            name="pendulum-swing",
+            sentence=f"periods shorten {slowing:.1f} times as much as the amplitudes "
+            f"read allow, which is {abs(slowing - 1) / u:.1f} standard uncertainties off",
+        )
+
+
+def swing_slowing(record: Any) -> tuple[float, float, int] | None:
+    """Return how many times as much periods shorten as the amplitudes read allow, its u, its dof.
 
     A wide swing takes longer, by the square of its amplitude, so within a release the periods
-    shorten as it dies away; how much they do shows the amplitude that it really had.
+    shorten as it dies away; how much they do shows the amplitude that it really had. None of a
+    swing that is too short, or did not die away.
     """
-    record: Any = seen.session.records["bench"]["pendulum"]
     releases, passages = record.times.shape
     swings = passages - 1
     if swings < 4:
-        return
+        return None
     first, last = record.first_amplitude.mean(), record.last_amplitude.mean()
     middle = first * (last / first) ** ((np.arange(swings) + 0.5) / swings)
     longer = np.concatenate([[0.0], np.cumsum(middle**2 / 16)])
@@ -99,17 +115,10 @@ def pendulum_swing(seen: Evidence) -> Iterator[Flag]:
     dof = releases * (passages - 3)
     spread = sqrt(float((rest**2).sum()) / dof)
     if abs(triangle[2, 2]) < FLAT:
-        return  # the swing did not die away
+        return None
     _, period, slowing = np.linalg.solve(triangle, fitted.mean(axis=0))
-    off = float(slowing - period)
-    scatter = scatter_component(spread / sqrt(releases) / abs(triangle[2, 2]), dof)
-    u, likely = chance(off, [scatter], least=DECAY_U * float(period))
-    if likely < FALSE_ALARMS:
-        yield Flag(
-            name="pendulum-swing",
-            sentence=f"periods shorten {slowing / period:.1f} times as much as the amplitudes "
-            f"read allow, which is {abs(off) / u:.1f} standard uncertainties off",
-        )
+    u = spread / sqrt(releases) / abs(triangle[2, 2]) / float(period)
+    return float(slowing / period), u, dof
 
 
 def lot_rules(seen: Evidence) -> Iterator[Flag]:
