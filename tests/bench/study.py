@@ -5,6 +5,7 @@ checks of a fault alone finds it, and names anything where nothing is wrong. ``e
 many days of one fault each an expert names it before the verdict, and anything on sound and decoy
 days. ``operators``: a classifier fitted on so many days of each, judged on as many fresh ones.
 ``buttons``: how many a whole day takes on the page, and how long the server works at them.
+``keyboard``: how long it takes a person by keyboard alone, by a model of keystrokes in Chromium.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Iterable, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -155,8 +157,21 @@ def pressed_through(room: ServedDay, shots: int) -> tuple[int, float]:
     return pressed, time.perf_counter() - began
 
 
+def keyboard(days: int) -> None:
+    from tests.bench import browsing, keystrokes
+
+    print(keystrokes.HEAD)
+    takes = (("plain-day", keystrokes.by_enter), ("college-day", keystrokes.by_list))
+    for name, take in takes * days:
+        with TemporaryDirectory() as place, ExitStack() as stack:
+            day, address = stack.enter_context(browsing.served(Path(place) / "day", name))
+            page = stack.enter_context(browsing.opened()).new_page()
+            page.goto(address)
+            print(take(page, day).row(name, len(day.desk.day.fired)), flush=True)
+
+
 if __name__ == "__main__":
-    STUDIES = {each.__name__: each for each in (detection, expert, operators, buttons)}
+    STUDIES = {each.__name__: each for each in (detection, expert, operators, buttons, keyboard)}
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("what", choices=tuple(STUDIES))
     parser.add_argument("--days", type=int, default=100)
