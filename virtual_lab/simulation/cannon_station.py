@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Protocol
 
@@ -24,6 +23,7 @@ from virtual_lab.simulation.instruments import FittedStation, Instrument, Instru
 from virtual_lab.simulation.instruments.air import HallAir, HallAirSpec
 from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
 from virtual_lab.simulation.instruments.gravity import Gravity, GravitySpec
+from virtual_lab.simulation.instruments.light_gate import BallGates
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.motion.scene import FrameSpec, StopSpec
 from virtual_lab.simulation.physics.supports import Pinned
@@ -75,20 +75,6 @@ def fitted(
     }
 
 
-class BallGates(Instrument, Protocol):
-    """Gates of either kind."""
-
-    @property
-    def spec(self) -> Any: ...
-    @property
-    def distances(self) -> Array: ...
-    @property
-    def clock(self) -> float: ...
-    @property
-    def watch(self) -> Callable[..., Record]: ...
-    def arrival(self, passage: Passage) -> Array: ...
-
-
 class BatHolder(Instrument, Protocol):
     """What holds a bat."""
 
@@ -130,7 +116,7 @@ class CannonStation(FittedStation):
 
     holder: BatHolder
     cannon: Cannon
-    gates: BallGates
+    gates: BallGates[Any]
     air: HallAir
     hall: Gravity
     ideal: bool

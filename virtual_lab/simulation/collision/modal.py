@@ -41,7 +41,6 @@ __all__ = [
 Floats = NDArray[np.float64]
 BENDING_MODES = 20
 STIFF_MODES = 100
-ROWS = 16_384  # scenes at a time: what lies between kernel and result stays small
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,10 +99,9 @@ class ModalModel:
 
         `InputError` where a place lies off the bat or one cannot be followed.
         """
-        if len(scenes) <= ROWS:
-            return collide_bats([(self, scenes)])[0]
-        starts = range(0, len(scenes), ROWS)
-        return joined([collide_bats([(self, scenes.part(slice(i, i + ROWS)))])[0] for i in starts])
+        few = 16_384  # at a time: what lies between kernel and result stays small
+        parts = [scenes.part(slice(i, i + few)) for i in range(0, len(scenes), few)]
+        return joined([collide_bats([(self, part)])[0] for part in parts])
 
 
 def collide_bats(

@@ -211,9 +211,10 @@ def _ring(t: float, bat: Bat, state: State, y: Floats, old: Floats) -> float:
 def _flight(h: float, limit: float, bat: Bat, state: State, y: Floats, old: Floats) -> float:
     """Fly from the release in `y` to the next touch; return its time.
 
-    It is inf where there is none, nan where it took too many steps. The surface is nowhere faster than the sum of its modal amplitudes, so a step of gap over
-    (that + the closing speed of the ball) cannot jump over a contact; h is the least step. Nor is
-    it ever farther out: once the ball is beyond that, or `limit` is over, no touch follows.
+    It is inf where there is none, nan where it took too many steps. The surface is nowhere faster
+    than the sum of its modal amplitudes, so a step of gap over (that + the closing speed of the
+    ball) cannot jump over a contact; h is the least step. Nor is it ever farther out: once the
+    ball is beyond that, or `limit` is over, no touch follows.
     """
     _, g, w2 = bat
     p, v, r = state

@@ -29,11 +29,6 @@ __all__ = ["Method", "ReferenceModel"]
 
 Floats = NDArray[np.float64]
 Method = Literal["RK45", "DOP853", "LSODA", "Radau"]
-BENDING_MODES = 100
-LONGEST_STEP = 0.2  # times the highest angular frequency: no event slips between two steps
-LONGEST_LOOK = 0.5  # the same, of a touch that is too late to count
-LONGEST = 0.2  # s, a contact
-OPEN = 1e4  # times its tolerance, what of a solution's energy may not close
 FLIGHT = Branch(force=lambda u, rate: 0.0, ends={Event.TOUCH: 1})
 
 
@@ -45,7 +40,7 @@ class ReferenceModel:
     patch: float = PATCH  # full width [m]
     tolerance: float = 1e-12
     method: Method = "DOP853"
-    longest_step: float = LONGEST_STEP
+    longest_step: float = 0.2  # times the highest angular frequency: no event slips between
     law: LawOfBall = PowerLaw.of
     held: str = ""  # in words, for errors
     rung: str = "reference"
@@ -55,7 +50,7 @@ class ReferenceModel:
         cls,
         body: BatBody,
         support: Support,
-        bending_modes: int = BENDING_MODES,
+        bending_modes: int = 100,
         law: LawOfBall = PowerLaw.of,
     ) -> Self:
         """Return the model of a bat and a law of the ball. `InputError` as for the modal rung."""
@@ -96,7 +91,7 @@ class ReferenceModel:
         energy = energy_split(
             self.modes, displacements, velocities, e_A, losses, mass * speed**2 / 2
         )
-        closed = np.abs(energy.total - 1) < max(STAYS, OPEN * self.tolerance)  # not of a nan
+        closed = np.abs(energy.total - 1) < max(STAYS, 1e4 * self.tolerance)  # not of a nan
         failure = np.array([run.failure for run in runs], dtype=np.int64)
         failure[(failure == Failure.SOUND) & ~closed] = Failure.OPEN
         scenes.require_sound(failure, self.held)
@@ -129,7 +124,7 @@ class ReferenceModel:
         reloads, met, branch = run.reloads, Event.TOUCH, None
         while met is not Event.RELEASE:
             branch = scene.law.branch(met, scene.compression(at.state), branch)
-            phase = self._phase(scene, branch, at, at.time + LONGEST)
+            phase = self._phase(scene, branch, at, at.time + 0.2)  # s: no contact is longer
             if phase is None:
                 return replace(run, failure=Failure.ENDLESS)
             at, met = phase
@@ -235,7 +230,7 @@ class _Scene:
             return False
         at, drift, ring = self.apart(run)
         flexible = self.angular[self.angular > 0]
-        t = np.arange(begin, end, LONGEST_LOOK / float(flexible.max(initial=1e4))) - run.time
+        t = np.arange(begin, end, 0.5 / float(flexible.max(initial=1e4))) - run.time
         surface = sum(
             np.real(one * np.exp(-1j * angular * t))
             for one, angular in zip(ring, flexible, strict=True)

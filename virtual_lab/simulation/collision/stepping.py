@@ -40,11 +40,6 @@ Counts = NDArray[np.int64]
 # is another collision.
 WINDOW = 0.01
 HORIZON = 0.1  # s from the last release, in which a contact too late to count is looked for
-LONG = 1.5e-3  # s: of longer contacts errors in the modes' phases add up, though the energy closes
-FINER = 2.5  # how much shorter the steps of a second try
-TRIES = 3  # before a scene is followed one by one
-AGREE = 25.0  # tolerances two tries may differ by; shorter steps divide errors by ten times that
-LAST_RESORT = 0.75  # refinement one by one of what no other try is sure of, to about 1e-9
 STAYS = 1e-6  # in e_A, and of the energy what may not close
 
 
@@ -154,6 +149,7 @@ class OneByOne:
     refinement: float = 1.0  # divides the steps
     mode_step: float = 0.7  # step times the highest angular frequency
     ball_step: float = 0.14  # step times the angular frequency of the ball at its steepest
+    last_resort: float = 0.75  # refinement of what no other try is sure of, to about 1e-9
 
     def follow(self, struck: CollisionBatch, window: float = WINDOW) -> Followed:
         """Follow all contacts that begin within `window` [s] of the first touch."""
@@ -185,13 +181,13 @@ class OneByOne:
 
         It stays at once where `other` steps already came to the same.
         """
-        found = replace(self, refinement=LAST_RESORT).follow(struck, window)
+        found = replace(self, refinement=self.last_resort).follow(struck, window)
         left = np.flatnonzero(~self._stays(struck, found, other))
         for refinement in (0.5, 2.0, 4.0):
             if not left.size:
                 break
             part = struck.part(left)
-            new = replace(self, refinement=refinement * LAST_RESORT).follow(part, window)
+            new = replace(self, refinement=refinement * self.last_resort).follow(part, window)
             stays = self._stays(part, found.part(left), new)
             if refinement > 1:
                 found.put(left, new)
@@ -236,6 +232,12 @@ class InStep:
     turn: float  # share of the speed at which the approach counts as turned
     release: float = 1e-2  # share of the greatest compression at which it counts as released
     brush: float = 0.03  # share of it, as near to touching again is in doubt; a tenth, to releasing
+    # s: of longer contacts errors in the modes' phases add up, though the energy closes
+    long: float = 1.5e-3
+    shorter: float = 2.5  # how much shorter the steps of a second try
+    tries: int = 3  # before a scene is followed one by one
+    # tolerances two tries may differ by; shorter steps divide errors by ten times that
+    agree: float = 25.0
 
     def __post_init__(self) -> None:
         limit = self.splitting.limit
@@ -260,19 +262,19 @@ class InStep:
         followed, doubted = self.one_pass(struck, window)
         left = np.flatnonzero(doubted)
         stepper = self
-        for tries in range(1, TRIES):
+        for tries in range(1, self.tries):
             if not left.size:
                 break
-            part, stepper = struck.part(left), stepper.finer(FINER)
+            part, stepper = struck.part(left), stepper.finer(self.shorter)
             finer, sure = stepper._try(part, window)
             finer.redone[:] = tries
             gap = part.efficiency_gap(finer, followed.part(left))
             followed.put(left, finer)
-            sure &= (np.abs(gap) < AGREE * self.tolerance) & (finer.contacts <= tries + 1)
+            sure &= (np.abs(gap) < self.agree * self.tolerance) & (finer.contacts <= tries + 1)
             left = left[~sure]
         if left.size:
             exact = OneByOne().settled(struck.part(left), followed.part(left), window)
-            exact.redone[:] = TRIES
+            exact.redone[:] = self.tries
             followed.put(left, exact)
         return self._looked_ahead(struck, followed)
 
@@ -282,13 +284,13 @@ class InStep:
         """Return where one pass gets to, and which scenes (n,) are to be stepped again."""
         followed, sure = self._try(struck, window)
         often = (followed.contacts > 1) | (followed.reloads > 1)
-        return followed, ~sure | often | (followed.time > LONG)
+        return followed, ~sure | often | (followed.time > self.long)
 
     def _looked_ahead(self, struck: CollisionBatch, followed: Followed) -> Followed:
         """Tell those that meet too late to count from those that only might have."""
         from virtual_lab.simulation.collision.modal_kernel import meets_again
 
-        near = np.flatnonzero(followed.swung_back & (followed.redone < TRIES))
+        near = np.flatnonzero(followed.swung_back & (followed.redone < self.tries))
         if near.size:
             part = struck.part(near)
             steps = self.mode_step / np.maximum(part.fastest(), 1.0)

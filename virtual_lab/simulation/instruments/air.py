@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Annotated, Self
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
 
 from annotated_types import Ge
 
-from virtual_lab.catalog.specs import Dimension, Spec
+from virtual_lab.catalog.specs import Dimension
 from virtual_lab.relations.flight import Array, drag_rate
-from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, certified
-from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Sheet
 
 __all__ = ["HallAir", "HallAirSpec"]
 
@@ -18,8 +17,10 @@ Number = Annotated[float, Ge(0), Dimension("number")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HallAirSpec(Spec):
+class HallAirSpec(Sheet):
     """What was measured on the day."""
+
+    other_errors: ClassVar[tuple[str, ...]] = ("density",)
 
     kind: str
     title: str
@@ -27,17 +28,6 @@ class HallAirSpec(Spec):
     density_u: Annotated[float, Ge(0), Dimension("density")]
     drag_coefficient: Number
     drag_coefficient_u: Number
-
-    def ideal(self) -> Self:
-        """Return no air at all."""
-        return replace(self, density=0.0, density_u=0.0, drag_coefficient_u=0.0)
-
-    def certificate(self) -> dict[str, Estimate]:
-        """Return the constants of a ball's drag."""
-        return {
-            "density": certified(self.density, self.density_u),
-            "drag_coefficient": certified(self.drag_coefficient, self.drag_coefficient_u),
-        }
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf
-from typing import Annotated, Self
+from typing import Annotated
 
 from annotated_types import Ge
 from numpy.typing import ArrayLike
 
-from virtual_lab.catalog.specs import Dimension, Spec
+from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import LengthReadings
-from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, certified
+from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, Sheet
 from virtual_lab.simulation.instruments.indicator import indicate
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
@@ -22,7 +22,7 @@ Distance = Annotated[float, Ge(0), Dimension("length")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RuleSpec(Spec):
+class RuleSpec(Sheet):
     """Data sheet and calibration of a rule or a balance stand."""
 
     kind: str
@@ -32,14 +32,6 @@ class RuleSpec(Spec):
     offset_u: Distance
     offset: Annotated[float, Dimension("length")] = 0.0
     offset_dof: Freedom = inf
-
-    def ideal(self) -> Self:
-        """Return the rule that shows the length."""
-        return replace(self, resolution=0.0, repeatability=0.0, offset_u=0.0)
-
-    def certificate(self) -> dict[str, Estimate]:
-        """Return the constant of reading = length + offset."""
-        return {"offset": certified(self.offset, self.offset_u, self.offset_dof)}
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf
-from typing import Annotated, Self
+from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt
 from numpy.typing import ArrayLike
 
-from virtual_lab.catalog.specs import Dimension, Spec
+from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import MassReadings
-from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, certified
+from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, Sheet
 from virtual_lab.simulation.instruments.indicator import indicate
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
@@ -23,7 +23,7 @@ Mass = Annotated[float, Ge(0), Dimension("mass")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ScaleSpec(Spec):
+class ScaleSpec(Sheet):
     """Data sheet and calibration of a scale."""
 
     kind: str
@@ -36,17 +36,6 @@ class ScaleSpec(Spec):
     zero_dof: Freedom = inf
     span: Annotated[float, Gt(0), Dimension("number")] = 1.0
     span_dof: Freedom = inf
-
-    def ideal(self) -> Self:
-        """Return the scale that shows the mass."""
-        return replace(self, resolution=0.0, repeatability=0.0, zero_u=0.0, span_u=0.0)
-
-    def certificate(self) -> dict[str, Estimate]:
-        """Return the constants of reading = span x mass + zero."""
-        return {
-            "zero": certified(self.zero, self.zero_u, self.zero_dof),
-            "span": certified(self.span, self.span_u, self.span_dof),
-        }
 
 
 @dataclass(frozen=True, slots=True)
