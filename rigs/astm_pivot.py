@@ -26,7 +26,11 @@ from virtual_lab.simulation.cannon_station import (
     fitted,
 )
 from virtual_lab.simulation.instruments import Instrument, InstrumentFactory, RecordDetail
-from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, Sheet
+from virtual_lab.simulation.instruments.calibrated import (
+    CalibratedInstrument,
+    CalibratedSpec,
+    Freedom,
+)
 from virtual_lab.simulation.instruments.encoder import Encoder, EncoderSpec
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.physics.beam import beam_of
@@ -40,7 +44,7 @@ GAP = 2.3e-3  # s, a recorder that sums up leaves out after contact: the blow's 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PivotSpec(Sheet):
+class PivotSpec(CalibratedSpec):
     """The bearing that holds the bat: its place, and the torques that slow the recoil."""
 
     other_errors: ClassVar[tuple[str, ...]] = (

@@ -22,7 +22,7 @@ from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.cannon_station import CannonRigSpec, CannonStation, fitted
 from virtual_lab.simulation.impact import contact_angle, thrown_back
 from virtual_lab.simulation.instruments import Instrument, InstrumentFactory, RecordDetail
-from virtual_lab.simulation.instruments.calibrated import Sheet
+from virtual_lab.simulation.instruments.calibrated import CalibratedSpec
 from virtual_lab.simulation.instruments.encoder import Encoder, EncoderSpec
 from virtual_lab.simulation.instruments.holder import Holder, HolderSpec
 from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec
@@ -36,7 +36,7 @@ GAP = 1e-3  # s, a recorder that sums up leaves out before contact, which may co
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DriveSpec(Sheet):
+class DriveSpec(CalibratedSpec):
     """The servo that turns the bat: how well it keeps its speed and its appointment."""
 
     other_errors: ClassVar[tuple[str, ...]] = ("ripple", "droop")

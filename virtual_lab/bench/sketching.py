@@ -17,7 +17,7 @@ from virtual_lab.bench.slow_motion import Motion, contact_words
 from virtual_lab.simulation.cannon_station import RestingBatStation
 from virtual_lab.simulation.flights import RestingBat, Surroundings, scene_of
 from virtual_lab.simulation.motion import play
-from virtual_lab.simulation.motion.plan_view import PlanView, plan_view
+from virtual_lab.simulation.motion.played import PlanView, plan_view
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.rig import Stage
 

@@ -37,7 +37,7 @@ from virtual_lab.simulation.collision.stepping import (
     OneByOne,
     Stepper,
 )
-from virtual_lab.simulation.physics.supports import Clamped, Free, Pinned, Support
+from virtual_lab.simulation.physics.beam import Clamped, Free, Pinned, Support
 from virtual_lab.streams import Streams
 from virtual_lab.units import INCH, MPH
 

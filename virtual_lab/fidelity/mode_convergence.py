@@ -20,8 +20,8 @@ from virtual_lab.output.tables import Column
 from virtual_lab.simulation.collision.modal import STIFF_MODES, ModalModel
 from virtual_lab.simulation.collision.patch import PATCH
 from virtual_lab.simulation.collision.scene import Scenes
+from virtual_lab.simulation.physics.beam import Free
 from virtual_lab.simulation.physics.modes import modes_of
-from virtual_lab.simulation.physics.supports import Free
 from virtual_lab.units import INCH, MPH
 
 __all__ = ["convergence"]

@@ -20,13 +20,12 @@ from virtual_lab.simulation.impact import (
     thrown_back,
 )
 from virtual_lab.simulation.instruments import FittedStation, Instrument, InstrumentFactory
-from virtual_lab.simulation.instruments.air import HallAir, HallAirSpec
+from virtual_lab.simulation.instruments.air import Gravity, GravitySpec, HallAir, HallAirSpec
 from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
-from virtual_lab.simulation.instruments.gravity import Gravity, GravitySpec
 from virtual_lab.simulation.instruments.light_gate import BallGates
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.motion.scene import FrameSpec, StopSpec
-from virtual_lab.simulation.physics.supports import Pinned
+from virtual_lab.simulation.physics.beam import Pinned
 from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen
 from virtual_lab.simulation.truth import TrueOutcome
 from virtual_lab.streams import Draws

@@ -15,9 +15,8 @@ from virtual_lab.simulation.collision.patch import PATCH, patch_shape
 from virtual_lab.simulation.collision.scene import Collisions, Scenes
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.physics.ball import Event, PowerLaw
+from virtual_lab.simulation.physics.beam import Free, Pinned, Support, outer_diameter
 from virtual_lab.simulation.physics.modes import Modes, modes_of
-from virtual_lab.simulation.physics.section import outer_diameter
-from virtual_lab.simulation.physics.supports import Free, Pinned, Support
 from virtual_lab.simulation.rig import ShotPlan, Specimen
 from virtual_lab.simulation.truth import TrueOutcome, TrueRecoil
 

@@ -31,7 +31,7 @@ from virtual_lab.uncertainty.estimate import Estimate
 if TYPE_CHECKING:
     from virtual_lab.catalog.specs import BatBody
     from virtual_lab.simulation.collision.scene import CollisionModel, Scenes
-    from virtual_lab.simulation.physics.supports import Support
+    from virtual_lab.simulation.physics.beam import Support
 
 __all__ = [
     "CollisionChoice",

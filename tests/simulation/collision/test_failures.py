@@ -17,8 +17,8 @@ from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.reference import ReferenceModel
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.collision.stepping import FINE, WINDOW, OneByOne
+from virtual_lab.simulation.physics.beam import Clamped, Free, Pinned, Support
 from virtual_lab.simulation.physics.modes import modes_of
-from virtual_lab.simulation.physics.supports import Clamped, Free, Pinned, Support
 from virtual_lab.units import INCH
 
 WOOD, ALUMINIUM = load_bat("r161").spec.body, load_bat("ea70").spec.body

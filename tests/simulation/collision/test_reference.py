@@ -25,8 +25,8 @@ from virtual_lab.simulation.physics.ball import (
     PowerLaw,
     wall_contact,
 )
+from virtual_lab.simulation.physics.beam import Free, Pinned, Support
 from virtual_lab.simulation.physics.modes import modes_of
-from virtual_lab.simulation.physics.supports import Free, Pinned, Support
 from virtual_lab.units import INCH
 
 WOOD, ALUMINIUM = load_bat("r161").spec.body, load_bat("ea70").spec.body

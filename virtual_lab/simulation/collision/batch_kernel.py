@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.simulation.collision.powers import COMPILES, SIMD, exp2, log2, wide
 
-__all__ = ["Given", "Rule", "collide_lanes"]
+__all__ = ["Given", "StepRule", "collide_lanes"]
 
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
@@ -50,7 +50,7 @@ class Given(NamedTuple):
     near_end: Floats  # nearness of a release, of the greatest compression
 
 
-class Rule(NamedTuple):
+class StepRule(NamedTuple):
     """How all scenes are stepped: three settings of `InStep`, the time in which contacts count."""
 
     growth: float
@@ -365,7 +365,7 @@ def _extreme(lane: Floats) -> float:
 
 
 @njit(**SCALAR)
-def _pass_event(lane: Floats, i: int, given: Given, rule: Rule, out: Out) -> int:
+def _pass_event(lane: Floats, i: int, given: Given, rule: StepRule, out: Out) -> int:
     """Take a lane over its event; return what that leaves of its scene i to do."""
     (states, sums, counts), near, brush = out, rule.turn, rule.brush
     a, b, speed, log_k = given.exponent[i], given.unloading[i], given.speed[i], given.log_k[i]
@@ -411,7 +411,7 @@ def _pass_event(lane: Floats, i: int, given: Given, rule: Rule, out: Out) -> int
 
 @njit(cache=True, nogil=True)
 def collide_lanes(
-    w2: Floats, bat: Counts, g: Floats, given: Given, scheme: Scheme, rule: Rule
+    w2: Floats, bat: Counts, g: Floats, given: Given, scheme: Scheme, rule: StepRule
 ) -> Out:
     """Run n collisions with N flexible modes.
 

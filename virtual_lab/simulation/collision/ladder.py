@@ -24,8 +24,8 @@ from virtual_lab.simulation.collision.reference import ReferenceModel
 from virtual_lab.simulation.collision.rigid import RigidModel
 from virtual_lab.simulation.collision.scene import CollisionModel, Collisions, Scenes
 from virtual_lab.simulation.collision.surrogate import Box, Surrogate
+from virtual_lab.simulation.physics.beam import Support, support_words
 from virtual_lab.simulation.physics.modes import Modes, modes_of
-from virtual_lab.simulation.physics.supports import Support, support_words
 from virtual_lab.units import INCH
 
 __all__ = [

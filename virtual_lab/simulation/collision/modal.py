@@ -26,8 +26,8 @@ from virtual_lab.simulation.collision.patch import PATCH, patch_shapes, patch_ta
 from virtual_lab.simulation.collision.scene import Collisions, EnergySplit, Scenes, joined
 from virtual_lab.simulation.collision.stepping import FINE, CollisionBatch, Followed, Stepper
 from virtual_lab.simulation.physics.ball import unloading_exponent
+from virtual_lab.simulation.physics.beam import Support, support_words
 from virtual_lab.simulation.physics.modes import Modes, modes_of
-from virtual_lab.simulation.physics.supports import Support, support_words
 
 __all__ = [
     "BENDING_MODES",

@@ -22,8 +22,8 @@ from virtual_lab.simulation.collision.patch import PATCH, patch_shape
 from virtual_lab.simulation.collision.scene import Collisions, Failure, Scenes
 from virtual_lab.simulation.collision.stepping import HORIZON, STAYS, WINDOW
 from virtual_lab.simulation.physics.ball import BallLaw, Branch, Event, LawOfBall, PowerLaw
+from virtual_lab.simulation.physics.beam import Support, support_words
 from virtual_lab.simulation.physics.modes import Modes, modes_of
-from virtual_lab.simulation.physics.supports import Support, support_words
 
 __all__ = ["Method", "ReferenceModel"]
 

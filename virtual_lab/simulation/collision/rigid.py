@@ -10,8 +10,8 @@ import numpy as np
 from virtual_lab.catalog.specs import BatBody
 from virtual_lab.simulation.collision.scene import Collisions, EnergySplit, Scenes
 from virtual_lab.simulation.physics.ball import wall_contact
+from virtual_lab.simulation.physics.beam import Support
 from virtual_lab.simulation.physics.modes import Modes, modes_of
-from virtual_lab.simulation.physics.supports import Support
 
 __all__ = ["RigidModel"]
 

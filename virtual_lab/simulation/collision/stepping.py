@@ -301,7 +301,7 @@ class InStep:
 
     def _try(self, struck: CollisionBatch, window: float) -> tuple[Followed, NDArray[np.bool_]]:
         """Return where one pass gets to, and which scenes (n,) it is sure of."""
-        from virtual_lab.simulation.collision.batch_kernel import Given, Rule, collide_lanes
+        from virtual_lab.simulation.collision.batch_kernel import Given, StepRule, collide_lanes
 
         a, b, c, v = struck.exponent, struck.unloading, struck.inverse_mass, struck.speed
         first = self.first * ((a + 1) * v**2 / (2 * struck.stiffness * c)) ** (1 / (a + 1))
@@ -324,7 +324,7 @@ class InStep:
             struck.shapes,
             Given(*(np.ascontiguousarray(each) for each in given)),
             (self.splitting.kicks, self.splitting.drifts),
-            Rule(self.growth, self.turn, self.brush, window),
+            StepRule(self.growth, self.turn, self.brush, window),
         )
         followed = Followed.first_try(states, sums, counts)
         return followed, (counts[:, 2] == 0) & (np.abs(followed.open_energy) < self.tolerance)

@@ -14,7 +14,7 @@ from enum import Enum
 from typing import Any, Protocol, Self, TypeVar
 
 from virtual_lab import catalog
-from virtual_lab.simulation.instruments.calibrated import Sheet
+from virtual_lab.simulation.instruments.calibrated import CalibratedSpec
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 
@@ -42,7 +42,7 @@ class Instrument(Protocol):
     def errors(self) -> Mapping[str, float]: ...
 
 
-S = TypeVar("S", bound=Sheet)
+S = TypeVar("S", bound=CalibratedSpec)
 T = TypeVar("T")
 
 

@@ -10,12 +10,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from virtual_lab.relations.flight_kernel import BLOCK, FAST, time_over
-from virtual_lab.simulation.instruments.board_sums import CENTRE_PHASES
 
-__all__ = ["Boards", "rows_of_gains", "sum_up", "write_edges"]
+__all__ = ["CENTRE_PHASES", "Boards", "rows_of_gains", "sum_up", "write_edges"]
 
 Floats = NDArray[np.float64]
 Rows = NDArray[np.int64]
+CENTRE_PHASES = 64  # of a centre between two beams
 PACE, DRAG, HEIGHT, SLOPE, PLANE = range(5)  # rows of `Passage.way`
 
 

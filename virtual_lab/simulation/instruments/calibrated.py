@@ -22,12 +22,12 @@ from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["CalibratedInstrument", "Freedom", "Sheet", "certified", "drawn"]
+__all__ = ["CalibratedInstrument", "CalibratedSpec", "Freedom", "certified", "drawn"]
 
 Freedom = Annotated[float, Gt(0), Dimension("number")]  # degrees of freedom, inf where not stated
 
 
-class Sheet(Spec):
+class CalibratedSpec(Spec):
     """A data sheet that states constants: NAME, NAME_u and maybe NAME_dof."""
 
     __slots__ = ()
@@ -40,7 +40,7 @@ class Sheet(Spec):
         changes: dict[str, Any] = {}
         for part in fields(cast("Any", self)):
             name, value = part.name, getattr(self, part.name)
-            if isinstance(value, Sheet):
+            if isinstance(value, CalibratedSpec):
                 changes[name] = value.ideal()
             elif name.endswith(("_u", *self.errors)) or name in self.other_errors:
                 many = isinstance(value, tuple)
@@ -58,7 +58,7 @@ class Sheet(Spec):
         }
 
 
-S = TypeVar("S", bound=Sheet)
+S = TypeVar("S", bound=CalibratedSpec)
 
 
 def certified(value: float, sigma: float, dof: float = inf) -> Estimate:

@@ -13,7 +13,11 @@ from virtual_lab.catalog.specs import Dimension
 from virtual_lab.errors import InputError
 from virtual_lab.records import AimMarks
 from virtual_lab.simulation.arrays import Array
-from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, Sheet
+from virtual_lab.simulation.instruments.calibrated import (
+    CalibratedInstrument,
+    CalibratedSpec,
+    Freedom,
+)
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.units import MPH
@@ -24,7 +28,7 @@ Distance = Annotated[float, Ge(0), Dimension("length")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CannonSpec(Sheet):
+class CannonSpec(CalibratedSpec):
     """Scatter of speed and aim, and how well the aim was lined up."""
 
     kind: str

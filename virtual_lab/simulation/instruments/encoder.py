@@ -17,7 +17,11 @@ from annotated_types import Ge, Gt
 from virtual_lab.catalog.specs import Dimension, YesNo
 from virtual_lab.records import EncoderRecord, RateRecord
 from virtual_lab.simulation.arrays import Array
-from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, Sheet
+from virtual_lab.simulation.instruments.calibrated import (
+    CalibratedInstrument,
+    CalibratedSpec,
+    Freedom,
+)
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
 
@@ -27,7 +31,7 @@ FEW = 32  # shots
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class EncoderSpec(Sheet):
+class EncoderSpec(CalibratedSpec):
     """Data sheet of the encoder and its recorder."""
 
     other_errors: ClassVar[tuple[str, ...]] = ("whole_counts", "sees_ring")

@@ -9,13 +9,17 @@ from typing import Annotated
 from annotated_types import Ge, Gt
 
 from virtual_lab.catalog.specs import Dimension
-from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, Sheet
+from virtual_lab.simulation.instruments.calibrated import (
+    CalibratedInstrument,
+    CalibratedSpec,
+    Freedom,
+)
 
 __all__ = ["Holder", "HolderSpec"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HolderSpec(Sheet):
+class HolderSpec(CalibratedSpec):
     """As it was set up and surveyed."""
 
     nominal_from_knob: Annotated[float, Gt(0), Dimension("length")]  # where the axis should be

@@ -8,6 +8,7 @@ now and then a scrap of the sabot crosses the first board just ahead of the ball
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from math import inf, sqrt
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
@@ -17,7 +18,6 @@ from annotated_types import Ge, Gt, Lt, MinLen
 from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import BoardRecord, PassageRecord
 from virtual_lab.simulation.arrays import Array
-from virtual_lab.simulation.instruments.board_sums import gain_table
 from virtual_lab.simulation.instruments.calibrated import (
     Freedom,
     certified,
@@ -32,7 +32,7 @@ from virtual_lab.uncertainty.estimate import Estimate
 if TYPE_CHECKING:
     from virtual_lab.simulation.instruments.board_kernel import Boards
 
-__all__ = ["LightBoardSpec", "LightBoards"]
+__all__ = ["LightBoardSpec", "LightBoards", "gain_table"]
 
 Length = Annotated[float, Ge(0), Dimension("length")]
 
@@ -193,3 +193,51 @@ class LightBoards(BallGates[LightBoardSpec]):
         middle = (spec.beams - 1) * share[1, tripped, None]
         struck, beams = np.nonzero(np.abs(np.arange(spec.beams) - middle) < 2)
         return (tripped[struck], 0, 0, beams, 0), early[struck]
+
+
+@cache
+def gain_table(radius: float) -> Array:
+    """Return what an uncertainty of 1 at each edge comes to, (3, row); NaN: too few beams broken.
+
+    The first is that of the passage, from that of an edge's time; then that of the height, from
+    that of the way flown at an edge; then that of the height, from that of a beam's threshold.
+    Rows go by how many beams are missing, below, that the ball would break on a longer board,
+    and by where its centre passes between two beams, in `CENTRE_PHASES` steps.
+
+    Parameters
+    ----------
+    radius
+        Of the ball, in pitches.
+    """
+    most = int(2 * radius) + 1
+    return np.concatenate([_gains(radius, missing) for missing in range(most + 1)], axis=1)
+
+
+def _gains(radius: float, missing: int) -> Array:
+    """Return the three gains at each phase, the lowest `missing` beams not there."""
+    from virtual_lab.simulation.instruments.board_kernel import CENTRE_PHASES
+
+    reach = int(radius) + 1
+    phase = np.arange(CENTRE_PHASES + 1) / CENTRE_PHASES
+    place = (np.arange(-reach, reach + 2) - phase[:, None]) / radius
+    square = 1 - place**2
+    broken = square > 0
+    broken &= np.cumsum(broken, axis=1) > missing
+    square = np.where(broken, square, 0.0)
+    many = broken.sum(axis=1)
+    known = many >= 4
+    # chords shorter than a tenth of the longest weigh no more than one of a tenth
+    weight = broken / np.maximum(square, 1e-2 * square.max(axis=1, initial=1.0)[:, None])
+    powers = np.stack([place**k for k in range(3)], axis=-1)
+    weighed = (weight[..., None] * powers).transpose(0, 2, 1)
+    matrix = np.where(known[:, None, None], weighed @ powers, np.eye(3))
+    slope = np.linalg.solve(matrix, weighed)[:, 1]  # of the parabola, at the centre
+    many = many.clip(1)
+    middle = (broken * place).sum(axis=1) / many
+    spread = np.where(known, (broken * (place - middle[:, None]) ** 2).sum(axis=1), 1.0)
+    gains = [
+        np.sqrt((1 / many + middle**2 / spread) / 2),
+        np.sqrt((slope**2 * square).sum(axis=1) / 2),
+        np.sqrt((slope**2).sum(axis=1)),
+    ]
+    return np.where(known, gains, np.nan)

@@ -22,8 +22,8 @@ from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.instruments.calibrated import (
     CalibratedInstrument,
+    CalibratedSpec,
     Freedom,
-    Sheet,
     certified,
 )
 from virtual_lab.simulation.instruments.indicator import quantise
@@ -37,7 +37,7 @@ Time = Annotated[float, Ge(0), Dimension("time")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GateSheet(Sheet):
+class GateSheet(CalibratedSpec):
     """Gates along the flight, their places counted from the ball's at contact, far one first."""
 
     kind: str

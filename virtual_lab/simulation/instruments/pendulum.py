@@ -14,8 +14,8 @@ from virtual_lab.records import PendulumRecord
 from virtual_lab.relations.pendulum import amplitude_factor, small_period
 from virtual_lab.simulation.instruments.calibrated import (
     CalibratedInstrument,
+    CalibratedSpec,
     Freedom,
-    Sheet,
     certified,
 )
 from virtual_lab.simulation.instruments.indicator import quantise
@@ -29,7 +29,7 @@ Number = Annotated[float, Ge(0), Dimension("number")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PendulumSpec(Sheet):
+class PendulumSpec(CalibratedSpec):
     """Data sheet and certificate of the stand, its clamp and its timer."""
 
     kind: str

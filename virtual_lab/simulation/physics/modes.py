@@ -19,9 +19,17 @@ from scipy.sparse import csr_array
 
 from virtual_lab.catalog.specs import BatBody, HoopMode
 from virtual_lab.errors import InputError
-from virtual_lab.simulation.physics.beam import ELEMENT_SIZE, ORDER, Beam, beam_of
+from virtual_lab.simulation.physics.beam import (
+    ELEMENT_SIZE,
+    ORDER,
+    Beam,
+    Clamped,
+    Free,
+    Pinned,
+    Support,
+    beam_of,
+)
 from virtual_lab.simulation.physics.mesh import Mesh
-from virtual_lab.simulation.physics.supports import Clamped, Free, Pinned, Support
 
 __all__ = ["Modes", "barrel_nodes", "modes_of"]
 

@@ -13,8 +13,7 @@ from virtual_lab.measurement.reduction.kinematics import (
     restitution_from_efficiency,
 )
 from virtual_lab.simulation.collision.modal import ModalModel
-from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.physics.supports import Free
+from virtual_lab.simulation.physics.beam import Free, beam_of
 from virtual_lab.studies.paper.claim import Claim, about, at_least, at_most
 from virtual_lab.studies.paper.computed import (
     ALUMINIUM,

@@ -112,8 +112,12 @@ def render_balls(
     ValueError
         Where `sigma` is out of range.
     """
-    from virtual_lab.simulation.instruments.camera.ball_kernel import KernelLook, ShownBall, render
-    from virtual_lab.simulation.instruments.camera.vectors import LANES
+    from virtual_lab.simulation.instruments.camera.ball_kernel import (
+        LANES,
+        KernelLook,
+        ShownBall,
+        render,
+    )
 
     if not LEAST_BLUR <= sigma <= MOST_BLUR:
         raise ValueError(f"blur from {LEAST_BLUR} to {MOST_BLUR} px, not {sigma:g}")
@@ -190,8 +194,7 @@ def _table(sigma: float) -> Pixels:
 
     The node lies a phase beyond the fourth point; the last phase only ends the one before.
     """
-    from virtual_lab.simulation.instruments.camera.ball_kernel import NODE_PHASES
-    from virtual_lab.simulation.instruments.camera.vectors import LANES
+    from virtual_lab.simulation.instruments.camera.ball_kernel import LANES, NODE_PHASES
 
     phase = np.arange(NODE_PHASES + 2)[:, None] / NODE_PHASES
     steps = (np.arange(LANES) - LANES // 2 + 1 - phase) / (2 * sigma)

@@ -11,12 +11,12 @@ from math import ceil, cos, erf, floor, sin, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+from llvmlite import ir
+from numba import config, njit, types
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from virtual_lab.simulation.instruments.camera.vectors import LANES, add_row
-
-__all__ = ["NODE_PHASES", "KernelLook", "ShownBall", "render"]
+__all__ = ["LANES", "NODE_PHASES", "KernelLook", "ShownBall", "add_row", "render"]
 
 Floats = NDArray[np.float64]
 Pixels = NDArray[np.float32]
@@ -254,3 +254,40 @@ def render(balls: ShownBall, look: KernelLook, out: Pixels) -> None:
             _spread(balls.warp[r], own, balls.light[r], look, grid)
             _weights(path, balls.times[r], start, end, look, first, weights)
             _gather(grid, planes, weights, first, out[r])
+
+
+LANES = 8
+
+
+def _add_row(context: Any, target: Any, at: Any, source: Any, start: Any, weight: Any) -> Any:
+    """Add ``weight * source[start : start + 8]`` to ``target[at : at + 8]``, float32, unchecked."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        vector = ir.VectorType(ir.FloatType(), LANES)
+        index = ir.IntType(32)
+
+        def pointer(array: int, offset: int) -> Any:
+            kind = signature.args[array]
+            data = context.make_array(kind)(context, builder, arguments[array]).data
+            return builder.bitcast(builder.gep(data, [arguments[offset]]), vector.as_pointer())
+
+        to, of = pointer(0, 1), pointer(2, 3)
+        blank = ir.Constant(vector, ir.Undefined)
+        one = builder.insert_element(blank, arguments[4], ir.Constant(index, 0))
+        mask = ir.Constant(ir.VectorType(index, LANES), [0] * LANES)
+        every = builder.shuffle_vector(one, blank, mask)
+        product = builder.fmul(every, builder.load(of, align=4), flags=("contract",))
+        total = builder.fadd(builder.load(to, align=4), product, flags=("contract",))
+        builder.store(total, to, align=4)
+        return context.get_dummy_value()
+
+    line = types.Array(types.float32, 1, "C")
+    return types.void(line, types.intp, line, types.intp, types.float32), generate
+
+
+def _add_row_plainly(target: Any, at: int, source: Any, start: int, weight: Any) -> None:
+    target[at : at + LANES] += weight * source[start : start + LANES]
+
+
+compiles = not config.DISABLE_JIT  # type: ignore[attr-defined]
+add_row: Any = intrinsic(_add_row) if compiles else _add_row_plainly

@@ -15,11 +15,10 @@ from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, drawn
 from virtual_lab.simulation.instruments.camera.ball import Light, render_balls
-from virtual_lab.simulation.instruments.camera.course import Course
 from virtual_lab.simulation.instruments.camera.lens import TrueLens
 from virtual_lab.simulation.instruments.camera.scene import FilmedBat, background, flicker, windows
 from virtual_lab.simulation.instruments.camera.sensor import Sensor
-from virtual_lab.simulation.instruments.camera.shots import Frames, take
+from virtual_lab.simulation.instruments.camera.shots import Course, Frames, take
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.instruments.camera.camera import Camera
-from virtual_lab.simulation.instruments.camera.course import Course
 from virtual_lab.simulation.instruments.camera.scene import FilmedBat, background
-from virtual_lab.simulation.instruments.camera.shots import take
+from virtual_lab.simulation.instruments.camera.shots import Course, take
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.streams import Draws, Slots
 

@@ -15,7 +15,7 @@ from virtual_lab.catalog.specs import (
     Spec,
     YesNo,
 )
-from virtual_lab.simulation.instruments.calibrated import Sheet, certified
+from virtual_lab.simulation.instruments.calibrated import CalibratedSpec, certified
 from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = [
@@ -40,7 +40,7 @@ DISTORTION = ("k1", "k2", "p1", "p2", "k3")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SensorSpec(Sheet):
+class SensorSpec(CalibratedSpec):
     """A sensor in the terms of EMVA 1288; electrons are photoelectrons."""
 
     other_errors: ClassVar[tuple[str, ...]] = (
@@ -89,7 +89,7 @@ class BallLook(Spec):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LensSpec(Sheet):
+class LensSpec(CalibratedSpec):
     """A lens as calibrated: a pinhole with distortion, and how it blurs."""
 
     focal_length: PositiveLength
@@ -103,7 +103,7 @@ class LensSpec(Sheet):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PoseSpec(Sheet):
+class PoseSpec(CalibratedSpec):
     """Where the camera hangs and what it looks at, in axes of the rig.
 
     X runs with the ball toward the bat, Y along the bat from pivot to tip, Z up; the origin is
@@ -119,7 +119,7 @@ class PoseSpec(Sheet):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ClockSpec(Sheet):
+class ClockSpec(CalibratedSpec):
     """When frames are taken and for how long; a frame's time is the middle of its exposure."""
 
     other_errors: ClassVar[tuple[str, ...]] = ("drop_rate",)
@@ -142,7 +142,7 @@ class ClockSpec(Sheet):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LightSpec(Sheet):
+class LightSpec(CalibratedSpec):
     """Light on the ball and behind it, as photons that reach a pixel."""
 
     other_errors: ClassVar[tuple[str, ...]] = ("slope", "bowl", "flicker")
@@ -164,7 +164,7 @@ class LightSpec(Sheet):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CameraSpec(Sheet):
+class CameraSpec(CalibratedSpec):
     """A camera over a rig."""
 
     kind: str
