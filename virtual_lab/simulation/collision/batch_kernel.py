@@ -435,9 +435,8 @@ def collide_lanes(
     sums : (n, 3) array
         First touch to last release [s]; work lost in the ball [J]; share of the energy that
         does not close.
-    counts : (n, 5) array
-        Contacts; turns back before release; 1 where the scene is in doubt; 1 where ball and
-        bat may meet after all the time; steps.
+    counts : (n, 4) array
+        Contacts; turns back before release; 1 where the scene is in doubt; steps.
     """
     wide()
     scenes, modes = g.shape
@@ -445,7 +444,7 @@ def collide_lanes(
     out = (
         np.zeros((scenes, 2 * modes + 2)),
         np.zeros((scenes, 3)),
-        np.zeros((scenes, 5), np.int64),
+        np.zeros((scenes, 4), np.int64),
     )
     padded = -(-modes // CHUNK) * CHUNK
     size = AT.head + padded * MODE.size
@@ -466,9 +465,7 @@ def collide_lanes(
                 if after == After.GOES_ON:
                     continue
                 counts = out[2][i]
-                near_yet = lane[AT.s] + lane[AT.reach] >= 0.0
-                counts[2], counts[4] = after == After.DOUBT, int(lane[AT.steps])
-                counts[3] = lane[AT.event] == EVENT.clear and near_yet
+                counts[2], counts[3] = after == After.DOUBT, int(lane[AT.steps])
                 left += 1
                 lane[AT.scene] = -1.0
             if taken < scenes:

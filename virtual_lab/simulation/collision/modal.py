@@ -191,7 +191,6 @@ def _collisions(
         contacts=followed.contacts,
         reloads=followed.reloads,
         redone=followed.redone,
-        swung_back=followed.swung_back,
         energy=energy_split(
             modes, displacements, velocities, e_A, followed.loss, momentum * struck.speed / 2
         ),

@@ -50,7 +50,6 @@ class RigidModel:
             contacts=np.ones(len(scenes), dtype=np.int64),
             reloads=np.zeros(len(scenes), dtype=np.int64),
             redone=np.zeros(len(scenes), dtype=np.int64),
-            swung_back=np.zeros(len(scenes), dtype=np.bool_),
             energy=EnergySplit(
                 ball=e_A**2,
                 rigid=bat,

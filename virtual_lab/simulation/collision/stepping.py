@@ -23,7 +23,6 @@ from virtual_lab.simulation.physics.ball import wall_contact
 
 __all__ = [
     "FINE",
-    "HORIZON",
     "WINDOW",
     "CollisionBatch",
     "Followed",
@@ -39,7 +38,6 @@ Counts = NDArray[np.int64]
 # at its handle swings back from 11 ms on, onto a ball that hardly left, by up to 0.7 in e_A: that
 # is another collision.
 WINDOW = 0.01
-HORIZON = 0.1  # s from the last release, in which a contact too late to count is looked for
 STAYS = 1e-6  # in e_A, and of the energy what may not close
 
 
@@ -102,9 +100,6 @@ class Followed:
     steps: Counts  # of the last try; 0 where none are counted, one by one
     open_energy: Floats  # (n,), share of the ball's that does not close
     failure: Counts  # a `Failure`
-    swung_back: NDArray[
-        np.bool_
-    ]  # whether bat and ball meet after `window`, which counts for nothing
     redone: Counts  # 0 first try, 1 and 2 in finer steps, 3 one by one
 
     @classmethod
@@ -119,8 +114,7 @@ class Followed:
             contacts=counts[:, 0],
             reloads=counts[:, 1],
             failure=counts[:, 2],
-            swung_back=counts[:, 3] > 0,
-            steps=counts[:, 4] if counts.shape[1] > 4 else none.copy(),
+            steps=counts[:, 3] if counts.shape[1] > 3 else none.copy(),
             redone=none,
         )
 
@@ -169,7 +163,7 @@ class OneByOne:
             struck.inverse_mass,
             np.stack(ball, axis=1),
             self._steps(struck),
-            (window, HORIZON),
+            window,
         )
         followed = Followed.first_try(states, sums, counts)
         closed = np.abs(followed.open_energy) < STAYS  # not of a nan
@@ -276,7 +270,7 @@ class InStep:
             exact = OneByOne().settled(struck.part(left), followed.part(left), window)
             exact.redone[:] = self.tries
             followed.put(left, exact)
-        return self._looked_ahead(struck, followed)
+        return followed
 
     def one_pass(
         self, struck: CollisionBatch, window: float = WINDOW
@@ -285,19 +279,6 @@ class InStep:
         followed, sure = self._try(struck, window)
         often = (followed.contacts > 1) | (followed.reloads > 1)
         return followed, ~sure | often | (followed.time > self.long)
-
-    def _looked_ahead(self, struck: CollisionBatch, followed: Followed) -> Followed:
-        """Tell those that meet too late to count from those that only might have."""
-        from virtual_lab.simulation.collision.modal_kernel import meets_again
-
-        near = np.flatnonzero(followed.swung_back & (followed.redone < self.tries))
-        if near.size:
-            part = struck.part(near)
-            steps = self.mode_step / np.maximum(part.fastest(), 1.0)
-            followed.swung_back[near] = meets_again(
-                part.squares, part.bat, part.shapes, followed.states[near], steps, HORIZON
-            )
-        return followed
 
     def _try(self, struck: CollisionBatch, window: float) -> tuple[Followed, NDArray[np.bool_]]:
         """Return where one pass gets to, and which scenes (n,) it is sure of."""
