@@ -27,8 +27,6 @@ from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["Encoder", "EncoderSpec"]
 
-FEW = 32  # shots
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EncoderSpec(CalibratedSpec):
@@ -108,8 +106,8 @@ class Encoder(CalibratedInstrument[EncoderSpec]):
         shots = slots.size
         rest = draws.uniform(f"{name}.rest", 1, slots)
         counts = np.empty((shots, times.size))
-        for first in range(0, shots, FEW):
-            part = slice(first, first + FEW)
+        for first in range(0, shots, 32):
+            part = slice(first, first + 32)
             angle = turn(part)
             angle *= per_angle
             np.add(angle, rest[part] + 0.5 if spec.whole_counts else rest[part], out=counts[part])

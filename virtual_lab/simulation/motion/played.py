@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,19 +15,23 @@ from virtual_lab.simulation.motion.scene import ShotScene, ShotState
 from virtual_lab.simulation.motion.touch import moved
 
 __all__ = [
-    "BAT",
-    "BAT_AGAIN",
-    "FRAME",
-    "START",
-    "STOP",
     "Pieces",
     "PlanContact",
     "PlanView",
     "PlayedShots",
+    "StruckBody",
     "plan_view",
 ]
 
-START, BAT, BAT_AGAIN, STOP, FRAME = "", "bat", "bat again", "stop", "frame"
+
+class StruckBody(StrEnum):
+    """What the ball, or the bat at its stop, has struck."""
+
+    START = ""  # nothing: the shot begins
+    BAT = "bat"
+    BAT_AGAIN = "bat again"
+    STOP = "stop"
+    FRAME = "frame"
 
 
 class Pieces(NamedTuple):
@@ -40,7 +45,9 @@ class Pieces(NamedTuple):
     state: ShotState  # after the contact
 
     @classmethod
-    def of(cls, shot: ArrayLike, time: Array, struck: str, state: ShotState, *hit: Array) -> Pieces:
+    def of(
+        cls, shot: ArrayLike, time: Array, struck: StruckBody, state: ShotState, *hit: Array
+    ) -> Pieces:
         """Return pieces that begin alike; `hit` are place and speed on the bat."""
         place, speed = hit or (np.full(time.shape, np.nan),) * 2
         number = np.asarray(shot, dtype=np.int_)

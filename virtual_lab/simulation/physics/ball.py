@@ -36,8 +36,6 @@ __all__ = [
 ]
 
 Floats = NDArray[np.float64]
-WALL_POINTS = 200  # of a quadrature over half a contact
-FORCE_POINTS = 10_001  # among which the greatest force is looked for
 
 
 class WallContact(NamedTuple):
@@ -201,14 +199,14 @@ class HuntCrossley:
             work = (-np.exp(end) * np.expm1(-gone) - gone) / c**2  # per unit mass
             return np.asarray(((a + 1) * mass / k * work) ** (1 / (a + 1)))
 
-        x, gauss = np.polynomial.legendre.leggauss(WALL_POINTS)
+        x, gauss = np.polynomial.legendre.leggauss(200)
         s, weight = (1 + x) / 2, gauss / 2 * (a + 1)
         touch = log1p(c * speed)
         times = []
         for end in (touch, -_released(c * speed)):
             u = depth(end, end * s ** (a + 1))
             times.append(np.sum(weight * (s / u) ** a) * mass * abs(end) / (c * k))
-        gone = np.linspace(0, touch, FORCE_POINTS)
+        gone = np.linspace(0, touch, 10_001)
         return WallContact(
             compression=depth(touch, np.array(touch)),
             force=np.asarray((k * depth(touch, gone) ** a * np.exp(touch - gone)).max()),

@@ -38,9 +38,6 @@ __all__ = [
 Floats = NDArray[np.float64]
 ORDER = 8
 ELEMENT_SIZE = 0.05  # m
-# Outline cubic in z: E I is of degree 12 in z and meets two derivatives of degree order - 1,
-# so this many Gauss points beyond the order integrate every term exactly.
-EXTRA_POINTS = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,7 +233,9 @@ _gauss_points = lru_cache(np.polynomial.legendre.leggauss)
 
 def _assemble(mesh: Mesh, body: BatBody) -> tuple[Floats, Floats]:
     reference = reference_element(mesh.order)
-    x, gauss = _gauss_points(mesh.order + EXTRA_POINTS)
+    # outline cubic in z: E I is of degree 12 in z and meets two derivatives of degree order - 1,
+    # so this many Gauss points integrate every term exactly
+    x, gauss = _gauss_points(mesh.order + 6)
     half = np.diff(mesh.boundaries)[:, None] / 2
     z = mesh.boundaries[:-1, None] + half * (1 + x)
     N = reference.basis(x)

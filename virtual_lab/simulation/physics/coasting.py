@@ -11,10 +11,6 @@ from virtual_lab.simulation.arrays import Array
 __all__ = ["coasting", "ringing"]
 
 
-ORDER = 14
-ROUNDING = 1e-17
-
-
 def coasting(
     rate: Array,
     ticks: Array,
@@ -46,7 +42,8 @@ def coasting(
     reach = (linear + 2 * quadratic * np.abs(rate).max(initial=0.0)) * longest
     if reach > 0.25:
         raise ValueError(f"friction of {reach:.3g} over the record, the series needs at most 0.25")
-    order = min(max(ceil(log(ROUNDING) / log(max(reach, ROUNDING))), 2), ORDER)
+    rounding = 1e-17
+    order = min(max(ceil(log(rounding) / log(max(reach, rounding))), 2), 14)
     powers = [np.asarray(rate, dtype=float)]
     for k in range(order):
         product = np.sum([powers[i] * powers[k - i] for i in range(k + 1)], axis=0)

@@ -14,7 +14,6 @@ from scipy.sparse import csr_array
 __all__ = ["Mesh", "ReferenceElement", "mesh_through", "reference_element"]
 
 Floats = NDArray[np.float64]
-MERGE = 1e-5  # m: places closer than this share one element boundary
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,10 +113,11 @@ def mesh_through(
 
     `keep` are boundaries held to the last bit (ends, supports); others give way to them.
     """
+    merged = 1e-5  # m: places closer than this share one boundary
     kept = np.unique(np.array(keep))
     others = np.unique(np.array(places))
-    others = others[np.diff(others, prepend=-np.inf) > MERGE]
-    clear = np.abs(others[:, None] - kept).min(axis=1) > MERGE
+    others = others[np.diff(others, prepend=-np.inf) > merged]
+    clear = np.abs(others[:, None] - kept).min(axis=1) > merged
     coarse = np.union1d(kept, others[clear])
     parts = [coarse[:1]]
     for left, right in pairwise(coarse):

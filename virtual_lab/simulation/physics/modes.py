@@ -34,8 +34,6 @@ from virtual_lab.simulation.physics.mesh import Mesh
 __all__ = ["Modes", "barrel_nodes", "modes_of"]
 
 Floats = NDArray[np.float64]
-NODE_SAMPLES = 2001
-BOUNCE_ERROR = 1e-3  # of a bounce's squared frequency, which rounding of the stiffest mode may make
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -183,7 +181,7 @@ def modes_of(
 
 def barrel_nodes(modes: Modes, count: int = 2) -> tuple[float, ...]:
     """Return the node nearest the barrel tip [m] of the first `count` bending modes."""
-    z = np.linspace(0.0, modes.length, NODE_SAMPLES)
+    z = np.linspace(0.0, modes.length, 2001)
     found = []
     for mode in range(modes.rigid, modes.rigid + count):
         shape = modes.shape(z)[:, mode]
@@ -233,7 +231,8 @@ def _least_stiffness(beam: Beam, z: float) -> float:
     stiffest = float((np.diag(beam.stiffness_matrix) / np.diag(beam.mass_matrix)).max())
     inverse_mass = 1 / beam.mass + (z - beam.z_cm) ** 2 / beam.inertia_cm
     rounding = float(np.finfo(np.float64).eps) * stiffest
-    return float(f"{rounding / BOUNCE_ERROR / inverse_mass:.3g}")
+    share = 1e-3  # of the bounce's squared frequency, that rounding may make
+    return float(f"{rounding / share / inverse_mass:.3g}")
 
 
 def _free_freedoms(beam: Beam, support: Support) -> NDArray[np.intp]:

@@ -23,10 +23,20 @@ Pixels = NDArray[np.float32]
 FAST: dict[str, Any] = {"cache": True, "fastmath": True, "error_model": "numpy"}
 NODE_PHASES = 256  # of a node between two grid points, in the table of its Gaussian
 REACH = 4.2  # standard deviations of a half of the blur
-FAINT = 1e-7  # weights below are left out
-GROOVE, ROW, AWAY, SLANT = 0.3, 0.45, 0.55, 4.0  # shape of a seam, in its half width
-STITCHES = 54.0  # pairs in half a round of the seam
-ROUND = 1.1  # makes them evenly spaced
+
+
+class Seam(NamedTuple):
+    """The shape of a seam, in its half width."""
+
+    groove: float = 0.3
+    row: float = 0.45  # of stitches: half its width
+    away: float = 0.55  # from the groove
+    slant: float = 4.0
+    stitches: float = 54.0  # pairs in half a round of the seam
+    evening: float = 1.1  # makes them evenly spaced
+
+
+SEAM = Seam()
 
 
 class KernelLook(NamedTuple):
@@ -71,10 +81,10 @@ def _albedo(x: float, y: float, z: float, look: Floats) -> float:
     if f * f >= width * width * slope:
         return float(white)
     far = abs(f) / sqrt(slope) / width
-    dark = 0.8 * _bump(far / GROOVE)
-    thread = _bump((far - AWAY) / ROW)
+    dark = 0.8 * _bump(far / SEAM.groove)
+    thread = _bump((far - SEAM.away) / SEAM.row)
     if thread > 0:
-        turn = STITCHES * np.arctan2(ROUND * z, 2 * x * y) + SLANT * far
+        turn = SEAM.stitches * np.arctan2(SEAM.evening * z, 2 * x * y) + SEAM.slant * far
         dark += thread * (0.6 + 0.4 * cos(turn))
     return float(white * (1 - contrast * dark))
 
@@ -201,7 +211,7 @@ def _gather(
                 continue
             for kx in range(weights.shape[1]):
                 weight = np.float32(weights[ky, kx])
-                if weight < FAINT:
+                if weight < 1e-7:
                     continue
                 shift = size // 2 - kx - first[0]
                 parity = shift & 1

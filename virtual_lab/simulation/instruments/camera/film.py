@@ -20,7 +20,6 @@ from virtual_lab.streams import Draws, Slots
 __all__ = ["whole_frames", "write_clip", "write_films", "write_preview"]
 
 Frame = NDArray[Any]
-PREVIEW_RATE = 25.0  # frames a second
 PREVIEW_WIDTH = 480  # pixels
 
 
@@ -160,7 +159,7 @@ def write_preview(
     if not pictures:
         raise InputError(str(path), "frames", 0, "a preview needs frames")
     animation.frames = pictures
-    animation.durations = [round(1000 / PREVIEW_RATE)] * len(pictures)
+    animation.durations = [round(1000 / 25.0)] * len(pictures)
     if not cv2.imwriteanimation(str(path), animation, [cv2.IMWRITE_WEBP_QUALITY, 80]):
         raise InputError(str(path), "preview", None, "an animated WebP cannot be written here")
     return len(pictures)
