@@ -29,7 +29,7 @@ from virtual_lab.fidelity.naive_pymunk import (
 from virtual_lab.fidelity.results import SpeedChart, least_time
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.simulation.motion import play
-from virtual_lab.simulation.motion.played import PlayedShots, StruckBody
+from virtual_lab.simulation.motion.played import PlayedShots, Target
 from virtual_lab.simulation.motion.pymunk_scene import PymunkSettings
 from virtual_lab.simulation.motion.scene import ShotScene
 from virtual_lab.units import INCH
@@ -157,7 +157,7 @@ def _settings(step: float) -> PymunkSettings:
 
 def _errors(scene: ShotScene, found: PlayedShots) -> Row:
     hit, true = (
-        found.first(StruckBody.BAT),
+        found.first(Target.BAT),
         [parted_by_hand(scene, shot) for shot in range(scene.shots)],
     )
     e_A = scene.efficiency(hit.place, hit.speed, hit.shot)
@@ -209,7 +209,7 @@ def _misses(speed: float, step: float) -> Iterator[Row]:
             Carrier.RUNG,
             scene,
             setting,
-            share=1 - len(found.first(StruckBody.BAT).shot) / shots.shots,
+            share=1 - len(found.first(Target.BAT).shot) / shots.shots,
         )
 
 

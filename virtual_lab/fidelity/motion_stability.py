@@ -22,7 +22,7 @@ from virtual_lab.fidelity.naive_pymunk import Shape, naive_errors, rod_scene
 from virtual_lab.fidelity.results import StabilityMap
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.simulation.motion import play
-from virtual_lab.simulation.motion.played import StruckBody
+from virtual_lab.simulation.motion.played import Target
 from virtual_lab.simulation.motion.pymunk_scene import PymunkSettings, carry
 from virtual_lab.simulation.motion.scene import ShotScene
 from virtual_lab.units import INCH, MPH
@@ -103,11 +103,11 @@ def _cell(axis: Axis, method: Carrier, step: float, value: float) -> Row:
     )
     shots = 8 if method == Carrier.ALONE else 3
     scene = rod_scene(start | own.get(axis, {}), speed, step, shots)
-    true = play(scene, "closed-form").first(StruckBody.BAT)
+    true = play(scene, "closed-form").first(Target.BAT)
     refused = False
     if method == Carrier.RUNG:
         refused = _refused(scene, settings)
-        found = carry(scene, settings).first(StruckBody.BAT)
+        found = carry(scene, settings).first(Target.BAT)
         gap = np.linalg.norm(np.array(found.state[3:6]) - np.array(true.state[3:6]), axis=0)
     else:
         shapes: dict[Axis, Shape] = {Axis.PLACE: "round tip", Axis.ACROSS: "section"}

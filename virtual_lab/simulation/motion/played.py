@@ -19,12 +19,12 @@ __all__ = [
     "PlanContact",
     "PlanView",
     "PlayedShots",
-    "StruckBody",
+    "Target",
     "plan_view",
 ]
 
 
-class StruckBody(StrEnum):
+class Target(StrEnum):
     """What the ball, or the bat at its stop, has struck."""
 
     START = ""  # nothing: the shot begins
@@ -46,7 +46,7 @@ class Pieces(NamedTuple):
 
     @classmethod
     def of(
-        cls, shot: ArrayLike, time: Array, struck: StruckBody, state: ShotState, *hit: Array
+        cls, shot: ArrayLike, time: Array, struck: Target, state: ShotState, *hit: Array
     ) -> Pieces:
         """Return pieces that begin alike; `hit` are place and speed on the bat."""
         place, speed = hit or (np.full(time.shape, np.nan),) * 2

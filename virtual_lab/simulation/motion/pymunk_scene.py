@@ -18,8 +18,8 @@ import numpy as np
 from virtual_lab.errors import InputError
 from virtual_lab.relations.flight import time_after
 from virtual_lab.simulation.arrays import Array
-from virtual_lab.simulation.motion.closed_form import MotionRefusal
-from virtual_lab.simulation.motion.played import Pieces, PlayedShots, StruckBody
+from virtual_lab.simulation.motion.closed_form import Obstacle
+from virtual_lab.simulation.motion.played import Pieces, PlayedShots, Target
 from virtual_lab.simulation.motion.scene import GateFrame, ShotScene, ShotState
 from virtual_lab.simulation.motion.touch import (
     first_touch,
@@ -88,9 +88,7 @@ def carry(scene: ShotScene, settings: PymunkSettings) -> PlayedShots:
         for number, shot in enumerate(shots)
         for piece in shot.play()
     ]
-    nothing = Pieces.of(
-        np.zeros(0), np.zeros(0), StruckBody.START, ShotState.of().part(slice(0, 0))
-    )
+    nothing = Pieces.of(np.zeros(0), np.zeros(0), Target.START, ShotState.of().part(slice(0, 0)))
     return PlayedShots(
         rung=np.full(len(shots), PYMUNK),
         reason=np.full(len(shots), f"{PYMUNK} was asked for"),
@@ -103,7 +101,7 @@ class _Solid(NamedTuple):
     """What stands in the hall: its shape, its name, and the frame whose bars it stands for."""
 
     shape: Any
-    kind: StruckBody
+    kind: Target
     frame: GateFrame | None = None
 
 
@@ -115,7 +113,7 @@ class _Shot:
 
         self.scene, self.settings = scene, settings
         self.state, self.now, self.refused = scene.start, 0.0, ""
-        self.struck: list[StruckBody] = []
+        self.struck: list[Target] = []
         self.touching = False
         self.space = pymunk.Space()
         self.space.iterations, self.space.collision_slop = settings.iterations, settings.slop
@@ -140,7 +138,7 @@ class _Shot:
             way = stop.angle + np.arcsin(self.scene.bat.widest / stop.reach)
             post = stop.reach * sin(way), self.scene.bat.axis - stop.reach * cos(way)
             found.append(
-                (_Solid(pymunk.Circle(hall, stop.radius, post), StruckBody.STOP), stop.restitution)
+                (_Solid(pymunk.Circle(hall, stop.radius, post), Target.STOP), stop.restitution)
             )
         for frame in self.scene.frames:
             spec = frame.spec
@@ -150,10 +148,10 @@ class _Shot:
             )
             bars = pymunk.Segment(hall, *ends, spec.radius)
             found += [
-                (_Solid(pymunk.Circle(hall, spec.radius, end), StruckBody.FRAME), spec.restitution)
+                (_Solid(pymunk.Circle(hall, spec.radius, end), Target.FRAME), spec.restitution)
                 for end in ends
             ]
-            found.append((_Solid(bars, StruckBody.FRAME, frame), spec.restitution))
+            found.append((_Solid(bars, Target.FRAME, frame), spec.restitution))
         for solid, restitution in found:
             solid.shape.elasticity = restitution
             solid.shape.filter = pymunk.ShapeFilter(mask=1)
@@ -165,7 +163,7 @@ class _Shot:
 
     def play(self) -> list[Pieces]:
         """Carry the shot to the end of the record; a refused one has no pieces."""
-        pieces = [Pieces.of(ONE, np.zeros(1), StruckBody.START, self.state)]
+        pieces = [Pieces.of(ONE, np.zeros(1), Target.START, self.state)]
         while self.now < self.scene.duration and not self.refused:
             step = min(self.settings.step, self.scene.duration - self.now)
             touch = self._touch(step)
@@ -184,7 +182,7 @@ class _Shot:
                 self.refused = "more than 100 contacts in one record"
         return [] if self.refused else pieces
 
-    def _piece(self, struck: StruckBody, *hit: Array) -> Pieces:
+    def _piece(self, struck: Target, *hit: Array) -> Pieces:
         self.struck.append(struck)
         return Pieces.of(ONE, np.array([self.now]), struck, self.state, *hit)
 
@@ -248,23 +246,21 @@ class _Shot:
         scene, near = self.scene, nearness(self.scene, self.state)
         efficiency = scene.efficiency(near.place, near.approach, ONE)
         if not 0 <= near.place[0] <= scene.bat.length:
-            self.refused = MotionRefusal.EDGE
+            self.refused = Obstacle.EDGE
         elif near.approach[0] <= 0:
-            self.refused = MotionRefusal.GRAZED
+            self.refused = Obstacle.GRAZED
         self.state = parted(scene, self.state, near, efficiency, ONE)
         if not self.refused and nearness(scene, self.state).approach[0] >= 0:
-            self.refused = MotionRefusal.FOLLOWED
+            self.refused = Obstacle.FOLLOWED
         self.touching = True
-        again = StruckBody.BAT in self.struck
-        return self._piece(
-            StruckBody.BAT_AGAIN if again else StruckBody.BAT, near.place, near.approach
-        )
+        again = Target.BAT in self.struck
+        return self._piece(Target.BAT_AGAIN if again else Target.BAT, near.place, near.approach)
 
     def _turn_back(self) -> Pieces:
         assert self.scene.stop
         angle, rate = np.array([self.scene.stop.angle]), self.state.rate
         self.state = self.state._replace(angle=angle, rate=-self.scene.stop.restitution * rate)
-        return self._piece(StruckBody.STOP)
+        return self._piece(Target.STOP)
 
     def _rebound(self, mean: Array) -> Pieces:
         """Take the velocity pymunk gave the ball, scaled from the step's mean to its end's."""
