@@ -88,21 +88,10 @@ def choose(
 ) -> Choice:
     """Return the rung named, or the cheapest one good enough.
 
-    Parameters
-    ----------
-    body, support
-        The bat and how it is held.
-    probe : Scenes
-        A few scenes like those to come, on which the errors of the rungs are measured.
-    rung : str, optional
-        One of `COLLISION_RUNGS`, taken whatever its error; modal with the default number of modes.
-    standard_uncertainty : float, optional
-        Of the e_A the scenes are to yield; without it and without `rung`, modal is taken.
-
-    Raises
-    ------
-    InputError
-        An unknown rung, an uncertainty that is not positive, or a probe that no rung can follow.
+    Errors are measured on the `probe`, scenes like those to come. A `rung` of `COLLISION_RUNGS` is
+    taken whatever its error, modal with the default number of modes; without it and without the
+    standard uncertainty of the e_A that the scenes are to yield, modal is taken. `InputError` for
+    an unknown rung, an uncertainty that is not positive, or a probe that no rung can follow.
     """
     _check(rung, standard_uncertainty)
     if rung == "reference":

@@ -61,19 +61,9 @@ class ModalModel:
         support: Support,
         bending_modes: int = BENDING_MODES,
     ) -> Self:
-        """Return the model of a bat.
+        """Return the model of a bat: so many modes stepped, the next `STIFF_MODES` follow at once.
 
-        Parameters
-        ----------
-        body, support
-            The bat and how it is held.
-        bending_modes : int
-            How many are stepped in time; the next `STIFF_MODES` follow at once.
-
-        Raises
-        ------
-        InputError
-            The support lies off the bat, or there are fewer modes than asked for.
+        `InputError` where the support lies off the bat or there are fewer modes than asked for.
         """
         modes = modes_of(body, support, bending_modes + STIFF_MODES)
         return cls.within(modes, bending_modes, held=support_words(support))
@@ -109,19 +99,10 @@ def collide_bats(
 ) -> list[Collisions]:
     """Return what scenes of several bats come to, all stepped together as the first bat's are.
 
-    Parameters
-    ----------
-    batch
-        Models and their scenes.
-    tables
-        In the place of what the models' own splines give at the scenes' places, (n, N + 1) each:
-        for a few scenes splines are not worth the building.
-
-    Raises
-    ------
-    InputError
-        A place lies off its bat; the energy of a scene does not close, its e_A does not settle as
-        steps are halved, or it does not end.
+    `tables` stand in the place of what the models' own splines give at the scenes' places, (n, N +
+    1) each: for a few scenes splines are not worth the building. `InputError` where a place lies
+    off its bat, the energy of a scene does not close, its e_A does not settle as steps are halved,
+    or it does not end.
     """
     for model, scenes in batch:
         scenes.require_on(model.modes.length)

@@ -24,19 +24,9 @@ PATCH = 0.03  # full width [m]
 
 
 def patch_shape(modes: Modes, z: Floats, width: float) -> Floats:
-    """Return the mean deflection of each mode over the patches about `z`.
+    """Return the mean deflection of each mode over the patches about `z` (n,) [m], (n, N).
 
-    Parameters
-    ----------
-    modes : Modes
-    z : (n,) array
-        Impact positions [m].
-    width : float
-        Full width of the patch [m]; 0 is a point.
-
-    Returns
-    -------
-    (n, N) array
+    `width` is the full width of the patch [m]; 0 is a point.
     """
     return patch_shapes((modes,), z, width)[0]
 
@@ -57,12 +47,8 @@ def patch_shapes(parts: Sequence[Modes], z: Floats, width: float) -> list[Floats
 def patch_table(values: Callable[[Floats], Floats], length: float, width: float) -> PPoly:
     """Return cubic splines through what depends on the place of a patch.
 
-    Parameters
-    ----------
-    values : function
-        From places (n,) [m] to (n, columns), smooth but where the patch starts to shrink.
-    length, width : float
-        Of the bat and of the patch [m].
+    `values` is smooth but where the patch starts to shrink, from places (n,) [m] to (n, columns);
+    `length` and `width` are those of bat and patch [m].
     """
     ends = sorted({0.0, width / 2, length - width / 2, length})
     splines = []

@@ -83,7 +83,6 @@ def play_closed_form(scene: ShotScene) -> PlayedShots:
     starts = np.flatnonzero(done)
     return PlayedShots(
         rung=np.full(count, CLOSED_FORM),
-        reason=np.where(done, "closed form does all of it", ""),
         refused=refused,
         pieces=Pieces.joined(
             [

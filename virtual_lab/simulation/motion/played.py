@@ -80,13 +80,12 @@ class Pieces(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlayedShots:
-    """Of n shots the rung, why it was taken, and the pieces; a refused shot has no pieces.
+    """Of n shots the rung and the pieces; a refused shot has no pieces.
 
     `refused` is the sentence that says why a rung could not do a shot, empty where it could.
     """
 
     rung: NDArray[np.str_]
-    reason: NDArray[np.str_]
     refused: NDArray[np.str_]
     pieces: Pieces
 

@@ -91,7 +91,6 @@ def carry(scene: ShotScene, settings: PymunkSettings) -> PlayedShots:
     nothing = Pieces.of(np.zeros(0), np.zeros(0), Target.START, ShotState.of().part(slice(0, 0)))
     return PlayedShots(
         rung=np.full(len(shots), PYMUNK),
-        reason=np.full(len(shots), f"{PYMUNK} was asked for"),
         refused=np.array([shot.refused for shot in shots], dtype=np.str_),
         pieces=Pieces.joined([nothing, *pieces]),
     )

@@ -60,17 +60,11 @@ def unloading_exponent(exponent: Floats, restitution: Floats) -> Floats:
 def wall_contact(
     mass: Floats, speed: Floats, stiffness: Floats, exponent: Floats, restitution: Floats
 ) -> WallContact:
-    """Return the closed forms for a rigid wall.
+    """Return the closed forms for a rigid wall, of arrays that broadcast.
 
-    Parameters
-    ----------
-    mass, speed, stiffness, exponent, restitution : arrays that broadcast
-        Ball (or reduced) mass [kg], approach speed [m/s], k [N/m^a], a, e0.
-
-    Notes
-    -----
-    Energy gives ``u_max = ((a + 1) m v^2 / 2 k)^(1 / (a + 1))``; with ``C(n)`` below, each
-    half takes ``u_max C(n) / v`` with its own power of the compression and its own speed.
+    Ball (or reduced) mass [kg], approach speed [m/s], k [N/m^a], a, e0. Energy gives
+    ``u_max = ((a + 1) m v^2 / 2 k)^(1 / (a + 1))``; with `_half_time` C(n), each half takes
+    ``u_max C(n) / v`` with its own power of the compression and its own speed.
     """
     a, b = exponent, unloading_exponent(exponent, restitution)
     compression = ((a + 1) * mass * speed**2 / (2 * stiffness)) ** (1 / (a + 1))

@@ -114,13 +114,7 @@ def outer_diameter(profile: Profile, z: Floats) -> Floats:
 
 
 def section(body: BatBody, z: Floats) -> Section:
-    """Return the section at places `z` [m].
-
-    Parameters
-    ----------
-    body : BatBody
-    z : (...) array
-    """
+    """Return the section at places `z` [m]."""
     material = body.material
     d = outer_diameter(body.profile, z)
     if body.profile.wall is None:
@@ -201,20 +195,10 @@ def beam_of(
     order: int = ORDER,
     element_size: float = ELEMENT_SIZE,
 ) -> Beam:
-    """Assemble the beam of a bat, with a node where it is held.
+    """Assemble the beam of a bat, with a node where it is held; holding it is left to its modes.
 
-    Parameters
-    ----------
-    body : BatBody
-    support : Support
-        Only places a node; holding it is left to `virtual_lab.simulation.physics.modes`.
-    order, element_size : int, float
-        Polynomial degree and longest element [m].
-
-    Raises
-    ------
-    InputError
-        The support lies off the bat, the order below 4.
+    The longest element is `element_size` [m]. `InputError` where the support lies off the bat or
+    the order is below 4.
     """
     if order < 4:
         raise InputError("beam", "order", order, "allowed: 4 and up, lower orders lock")

@@ -78,18 +78,10 @@ class Mesh:
         return elements[:, None] * self.order + np.arange(self.order + 1)
 
     def interpolation(self, z: Floats, weights: Floats | None = None) -> csr_array:
-        """Return the matrix that takes node values to weighted sums of values at places.
+        """Return the matrix that takes node values to weighted sums at places, (n, nodes) sparse.
 
-        Parameters
-        ----------
-        z : (n, g) array
-            Places [m], within the mesh.
-        weights : (n, g) or (g,) array
-            Of each place in the sum of its row; 1 by default.
-
-        Returns
-        -------
-        (n, nodes) sparse array
+        Places are (n, g) [m], within the mesh; weights, of each place in the sum of its row, are
+        (n, g) or (g,), 1 by default.
         """
         element = np.clip(
             np.searchsorted(self.boundaries, z, side="right") - 1, 0, len(self.boundaries) - 2

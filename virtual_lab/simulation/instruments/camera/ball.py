@@ -64,12 +64,8 @@ class RenderedBalls:
     def over(self, background: ArrayLike, white: ArrayLike) -> Pixels:
         """Return the photoelectrons of each pixel.
 
-        Parameters
-        ----------
-        background
-            What the pixels had without a ball, (region, row, column) or less [e].
-        white
-            What a white surface would give, () or (region,) [e].
+        `background` is what they had without a ball, (region, row, column) or less [e], `white`
+        what a white surface would give, () or (region,) [e].
         """
         hidden = np.asarray(background, np.float32) * (1 - self.cover)
         return hidden + np.asarray(white, np.float32).reshape(-1, 1, 1) * self.radiance

@@ -78,22 +78,10 @@ def write_films(stem: Path, frames: Iterable[tuple[float, Frame]], spec: CameraS
 def write_clip(path: Path, frames: Iterable[tuple[float, Frame]], rate: float) -> int:
     """Write grey frames as FFV1 in MP4, their time stamps beside it; return how many.
 
-    The stamps stand in ``NAME.csv``. FFV1 keeps every bit; the film is opened again and every
-    frame counted and its first compared, for writers lose frames without a word.
-
-    Parameters
-    ----------
-    path
-        File to write, ending in .mp4.
-    frames
-        Time stamp [s] and grey values (row, column), of 8 bits or 16, in turn; read once.
-    rate
-        Frames a second.
-
-    Raises
-    ------
-    InputError
-        There are no frames, or the file does not hold what was written.
+    The stamps stand in ``NAME.csv``. FFV1 keeps every bit; the film is opened again and every frame
+    counted and its first compared, for writers lose frames without a word. Frames are a time stamp
+    [s] and grey values (row, column) of 8 bits or 16 in turn, read once, at a `rate` a second.
+    `InputError` where there are none, or the file does not hold what was written.
     """
     import cv2
 
