@@ -206,10 +206,7 @@ def _misses(speed: float, step: float) -> Iterator[Row]:
         yield _row(Carrier.RUNG, scene, f"{setting}: refused")
     else:
         yield _row(
-            Carrier.RUNG,
-            scene,
-            setting,
-            share=1 - len(found.first(Target.BAT).shot) / shots.shots,
+            Carrier.RUNG, scene, setting, share=1 - len(found.first(Target.BAT).shot) / shots.shots
         )
 
 

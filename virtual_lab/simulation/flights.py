@@ -30,7 +30,6 @@ from virtual_lab.simulation.rig import MotionRung, ShotPlan
 __all__ = ["FlownShots", "RestingBat", "Surroundings", "flown", "scene_of"]
 
 AHEAD = 1.0  # m before the contact, where a scene begins
-AFTER = 1e-3  # s, that a scene of a free way back goes on after the contact: the ball has parted
 RECORD = 0.5  # s after the contact, for which one is played whose ball meets more than the bat
 
 
@@ -101,7 +100,8 @@ def flown(passage: Passage, order: ShotPlan, bat: RestingBat, around: Surroundin
         one = slice(shot, shot + 1)
         blow = RestingBat(bat.body, bat.axis, *(each[one] for each in bat[2:]))
         alone = replace(passage, **_columns(passage, count, one))
-        scene = scene_of(alone, blow, around, RECORD if beyond[shot] or framed[shot] else AFTER)
+        # on a free way back a millisecond after the contact is enough: the ball has parted
+        scene = scene_of(alone, blow, around, RECORD if beyond[shot] or framed[shot] else 1e-3)
         pieces = _played(scene, asked)
         if pieces is None:
             continue

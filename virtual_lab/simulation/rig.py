@@ -50,8 +50,6 @@ __all__ = [
     "installed_rigs",
 ]
 
-GROUP = "virtual_lab.rigs"
-
 
 class Reality(Enum):
     """How much of a real day is played."""
@@ -220,7 +218,7 @@ class Rig(Protocol):
 @cache
 def installed_rigs() -> Mapping[str, Rig]:
     """Return every rig installed on this machine by name."""
-    found = {point.name: point.load() for point in sorted(entry_points(group=GROUP))}
+    found = {point.name: point.load() for point in sorted(entry_points(group="virtual_lab.rigs"))}
     return MappingProxyType(found)
 
 

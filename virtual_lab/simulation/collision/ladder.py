@@ -176,12 +176,7 @@ class EfficiencyChoice:
 
 
 def choose_efficiency(
-    body: BatBody,
-    support: Support,
-    probe: Scenes,
-    box: Box,
-    *,
-    standard_uncertainty: float,
+    body: BatBody, support: Support, probe: Scenes, box: Box, *, standard_uncertainty: float
 ) -> EfficiencyChoice:
     """Return the cheapest way to e_A of many scenes, nothing else of them being needed.
 

@@ -55,12 +55,7 @@ class ModalModel:
     rung: str = "modal"
 
     @classmethod
-    def of(
-        cls,
-        body: BatBody,
-        support: Support,
-        bending_modes: int = BENDING_MODES,
-    ) -> Self:
+    def of(cls, body: BatBody, support: Support, bending_modes: int = BENDING_MODES) -> Self:
         """Return the model of a bat: so many modes stepped, the next `STIFF_MODES` follow at once.
 
         `InputError` where the support lies off the bat or there are fewer modes than asked for.

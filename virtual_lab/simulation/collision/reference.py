@@ -48,11 +48,7 @@ class ReferenceModel:
 
     @classmethod
     def of(
-        cls,
-        body: BatBody,
-        support: Support,
-        bending_modes: int = 100,
-        law: LawOfBall = PowerLaw.of,
+        cls, body: BatBody, support: Support, bending_modes: int = 100, law: LawOfBall = PowerLaw.of
     ) -> Self:
         """Return the model of a bat and a law of the ball. `InputError` as for the modal rung."""
         modes = modes_of(body, support, bending_modes)

@@ -51,10 +51,6 @@ class RigidModel:
             reloads=np.zeros(len(scenes), dtype=np.int64),
             redone=np.zeros(len(scenes), dtype=np.int64),
             energy=EnergySplit(
-                ball=e_A**2,
-                rigid=bat,
-                bending=nothing,
-                hoop=nothing,
-                hysteresis=1 - e_A**2 - bat,
+                ball=e_A**2, rigid=bat, bending=nothing, hoop=nothing, hysteresis=1 - e_A**2 - bat
             ),
         )

@@ -76,14 +76,7 @@ class Scenes:
             Shapes that do not broadcast to one axis, an empty batch, a number that is not
             finite, or one outside its range.
         """
-        given = (
-            impact_position,
-            relative_speed,
-            ball_mass,
-            ball_restitution,
-            stiffness,
-            exponent,
-        )
+        given = (impact_position, relative_speed, ball_mass, ball_restitution, stiffness, exponent)
         arrays = [np.asarray(value, dtype=np.float64) for value in given]
         shapes = " ".join(str(array.shape) for array in arrays)
         try:

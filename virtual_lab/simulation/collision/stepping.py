@@ -21,15 +21,7 @@ from virtual_lab.simulation.collision.scene import Failure
 from virtual_lab.simulation.collision.splitting import SRKN_11, Splitting
 from virtual_lab.simulation.physics.ball import wall_contact
 
-__all__ = [
-    "FINE",
-    "WINDOW",
-    "CollisionBatch",
-    "Followed",
-    "InStep",
-    "OneByOne",
-    "Stepper",
-]
+__all__ = ["FINE", "WINDOW", "CollisionBatch", "Followed", "InStep", "OneByOne", "Stepper"]
 
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]

@@ -117,12 +117,7 @@ class Scale(CalibratedInstrument[ScaleSpec]):
         return {"resolution": Estimate(value=self.spec.resolution)}
 
     def weigh(
-        self,
-        mass: ArrayLike,
-        repeats: int,
-        draws: Draws,
-        name: str,
-        items: Slots | None = None,
+        self, mass: ArrayLike, repeats: int, draws: Draws, name: str, items: Slots | None = None
     ) -> MassReadings:
         """Weigh `items` of true `mass` [kg], shape (item,), `repeats` times each."""
         return MassReadings(

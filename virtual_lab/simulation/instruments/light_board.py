@@ -18,11 +18,7 @@ from annotated_types import Ge, Gt, Lt, MinLen
 from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import BoardRecord, PassageRecord
 from virtual_lab.simulation.arrays import Array
-from virtual_lab.simulation.instruments.calibrated import (
-    Freedom,
-    certified,
-    drawn,
-)
+from virtual_lab.simulation.instruments.calibrated import Freedom, certified, drawn
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.simulation.instruments.light_gate import BallGates, GateSheet
 from virtual_lab.simulation.instruments.passage import Passage

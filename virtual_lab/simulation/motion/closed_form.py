@@ -54,10 +54,7 @@ def play_closed_form(scene: ShotScene) -> PlayedShots:
     for reason, struck in (
         (Obstacle.EDGE, edge),
         (Obstacle.GRAZED, ~edge & (near.approach <= 0)),
-        (
-            Obstacle.FOLLOWED,
-            ~edge & (near.approach > 0) & (nearness(scene, after).approach >= 0),
-        ),
+        (Obstacle.FOLLOWED, ~edge & (near.approach > 0) & (nearness(scene, after).approach >= 0)),
     ):
         why[reason][hit[struck]] = time[hit[struck]]
     good = ~edge & np.isinf(why[Obstacle.GRAZED][hit]) & np.isinf(why[Obstacle.FOLLOWED][hit])

@@ -14,14 +14,7 @@ from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.motion.scene import ShotScene, ShotState
 from virtual_lab.simulation.motion.touch import moved
 
-__all__ = [
-    "Pieces",
-    "PlanContact",
-    "PlanView",
-    "PlayedShots",
-    "Target",
-    "plan_view",
-]
+__all__ = ["Pieces", "PlanContact", "PlanView", "PlayedShots", "Target", "plan_view"]
 
 
 class Target(StrEnum):

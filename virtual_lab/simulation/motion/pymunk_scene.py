@@ -21,13 +21,7 @@ from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.motion.closed_form import Obstacle
 from virtual_lab.simulation.motion.played import Pieces, PlayedShots, Target
 from virtual_lab.simulation.motion.scene import GateFrame, ShotScene, ShotState
-from virtual_lab.simulation.motion.touch import (
-    first_touch,
-    moved,
-    nearness,
-    parted,
-    time_to_stop,
-)
+from virtual_lab.simulation.motion.touch import first_touch, moved, nearness, parted, time_to_stop
 
 __all__ = ["PYMUNK", "PymunkSettings", "carry", "play_pymunk"]
 
@@ -141,10 +135,7 @@ class _Shot:
             )
         for frame in self.scene.frames:
             spec = frame.spec
-            ends = (
-                (frame.x, spec.tip_side - spec.radius),
-                (frame.x, spec.knob_side + spec.radius),
-            )
+            ends = ((frame.x, spec.tip_side - spec.radius), (frame.x, spec.knob_side + spec.radius))
             bars = pymunk.Segment(hall, *ends, spec.radius)
             found += [
                 (_Solid(pymunk.Circle(hall, spec.radius, end), Target.FRAME), spec.restitution)

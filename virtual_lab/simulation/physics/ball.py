@@ -131,9 +131,7 @@ class PowerLaw:
         """Return the law of a ball; the speed does not matter."""
         del speed
         return cls(
-            stiffness=stiffness,
-            exponent=exponent,
-            unloading=(exponent + 1) / restitution**2 - 1,
+            stiffness=stiffness, exponent=exponent, unloading=(exponent + 1) / restitution**2 - 1
         )
 
     def branch(self, event: Event, compression: float, before: Branch | None) -> Branch:
@@ -172,8 +170,7 @@ class HuntCrossley:
         del compression, before
         down = event is Event.TURN
         return Branch(
-            force=self._force,
-            ends={Event.RELEASE: -1, Event.BACK: 1} if down else {Event.TURN: -1},
+            force=self._force, ends={Event.RELEASE: -1, Event.BACK: 1} if down else {Event.TURN: -1}
         )
 
     def _force(self, u: float, rate: float) -> float:

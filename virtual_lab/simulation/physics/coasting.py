@@ -12,13 +12,7 @@ __all__ = ["coasting", "ringing"]
 
 
 def coasting(
-    rate: Array,
-    ticks: Array,
-    release: Array,
-    *,
-    constant: float,
-    linear: float,
-    quadratic: float,
+    rate: Array, ticks: Array, release: Array, *, constant: float, linear: float, quadratic: float
 ) -> tuple[Array, Array]:
     """Return two factors of the angle turned since release [rad], (shot, term), (term, sample).
 

@@ -144,12 +144,7 @@ class Camera(CalibratedInstrument[CameraSpec]):
         )
 
     def _clip(
-        self,
-        frames: Frames,
-        draws: Draws,
-        name: str,
-        slots: Slots,
-        bat: FilmedBat | None,
+        self, frames: Frames, draws: Draws, name: str, slots: Slots, bat: FilmedBat | None
     ) -> ClipRecord:
         spec = self.spec
         most = np.array([spec.sensor.columns, spec.sensor.rows]) - spec.window
@@ -215,8 +210,5 @@ class Camera(CalibratedInstrument[CameraSpec]):
         off = u[:, None] * draws.normal(f"{name}.sums", 2, frames.numbers(slots))
         x, y = (frames.outlines.middle + off).T
         return TrackRecord(
-            times=frames.laid(frames.stamp),
-            x=frames.laid(x),
-            y=frames.laid(y),
-            u=frames.laid(u),
+            times=frames.laid(frames.stamp), x=frames.laid(x), y=frames.laid(y), u=frames.laid(u)
         )

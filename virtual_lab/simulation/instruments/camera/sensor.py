@@ -102,12 +102,7 @@ class Sensor(CalibratedInstrument[SensorSpec]):
         return out
 
     def mean_of(
-        self,
-        electrons: Pixels,
-        count: int,
-        draws: Draws,
-        name: str,
-        exposure: float = 0.0,
+        self, electrons: Pixels, count: int, draws: Draws, name: str, exposure: float = 0.0
     ) -> Pixels:
         """Return the mean of grey values of `count` whole frames of one scene, (row, column).
 

@@ -56,11 +56,7 @@ class Frames:
             view=self.outlines.view[some],
         )
         return replace(
-            self,
-            **mine,
-            turn=self.turn[some],
-            outlines=outlines,
-            brightness=self.brightness[some],
+            self, **mine, turn=self.turn[some], outlines=outlines, brightness=self.brightness[some]
         )
 
     def numbers(self, slots: Slots) -> Slots:
@@ -124,8 +120,7 @@ def take(
     touch = np.clip([course.contact[row], course.leaving[row]], ends[0], ends[1])
     points = np.stack([ends[0], touch[0], touch[1], ends[1]], axis=1)
     path = np.stack(
-        [lens.drawn(lens.seen(course.at(row, when) + lift)) for when in points.T],
-        axis=1,
+        [lens.drawn(lens.seen(course.at(row, when) + lift)) for when in points.T], axis=1
     )
     jitter = spec.clock.jitter * draws.normal(f"{name}.jitter", count, slots)
     axes, spin = course.axes(row, time)
