@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import inf
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, ClassVar
 
 import numpy as np
 from annotated_types import Ge, Gt
 
 from virtual_lab import catalog
-from virtual_lab.catalog.specs import BatBody, Dimension, Spec
+from virtual_lab.catalog.specs import BatBody, Dimension
 from virtual_lab.records import AimMarks, EncoderRecord, GateRecord, Record, ShotLog
 from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.cannon_station import (
@@ -26,14 +26,17 @@ from virtual_lab.simulation.cannon_station import (
     fitted,
 )
 from virtual_lab.simulation.instruments import Instrument, InstrumentFactory, RecordDetail
-from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, certified
+from virtual_lab.simulation.instruments.calibrated import (
+    CalibratedInstrument,
+    CalibratedSpec,
+    Freedom,
+)
 from virtual_lab.simulation.instruments.encoder import Encoder, EncoderSpec
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.physics.coasting import coasting, ringing
 from virtual_lab.simulation.rig import MotionRung, RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws
-from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["RIG", "AstmPivot"]
 
@@ -41,8 +44,16 @@ GAP = 2.3e-3  # s, a recorder that sums up leaves out after contact: the blow's 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PivotSpec(Spec):
+class PivotSpec(CalibratedSpec):
     """The bearing that holds the bat: its place, and the torques that slow the recoil."""
+
+    other_errors: ClassVar[tuple[str, ...]] = (
+        "constant_torque",
+        "viscous_torque",
+        "air_torque",
+        "friction",
+        "clearance",
+    )
 
     nominal_from_knob: Annotated[float, Gt(0), Dimension("length")]  # where the axis should be
     from_knob: Annotated[float, Gt(0), Dimension("length")]
@@ -54,22 +65,6 @@ class PivotSpec(Spec):
     journal_radius: Annotated[float, Ge(0), Dimension("length")]
     clearance: Annotated[float, Ge(0), Dimension("length")]  # that the journal moves either way
     from_knob_dof: Freedom = inf
-
-    def ideal(self) -> Self:
-        """Return the bearing that is where it was surveyed and turns freely in no air."""
-        return replace(
-            self,
-            from_knob_u=0.0,
-            constant_torque=0.0,
-            viscous_torque=0.0,
-            air_torque=0.0,
-            friction=0.0,
-            clearance=0.0,
-        )
-
-    def certificate(self) -> dict[str, Estimate]:
-        """Return where the axis was surveyed to be."""
-        return {"from_knob": certified(self.from_knob, self.from_knob_u, self.from_knob_dof)}
 
 
 @dataclass(frozen=True, slots=True)

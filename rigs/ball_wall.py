@@ -20,9 +20,8 @@ from virtual_lab.simulation.instruments import (
     InstrumentFactory,
     errors_of,
 )
-from virtual_lab.simulation.instruments.air import HallAir
+from virtual_lab.simulation.instruments.air import Gravity, HallAir
 from virtual_lab.simulation.instruments.cannon import Cannon
-from virtual_lab.simulation.instruments.gravity import Gravity
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.physics.ageing import loss_of_restitution

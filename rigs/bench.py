@@ -13,12 +13,10 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import LengthReadings, MassReadings, PendulumRecord, Record
 from virtual_lab.simulation.instruments import FittedStation, Instrument, InstrumentFactory
-from virtual_lab.simulation.instruments.gravity import Gravity, GravitySpec
+from virtual_lab.simulation.instruments.air import Gravity, GravitySpec
+from virtual_lab.simulation.instruments.indicator import Rule, RuleSpec, Scale, ScaleSpec
 from virtual_lab.simulation.instruments.pendulum import Pendulum, PendulumSpec
-from virtual_lab.simulation.instruments.rule import Rule, RuleSpec
-from virtual_lab.simulation.instruments.scale import Scale, ScaleSpec
-from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.physics.section import outer_diameter
+from virtual_lab.simulation.physics.beam import beam_of, outer_diameter
 from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws
 from virtual_lab.units import INCH

@@ -8,20 +8,21 @@ the shaft shows rate and angle, the boards show the ball's speed in and out.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import tau
-from typing import Annotated, Self
+from typing import Annotated, ClassVar
 
 import numpy as np
 from annotated_types import Ge, Gt
 
 from virtual_lab import catalog
-from virtual_lab.catalog.specs import Dimension, Spec
+from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import AimMarks, BoardRecord, EncoderRecord, Record, ShotLog
 from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.cannon_station import CannonRigSpec, CannonStation, fitted
 from virtual_lab.simulation.impact import contact_angle, thrown_back
 from virtual_lab.simulation.instruments import Instrument, InstrumentFactory, RecordDetail
+from virtual_lab.simulation.instruments.calibrated import CalibratedSpec
 from virtual_lab.simulation.instruments.encoder import Encoder, EncoderSpec
 from virtual_lab.simulation.instruments.holder import Holder, HolderSpec
 from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec
@@ -35,18 +36,16 @@ GAP = 1e-3  # s, a recorder that sums up leaves out before contact, which may co
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DriveSpec(Spec):
+class DriveSpec(CalibratedSpec):
     """The servo that turns the bat: how well it keeps its speed and its appointment."""
+
+    other_errors: ClassVar[tuple[str, ...]] = ("ripple", "droop")
 
     speed_scatter: Annotated[float, Ge(0), Dimension("number")]  # of the set speed, shot to shot
     ripple: Annotated[float, Ge(0), Dimension("number")]  # of the speed, amplitude
     ripple_frequency: Annotated[float, Gt(0), Dimension("frequency")]
     droop: Annotated[float, Dimension("rate")]  # of the speed, relative, a second
     timing_scatter: Annotated[float, Ge(0), Dimension("time")]  # of bat against ball
-
-    def ideal(self) -> Self:
-        """Return the drive that turns evenly and is on time."""
-        return replace(self, speed_scatter=0.0, ripple=0.0, droop=0.0, timing_scatter=0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

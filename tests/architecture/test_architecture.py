@@ -57,7 +57,7 @@ BREACHES = [
         ("output.style", "studies.score", NEVER_TRUE),
         ("rigs.bench", "measurement.reduction.gates", NEVER_REDUCED),
         ("simulation.faults.catalogue", "measurement.reduction.gates", NEVER_REDUCED),
-        ("simulation.instruments.scale", "video.clips.clip", NEVER_REDUCED),
+        ("simulation.instruments.indicator", "video.clips.clip", NEVER_REDUCED),
         ("bench.desk", "bench.firing", AT_THE_BENCH),
         ("simulation.physics.ball", "simulation.collision.scene", FLOORS),
     ],

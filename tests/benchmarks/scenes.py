@@ -11,7 +11,7 @@ from virtual_lab.simulation.collision.modal import ModalModel, _struck
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.collision.stepping import CollisionBatch
 from virtual_lab.simulation.physics.ball import wall_contact
-from virtual_lab.simulation.physics.supports import Free
+from virtual_lab.simulation.physics.beam import Free
 from virtual_lab.units import INCH, MPH, OUNCE
 
 __all__ = ["BATS", "NARROW", "WIDE", "Ranges", "default_model", "eight_modes", "struck"]

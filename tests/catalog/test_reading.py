@@ -20,16 +20,14 @@ from virtual_lab.catalog.faults import FaultSheet
 from virtual_lab.catalog.specs import BallSpec, Dimension, Spec
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import Procedure
-from virtual_lab.simulation.instruments.air import HallAirSpec
+from virtual_lab.simulation.instruments.air import GravitySpec, HallAirSpec
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.simulation.instruments.cannon import CannonSpec
 from virtual_lab.simulation.instruments.encoder import EncoderSpec
-from virtual_lab.simulation.instruments.gravity import GravitySpec
+from virtual_lab.simulation.instruments.indicator import RuleSpec, ScaleSpec
 from virtual_lab.simulation.instruments.light_board import LightBoardSpec
 from virtual_lab.simulation.instruments.light_gate import LightGateSpec
 from virtual_lab.simulation.instruments.pendulum import PendulumSpec
-from virtual_lab.simulation.instruments.rule import RuleSpec
-from virtual_lab.simulation.instruments.scale import ScaleSpec
 from virtual_lab.simulation.rig import installed_rigs
 from virtual_lab.streams import Quiet
 from virtual_lab.studies.bats.profile import GameConditions

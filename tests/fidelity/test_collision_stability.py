@@ -56,13 +56,6 @@ def test_scenes_are_of_the_contacts_that_their_column_says() -> None:
             assert (exact.contacts == contacts).all()
 
 
-def test_only_a_clamped_bat_swings_back(rows: list[dict[str, Any]]) -> None:
-    swung = {row["value"]: row["swung_back"] for row in at(rows, maps.SHIPPED)}
-    late = {row["value"] for row in at(rows, maps.SHIPPED) if row["swung_back"]}
-    assert late == {"clamped 25 in"}
-    assert swung["clamped 25 in"] > 0
-
-
 def test_what_is_not_refused_is_stable(rows: list[dict[str, Any]]) -> None:
     for row in rows:
         assert row["refused"] == (row["step"] in ("1.5", "4")), row
@@ -78,7 +71,6 @@ def test_states_are_told_apart() -> None:
                 leak=np.array([0.0, leak]),
                 doubted=np.array([False, doubted]),
                 given_up=np.array([False, given_up]),
-                swung_back=np.array([False, False]),
             )
 
         return str(maps._cell(outcome(0.1 + error), outcome(0.1), False)["state"])

@@ -33,7 +33,7 @@ def test_pymunk_alone_misses_and_loses_what_it_was_seen_to(rows: list[Row]) -> N
     """Shares that were measured on pymunk before any of this was written."""
     misses = {("26.8", "1e-02"): 0.74, ("62.6", "2e-03"): 0.45, ("62.6", "1e-03"): 0.0}
     losses = {"1e-02": 0.41, "1e-03": 0.07, "1e-04": 0.0075}
-    found = [row for row in of(rows, chart.ALONE) if row["share"] is not None]
+    found = [row for row in of(rows, chart.Carrier.ALONE) if row["share"] is not None]
     assert len(found) == len(misses) + len(losses)
     for row in found:
         step = row["setting"].split()[0]
@@ -44,7 +44,7 @@ def test_pymunk_alone_misses_and_loses_what_it_was_seen_to(rows: list[Row]) -> N
 
 
 def test_our_rungs_are_exact_or_refuse(rows: list[Row]) -> None:
-    for series in (chart.RUNG, chart.CLOSED):
+    for series in (chart.Carrier.RUNG, chart.Carrier.CLOSED):
         for scene in chart.STARTS:
             for row in of(rows, series, scene=scene):
                 if "refused" in row["setting"]:
@@ -53,17 +53,21 @@ def test_our_rungs_are_exact_or_refuse(rows: list[Row]) -> None:
                 assert row["e_A"] < 1e-12
                 assert row["ball_m_s"] < 1e-11
                 assert row["bat_rad_s"] < 1e-11
-    assert [row["share"] for row in of(rows, chart.RUNG) if row["share"] is not None] == [0, 0, 0]
+    assert [row["share"] for row in of(rows, chart.Carrier.RUNG) if row["share"] is not None] == [
+        0,
+        0,
+        0,
+    ]
     assert sum("refused" in row["setting"] for row in rows) == 4 + 2 + 1
 
 
 def test_pymunk_alone_errs_by_its_step(rows: list[Row]) -> None:
     """Order 1 off a round barrel and at the tip; no step mends what its iterations leave."""
-    for scene in (chart.ROUND, chart.TIP):
-        errors = [row["ball_m_s"] for row in of(rows, chart.ALONE, scene=scene)][1:]
+    for scene in (chart.Start.ROUND, chart.Start.TIP):
+        errors = [row["ball_m_s"] for row in of(rows, chart.Carrier.ALONE, scene=scene)][1:]
         orders = -np.diff(np.log10(errors))
         assert orders == pytest.approx(np.ones(2), abs=0.25)
-    square = [row["ball_m_s"] for row in of(rows, chart.ALONE, scene=chart.SQUARE)]
+    square = [row["ball_m_s"] for row in of(rows, chart.Carrier.ALONE, scene=chart.Start.SQUARE)]
     assert square[0] > 1
     assert max(square[1:]) < 1e-12
 

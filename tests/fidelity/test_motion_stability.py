@@ -31,7 +31,7 @@ def state(rows: list[Row], method: str, axis: str, step: float, value: float) ->
 
 
 def test_the_rung_is_good_wherever_it_answers(rows: list[Row]) -> None:
-    own = [row for row in rows if row["method"] == maps.RUNG]
+    own = [row for row in rows if row["method"] == maps.Carrier.RUNG]
     assert {row["state"] for row in own if not row["refused"]} == {State.GOOD}
     for row in own:
         long = row["step"] == 1e-2 and not (row["map"] == maps.Axis.SPEED and row["value"] == 10)
@@ -43,20 +43,20 @@ def test_the_rung_is_good_wherever_it_answers(rows: list[Row]) -> None:
 
 def test_pymunk_alone_is_refused_nothing_and_wrong_in_places(rows: list[Row]) -> None:
     """A flat hit is right until it is jumped; the tip, the round and a lone iteration are not."""
-    assert not any(row["refused"] for row in rows if row["method"] == maps.ALONE)
-    assert state(rows, maps.ALONE, maps.Axis.SPEED, 1e-2, 10) == State.GOOD
-    assert state(rows, maps.ALONE, maps.Axis.SPEED, 1e-3, 200) == State.UNSTABLE
-    assert state(rows, maps.ALONE, maps.Axis.SPEED, 1e-4, 200) == State.GOOD
-    assert state(rows, maps.ALONE, maps.Axis.PLACE, 1e-4, 0.2) == State.INACCURATE
-    assert state(rows, maps.ALONE, maps.Axis.PLACE, 1e-4, 20) == State.GOOD
-    assert state(rows, maps.ALONE, maps.Axis.ACROSS, 1e-4, 60) == State.INACCURATE
-    assert state(rows, maps.ALONE, maps.Axis.ITERATIONS, 1e-4, 1) == State.INACCURATE
-    assert state(rows, maps.ALONE, maps.Axis.ITERATIONS, 1e-4, 50) == State.GOOD
+    assert not any(row["refused"] for row in rows if row["method"] == maps.Carrier.ALONE)
+    assert state(rows, maps.Carrier.ALONE, maps.Axis.SPEED, 1e-2, 10) == State.GOOD
+    assert state(rows, maps.Carrier.ALONE, maps.Axis.SPEED, 1e-3, 200) == State.UNSTABLE
+    assert state(rows, maps.Carrier.ALONE, maps.Axis.SPEED, 1e-4, 200) == State.GOOD
+    assert state(rows, maps.Carrier.ALONE, maps.Axis.PLACE, 1e-4, 0.2) == State.INACCURATE
+    assert state(rows, maps.Carrier.ALONE, maps.Axis.PLACE, 1e-4, 20) == State.GOOD
+    assert state(rows, maps.Carrier.ALONE, maps.Axis.ACROSS, 1e-4, 60) == State.INACCURATE
+    assert state(rows, maps.Carrier.ALONE, maps.Axis.ITERATIONS, 1e-4, 1) == State.INACCURATE
+    assert state(rows, maps.Carrier.ALONE, maps.Axis.ITERATIONS, 1e-4, 50) == State.GOOD
 
 
 def test_text_and_files(rows: list[Row], tmp_path: Path) -> None:
     text = maps._maps(rows).text
-    assert text.count(maps.RUNG) == text.count(maps.ALONE) == len(maps.AXES)
+    assert text.count(maps.Carrier.RUNG) == text.count(maps.Carrier.ALONE) == len(maps.AXES)
     assert "(.)" in text
     json.dumps(rows, allow_nan=False)
     maps._maps(rows).save(tmp_path / "maps")

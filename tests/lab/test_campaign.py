@@ -16,8 +16,7 @@ from virtual_lab import catalog, lab
 from virtual_lab.lab.campaign import Campaign
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.physics.supports import Pinned
+from virtual_lab.simulation.physics.beam import Pinned, beam_of
 from virtual_lab.simulation.rig import ShotPlan, Stage
 
 BATS = {"asa": "softball-34"}  # the others are tests of baseball bats

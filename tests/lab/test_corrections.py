@@ -28,8 +28,7 @@ from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.faults.fault import fitted_with, instrument_of, other_sheet
 from virtual_lab.simulation.impact import scenes_of
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.physics.supports import Pinned
+from virtual_lab.simulation.physics.beam import Pinned, beam_of
 from virtual_lab.simulation.rig import (
     Reality,
     ShotPlan,

@@ -27,7 +27,7 @@ from virtual_lab.records.session import Session, load_session, save_session
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import CollisionModel, Scenes
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.physics.supports import Support
+from virtual_lab.simulation.physics.beam import Support
 from virtual_lab.simulation.rig import (
     ImpactStation,
     Rig,

@@ -11,8 +11,7 @@ from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.impact import error_free, thrown_back, wall_restitution
 from virtual_lab.simulation.physics.ball import wall_contact
-from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.physics.supports import Pinned
+from virtual_lab.simulation.physics.beam import Pinned, beam_of
 from virtual_lab.simulation.rig import ShotPlan, Specimen
 from virtual_lab.simulation.truth import TrueOutcome, draw_balls, made_bat
 from virtual_lab.streams import Quiet

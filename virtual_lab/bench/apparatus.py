@@ -31,8 +31,8 @@ from virtual_lab.lab import Laboratory, TestDay, Tested
 from virtual_lab.records import MassReadings, Record
 from virtual_lab.simulation.faults.fault import instrument_of, other_sheet
 from virtual_lab.simulation.instruments.indicator import quantise
+from virtual_lab.simulation.physics.beam import Free
 from virtual_lab.simulation.physics.modes import modes_of
-from virtual_lab.simulation.physics.supports import Free
 from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage, Station
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DEGREE

@@ -32,8 +32,8 @@ from virtual_lab.simulation.collision.rigid import RigidModel
 from virtual_lab.simulation.collision.scene import CollisionModel, Scenes
 from virtual_lab.simulation.collision.stepping import FINE, OneByOne
 from virtual_lab.simulation.collision.surrogate import Box, Surrogate
+from virtual_lab.simulation.physics.beam import Free
 from virtual_lab.simulation.physics.modes import modes_of
-from virtual_lab.simulation.physics.supports import Free
 from virtual_lab.streams import Streams
 from virtual_lab.units import INCH, MPH
 

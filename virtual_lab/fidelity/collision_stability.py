@@ -37,7 +37,7 @@ from virtual_lab.simulation.collision.stepping import (
     OneByOne,
     Stepper,
 )
-from virtual_lab.simulation.physics.supports import Clamped, Free, Pinned, Support
+from virtual_lab.simulation.physics.beam import Clamped, Free, Pinned, Support
 from virtual_lab.streams import Streams
 from virtual_lab.units import INCH, MPH
 
@@ -116,7 +116,6 @@ class ColumnOutcome:
     leak: Array  # share of the energy that does not close
     doubted: Marked  # that the default steps again
     given_up: Marked  # before the first release
-    swung_back: Marked
 
     @classmethod
     def of(cls, parts: list[Collisions]) -> ColumnOutcome:
@@ -128,7 +127,6 @@ class ColumnOutcome:
             leak=whole(lambda each: np.abs(each.energy.total - 1)),
             doubted=whole(lambda each: each.redone > 0),
             given_up=whole(lambda each: each.contacts == 0),
-            swung_back=whole(lambda each: each.swung_back),
         )
 
 
@@ -255,7 +253,7 @@ def _outcome(column: Column, stepper: Stepper) -> ColumnOutcome:
 def _cell(found: ColumnOutcome | None, true: ColumnOutcome | None, shipped: bool) -> dict[str, Any]:
     """Return the state of a cell and of how many scenes what is said."""
     if found is None or true is None:
-        counts = dict.fromkeys(("scenes", "off", "doubted", "swung_back"), 0)
+        counts = dict.fromkeys(("scenes", "off", "doubted"), 0)
         worst = dict.fromkeys(("worst_error", "worst_unnoticed_error", "worst_leak"))
         return {"state": State.NO_RESULT.value} | counts | worst
     error = np.abs(found.efficiency - true.efficiency)
@@ -272,7 +270,6 @@ def _cell(found: ColumnOutcome | None, true: ColumnOutcome | None, shipped: bool
         "worst_error": _worst(error),
         "worst_unnoticed_error": _worst(error[~found.doubted | shipped]),
         "worst_leak": _worst(found.leak[~found.given_up]),
-        "swung_back": int(true.swung_back.sum()),
     }
 
 

@@ -20,23 +20,19 @@ from virtual_lab.output.tables import Column
 from virtual_lab.simulation.collision.modal import STIFF_MODES, ModalModel
 from virtual_lab.simulation.collision.patch import PATCH
 from virtual_lab.simulation.collision.scene import Scenes
+from virtual_lab.simulation.physics.beam import Free
 from virtual_lab.simulation.physics.modes import modes_of
-from virtual_lab.simulation.physics.supports import Free
 from virtual_lab.units import INCH, MPH
 
 __all__ = ["convergence"]
 
-BALL = "baseball-2003"
 COUNTS = (8, 12, 16, 20, 30)
 CONVERGED = 120
-PLACES_IN = tuple(np.linspace(1, 12, 23))
-SPEEDS_MPH = (60.0, 160.0)
 COLUMNS = {
     "bat": Column("bat"),
     "contact": Column("contact"),
     "residual": Column("residual flexibility"),
 } | {f"{count}_modes": Column(f"{count} modes", form=".1e") for count in COUNTS}
-CONTACTS = {"point": 0.0, "patch": PATCH}
 
 
 def convergence(bats: Sequence[str] = (), *, progress: Progress = quiet) -> Rows[dict[str, Any]]:
@@ -44,15 +40,15 @@ def convergence(bats: Sequence[str] = (), *, progress: Progress = quiet) -> Rows
 
     Columns ``8_modes`` to ``30_modes`` hold the worst error in e_A.
     """
-    ball = catalog.load("balls", BALL, BallSpec).spec
-    place, speed = np.meshgrid(np.array(PLACES_IN) * INCH, np.array(SPEEDS_MPH) * MPH)
+    ball = catalog.load("balls", "baseball-2003", BallSpec).spec
+    place, speed = np.meshgrid(np.linspace(1, 12, 23) * INCH, np.array([60.0, 160.0]) * MPH)
     scenes = Scenes.with_ball(ball, impact_position=place.ravel(), relative_speed=speed.ravel())
     rows, every_bat = [], bats or catalog.names("bats")
     for number, bat in enumerate(every_bat):
         progress("bats", number, len(every_bat))
         every = modes_of(catalog.load_bat(bat).spec.body, Free(), CONVERGED + STIFF_MODES)
         none = every.above(CONVERGED + STIFF_MODES)
-        for contact, patch in CONTACTS.items():
+        for contact, patch in {"point": 0.0, "patch": PATCH}.items():
             full = ModalModel(
                 modes=every.first(CONVERGED), stiff=every.above(CONVERGED), patch=patch
             )

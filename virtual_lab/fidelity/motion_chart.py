@@ -8,6 +8,7 @@ in no air and on no friction, so that pymunk itself could be right.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from enum import StrEnum
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -28,7 +29,7 @@ from virtual_lab.fidelity.naive_pymunk import (
 from virtual_lab.fidelity.results import SpeedChart, least_time
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.simulation.motion import play
-from virtual_lab.simulation.motion.played import BAT, PlayedShots
+from virtual_lab.simulation.motion.played import PlayedShots, Target
 from virtual_lab.simulation.motion.pymunk_scene import PymunkSettings
 from virtual_lab.simulation.motion.scene import ShotScene
 from virtual_lab.units import INCH
@@ -40,18 +41,32 @@ __all__ = ["motion_chart"]
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
-ALONE, RUNG, CLOSED = "pymunk alone", "pymunk rung", "closed form"
-COLOURS = {ALONE: "#d55e00", RUNG: "#0072b2", CLOSED: "#009e73"}
-TITLE = "Motion: the rungs beside pymunk left to itself"
-SPEED = 26.8  # m/s
-SQUARE, SWUNG, ROUND, TIP = "at rest, square", "swung and aslant", "10 mm off the axis", "tip"
-STARTS: dict[str, dict[str, float]] = {
-    SQUARE: {"z": 6 * INCH},
-    SWUNG: {"z": 6 * INCH, "vz": 1.0, "rate": -30.0, "angle": 0.12},
-    ROUND: {"z": 6 * INCH, "y": 0.010},
-    TIP: {"z": 0.010},
+
+
+class Carrier(StrEnum):
+    """What carries ball and bat."""
+
+    ALONE = "pymunk alone"
+    RUNG = "pymunk rung"
+    CLOSED = "closed form"
+
+
+class Start(StrEnum):
+    """How the ball comes to the bat."""
+
+    SQUARE = "at rest, square"
+    SWUNG = "swung and aslant"
+    ROUND = "10 mm off the axis"
+    TIP = "tip"
+
+
+COLOURS = {Carrier.ALONE: "#d55e00", Carrier.RUNG: "#0072b2", Carrier.CLOSED: "#009e73"}
+STARTS: dict[Start, dict[str, float]] = {
+    Start.SQUARE: {"z": 6 * INCH},
+    Start.SWUNG: {"z": 6 * INCH, "vz": 1.0, "rate": -30.0, "angle": 0.12},
+    Start.ROUND: {"z": 6 * INCH, "y": 0.010},
+    Start.TIP: {"z": 0.010},
 }
-SHAPES: dict[str, Shape] = {ROUND: "section", TIP: "round tip"}
 STEPS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 BATCH = 20_000  # shots that the closed form is timed with
 MISSES = ((26.8, 1e-2), (62.6, 2e-3), (62.6, 1e-3))  # m/s, s
@@ -75,7 +90,7 @@ def motion_chart(progress: Progress = quiet) -> SpeedChart:
 def _chart(rows: list[Row]) -> SpeedChart:
     return SpeedChart(
         name="motion",
-        title=TITLE,
+        title="Motion: the rungs beside pymunk left to itself",
         words="Root mean square errors over starts spread evenly over a step: e_A, the ball's "
         "velocity, the bat's rate. Shares are of shots missed or of energy lost. An error of less "
         "than 1e-16 is drawn there.",
@@ -91,7 +106,7 @@ def motion_rows(progress: Progress = quiet) -> list[Row]:
     shots missed or of energy lost. What does not apply is None.
     """
     rows: list[Row] = []
-    play(_scene(SQUARE, 1e-3, 1), "pymunk")  # what is loaded at first use is nobody's time
+    play(_scene(Start.SQUARE, 1e-3, 1), "pymunk")  # what is loaded at first use is nobody's time
     for name in STARTS:
         progress(name)
         rows += _accuracy(name)
@@ -103,19 +118,19 @@ def motion_rows(progress: Progress = quiet) -> list[Row]:
 
 def _row(series: str, scene: str, setting: str, **own: float | None) -> Row:
     names = ("e_A", "ball_m_s", "bat_rad_s", "share", "us_a_shot")
-    return {"series": series, "scene": scene, "setting": setting} | {
+    return {"series": str(series), "scene": str(scene), "setting": setting} | {
         name: own.get(name) for name in names
     }
 
 
-def _scene(name: str, step: float, shots: int) -> ShotScene:
-    return rod_scene(STARTS[name], SPEED, step, shots)
+def _scene(name: Start, step: float, shots: int) -> ShotScene:
+    return rod_scene(STARTS[name], 26.8, step, shots)
 
 
-def _accuracy(name: str) -> Iterator[Row]:
+def _accuracy(name: Start) -> Iterator[Row]:
     scene = _scene(name, 1e-3, 20)
     _, spent = least_time(partial(play, _scene(name, 1e-3, BATCH), "closed-form"))
-    yield _row(CLOSED, name, "exact", us_a_shot=spent / BATCH * 1e6) | _errors(
+    yield _row(Carrier.CLOSED, name, "exact", us_a_shot=spent / BATCH * 1e6) | _errors(
         scene, play(scene, "closed-form")
     )
     for step in STEPS:
@@ -123,16 +138,17 @@ def _accuracy(name: str) -> Iterator[Row]:
         try:
             carried, spent = least_time(partial(play, scene, "pymunk", settings=_settings(step)))
         except InputError:
-            yield _row(RUNG, name, f"{setting}: refused")
+            yield _row(Carrier.RUNG, name, f"{setting}: refused")
             continue
         found = _errors(scene, carried)
-        yield _row(RUNG, name, setting, us_a_shot=spent / scene.shots * 1e6) | found
+        yield _row(Carrier.RUNG, name, setting, us_a_shot=spent / scene.shots * 1e6) | found
     for step in STEPS:
         scene = _scene(name, step, 20)
-        alone = partial(naive_errors, scene, step, shape=SHAPES.get(name, "side"))
+        shapes: dict[str, Shape] = {Start.ROUND: "section", Start.TIP: "round tip"}
+        alone = partial(naive_errors, scene, step, shape=shapes.get(name, "side"))
         errors, spent = least_time(alone)
         us = spent / scene.shots * 1e6
-        yield _row(ALONE, name, f"{step:.0e} s", us_a_shot=us, ball_m_s=_rms(errors))
+        yield _row(Carrier.ALONE, name, f"{step:.0e} s", us_a_shot=us, ball_m_s=_rms(errors))
 
 
 def _settings(step: float) -> PymunkSettings:
@@ -140,7 +156,10 @@ def _settings(step: float) -> PymunkSettings:
 
 
 def _errors(scene: ShotScene, found: PlayedShots) -> Row:
-    hit, true = found.first(BAT), [parted_by_hand(scene, shot) for shot in range(scene.shots)]
+    hit, true = (
+        found.first(Target.BAT),
+        [parted_by_hand(scene, shot) for shot in range(scene.shots)],
+    )
     e_A = scene.efficiency(hit.place, hit.speed, hit.shot)
     ball = np.array(hit.state[3:6]).T - [each.velocity for each in true]
     return {
@@ -179,27 +198,29 @@ def parted_by_hand(scene: ShotScene, shot: int) -> Parted:
 
 def _misses(speed: float, step: float) -> Iterator[Row]:
     scene, setting = f"missed at {speed:g} m/s", f"{step:.0e} s"
-    yield _row(ALONE, scene, setting, share=missed(rod(), speed, step, 100))
-    shots = rod_scene(STARTS[SQUARE], speed, step, 20, ahead=0.2, duration=0.03)
+    yield _row(Carrier.ALONE, scene, setting, share=missed(rod(), speed, step, 100))
+    shots = rod_scene(STARTS[Start.SQUARE], speed, step, 20, ahead=0.2, duration=0.03)
     try:
         found = play(shots, "pymunk", settings=_settings(step))
     except InputError:
-        yield _row(RUNG, scene, f"{setting}: refused")
+        yield _row(Carrier.RUNG, scene, f"{setting}: refused")
     else:
-        yield _row(RUNG, scene, setting, share=1 - len(found.first(BAT).shot) / shots.shots)
+        yield _row(
+            Carrier.RUNG, scene, setting, share=1 - len(found.first(Target.BAT).shot) / shots.shots
+        )
 
 
 def _losses(step: float) -> Iterator[Row]:
     scene, setting = f"energy lost a second at {SPIN:g} rad/s", f"{step:.0e} s"
-    yield _row(ALONE, scene, setting, share=energy_lost(rod(), SPIN, step))
+    yield _row(Carrier.ALONE, scene, setting, share=energy_lost(rod(), SPIN, step))
     # a ball that rests far away limits no step
     alone = rod_scene({"rate": SPIN, "vx": 0.0}, 0.0, step, 1, ahead=9.0, duration=1.0)
     try:
         end = play(alone, "pymunk", settings=_settings(step)).at(alone, alone.duration)
     except InputError:
-        yield _row(RUNG, scene, f"{setting}: refused")
+        yield _row(Carrier.RUNG, scene, f"{setting}: refused")
     else:
-        yield _row(RUNG, scene, setting, share=abs(float(1 - (end.rate[0, 0] / SPIN) ** 2)))
+        yield _row(Carrier.RUNG, scene, setting, share=abs(float(1 - (end.rate[0, 0] / SPIN) ** 2)))
 
 
 def _rms(error: Array) -> float:
@@ -215,7 +236,7 @@ def draw_motion(rows: list[Row]) -> Figure:
     _draw_errors(errors, [row for row in rows if row["us_a_shot"]])
     _draw_misses(misses, [row for row in rows if row["scene"].startswith("missed")])
     _draw_losses(losses, [row for row in rows if row["scene"].startswith("energy")])
-    figure.suptitle(TITLE, fontsize=11)
+    figure.suptitle("Motion: the rungs beside pymunk left to itself", fontsize=11)
     return figure
 
 
@@ -229,7 +250,7 @@ def _draw_errors(axes: Any, rows: list[Row]) -> None:
             places = [max(row["ball_m_s"], 1e-16) for row in own]
             axes.plot(times, places, marker=marker, color=colour, linewidth=1, markersize=5)
             for row, *place in zip(own, times, places, strict=True):
-                if scene == TIP:
+                if scene == Start.TIP:
                     words = row["setting"].replace("e-0", "e-")
                     axes.annotate(words, place, fontsize=7, rotation=25, color=colour)
     for scene, marker in markers.items():
@@ -247,9 +268,9 @@ def _draw_misses(axes: Any, rows: list[Row]) -> None:
     for row in rows:
         if row["share"] is not None:
             speed, step = float(row["scene"].split()[2]), float(row["setting"].split()[0])
-            marker = "o" if row["series"] == ALONE else "x"
+            marker = "o" if row["series"] == Carrier.ALONE else "x"
             axes.plot(speed * step, row["share"], marker, color=COLOURS[row["series"]])
-    axes.axvspan(reach, way[-1], color=COLOURS[RUNG], alpha=0.12, linewidth=0)
+    axes.axvspan(reach, way[-1], color=COLOURS[Carrier.RUNG], alpha=0.12, linewidth=0)
     axes.annotate("refused by the rung", (0.185, 0.04), ha="center", fontsize=7.5, color="#0072b2")
     axes.set_xlabel("v dt [m]")
     axes.set_ylabel("share of shots that jump the bat")
@@ -257,7 +278,7 @@ def _draw_misses(axes: Any, rows: list[Row]) -> None:
 
 
 def _draw_losses(axes: Any, rows: list[Row]) -> None:
-    for series in (ALONE, RUNG):
+    for series in (Carrier.ALONE, Carrier.RUNG):
         own = [row for row in rows if row["series"] == series and row["share"] is not None]
         steps = [float(row["setting"].split()[0]) for row in own]
         shares = [max(row["share"], 1e-16) for row in own]

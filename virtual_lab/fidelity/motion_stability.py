@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.fidelity.drawing import State, draw_stability, maps_text
-from virtual_lab.fidelity.motion_chart import STARTS, SWUNG
+from virtual_lab.fidelity.motion_chart import STARTS, Carrier, Start
 from virtual_lab.fidelity.naive_pymunk import Shape, naive_errors, rod_scene
 from virtual_lab.fidelity.results import StabilityMap
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.simulation.motion import play
-from virtual_lab.simulation.motion.played import BAT
+from virtual_lab.simulation.motion.played import Target
 from virtual_lab.simulation.motion.pymunk_scene import PymunkSettings, carry
 from virtual_lab.simulation.motion.scene import ShotScene
 from virtual_lab.units import INCH, MPH
@@ -31,7 +31,6 @@ __all__ = ["motion_stability"]
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
-ALONE, RUNG = "pymunk alone", "pymunk rung"
 STEPS = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5)
 TOLERANCE = 1e-4  # of a good cell, as of e_A
 RUNAWAY = 0.5  # error of a ball that jumped the bat, or flew off with more than it brought
@@ -80,19 +79,19 @@ def motion_cells(progress: Progress = quiet) -> list[Row]:
     Of a refused one state and error are what it would have come to.
     """
     rows = []
-    for method in (ALONE, RUNG):
+    for method in (Carrier.ALONE, Carrier.RUNG):
         for axis, values in AXES.items():
             progress(f"{method}: {axis}")
             rows += [_cell(axis, method, step, value) for step in STEPS for value in values]
     return rows
 
 
-def _cell(axis: Axis, method: str, step: float, value: float) -> Row:
+def _cell(axis: Axis, method: Carrier, step: float, value: float) -> Row:
     """Return what the shots of a cell come to."""
     speed = (value if axis is Axis.SPEED else 60.0) * MPH
     # iterations show where the joint works hard: by the grip
     place = 20 * INCH if axis is Axis.ITERATIONS else 6 * INCH
-    start = STARTS[SWUNG] if axis is Axis.SLOP else {"z": place}
+    start = STARTS[Start.SWUNG] if axis is Axis.SLOP else {"z": place}
     own: dict[Axis, dict[str, float]] = {
         Axis.PLACE: {"z": value * INCH},
         Axis.ACROSS: {"y": value * 1e-3},
@@ -102,13 +101,13 @@ def _cell(axis: Axis, method: str, step: float, value: float) -> Row:
         slop=value if axis is Axis.SLOP else 1e-5,
         iterations=int(value) if axis is Axis.ITERATIONS else 10,
     )
-    shots = 8 if method == ALONE else 3
+    shots = 8 if method == Carrier.ALONE else 3
     scene = rod_scene(start | own.get(axis, {}), speed, step, shots)
-    true = play(scene, "closed-form").first(BAT)
+    true = play(scene, "closed-form").first(Target.BAT)
     refused = False
-    if method == RUNG:
+    if method == Carrier.RUNG:
         refused = _refused(scene, settings)
-        found = carry(scene, settings).first(BAT)
+        found = carry(scene, settings).first(Target.BAT)
         gap = np.linalg.norm(np.array(found.state[3:6]) - np.array(true.state[3:6]), axis=0)
     else:
         shapes: dict[Axis, Shape] = {Axis.PLACE: "round tip", Axis.ACROSS: "section"}
@@ -122,7 +121,13 @@ def _cell(axis: Axis, method: str, step: float, value: float) -> Row:
     worst = float(np.max(gap / true.speed))
     bounds = ((TOLERANCE, State.GOOD), (RUNAWAY, State.INACCURATE))
     state = next((state for most, state in bounds if worst <= most), State.UNSTABLE)
-    row = {"map": axis.value, "method": method, "value": value, "step": step, "refused": refused}
+    row = {
+        "map": axis.value,
+        "method": method.value,
+        "value": value,
+        "step": step,
+        "refused": refused,
+    }
     error = worst if np.isfinite(worst) else None
     return row | {"state": state.value, "shots": shots, "worst_error": error}
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Protocol
 
@@ -21,12 +20,12 @@ from virtual_lab.simulation.impact import (
     thrown_back,
 )
 from virtual_lab.simulation.instruments import FittedStation, Instrument, InstrumentFactory
-from virtual_lab.simulation.instruments.air import HallAir, HallAirSpec
+from virtual_lab.simulation.instruments.air import Gravity, GravitySpec, HallAir, HallAirSpec
 from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
-from virtual_lab.simulation.instruments.gravity import Gravity, GravitySpec
+from virtual_lab.simulation.instruments.light_gate import BallGates
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.motion.scene import FrameSpec, StopSpec
-from virtual_lab.simulation.physics.supports import Pinned
+from virtual_lab.simulation.physics.beam import Pinned
 from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen
 from virtual_lab.simulation.truth import TrueOutcome
 from virtual_lab.streams import Draws
@@ -75,20 +74,6 @@ def fitted(
     }
 
 
-class BallGates(Instrument, Protocol):
-    """Gates of either kind."""
-
-    @property
-    def spec(self) -> Any: ...
-    @property
-    def distances(self) -> Array: ...
-    @property
-    def clock(self) -> float: ...
-    @property
-    def watch(self) -> Callable[..., Record]: ...
-    def arrival(self, passage: Passage) -> Array: ...
-
-
 class BatHolder(Instrument, Protocol):
     """What holds a bat."""
 
@@ -130,7 +115,7 @@ class CannonStation(FittedStation):
 
     holder: BatHolder
     cannon: Cannon
-    gates: BallGates
+    gates: BallGates[Any]
     air: HallAir
     hall: Gravity
     ideal: bool

@@ -14,7 +14,7 @@ from virtual_lab.relations.flight import time_before
 from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.motion import play
-from virtual_lab.simulation.motion.played import BAT, BAT_AGAIN, FRAME, Pieces
+from virtual_lab.simulation.motion.played import Pieces, Target
 from virtual_lab.simulation.motion.scene import (
     FrameSpec,
     GateFrame,
@@ -30,7 +30,6 @@ from virtual_lab.simulation.rig import MotionRung, ShotPlan
 __all__ = ["FlownShots", "RestingBat", "Surroundings", "flown", "scene_of"]
 
 AHEAD = 1.0  # m before the contact, where a scene begins
-AFTER = 1e-3  # s, that a scene of a free way back goes on after the contact: the ball has parted
 RECORD = 0.5  # s after the contact, for which one is played whose ball meets more than the bat
 
 
@@ -101,7 +100,8 @@ def flown(passage: Passage, order: ShotPlan, bat: RestingBat, around: Surroundin
         one = slice(shot, shot + 1)
         blow = RestingBat(bat.body, bat.axis, *(each[one] for each in bat[2:]))
         alone = replace(passage, **_columns(passage, count, one))
-        scene = scene_of(alone, blow, around, RECORD if beyond[shot] or framed[shot] else AFTER)
+        # on a free way back a millisecond after the contact is enough: the ball has parted
+        scene = scene_of(alone, blow, around, RECORD if beyond[shot] or framed[shot] else 1e-3)
         pieces = _played(scene, asked)
         if pieces is None:
             continue
@@ -109,8 +109,8 @@ def flown(passage: Passage, order: ShotPlan, bat: RestingBat, around: Surroundin
         for name, value in _as_flown(scene, pieces, first, back).items():
             whole[name][shot] = value
         late[shot] = pieces.time[back] - pieces.time[first]
-        met[shot] = pieces.struck[first] == BAT
-        for again in np.flatnonzero(pieces.struck == BAT_AGAIN):
+        met[shot] = pieces.struck[first] == Target.BAT
+        for again in np.flatnonzero(pieces.struck == Target.BAT_AGAIN):
             more = float(np.diff(pieces.state.rate)[again - 1])
             kicks.append((int(shot), float(pieces.time[again] - pieces.time[first]), more))
     if met.all() and np.isinf(whole["reach"]).all():
@@ -266,11 +266,13 @@ def _contacts(pieces: Pieces) -> tuple[int, int]:
 
     It goes back after it last touched the bat, before any frame.
     """
-    bats = np.flatnonzero(pieces.struck == BAT)
+    bats = np.flatnonzero(pieces.struck == Target.BAT)
     first = int(bats[0]) if bats.size else 1
-    frames = np.flatnonzero(pieces.struck[first + 1 :] == FRAME) + first + 1
+    frames = np.flatnonzero(pieces.struck[first + 1 :] == Target.FRAME) + first + 1
     free = slice(first, frames[0] if frames.size else None)
-    last = first + int(np.flatnonzero(np.isin(pieces.struck[free], (BAT, BAT_AGAIN)))[-1:].sum())
+    last = first + int(
+        np.flatnonzero(np.isin(pieces.struck[free], (Target.BAT, Target.BAT_AGAIN)))[-1:].sum()
+    )
     turned = np.flatnonzero(pieces.state.vx[last : free.stop] < 0)
     return first, last + int(turned[:1].sum())
 
@@ -282,7 +284,7 @@ def _as_flown(scene: ShotScene, pieces: Pieces, first: int, back: int) -> dict[s
     before = moved(scene, begun, pieces.time[first] - pieces.time[first - 1 : first], once)
     state, up = pieces.state.part(back), scene.frames[0].up
     contact = scene.start.x[0] + AHEAD  # where it would be in closed form
-    frames = np.flatnonzero(pieces.struck[back + 1 :] == FRAME) + back + 1
+    frames = np.flatnonzero(pieces.struck[back + 1 :] == Target.FRAME) + back + 1
     found = {
         "speed_in": before.vx[0],
         "plane": contact - before.x[0],
@@ -292,6 +294,6 @@ def _as_flown(scene: ShotScene, pieces: Pieces, first: int, back: int) -> dict[s
         "height_out": state.y - up,
         "reach": contact - pieces.state.x[frames[0]] if frames.size else np.inf,
     }
-    if pieces.struck[first] != BAT:
+    if pieces.struck[first] != Target.BAT:
         found["height"] = before.y[0] - up
     return found

@@ -15,9 +15,8 @@ from virtual_lab.simulation.collision.patch import PATCH, patch_shape
 from virtual_lab.simulation.collision.scene import Collisions, Scenes
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.physics.ball import Event, PowerLaw
+from virtual_lab.simulation.physics.beam import Free, Pinned, Support, outer_diameter
 from virtual_lab.simulation.physics.modes import Modes, modes_of
-from virtual_lab.simulation.physics.section import outer_diameter
-from virtual_lab.simulation.physics.supports import Free, Pinned, Support
 from virtual_lab.simulation.rig import ShotPlan, Specimen
 from virtual_lab.simulation.truth import TrueOutcome, TrueRecoil
 
@@ -33,7 +32,6 @@ __all__ = [
 ]
 
 CONTACT_TIME = 0.7e-3  # s, where no record is fine enough to show it
-WORK_POINTS = 64  # of Gauss's rule: exact to rounding for the powers of any ball
 
 
 class Blows(NamedTuple):
@@ -149,7 +147,7 @@ def wall_restitution(scenes: Scenes) -> Array:
     The speed back is what is left of the work that the force does, by Gauss's rule over the
     compression.
     """
-    x, weights = np.polynomial.legendre.leggauss(WORK_POINTS)
+    x, weights = np.polynomial.legendre.leggauss(64)  # exact to rounding for any ball
     share, width = ((1 + x) / 2) ** 4, ((1 + x) / 2) ** 3 * weights  # crowded where powers begin
     each, back = np.unique(
         [scenes.stiffness, scenes.exponent, scenes.ball_restitution], axis=1, return_inverse=True

@@ -31,7 +31,7 @@ from virtual_lab.uncertainty.estimate import Estimate
 if TYPE_CHECKING:
     from virtual_lab.catalog.specs import BatBody
     from virtual_lab.simulation.collision.scene import CollisionModel, Scenes
-    from virtual_lab.simulation.physics.supports import Support
+    from virtual_lab.simulation.physics.beam import Support
 
 __all__ = [
     "CollisionChoice",
@@ -49,8 +49,6 @@ __all__ = [
     "find_rig",
     "installed_rigs",
 ]
-
-GROUP = "virtual_lab.rigs"
 
 
 class Reality(Enum):
@@ -228,7 +226,7 @@ class Rig(Protocol):
 @cache
 def installed_rigs() -> Mapping[str, Rig]:
     """Return every rig installed on this machine by name."""
-    found = {point.name: point.load() for point in sorted(entry_points(group=GROUP))}
+    found = {point.name: point.load() for point in sorted(entry_points(group="virtual_lab.rigs"))}
     return MappingProxyType(found)
 
 

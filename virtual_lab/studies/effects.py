@@ -31,7 +31,7 @@ from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
 from virtual_lab.relations.pendulum import mean_amplitude_factor
-from virtual_lab.simulation.physics.section import outer_diameter
+from virtual_lab.simulation.physics.beam import outer_diameter
 from virtual_lab.studies.coverage import tests
 from virtual_lab.uncertainty.budget import Component
 from virtual_lab.units import INCH

@@ -13,7 +13,7 @@ from virtual_lab.measurement.camera.windows import Sightings, sight
 from virtual_lab.measurement.reduction.flights import Flights
 from virtual_lab.records import ClipRecord
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.instruments.camera.course import Course
+from virtual_lab.simulation.instruments.camera.shots import Course
 from virtual_lab.streams import Quiet, Streams
 
 STAGE = "impact"

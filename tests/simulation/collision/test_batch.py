@@ -14,7 +14,7 @@ from virtual_lab.simulation.collision.modal import ModalModel, collide_bats
 from virtual_lab.simulation.collision.patch import patch_shape
 from virtual_lab.simulation.collision.scene import Collisions, Scenes
 from virtual_lab.simulation.collision.stepping import OneByOne
-from virtual_lab.simulation.physics.supports import Clamped, Free, Pinned
+from virtual_lab.simulation.physics.beam import Clamped, Free, Pinned
 from virtual_lab.units import INCH
 
 TABLE_ERROR, MOSTLY = 5e-7, 2e-8  # in e_A, of splines in the place of shapes; of 95 in 100

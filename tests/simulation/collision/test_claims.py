@@ -11,8 +11,7 @@ from virtual_lab.catalog import load_bat
 from virtual_lab.measurement.reduction import kinematics
 from virtual_lab.relations.swing import KNOB_OFFSET, PowerLawSwing, bat_speed
 from virtual_lab.simulation.collision.modal import BENDING_MODES, ModalModel
-from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.physics.supports import Clamped, Free, Pinned
+from virtual_lab.simulation.physics.beam import Clamped, Free, Pinned, beam_of
 from virtual_lab.units import INCH, MPH, OUNCE, OZ_IN2
 
 Z = np.arange(2.5, 9.01, 0.1)

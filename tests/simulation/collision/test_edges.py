@@ -20,9 +20,8 @@ from virtual_lab.simulation.collision.rigid import RigidModel
 from virtual_lab.simulation.collision.scene import Collisions, Scenes
 from virtual_lab.simulation.collision.stepping import OneByOne
 from virtual_lab.simulation.physics.ball import wall_contact
-from virtual_lab.simulation.physics.beam import beam_of
+from virtual_lab.simulation.physics.beam import Clamped, Free, Pinned, Support, beam_of
 from virtual_lab.simulation.physics.modes import modes_of
-from virtual_lab.simulation.physics.supports import Clamped, Free, Pinned, Support
 from virtual_lab.units import INCH
 
 WOOD, ALUMINIUM = load_bat("r161").spec.body, load_bat("ea70").spec.body

@@ -11,7 +11,7 @@ from virtual_lab.simulation.collision import ladder as rungs
 from virtual_lab.simulation.collision.ladder import (
     COLLISION_RUNGS,
     MODE_COUNTS,
-    SURROGATE_TOLERANCE,
+    PROBING,
     Ladder,
     choose,
     choose_efficiency,
@@ -21,8 +21,8 @@ from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.patch import PATCH, patch_shape
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.collision.surrogate import Box
+from virtual_lab.simulation.physics.beam import Clamped, Free, Pinned, Support
 from virtual_lab.simulation.physics.modes import modes_of
-from virtual_lab.simulation.physics.supports import Clamped, Free, Pinned, Support
 from virtual_lab.units import INCH, MPH
 
 WOOD, ALUMINIUM = load_bat("r161").spec.body, load_bat("ea70").spec.body
@@ -195,7 +195,7 @@ def test_efficiency_alone_may_come_from_a_surrogate(farthest: float, u: float, r
     assert choice.error <= 0.1 * u
     if rung in ("surrogate", "modal"):
         modal = ModalModel.of(WOOD, Free(), 14).collide(scenes).collision_efficiency
-        assert np.abs(choice.efficiency(scenes) - modal).max() < SURROGATE_TOLERANCE
+        assert np.abs(choice.efficiency(scenes) - modal).max() < PROBING.surrogate_tolerance
     assert ("no surrogate" in choice.reason) == (rung == "modal")
 
 
@@ -210,7 +210,7 @@ def test_a_scene_outside_the_box_goes_to_the_modal_rung_alone() -> None:
     assert inside.sum() == 401
     assert np.array_equal(found[~inside], exact[~inside])
     assert (found[inside] != exact[inside]).mean() > 0.9
-    assert np.abs(found - exact).max() < SURROGATE_TOLERANCE
+    assert np.abs(found - exact).max() < PROBING.surrogate_tolerance
     again = Ladder(probe=PROBE, standard_uncertainty=0.002, box=box)
     for some in (np.arange(600, -1, -1), np.array([3]), np.array([300]), np.arange(90, 110)):
         assert np.array_equal(again.efficiency(WOOD, Free(), scenes.part(some)), found[some])

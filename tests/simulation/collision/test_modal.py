@@ -10,8 +10,7 @@ from virtual_lab.catalog import load_bat
 from virtual_lab.catalog.specs import BatBody, Lump
 from virtual_lab.measurement.reduction import kinematics
 from virtual_lab.simulation.collision.modal import ModalModel
-from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.physics.supports import Clamped, Free, Pinned, Support
+from virtual_lab.simulation.physics.beam import Clamped, Free, Pinned, Support, beam_of
 from virtual_lab.units import INCH
 
 WOOD, ALUMINIUM = load_bat("r161").spec.body, load_bat("ea70").spec.body

@@ -25,8 +25,8 @@ from virtual_lab.simulation.physics.ball import (
     PowerLaw,
     wall_contact,
 )
+from virtual_lab.simulation.physics.beam import Free, Pinned, Support
 from virtual_lab.simulation.physics.modes import modes_of
-from virtual_lab.simulation.physics.supports import Free, Pinned, Support
 from virtual_lab.units import INCH
 
 WOOD, ALUMINIUM = load_bat("r161").spec.body, load_bat("ea70").spec.body
@@ -61,7 +61,6 @@ def agree(
     assert np.abs(gap).max() < tolerance
     assert np.array_equal(found.contacts, reference.contacts)
     assert np.array_equal(found.reloads, reference.reloads)
-    assert np.array_equal(found.swung_back, reference.swung_back)
     assert found.contact_time == pytest.approx(reference.contact_time, rel=1e3 * tolerance)
     scale = scenes.relative_speed[:, None]
     velocities = (found.modal_velocities - reference.modal_velocities) / scale
@@ -178,9 +177,8 @@ def test_a_dashpot_at_the_pivot_is_not_felt(
     damping: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Why no rung has one: less than the modes left out cost, weak or strong."""
-    monkeypatch.setattr(rung, "OPEN", np.inf)  # it takes energy that no share counts
     model = ReferenceModel.of(WOOD, Pinned(28 * INCH, 1e6), 20)
-    model = replace(model, **QUICK)
+    model = replace(model, **QUICK, leak=np.inf)  # a dashpot takes energy that no share counts
     at_pivot, undamped = model.modes.shape(28 * INCH), rung._Scene.derivative
     scenes = usual([5.0, 8.0, 12.0])
     free = model.collide(scenes).collision_efficiency

@@ -9,7 +9,7 @@ from virtual_lab.catalog.specs import BatBody, HoopMode
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.rigid import RigidModel
 from virtual_lab.simulation.physics.ball import wall_contact
-from virtual_lab.simulation.physics.supports import Clamped, Free, Pinned
+from virtual_lab.simulation.physics.beam import Clamped, Free, Pinned
 
 # heavy enough to recoil, stiff enough not to bend: bending beyond 100 kHz
 STIFF = rod((0.04, 0.04), density=800.0, youngs_modulus=1e17, shear_modulus=4e16)

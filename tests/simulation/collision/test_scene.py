@@ -10,7 +10,7 @@ from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.reference import ReferenceModel
 from virtual_lab.simulation.collision.rigid import RigidModel
 from virtual_lab.simulation.collision.scene import CollisionModel
-from virtual_lab.simulation.physics.supports import Free, Pinned
+from virtual_lab.simulation.physics.beam import Free, Pinned
 
 
 def test_numbers_and_arrays_broadcast_to_one_axis() -> None:

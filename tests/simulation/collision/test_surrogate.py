@@ -13,7 +13,7 @@ from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.collision.surrogate import Box, Surrogate
 from virtual_lab.simulation.collision.surrogate_kernel import evaluate_surrogate
-from virtual_lab.simulation.physics.supports import Free
+from virtual_lab.simulation.physics.beam import Free
 from virtual_lab.units import INCH, MPH
 
 BODY = load_bat("ea70").spec.body

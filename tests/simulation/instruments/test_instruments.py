@@ -18,19 +18,23 @@ from scipy.special import ellipk
 from tests.catalog.test_reading import INSTRUMENTS
 from virtual_lab import catalog
 from virtual_lab.simulation.instruments import calibration_of, errors_of
-from virtual_lab.simulation.instruments.air import HallAir, HallAirSpec
+from virtual_lab.simulation.instruments.air import Gravity, GravitySpec, HallAir, HallAirSpec
 from virtual_lab.simulation.instruments.camera.camera import Camera
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
 from virtual_lab.simulation.instruments.encoder import Encoder, EncoderSpec
-from virtual_lab.simulation.instruments.gravity import Gravity, GravitySpec
-from virtual_lab.simulation.instruments.indicator import indicate, quantise
+from virtual_lab.simulation.instruments.indicator import (
+    Rule,
+    RuleSpec,
+    Scale,
+    ScaleSpec,
+    indicate,
+    quantise,
+)
 from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.instruments.pendulum import Pendulum, PendulumSpec
-from virtual_lab.simulation.instruments.rule import Rule, RuleSpec
-from virtual_lab.simulation.instruments.scale import Scale, ScaleSpec
 from virtual_lab.streams import Quiet, Streams
 
 MAKERS = {

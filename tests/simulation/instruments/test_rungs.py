@@ -22,8 +22,7 @@ from virtual_lab.simulation.faults.fault import other_sheet
 from virtual_lab.simulation.impact import contact_angle
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.instruments.board_kernel import rows_of_gains
-from virtual_lab.simulation.instruments.board_sums import gain_table
-from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec
+from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec, gain_table
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.physics.beam import beam_of

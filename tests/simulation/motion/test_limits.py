@@ -11,7 +11,7 @@ import pytest
 from tests.simulation.motion.scenes import BODY, Array, frame_at, scene
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.motion import play, pymunk_scene
-from virtual_lab.simulation.motion.played import BAT
+from virtual_lab.simulation.motion.played import Target
 from virtual_lab.simulation.motion.pymunk_scene import PymunkSettings, longest_step
 from virtual_lab.simulation.motion.scene import FrameSpec
 from virtual_lab.units import INCH
@@ -57,7 +57,7 @@ def test_without_settings_the_step_is_short_enough() -> None:
         PymunkSettings().check(fast)
     PymunkSettings.safe(fast).check(fast)
     assert PymunkSettings.safe(scene()) == PymunkSettings()
-    hits = [play(fast, rung).first(BAT).time for rung in ("pymunk", "closed-form")]
+    hits = [play(fast, rung).first(Target.BAT).time for rung in ("pymunk", "closed-form")]
     assert hits[0] == pytest.approx(hits[1])
 
 
@@ -108,7 +108,7 @@ def test_a_graze_ends_and_is_no_fault(rung: str) -> None:
     depth = np.array([1e-5, 1e-6, 1e-8, 0.0, -1e-8, -1e-6])
     outcome = play(scene(y=touching - depth, gravity=0.0, duration=0.05), rung)
     assert outcome.refused[[0, 1, 5]].tolist() == ["", "", ""]
-    hit = outcome.first(BAT)
+    hit = outcome.first(Target.BAT)
     assert {0, 1} <= set(hit.shot) <= {0, 1, 2, 3, 4}
     shallow = 26.8 * np.exp(-0.006 * 0.9) * np.sqrt(2 * depth[:2] / touching)
     assert hit.speed[:2] == pytest.approx(shallow, rel=6e-2)

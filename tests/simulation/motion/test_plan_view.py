@@ -7,7 +7,7 @@ import pytest
 
 from tests.simulation.motion.scenes import AXIS, INERTIA, MASS, RADIUS, rigid, scene, stop
 from virtual_lab.simulation.motion import play
-from virtual_lab.simulation.motion.plan_view import plan_view
+from virtual_lab.simulation.motion.played import plan_view
 from virtual_lab.units import INCH
 
 

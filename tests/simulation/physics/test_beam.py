@@ -8,9 +8,7 @@ import pytest
 from tests.simulation.physics.bodies import rod
 from virtual_lab.catalog.specs import Lump, Profile
 from virtual_lab.errors import InputError
-from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.physics.section import outer_diameter
-from virtual_lab.simulation.physics.supports import Clamped, Pinned
+from virtual_lab.simulation.physics.beam import Clamped, Pinned, beam_of, outer_diameter
 
 
 def test_solid_rod() -> None:

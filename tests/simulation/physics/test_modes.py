@@ -11,9 +11,8 @@ from scipy.special import ive, jv, kve, yv
 from tests.simulation.physics.bodies import rod
 from virtual_lab.catalog.specs import BatBody, HoopMode
 from virtual_lab.errors import InputError
-from virtual_lab.simulation.physics.beam import beam_of
+from virtual_lab.simulation.physics.beam import Clamped, Free, Pinned, Support, beam_of
 from virtual_lab.simulation.physics.modes import barrel_nodes, modes_of
-from virtual_lab.simulation.physics.supports import Clamped, Free, Pinned, Support
 
 Floats = NDArray[np.float64]
 BAT = rod((0.06, 0.065, 0.03, 0.025), 0.86)

@@ -3,9 +3,8 @@
 import pytest
 
 from virtual_lab.catalog import load_bat
-from virtual_lab.simulation.physics.beam import beam_of
+from virtual_lab.simulation.physics.beam import Free, beam_of
 from virtual_lab.simulation.physics.modes import barrel_nodes, modes_of
-from virtual_lab.simulation.physics.supports import Free
 from virtual_lab.units import INCH, OUNCE
 
 BATS = ("r161", "ea70", "barrel-loaded", "knob-loaded")

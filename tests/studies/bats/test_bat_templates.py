@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from virtual_lab.errors import InputError
-from virtual_lab.simulation.physics.beam import beam_of
+from virtual_lab.simulation.physics.beam import Free, beam_of
 from virtual_lab.simulation.physics.modes import barrel_nodes, modes_of
-from virtual_lab.simulation.physics.supports import Free
 from virtual_lab.studies.bats.bat_templates import TEMPLATES, BatMeasurements, computed, fit
 from virtual_lab.units import INCH, OUNCE, OZ_IN2
 

@@ -12,8 +12,7 @@ from virtual_lab.catalog import load_bat
 from virtual_lab.errors import InputError
 from virtual_lab.relations.peaks import peak
 from virtual_lab.simulation.collision.modal import ModalModel
-from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.physics.supports import Free
+from virtual_lab.simulation.physics.beam import Free, beam_of
 from virtual_lab.studies.bats.compare import Compared, compare
 from virtual_lab.studies.bats.profile import GameConditions, profile_of_bat, read_inertia
 from virtual_lab.units import INCH, MPH, OZ_IN2

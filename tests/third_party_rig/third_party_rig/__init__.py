@@ -11,7 +11,7 @@ from virtual_lab.simulation.instruments import FittedStation, Instrument, calibr
 from virtual_lab.simulation.instruments.air import HallAir, HallAirSpec
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.instruments.passage import Passage
-from virtual_lab.simulation.physics.supports import Pinned
+from virtual_lab.simulation.physics.beam import Pinned
 from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.simulation.truth import TrueOutcome
 from virtual_lab.streams import Draws

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.simulation.collision.powers import COMPILES, SIMD, exp2, log2, wide
 
-__all__ = ["Given", "Rule", "collide_lanes"]
+__all__ = ["Given", "StepRule", "collide_lanes"]
 
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
@@ -50,7 +50,7 @@ class Given(NamedTuple):
     near_end: Floats  # nearness of a release, of the greatest compression
 
 
-class Rule(NamedTuple):
+class StepRule(NamedTuple):
     """How all scenes are stepped: three settings of `InStep`, the time in which contacts count."""
 
     growth: float
@@ -365,7 +365,7 @@ def _extreme(lane: Floats) -> float:
 
 
 @njit(**SCALAR)
-def _pass_event(lane: Floats, i: int, given: Given, rule: Rule, out: Out) -> int:
+def _pass_event(lane: Floats, i: int, given: Given, rule: StepRule, out: Out) -> int:
     """Take a lane over its event; return what that leaves of its scene i to do."""
     (states, sums, counts), near, brush = out, rule.turn, rule.brush
     a, b, speed, log_k = given.exponent[i], given.unloading[i], given.speed[i], given.log_k[i]
@@ -411,7 +411,7 @@ def _pass_event(lane: Floats, i: int, given: Given, rule: Rule, out: Out) -> int
 
 @njit(cache=True, nogil=True)
 def collide_lanes(
-    w2: Floats, bat: Counts, g: Floats, given: Given, scheme: Scheme, rule: Rule
+    w2: Floats, bat: Counts, g: Floats, given: Given, scheme: Scheme, rule: StepRule
 ) -> Out:
     """Run n collisions with N flexible modes.
 
@@ -435,9 +435,8 @@ def collide_lanes(
     sums : (n, 3) array
         First touch to last release [s]; work lost in the ball [J]; share of the energy that
         does not close.
-    counts : (n, 5) array
-        Contacts; turns back before release; 1 where the scene is in doubt; 1 where ball and
-        bat may meet after all the time; steps.
+    counts : (n, 4) array
+        Contacts; turns back before release; 1 where the scene is in doubt; steps.
     """
     wide()
     scenes, modes = g.shape
@@ -445,7 +444,7 @@ def collide_lanes(
     out = (
         np.zeros((scenes, 2 * modes + 2)),
         np.zeros((scenes, 3)),
-        np.zeros((scenes, 5), np.int64),
+        np.zeros((scenes, 4), np.int64),
     )
     padded = -(-modes // CHUNK) * CHUNK
     size = AT.head + padded * MODE.size
@@ -466,9 +465,7 @@ def collide_lanes(
                 if after == After.GOES_ON:
                     continue
                 counts = out[2][i]
-                near_yet = lane[AT.s] + lane[AT.reach] >= 0.0
-                counts[2], counts[4] = after == After.DOUBT, int(lane[AT.steps])
-                counts[3] = lane[AT.event] == EVENT.clear and near_yet
+                counts[2], counts[3] = after == After.DOUBT, int(lane[AT.steps])
                 left += 1
                 lane[AT.scene] = -1.0
             if taken < scenes:

@@ -24,13 +24,14 @@ from virtual_lab.simulation.collision.reference import ReferenceModel
 from virtual_lab.simulation.collision.rigid import RigidModel
 from virtual_lab.simulation.collision.scene import CollisionModel, Collisions, Scenes
 from virtual_lab.simulation.collision.surrogate import Box, Surrogate
+from virtual_lab.simulation.physics.beam import Support, support_words
 from virtual_lab.simulation.physics.modes import Modes, modes_of
-from virtual_lab.simulation.physics.supports import Support, support_words
 from virtual_lab.units import INCH
 
 __all__ = [
     "COLLISION_RUNGS",
     "MODE_COUNTS",
+    "PROBING",
     "SHARE",
     "Choice",
     "EfficiencyChoice",
@@ -42,18 +43,28 @@ __all__ = [
 
 COLLISION_RUNGS = ("rigid", "modal", "reference")
 MODE_COUNTS = (14, 20, 30)  # bending modes of the modal rungs, cheap to dear
-# m from the tip, where the procedures strike; every so far, which finds the worst of a bat that
-# the ball meets once to 1 %
-PROBED, PROBED_EVERY = (3 * INCH, 9 * INCH), INCH / 8
 SHARE = 0.1  # of the standard uncertainty that a model's error may take
-CONVERGED, REFERENCE_CONVERGED = 60, 140  # modes that what fewer cost is measured against
-MARGIN = 1.5  # of a truncation, for places between those probed and what the many modes err by
-# the same where ball and bat meet more often, for e_A goes up and down within a tenth of an inch
-# there and jumps where a touch comes or goes; no greater one of 24 000 on five bats was found, a
-# jump by 0.08 apart
-MEETING_MARGIN = 20.0
-STEPPING_ERROR = 2e-6  # in e_A, of a try's tolerance and of splines in the place of shapes
-SURROGATE_TOLERANCE = 1.1e-5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Probing:
+    """How errors of rungs are measured."""
+
+    places: tuple[float, float] = (3 * INCH, 9 * INCH)  # m from the tip, where procedures strike
+    every: float = INCH / 8  # finds the worst of a bat that the ball meets once to 1 %
+    modes: int = 60  # that what fewer cost is measured against
+    reference_modes: int = 140  # and what those of the reference cost
+    # on a truncation, for places between those probed and what the many modes err by
+    margin: float = 1.5
+    # the same where ball and bat meet more often, for e_A goes up and down within a tenth of an
+    # inch there and jumps where a touch comes or goes; no greater one of 24 000 on five bats was
+    # found, a jump by 0.08 apart
+    meeting_margin: float = 20.0
+    stepping_error: float = 2e-6  # in e_A, of a try's tolerance and of splines for shapes
+    surrogate_tolerance: float = 1.1e-5
+
+
+PROBING = Probing()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,21 +88,10 @@ def choose(
 ) -> Choice:
     """Return the rung named, or the cheapest one good enough.
 
-    Parameters
-    ----------
-    body, support
-        The bat and how it is held.
-    probe : Scenes
-        A few scenes like those to come, on which the errors of the rungs are measured.
-    rung : str, optional
-        One of `COLLISION_RUNGS`, taken whatever its error; modal with the default number of modes.
-    standard_uncertainty : float, optional
-        Of the e_A the scenes are to yield; without it and without `rung`, modal is taken.
-
-    Raises
-    ------
-    InputError
-        An unknown rung, an uncertainty that is not positive, or a probe that no rung can follow.
+    Errors are measured on the `probe`, scenes like those to come. A `rung` of `COLLISION_RUNGS` is
+    taken whatever its error, modal with the default number of modes; without it and without the
+    standard uncertainty of the e_A that the scenes are to yield, modal is taken. `InputError` for
+    an unknown rung, an uncertainty that is not positive, or a probe that no rung can follow.
     """
     _check(rung, standard_uncertainty)
     if rung == "reference":
@@ -112,7 +112,7 @@ def choose(
 def _rungs(body: BatBody, support: Support, probe: Scenes) -> list[Choice]:
     """Return the rigid and the modal rungs, cheap to dear, with their errors on the probe."""
     modes, held = modes_of(body, support, BENDING_MODES + STIFF_MODES), support_words(support)
-    stepped = [ModalModel.within(modes, n, held=held) for n in (*MODE_COUNTS, CONVERGED)]
+    stepped = [ModalModel.within(modes, n, held=held) for n in (*MODE_COUNTS, PROBING.modes)]
     *found, true = _probed(modes, stepped, probe)
     rigid = RigidModel.of(body, support)
     found.insert(0, rigid.collide(probe))
@@ -127,8 +127,8 @@ def _rungs(body: BatBody, support: Support, probe: Scenes) -> list[Choice]:
 def _reference(body: BatBody, support: Support, probe: Scenes) -> Choice:
     """Return the reference; what its modes leave out is measured against still more of them."""
     model = ReferenceModel.of(body, support)
-    modes = modes_of(body, support, REFERENCE_CONVERGED + STIFF_MODES)
-    most = ModalModel.within(modes, REFERENCE_CONVERGED, held=model.held)
+    modes = modes_of(body, support, PROBING.reference_modes + STIFF_MODES)
+    most = ModalModel.within(modes, PROBING.reference_modes, held=model.held)
     bare = replace(most, modes=model.modes, stiff=most.stiff.above(most.stiff.count))
     found, true = _probed(modes, [bare, most], probe)
     return _measured(model.rung, model, found, true)
@@ -138,7 +138,9 @@ def _measured(name: str, model: CollisionModel, found: Collisions, true: Collisi
     """Return a rung with what its e_A errs by at most, as far as a probe shows."""
     again = bool(true.contacts.max() > 1)
     gap = np.abs(found.collision_efficiency - true.collision_efficiency).max()
-    error = (MEETING_MARGIN if again else MARGIN) * float(gap) + STEPPING_ERROR
+    error = (PROBING.meeting_margin if again else PROBING.margin) * float(
+        gap
+    ) + PROBING.stepping_error
     return Choice(name=name, model=model, error=error, meets_again=again)
 
 
@@ -174,12 +176,7 @@ class EfficiencyChoice:
 
 
 def choose_efficiency(
-    body: BatBody,
-    support: Support,
-    probe: Scenes,
-    box: Box,
-    *,
-    standard_uncertainty: float,
+    body: BatBody, support: Support, probe: Scenes, box: Box, *, standard_uncertainty: float
 ) -> EfficiencyChoice:
     """Return the cheapest way to e_A of many scenes, nothing else of them being needed.
 
@@ -193,11 +190,11 @@ def choose_efficiency(
         error=choice.error,
         reason=choice.reason,
     )
-    error, allowed = choice.error + SURROGATE_TOLERANCE, SHARE * standard_uncertainty
+    error, allowed = choice.error + PROBING.surrogate_tolerance, SHARE * standard_uncertainty
     if not isinstance(choice.model, ModalModel) or error > allowed:
         return plain
     try:
-        surrogate = Surrogate.build(choice.model, box, tolerance=SURROGATE_TOLERANCE)
+        surrogate = Surrogate.build(choice.model, box, tolerance=PROBING.surrogate_tolerance)
     except InputError as refused:
         return replace(plain, reason=f"{plain.reason}; no surrogate: {refused}")
 
@@ -287,13 +284,15 @@ class Ladder:
         return {"rung": fitted.rung, "error": fitted.error, "reason": fitted.reason}
 
 
-def probing_scenes(ball: BallSpec, speed: float, places: tuple[float, float] = PROBED) -> Scenes:
+def probing_scenes(
+    ball: BallSpec, speed: float, places: tuple[float, float] = PROBING.places
+) -> Scenes:
     """Return scenes of a nominal ball at `speed` [m/s] along the barrel, to compare rungs on.
 
     They reach over `places` [m from the tip] too, where these lie beyond where procedures strike.
     """
-    low, high = min(places[0], PROBED[0]), max(places[1], PROBED[1])
-    count = round((high - low) / PROBED_EVERY) + 1
+    low, high = min(places[0], PROBING.places[0]), max(places[1], PROBING.places[1])
+    count = round((high - low) / PROBING.every) + 1
     return Scenes.with_ball(
         ball, impact_position=np.linspace(low, high, count), relative_speed=speed
     )

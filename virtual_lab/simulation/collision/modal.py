@@ -26,8 +26,8 @@ from virtual_lab.simulation.collision.patch import PATCH, patch_shapes, patch_ta
 from virtual_lab.simulation.collision.scene import Collisions, EnergySplit, Scenes, joined
 from virtual_lab.simulation.collision.stepping import FINE, CollisionBatch, Followed, Stepper
 from virtual_lab.simulation.physics.ball import unloading_exponent
+from virtual_lab.simulation.physics.beam import Support, support_words
 from virtual_lab.simulation.physics.modes import Modes, modes_of
-from virtual_lab.simulation.physics.supports import Support, support_words
 
 __all__ = [
     "BENDING_MODES",
@@ -41,7 +41,6 @@ __all__ = [
 Floats = NDArray[np.float64]
 BENDING_MODES = 20
 STIFF_MODES = 100
-ROWS = 16_384  # scenes at a time: what lies between kernel and result stays small
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,25 +55,10 @@ class ModalModel:
     rung: str = "modal"
 
     @classmethod
-    def of(
-        cls,
-        body: BatBody,
-        support: Support,
-        bending_modes: int = BENDING_MODES,
-    ) -> Self:
-        """Return the model of a bat.
+    def of(cls, body: BatBody, support: Support, bending_modes: int = BENDING_MODES) -> Self:
+        """Return the model of a bat: so many modes stepped, the next `STIFF_MODES` follow at once.
 
-        Parameters
-        ----------
-        body, support
-            The bat and how it is held.
-        bending_modes : int
-            How many are stepped in time; the next `STIFF_MODES` follow at once.
-
-        Raises
-        ------
-        InputError
-            The support lies off the bat, or there are fewer modes than asked for.
+        `InputError` where the support lies off the bat or there are fewer modes than asked for.
         """
         modes = modes_of(body, support, bending_modes + STIFF_MODES)
         return cls.within(modes, bending_modes, held=support_words(support))
@@ -100,10 +84,9 @@ class ModalModel:
 
         `InputError` where a place lies off the bat or one cannot be followed.
         """
-        if len(scenes) <= ROWS:
-            return collide_bats([(self, scenes)])[0]
-        starts = range(0, len(scenes), ROWS)
-        return joined([collide_bats([(self, scenes.part(slice(i, i + ROWS)))])[0] for i in starts])
+        few = 16_384  # at a time: what lies between kernel and result stays small
+        parts = [scenes.part(slice(i, i + few)) for i in range(0, len(scenes), few)]
+        return joined([collide_bats([(self, part)])[0] for part in parts])
 
 
 def collide_bats(
@@ -111,19 +94,10 @@ def collide_bats(
 ) -> list[Collisions]:
     """Return what scenes of several bats come to, all stepped together as the first bat's are.
 
-    Parameters
-    ----------
-    batch
-        Models and their scenes.
-    tables
-        In the place of what the models' own splines give at the scenes' places, (n, N + 1) each:
-        for a few scenes splines are not worth the building.
-
-    Raises
-    ------
-    InputError
-        A place lies off its bat; the energy of a scene does not close, its e_A does not settle as
-        steps are halved, or it does not end.
+    `tables` stand in the place of what the models' own splines give at the scenes' places, (n, N +
+    1) each: for a few scenes splines are not worth the building. `InputError` where a place lies
+    off its bat, the energy of a scene does not close, its e_A does not settle as steps are halved,
+    or it does not end.
     """
     for model, scenes in batch:
         scenes.require_on(model.modes.length)
@@ -193,7 +167,6 @@ def _collisions(
         contacts=followed.contacts,
         reloads=followed.reloads,
         redone=followed.redone,
-        swung_back=followed.swung_back,
         energy=energy_split(
             modes, displacements, velocities, e_A, followed.loss, momentum * struck.speed / 2
         ),

@@ -30,14 +30,13 @@ from numpy.typing import NDArray
 from virtual_lab.simulation.collision.scene import Failure
 from virtual_lab.simulation.collision.splitting import SRKN_11
 
-__all__ = ["collide", "meets_again"]
+__all__ = ["collide"]
 
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
 State = tuple[Floats, Floats, Floats]  # views p, v, [s, s'] into one array
 Bat = tuple[float, Floats, Floats]  # c, g, squared angular frequencies
 Law = tuple[float, float, float, float]  # coefficient, scale of u, power, C
-Times = tuple[float, float]  # in which contacts count, and in which a later one is looked for [s]
 
 KICKS, DRIFTS = SRKN_11.kicks, SRKN_11.drifts
 FAST = {"reassoc", "contract", "nsz"}
@@ -261,13 +260,12 @@ def _energy(bat: Bat, state: State, loss: float) -> float:
 
 @njit(cache=True, nogil=True)
 def _follow(
-    h: float, times: Times, bat: Bat, ball: Law, y: Floats, old: Floats, counts: Counts
+    h: float, window: float, bat: Bat, ball: Law, y: Floats, old: Floats, counts: Counts
 ) -> tuple[float, float]:
     """Run one collision, every contact of it; return (first touch to last release, loss)."""
     n = bat[1].size
     state = (y[:n], y[n : 2 * n], y[2 * n :])
     k, a, b, _ = ball
-    window, horizon = times
     t, wait, loss = 0.0, 0.0, 0.0
     while t + wait < window:
         t += wait
@@ -279,74 +277,33 @@ def _follow(
         loss += k * u_max ** (a + 1.0) * (1.0 / (a + 1.0) - 1.0 / (b + 1.0))
         counts[0] += 1
         counts[1] += turns
-        wait = _flight(LIMITS.flight_step * h, horizon, bat, state, y, old)
+        wait = _flight(LIMITS.flight_step * h, window - t, bat, state, y, old)
         if isnan(wait):
             counts[2] = Failure.ENDLESS
     if 0.0 < wait < inf:
         y[:] = old  # as released: this touch comes too late to count
-        counts[3] = 1
     return t, loss
 
 
 @njit(cache=True, nogil=True)
 def collide(
-    w2: Floats, which: Counts, g: Floats, c: Floats, ball: Floats, steps: Floats, times: Times
+    w2: Floats, which: Counts, g: Floats, c: Floats, ball: Floats, steps: Floats, window: float
 ) -> tuple[Floats, Floats, Counts]:
-    """Run n collisions with N flexible modes.
+    """Run n collisions with N flexible modes; arguments and results as of `collide_lanes`.
 
-    Parameters
-    ----------
-    w2 : (bats, N) array
-        Squared angular frequencies [1/s^2].
-    which : (n,) array
-        Whose each scene is.
-    g : (n, N) array
-        Squared shapes at the impacts [1/kg].
-    c, steps : (n,) arrays
-        As above [1/kg]; time step [s].
-    ball : (n, 5) array
-        k [N/m^a], a, b, C [m/N] and the speed [m/s].
-    times : tuple
-        Contacts count that begin within the first time from the first touch; whether another
-        follows is looked for within the second from the last release [s].
-
-    Returns
-    -------
-    states : (n, 2 N + 2) array
-        p, p', s, s' at the last release.
-    sums : (n, 3) array
-        First touch to last release [s]; work lost in the ball [J]; share of the energy that does
-        not close.
-    counts : (n, 4) array
-        Contacts; turns back before release; `Failure.ENDLESS` where a contact does not end; 1 where
-        another follows that comes too late to count.
+    `steps` are the time steps (n,) [s]; `ball` holds k [N/m^a], a, b, C [m/N] and the speed [m/s],
+    (n, 5). Of the counts there are the first three, the last a `Failure`.
     """
     scenes, modes = g.shape
     states = np.zeros((scenes, 2 * modes + 2))
     sums = np.empty((scenes, 3))
-    counts = np.zeros((scenes, 4), dtype=np.int64)
+    counts = np.zeros((scenes, 3), dtype=np.int64)
     old = np.empty(2 * modes + 2)
     for i in range(scenes):
         k, a, b, compliance, speed = ball[i]
         states[i, -1] = speed
         bat, law, y = (c[i], g[i], w2[which[i]]), (k, a, b, compliance), states[i]
-        sums[i, 0], sums[i, 1] = _follow(steps[i], times, bat, law, y, old, counts[i])
+        sums[i, 0], sums[i, 1] = _follow(steps[i], window, bat, law, y, old, counts[i])
         state = (y[:modes], y[modes : 2 * modes], y[2 * modes :])
         sums[i, 2] = 1.0 - _energy(bat, state, sums[i, 1]) / speed**2
     return states, sums, counts
-
-
-@njit(cache=True, nogil=True)
-def meets_again(
-    w2: Floats, which: Counts, g: Floats, states: Floats, steps: Floats, horizon: float
-) -> NDArray[np.bool_]:
-    """Return whether ball and bat meet within `horizon` [s] of the releases in `states`, (n,)."""
-    scenes, modes = g.shape
-    found = np.zeros(scenes, dtype=np.bool_)
-    y, old = np.empty(2 * modes + 2), np.empty(2 * modes + 2)
-    for i in range(scenes):
-        y[:] = states[i]
-        state = (y[:modes], y[modes : 2 * modes], y[2 * modes :])
-        bat = (0.0, g[i], w2[which[i]])
-        found[i] = _flight(LIMITS.flight_step * steps[i], horizon, bat, state, y, old) < inf
-    return found

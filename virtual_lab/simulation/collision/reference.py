@@ -20,20 +20,15 @@ from virtual_lab.catalog.specs import BatBody
 from virtual_lab.simulation.collision.modal import energy_split
 from virtual_lab.simulation.collision.patch import PATCH, patch_shape
 from virtual_lab.simulation.collision.scene import Collisions, Failure, Scenes
-from virtual_lab.simulation.collision.stepping import HORIZON, STAYS, WINDOW
+from virtual_lab.simulation.collision.stepping import STAYS, WINDOW
 from virtual_lab.simulation.physics.ball import BallLaw, Branch, Event, LawOfBall, PowerLaw
+from virtual_lab.simulation.physics.beam import Support, support_words
 from virtual_lab.simulation.physics.modes import Modes, modes_of
-from virtual_lab.simulation.physics.supports import Support, support_words
 
 __all__ = ["Method", "ReferenceModel"]
 
 Floats = NDArray[np.float64]
 Method = Literal["RK45", "DOP853", "LSODA", "Radau"]
-BENDING_MODES = 100
-LONGEST_STEP = 0.2  # times the highest angular frequency: no event slips between two steps
-LONGEST_LOOK = 0.5  # the same, of a touch that is too late to count
-LONGEST = 0.2  # s, a contact
-OPEN = 1e4  # times its tolerance, what of a solution's energy may not close
 FLIGHT = Branch(force=lambda u, rate: 0.0, ends={Event.TOUCH: 1})
 
 
@@ -44,19 +39,16 @@ class ReferenceModel:
     modes: Modes
     patch: float = PATCH  # full width [m]
     tolerance: float = 1e-12
+    leak: float = 1e4  # times the tolerance, what of the energy may not close
     method: Method = "DOP853"
-    longest_step: float = LONGEST_STEP
+    longest_step: float = 0.2  # times the highest angular frequency: no event slips between
     law: LawOfBall = PowerLaw.of
     held: str = ""  # in words, for errors
     rung: str = "reference"
 
     @classmethod
     def of(
-        cls,
-        body: BatBody,
-        support: Support,
-        bending_modes: int = BENDING_MODES,
-        law: LawOfBall = PowerLaw.of,
+        cls, body: BatBody, support: Support, bending_modes: int = 100, law: LawOfBall = PowerLaw.of
     ) -> Self:
         """Return the model of a bat and a law of the ball. `InputError` as for the modal rung."""
         modes = modes_of(body, support, bending_modes)
@@ -96,7 +88,7 @@ class ReferenceModel:
         energy = energy_split(
             self.modes, displacements, velocities, e_A, losses, mass * speed**2 / 2
         )
-        closed = np.abs(energy.total - 1) < max(STAYS, OPEN * self.tolerance)  # not of a nan
+        closed = np.abs(energy.total - 1) < max(STAYS, self.leak * self.tolerance)  # not of a nan
         failure = np.array([run.failure for run in runs], dtype=np.int64)
         failure[(failure == Failure.SOUND) & ~closed] = Failure.OPEN
         scenes.require_sound(failure, self.held)
@@ -110,7 +102,6 @@ class ReferenceModel:
             contacts=np.array([run.contacts for run in runs], dtype=np.int64),
             reloads=np.array([run.reloads for run in runs], dtype=np.int64),
             redone=np.zeros(len(scenes), dtype=np.int64),
-            swung_back=np.array([run.swung_back for run in runs]),
             energy=energy,
         )
 
@@ -122,14 +113,14 @@ class ReferenceModel:
         while touch is not None:
             run = self._contact(scene, run, touch)
             touch = None if run.failure else self._flight(scene, run)
-        return replace(run, swung_back=scene.meets_later(run))
+        return run
 
     def _contact(self, scene: _Scene, run: _Run, at: _Point) -> _Run:
         """Follow one contact branch by branch to its release."""
         reloads, met, branch = run.reloads, Event.TOUCH, None
         while met is not Event.RELEASE:
             branch = scene.law.branch(met, scene.compression(at.state), branch)
-            phase = self._phase(scene, branch, at, at.time + LONGEST)
+            phase = self._phase(scene, branch, at, at.time + 0.2)  # s: no contact is longer
             if phase is None:
                 return replace(run, failure=Failure.ENDLESS)
             at, met = phase
@@ -181,7 +172,6 @@ class _Run:
     time: float = 0.0
     contacts: int = 0
     reloads: int = 0
-    swung_back: bool = False
     failure: Failure = Failure.SOUND
 
 
@@ -223,35 +213,17 @@ class _Scene:
         return rates
 
     def out_of_reach(self, run: _Run) -> float:
-        """Return a time [s] after which ball and ringing bat cannot meet any more."""
-        at, drift, ring = self.apart(run)
-        reach = at + float(np.abs(ring).sum())
-        return run.time + reach / -drift if drift < 0 else inf
+        """Return a time [s] after which ball and ringing bat cannot meet any more.
 
-    def meets_later(self, run: _Run) -> bool:
-        """Return whether ball and bat meet after the time in which contacts count."""
-        begin, end = max(WINDOW, run.time), min(run.time + HORIZON, self.out_of_reach(run))
-        if run.failure or end <= begin:
-            return False
-        at, drift, ring = self.apart(run)
-        flexible = self.angular[self.angular > 0]
-        t = np.arange(begin, end, LONGEST_LOOK / float(flexible.max(initial=1e4))) - run.time
-        surface = sum(
-            np.real(one * np.exp(-1j * angular * t))
-            for one, angular in zip(ring, flexible, strict=True)
-        )
-        return bool(np.any(at + drift * t > surface))
-
-    def apart(self, run: _Run) -> tuple[float, float, NDArray[np.complex128]]:
-        """Return how the ball closes on the bat if that were rigid [m, m/s], and how it rings [m].
-
-        The surface of the bat goes as the real part of the sum of ring exp(-i angular t).
+        The ball closes on a rigid bat at `drift`; its surface rings by no more than `reach` about
+        that.
         """
-        n, y = len(self.shape), run.state
-        rigid = self.angular == 0
+        n, y, rigid = len(self.shape), run.state, self.angular == 0
         place, rate = y[:n] * self.shape, y[n + 1 : -2] * self.shape
-        ring = place[~rigid] + 1j * rate[~rigid] / self.angular[~rigid]
-        return float(y[n] - place[rigid].sum()), float(y[-2] - rate[rigid].sum()), ring
+        drift = float(y[-2] - rate[rigid].sum())
+        reach = np.hypot(place[~rigid], rate[~rigid] / self.angular[~rigid]).sum()
+        ahead = float(y[n] - place[rigid].sum() + reach)
+        return run.time + ahead / -drift if drift < 0 else inf
 
 
 def _event(scene: _Scene, branch: Branch, event: Event) -> Callable[[float, Floats], float]:

@@ -10,8 +10,8 @@ import numpy as np
 from virtual_lab.catalog.specs import BatBody
 from virtual_lab.simulation.collision.scene import Collisions, EnergySplit, Scenes
 from virtual_lab.simulation.physics.ball import wall_contact
+from virtual_lab.simulation.physics.beam import Support
 from virtual_lab.simulation.physics.modes import Modes, modes_of
-from virtual_lab.simulation.physics.supports import Support
 
 __all__ = ["RigidModel"]
 
@@ -50,12 +50,7 @@ class RigidModel:
             contacts=np.ones(len(scenes), dtype=np.int64),
             reloads=np.zeros(len(scenes), dtype=np.int64),
             redone=np.zeros(len(scenes), dtype=np.int64),
-            swung_back=np.zeros(len(scenes), dtype=np.bool_),
             energy=EnergySplit(
-                ball=e_A**2,
-                rigid=bat,
-                bending=nothing,
-                hoop=nothing,
-                hysteresis=1 - e_A**2 - bat,
+                ball=e_A**2, rigid=bat, bending=nothing, hoop=nothing, hysteresis=1 - e_A**2 - bat
             ),
         )

@@ -76,14 +76,7 @@ class Scenes:
             Shapes that do not broadcast to one axis, an empty batch, a number that is not
             finite, or one outside its range.
         """
-        given = (
-            impact_position,
-            relative_speed,
-            ball_mass,
-            ball_restitution,
-            stiffness,
-            exponent,
-        )
+        given = (impact_position, relative_speed, ball_mass, ball_restitution, stiffness, exponent)
         arrays = [np.asarray(value, dtype=np.float64) for value in given]
         shapes = " ".join(str(array.shape) for array in arrays)
         try:
@@ -177,9 +170,6 @@ class Collisions:
     contacts: NDArray[np.int64]  # (n,), 1 unless ball and bat met again
     reloads: NDArray[np.int64]  # (n,), how often the compression turned round before release
     redone: NDArray[np.int64]  # (n,), 0 the first try did, 1 and 2 finer ones, 3 one by one
-    # (n,), whether bat and ball meet again after the time in which contacts count: e_A, and all
-    # else here, is that before
-    swung_back: NDArray[np.bool_]
     energy: EnergySplit
 
 

@@ -49,24 +49,30 @@ class Splitting:
         return (q[0] + rate[1]) / 2
 
 
-# SRKN_11^b: order six, eleven evaluations a step, by its first half
-KICKS = (
-    0.0414649985182624,
-    0.198128671918067,
-    -0.0400061921041533,
-    0.0752539843015807,
-    -0.0115113874206879,
-)
-DRIFTS = (
-    0.123229775946271,
-    0.290553797799558,
-    -0.127049212625417,
-    -0.246331761062075,
-    0.357208872795928,
-)
-KICK = 0.5 - sum(KICKS)  # on either side of the drift in the middle, which makes up the sum
-SRKN_11 = Splitting(
-    order=6,
-    kicks=np.array([*KICKS, KICK, KICK, *reversed(KICKS)]),
-    drifts=np.array([*DRIFTS, 1 - 2 * sum(DRIFTS), *reversed(DRIFTS)]),
+def _symmetric(kicks: tuple[float, ...], drifts: tuple[float, ...]) -> Splitting:
+    """Return a scheme of order six by its first half; each sort makes up its sum in the middle."""
+    kick, drift = 0.5 - sum(kicks), 1 - 2 * sum(drifts)
+    return Splitting(
+        order=6,
+        kicks=np.array([*kicks, kick, kick, *reversed(kicks)]),
+        drifts=np.array([*drifts, drift, *reversed(drifts)]),
+    )
+
+
+# SRKN_11^b: eleven evaluations a step
+SRKN_11 = _symmetric(
+    (
+        0.0414649985182624,
+        0.198128671918067,
+        -0.0400061921041533,
+        0.0752539843015807,
+        -0.0115113874206879,
+    ),
+    (
+        0.123229775946271,
+        0.290553797799558,
+        -0.127049212625417,
+        -0.246331761062075,
+        0.357208872795928,
+    ),
 )

@@ -21,16 +21,7 @@ from virtual_lab.simulation.collision.scene import Failure
 from virtual_lab.simulation.collision.splitting import SRKN_11, Splitting
 from virtual_lab.simulation.physics.ball import wall_contact
 
-__all__ = [
-    "FINE",
-    "HORIZON",
-    "WINDOW",
-    "CollisionBatch",
-    "Followed",
-    "InStep",
-    "OneByOne",
-    "Stepper",
-]
+__all__ = ["FINE", "WINDOW", "CollisionBatch", "Followed", "InStep", "OneByOne", "Stepper"]
 
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
@@ -39,12 +30,6 @@ Counts = NDArray[np.int64]
 # at its handle swings back from 11 ms on, onto a ball that hardly left, by up to 0.7 in e_A: that
 # is another collision.
 WINDOW = 0.01
-HORIZON = 0.1  # s from the last release, in which a contact too late to count is looked for
-LONG = 1.5e-3  # s: of longer contacts errors in the modes' phases add up, though the energy closes
-FINER = 2.5  # how much shorter the steps of a second try
-TRIES = 3  # before a scene is followed one by one
-AGREE = 25.0  # tolerances two tries may differ by; shorter steps divide errors by ten times that
-LAST_RESORT = 0.75  # refinement one by one of what no other try is sure of, to about 1e-9
 STAYS = 1e-6  # in e_A, and of the energy what may not close
 
 
@@ -107,9 +92,6 @@ class Followed:
     steps: Counts  # of the last try; 0 where none are counted, one by one
     open_energy: Floats  # (n,), share of the ball's that does not close
     failure: Counts  # a `Failure`
-    swung_back: NDArray[
-        np.bool_
-    ]  # whether bat and ball meet after `window`, which counts for nothing
     redone: Counts  # 0 first try, 1 and 2 in finer steps, 3 one by one
 
     @classmethod
@@ -124,8 +106,7 @@ class Followed:
             contacts=counts[:, 0],
             reloads=counts[:, 1],
             failure=counts[:, 2],
-            swung_back=counts[:, 3] > 0,
-            steps=counts[:, 4] if counts.shape[1] > 4 else none.copy(),
+            steps=counts[:, 3] if counts.shape[1] > 3 else none.copy(),
             redone=none,
         )
 
@@ -154,6 +135,7 @@ class OneByOne:
     refinement: float = 1.0  # divides the steps
     mode_step: float = 0.7  # step times the highest angular frequency
     ball_step: float = 0.14  # step times the angular frequency of the ball at its steepest
+    last_resort: float = 0.75  # refinement of what no other try is sure of, to about 1e-9
 
     def follow(self, struck: CollisionBatch, window: float = WINDOW) -> Followed:
         """Follow all contacts that begin within `window` [s] of the first touch."""
@@ -173,7 +155,7 @@ class OneByOne:
             struck.inverse_mass,
             np.stack(ball, axis=1),
             self._steps(struck),
-            (window, HORIZON),
+            window,
         )
         followed = Followed.first_try(states, sums, counts)
         closed = np.abs(followed.open_energy) < STAYS  # not of a nan
@@ -185,13 +167,13 @@ class OneByOne:
 
         It stays at once where `other` steps already came to the same.
         """
-        found = replace(self, refinement=LAST_RESORT).follow(struck, window)
+        found = replace(self, refinement=self.last_resort).follow(struck, window)
         left = np.flatnonzero(~self._stays(struck, found, other))
         for refinement in (0.5, 2.0, 4.0):
             if not left.size:
                 break
             part = struck.part(left)
-            new = replace(self, refinement=refinement * LAST_RESORT).follow(part, window)
+            new = replace(self, refinement=refinement * self.last_resort).follow(part, window)
             stays = self._stays(part, found.part(left), new)
             if refinement > 1:
                 found.put(left, new)
@@ -236,6 +218,12 @@ class InStep:
     turn: float  # share of the speed at which the approach counts as turned
     release: float = 1e-2  # share of the greatest compression at which it counts as released
     brush: float = 0.03  # share of it, as near to touching again is in doubt; a tenth, to releasing
+    # s: of longer contacts errors in the modes' phases add up, though the energy closes
+    long: float = 1.5e-3
+    shorter: float = 2.5  # how much shorter the steps of a second try
+    tries: int = 3  # before a scene is followed one by one
+    # tolerances two tries may differ by; shorter steps divide errors by ten times that
+    agree: float = 25.0
 
     def __post_init__(self) -> None:
         limit = self.splitting.limit
@@ -260,21 +248,21 @@ class InStep:
         followed, doubted = self.one_pass(struck, window)
         left = np.flatnonzero(doubted)
         stepper = self
-        for tries in range(1, TRIES):
+        for tries in range(1, self.tries):
             if not left.size:
                 break
-            part, stepper = struck.part(left), stepper.finer(FINER)
+            part, stepper = struck.part(left), stepper.finer(self.shorter)
             finer, sure = stepper._try(part, window)
             finer.redone[:] = tries
             gap = part.efficiency_gap(finer, followed.part(left))
             followed.put(left, finer)
-            sure &= (np.abs(gap) < AGREE * self.tolerance) & (finer.contacts <= tries + 1)
+            sure &= (np.abs(gap) < self.agree * self.tolerance) & (finer.contacts <= tries + 1)
             left = left[~sure]
         if left.size:
             exact = OneByOne().settled(struck.part(left), followed.part(left), window)
-            exact.redone[:] = TRIES
+            exact.redone[:] = self.tries
             followed.put(left, exact)
-        return self._looked_ahead(struck, followed)
+        return followed
 
     def one_pass(
         self, struck: CollisionBatch, window: float = WINDOW
@@ -282,24 +270,11 @@ class InStep:
         """Return where one pass gets to, and which scenes (n,) are to be stepped again."""
         followed, sure = self._try(struck, window)
         often = (followed.contacts > 1) | (followed.reloads > 1)
-        return followed, ~sure | often | (followed.time > LONG)
-
-    def _looked_ahead(self, struck: CollisionBatch, followed: Followed) -> Followed:
-        """Tell those that meet too late to count from those that only might have."""
-        from virtual_lab.simulation.collision.modal_kernel import meets_again
-
-        near = np.flatnonzero(followed.swung_back & (followed.redone < TRIES))
-        if near.size:
-            part = struck.part(near)
-            steps = self.mode_step / np.maximum(part.fastest(), 1.0)
-            followed.swung_back[near] = meets_again(
-                part.squares, part.bat, part.shapes, followed.states[near], steps, HORIZON
-            )
-        return followed
+        return followed, ~sure | often | (followed.time > self.long)
 
     def _try(self, struck: CollisionBatch, window: float) -> tuple[Followed, NDArray[np.bool_]]:
         """Return where one pass gets to, and which scenes (n,) it is sure of."""
-        from virtual_lab.simulation.collision.batch_kernel import Given, Rule, collide_lanes
+        from virtual_lab.simulation.collision.batch_kernel import Given, StepRule, collide_lanes
 
         a, b, c, v = struck.exponent, struck.unloading, struck.inverse_mass, struck.speed
         first = self.first * ((a + 1) * v**2 / (2 * struck.stiffness * c)) ** (1 / (a + 1))
@@ -322,7 +297,7 @@ class InStep:
             struck.shapes,
             Given(*(np.ascontiguousarray(each) for each in given)),
             (self.splitting.kicks, self.splitting.drifts),
-            Rule(self.growth, self.turn, self.brush, window),
+            StepRule(self.growth, self.turn, self.brush, window),
         )
         followed = Followed.first_try(states, sums, counts)
         return followed, (counts[:, 2] == 0) & (np.abs(followed.open_energy) < self.tolerance)

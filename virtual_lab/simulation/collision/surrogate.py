@@ -24,13 +24,21 @@ __all__ = ["Box", "Surrogate"]
 
 Floats = NDArray[np.float64]
 AXES = ("impact_position", "relative_speed", "ball_restitution", "ball_mass")
-LINE_NODES = 48  # of the cuts along each axis that say how many it needs
-LINE_SHARE = 0.1  # of the tolerance that a cut may miss
-LEAST_NODES = 3
-LEAST_SIDE = 1e-3  # of a box, over its value: equal values still need some width
-MOST_NODES = 12_000
-CHECK_POINTS = 400
-CHECK_SEED = 20_031  # of the points the error is measured on; any will do, it must only stay
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fitting:
+    """How many nodes an interpolant gets and how it is checked."""
+
+    line_nodes: int = 48  # of the cuts along each axis that say how many it needs
+    line_share: float = 0.1  # of the tolerance that a cut may miss
+    least_nodes: int = 3
+    most_nodes: int = 12_000
+    check_points: int = 400  # that its error is measured on
+    check_seed: int = 20_031  # of these; any will do, it must only stay
+
+
+FITTING = Fitting()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +70,7 @@ class Box:
         def side(axis: str, most: float = inf) -> tuple[float, float]:
             values = getattr(scenes, axis)
             low, high = float(values.min()), float(values.max())
-            room = max(0.0, LEAST_SIDE * high - (high - low)) / 2
+            room = max(0.0, 1e-3 * high - (high - low)) / 2
             return max(low - room, 0.0), min(high + room, most)
 
         box = cls(
@@ -134,22 +142,24 @@ class Surrogate:
         ------
         InputError
             Somewhere in the box ball and bat re-load or meet again, where e_A is not smooth; or
-            the tolerance asks for more than `MOST_NODES` nodes.
+            the tolerance asks for more nodes than `Fitting` allows.
         """
 
         def value(unit: Floats) -> Floats:
             return _smooth_efficiency(model, box.scenes(unit))
 
-        check = 2 * Streams(CHECK_SEED).uniform("surrogate.check", (4, CHECK_POINTS))
+        check = 2 * Streams(FITTING.check_seed).uniform(
+            "surrogate.check", (4, FITTING.check_points)
+        )
         true = value(check)
-        nodes = _nodes_needed(value, LINE_SHARE * tolerance)
+        nodes = _nodes_needed(value, FITTING.line_share * tolerance)
         while True:
             coefficients = _fit(value, nodes)
             error = float(np.abs(_evaluate(coefficients, check) - true).max())
             if error <= tolerance:
                 return cls(box=box, coefficients=coefficients, error=error)
             nodes = _refined(coefficients)
-            if np.prod(nodes) > MOST_NODES:
+            if np.prod(nodes) > FITTING.most_nodes:
                 allowed = f"{error:.1e} is reached with {coefficients.size} nodes, the most"
                 raise InputError("surrogate", "tolerance", tolerance, allowed)
 
@@ -183,15 +193,15 @@ def _fit(value: Callable[[Floats], Floats], nodes: tuple[int, ...]) -> Floats:
 
 def _nodes_needed(value: Callable[[Floats], Floats], tolerance: float) -> tuple[int, ...]:
     """Return how many nodes each axis needs on the line through the middle of the box."""
-    points = np.cos(np.pi * (np.arange(LINE_NODES) + 0.5) / LINE_NODES)
-    unit = np.zeros((4, 4, LINE_NODES))
+    points = np.cos(np.pi * (np.arange(FITTING.line_nodes) + 0.5) / FITTING.line_nodes)
+    unit = np.zeros((4, 4, FITTING.line_nodes))
     unit[range(4), range(4)] = points
-    cuts = value(unit.reshape(4, -1)).reshape(4, LINE_NODES)
-    size = np.abs(dctn(cuts, type=2, axes=(1,))) / LINE_NODES
+    cuts = value(unit.reshape(4, -1)).reshape(4, FITTING.line_nodes)
+    size = np.abs(dctn(cuts, type=2, axes=(1,))) / FITTING.line_nodes
     beyond = np.cumsum(size[:, ::-1], axis=1)[:, ::-1]  # what is lost with the n-th and all after
-    needed = np.maximum(np.sum(beyond > tolerance, axis=1), LEAST_NODES)
-    fitting = min(1.0, (MOST_NODES / np.prod(needed)) ** 0.25)
-    return tuple(int(n) for n in np.maximum(fitting * needed, LEAST_NODES))
+    needed = np.maximum(np.sum(beyond > tolerance, axis=1), FITTING.least_nodes)
+    fitting = min(1.0, (FITTING.most_nodes / np.prod(needed)) ** 0.25)
+    return tuple(int(n) for n in np.maximum(fitting * needed, FITTING.least_nodes))
 
 
 def _refined(coefficients: Floats) -> tuple[int, ...]:

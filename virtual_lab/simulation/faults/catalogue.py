@@ -18,12 +18,16 @@ from virtual_lab.units import DEGREE, INCH, MPH, OUNCE
 __all__ = ["CATALOGUE"]
 
 Arrays = Mapping[str, Any]
-GRAM = 1e-3  # kg
-# gate times are (shot, way, gate, ..., edge): in and out; from the cannon's gate to the target's;
-# as the ball breaks a beam and as it clears it
-IN, OUT = 0, 1
-FIRST_GATE, LAST_GATE = 0, -1
-BROKEN, CLEARED = 0, 1
+
+
+class Edge:
+    """Indices of gate times (shot, way, gate, ..., edge)."""
+
+    IN, OUT = 0, 1
+    FIRST_GATE, LAST_GATE = 0, -1  # from the cannon to the target
+    BROKEN, CLEARED = 0, 1
+
+
 FAR_SWING, USUAL_SWING = 20 * DEGREE, 4 * DEGREE  # at which the pendulum is let go
 SCRAPS = 0.6  # share of the balls that the scraps of a bad sabot are ahead of
 
@@ -100,14 +104,14 @@ def swapped(record: Any, written: Written) -> Arrays:
 def every_second_missed(record: Any, written: Written) -> Arrays:
     """Miss every second ball that comes in, at the gate nearest the bat."""
     times = record.times.copy()
-    times[written.order.slot % 2 == 1, IN, LAST_GATE] = np.nan
+    times[written.order.slot % 2 == 1, Edge.IN, Edge.LAST_GATE] = np.nan
     return {"times": times}
 
 
 def cleared_twice(record: Any, written: Written) -> Arrays:
     """Clear the gate nearest the bat a second time: its last edge is 0.4 ms later."""
     times = record.times.copy()
-    times[written.some(0.6), IN, LAST_GATE, ..., CLEARED] += 0.4e-3
+    times[written.some(0.6), Edge.IN, Edge.LAST_GATE, ..., Edge.CLEARED] += 0.4e-3
     return {"times": times}
 
 
@@ -121,17 +125,19 @@ def scraps_ahead(record: Any, written: Written) -> Arrays:
     if isinstance(record, BoardRecord):
         return {}
     times, struck = record.times.copy(), written.some(SCRAPS)
-    times[struck, IN, FIRST_GATE, BROKEN] -= 0.03 / written.play.truth["speed"][struck]
+    times[struck, Edge.IN, Edge.FIRST_GATE, Edge.BROKEN] -= (
+        0.03 / written.play.truth["speed"][struck]
+    )
     return {"times": times}
 
 
 def drifting(record: Any, written: Written) -> Arrays:
     """Show a greater and greater e0 at the wall from first hit to last, 6 % in all."""
     times, slot = record.times.copy(), written.order.slot
-    back = times[:, OUT]
-    start = back[:, LAST_GATE, BROKEN][:, None, None]
+    back = times[:, Edge.OUT]
+    start = back[:, Edge.LAST_GATE, Edge.BROKEN][:, None, None]
     faster = (1 + 0.06 * slot / max(slot.max(), 1))[:, None, None]
-    times[:, OUT] = start + (back - start) / faster
+    times[:, Edge.OUT] = start + (back - start) / faster
     return {"times": times}
 
 
@@ -214,8 +220,8 @@ CATALOGUE: Mapping[str, Fault] = {
         Fault(name="bat-cracked", specimen=cracked),
         Fault(name="clamp-forgotten", stage=None, calibration=clamp_forgotten),
         # the scale showed ounces, and they were entered as grams
-        _at_bench("ounces-as-grams", "ball-mass", misread(GRAM / OUNCE)),
-        _at_bench("bat-ounces-as-grams", "bat-mass", misread(GRAM / OUNCE)),
+        _at_bench("ounces-as-grams", "ball-mass", misread(1e-3 / OUNCE)),
+        _at_bench("bat-ounces-as-grams", "bat-mass", misread(1e-3 / OUNCE)),
         Fault(
             name="pendulum-wide",
             stage=Stage.BENCH,

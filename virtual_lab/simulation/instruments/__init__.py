@@ -14,6 +14,7 @@ from enum import Enum
 from typing import Any, Protocol, Self, TypeVar
 
 from virtual_lab import catalog
+from virtual_lab.simulation.instruments.calibrated import CalibratedSpec
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 
@@ -41,13 +42,7 @@ class Instrument(Protocol):
     def errors(self) -> Mapping[str, float]: ...
 
 
-class InstrumentSheet(Protocol):
-    """A spec that knows what it would be without errors."""
-
-    def ideal(self) -> Self: ...
-
-
-S = TypeVar("S", bound=InstrumentSheet)
+S = TypeVar("S", bound=CalibratedSpec)
 T = TypeVar("T")
 
 

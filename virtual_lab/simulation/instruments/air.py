@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Annotated, Self
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
 
-from annotated_types import Ge
+from annotated_types import Ge, Gt
 
-from virtual_lab.catalog.specs import Dimension, Spec
+from virtual_lab.catalog.specs import Dimension
 from virtual_lab.relations.flight import Array, drag_rate
-from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, certified
-from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, CalibratedSpec
 
-__all__ = ["HallAir", "HallAirSpec"]
+__all__ = ["Gravity", "GravitySpec", "HallAir", "HallAirSpec"]
 
 Number = Annotated[float, Ge(0), Dimension("number")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HallAirSpec(Spec):
+class HallAirSpec(CalibratedSpec):
     """What was measured on the day."""
+
+    other_errors: ClassVar[tuple[str, ...]] = ("density",)
 
     kind: str
     title: str
@@ -27,17 +28,6 @@ class HallAirSpec(Spec):
     density_u: Annotated[float, Ge(0), Dimension("density")]
     drag_coefficient: Number
     drag_coefficient_u: Number
-
-    def ideal(self) -> Self:
-        """Return no air at all."""
-        return replace(self, density=0.0, density_u=0.0, drag_coefficient_u=0.0)
-
-    def certificate(self) -> dict[str, Estimate]:
-        """Return the constants of a ball's drag."""
-        return {
-            "density": certified(self.density, self.density_u),
-            "drag_coefficient": certified(self.drag_coefficient, self.drag_coefficient_u),
-        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,3 +37,23 @@ class HallAir(CalibratedInstrument[HallAirSpec]):
     def drag(self, radius: float, mass: Array) -> Array:
         """Return κ of balls of `radius` [m] and `mass` [kg], shape (shot,) [1/m]."""
         return drag_rate(self.true["density"], self.true["drag_coefficient"], radius, mass)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GravitySpec(CalibratedSpec):
+    """What a survey says of the place."""
+
+    kind: str
+    title: str
+    gravity: Annotated[float, Gt(0), Dimension("acceleration")]
+    gravity_u: Annotated[float, Ge(0), Dimension("acceleration")]
+
+
+@dataclass(frozen=True, slots=True)
+class Gravity(CalibratedInstrument[GravitySpec]):
+    """Gravity of one laboratory."""
+
+    @property
+    def acceleration(self) -> float:
+        """What it truly is [m/s²]."""
+        return self.true["gravity"]

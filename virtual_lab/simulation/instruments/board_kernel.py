@@ -10,13 +10,25 @@ from numba import njit
 from numpy.typing import NDArray
 
 from virtual_lab.relations.flight_kernel import BLOCK, FAST, time_over
-from virtual_lab.simulation.instruments.board_sums import CENTRE_PHASES
 
-__all__ = ["Boards", "rows_of_gains", "sum_up", "write_edges"]
+__all__ = ["CENTRE_PHASES", "Boards", "rows_of_gains", "sum_up", "write_edges"]
 
 Floats = NDArray[np.float64]
 Rows = NDArray[np.int64]
-PACE, DRAG, HEIGHT, SLOPE, PLANE = range(5)  # rows of `Passage.way`
+CENTRE_PHASES = 64  # of a centre between two beams
+
+
+class Way(NamedTuple):
+    """Rows of `Passage.way`."""
+
+    pace: int = 0
+    drag: int = 1
+    height: int = 2
+    slope: int = 3
+    plane: int = 4
+
+
+WAY = Way()
 
 
 class Boards(NamedTuple):
@@ -61,9 +73,9 @@ def write_edges(
         for board in range(boards.distances.size):
             _pass(flight, boards.distances[board], boards.gravity, since, height, steep)
             for i in range(n):
-                lean, ahead = 1 + steep[i] ** 2, boards.distances[board] - flight[PLANE, i]
+                lean, ahead = 1 + steep[i] ** 2, boards.distances[board] - flight[WAY.plane, i]
                 bottom = height[i] - boards.heights[board] - boards.lowest
-                pace[:], drag[:] = flight[PACE, i], flight[DRAG, i]
+                pace[:], drag[:] = flight[WAY.pace, i], flight[WAY.drag, i]
                 for beam in range(boards.beams):
                     above = bottom - boards.pitch * beam
                     root = (steep[i] * above) ** 2 - lean * (above**2 - reach[board, beam] ** 2)
@@ -113,7 +125,7 @@ def sum_up(
                 u[i], u_way[i], u_trip[i] = gains[0, rows[i]], gains[1, rows[i]], gains[2, rows[i]]
             time, tall = records[:, board, first : first + n]
             for i in range(n):
-                pace = sign * flight[PACE, i]
+                pace = sign * flight[WAY.pace, i]
                 off = tall[i] * sqrt((u_way[i] / pace) ** 2 + u_trip[i] ** 2)
                 late = time[i] * u[i] + off * steep[i] * pace
                 time[i] = boards.clock * (began[i] + sign * since[i]) + late
@@ -126,12 +138,12 @@ def _pass(
 ) -> None:
     """Fill in when, how high and how steeply balls pass a distance [s, m, 1]."""
     for i in range(since.size):
-        height[i] = distance - flight[PLANE, i]
-    time_over(height, flight[PACE], flight[DRAG], since)
+        height[i] = distance - flight[WAY.plane, i]
+    time_over(height, flight[WAY.pace], flight[WAY.drag], since)
     for i in range(since.size):
         fall = gravity * since[i]
-        height[i] = flight[HEIGHT, i] + flight[SLOPE, i] * height[i] - fall * since[i] / 2
-        steep[i] = flight[SLOPE, i] - fall * flight[PACE, i]
+        height[i] = flight[WAY.height, i] + flight[WAY.slope, i] * height[i] - fall * since[i] / 2
+        steep[i] = flight[WAY.slope, i] - fall * flight[WAY.pace, i]
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")

@@ -10,15 +10,15 @@ true constants are the certificate's values, and u is σ.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from math import inf
-from typing import Annotated, ClassVar, Generic, Protocol, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Generic, Self, TypeVar, cast
 
 import numpy as np
 from annotated_types import Gt
 from scipy.special import gammaincinv, ndtr
 
-from virtual_lab.catalog.specs import Dimension
+from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 
@@ -27,10 +27,35 @@ __all__ = ["CalibratedInstrument", "CalibratedSpec", "Freedom", "certified", "dr
 Freedom = Annotated[float, Gt(0), Dimension("number")]  # degrees of freedom, inf where not stated
 
 
-class CalibratedSpec(Protocol):
-    """A sheet that states constants: by name, the certificate's value, σ as its u, and ν."""
+class CalibratedSpec(Spec):
+    """A data sheet that states constants: NAME, NAME_u and maybe NAME_dof."""
 
-    def certificate(self) -> Mapping[str, Estimate]: ...
+    __slots__ = ()
+    # how the errors of an instrument are named beside ..._u
+    errors: ClassVar[tuple[str, ...]] = ("scatter", "jitter", "resolution", "repeatability")
+    other_errors: ClassVar[tuple[str, ...]] = ()
+
+    def ideal(self) -> Self:
+        """Return the sheet of an instrument without errors: they are 0, or False."""
+        changes: dict[str, Any] = {}
+        for part in fields(cast("Any", self)):
+            name, value = part.name, getattr(self, part.name)
+            if isinstance(value, CalibratedSpec):
+                changes[name] = value.ideal()
+            elif name.endswith(("_u", *self.errors)) or name in self.other_errors:
+                many = isinstance(value, tuple)
+                changes[name] = (0.0,) * len(value) if many else type(value)()
+        return cast("Self", replace(cast("Any", self), **changes))
+
+    def certificate(self) -> dict[str, Estimate]:
+        """Return the constants with their σ and degrees of freedom, by name."""
+        names = [part.name[:-2] for part in fields(cast("Any", self)) if part.name.endswith("_u")]
+        return {
+            name: certified(
+                getattr(self, name), getattr(self, f"{name}_u"), getattr(self, f"{name}_dof", inf)
+            )
+            for name in names
+        }
 
 
 S = TypeVar("S", bound=CalibratedSpec)

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, ClassVar
 
 import numpy as np
 from annotated_types import Ge, Gt
 
-from virtual_lab.catalog.specs import Dimension, Spec
+from virtual_lab.catalog.specs import Dimension
 from virtual_lab.errors import InputError
 from virtual_lab.records import AimMarks
 from virtual_lab.simulation.arrays import Array
-from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, certified
+from virtual_lab.simulation.instruments.calibrated import (
+    CalibratedInstrument,
+    CalibratedSpec,
+    Freedom,
+)
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.streams import Draws, Slots
-from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import MPH
 
 __all__ = ["Cannon", "CannonSpec", "Launch"]
@@ -25,7 +28,7 @@ Distance = Annotated[float, Ge(0), Dimension("length")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CannonSpec(Spec):
+class CannonSpec(CalibratedSpec):
     """Scatter of speed and aim, and how well the aim was lined up."""
 
     kind: str
@@ -42,26 +45,6 @@ class CannonSpec(Spec):
     along: Annotated[float, Dimension("length")] = 0.0
     along_dof: Freedom = inf
     across: Annotated[float, Dimension("length")] = 0.0
-
-    def ideal(self) -> Self:
-        """Return the cannon that does as asked."""
-        return replace(
-            self,
-            speed_scatter=0.0,
-            along_scatter=0.0,
-            across_scatter=0.0,
-            slope_scatter=0.0,
-            along_u=0.0,
-            across_u=0.0,
-            mark_resolution=0.0,
-        )
-
-    def certificate(self) -> dict[str, Estimate]:
-        """Return how the cannon points: place hit = place set + along."""
-        return {
-            "along": certified(self.along, self.along_u, self.along_dof),
-            "across": certified(self.across, self.across_u),
-        }
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,28 +7,32 @@ ring alike, and its mounting makes it show a little more or less than the true a
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf, sqrt, tau
-from typing import Annotated, Self
+from typing import Annotated, ClassVar
 
 import numpy as np
 from annotated_types import Ge, Gt
 
-from virtual_lab.catalog.specs import Dimension, Spec, YesNo
+from virtual_lab.catalog.specs import Dimension, YesNo
 from virtual_lab.records import EncoderRecord, RateRecord
 from virtual_lab.simulation.arrays import Array
-from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, certified
+from virtual_lab.simulation.instruments.calibrated import (
+    CalibratedInstrument,
+    CalibratedSpec,
+    Freedom,
+)
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["Encoder", "EncoderSpec"]
 
-FEW = 32  # shots
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class EncoderSpec(Spec):
+class EncoderSpec(CalibratedSpec):
     """Data sheet of the encoder and its recorder."""
+
+    other_errors: ClassVar[tuple[str, ...]] = ("whole_counts", "sees_ring")
 
     kind: str
     title: str
@@ -41,17 +45,9 @@ class EncoderSpec(Spec):
     whole_counts: YesNo = True
     sees_ring: YesNo = True
 
-    def ideal(self) -> Self:
-        """Return the encoder that shows the rigid turn as a real number."""
-        return replace(self, scale_u=0.0, whole_counts=False, sees_ring=False)
-
     def sample_times(self) -> Array:
         """Return the recorder's ticks from the trigger on [s], shape (sample,)."""
         return np.arange(round(self.duration * self.sample_rate)) / self.sample_rate
-
-    def certificate(self) -> dict[str, Estimate]:
-        """Return the constant of counts = scale x counts_per_turn x angle / 2π."""
-        return {"scale": certified(self.scale, self.scale_u, self.scale_dof)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,8 +106,8 @@ class Encoder(CalibratedInstrument[EncoderSpec]):
         shots = slots.size
         rest = draws.uniform(f"{name}.rest", 1, slots)
         counts = np.empty((shots, times.size))
-        for first in range(0, shots, FEW):
-            part = slice(first, first + FEW)
+        for first in range(0, shots, 32):
+            part = slice(first, first + 32)
             angle = turn(part)
             angle *= per_angle
             np.add(angle, rest[part] + 0.5 if spec.whole_counts else rest[part], out=counts[part])

@@ -7,26 +7,20 @@ now and then a scrap of the sabot crosses the first board just ahead of the ball
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cache
 from math import inf, sqrt
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 import numpy as np
 from annotated_types import Ge, Gt, Lt, MinLen
 
-from virtual_lab.catalog.specs import Dimension, Spec
-from virtual_lab.errors import InputError
+from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import BoardRecord, PassageRecord
 from virtual_lab.simulation.arrays import Array
-from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.instruments.board_sums import gain_table
-from virtual_lab.simulation.instruments.calibrated import (
-    CalibratedInstrument,
-    Freedom,
-    certified,
-    drawn,
-)
+from virtual_lab.simulation.instruments.calibrated import Freedom, certified, drawn
 from virtual_lab.simulation.instruments.indicator import quantise
+from virtual_lab.simulation.instruments.light_gate import BallGates, GateSheet
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
@@ -34,44 +28,29 @@ from virtual_lab.uncertainty.estimate import Estimate
 if TYPE_CHECKING:
     from virtual_lab.simulation.instruments.board_kernel import Boards
 
-__all__ = ["LightBoardSpec", "LightBoards"]
+__all__ = ["LightBoardSpec", "LightBoards", "gain_table"]
 
-Time = Annotated[float, Ge(0), Dimension("time")]
 Length = Annotated[float, Ge(0), Dimension("length")]
-Number = Annotated[float, Ge(0), Dimension("number")]
-SCRAP_AHEAD = 0.03  # m, a scrap of the sabot flies this far ahead of the ball's front
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LightBoardSpec(Spec):
-    """Boards along the flight, their places counted from the ball's at contact, far one first."""
+class LightBoardSpec(GateSheet):
+    """Boards and their beams."""
 
-    kind: str
-    title: str
+    other_errors: ClassVar[tuple[str, ...]] = ("trip_spread", "tick", "sabot_rate")
+
     distances: Annotated[tuple[float, ...], MinLen(3), Dimension("length")]
-    distance_u: Length
     beams: Annotated[int, Gt(3), Dimension("number")]
     pitch: Annotated[float, Gt(0), Dimension("length")]
     lowest: Annotated[float, Dimension("length")]  # beam, above the line of fire
     height_u: Length  # of each board
     trip_spread: Length  # beam to beam, of how far into the beam the ball trips it
-    tick: Time
-    edge_jitter: Time
-    clock_u: Number
     sabot_rate: Annotated[float, Ge(0), Lt(1), Dimension("number")]  # share of the shots
-    distance_dof: Freedom = inf
     heights: Annotated[tuple[float, ...], Dimension("length")] = ()  # zeros; none: all at the line
     height_dof: Freedom = inf
-    clock_fast: Annotated[float, Gt(-1), Dimension("number")] = 0.0  # shown over true time, less 1
 
     def __post_init__(self) -> None:
-        if (
-            list(self.distances) != sorted(set(self.distances), reverse=True)
-            or self.distances[-1] <= 0
-        ):
-            raise ValueError(
-                "distances must fall from the cannon's board to the target's, all above 0"
-            )
+        GateSheet.__post_init__(self)  # a class with slots has no `super` of its own
         if self.heights and len(self.heights) != len(self.distances):
             raise ValueError(f"{len(self.heights)} heights of {len(self.distances)} boards")
         if not self.lowest < 0 < self.highest:
@@ -93,19 +72,6 @@ class LightBoardSpec(Spec):
         """Return between which heights the centre of a ball is ever seen [m]."""
         return self.lowest - radius, self.highest + radius
 
-    def ideal(self) -> Self:
-        """Return boards that stand where surveyed, with alike beams and a perfect clock."""
-        return replace(
-            self,
-            distance_u=0.0,
-            height_u=0.0,
-            trip_spread=0.0,
-            tick=0.0,
-            edge_jitter=0.0,
-            clock_u=0.0,
-            sabot_rate=0.0,
-        )
-
     def certificate(self) -> dict[str, Estimate]:
         """Return places and heights of the boards, and the clock: shown time = clock x time."""
         stated = {"clock": certified(1 + self.clock_fast, self.clock_u)}
@@ -117,7 +83,7 @@ class LightBoardSpec(Spec):
 
 
 @dataclass(frozen=True, slots=True)
-class LightBoards(CalibratedInstrument[LightBoardSpec]):
+class LightBoards(BallGates[LightBoardSpec]):
     """The boards of one laboratory; the thresholds of their beams stand on no certificate."""
 
     trips: Array  # what each beam adds to the ball's radius, (board, beam) [m]
@@ -132,45 +98,11 @@ class LightBoards(CalibratedInstrument[LightBoardSpec]):
         return {"lowest": Estimate(value=spec.lowest), "pitch": Estimate(value=spec.pitch)}
 
     @property
-    def distances(self) -> Array:
-        """Their true places, (board,) [m]."""
-        return np.array([self.true[f"distance_{at}"] for at in range(len(self.spec.distances))])
-
-    @property
     def heights(self) -> Array:
         """True heights of the boards' zeros above the line of fire, (board,) [m]."""
         return np.array([self.true[f"height_{at}"] for at in range(len(self.spec.distances))])
 
-    @property
-    def clock(self) -> float:
-        """Seconds shown a true second."""
-        return self.true["clock"]
-
-    def arrival(self, passage: Passage) -> Array:
-        """Return the true time from the trigger to contact [s], shape (shot,).
-
-        The trigger is the ball's front at the far board.
-        """
-        return passage.inbound(self.distances[None, 0] + passage.radius)[0]
-
-    def watch(
-        self,
-        passage: Passage,
-        contact: Array,
-        leaving: Array,
-        draws: Draws,
-        name: str,
-        slots: Slots,
-        rung: RecordDetail = RecordDetail.FULL,
-    ) -> BoardRecord | PassageRecord:
-        """Record balls that reach the target at `contact` and leave it at `leaving` [s]."""
-        if slots.shape != contact.shape:
-            raise InputError("", "slots", slots.shape, f"allowed: one a shot, {contact.shape}")
-        record = self._edges if rung is RecordDetail.FULL else self._sums
-        written = record(passage, contact, leaving, draws, name, slots)
-        return passage.seen(written, self.distances)
-
-    def _edges(
+    def edges(
         self,
         passage: Passage,
         contact: Array,
@@ -196,7 +128,7 @@ class LightBoards(CalibratedInstrument[LightBoardSpec]):
         records.setflags(write=False)
         return BoardRecord(times=records)
 
-    def _sums(
+    def sums(
         self,
         passage: Passage,
         contact: Array,
@@ -252,8 +184,56 @@ class LightBoards(CalibratedInstrument[LightBoardSpec]):
         spec = self.spec
         share = draws.uniform(f"{name}.sabot", 2, slots).T + 0.5
         tripped = np.flatnonzero(share[0] < spec.sabot_rate)
-        ahead = self.distances[None, 0] + passage.radius + SCRAP_AHEAD
+        ahead = self.distances[None, 0] + passage.radius + 0.03  # m, before the ball's front
         early = (contact - passage.inbound(ahead)[0])[tripped]
         middle = (spec.beams - 1) * share[1, tripped, None]
         struck, beams = np.nonzero(np.abs(np.arange(spec.beams) - middle) < 2)
         return (tripped[struck], 0, 0, beams, 0), early[struck]
+
+
+@cache
+def gain_table(radius: float) -> Array:
+    """Return what an uncertainty of 1 at each edge comes to, (3, row); NaN: too few beams broken.
+
+    The first is that of the passage, from that of an edge's time; then that of the height, from
+    that of the way flown at an edge; then that of the height, from that of a beam's threshold.
+    Rows go by how many beams are missing, below, that the ball would break on a longer board,
+    and by where its centre passes between two beams, in `CENTRE_PHASES` steps.
+
+    Parameters
+    ----------
+    radius
+        Of the ball, in pitches.
+    """
+    most = int(2 * radius) + 1
+    return np.concatenate([_gains(radius, missing) for missing in range(most + 1)], axis=1)
+
+
+def _gains(radius: float, missing: int) -> Array:
+    """Return the three gains at each phase, the lowest `missing` beams not there."""
+    from virtual_lab.simulation.instruments.board_kernel import CENTRE_PHASES
+
+    reach = int(radius) + 1
+    phase = np.arange(CENTRE_PHASES + 1) / CENTRE_PHASES
+    place = (np.arange(-reach, reach + 2) - phase[:, None]) / radius
+    square = 1 - place**2
+    broken = square > 0
+    broken &= np.cumsum(broken, axis=1) > missing
+    square = np.where(broken, square, 0.0)
+    many = broken.sum(axis=1)
+    known = many >= 4
+    # chords shorter than a tenth of the longest weigh no more than one of a tenth
+    weight = broken / np.maximum(square, 1e-2 * square.max(axis=1, initial=1.0)[:, None])
+    powers = np.stack([place**k for k in range(3)], axis=-1)
+    weighed = (weight[..., None] * powers).transpose(0, 2, 1)
+    matrix = np.where(known[:, None, None], weighed @ powers, np.eye(3))
+    slope = np.linalg.solve(matrix, weighed)[:, 1]  # of the parabola, at the centre
+    many = many.clip(1)
+    middle = (broken * place).sum(axis=1) / many
+    spread = np.where(known, (broken * (place - middle[:, None]) ** 2).sum(axis=1), 1.0)
+    gains = [
+        np.sqrt((1 / many + middle**2 / spread) / 2),
+        np.sqrt((slope**2 * square).sum(axis=1) / 2),
+        np.sqrt((slope**2).sum(axis=1)),
+    ]
+    return np.where(known, gains, np.nan)

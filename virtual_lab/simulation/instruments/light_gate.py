@@ -7,67 +7,53 @@ edges is the passage of the ball's centre, whatever part of the beam trips it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from math import inf, sqrt
-from typing import Annotated, Self
+from typing import Annotated, ClassVar, TypeVar
 
 import numpy as np
 from annotated_types import Ge, Gt, MinLen
 
-from virtual_lab.catalog.specs import Dimension, Spec
-from virtual_lab.records import GateRecord, PassageRecord
+from virtual_lab.catalog.specs import Dimension
+from virtual_lab.errors import InputError
+from virtual_lab.records import GateRecord, PassageRecord, Record
 from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, certified
+from virtual_lab.simulation.instruments.calibrated import (
+    CalibratedInstrument,
+    CalibratedSpec,
+    Freedom,
+    certified,
+)
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["LightGateSpec", "LightGates"]
+__all__ = ["BallGates", "GateSheet", "LightGateSpec", "LightGates"]
 
 Time = Annotated[float, Ge(0), Dimension("time")]
-Number = Annotated[float, Ge(0), Dimension("number")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LightGateSpec(Spec):
-    """A row of curtains along the flight, their places counted from the ball's at contact."""
+class GateSheet(CalibratedSpec):
+    """Gates along the flight, their places counted from the ball's at contact, far one first."""
 
     kind: str
     title: str
-    distances: Annotated[tuple[float, ...], MinLen(2), Dimension("length")]  # far one first
+    distances: Annotated[tuple[float, ...], MinLen(2), Dimension("length")]
     distance_u: Annotated[float, Ge(0), Dimension("length")]
-    half_height: Annotated[
-        float, Gt(0), Dimension("length")
-    ]  # of the curtain, about the line of fire
     tick: Time
     edge_jitter: Time
-    clock_u: Number
+    clock_u: Annotated[float, Ge(0), Dimension("number")]
     distance_dof: Freedom = inf
     clock_fast: Annotated[float, Gt(-1), Dimension("number")] = 0.0  # shown over true time, less 1
 
     def __post_init__(self) -> None:
-        if (
-            list(self.distances) != sorted(set(self.distances), reverse=True)
-            or self.distances[-1] <= 0
-        ):
-            raise ValueError(
-                "distances must fall from the cannon's gate to the target's, all above 0"
-            )
-
-    @property
-    def room(self) -> float:
-        """How far below the line of fire a ball's centre is still seen [m]."""
-        return self.half_height
-
-    def view(self, radius: float) -> tuple[float, float]:
-        """Return between which heights the centre of a ball is ever seen [m]."""
-        return -self.half_height, self.half_height
-
-    def ideal(self) -> Self:
-        """Return gates that stand where surveyed, with a perfect clock."""
-        return replace(self, distance_u=0.0, tick=0.0, edge_jitter=0.0, clock_u=0.0)
+        falling = sorted(set(self.distances), reverse=True)
+        if list(self.distances) != falling or falling[-1] <= 0:
+            raise ValueError("distances must fall from the cannon's to the target's, all above 0")
 
     def certificate(self) -> dict[str, Estimate]:
         """Return a distance for each gate, and the clock: shown time = clock x time."""
@@ -77,9 +63,12 @@ class LightGateSpec(Spec):
         } | {"clock": certified(1 + self.clock_fast, self.clock_u)}
 
 
+G = TypeVar("G", bound=GateSheet)
+
+
 @dataclass(frozen=True, slots=True)
-class LightGates(CalibratedInstrument[LightGateSpec]):
-    """The curtains of one laboratory."""
+class BallGates(CalibratedInstrument[G], ABC):
+    """Gates of either kind as they stand in one laboratory."""
 
     @property
     def distances(self) -> Array:
@@ -94,7 +83,7 @@ class LightGates(CalibratedInstrument[LightGateSpec]):
     def arrival(self, passage: Passage) -> Array:
         """Return the true time from the trigger to contact [s], shape (shot,).
 
-        The trigger is the first edge of the far gate.
+        The trigger is the ball's front at the far gate.
         """
         return passage.inbound(self.distances[None, 0] + passage.radius)[0]
 
@@ -107,13 +96,62 @@ class LightGates(CalibratedInstrument[LightGateSpec]):
         name: str,
         slots: Slots,
         rung: RecordDetail = RecordDetail.FULL,
-    ) -> GateRecord | PassageRecord:
+    ) -> Record:
         """Record balls that reach the target at `contact` and leave it at `leaving` [s]."""
-        record = self._edges if rung is RecordDetail.FULL else self._sums
+        if slots.shape != contact.shape:
+            raise InputError("", "slots", slots.shape, f"allowed: one a shot, {contact.shape}")
+        record = self.edges if rung is RecordDetail.FULL else self.sums
         written = record(passage, contact, leaving, draws, name, slots)
         return passage.seen(written, self.distances)
 
-    def _edges(
+    @abstractmethod
+    def edges(
+        self,
+        passage: Passage,
+        contact: Array,
+        leaving: Array,
+        draws: Draws,
+        name: str,
+        slots: Slots,
+    ) -> Record:
+        """Write every edge."""
+
+    @abstractmethod
+    def sums(
+        self,
+        passage: Passage,
+        contact: Array,
+        leaving: Array,
+        draws: Draws,
+        name: str,
+        slots: Slots,
+    ) -> PassageRecord:
+        """Write what a recorder of its own makes of the edges of each gate."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LightGateSpec(GateSheet):
+    """A row of curtains."""
+
+    other_errors: ClassVar[tuple[str, ...]] = ("tick",)
+
+    half_height: Annotated[float, Gt(0), Dimension("length")]  # about the line of fire
+
+    @property
+    def room(self) -> float:
+        """How far below the line of fire a ball's centre is still seen [m]."""
+        return self.half_height
+
+    def view(self, radius: float) -> tuple[float, float]:
+        """Return between which heights the centre of a ball is ever seen [m]."""
+        return -self.half_height, self.half_height
+
+
+@dataclass(frozen=True, slots=True)
+class LightGates(BallGates[LightGateSpec]):
+    """The curtains of one laboratory."""
+
+    def edges(
         self,
         passage: Passage,
         contact: Array,
@@ -128,9 +166,12 @@ class LightGates(CalibratedInstrument[LightGateSpec]):
         inbound = contact[:, None, None] - before
         outbound = leaving[:, None, None] + self._seen(after, height)
         times = np.stack([inbound, outbound], axis=1)
-        return GateRecord(times=self._time(times, self.spec.edge_jitter, draws, name, slots))
+        spec = self.spec
+        start = spec.tick * draws.uniform(f"{name}.start", (1, 1, 1), slots)
+        jitter = spec.edge_jitter * draws.normal(f"{name}.jitter", times.shape[1:], slots)
+        return GateRecord(times=quantise(self.clock * times + start + jitter, spec.tick))
 
-    def _sums(
+    def sums(
         self,
         passage: Passage,
         contact: Array,
@@ -152,8 +193,3 @@ class LightGates(CalibratedInstrument[LightGateSpec]):
 
     def _seen(self, time: Array, height: Array) -> Array:
         return np.where(np.abs(height) < self.spec.half_height, time, np.nan)
-
-    def _time(self, times: Array, jitter: float, draws: Draws, name: str, slots: Slots) -> Array:
-        start = self.spec.tick * draws.uniform(f"{name}.start", (1, 1, 1), slots)
-        noise = jitter * draws.normal(f"{name}.jitter", times.shape[1:], slots)
-        return quantise(self.clock * times + start + noise, self.spec.tick)

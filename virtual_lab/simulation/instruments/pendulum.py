@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf
-from typing import Annotated, Self
+from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt
 
-from virtual_lab.catalog.specs import Dimension, Spec
+from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import PendulumRecord
 from virtual_lab.relations.pendulum import amplitude_factor, small_period
-from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, Freedom, certified
+from virtual_lab.simulation.instruments.calibrated import (
+    CalibratedInstrument,
+    CalibratedSpec,
+    Freedom,
+    certified,
+)
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
@@ -24,7 +29,7 @@ Number = Annotated[float, Ge(0), Dimension("number")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PendulumSpec(Spec):
+class PendulumSpec(CalibratedSpec):
     """Data sheet and certificate of the stand, its clamp and its timer."""
 
     kind: str
@@ -49,20 +54,6 @@ class PendulumSpec(Spec):
     pivot_dof: Freedom = inf
     clamp_inertia_dof: Freedom = inf
     clamp_moment_dof: Freedom = inf
-
-    def ideal(self) -> Self:
-        """Return the stand whose every constant is known and whose timer has no steps."""
-        return replace(
-            self,
-            amplitude_resolution=0.0,
-            amplitude_u=0.0,
-            timer_resolution=0.0,
-            timer_jitter=0.0,
-            timer_clock_u=0.0,
-            pivot_u=0.0,
-            clamp_inertia_u=0.0,
-            clamp_moment_u=0.0,
-        )
 
     def certificate(self) -> dict[str, Estimate]:
         """Return what is known of the timer, the marks of the amplitude, the axis and the clamp."""

@@ -6,12 +6,14 @@ record, a frame in the way, a second contact, a blow on the edge of the tip or t
 
 from __future__ import annotations
 
+from enum import StrEnum
+
 import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.relations.flight import time_after
 from virtual_lab.simulation.arrays import Array
-from virtual_lab.simulation.motion.played import BAT, START, Pieces, PlayedShots
+from virtual_lab.simulation.motion.played import Pieces, PlayedShots, Target
 from virtual_lab.simulation.motion.scene import GateFrame, ShotScene, ShotState
 from virtual_lab.simulation.motion.touch import (
     Nearness,
@@ -22,16 +24,20 @@ from virtual_lab.simulation.motion.touch import (
     time_to_stop,
 )
 
-__all__ = ["CLOSED_FORM", "EDGE", "FOLLOWED", "GRAZED", "play_closed_form"]
+__all__ = ["CLOSED_FORM", "Obstacle", "play_closed_form"]
 
 CLOSED_FORM = "closed-form"
-EDGE = "the ball strikes the edge of the bat's end, where no collision model holds"
-GRAZED = "the ball grazes the bat by less than its roundness is known"
-FOLLOWED = "the bat follows faster than the ball leaves it: no such e_A can be"
-AGAIN = "ball and bat meet again"
-STOPPED = "the bat reaches its stop within the record"
-FRAMED = "the frame of a gate stands in the ball's way"
-REASONS = (EDGE, GRAZED, FOLLOWED, AGAIN, STOPPED, FRAMED)
+
+
+class Obstacle(StrEnum):
+    """Why a rung cannot do a shot, in the order of precedence."""
+
+    EDGE = "the ball strikes the edge of the bat's end, where no collision model holds"
+    GRAZED = "the ball grazes the bat by less than its roundness is known"
+    FOLLOWED = "the bat follows faster than the ball leaves it: no such e_A can be"
+    AGAIN = "ball and bat meet again"
+    STOPPED = "the bat reaches its stop within the record"
+    FRAMED = "the frame of a gate stands in the ball's way"
 
 
 def play_closed_form(scene: ShotScene) -> PlayedShots:
@@ -43,41 +49,42 @@ def play_closed_form(scene: ShotScene) -> PlayedShots:
     before = moved(scene, scene.start.part(hit), time[hit], hit)
     near = nearness(scene, before)
     after = parted(scene, before, near, scene.efficiency(near.place, near.approach, hit), hit)
-    why = {reason: np.full(count, np.inf) for reason in REASONS}  # and when it arises [s]
+    why = {reason: np.full(count, np.inf) for reason in Obstacle}  # and when it arises [s]
     edge = (near.place < 0) | (near.place > scene.bat.length)
     for reason, struck in (
-        (EDGE, edge),
-        (GRAZED, ~edge & (near.approach <= 0)),
-        (FOLLOWED, ~edge & (near.approach > 0) & (nearness(scene, after).approach >= 0)),
+        (Obstacle.EDGE, edge),
+        (Obstacle.GRAZED, ~edge & (near.approach <= 0)),
+        (Obstacle.FOLLOWED, ~edge & (near.approach > 0) & (nearness(scene, after).approach >= 0)),
     ):
         why[reason][hit[struck]] = time[hit[struck]]
-    good = ~edge & np.isinf(why[GRAZED][hit]) & np.isinf(why[FOLLOWED][hit])
+    good = ~edge & np.isinf(why[Obstacle.GRAZED][hit]) & np.isinf(why[Obstacle.FOLLOWED][hit])
     hit, after = hit[good], after.part(good)
     near = Nearness(*(each[..., good] for each in near))
     left = until[hit] - time[hit]
-    why[AGAIN][hit] = time[hit] + first_touch(scene, after, left, hit, parting=True)
+    why[Obstacle.AGAIN][hit] = time[hit] + first_touch(scene, after, left, hit, parting=True)
     for shots, state, span, began in (
         (everyone, scene.start, np.minimum(time, until), np.zeros(count)),
         (hit, after, left, time[hit]),
     ):
         stops = time_to_stop(scene, state)
         met = np.where(stops <= span, began + stops, np.inf)
-        why[STOPPED][shots] = np.minimum(why[STOPPED][shots], met)
+        why[Obstacle.STOPPED][shots] = np.minimum(why[Obstacle.STOPPED][shots], met)
         for frame in scene.frames:
             met = began + _met(frame, scene, shots, state, span)
-            why[FRAMED][shots] = np.minimum(why[FRAMED][shots], met)
+            why[Obstacle.FRAMED][shots] = np.minimum(why[Obstacle.FRAMED][shots], met)
     when = np.stack(list(why.values()))
-    refused = np.where(np.isfinite(when.min(axis=0)), np.array(REASONS)[when.argmin(axis=0)], "")
+    refused = np.where(
+        np.isfinite(when.min(axis=0)), np.array(list(Obstacle))[when.argmin(axis=0)], ""
+    )
     done, sound = refused == "", refused[hit] == ""
     starts = np.flatnonzero(done)
     return PlayedShots(
         rung=np.full(count, CLOSED_FORM),
-        reason=np.where(done, "closed form does all of it", ""),
         refused=refused,
         pieces=Pieces.joined(
             [
-                Pieces.of(starts, np.zeros(len(starts)), START, scene.start.part(starts)),
-                Pieces.of(hit, time[hit], BAT, after, near.place, near.approach).part(sound),
+                Pieces.of(starts, np.zeros(len(starts)), Target.START, scene.start.part(starts)),
+                Pieces.of(hit, time[hit], Target.BAT, after, near.place, near.approach).part(sound),
             ]
         ),
     )

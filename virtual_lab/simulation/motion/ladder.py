@@ -21,19 +21,9 @@ def play(
 ) -> PlayedShots:
     """Return what the shots of a scene come to.
 
-    Parameters
-    ----------
-    scene : ShotScene
-    rung : str, optional
-        One of `RUNGS`, for all shots. Without it each shot has the closed form, or pymunk
-        where that refuses it.
-    settings : PymunkSettings, optional
-        Without them its own, with a step short enough for the scene.
-
-    Raises
-    ------
-    InputError
-        An unknown rung, unsafe settings, a ball that starts inside the bat.
+    A `rung` of `RUNGS` plays all shots; without it each shot has the closed form, or pymunk where
+    that refuses it. Without `settings` pymunk has its own, with a step short enough for the scene.
+    `InputError` for an unknown rung, unsafe settings, a ball that starts inside the bat.
     """
     if rung is not None and rung not in RUNGS:
         raise InputError("motion", "rung", rung, f"allowed: {', '.join(RUNGS)}")
@@ -48,10 +38,7 @@ def play(
     if rung or not len(beyond):
         return cheap
     dear = pymunk_scene.play_pymunk(scene.part(beyond), settings)
-    reasons = np.array([f"no closed form: {why}" for why in cheap.refused[beyond]])
-    texts = {}
-    for name, own in (("rung", dear.rung), ("reason", reasons), ("refused", dear.refused)):
-        texts[name] = getattr(cheap, name).astype(np.object_)
-        texts[name][beyond] = own
+    rungs, refused = cheap.rung.copy(), cheap.refused.astype(np.object_)
+    rungs[beyond], refused[beyond] = dear.rung, dear.refused
     pieces = Pieces.joined([cheap.pieces, dear.pieces._replace(shot=beyond[dear.pieces.shot])])
-    return PlayedShots(**{n: each.astype(np.str_) for n, each in texts.items()}, pieces=pieces)
+    return PlayedShots(rung=rungs, refused=refused.astype(np.str_), pieces=pieces)

@@ -18,32 +18,14 @@ import numpy as np
 from virtual_lab.errors import InputError
 from virtual_lab.relations.flight import time_after
 from virtual_lab.simulation.arrays import Array
-from virtual_lab.simulation.motion.closed_form import EDGE, FOLLOWED, GRAZED
-from virtual_lab.simulation.motion.played import (
-    BAT,
-    BAT_AGAIN,
-    FRAME,
-    START,
-    STOP,
-    Pieces,
-    PlayedShots,
-)
+from virtual_lab.simulation.motion.closed_form import Obstacle
+from virtual_lab.simulation.motion.played import Pieces, PlayedShots, Target
 from virtual_lab.simulation.motion.scene import GateFrame, ShotScene, ShotState
-from virtual_lab.simulation.motion.touch import (
-    first_touch,
-    moved,
-    nearness,
-    parted,
-    time_to_stop,
-)
+from virtual_lab.simulation.motion.touch import first_touch, moved, nearness, parted, time_to_stop
 
 __all__ = ["PYMUNK", "PymunkSettings", "carry", "play_pymunk"]
 
 PYMUNK = "pymunk"
-BALL = 1  # its category: it alone meets what stands
-BEYOND = 1e-9  # m, by which a ball must overlap a shape for pymunk to see it
-OVER = 1e-6  # m, of overlap that no rounding explains
-MOST_CONTACTS = 100
 ONE = np.zeros(1, dtype=np.int_)
 
 
@@ -100,10 +82,9 @@ def carry(scene: ShotScene, settings: PymunkSettings) -> PlayedShots:
         for number, shot in enumerate(shots)
         for piece in shot.play()
     ]
-    nothing = Pieces.of(np.zeros(0), np.zeros(0), START, ShotState.of().part(slice(0, 0)))
+    nothing = Pieces.of(np.zeros(0), np.zeros(0), Target.START, ShotState.of().part(slice(0, 0)))
     return PlayedShots(
         rung=np.full(len(shots), PYMUNK),
-        reason=np.full(len(shots), f"{PYMUNK} was asked for"),
         refused=np.array([shot.refused for shot in shots], dtype=np.str_),
         pieces=Pieces.joined([nothing, *pieces]),
     )
@@ -113,7 +94,7 @@ class _Solid(NamedTuple):
     """What stands in the hall: its shape, its name, and the frame whose bars it stands for."""
 
     shape: Any
-    kind: str
+    kind: Target
     frame: GateFrame | None = None
 
 
@@ -125,14 +106,14 @@ class _Shot:
 
         self.scene, self.settings = scene, settings
         self.state, self.now, self.refused = scene.start, 0.0, ""
-        self.struck: list[str] = []
+        self.struck: list[Target] = []
         self.touching = False
         self.space = pymunk.Space()
         self.space.iterations, self.space.collision_slop = settings.iterations, settings.slop
         self.ball = pymunk.Body(float(scene.ball_mass[0]), inf)
         circle = pymunk.Circle(self.ball, scene.ball_radius)
         circle.elasticity = 1.0  # pymunk multiplies: the solid's own stands
-        circle.filter = pymunk.ShapeFilter(categories=BALL)
+        circle.filter = pymunk.ShapeFilter(categories=1)  # it alone meets what stands
         # centre and moment are those of its axis: the joint does no work, whatever the step
         self.bat = pymunk.Body(1.0, scene.bat.inertia)
         self.bat.position = (0.0, scene.bat.axis)
@@ -149,22 +130,21 @@ class _Shot:
         if stop := self.scene.stop:
             way = stop.angle + np.arcsin(self.scene.bat.widest / stop.reach)
             post = stop.reach * sin(way), self.scene.bat.axis - stop.reach * cos(way)
-            found.append((_Solid(pymunk.Circle(hall, stop.radius, post), STOP), stop.restitution))
+            found.append(
+                (_Solid(pymunk.Circle(hall, stop.radius, post), Target.STOP), stop.restitution)
+            )
         for frame in self.scene.frames:
             spec = frame.spec
-            ends = (
-                (frame.x, spec.tip_side - spec.radius),
-                (frame.x, spec.knob_side + spec.radius),
-            )
+            ends = ((frame.x, spec.tip_side - spec.radius), (frame.x, spec.knob_side + spec.radius))
             bars = pymunk.Segment(hall, *ends, spec.radius)
             found += [
-                (_Solid(pymunk.Circle(hall, spec.radius, end), FRAME), spec.restitution)
+                (_Solid(pymunk.Circle(hall, spec.radius, end), Target.FRAME), spec.restitution)
                 for end in ends
             ]
-            found.append((_Solid(bars, FRAME, frame), spec.restitution))
+            found.append((_Solid(bars, Target.FRAME, frame), spec.restitution))
         for solid, restitution in found:
             solid.shape.elasticity = restitution
-            solid.shape.filter = pymunk.ShapeFilter(mask=BALL)
+            solid.shape.filter = pymunk.ShapeFilter(mask=1)
             self.space.add(solid.shape)
         return [solid for solid, _ in found]
 
@@ -173,7 +153,7 @@ class _Shot:
 
     def play(self) -> list[Pieces]:
         """Carry the shot to the end of the record; a refused one has no pieces."""
-        pieces = [Pieces.of(ONE, np.zeros(1), START, self.state)]
+        pieces = [Pieces.of(ONE, np.zeros(1), Target.START, self.state)]
         while self.now < self.scene.duration and not self.refused:
             step = min(self.settings.step, self.scene.duration - self.now)
             touch = self._touch(step)
@@ -188,11 +168,11 @@ class _Shot:
                 pieces.append(self._turn_back())
             elif touch <= span:
                 pieces.append(self._strike())
-            if len(self.struck) > MOST_CONTACTS:
-                self.refused = f"more than {MOST_CONTACTS} contacts in one record"
+            if len(self.struck) > 100:
+                self.refused = "more than 100 contacts in one record"
         return [] if self.refused else pieces
 
-    def _piece(self, struck: str, *hit: Array) -> Pieces:
+    def _piece(self, struck: Target, *hit: Array) -> Pieces:
         self.struck.append(struck)
         return Pieces.of(ONE, np.array([self.now]), struck, self.state, *hit)
 
@@ -238,11 +218,12 @@ class _Shot:
         speed, first = float(np.hypot(start.vx[0], start.vz[0])), inf
         for solid in self.solids:
             hit = solid.shape.segment_query(here, there, scene.ball_radius)
-            # one it is already over it rolls over
-            over = solid.shape.point_query(here).distance < scene.ball_radius - OVER
+            # one it is already over, by more than rounding explains, it rolls over
+            over = solid.shape.point_query(here).distance < scene.ball_radius - 1e-6
             if over or not (hit and hit.shape) or hit.normal.dot(way) >= 0:
                 continue
-            flown = hit.alpha * np.hypot(*way) + BEYOND
+            # pymunk sees a shape only as the ball overlaps it
+            flown = hit.alpha * np.hypot(*way) + 1e-9
             time = float(time_after(flown, speed, scene.ball_drag[0]))
             height = moved(scene, start, np.array([time]), ONE).y
             cleared = solid.frame and solid.frame.clears(height, scene.ball_radius)[0]
@@ -255,21 +236,21 @@ class _Shot:
         scene, near = self.scene, nearness(self.scene, self.state)
         efficiency = scene.efficiency(near.place, near.approach, ONE)
         if not 0 <= near.place[0] <= scene.bat.length:
-            self.refused = EDGE
+            self.refused = Obstacle.EDGE
         elif near.approach[0] <= 0:
-            self.refused = GRAZED
+            self.refused = Obstacle.GRAZED
         self.state = parted(scene, self.state, near, efficiency, ONE)
         if not self.refused and nearness(scene, self.state).approach[0] >= 0:
-            self.refused = FOLLOWED
+            self.refused = Obstacle.FOLLOWED
         self.touching = True
-        again = BAT in self.struck
-        return self._piece(BAT_AGAIN if again else BAT, near.place, near.approach)
+        again = Target.BAT in self.struck
+        return self._piece(Target.BAT_AGAIN if again else Target.BAT, near.place, near.approach)
 
     def _turn_back(self) -> Pieces:
         assert self.scene.stop
         angle, rate = np.array([self.scene.stop.angle]), self.state.rate
         self.state = self.state._replace(angle=angle, rate=-self.scene.stop.restitution * rate)
-        return self._piece(STOP)
+        return self._piece(Target.STOP)
 
     def _rebound(self, mean: Array) -> Pieces:
         """Take the velocity pymunk gave the ball, scaled from the step's mean to its end's."""

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from virtual_lab.catalog.specs import Dimension, Profile, Spec
 from virtual_lab.simulation.arrays import Array
-from virtual_lab.simulation.physics.section import outer_diameter
+from virtual_lab.simulation.physics.beam import outer_diameter
 
 __all__ = ["FrameSpec", "GateFrame", "PivotedBat", "ShotScene", "ShotState", "StopSpec"]
 

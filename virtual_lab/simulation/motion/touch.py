@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -14,12 +15,21 @@ from virtual_lab.simulation.motion.scene import ShotScene, ShotState
 __all__ = ["Nearness", "first_touch", "moved", "nearness", "parted", "time_to_stop"]
 
 Shots = NDArray[np.int_]
-NEAR = 1e-7  # m, that no barrel is round to
-# A gap that opens at a rate stays open while this share of its radii, over the square of all
-# speeds, times the rate passes: its curvature would have to be 8 of those squares over the radii.
-PARTING = 0.25
-POLISHING = 4  # steps of Newton from within `NEAR`, the taper left out of their slope
-SHARP = 1e-2  # of the ball's speed, at which a gap must close to be polished
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Touching:
+    """When ball and bat count as touching, and how the moment is found."""
+
+    near: float = 1e-7  # m, that no barrel is round to
+    # A gap that opens at a rate stays open while this share of its radii, over the square of all
+    # speeds, times the rate passes: its curvature would have to be 8 of those squares over them.
+    parting: float = 0.25
+    polishing: int = 4  # steps of Newton from within `near`, the taper left out of their slope
+    sharp: float = 1e-2  # of the ball's speed, at which a gap must close to be polished
+
+
+TOUCHING = Touching()
 
 
 class Nearness(NamedTuple):
@@ -127,13 +137,13 @@ def first_touch(
         speeds = np.hypot(np.hypot(state.vx, state.vz), state.vy) + np.abs(state.rate) * apart
         reach = scene.ball_radius + bat.radius(bat.axis - apart)
         opening = np.maximum(-nearness(scene, state).approach, 0.0)
-        start = PARTING * opening / (speeds**2 / reach + scene.gravity)
+        start = TOUCHING.parting * opening / (speeds**2 / reach + scene.gravity)
     time = np.where(start < until, start, np.inf)
     still = np.flatnonzero(start < until)
     while len(still):
         here = moved(scene, state.part(still), time[still], shots[still])
         near = nearness(scene, here)
-        going = near.gap > NEAR
+        going = near.gap > TOUCHING.near
         # gravity alone can raise it; places change by no more than the gap before it closes
         upright = np.maximum(np.abs(here.vy), np.abs(drop[still]))
         spin, wide = np.abs(here.rate), np.maximum(near.gap, 0.0)
@@ -148,9 +158,9 @@ def first_touch(
         still = still[~late]
     met = np.flatnonzero(np.isfinite(time))
     fast = np.hypot(state.vx[met], state.vz[met])
-    for _ in range(POLISHING):
+    for _ in range(TOUCHING.polishing):
         near = nearness(scene, moved(scene, state.part(met), time[met], shots[met]))
-        sharp = near.approach > SHARP * fast
+        sharp = near.approach > TOUCHING.sharp * fast
         later = np.where(sharp, near.gap / np.where(sharp, near.approach, 1.0), 0.0)
         time[met] = np.maximum(time[met] + later, 0.0)
     return time

@@ -18,14 +18,8 @@ def loss_of_restitution(
 ) -> Array:
     """Return how much of its e0 each hit finds gone, (shot,): the ball's earlier hits took it.
 
-    Parameters
-    ----------
-    ageing
-        Of the ball.
-    ball, speed
-        Which ball is hit and how fast [m/s], in the order of the hits, (shot,).
-    rest
-        Between two hits of the same ball [s].
+    Hits are in their order: which `ball` at what `speed` [m/s], (shot,). Between two of the same
+    ball it rests [s].
     """
     in_turn = np.argsort(ball, kind="stable")  # ball by ball
     _, first, hits = np.unique(ball[in_turn], return_index=True, return_counts=True)

@@ -36,8 +36,6 @@ __all__ = [
 ]
 
 Floats = NDArray[np.float64]
-WALL_POINTS = 200  # of a quadrature over half a contact
-FORCE_POINTS = 10_001  # among which the greatest force is looked for
 
 
 class WallContact(NamedTuple):
@@ -62,17 +60,11 @@ def unloading_exponent(exponent: Floats, restitution: Floats) -> Floats:
 def wall_contact(
     mass: Floats, speed: Floats, stiffness: Floats, exponent: Floats, restitution: Floats
 ) -> WallContact:
-    """Return the closed forms for a rigid wall.
+    """Return the closed forms for a rigid wall, of arrays that broadcast.
 
-    Parameters
-    ----------
-    mass, speed, stiffness, exponent, restitution : arrays that broadcast
-        Ball (or reduced) mass [kg], approach speed [m/s], k [N/m^a], a, e0.
-
-    Notes
-    -----
-    Energy gives ``u_max = ((a + 1) m v^2 / 2 k)^(1 / (a + 1))``; with ``C(n)`` below, each
-    half takes ``u_max C(n) / v`` with its own power of the compression and its own speed.
+    Ball (or reduced) mass [kg], approach speed [m/s], k [N/m^a], a, e0. Energy gives
+    ``u_max = ((a + 1) m v^2 / 2 k)^(1 / (a + 1))``; with `_half_time` C(n), each half takes
+    ``u_max C(n) / v`` with its own power of the compression and its own speed.
     """
     a, b = exponent, unloading_exponent(exponent, restitution)
     compression = ((a + 1) * mass * speed**2 / (2 * stiffness)) ** (1 / (a + 1))
@@ -139,9 +131,7 @@ class PowerLaw:
         """Return the law of a ball; the speed does not matter."""
         del speed
         return cls(
-            stiffness=stiffness,
-            exponent=exponent,
-            unloading=(exponent + 1) / restitution**2 - 1,
+            stiffness=stiffness, exponent=exponent, unloading=(exponent + 1) / restitution**2 - 1
         )
 
     def branch(self, event: Event, compression: float, before: Branch | None) -> Branch:
@@ -180,8 +170,7 @@ class HuntCrossley:
         del compression, before
         down = event is Event.TURN
         return Branch(
-            force=self._force,
-            ends={Event.RELEASE: -1, Event.BACK: 1} if down else {Event.TURN: -1},
+            force=self._force, ends={Event.RELEASE: -1, Event.BACK: 1} if down else {Event.TURN: -1}
         )
 
     def _force(self, u: float, rate: float) -> float:
@@ -201,14 +190,14 @@ class HuntCrossley:
             work = (-np.exp(end) * np.expm1(-gone) - gone) / c**2  # per unit mass
             return np.asarray(((a + 1) * mass / k * work) ** (1 / (a + 1)))
 
-        x, gauss = np.polynomial.legendre.leggauss(WALL_POINTS)
+        x, gauss = np.polynomial.legendre.leggauss(200)
         s, weight = (1 + x) / 2, gauss / 2 * (a + 1)
         touch = log1p(c * speed)
         times = []
         for end in (touch, -_released(c * speed)):
             u = depth(end, end * s ** (a + 1))
             times.append(np.sum(weight * (s / u) ** a) * mass * abs(end) / (c * k))
-        gone = np.linspace(0, touch, FORCE_POINTS)
+        gone = np.linspace(0, touch, 10_001)
         return WallContact(
             compression=depth(touch, np.array(touch)),
             force=np.asarray((k * depth(touch, gone) ** a * np.exp(touch - gone)).max()),

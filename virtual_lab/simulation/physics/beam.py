@@ -11,24 +11,134 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from math import inf, isfinite
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
 
-from virtual_lab.catalog.specs import BatBody, Lump
+from virtual_lab.catalog.specs import BatBody, Lump, Profile
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.physics.mesh import Mesh, mesh_through, reference_element
-from virtual_lab.simulation.physics.section import Section, section
-from virtual_lab.simulation.physics.supports import Free, Support, support_place
 
-__all__ = ["Beam", "beam_of"]
+__all__ = [
+    "Beam",
+    "Clamped",
+    "Free",
+    "Pinned",
+    "Section",
+    "Support",
+    "beam_of",
+    "outer_diameter",
+    "section",
+    "support_place",
+    "support_words",
+]
 
 Floats = NDArray[np.float64]
 ORDER = 8
 ELEMENT_SIZE = 0.05  # m
-# Outline cubic in z: E I is of degree 12 in z and meets two derivatives of degree order - 1,
-# so this many Gauss points beyond the order integrate every term exactly.
-EXTRA_POINTS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Free:
+    """Not held at all: hands are too soft to matter while ball and bat touch."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pinned:
+    """A frictionless axis through the bat at `z` [m], rigid or on a spring across the bat.
+
+    A rigid one holds the bat in place. One of finite stiffness [N/m] lets it bounce there: one
+    more mode, the lowest but for the turn, counted among the bending ones.
+    """
+
+    z: float
+    stiffness: float = inf
+
+
+@dataclass(frozen=True, slots=True)
+class Clamped:
+    """Neither moves nor turns at `z` [m]."""
+
+    z: float
+
+
+Support = Free | Pinned | Clamped
+
+
+def support_place(support: Support, length: float) -> float | None:
+    """Return where the bat is held [m], None for a free one.
+
+    Raises `InputError` for a place off the bat or a pivot without a positive stiffness.
+    """
+    if isinstance(support, Free):
+        return None
+    if not (isfinite(support.z) and 0 <= support.z <= length):
+        name = type(support).__name__.lower()
+        raise InputError(f"{name} bat", "z", support.z, f"allowed: 0 to {length:g} m")
+    if isinstance(support, Pinned) and not support.stiffness > 0:
+        value = support.stiffness
+        raise InputError("pinned bat", "stiffness", value, "allowed: above 0 N/m; 0 is a free bat")
+    return support.z
+
+
+def support_words(support: Support) -> str:
+    """Return how the bat is held in words."""
+    match support:
+        case Free():
+            return "free"
+        case Clamped(z=z):
+            return f"clamped at {z:.6g} m"
+        case Pinned(z=z, stiffness=k):
+            return f"pinned at {z:.6g} m" + (f" on a spring of {k:.6g} N/m" if isfinite(k) else "")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Section:
+    """Per unit length at given places, each of the shape of z."""
+
+    mass: Floats  # rho A [kg/m]
+    rotary_inertia: Floats  # rho I [kg m]
+    bending_stiffness: Floats  # E I [N m^2]
+    shear_stiffness: Floats  # kappa G A [N]
+
+
+def outer_diameter(profile: Profile, z: Floats) -> Floats:
+    """Return the outer diameter [m] at places `z` [m].
+
+    Monotone cubic between the stations (Fritsch and Carlson): no overshoot, so a straight
+    barrel stays straight.
+    """
+    return _between_stations(profile, profile.outer_diameter, z)
+
+
+def section(body: BatBody, z: Floats) -> Section:
+    """Return the section at places `z` [m]."""
+    material = body.material
+    d = outer_diameter(body.profile, z)
+    if body.profile.wall is None:
+        bore = np.zeros_like(d)
+    else:
+        bore = d - 2 * _between_stations(body.profile, body.profile.wall, z)
+    area = np.pi / 4 * (d**2 - bore**2)
+    second_moment = np.pi / 64 * (d**4 - bore**4)
+    density = material.density * (1 + material.density_tilt * (1 - 2 * z / body.length))
+    return Section(
+        mass=density * area,
+        rotary_inertia=density * second_moment,
+        bending_stiffness=material.youngs_modulus * second_moment,
+        shear_stiffness=material.shear_coefficient * material.shear_modulus * area,
+    )
+
+
+def _between_stations(profile: Profile, values: tuple[float, ...], z: Floats) -> Floats:
+    return np.asarray(_interpolant(profile.z, values)(z))
+
+
+@lru_cache(maxsize=16)
+def _interpolant(z: tuple[float, ...], values: tuple[float, ...]) -> PchipInterpolator:
+    return PchipInterpolator(np.array(z), np.array(values))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,20 +195,10 @@ def beam_of(
     order: int = ORDER,
     element_size: float = ELEMENT_SIZE,
 ) -> Beam:
-    """Assemble the beam of a bat, with a node where it is held.
+    """Assemble the beam of a bat, with a node where it is held; holding it is left to its modes.
 
-    Parameters
-    ----------
-    body : BatBody
-    support : Support
-        Only places a node; holding it is left to `virtual_lab.simulation.physics.modes`.
-    order, element_size : int, float
-        Polynomial degree and longest element [m].
-
-    Raises
-    ------
-    InputError
-        The support lies off the bat, the order below 4.
+    The longest element is `element_size` [m]. `InputError` where the support lies off the bat or
+    the order is below 4.
     """
     if order < 4:
         raise InputError("beam", "order", order, "allowed: 4 and up, lower orders lock")
@@ -117,7 +217,9 @@ _gauss_points = lru_cache(np.polynomial.legendre.leggauss)
 
 def _assemble(mesh: Mesh, body: BatBody) -> tuple[Floats, Floats]:
     reference = reference_element(mesh.order)
-    x, gauss = _gauss_points(mesh.order + EXTRA_POINTS)
+    # outline cubic in z: E I is of degree 12 in z and meets two derivatives of degree order - 1,
+    # so this many Gauss points integrate every term exactly
+    x, gauss = _gauss_points(mesh.order + 6)
     half = np.diff(mesh.boundaries)[:, None] / 2
     z = mesh.boundaries[:-1, None] + half * (1 + x)
     N = reference.basis(x)

@@ -11,42 +11,24 @@ from virtual_lab.simulation.arrays import Array
 __all__ = ["coasting", "ringing"]
 
 
-ORDER = 14
-ROUNDING = 1e-17
-
-
 def coasting(
-    rate: Array,
-    ticks: Array,
-    release: Array,
-    *,
-    constant: float,
-    linear: float,
-    quadratic: float,
+    rate: Array, ticks: Array, release: Array, *, constant: float, linear: float, quadratic: float
 ) -> tuple[Array, Array]:
     """Return two factors of the angle turned since release [rad], (shot, term), (term, sample).
 
-    Their product is that angle from release on; the first term is the same at all ticks. It
-    solves dω/dt = -(constant + linear ω + quadratic ω²) by its power series, whose
-    coefficients follow from each other; the series is exact to rounding while
-    (linear + 2 quadratic ω) t is below about 1/4, and this is asserted.
-
-    Parameters
-    ----------
-    rate
-        Rate at release [rad/s], shape (shot,).
-    ticks
-        Times that all shots share [s], shape (sample,).
-    release
-        When each bat was let go [s], shape (shot,).
-    constant, linear, quadratic
-        Bearing and air torques divided by the moment of inertia [rad/s², 1/s, 1/rad].
+    Their product is that angle from release on; the first term is the same at all ticks. It solves
+    dω/dt = -(constant + linear ω + quadratic ω²), bearing and air torques over the moment of
+    inertia [rad/s², 1/s, 1/rad], by its power series, whose coefficients follow from each other;
+    the series is exact to rounding while (linear + 2 quadratic ω) t is below about 1/4, and this is
+    asserted. Rates [rad/s] and times [s] of `release` are (shot,), `ticks`, which all share,
+    (sample,).
     """
     longest = max(ticks.max(initial=0.0) - release.min(initial=0.0), 0.0)
     reach = (linear + 2 * quadratic * np.abs(rate).max(initial=0.0)) * longest
     if reach > 0.25:
         raise ValueError(f"friction of {reach:.3g} over the record, the series needs at most 0.25")
-    order = min(max(ceil(log(ROUNDING) / log(max(reach, ROUNDING))), 2), ORDER)
+    rounding = 1e-17
+    order = min(max(ceil(log(rounding) / log(max(reach, rounding))), 2), 14)
     powers = [np.asarray(rate, dtype=float)]
     for k in range(order):
         product = np.sum([powers[i] * powers[k - i] for i in range(k + 1)], axis=0)
@@ -79,22 +61,10 @@ def ringing(
 ) -> tuple[Array, Array]:
     """Return two factors of the bending part of the angle at a section, which rings out [rad].
 
-    Shapes (shot, term) and (term, sample); their product is that angle from release on.
-
-    Parameters
-    ----------
-    turn
-        Turn of the section a unit of each modal coordinate, shape (shot, mode).
-    displacement, velocity
-        Modal coordinates and their rates at release, shape (shot, mode).
-    angular_frequency
-        Undamped, shape (mode,) [rad/s].
-    damping_ratio
-        Of every mode, a share of critical.
-    ticks
-        Times that all shots share [s], shape (sample,).
-    release
-        When each ring began [s], shape (shot,).
+    Shapes (shot, term) and (term, sample); their product is that angle from release on. `turn` of
+    the section a unit of each modal coordinate, coordinates and rates at release are (shot, mode),
+    undamped frequencies (mode,) [rad/s]; the damping ratio is a share of critical. Times as of
+    `coasting`.
     """
     decay = damping_ratio * angular_frequency
     damped = angular_frequency * np.sqrt(1 - damping_ratio**2)

@@ -14,7 +14,6 @@ from scipy.sparse import csr_array
 __all__ = ["Mesh", "ReferenceElement", "mesh_through", "reference_element"]
 
 Floats = NDArray[np.float64]
-MERGE = 1e-5  # m: places closer than this share one element boundary
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,18 +78,10 @@ class Mesh:
         return elements[:, None] * self.order + np.arange(self.order + 1)
 
     def interpolation(self, z: Floats, weights: Floats | None = None) -> csr_array:
-        """Return the matrix that takes node values to weighted sums of values at places.
+        """Return the matrix that takes node values to weighted sums at places, (n, nodes) sparse.
 
-        Parameters
-        ----------
-        z : (n, g) array
-            Places [m], within the mesh.
-        weights : (n, g) or (g,) array
-            Of each place in the sum of its row; 1 by default.
-
-        Returns
-        -------
-        (n, nodes) sparse array
+        Places are (n, g) [m], within the mesh; weights, of each place in the sum of its row, are
+        (n, g) or (g,), 1 by default.
         """
         element = np.clip(
             np.searchsorted(self.boundaries, z, side="right") - 1, 0, len(self.boundaries) - 2
@@ -114,10 +105,11 @@ def mesh_through(
 
     `keep` are boundaries held to the last bit (ends, supports); others give way to them.
     """
+    merged = 1e-5  # m: places closer than this share one boundary
     kept = np.unique(np.array(keep))
     others = np.unique(np.array(places))
-    others = others[np.diff(others, prepend=-np.inf) > MERGE]
-    clear = np.abs(others[:, None] - kept).min(axis=1) > MERGE
+    others = others[np.diff(others, prepend=-np.inf) > merged]
+    clear = np.abs(others[:, None] - kept).min(axis=1) > merged
     coarse = np.union1d(kept, others[clear])
     parts = [coarse[:1]]
     for left, right in pairwise(coarse):

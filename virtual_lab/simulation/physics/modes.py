@@ -19,15 +19,21 @@ from scipy.sparse import csr_array
 
 from virtual_lab.catalog.specs import BatBody, HoopMode
 from virtual_lab.errors import InputError
-from virtual_lab.simulation.physics.beam import ELEMENT_SIZE, ORDER, Beam, beam_of
+from virtual_lab.simulation.physics.beam import (
+    ELEMENT_SIZE,
+    ORDER,
+    Beam,
+    Clamped,
+    Free,
+    Pinned,
+    Support,
+    beam_of,
+)
 from virtual_lab.simulation.physics.mesh import Mesh
-from virtual_lab.simulation.physics.supports import Clamped, Free, Pinned, Support
 
 __all__ = ["Modes", "barrel_nodes", "modes_of"]
 
 Floats = NDArray[np.float64]
-NODE_SAMPLES = 2001
-BOUNCE_ERROR = 1e-3  # of a bounce's squared frequency, which rounding of the stiffest mode may make
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,26 +85,11 @@ class Modes:
     def shape(self, z: Floats | float) -> Floats:
         """Return the deflection of each mode at places `z` (...) [m], shape (..., N)."""
         places = np.asarray(z, dtype=np.float64)
-        return self.mean_shape(places.reshape(-1, 1), np.ones(1)).reshape(*places.shape, self.count)
-
-    def mean_shape(self, z: Floats, weights: Floats) -> Floats:
-        """Return the weighted mean deflection over the places of each row.
-
-        Parameters
-        ----------
-        z : (n, g) array
-            Places [m].
-        weights : (g,) array
-            Adding to 1.
-
-        Returns
-        -------
-        (n, N) array
-        """
-        return self.averaged(self.averages(z, weights))
+        at = self.averages(places.reshape(-1, 1), np.ones(1))
+        return self.averaged(at).reshape(*places.shape, self.count)
 
     def averaged(self, averages: csr_array) -> Floats:
-        """Return the same by what `averages` made of the places, of these modes or others."""
+        """Return mean deflections (n, N) by what `averages` made of the places."""
         beam = np.asarray(averages @ self.deflections)
         if self.hoop is None:
             return beam
@@ -106,7 +97,7 @@ class Modes:
         return np.concatenate((beam, hoop), axis=1)
 
     def averages(self, z: Floats, weights: Floats) -> csr_array:
-        """Return what takes values at the beam's nodes to the weighted means of `mean_shape`."""
+        """Return what takes values at nodes to means over places (n, g) [m], weights (g,)."""
         if not (np.all(z >= 0) and np.all(z <= self.length)):
             raise InputError("modes", "z", z, f"allowed: 0 to {self.length:g} m")
         return self.mesh.interpolation(z, weights)
@@ -131,27 +122,11 @@ def modes_of(
     order: int = ORDER,
     element_size: float = ELEMENT_SIZE,
 ) -> Modes:
-    """Return the normal modes of a bat.
+    """Return the normal modes of a bat, so many of them `bending`; the mesh is `beam_of`'s.
 
-    Parameters
-    ----------
-    body : BatBody
-    support : Support
-    bending : int
-        How many bending modes to keep.
-    order, element_size
-        As of `virtual_lab.simulation.physics.beam.beam_of`.
-
-    Raises
-    ------
-    InputError
-        The support lies off the bat, its spring is too soft, or the mesh has fewer modes than
-        asked for.
-
-    Notes
-    -----
-    Under a pivot of finite stiffness the bounce on its spring is the first bending mode, and
-    the energy of that mode, spring included, counts as bending.
+    Under a pivot of finite stiffness the bounce on its spring is the first bending mode, and the
+    energy of that mode, spring included, counts as bending. `InputError` where the support lies off
+    the bat, its spring is too soft, or the mesh has fewer modes than asked for.
     """
     beam = beam_of(body, support, order=order, element_size=element_size)
     rigid = _rigid_modes(beam, support)
@@ -175,7 +150,7 @@ def modes_of(
 
 def barrel_nodes(modes: Modes, count: int = 2) -> tuple[float, ...]:
     """Return the node nearest the barrel tip [m] of the first `count` bending modes."""
-    z = np.linspace(0.0, modes.length, NODE_SAMPLES)
+    z = np.linspace(0.0, modes.length, 2001)
     found = []
     for mode in range(modes.rigid, modes.rigid + count):
         shape = modes.shape(z)[:, mode]
@@ -225,7 +200,8 @@ def _least_stiffness(beam: Beam, z: float) -> float:
     stiffest = float((np.diag(beam.stiffness_matrix) / np.diag(beam.mass_matrix)).max())
     inverse_mass = 1 / beam.mass + (z - beam.z_cm) ** 2 / beam.inertia_cm
     rounding = float(np.finfo(np.float64).eps) * stiffest
-    return float(f"{rounding / BOUNCE_ERROR / inverse_mass:.3g}")
+    share = 1e-3  # of the bounce's squared frequency, that rounding may make
+    return float(f"{rounding / share / inverse_mass:.3g}")
 
 
 def _free_freedoms(beam: Beam, support: Support) -> NDArray[np.intp]:

@@ -33,8 +33,7 @@ from virtual_lab.simulation.physics.ball import (
     WallContact,
     wall_contact,
 )
-from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.physics.supports import Free
+from virtual_lab.simulation.physics.beam import Free, beam_of
 from virtual_lab.studies.bats.profile import CONDITIONS, GameConditions
 from virtual_lab.studies.bats.text import PEAK_COLUMNS, LawRow, placed, spread_of
 from virtual_lab.units import INCH, MPH

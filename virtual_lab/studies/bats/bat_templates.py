@@ -32,9 +32,8 @@ from virtual_lab.catalog.specs import (
     Title,
 )
 from virtual_lab.errors import InputError
-from virtual_lab.simulation.physics.beam import beam_of
+from virtual_lab.simulation.physics.beam import Free, beam_of
 from virtual_lab.simulation.physics.modes import barrel_nodes, modes_of
-from virtual_lab.simulation.physics.supports import Free
 from virtual_lab.units import INCH, OUNCE
 
 __all__ = ["TEMPLATES", "BatMeasurements", "Fitted", "Template", "computed", "fit"]

@@ -24,7 +24,7 @@ from virtual_lab.output.tables import column, record, table_text
 from virtual_lab.relations.peaks import peak
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import Scenes
-from virtual_lab.simulation.physics.supports import Free
+from virtual_lab.simulation.physics.beam import Free
 from virtual_lab.streams import Streams
 from virtual_lab.studies.bats.bat_templates import TEMPLATES, BatMeasurements, Fitted, computed, fit
 from virtual_lab.studies.bats.profile import CONDITIONS, GameConditions

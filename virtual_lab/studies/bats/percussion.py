@@ -26,8 +26,7 @@ from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import record
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.faults.fault import other_sheet
-from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.physics.supports import Pinned
+from virtual_lab.simulation.physics.beam import Pinned, beam_of
 from virtual_lab.simulation.rig import Reality, ShotPlan, Stage
 from virtual_lab.studies.bats.percussion_chart import draw_percussion
 from virtual_lab.studies.bats.percussion_text import ReadError, Struck, percussion_text

@@ -36,9 +36,8 @@ from virtual_lab.relations.swing import (
 )
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import Scenes
-from virtual_lab.simulation.physics.beam import Beam, beam_of
+from virtual_lab.simulation.physics.beam import Beam, Free, beam_of
 from virtual_lab.simulation.physics.modes import barrel_nodes
-from virtual_lab.simulation.physics.supports import Free
 from virtual_lab.studies.bats.curves import draw_profile
 from virtual_lab.studies.bats.text import profile_text
 from virtual_lab.units import DIMENSIONS, INCH, MPH, OUNCE, OZ_IN2, to_si

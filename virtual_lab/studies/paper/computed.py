@@ -24,8 +24,7 @@ from virtual_lab.measurement.reduction.kinematics import (
 from virtual_lab.relations.peaks import Peak, peak
 from virtual_lab.simulation.collision.modal import BENDING_MODES, ModalModel
 from virtual_lab.simulation.collision.scene import Collisions, Scenes
-from virtual_lab.simulation.physics.beam import Beam, beam_of
-from virtual_lab.simulation.physics.supports import Clamped, Free, Pinned, Support
+from virtual_lab.simulation.physics.beam import Beam, Clamped, Free, Pinned, Support, beam_of
 from virtual_lab.studies.bats.profile import (
     CONDITIONS,
     GameConditions,

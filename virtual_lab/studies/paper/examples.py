@@ -18,8 +18,7 @@ from virtual_lab.measurement.reduction.kinematics import (
 )
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import Scenes
-from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.physics.supports import Free
+from virtual_lab.simulation.physics.beam import Free, beam_of
 from virtual_lab.studies.paper.claim import Claim
 from virtual_lab.studies.paper.computed import (
     ALUMINIUM,

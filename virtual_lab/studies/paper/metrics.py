@@ -20,8 +20,8 @@ from virtual_lab.measurement.reduction.kinematics import (
     parallel_axis as moved_inertia,
 )
 from virtual_lab.simulation.collision.modal import ModalModel
+from virtual_lab.simulation.physics.beam import Free
 from virtual_lab.simulation.physics.modes import modes_of
-from virtual_lab.simulation.physics.supports import Free
 from virtual_lab.studies.paper.computed import (
     ALUMINIUM,
     BALL,

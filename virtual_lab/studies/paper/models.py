@@ -15,7 +15,7 @@ from virtual_lab.relations.peaks import peak
 from virtual_lab.relations.swing import KNOB_OFFSET
 from virtual_lab.simulation.collision.modal import BENDING_MODES, ModalModel
 from virtual_lab.simulation.physics.ball import wall_contact
-from virtual_lab.simulation.physics.supports import Free
+from virtual_lab.simulation.physics.beam import Free
 from virtual_lab.studies.paper.computed import (
     ALUMINIUM,
     WOOD,

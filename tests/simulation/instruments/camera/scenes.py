@@ -6,8 +6,8 @@ import numpy as np
 
 from virtual_lab import catalog
 from virtual_lab.simulation.instruments.camera.camera import Camera
-from virtual_lab.simulation.instruments.camera.course import Course
 from virtual_lab.simulation.instruments.camera.scene import FilmedBat
+from virtual_lab.simulation.instruments.camera.shots import Course
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.streams import Draws, Quiet, Streams

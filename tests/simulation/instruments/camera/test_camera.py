@@ -13,8 +13,8 @@ from virtual_lab.errors import InputError
 from virtual_lab.records import ClipRecord, TrackRecord
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.instruments.camera.camera import Camera
-from virtual_lab.simulation.instruments.camera.course import Course
 from virtual_lab.simulation.instruments.camera.film import whole_frames, write_clip, write_preview
+from virtual_lab.simulation.instruments.camera.shots import Course
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.streams import Streams

@@ -23,12 +23,22 @@ from virtual_lab.simulation.instruments.camera.spec import BallLook
 __all__ = ["Light", "RenderedBalls", "axes_of", "render_balls"]
 
 Pixels = NDArray[np.float32]
-SPACING = 1.1  # of the nodes, in standard deviations of the blur
-DETAIL = 30.0  # nodes a radius that seams need, however small the ball
-STEP = 1.12  # from one set of nodes to the next finer one
-TURN = 0.5  # pixels the surface may turn in one step of the exposure
-LEAST_BLUR, MOST_BLUR = 0.5, 3.0  # pixels
-MOST_SPREAD = 0.49  # pixels: what fits the eight grid points a node is spread over
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sampling:
+    """How densely a ball is summed."""
+
+    spacing: float = 1.1  # of the nodes, in standard deviations of the blur
+    detail: float = 30.0  # nodes a radius that seams need, however small the ball
+    step: float = 1.12  # from one set of nodes to the next finer one
+    turn: float = 0.5  # pixels the surface may turn in one step of the exposure
+    least_blur: float = 0.5  # pixels
+    most_blur: float = 3.0
+    most_spread: float = 0.49  # pixels: what fits the eight grid points a node is spread over
+
+
+SAMPLING = Sampling()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,12 +64,8 @@ class RenderedBalls:
     def over(self, background: ArrayLike, white: ArrayLike) -> Pixels:
         """Return the photoelectrons of each pixel.
 
-        Parameters
-        ----------
-        background
-            What the pixels had without a ball, (region, row, column) or less [e].
-        white
-            What a white surface would give, () or (region,) [e].
+        `background` is what they had without a ball, (region, row, column) or less [e], `white`
+        what a white surface would give, () or (region,) [e].
         """
         hidden = np.asarray(background, np.float32) * (1 - self.cover)
         return hidden + np.asarray(white, np.float32).reshape(-1, 1, 1) * self.radiance
@@ -112,11 +118,17 @@ def render_balls(
     ValueError
         Where `sigma` is out of range.
     """
-    from virtual_lab.simulation.instruments.camera.ball_kernel import KernelLook, ShownBall, render
-    from virtual_lab.simulation.instruments.camera.vectors import LANES
+    from virtual_lab.simulation.instruments.camera.ball_kernel import (
+        LANES,
+        KernelLook,
+        ShownBall,
+        render,
+    )
 
-    if not LEAST_BLUR <= sigma <= MOST_BLUR:
-        raise ValueError(f"blur from {LEAST_BLUR} to {MOST_BLUR} px, not {sigma:g}")
+    if not SAMPLING.least_blur <= sigma <= SAMPLING.most_blur:
+        raise ValueError(
+            f"blur from {SAMPLING.least_blur} to {SAMPLING.most_blur} px, not {sigma:g}"
+        )
     corner = np.asarray(corners, dtype=np.float64)
     regions = len(corner)
     course = np.asarray(path, dtype=np.float64) - corner[:, None]
@@ -139,10 +151,13 @@ def render_balls(
     neck = look.neck**2 / sqrt(1 - look.neck**2)
     features = np.array([look.albedo, look.seam_contrast, look.seam_width, neck])
     surface = np.linalg.norm(turns, axis=1) * size * (look.seam_contrast > 0)
-    spans = np.maximum(np.ceil(surface / TURN), 1).astype(np.int64)
+    spans = np.maximum(np.ceil(surface / SAMPLING.turn), 1).astype(np.int64)
     out = np.zeros((regions, 2, *shape), np.float32)
-    spread = min(sigma / sqrt(2), MOST_SPREAD)
-    fine = max(float(size.max()) / (SPACING * sigma), DETAIL if look.seam_contrast else 1.0)
+    spread = min(sigma / sqrt(2), SAMPLING.most_spread)
+    fine = max(
+        float(size.max()) / (SAMPLING.spacing * sigma),
+        SAMPLING.detail if look.seam_contrast else 1.0,
+    )
     warp, path, times, body, turned, lit = (
         np.ascontiguousarray(part, dtype=np.float64)
         for part in (outline, course, when, axes, turns, shades)
@@ -150,7 +165,7 @@ def render_balls(
     render(
         ShownBall(warp, path, times, body, turned, lit, spans),
         KernelLook(
-            nodes=_nodes(ceil(log(fine) / log(STEP))),
+            nodes=_nodes(ceil(log(fine) / log(SAMPLING.step))),
             surface=features,
             table=_table(spread),
             blur=sqrt(sigma**2 - spread**2),
@@ -190,8 +205,7 @@ def _table(sigma: float) -> Pixels:
 
     The node lies a phase beyond the fourth point; the last phase only ends the one before.
     """
-    from virtual_lab.simulation.instruments.camera.ball_kernel import NODE_PHASES
-    from virtual_lab.simulation.instruments.camera.vectors import LANES
+    from virtual_lab.simulation.instruments.camera.ball_kernel import LANES, NODE_PHASES
 
     phase = np.arange(NODE_PHASES + 2)[:, None] / NODE_PHASES
     steps = (np.arange(LANES) - LANES // 2 + 1 - phase) / (2 * sigma)
@@ -205,9 +219,9 @@ def _nodes(level: int) -> Array:
     """Return nodes on the unit disc: x, y, the sphere's height there, and their area, (node, 4).
 
     Rings by Gauss and Legendre in the radius squared, points evenly spaced along each; none is
-    further from the next than 1 / STEP^level.
+    further from the next than 1 / SAMPLING.step^level.
     """
-    fine = STEP**level
+    fine = SAMPLING.step**level
     rings = ceil(np.pi / 2 * fine) + 3
     points, weights = np.polynomial.legendre.leggauss(rings)
     squares = (points + 1) / 2

@@ -11,22 +11,32 @@ from math import ceil, cos, erf, floor, sin, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+from llvmlite import ir
+from numba import config, njit, types
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from virtual_lab.simulation.instruments.camera.vectors import LANES, add_row
-
-__all__ = ["NODE_PHASES", "KernelLook", "ShownBall", "render"]
+__all__ = ["LANES", "NODE_PHASES", "KernelLook", "ShownBall", "add_row", "render"]
 
 Floats = NDArray[np.float64]
 Pixels = NDArray[np.float32]
 FAST: dict[str, Any] = {"cache": True, "fastmath": True, "error_model": "numpy"}
 NODE_PHASES = 256  # of a node between two grid points, in the table of its Gaussian
 REACH = 4.2  # standard deviations of a half of the blur
-FAINT = 1e-7  # weights below are left out
-GROOVE, ROW, AWAY, SLANT = 0.3, 0.45, 0.55, 4.0  # shape of a seam, in its half width
-STITCHES = 54.0  # pairs in half a round of the seam
-ROUND = 1.1  # makes them evenly spaced
+
+
+class Seam(NamedTuple):
+    """The shape of a seam, in its half width."""
+
+    groove: float = 0.3
+    row: float = 0.45  # of stitches: half its width
+    away: float = 0.55  # from the groove
+    slant: float = 4.0
+    stitches: float = 54.0  # pairs in half a round of the seam
+    evening: float = 1.1  # makes them evenly spaced
+
+
+SEAM = Seam()
 
 
 class KernelLook(NamedTuple):
@@ -71,10 +81,10 @@ def _albedo(x: float, y: float, z: float, look: Floats) -> float:
     if f * f >= width * width * slope:
         return float(white)
     far = abs(f) / sqrt(slope) / width
-    dark = 0.8 * _bump(far / GROOVE)
-    thread = _bump((far - AWAY) / ROW)
+    dark = 0.8 * _bump(far / SEAM.groove)
+    thread = _bump((far - SEAM.away) / SEAM.row)
     if thread > 0:
-        turn = STITCHES * np.arctan2(ROUND * z, 2 * x * y) + SLANT * far
+        turn = SEAM.stitches * np.arctan2(SEAM.evening * z, 2 * x * y) + SEAM.slant * far
         dark += thread * (0.6 + 0.4 * cos(turn))
     return float(white * (1 - contrast * dark))
 
@@ -201,7 +211,7 @@ def _gather(
                 continue
             for kx in range(weights.shape[1]):
                 weight = np.float32(weights[ky, kx])
-                if weight < FAINT:
+                if weight < 1e-7:
                     continue
                 shift = size // 2 - kx - first[0]
                 parity = shift & 1
@@ -254,3 +264,40 @@ def render(balls: ShownBall, look: KernelLook, out: Pixels) -> None:
             _spread(balls.warp[r], own, balls.light[r], look, grid)
             _weights(path, balls.times[r], start, end, look, first, weights)
             _gather(grid, planes, weights, first, out[r])
+
+
+LANES = 8
+
+
+def _add_row(context: Any, target: Any, at: Any, source: Any, start: Any, weight: Any) -> Any:
+    """Add ``weight * source[start : start + 8]`` to ``target[at : at + 8]``, float32, unchecked."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        vector = ir.VectorType(ir.FloatType(), LANES)
+        index = ir.IntType(32)
+
+        def pointer(array: int, offset: int) -> Any:
+            kind = signature.args[array]
+            data = context.make_array(kind)(context, builder, arguments[array]).data
+            return builder.bitcast(builder.gep(data, [arguments[offset]]), vector.as_pointer())
+
+        to, of = pointer(0, 1), pointer(2, 3)
+        blank = ir.Constant(vector, ir.Undefined)
+        one = builder.insert_element(blank, arguments[4], ir.Constant(index, 0))
+        mask = ir.Constant(ir.VectorType(index, LANES), [0] * LANES)
+        every = builder.shuffle_vector(one, blank, mask)
+        product = builder.fmul(every, builder.load(of, align=4), flags=("contract",))
+        total = builder.fadd(builder.load(to, align=4), product, flags=("contract",))
+        builder.store(total, to, align=4)
+        return context.get_dummy_value()
+
+    line = types.Array(types.float32, 1, "C")
+    return types.void(line, types.intp, line, types.intp, types.float32), generate
+
+
+def _add_row_plainly(target: Any, at: int, source: Any, start: int, weight: Any) -> None:
+    target[at : at + LANES] += weight * source[start : start + LANES]
+
+
+compiles = not config.DISABLE_JIT  # type: ignore[attr-defined]
+add_row: Any = intrinsic(_add_row) if compiles else _add_row_plainly

@@ -15,11 +15,10 @@ from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, drawn
 from virtual_lab.simulation.instruments.camera.ball import Light, render_balls
-from virtual_lab.simulation.instruments.camera.course import Course
 from virtual_lab.simulation.instruments.camera.lens import TrueLens
 from virtual_lab.simulation.instruments.camera.scene import FilmedBat, background, flicker, windows
 from virtual_lab.simulation.instruments.camera.sensor import Sensor
-from virtual_lab.simulation.instruments.camera.shots import Frames, take
+from virtual_lab.simulation.instruments.camera.shots import Course, Frames, take
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
@@ -27,9 +26,6 @@ from virtual_lab.uncertainty.estimate import Estimate
 __all__ = ["Camera"]
 
 Pixels = NDArray[np.float32]
-CHUNK = 256  # windows that are rendered together
-EDGE = np.linspace(-3, 3, 31)  # across an edge, in standard deviations of its blur
-TRACKED = 1.1  # times the least uncertainty there can be: a tracker's own
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,12 +144,7 @@ class Camera(CalibratedInstrument[CameraSpec]):
         )
 
     def _clip(
-        self,
-        frames: Frames,
-        draws: Draws,
-        name: str,
-        slots: Slots,
-        bat: FilmedBat | None,
+        self, frames: Frames, draws: Draws, name: str, slots: Slots, bat: FilmedBat | None
     ) -> ClipRecord:
         spec = self.spec
         most = np.array([spec.sensor.columns, spec.sensor.rows]) - spec.window
@@ -161,8 +152,9 @@ class Camera(CalibratedInstrument[CameraSpec]):
         corners = np.clip(corners, 0, most)
         still, numbers = background(spec), frames.numbers(slots)
         pixels: list[NDArray[Any]] = []
-        for start in range(0, len(corners), CHUNK):
-            part = slice(start, start + CHUNK)
+        few = 256  # windows that are rendered together
+        for start in range(0, len(corners), few):
+            part = slice(start, start + few)
             behind = windows(still, corners[part], spec.window)
             electrons = self.render(frames.part(part), corners[part], behind, bat)
             pixels.append(
@@ -208,17 +200,15 @@ class Camera(CalibratedInstrument[CameraSpec]):
         ball = spec.light.ball * spec.exposed * spec.ball.albedo * shine
         behind = spec.light.background * spec.exposed
         across = NormalDist()
-        steep = np.array([across.pdf(z) ** 2 for z in EDGE])
-        mean = np.array([behind + (ball - behind) * across.cdf(z) for z in EDGE])
+        edge = np.linspace(-3, 3, 31)  # across it, in standard deviations of its blur
+        steep = np.array([across.pdf(z) ** 2 for z in edge])
+        mean = np.array([behind + (ball - behind) * across.cdf(z) for z in edge])
         noise = steep.sum() / (steep / (mean + spec.sensor.read_noise**2)).sum()
         still = 2 * sqrt((spec.blur**2 + 1 / 12) / pi)
         wide = np.hypot(still, np.linalg.norm(frames.blur, axis=1) / 4)
-        u = TRACKED * np.sqrt(noise * wide / frames.outlines.radius) / abs(ball - behind)
+        u = 1.1 * np.sqrt(noise * wide / frames.outlines.radius) / abs(ball - behind)
         off = u[:, None] * draws.normal(f"{name}.sums", 2, frames.numbers(slots))
         x, y = (frames.outlines.middle + off).T
         return TrackRecord(
-            times=frames.laid(frames.stamp),
-            x=frames.laid(x),
-            y=frames.laid(y),
-            u=frames.laid(u),
+            times=frames.laid(frames.stamp), x=frames.laid(x), y=frames.laid(y), u=frames.laid(u)
         )

@@ -12,16 +12,14 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.instruments.camera.camera import Camera
-from virtual_lab.simulation.instruments.camera.course import Course
 from virtual_lab.simulation.instruments.camera.scene import FilmedBat, background
-from virtual_lab.simulation.instruments.camera.shots import take
+from virtual_lab.simulation.instruments.camera.shots import Course, take
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.streams import Draws, Slots
 
 __all__ = ["whole_frames", "write_clip", "write_films", "write_preview"]
 
 Frame = NDArray[Any]
-PREVIEW_RATE = 25.0  # frames a second
 PREVIEW_WIDTH = 480  # pixels
 
 
@@ -85,22 +83,10 @@ def write_films(stem: Path, frames: Iterable[tuple[float, Frame]], spec: CameraS
 def write_clip(path: Path, frames: Iterable[tuple[float, Frame]], rate: float) -> int:
     """Write grey frames as FFV1 in MP4, their time stamps beside it; return how many.
 
-    The stamps stand in ``NAME.csv``. FFV1 keeps every bit; the film is opened again and every
-    frame counted and its first compared, for writers lose frames without a word.
-
-    Parameters
-    ----------
-    path
-        File to write, ending in .mp4.
-    frames
-        Time stamp [s] and grey values (row, column), of 8 bits or 16, in turn; read once.
-    rate
-        Frames a second.
-
-    Raises
-    ------
-    InputError
-        There are no frames, or the file does not hold what was written.
+    The stamps stand in ``NAME.csv``. FFV1 keeps every bit; the film is opened again and every frame
+    counted and its first compared, for writers lose frames without a word. Frames are a time stamp
+    [s] and grey values (row, column) of 8 bits or 16 in turn, read once, at a `rate` a second.
+    `InputError` where there are none, or the file does not hold what was written.
     """
     import cv2
 
@@ -166,7 +152,7 @@ def write_preview(
     if not pictures:
         raise InputError(str(path), "frames", 0, "a preview needs frames")
     animation.frames = pictures
-    animation.durations = [round(1000 / PREVIEW_RATE)] * len(pictures)
+    animation.durations = [round(1000 / 25.0)] * len(pictures)
     if not cv2.imwriteanimation(str(path), animation, [cv2.IMWRITE_WEBP_QUALITY, 80]):
         raise InputError(str(path), "preview", None, "an animated WebP cannot be written here")
     return len(pictures)

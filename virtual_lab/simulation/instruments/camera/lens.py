@@ -15,8 +15,6 @@ from virtual_lab.simulation.instruments.camera.spec import DISTORTION
 
 __all__ = ["Outlines", "TrueLens"]
 
-RIM = np.arange(16) * np.pi / 8  # directions in which a sphere's outline is traced
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outlines:
@@ -93,7 +91,8 @@ class TrueLens:
         way = place / far[:, None]
         view = _turned_to(way)
         opening = radius / np.sqrt(far**2 - radius**2)
-        u, v = np.cos(RIM), np.sin(RIM)
+        around = np.arange(16) * np.pi / 8  # the outline is traced in these directions
+        u, v = np.cos(around), np.sin(around)
         rim = u[:, None] * view[:, None, :, 0] + v[:, None] * view[:, None, :, 1]
         centre = self.drawn(way)
         traced = self.drawn(way[:, None] + opening[:, None, None] * rim) - centre[:, None]

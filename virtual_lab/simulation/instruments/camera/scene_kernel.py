@@ -14,15 +14,14 @@ __all__ = ["hide_behind"]
 Floats = NDArray[np.float64]
 Pixels = NDArray[np.float32]
 FAST: dict[str, Any] = {"cache": True, "fastmath": True, "error_model": "numpy"}
-FAR = 6.0  # standard deviations from an edge
 
 
 @njit(**FAST)
 def _step(z: float) -> float:
     """Return the normal distribution's share below z."""
-    if z > FAR:
+    if z > 6.0:
         return 1.0
-    return 0.0 if z < -FAR else 0.5 * (1 + erf(z / sqrt(2.0)))
+    return 0.0 if z < -6.0 else 0.5 * (1 + erf(z / sqrt(2.0)))
 
 
 @njit(**FAST)

@@ -64,18 +64,10 @@ class Sensor(CalibratedInstrument[SensorSpec]):
     ) -> NDArray[Any]:
         """Return grey values of regions, (region, row, column).
 
-        Whole numbers of 8 or 16 bits, or real ones where the sensor does not count.
-
-        Parameters
-        ----------
-        electrons
-            What light frees in each pixel on average, (region, row, column) [e].
-        corners
-            Each region's first pixel (x, y) in the frame, (region, 2), whole numbers.
-        slots
-            The regions' numbers, to which their noise belongs, (region,); in turn without.
-        exposure
-            What dark current flows for [s].
+        They are whole numbers of 8 or 16 bits, or real ones where the sensor does not count.
+        `electrons` are what light frees in each pixel on average [e], in regions from the pixels
+        `corners` (x, y) on, (region, 2). Noise belongs to the regions' numbers `slots`, in turn
+        without; dark current flows for `exposure` [s].
         """
         from virtual_lab.simulation.instruments.camera.sensor_kernel import (
             Electronics,
@@ -110,12 +102,7 @@ class Sensor(CalibratedInstrument[SensorSpec]):
         return out
 
     def mean_of(
-        self,
-        electrons: Pixels,
-        count: int,
-        draws: Draws,
-        name: str,
-        exposure: float = 0.0,
+        self, electrons: Pixels, count: int, draws: Draws, name: str, exposure: float = 0.0
     ) -> Pixels:
         """Return the mean of grey values of `count` whole frames of one scene, (row, column).
 

@@ -15,9 +15,8 @@ Floats = NDArray[np.float64]
 Pixels = NDArray[np.float32]
 FAST: dict[str, Any] = {"cache": True, "fastmath": {"contract", "nsz"}, "error_model": "numpy"}
 DIM = np.float32(25)  # electrons below which noise is Poisson's own, not the Gaussian near it
-
-MOST = 128  # electrons that a dim pixel gathers
-INVERSE = 1 / np.maximum(np.arange(MOST), 1)  # a product is quicker than a quotient
+# a product is quicker than a quotient; no dim pixel gathers more electrons
+INVERSE = 1 / np.maximum(np.arange(128), 1)
 
 
 class Electronics(NamedTuple):
@@ -61,7 +60,7 @@ def _poisson(mean: float, share: float) -> float:
     """Return the quantile of a Poisson distribution."""
     term = exp(-mean)
     below, count = term, 0
-    while below < share and count < MOST - 1:
+    while below < share and count < INVERSE.size - 1:
         count += 1
         term *= mean * INVERSE[count]
         below += term

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Annotated, Self
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
 
 from annotated_types import Ge, Gt, Le, Len, Lt
 
@@ -15,7 +15,7 @@ from virtual_lab.catalog.specs import (
     Spec,
     YesNo,
 )
-from virtual_lab.simulation.instruments.calibrated import certified
+from virtual_lab.simulation.instruments.calibrated import CalibratedSpec, certified
 from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = [
@@ -40,8 +40,16 @@ DISTORTION = ("k1", "k2", "p1", "p2", "k3")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SensorSpec(Spec):
+class SensorSpec(CalibratedSpec):
     """A sensor in the terms of EMVA 1288; electrons are photoelectrons."""
+
+    other_errors: ClassVar[tuple[str, ...]] = (
+        "read_noise",
+        "dark_current",
+        "photo_response",
+        "dark_signal",
+        "whole_counts",
+    )
 
     columns: Count
     rows: Count
@@ -63,18 +71,6 @@ class SensorSpec(Spec):
         """The greatest grey value."""
         return int(2**self.bits - 1)
 
-    def ideal(self) -> Self:
-        """Return a sensor of alike pixels that shows real numbers and adds no noise of its own."""
-        return replace(
-            self,
-            gain_u=0.0,
-            read_noise=0.0,
-            dark_current=0.0,
-            photo_response=0.0,
-            dark_signal=0.0,
-            whole_counts=False,
-        )
-
     def certificate(self) -> dict[str, Estimate]:
         """Return what a photon transfer measurement found with an uncertainty."""
         return {"gain": certified(self.gain, self.gain * self.gain_u)}
@@ -93,7 +89,7 @@ class BallLook(Spec):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LensSpec(Spec):
+class LensSpec(CalibratedSpec):
     """A lens as calibrated: a pinhole with distortion, and how it blurs."""
 
     focal_length: PositiveLength
@@ -105,13 +101,9 @@ class LensSpec(Spec):
     centre: Annotated[tuple[float, ...], Len(2, 2), Dimension("length")] = (0.0, 0.0)
     blur: PositiveLength  # standard deviation of a point's image, on the sensor
 
-    def ideal(self) -> Self:
-        """Return the lens known exactly."""
-        return replace(self, focal_length_u=0.0, centre_u=0.0, distortion_u=(0.0,) * 5)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PoseSpec(Spec):
+class PoseSpec(CalibratedSpec):
     """Where the camera hangs and what it looks at, in axes of the rig.
 
     X runs with the ball toward the bat, Y along the bat from pivot to tip, Z up; the origin is
@@ -125,14 +117,12 @@ class PoseSpec(Spec):
     plane_u: LengthU
     plane: Annotated[float, Dimension("length")] = 0.0  # height of the line of fire, as calibrated
 
-    def ideal(self) -> Self:
-        """Return the pose known exactly."""
-        return replace(self, place_u=0.0, tilt_u=0.0, plane_u=0.0)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ClockSpec(Spec):
+class ClockSpec(CalibratedSpec):
     """When frames are taken and for how long; a frame's time is the middle of its exposure."""
+
+    other_errors: ClassVar[tuple[str, ...]] = ("drop_rate",)
 
     frame_rate: Annotated[float, Ge(500), Le(100_000), Dimension("frequency")]
     exposure: Annotated[float, Gt(0), Dimension("time")]
@@ -150,14 +140,12 @@ class ClockSpec(Spec):
                 f"{1 / self.frame_rate:g} s"
             )
 
-    def ideal(self) -> Self:
-        """Return a clock that runs true and loses nothing."""
-        return replace(self, clock_u=0.0, jitter=0.0, drop_rate=0.0)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LightSpec(Spec):
+class LightSpec(CalibratedSpec):
     """Light on the ball and behind it, as photons that reach a pixel."""
+
+    other_errors: ClassVar[tuple[str, ...]] = ("slope", "bowl", "flicker")
 
     ball: Rate  # from a white surface that squarely faces the lamp
     ambient: Share  # of it, from everywhere
@@ -174,13 +162,9 @@ class LightSpec(Spec):
     flicker_frequency: Annotated[float, Ge(0), Dimension("frequency")]
     bat: Share  # albedo of the bat
 
-    def ideal(self) -> Self:
-        """Return an even light that burns steadily."""
-        return replace(self, slope=(0.0, 0.0), bowl=0.0, flicker=0.0)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CameraSpec(Spec):
+class CameraSpec(CalibratedSpec):
     """A camera over a rig."""
 
     kind: str
@@ -233,14 +217,3 @@ class CameraSpec(Spec):
             stated[f"tilt_{axis}"] = certified(tilt, pose.tilt_u)
             stated[f"place_{axis}"] = certified(at, pose.place_u)
         return stated
-
-    def ideal(self) -> Self:
-        """Return a camera without errors or noise of its own, known exactly."""
-        return replace(
-            self,
-            sensor=self.sensor.ideal(),
-            lens=self.lens.ideal(),
-            pose=self.pose.ideal(),
-            clock=self.clock.ideal(),
-            light=self.light.ideal(),
-        )

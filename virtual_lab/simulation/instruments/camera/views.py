@@ -8,6 +8,7 @@ likewise, cell by cell. The first view lies in the plane that the calibration ta
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,10 +23,21 @@ from virtual_lab.streams import Draws
 
 __all__ = ["board_views"]
 
-ROUNDS = 12  # of undoing a distortion, each some ten times closer
-LIT = 0.6  # of the full well, on white
-PAPER, INK, BEYOND = 0.9, 0.06, 0.02  # albedos; the last of what is behind the board
-LEAN, NEAR, ASIDE = 0.6, 0.35, 0.25  # spread of the poses: rad, m toward the camera, m
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoardLook:
+    """How a board is lit and held."""
+
+    lit: float = 0.6  # of the full well, on white
+    paper: float = 0.9  # albedos
+    ink: float = 0.06
+    beyond: float = 0.02  # of what is behind the board
+    lean: float = 0.6  # spread of the poses [rad]
+    nearer: float = 0.35  # toward the camera [m]
+    aside: float = 0.25  # [m]
+
+
+LOOK = BoardLook()
 
 
 def board_views(
@@ -43,11 +55,11 @@ def board_views(
     middle = np.array([camera.lens.place[0], camera.lens.place[1], 0.0])
     for view in range(views):
         held = view > 0
-        turned = rotation(held * LEAN * 2 * lean[view]) @ DOWN
-        up = np.array([ASIDE, ASIDE, NEAR]) * (off[view] + [0.0, 0.0, 0.5])
+        turned = rotation(held * LOOK.lean * 2 * lean[view]) @ DOWN
+        up = np.array([LOOK.aside, LOOK.aside, LOOK.nearer]) * (off[view] + [0.0, 0.0, 0.5])
         place = middle + held * up
         albedo = _drawn(camera.lens, board, turned, place, rays, float(blur))
-        electrons = LIT * spec.sensor.full_well / PAPER * albedo
+        electrons = LOOK.lit * spec.sensor.full_well / LOOK.paper * albedo
         grey = camera.sensor.expose(
             electrons[None], [[0, 0]], draws, f"{name}.view", np.array([view]), spec.clock.exposure
         )
@@ -70,7 +82,9 @@ def _drawn(
     paper = _inside(u, wide, board.columns, 1) * _inside(v, high, board.rows, 1)
     if board.marker:
         dark = dark + _markers(board, u, v, wide, high)
-    return np.asarray(BEYOND + (PAPER + (INK - PAPER) * dark - BEYOND) * paper)
+    return np.asarray(
+        LOOK.beyond + (LOOK.paper + (LOOK.ink - LOOK.paper) * dark - LOOK.beyond) * paper
+    )
 
 
 def _markers(board: Board, u: Array, v: Array, wide: Array, high: Array) -> Array:
@@ -134,6 +148,6 @@ def _rays(lens: TrueLens, shape: tuple[int, int]) -> Array:
     y, x = np.indices(shape, dtype=np.float64)
     bent = (np.stack([x, y], axis=-1) - lens.centre) / lens.focal
     straight = bent.copy()
-    for _ in range(ROUNDS):
+    for _ in range(12):  # each some ten times closer
         straight += bent - distorted(straight, lens.distortion)
     return np.concatenate([straight, np.ones((*shape, 1))], axis=-1)
