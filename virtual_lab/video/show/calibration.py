@@ -36,7 +36,6 @@ HEAD = """\
 
 
 ARROW = 0.02  # of the picture's width: how long the rms residual is drawn
-DOTS = 1200  # residuals whose dots can still be distinguished
 INK, PLANE = "#0072b2", "#d55e00"
 
 
@@ -127,11 +126,8 @@ def draw_calibration(found: Calibrated, path: Path) -> None:
         tall = min(4.6, 5.2 * high / wide)
         figure = Figure(figsize=(7.6, tall + 2.3), dpi=150, layout="constrained")
         over, below = figure.subplots(2, 1, height_ratios=(tall, 1.7))
-        inset, views = below.get_subplotspec().subgridspec(1, 2, width_ratios=(1, 2.6)).subplots()
-        below.remove()
         _over_picture(over, found)
-        _scatter(inset, found)
-        _by_view(views, found)
+        _by_view(below, found)
         figure.savefig(path)
 
 
@@ -166,18 +162,6 @@ def _round(number: float) -> float:
     """Return the 1, 2 or 5 with zeros next below a number above 1."""
     power = 10.0 ** floor(log10(number))
     return max(power * digit for digit in (1, 2, 5) if power * digit <= number)
-
-
-def _scatter(axes: Axes, found: Calibrated) -> None:
-    solved = found.solved
-    every = max(1, len(solved.residuals) // DOTS)
-    axes.plot(*solved.residuals[::every].T, ".", color=INK, markersize=2)
-    reach = 1.1 * float(np.abs(solved.residuals).max())
-    axes.axhline(0, color="0.6", linewidth=0.6, zorder=0)
-    axes.axvline(0, color="0.6", linewidth=0.6, zorder=0)
-    axes.set(xlim=(-reach, reach), ylim=(reach, -reach), aspect="equal")
-    axes.set(xlabel="residual, pixels")
-    axes.locator_params(nbins=4)
 
 
 def _by_view(axes: Axes, found: Calibrated) -> None:
