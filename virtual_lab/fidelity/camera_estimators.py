@@ -214,7 +214,7 @@ def _edge(given: EstimatorInput) -> Located:
         noise=given.noise,
         lens=given.lens,
         background=given.seen.background.astype(float),
-    ).located
+    )
 
 
 def _learnt(given: EstimatorInput) -> Located:
