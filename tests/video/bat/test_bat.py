@@ -154,7 +154,6 @@ def test_a_recoils_uncertainty_is_its_scatter() -> None:
             angle=1e-4 + 9.0 * np.maximum(times, 0.0) + each,
             u=u,
             points=np.full(20, 99),
-            shift=np.zeros(20),
         )
         recoil = recoil_of(times, found, float(wrong))
         rate, contact = recoil.rate, recoil.contact
@@ -166,7 +165,7 @@ def test_a_recoils_uncertainty_is_its_scatter() -> None:
 
 def test_a_recoil_needs_frames_on_both_sides() -> None:
     times = np.arange(6.0)
-    found = BatAngles(angle=times, u=np.ones(6), points=np.full(6, 99), shift=np.zeros(6))
+    found = BatAngles(angle=times, u=np.ones(6), points=np.full(6, 99))
     for contact, words in ((3.5, "frames after contact = 2"), (-0.5, "frames before contact = 0")):
         with pytest.raises(InputError, match=words):
             recoil_of(times, found, contact)

@@ -40,7 +40,6 @@ class BatAngles:
     angle: Array  # from X toward Y [rad]
     u: Array  # of a frame's own noise; the outline's, about half of it, is common to all
     points: NDArray[np.intp]  # of its outline that a frame shows
-    shift: Array  # how far it moved across, to its left [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +48,6 @@ class Recoil:
 
     rate: Estimate  # [rad/s]
     contact: Estimate  # when the turn began [s]
-    rest: float  # angle before [rad]
     chi_square: float  # a degree of freedom
     frames: int  # after contact
 
@@ -77,25 +75,20 @@ def bat_angles(
         per cent nearer makes angles one per cent larger. Otherwise it may move across, too, and
         its edges must be long in the picture.
     """
-    found: list[tuple[float, float, int, float]] = []
+    found: list[tuple[float, float, int]] = []
     last: tuple[float, Array] | None = None
     rate = np.zeros(2)
     for number, (time, grey) in enumerate(frames):
         ball = None if balls is None or not np.isfinite(balls[number]).all() else balls[number]
         start = last[1] + rate * (time - last[0]) if last else np.zeros(2)
         pose, u, points = _pose(grey, edges, ball, start, pivoted)
-        found.append((float(pose[0]), u, points, float(pose[1])))
+        found.append((float(pose[0]), u, points))
         if points:
             if last and time > last[0]:
                 rate = (pose - last[1]) / (time - last[0])
             last = (time, pose)
-    table = np.array(found, dtype=np.float64).reshape(-1, 4)
-    return BatAngles(
-        angle=table[:, 0],
-        u=table[:, 1],
-        points=table[:, 2].astype(np.intp),
-        shift=table[:, 3],
-    )
+    angle, u_angle, points_seen = np.array(found, dtype=np.float64).reshape(-1, 3).T
+    return BatAngles(angle=angle, u=u_angle, points=points_seen.astype(np.intp))
 
 
 def _pose(
@@ -185,13 +178,12 @@ def recoil_of(times: Array, found: BatAngles, contact: float, lasts: float = 0.0
     free = len(right) - 3
     chi = float(((right - whole @ solved) ** 2).sum()) / free if free > 0 else 1.0
     covariance = covariance * max(chi, 1.0)
-    rest, rate, late_by = map(float, solved)
+    _, rate, late_by = map(float, solved)
     slope = np.array([-late_by / rate**2, 1 / rate])
     late_u = float(np.sqrt(slope @ covariance[1:, 1:] @ slope))
     return Recoil(
         rate=Estimate(value=rate, u=float(np.sqrt(covariance[1, 1])), evaluation="A"),
         contact=Estimate(value=float(contact) + late_by / rate, u=late_u, evaluation="A"),
-        rest=rest,
         chi_square=chi,
         frames=int(late.sum()),
     )

@@ -13,7 +13,6 @@ from virtual_lab.output.rounding import with_uncertainty
 from virtual_lab.output.style import STYLE
 from virtual_lab.video.calibration.calibrating import Calibrated, lengths_of
 from virtual_lab.video.calibration.plane import relative_u_of
-from virtual_lab.video.clips.calibration_file import CameraFit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -63,7 +62,8 @@ def calibration_document(found: Calibrated) -> dict[str, Any]:
 
 def calibration_text(found: Calibrated) -> str:
     """Return the calibration in a few lines."""
-    model, fit = found.model, _fit_of(found)
+    model, fit = found.model, found.model.fit
+    assert fit is not None
     (fx, _, cx), (_, fy, cy), _ = model.matrix
     across, down = 1e3 * lengths_of(model) / (np.array(model.image_size) / 2)
     k1, k2, p1, p2, k3 = (
@@ -94,11 +94,6 @@ def calibration_text(found: Calibrated) -> str:
         _line("plane view", Path(found.views[found.plane]).name),
     ]
     return "\n".join(lines + [f"  warning: {each}" for each in found.warnings])
-
-
-def _fit_of(found: Calibrated) -> CameraFit:
-    assert found.model.fit is not None
-    return found.model.fit
 
 
 def _line(name: str, *values: str) -> str:
