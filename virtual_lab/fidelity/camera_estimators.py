@@ -107,42 +107,18 @@ def _picture(given: EstimatorInput, k: int) -> Picture:
     )
 
 
-def _outline(picture: Picture) -> NDArray[Any] | None:
-    """Return the largest outline of what is more than half ball."""
-    import cv2
+def _by_outline(centre: Callable[[Any, NDArray[Any]], Place | None]) -> Estimator:
+    """Return the estimator by OpenCV and the largest outline of what is more than half ball."""
 
-    mask = (picture.matte > 0.5).astype(np.uint8)
-    outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    largest = max(outlines, key=len, default=None)
-    return None if largest is None or len(largest) < 5 else largest
+    def place(picture: Picture) -> Place | None:
+        import cv2
 
+        mask = (picture.matte > 0.5).astype(np.uint8)
+        outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        largest = max(outlines, key=len, default=())
+        return centre(cv2, np.asarray(largest)) if len(largest) >= 5 else None
 
-def _contour_moments(picture: Picture) -> Place | None:
-    import cv2
-
-    outline = _outline(picture)
-    return None if outline is None else _centre(cv2.moments(outline))
-
-
-def _hull(picture: Picture) -> Place | None:
-    import cv2
-
-    outline = _outline(picture)
-    return None if outline is None else _centre(cv2.moments(cv2.convexHull(outline)))
-
-
-def _ellipse(picture: Picture) -> Place | None:
-    import cv2
-
-    outline = _outline(picture)
-    return None if outline is None else _pair(cv2.fitEllipse(outline)[0])
-
-
-def _enclosing(picture: Picture) -> Place | None:
-    import cv2
-
-    outline = _outline(picture)
-    return None if outline is None else _pair(cv2.minEnclosingCircle(outline)[0])
+    return by_picture(place)
 
 
 def _matte_moments(picture: Picture) -> Place | None:
@@ -218,10 +194,10 @@ def _vertex(three: Any) -> float:
 
 HULL = "convex hull"
 CV2: dict[str, Estimator] = {
-    "contour moments": by_picture(_contour_moments),
-    HULL: by_picture(_hull),
-    "fitEllipse": by_picture(_ellipse),
-    "minEnclosingCircle": by_picture(_enclosing),
+    "contour moments": _by_outline(lambda cv2, outline: _centre(cv2.moments(outline))),
+    HULL: _by_outline(lambda cv2, outline: _centre(cv2.moments(cv2.convexHull(outline)))),
+    "fitEllipse": _by_outline(lambda cv2, outline: _pair(cv2.fitEllipse(outline)[0])),
+    "minEnclosingCircle": _by_outline(lambda cv2, out: _pair(cv2.minEnclosingCircle(out)[0])),
     "matte moments": by_picture(_matte_moments),
     "phaseCorrelate": by_picture(_phase),
     "matchTemplate, parabola": by_picture(_template),
@@ -238,7 +214,7 @@ def _edge(given: EstimatorInput) -> Located:
         noise=given.noise,
         lens=given.lens,
         background=given.seen.background.astype(float),
-    ).located
+    )
 
 
 def _learnt(given: EstimatorInput) -> Located:

@@ -5,7 +5,6 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -63,7 +62,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_track_tells_how_the_bat_recoils(folder: Path) -> None:
-    """Rate within 3 u, of 0.2 %; the turn begins when the ball touched; table and picture."""
+    """Rate within 3 u, of 0.2 %; the turn begins when the ball touched; table."""
     out = folder / "found"
     words = [str(folder / "clip.npy"), "--calibration", str(folder / "cal.toml")]
     done = CliRunner().invoke(cli, ["track", *words, "--out", str(out), "--json"])
@@ -78,9 +77,6 @@ def test_track_tells_how_the_bat_recoils(folder: Path) -> None:
     assert len(rows) == told["frames"]["seen"] > 25
     angle, time = (np.array([float(row[key]) for row in rows]) for key in ("angle_rad", "time_s"))
     np.testing.assert_allclose(angle, RATE * np.maximum(time - contact, 0), atol=4e-4)
-    picture = cv2.imread(str(out / "bat.png"))
-    assert picture is not None
-    assert picture.std() > 10
 
 
 @pytest.mark.parametrize(

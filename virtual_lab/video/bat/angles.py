@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from math import inf
 from typing import Any
 
 import numpy as np
@@ -18,14 +17,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.uncertainty.estimate import Estimate
-from virtual_lab.video.bat.outline import (
-    BatEdges,
-    Between,
-    normal_pixels,
-    pixels_of,
-    shifts_of,
-)
-from virtual_lab.video.clips.calibration_file import CameraModel
+from virtual_lab.video.bat.outline import BatEdges, values_at
 
 __all__ = ["BatAngles", "Recoil", "bat_angles", "recoil_of"]
 
@@ -38,7 +30,6 @@ LEAST = 12  # points that a frame must show
 CLEAR = 4.0  # pixels kept between the ball and an edge's pixels
 WILD = 4.0  # robust standard deviations of the shifts
 CAUGHT = 0.5  # of the points a frame shows, at least
-SMALL = 1e-5  # rad or m, over which a lever is stated
 FEW = 3  # frames of a recoil, at least
 
 
@@ -49,7 +40,6 @@ class BatAngles:
     angle: Array  # from X toward Y [rad]
     u: Array  # of a frame's own noise; the outline's, about half of it, is common to all
     points: NDArray[np.intp]  # of its outline that a frame shows
-    shift: Array  # how far it moved across, to its left [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,15 +48,13 @@ class Recoil:
 
     rate: Estimate  # [rad/s]
     contact: Estimate  # when the turn began [s]
-    rest: float  # angle before [rad]
     chi_square: float  # a degree of freedom
     frames: int  # after contact
 
 
 def bat_angles(
-    frames: Iterable[tuple[float, NDArray[Any], tuple[float, float]]],
-    outline: BatEdges,
-    camera: CameraModel | None = None,
+    frames: Iterable[tuple[float, NDArray[Any]]],
+    edges: BatEdges,
     balls: Array | None = None,
     *,
     pivoted: bool = False,
@@ -76,94 +64,64 @@ def bat_angles(
     Parameters
     ----------
     frames
-        Time [s], grey values (row, column) and the pixel (x, y) of the first of them, in order:
-        whole frames start at (0, 0), windows anywhere. Read once.
-    outline
-        The bat at rest, in axes of the plane.
-    camera
-        The one the outline was found with.
+        Time [s] and grey values (row, column) of whole frames, in order; read once.
+    edges
+        The bat's at rest.
     balls
         What hides the bat: x, y and radius [pixels], half the blur in it; NaN: nothing,
         (frame, 3).
     pivoted
-        Whether it turns about the outline's pivot, as exactly as that is known: a pivot one
+        Whether it turns about the axis's pivot, as exactly as that is known: a pivot one
         per cent nearer makes angles one per cent larger. Otherwise it may move across, too, and
         its edges must be long in the picture.
     """
-    found: list[tuple[float, float, int, float]] = []
+    found: list[tuple[float, float, int]] = []
     last: tuple[float, Array] | None = None
     rate = np.zeros(2)
-    for number, (time, grey, corner) in enumerate(frames):
+    for number, (time, grey) in enumerate(frames):
         ball = None if balls is None or not np.isfinite(balls[number]).all() else balls[number]
         start = last[1] + rate * (time - last[0]) if last else np.zeros(2)
-        pose, u, points = _pose(grey, np.array(corner), outline, camera, ball, start, pivoted)
-        found.append((float(pose[0]), u, points, float(pose[1])))
+        pose, u, points = _pose(grey, edges, ball, start, pivoted)
+        found.append((float(pose[0]), u, points))
         if points:
             if last and time > last[0]:
                 rate = (pose - last[1]) / (time - last[0])
             last = (time, pose)
-    table = np.array(found, dtype=np.float64).reshape(-1, 4)
-    return BatAngles(
-        angle=table[:, 0],
-        u=table[:, 1],
-        points=table[:, 2].astype(np.intp),
-        shift=table[:, 3],
-    )
+    angle, u_angle, points_seen = np.array(found, dtype=np.float64).reshape(-1, 3).T
+    return BatAngles(angle=angle, u=u_angle, points=points_seen.astype(np.intp))
 
 
 def _pose(
-    grey: NDArray[Any],
-    corner: Array,
-    outline: BatEdges,
-    camera: CameraModel | None,
-    ball: Array | None,
-    start: Array,
-    pivoted: bool,
+    grey: NDArray[Any], edges: BatEdges, ball: Array | None, start: Array, pivoted: bool
 ) -> tuple[Array, float, int]:
     """Return a frame's angle and shift, the angle's u, and how many points show them."""
     lost = (np.full(2, np.nan), np.nan, 0)
-    pose, between = start.copy(), None
-    size = np.array([grey.shape[1], grey.shape[0]])
+    pose, size = start.copy(), np.array([grey.shape[1], grey.shape[0]])
+    # how far an edge moves to the left by angle, by shift, and where the bat seems wider, as a
+    # brighter one does [pixels]
+    moves = np.stack([-edges.along, np.ones_like(edges.along)], axis=1) / edges.pixel
+    moves = np.column_stack([moves[:, : 2 - pivoted], edges.side])
     for _ in range(TURNS):
-        places, normals = outline.turned(*pose)
-        along = normal_pixels(places, normals, camera) - corner
-        ends = along[:, [0, -1]]
+        across = edges.pixels(*pose)
+        ends = across[:, [0, -1]]
         used = np.asarray(((ends > 1) & (ends < size - 2)).all(axis=(1, 2)))
         if ball is not None:
-            away = np.hypot(*np.moveaxis(along + corner - ball[:2], -1, 0)).min(axis=1)
+            away = np.hypot(*np.moveaxis(across - ball[:2], -1, 0)).min(axis=1)
             used &= away > ball[2] + CLEAR
         if used.sum() < LEAST:
             return lost
-        between = between or Between.of(grey, along[used])
-        shift, weight = shifts_of(between.at(along[used]), outline, used)
-        levers = _levers(outline, pose, used, along[used, 1] - along[used, 0], camera)
-        moves = levers[:, :1] if pivoted else levers
-        if np.bincount(outline.side[used], minlength=2).min() >= LEAST:
-            # a bat that seems wider, as a brighter one does
-            moves = np.concatenate([moves, np.ones((len(moves), 1))], axis=1)
+        shift, weight = edges.shifts(values_at(grey, across[used]), used)
+        both = min((edges.side[used] == sign).sum() for sign in (1, -1)) >= LEAST
         good = (weight > 0) & (np.abs(shift) < CATCH)
         if good.sum() < max(LEAST, CAUGHT * used.sum()):
             return lost
-        step, variance, good = _solve(moves, shift, weight, good)
-        count = levers.shape[1] - pivoted
-        pose[:count] += step[:count]
-        if np.abs(levers[:, :count] @ step[:count]).max() < SETTLED:
+        design = moves[used] if both else moves[used, :-1]
+        step, variance, good = _solve(design, shift, weight, good)
+        step = step[: 2 - pivoted]
+        pose[: len(step)] += step
+        if np.abs(moves[used, : len(step)] @ step).max() < SETTLED:
             return pose, float(np.sqrt(variance)), int(good.sum())
     return lost
-
-
-def _levers(
-    outline: BatEdges, pose: Array, used: NDArray[np.bool_], way: Array, camera: CameraModel | None
-) -> Array:
-    """Return how far edges move along their normals by angle and shift, (point, 2) [pixels]."""
-    small = np.array([SMALL, SMALL if camera else 1.0])
-    moved = []
-    for step in np.diag(small):
-        ahead, behind = (
-            pixels_of(outline.turned(*pose + sign * step)[0][used], camera) for sign in (1, -1)
-        )
-        moved.append(((ahead - behind) * way).sum(axis=1))
-    return np.asarray(np.stack(moved, axis=1) / (2 * small))
 
 
 def _solve(
@@ -185,9 +143,7 @@ def _solve(
     return np.asarray(solved, np.float64), variance * float(inverse[0, 0]), good
 
 
-def recoil_of(
-    times: Array, found: BatAngles, contact: float, contact_u: float = inf, lasts: float = 0.0
-) -> Recoil:
+def recoil_of(times: Array, found: BatAngles, contact: float, lasts: float = 0.0) -> Recoil:
     """Return how fast a bat turns after contact: at rest until it, at a constant rate from it on.
 
     Parameters
@@ -197,10 +153,7 @@ def recoil_of(
     found
         The bat's angles in them.
     contact
-        When the turn begins [s]; a push that lasts counts from its middle, by impulse.
-    contact_u
-        Standard uncertainty of it; infinite: the line after it decides, two frames before it at
-        least.
+        When the turn begins, about [s]: the line after it decides.
     lasts
         Frames so near to the contact belong to neither side [s].
 
@@ -220,22 +173,17 @@ def recoil_of(
     # rest, rate, and rate times how late the turn began
     design = np.stack([np.ones_like(t), np.where(late, t, 0.0), np.where(late, -1.0, 0.0)], axis=1)
     whole, right = design / u[:, None], angle / u
-    rate = float(np.linalg.lstsq(whole, right, rcond=None)[0][1])
-    if np.isfinite(contact_u):
-        prior = np.array([[0.0, 0.0, 1 / max(abs(rate) * contact_u, 1e-12)]])
-        whole, right = np.concatenate([whole, prior]), np.append(right, 0.0)
     covariance = np.linalg.inv(whole.T @ whole)
     solved = covariance @ (whole.T @ right)
     free = len(right) - 3
     chi = float(((right - whole @ solved) ** 2).sum()) / free if free > 0 else 1.0
     covariance = covariance * max(chi, 1.0)
-    rest, rate, late_by = map(float, solved)
+    _, rate, late_by = map(float, solved)
     slope = np.array([-late_by / rate**2, 1 / rate])
     late_u = float(np.sqrt(slope @ covariance[1:, 1:] @ slope))
     return Recoil(
         rate=Estimate(value=rate, u=float(np.sqrt(covariance[1, 1])), evaluation="A"),
         contact=Estimate(value=float(contact) + late_by / rate, u=late_u, evaluation="A"),
-        rest=rest,
         chi_square=chi,
         frames=int(late.sum()),
     )

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
+from virtual_lab.output.rounding import with_uncertainty
 from virtual_lab.video.bat.angles import BatAngles, Recoil, bat_angles, recoil_of
 from virtual_lab.video.bat.outline import find_outline
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.track.tracking import Tracked, uncovered_mean
 
-__all__ = ["BatSeen", "bat_document", "find_bat"]
+__all__ = ["BatSeen", "bat_document", "bat_text", "find_bat", "write_bat_table"]
 
 Array = NDArray[np.float64]
 
@@ -45,12 +47,9 @@ def find_bat(tracked: Tracked, calibration: ClipCalibration) -> BatSeen | None:
     contact = tracked.legs.flights[0].time
     times, balls = tracked.clip.times, _balls(tracked)
     rest = _at_rest(tracked, times < contact - max(LASTS, tracked.exposure), balls)
-    outline = find_outline(rest, place.pivot_m, place.toward_m, place.widest_m, camera)
-    frames = (
-        (float(time), frame, (0.0, 0.0))
-        for time, frame in zip(times, tracked.clip.frames(), strict=True)
-    )
-    angles = bat_angles(frames, outline, camera, balls, pivoted=place.pivoted)
+    edges = find_outline(rest, place, camera)
+    frames = zip(times.tolist(), tracked.clip.frames(), strict=True)
+    angles = bat_angles(frames, edges, balls, pivoted=place.pivoted)
     if len(tracked.legs.flights) < 2:
         where = str(tracked.clip.source.path)
         raise InputError(where, "bat", None, "the ball is not seen to leave it: no recoil to read")
@@ -67,6 +66,22 @@ def bat_document(found: BatSeen) -> dict[str, Any]:
         "chi_square": recoil.chi_square,
         "frames": {"seen": int((found.angles.points > 0).sum()), "after": recoil.frames},
     }
+
+
+def bat_text(found: BatSeen) -> str:
+    """Return the recoil in a line."""
+    rate = with_uncertainty(found.recoil.rate.value, found.recoil.rate.u)
+    return f"  {'bat recoil':12} {rate} rad/s, {found.recoil.frames} frames"
+
+
+def write_bat_table(found: BatSeen, path: Path) -> None:
+    """Write the bat's angles as CSV, a row a frame that shows it."""
+    angles = found.angles
+    lines = [
+        f"{k},{float(found.times[k])!r},{angles.angle[k]:.9g},{angles.u[k]:.3g},{angles.points[k]}"
+        for k in np.flatnonzero(np.isfinite(angles.angle))
+    ]
+    path.write_text("\n".join(["frame,time_s,angle_rad,u_rad,points", *lines, ""]))
 
 
 def _balls(tracked: Tracked) -> Array:

@@ -88,7 +88,7 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
     plane = _plane_view(looked, plan)
     solved = solve(plan.board.corners(), seen, size, plane)
     _require_sound(solved)
-    rotation, translation = _turned(solved.rotations[plane], solved.translations[plane])
+    rotation, translation = _turned(solved.rotations[plane]), solved.translations[plane]
     if not plan.height < (far := float(translation[2])):
         allowed = f"the camera itself is {far:.3g} m over the board"
         raise InputError("", "--height", f"{plan.height:g} m", allowed)
@@ -160,43 +160,47 @@ def _require_sound(solved: Solved) -> None:
         raise InputError("", "relative u of the focal length", f"{vague:.2g}", allowed)
 
 
-def _turned(rotation: Array, translation: Array) -> tuple[Array, Array]:
-    """Return a pose by axes as the module has them: quarter turns of the board's own."""
+def _turned(rotation: Array) -> Array:
+    """Return a pose's turn by axes as the module has them: quarter turns of the board's own."""
     facing = np.diag([1.0, np.sign(rotation[2, 2]), np.sign(rotation[2, 2])])
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     turns = [rotation @ facing @ np.linalg.matrix_power(quarter, n) for n in range(4)]
-    return max(turns, key=lambda each: float(each[0, 0])), translation
+    return max(turns, key=lambda each: float(each[0, 0]))
+
+
+def _lens_and_pose(values: Array, rotation: Array, translation: Array) -> dict[str, Any]:
+    """Return a camera as `CameraModel` has it; `values` as in `Solved`."""
+    import cv2
+
+    fx, fy, cx, cy, *bent = map(float, values)
+    return {
+        "matrix": ((fx, 0.0, cx), (0.0, fy, cy), (0.0, 0.0, 1.0)),
+        "distortion": (*bent, *[0.0] * (5 - len(bent))),
+        "rotation": tuple(cv2.Rodrigues(rotation)[0].ravel().tolist()),
+        "translation_m": tuple(map(float, translation)),
+    }
 
 
 def _model(
     solved: Solved, size: tuple[int, int], rotation: Array, translation: Array, plan: Plan
 ) -> CameraModel:
-    import cv2
-
-    fx, fy, cx, cy = map(float, solved.values[:4])
-    u = list(map(float, solved.u))
-    bent = len(solved.distortion)
-    turn = tuple(map(float, cv2.Rodrigues(rotation)[0].ravel()))
-    fit = CameraFit(
-        board=plan.board.source,
-        views=len(solved.rotations),
-        corners=len(solved.residuals),
-        rms_px=solved.rms,
-        focal_u_px=(u[0], u[1]),
-        centre_u_px=(u[2], u[3]),
-        distortion_u=(*u[4 : 4 + bent], *[0.0] * (5 - bent)),
-        rotation_u=(u[-6], u[-5], u[-4]),
-        translation_u_m=(u[-3], u[-2], u[-1]),
-    )
+    *lens_u, rx, ry, rz, x, y, z = map(float, solved.u)
     return CameraModel(
         image_size=size,
-        matrix=((fx, 0.0, cx), (0.0, fy, cy), (0.0, 0.0, 1.0)),
-        distortion=(*map(float, solved.distortion), *[0.0] * (5 - bent)),
-        rotation=(turn[0], turn[1], turn[2]),
-        translation_m=(float(translation[0]), float(translation[1]), float(translation[2])),
+        **_lens_and_pose(solved.values, rotation, translation),
         plane_height_m=0.0 - plan.height,  # never -0.0
         plane_height_u_m=plan.height_u,
-        fit=fit,
+        fit=CameraFit(
+            board=plan.board.source,
+            views=len(solved.rotations),
+            corners=len(solved.residuals),
+            rms_px=solved.rms,
+            focal_u_px=(lens_u[0], lens_u[1]),
+            centre_u_px=(lens_u[2], lens_u[3]),
+            distortion_u=(*lens_u[4:], *[0.0] * (9 - len(lens_u))),
+            rotation_u=(rx, ry, rz),
+            translation_u_m=(x, y, z),
+        ),
     )
 
 
@@ -207,20 +211,11 @@ def _length_u(solved: Solved, model: CameraModel) -> Array:
     rotation = cv2.Rodrigues(np.array(model.rotation))[0]
 
     def logs(step: Array) -> Array:
-        values = solved.values + step[: len(solved.values)]
-        fx, fy, cx, cy = map(float, values[:4])
-        bent = (*map(float, values[4:]), *[0.0] * (9 - len(values)))
-        turn = cv2.Rodrigues(step[-6:-3])[0] @ rotation
-        x, y, z = map(float, np.array(model.translation_m) + step[-3:])
-        vector = cv2.Rodrigues(turn)[0].ravel()
-        moved = replace(
-            model,
-            matrix=((fx, 0.0, cx), (0.0, fy, cy), (0.0, 0.0, 1.0)),
-            distortion=bent,
-            rotation=(float(vector[0]), float(vector[1]), float(vector[2])),
-            translation_m=(x, y, z),
+        turned = np.asarray(cv2.Rodrigues(step[-6:-3])[0] @ rotation, np.float64)
+        moved = _lens_and_pose(
+            solved.values + step[:-6], turned, np.array(model.translation_m) + step[-3:]
         )
-        return np.log(lengths_of(moved))
+        return np.log(lengths_of(replace(model, **moved)))
 
     steps = np.diag(solved.u)
     slopes = np.array([(logs(each) - logs(-each)) / 2 for each in steps]) / solved.u[:, None]

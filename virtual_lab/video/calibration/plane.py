@@ -58,42 +58,38 @@ def plane_of(found: Located, calibration: ClipCalibration, where: str) -> Plane:
             sizes=_sizes(pixels, places, calibration.camera),
             sense=float(np.sign(stretch)),
         )
-    alike = np.ones(len(pixels))
+    diameter, whole = calibration.ball_diameter_m, found.flags == 0
     if calibration.metres_per_pixel:
-        scale = calibration.metres_per_pixel
-        return Plane(
-            places=pixels * scale,
-            metres_per_pixel=scale,
-            relative_u=calibration.metres_per_pixel_u / scale,
-            source="file",
-            sizes=alike,
-        )
-    diameter = calibration.ball_diameter_m
-    whole = found.flags == 0
-    if diameter is None or not whole.any():
+        scale, source = calibration.metres_per_pixel, "file"
+        relative = calibration.metres_per_pixel_u / scale
+    elif diameter and whole.any():
+        radius, source = float(np.median(found.radius[whole])), "ball"
+        pattern = 0.0 if found.pattern_u is None else float(np.median(found.pattern_u[whole]))
+        scale, radius_u = diameter / (2 * radius), np.hypot(RADIUS_U, RIM * pattern)
+        relative = float(np.hypot(calibration.ball_diameter_m_u / diameter, radius_u / radius))
+    else:
         allowed = "no frame shows the whole ball well, and nothing else sets the scale"
         raise InputError(where, "scale", None, allowed)
-    radius = float(np.median(found.radius[whole]))
-    pattern = 0.0 if found.pattern_u is None else float(np.median(found.pattern_u[whole]))
-    scale = diameter / (2 * radius)
-    radius_u = np.hypot(RADIUS_U, RIM * pattern)
-    relative = float(np.hypot(calibration.ball_diameter_m_u / diameter, radius_u / radius))
     return Plane(
         places=pixels * scale,
         metres_per_pixel=scale,
         relative_u=relative,
-        source="ball",
-        sizes=alike,
+        source=source,
+        sizes=np.ones(len(pixels)),
     )
 
 
 def distance_of(camera: CameraModel) -> float:
     """Return how far the camera is from the ball's plane [m]."""
+    return abs(float(_pose(camera)[1][2]) - camera.plane_height_m)
+
+
+def _pose(camera: CameraModel) -> tuple[Array, Array]:
+    """Return the turn of axes from the plane's to the camera's, and where the camera is [m]."""
     import cv2
 
-    rotation = cv2.Rodrigues(np.array(camera.rotation))[0]
-    eye = -rotation.T @ np.array(camera.translation_m)
-    return abs(float(eye[2]) - camera.plane_height_m)
+    rotation = np.asarray(cv2.Rodrigues(np.array(camera.rotation))[0], np.float64)
+    return rotation, -rotation.T @ np.array(camera.translation_m)
 
 
 def relative_u_of(camera: CameraModel) -> float:
@@ -107,14 +103,9 @@ def on_plane(pixels: Array, camera: CameraModel, diameter: float | None) -> Arra
     A sphere's picture is an ellipse whose centre lies farther out than the centre's own picture,
     by 1 / (1 - r²/Z²): with the diameter known this is undone.
     """
-    import cv2
-
-    rays = _rays(pixels, camera)
-    rotation = cv2.Rodrigues(np.array(camera.rotation))[0]
-    shift = np.array(camera.translation_m)
-    eye = -rotation.T @ shift
+    rays, (rotation, eye) = _rays(pixels, camera), _pose(camera)
     if diameter:
-        depth = float((rotation @ [0, 0, camera.plane_height_m] + shift)[2])
+        depth = float((rotation @ ([0, 0, camera.plane_height_m] - eye))[2])
         rays[:, :2] *= 1 - (diameter / 2 / depth) ** 2
     world = rays @ rotation
     reach = (camera.plane_height_m - eye[2]) / world[:, 2]
@@ -139,12 +130,8 @@ def _sizes(pixels: Array, places: Array, camera: CameraModel) -> Array:
     Its radius is r / (D cos^1.5 b √J) for a sphere at the distance D, seen at b off the axis,
     where a pixel covers J of the plane z = 1: wider off the axis, and as the lens bends.
     """
-    import cv2
-
-    rotation = cv2.Rodrigues(np.array(camera.rotation))[0]
-    eye = -rotation.T @ np.array(camera.translation_m)
     height = np.full(len(places), camera.plane_height_m)
-    far = np.linalg.norm(np.column_stack([places, height]) - eye, axis=1)
+    far = np.linalg.norm(np.column_stack([places, height]) - _pose(camera)[1], axis=1)
     half = np.array([[0.5, 0.0], [0.0, 0.5]])
     across, down = ((_rays(pixels + h, camera) - _rays(pixels - h, camera))[:, :2] for h in half)
     covered = np.abs(across[:, 0] * down[:, 1] - across[:, 1] * down[:, 0])

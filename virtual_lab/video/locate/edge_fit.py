@@ -22,7 +22,7 @@ from virtual_lab.video.locate.rim_profiles import LIKE, blurred_profiles
 if TYPE_CHECKING:
     from virtual_lab.video.locate.edge_kernel import Rim, View
 
-__all__ = ["EdgeFit", "covered", "fit_edge", "solve_ring"]
+__all__ = ["covered", "fit_edge", "solve_ring"]
 
 Array = NDArray[np.float64]
 
@@ -56,21 +56,6 @@ ALIKE = 3.0  # standard deviations of noise: the background and nothing else
 CLEAR = 12.0  # of them that ball and background are apart: with less they are alike
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EdgeFit:
-    """What the edge fits found, arrays of shape (region,), pixels.
-
-    `located.x_u` and `y_u` are noise alone; `located.pattern_u` is what the pattern may shift x
-    or y by, the root mean square of these two:
-    """
-
-    located: Located
-    x_pattern_u: Array
-    y_pattern_u: Array
-    radius_u: Array  # noise and pattern
-    oval: Array  # (region, 2) of the outline: parts of cos 2a and sin 2a
-
-
 def fit_edge(
     regions: NDArray[np.generic],
     corners: Array,
@@ -81,8 +66,10 @@ def fit_edge(
     background: Array | None = None,
     oval: ArrayLike = 0.0,
     oval_u: float = OVAL,
-) -> EdgeFit:
-    """Fit the outlines of a batch of regions.
+) -> Located:
+    """Return the balls of a batch of regions by their outlines.
+
+    `x_u` and `y_u` are noise alone; `pattern_u` is what the pattern may shift x or y by.
 
     Parameters
     ----------
@@ -333,7 +320,7 @@ def covered(view: View, p: Array, way: Array, noise: Noise) -> float:
 
 def _judged(
     outlines: list[Outline | None], start: Located, corners: Array, shape: tuple[int, ...]
-) -> EdgeFit:
+) -> Located:
     """Return what was found, with what is to be said against it."""
     lost_p, lost_tally = np.full(at.COUNT, np.nan), np.full(at.TALLY, np.nan)
     none = Outline(lost_p, np.full((3, 3), np.nan), np.full(3, np.nan), lost_tally, 0.0, 0.0)
@@ -370,8 +357,8 @@ def _judged(
     for flag, raised in tests.items():
         flags[raised] |= np.uint16(flag)
     flags[lost] = PlaceFlag.NOT_FOUND
-    p[lost], own[lost], pattern[lost], whole[lost] = np.nan, np.nan, np.nan, np.nan
-    located = Located(
+    p[lost], own[lost], pattern[lost] = np.nan, np.nan, np.nan
+    return Located(
         x=p[:, at.X] + corners[:, 0],
         y=p[:, at.Y] + corners[:, 1],
         radius=p[:, at.RADIUS],
@@ -381,12 +368,5 @@ def _judged(
         blur_y=start.blur_y,
         chi_square=np.where(lost, np.nan, misfit),
         flags=flags,
-        pattern_u=np.sqrt((pattern[:, 0] ** 2 + pattern[:, 1] ** 2) / 2),
-    )
-    return EdgeFit(
-        located=located,
-        x_pattern_u=pattern[:, 0],
-        y_pattern_u=pattern[:, 1],
-        radius_u=whole[:, 2],
-        oval=p[:, [at.OVAL_C, at.OVAL_S]],
+        pattern_u=np.hypot(pattern[:, 0], pattern[:, 1]) / sqrt(2),
     )

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.reading import grey_of
-from virtual_lab.video.locate.edge_fit import OVAL, EdgeFit, fit_edge
+from virtual_lab.video.locate.edge_fit import OVAL, fit_edge
 from virtual_lab.video.locate.located import Located, Regions, part_of, put
 from virtual_lab.video.locate.noise import Noise
 
@@ -25,8 +25,8 @@ PIXELS = 5e5  # of the frames sampled: enough for their noise
 CORE = 0.6  # of the radius: well inside the ball
 ROUND = 1e-3  # of an outline near the middle: its oval
 LENS_TRIED = 8  # regions on which the lens is found
-LENSES = 0.4, 3.5  # pixels
-CLOSE = 0.03  # relative, of the lens's blur
+LENSES = (0.45, 0.6, 0.8, 1.1, 1.5, 2.2, 3.2)  # pixels: a wrong one may be the best about it
+NEXT, CLOSE = 0.3, 0.03  # relative: from one of them to the next, and how close one is found
 WORST = 50.0  # of a score
 
 
@@ -34,9 +34,6 @@ Array = NDArray[np.float64]
 
 TRIED = 16  # regions in which it is looked for what all share
 LIT = 0.93  # of the ball: less of it is light, the rest in the dark
-LEAST = 6  # good ones among them that show it
-FIRST_OVAL_U = 0.01  # of outlines whose oval is to be learnt
-LEAST_OVAL_U = 2e-4  # of those whose oval was
 AGAIN = 0.3  # pixels, from start to end: by then the fit may have taken outline for pattern
 ROUNDS = 4
 HALF = 0.5  # of the light's contrast: its outline
@@ -89,8 +86,8 @@ def lens_of(seen: Regions, start: Located, noise: Noise, middle: tuple[float, fl
     """
     from scipy.optimize import minimize_scalar
 
-    near = np.argsort(np.hypot(start.x - middle[0], start.y - middle[1]), kind="stable")
-    tried = np.sort(near[:LENS_TRIED])
+    order = np.argsort(np.hypot(start.x - middle[0], start.y - middle[1]), kind="stable")
+    tried = np.sort(order[:LENS_TRIED])
     some = part_of(start, tried)
     pixels, corners, behind = seen.pixels[tried], seen.corners[tried], seen.background[tried]
 
@@ -106,16 +103,17 @@ def lens_of(seen: Regions, start: Located, noise: Noise, middle: tuple[float, fl
         )
         return _score(found)
 
-    low, high = np.log(LENSES)
-    best = minimize_scalar(misfit, bounds=(low, high), options={"xatol": CLOSE})
+    about = min(np.log(LENSES).tolist(), key=misfit)
+    near = about - NEXT, about + NEXT
+    best = minimize_scalar(misfit, bounds=near, options={"xatol": CLOSE})
     return float(np.exp(best.x))
 
 
-def _score(found: EdgeFit) -> float:
+def _score(found: Located) -> float:
     """Return how badly a lens does: a wrong one misfits, or is mended by much of a pattern."""
-    located = found.located
-    u = located.x_u**2 + located.y_u**2 + found.x_pattern_u**2 + found.y_pattern_u**2
-    each = np.log(located.chi_square * u)
+    assert found.pattern_u is not None
+    u = found.x_u**2 + found.y_u**2 + 2 * found.pattern_u**2
+    each = np.log(found.chi_square * u)
     return float(np.median(np.where(np.isfinite(each), each, WORST)))
 
 
@@ -147,7 +145,7 @@ def place(
     noise: Noise,
     lens: float,
     middle: tuple[float, float],
-    oval: tuple[float, float] | None = None,
+    oval: tuple[float, float] = (0.0, OVAL),
 ) -> Located:
     """Return the ball's places in the full frame.
 
@@ -163,10 +161,10 @@ def place(
         Pixel that the camera's axis meets.
     oval
         k, a sphere at d from the middle having the outline r = R (1 + k d² cos 2(a - a_d)) [1/px²],
-        and the standard uncertainty of what is beside the 1; learnt from some regions by default.
+        and the standard uncertainty of what is beside the 1.
     """
 
-    def outlined(which: NDArray[np.intp], start: Located, **known: Any) -> EdgeFit:
+    def outlined(which: NDArray[np.intp], start: Located, **known: Any) -> Located:
         return fit_edge(
             seen.pixels[which],
             seen.corners[which],
@@ -179,15 +177,11 @@ def place(
 
     axis = np.array(middle)
     off = _stretched(_places(start), axis)
-    if oval is None:
-        some = _spread(len(off))
-        first = outlined(some, part_of(start, some), oval_u=FIRST_OVAL_U)
-        oval = _learnt(first, axis, float(np.hypot(*off.T).max()))
     k, oval_u = oval
     found, left = replace(start, pattern_u=np.full(len(off), np.nan)), np.arange(len(off))
     for _ in range(ROUNDS):
         begin = part_of(found, left)
-        fitted = outlined(left, begin, oval=k * off[left], oval_u=oval_u).located
+        fitted = outlined(left, begin, oval=k * off[left], oval_u=oval_u)
         found = put(fitted, left, found)
         moved = np.hypot(*(_places(fitted) - _places(begin)).T)
         left = left[np.fmax(moved, np.abs(fitted.radius - begin.radius)) > AGAIN]
@@ -205,29 +199,6 @@ def _stretched(places: Array, middle: Array) -> Array:
     """Return d² (cos 2a, sin 2a) of places (region, 2) at d off the axis, in the direction a."""
     x, y = np.where(np.isfinite(places), places - middle, 0.0).T
     return np.stack([x**2 - y**2, 2 * x * y], axis=1)
-
-
-def _learnt(first: EdgeFit, middle: Array, most: float) -> tuple[float, float]:
-    """Return what `place` wants of the oval: k, and what it leaves open of ovals up to k `most`.
-
-    An outline is longer by 1 / cos b along the way from the axis, seen at an angle b off it.
-    """
-    good = (first.located.flags == 0) & np.isfinite(first.radius_u)
-    if good.sum() < LEAST:
-        return 0.0, OVAL
-    shape = _stretched(_places(first.located), middle)[good].ravel()
-    told = first.oval[good].ravel()
-    weight = np.repeat(1 / first.radius_u[good] ** 2, 2)
-    k, trust = 0.0, weight
-    for _ in range(6):  # the middle of what they say, not the mean
-        left = told - k * shape
-        usual = 1.4826 * float(np.median(np.abs(left))) + 1e-9
-        trust = weight / np.maximum(1.0, np.abs(left) / (2 * usual))
-        k = float((trust * shape) @ told / max(float((trust * shape) @ shape), 1e-30))
-    left = told - k * shape
-    k_spread = float(np.sqrt((trust @ left**2) / trust.sum() / (len(told) - 1)))
-    size = float(np.sqrt((trust @ shape**2) / trust.sum()))
-    return max(k, 0.0), max(LEAST_OVAL_U, k_spread / max(size, 1.0) * most)
 
 
 def _places(found: Located) -> Array:

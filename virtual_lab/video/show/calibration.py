@@ -13,7 +13,6 @@ from virtual_lab.output.rounding import with_uncertainty
 from virtual_lab.output.style import STYLE
 from virtual_lab.video.calibration.calibrating import Calibrated, lengths_of
 from virtual_lab.video.calibration.plane import relative_u_of
-from virtual_lab.video.clips.calibration_file import CameraFit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,7 +35,6 @@ HEAD = """\
 
 
 ARROW = 0.02  # of the picture's width: how long the rms residual is drawn
-DOTS = 1200  # residuals whose dots can still be distinguished
 INK, PLANE = "#0072b2", "#d55e00"
 
 
@@ -64,7 +62,8 @@ def calibration_document(found: Calibrated) -> dict[str, Any]:
 
 def calibration_text(found: Calibrated) -> str:
     """Return the calibration in a few lines."""
-    model, fit = found.model, _fit_of(found)
+    model, fit = found.model, found.model.fit
+    assert fit is not None
     (fx, _, cx), (_, fy, cy), _ = model.matrix
     across, down = 1e3 * lengths_of(model) / (np.array(model.image_size) / 2)
     k1, k2, p1, p2, k3 = (
@@ -97,11 +96,6 @@ def calibration_text(found: Calibrated) -> str:
     return "\n".join(lines + [f"  warning: {each}" for each in found.warnings])
 
 
-def _fit_of(found: Calibrated) -> CameraFit:
-    assert found.model.fit is not None
-    return found.model.fit
-
-
 def _line(name: str, *values: str) -> str:
     return f"  {name:<34}{', '.join(values)}"
 
@@ -127,11 +121,8 @@ def draw_calibration(found: Calibrated, path: Path) -> None:
         tall = min(4.6, 5.2 * high / wide)
         figure = Figure(figsize=(7.6, tall + 2.3), dpi=150, layout="constrained")
         over, below = figure.subplots(2, 1, height_ratios=(tall, 1.7))
-        inset, views = below.get_subplotspec().subgridspec(1, 2, width_ratios=(1, 2.6)).subplots()
-        below.remove()
         _over_picture(over, found)
-        _scatter(inset, found)
-        _by_view(views, found)
+        _by_view(below, found)
         figure.savefig(path)
 
 
@@ -166,18 +157,6 @@ def _round(number: float) -> float:
     """Return the 1, 2 or 5 with zeros next below a number above 1."""
     power = 10.0 ** floor(log10(number))
     return max(power * digit for digit in (1, 2, 5) if power * digit <= number)
-
-
-def _scatter(axes: Axes, found: Calibrated) -> None:
-    solved = found.solved
-    every = max(1, len(solved.residuals) // DOTS)
-    axes.plot(*solved.residuals[::every].T, ".", color=INK, markersize=2)
-    reach = 1.1 * float(np.abs(solved.residuals).max())
-    axes.axhline(0, color="0.6", linewidth=0.6, zorder=0)
-    axes.axvline(0, color="0.6", linewidth=0.6, zorder=0)
-    axes.set(xlim=(-reach, reach), ylim=(reach, -reach), aspect="equal")
-    axes.set(xlabel="residual, pixels")
-    axes.locator_params(nbins=4)
 
 
 def _by_view(axes: Axes, found: Calibrated) -> None:

@@ -81,7 +81,7 @@ class TrackedClip:
 
         Raises `InputError` where the folder is not empty or cannot be written.
         """
-        from virtual_lab.video.show.bat_plot import draw_bat, write_bat_table
+        from virtual_lab.video.bat.clip import write_bat_table
         from virtual_lab.video.show.pictures import (
             draw_track,
             pictures_of,
@@ -101,7 +101,6 @@ class TrackedClip:
             film.result()
             if self.bat:
                 write_bat_table(self.bat, draft / "bat.csv")
-                draw_bat(self.bat, draft / "bat.png")
 
 
 def track_clip(
@@ -129,8 +128,7 @@ def track_clip(
     extra: dict[str, Any] = {}
     lines = []
     if _wants_sharp(asked, found):
-        from virtual_lab.video.bat.clip import bat_document, find_bat
-        from virtual_lab.video.show.bat_plot import bat_text
+        from virtual_lab.video.bat.clip import bat_document, bat_text, find_bat
         from virtual_lab.video.track.speeds import with_speeds
         from virtual_lab.video.track.tracking import sharpened
 
