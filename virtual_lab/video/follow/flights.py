@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 FEWEST = 6  # places of a flight
 SIDE = 4  # places on each side of a contact, to state a restitution
 ALIKE = 0.25  # of the acceleration that flights may differ by before drag and tilt are known
-BENDS = 0.08  # radii by which the shorter of them may bend otherwise: few scatter little by chance
+BENDS = 0.08  # radii by which a flight may bend otherwise: few places scatter little by chance
 UPRIGHT = 0.5  # radians that g may be off the picture's downward direction
 SAG = 1.0  # radii that gravity must bend a way by, for its direction to be asked for
 SHOWS = 0.3  # the same, for gravity to be missed where there is none
@@ -148,7 +148,8 @@ def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]
     bright = min(float(np.median(scene.found["contrast"][each.blobs])) for each in flights)
     for piece in pieces:
         pull, u, rms = _bent(scene, piece)
-        if len(piece.t) < FEWEST + 2 or rms > max(SHARP * piece.radius, CODED):
+        bent = float(np.hypot(*pull)) * np.ptp(piece.t) ** 2 / 8
+        if len(piece.t) < FEWEST + 2 or rms > max(SHARP * piece.radius, CODED, CLEAN * bent):
             continue
         if taken & set(piece.blobs.tolist()) or np.ptp(piece.xy, axis=0).max() < FAR * piece.radius:
             continue
@@ -243,7 +244,7 @@ def _of_one_gravity(scene: FlightScene, pieces: list[Piece]) -> list[Piece]:
             continue
         like = []
         for other, own, own_u, _ in told:
-            shown = 8 * BENDS * piece.radius / min(np.ptp(piece.t), np.ptp(other.t)) ** 2
+            shown = 8 * BENDS * piece.radius / np.ptp(other.t) ** 2
             chance = 3 * float(np.hypot(u[0], own_u[0]))
             slowed = (DRAG + DRAG_U) / piece.radius * max(_fast(piece), _fast(other)) ** 2
             room = max(chance, shown, slowed, ALIKE * float(np.hypot(*pull)))
