@@ -412,7 +412,14 @@ UNSEEN = {
         _thrown("tiny", phone=replace(PHONED, focal=225, distance=2.1), fps=60, count=150),
         _thrown("blurred", exposure=1 / 31, place=(-0.70, 0.0), velocity=(1.1, -2.4)),
         _thrown("panned", phone=replace(PHONED, pan=90.0, drift=6), fps=60, count=140),
-        _thrown("turned-after", phone=replace(PHONED, pan=260.0, drift=0), fps=30, count=70),
+        _thrown(
+            "turned-after",
+            phone=replace(PHONED, pan=150.0, drift=0),
+            backdrop=SPECKLED,
+            count=70,
+            place=(0.2, -0.05),
+            arm_from=(-0.8, 0.5),
+        ),
         _thrown("stamped", stored="lost", true_stamps=True),
         _thrown("hevc", codec="HEVC"),
         _thrown(

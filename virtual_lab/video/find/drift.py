@@ -26,6 +26,7 @@ PIXELS = 3000
 STEEPEST = 2.0  # DN a pixel: less is noise
 STEPS = 12
 NEAR = 1.5  # pixels: a shift found so near to its guess is looked for no farther
+FITS = 0.5  # pixels that edges may lie off for that, what moves on its own clipped
 FEW = 6.0  # pixels that show a shift: of fewer it stays
 BLACK = 24.0  # DN: a row or column that has nothing lighter is no picture
 EDGE = 4  # pixels
@@ -33,6 +34,7 @@ SETTLED = 0.003  # pixels
 TUKEY = 4.7  # standard deviations: what is farther off does not count
 LEAST_SPREAD = 0.1  # pixels
 CLIPPED = 2.0  # pixels: what is farther off moves on its own
+SHOWN = 0.2  # of the edges that a picture has at least
 STAND = 0.98  # of its cost: a camera on a stand is the simpler thing to say
 RIDGE = 1e-3  # of what a picture shows of a shift: an edge does not hold one along it
 
@@ -63,7 +65,8 @@ class Edges:
                 scale = 2.0 ** (finest - k)
                 shift = scale * _settled(self.levels[k], pictures[k], shift / scale)
             tried.append(shift)
-            if np.hypot(*(shift - guess)) < NEAR:
+            near = np.hypot(*(shift - guess)) < NEAR
+            if near and _cost(self.levels[-1], pictures[-1], shift) < FITS:
                 break  # of what moves so little the coarser levels show no more
         costs = [_cost(self.levels[-1], pictures[-1], each) for each in tried]
         costs[0] *= STAND
@@ -76,12 +79,14 @@ def middle(values: NDArray[np.floating]) -> NDArray[np.floating]:
     return np.asarray(np.partition(values, place, axis=-1)[..., place])
 
 
-def edges_of(grey: Image) -> Edges:
-    """Return the steep pixels of a picture (row, column)."""
+def edges_of(grey: Image, origin: Array | None = None) -> Edges:
+    """Return the steep pixels of a picture (row, column); `origin`: x, y of its first pixel."""
     count = 1
     while count < LEVELS and min(grey.shape) >> count >= SMALLEST:
         count += 1
-    return Edges(levels=[_level(each) for each in _pyramid(grey, count)[::-1]])
+    first = np.zeros(2) if origin is None else origin
+    levels = [_level(p, first / 2**k) for k, p in enumerate(_pyramid(grey, count))]
+    return Edges(levels=levels[::-1])
 
 
 def _pyramid(grey: Image, count: int) -> list[NDArray[np.float32]]:
@@ -93,7 +98,7 @@ def _pyramid(grey: Image, count: int) -> list[NDArray[np.float32]]:
     return [each.astype(np.float32) for each in pictures]
 
 
-def _level(picture: NDArray[np.float32]) -> _Level:
+def _level(picture: NDArray[np.float32], first: Array) -> _Level:
     import cv2
 
     across = cv2.Scharr(picture, cv2.CV_32F, 1, 0, scale=1 / 32)
@@ -106,8 +111,8 @@ def _level(picture: NDArray[np.float32]) -> _Level:
     slope = np.hypot(across[y, x], down[y, x]).astype(float)
     design = np.stack([across[y, x], down[y, x], value, np.ones_like(value)], axis=1)
     return _Level(
-        x=x.astype(float),
-        y=y.astype(float),
+        x=x + first[0],
+        y=y + first[1],
         value=value,
         design=design / slope[:, None],
         slope=slope,
@@ -138,12 +143,20 @@ def _steepest(slope: NDArray[np.float32]) -> NDArray[np.intp]:
     return np.concatenate(chosen)
 
 
+def _inside(level: _Level, picture: NDArray[np.float32], shift: Array) -> NDArray[np.bool_]:
+    rows, columns = picture.shape
+    x, y = level.x + shift[0], level.y + shift[1]
+    return np.asarray((x > 0) & (x < columns - 1) & (y > 0) & (y < rows - 1))
+
+
 def _cost(level: _Level, picture: NDArray[np.float32], shift: Array) -> float:
     """Return how far edges lie from where they should, what moves on its own clipped [pixels]."""
-    left = _seen(level, picture, shift) - level.value
-    if not left.size:
-        return 0.0
-    return float(np.minimum(np.abs(left - middle(left)) / level.slope, CLIPPED).mean())
+    inside = _inside(level, picture, shift)
+    if not inside.any():
+        return CLIPPED
+    left = (_seen(level, picture, shift) - level.value)[inside]
+    off = np.minimum(np.abs(left - middle(left)) / level.slope[inside], CLIPPED).mean()
+    return float(off if inside.mean() > SHOWN else CLIPPED)
 
 
 def _seen(level: _Level, picture: NDArray[np.float32], shift: Array) -> Array:
@@ -160,12 +173,12 @@ def _settled(level: _Level, picture: NDArray[np.float32], shift: Array) -> Array
     if level.x.size < 4:
         return shift
     gain, offset = 1.0, 0.0
-    rows, columns = picture.shape
     for _ in range(STEPS):
-        x, y = level.x + shift[0], level.y + shift[1]
-        inside = (x > 0) & (x < columns - 1) & (y > 0) & (y < rows - 1)
+        inside = _inside(level, picture, shift)
+        if not inside.any():
+            break
         left = (_seen(level, picture, shift) - gain * level.value - offset) / level.slope
-        spread = max(LEAST_SPREAD, 1.4826 * float(middle(np.abs(left))))
+        spread = max(LEAST_SPREAD, 1.4826 * float(middle(np.abs(left[inside]))))
         weight = np.where(inside, np.maximum(0, 1 - (left / (TUKEY * spread)) ** 2) ** 2, 0.0)
         weighted = level.design * weight[:, None]
         normal = weighted.T @ level.design

@@ -34,7 +34,7 @@ Image = NDArray[np.uint8]
 SEARCHED = 4e5  # pixels of the picture that is searched: larger ones are made smaller
 NO_DRIFT = 0.15  # pixels over a clip: a camera on a stand
 STILL = 0.05  # pixels searched: pictures laid upon one another as they are
-FASTEST = 3.0  # pixels a frame of drift
+FASTEST = 0.025  # of the picture's longer side a frame: a camera turned after the ball
 ROUNDS = 2  # the samples are laid upon one of them, and then on the median of all
 FEWEST = 8  # samples that show which side of the background a ball is on
 SIDE = 0.25  # quantile, or its complement, at which the background of a slow ball lies
@@ -63,7 +63,7 @@ class Still:
     restless: Image  # (row, column) of that: differences that are no ball's
     shrink: int  # pixels of the full size a pixel of the small one, each way
     depth: int  # bits that frames are cut to 8 from
-    edges: Edges  # of the small one
+    edges: Edges  # of `small`
     drifts: bool
 
     def shift(self, small: Image, before: Array) -> Array:
@@ -74,7 +74,9 @@ class Still:
         if not self.drifts:
             return np.zeros(2)
         shift = self.shrink * self.edges.shift(_grey(small), before / self.shrink)
-        return np.asarray(shift if np.hypot(*(shift - before)) < FASTEST else before)
+        return np.asarray(
+            shift if np.hypot(*(shift - before)) < FASTEST * max(self.size) else before
+        )
 
     def shrunk(self, picture: Image) -> Image:
         """Return a picture in the size that is searched."""
@@ -148,7 +150,7 @@ def still_of(
     greys = [_grey(each) for each in small]
     shifts = np.zeros((len(greys), 2))
     if not stands:
-        shifts = _laid(greys, FASTEST * apart / shrink)
+        shifts = _laid(greys, FASTEST * max(rows, columns) * apart / shrink)
     drifts = bool(np.ptp(shifts * shrink, axis=0).max() > NO_DRIFT)
     if not drifts:
         shifts[:] = 0
@@ -162,7 +164,6 @@ def still_of(
         _strongest(_apart(moved_back(each, (shift + origin) / shrink, (0, 0), behind), behind))
         for each, shift in zip(small, shifts, strict=True)
     ]
-    inner = moved_back(behind, -origin / shrink, (0, 0), small[0])
     return Still(
         background=background,
         origin=(int(origin[0]), int(origin[1])),
@@ -171,7 +172,7 @@ def still_of(
         restless=np.minimum(_quantile(off, RESTLESS), RESTLESS_MOST).astype(np.uint8),
         shrink=shrink,
         depth=depth,
-        edges=edges_of(_grey(np.ascontiguousarray(inner))),
+        edges=edges_of(_grey(behind), origin / shrink),
         drifts=drifts,
     )
 

@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 FEWEST = 6  # places of a flight
 SIDE = 4  # places on each side of a contact, to state a restitution
 ALIKE = 0.25  # of the acceleration that flights may differ by before drag and tilt are known
-BENDS = 0.08  # radii by which the shorter of them may bend otherwise: few scatter little by chance
+BENDS = 0.08  # radii by which a flight may bend otherwise: few places scatter little by chance
 UPRIGHT = 0.5  # radians that g may be off the picture's downward direction
 SAG = 1.0  # radii that gravity must bend a way by, for its direction to be asked for
 SHOWS = 0.3  # the same, for gravity to be missed where there is none
@@ -45,7 +45,7 @@ HALF = 0.5  # of the ball's contrast: what has less is its shadow or mirror imag
 ROUNDS = 4
 ASIDE = 0.45  # radii, median (the worst: twice that), off another flight's way: they are one
 APART = 0.6  # radii that two flights may miss each other by at a contact
-SMOOTH = 0.12  # radii, rms: a flight's places lie on its way
+SMOOTH = (0.12, 0.7)  # radii, or pixels of a small ball, rms: a flight's places lie on its way
 SHARP = 0.04  # radii, likewise, where the acceleration is far from g; or, of a way that bends by
 CLEAN, DEEP = 0.015, 3.0  # so many radii, a share of its sag: no hand draws such a parabola
 CODED = 0.4  # pixels, that a codec leaves of that with a small ball
@@ -137,8 +137,8 @@ def _holds(scene: FlightScene, flights: Sequence[Piece], fit: Fit) -> bool:
     """Return whether flights fitted together still fall as gravity lets them."""
     longest = max(flights, key=lambda each: len(each.t))
     u = np.sqrt(np.diagonal(fit.covariance)[:2])
-    rms = fit.spread if len(flights) > 1 else SHARP / SMOOTH * fit.spread
-    return fit.spread < SMOOTH * longest.radius and _falls(scene, longest, fit.pull[0], u, rms)
+    rms = fit.spread if len(flights) > 1 else SHARP / SMOOTH[0] * fit.spread
+    return _smooth(fit.spread, longest) and _falls(scene, longest, fit.pull[0], u, rms)
 
 
 def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> list[Piece]:
@@ -148,7 +148,8 @@ def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]
     bright = min(float(np.median(scene.found["contrast"][each.blobs])) for each in flights)
     for piece in pieces:
         pull, u, rms = _bent(scene, piece)
-        if len(piece.t) < FEWEST + 2 or rms > max(SHARP * piece.radius, CODED):
+        bent = float(np.hypot(*pull)) * np.ptp(piece.t) ** 2 / 8
+        if len(piece.t) < FEWEST + 2 or rms > max(SHARP * piece.radius, CODED, CLEAN * bent):
             continue
         if taken & set(piece.blobs.tolist()) or np.ptp(piece.xy, axis=0).max() < FAR * piece.radius:
             continue
@@ -236,14 +237,14 @@ def _aligned(flights: list[Piece], fit: Fit) -> list[Piece]:
 def _of_one_gravity(scene: FlightScene, pieces: list[Piece]) -> list[Piece]:
     """Return the pieces that share the acceleration with the most places behind it."""
     told = [(each, *_bent(scene, each)) for each in pieces]
-    told = [each for each in told if each[3] < SMOOTH * each[0].radius]
+    told = [each for each in told if _smooth(each[3], each[0])]
     best: tuple[float, list[Piece]] = (0.0, [])
     for piece, pull, u, rms in told:
         if len(piece.t) < FEWEST or not _falls(scene, piece, pull, u, rms):
             continue
         like = []
         for other, own, own_u, _ in told:
-            shown = 8 * BENDS * piece.radius / min(np.ptp(piece.t), np.ptp(other.t)) ** 2
+            shown = 8 * BENDS * piece.radius / np.ptp(other.t) ** 2
             chance = 3 * float(np.hypot(u[0], own_u[0]))
             slowed = (DRAG + DRAG_U) / piece.radius * max(_fast(piece), _fast(other)) ** 2
             room = max(chance, shown, slowed, ALIKE * float(np.hypot(*pull)))
@@ -256,6 +257,10 @@ def _of_one_gravity(scene: FlightScene, pieces: list[Piece]) -> list[Piece]:
         if support > best[0]:
             best = (support, like)
     return best[1]
+
+
+def _smooth(rms: float, piece: Piece) -> bool:
+    return rms < max(SMOOTH[0] * piece.radius, SMOOTH[1])
 
 
 def _fast(piece: Piece) -> float:
