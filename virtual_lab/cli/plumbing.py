@@ -155,16 +155,16 @@ def _shared_options(
         usual = ""
         if isinstance(folder, str) and folder:
             named = re.sub(r"{(\w+)}", lambda found: found[1].upper(), folder)
-            usual = f"out/{named}, then -2"
-        words = f"New folder for all that is written.{f'  [default: {usual}]' if usual else ''}"
+            usual = f"out/{named}, or with -2, -3, …"
+        words = f"New folder for all results.{f'  [default: {usual}]' if usual else ''}"
         options.append(click.Option(["--out"], type=path, metavar="FOLDER", help=words))
     if table:
-        words = "Write the table into a new file, .csv."
+        words = "Write the table into a new .csv file."
         options.append(click.Option(["--csv"], type=path, metavar="FILE", help=words))
     if picture:
-        words = "Draw the picture into a new file, .png, .svg or .pdf."
+        words = "Draw the figure into a new .png, .svg or .pdf file."
         options.append(click.Option(["--plot"], type=path, metavar="FILE", help=words))
-    words = "One JSON document on stdout."
+    words = "Print the result as one JSON document."
     return [*options, click.Option(["--json", "as_json"], is_flag=True, help=words)]
 
 
@@ -268,7 +268,7 @@ def laboratories_option(default: int) -> Callable[[Function], Function]:
         default=default,
         show_default=True,
         metavar="NUMBER",
-        help="Laboratories, each with balls and errors of its own.",
+        help="Number of simulated laboratories, each with other balls and calibration errors.",
     )
 
 
@@ -280,7 +280,7 @@ def seed_option(words: str, default: int | None = 1) -> Callable[[Function], Fun
         default=default,
         show_default=default is not None,
         metavar="NUMBER",
-        help=f"Seed of all that is random{words}",
+        help=f"Seed of all random numbers{words}",
     )
 
 
@@ -289,7 +289,7 @@ fault_option = click.option(
     "faults",
     multiple=True,
     metavar="FAULT",
-    help="What goes wrong ('virtual-lab list faults'); may be given several times.",
+    help="Fault of the test day ('virtual-lab list faults'); may be given several times.",
     shell_complete=names("faults"),
 )
 
@@ -297,7 +297,8 @@ inertia_option = click.option(
     "--reference-inertia",
     metavar="BAT|'NUMBER UNIT'",
     shell_complete=names("bats"),
-    help="I0 of the swing law: a bat's own, or e.g. '17000 oz in^2', the paper's (default).",
+    help="Moment of inertia I0 in the swing law: that of a bat, or a number with unit  "
+    "[default: 17000 oz in^2, as in the paper]",
 )
 
 law_option = click.option(
@@ -305,11 +306,11 @@ law_option = click.option(
     type=click.Choice(["power", "energy"]),
     default="power",
     show_default=True,
-    help="Swing by I^-n, or with the same energy into bat and batter.",
+    help="Swing law: bat speed proportional to I^-n, or the same energy for bat and batter.",
 )
 
 ball_option = click.option(
     "--ball",
     shell_complete=names("balls"),
-    help="Ball in the field  [default: the game conditions' own, of the bat's sport]",
+    help="Ball in play on the field  [default: standard ball of the bat's sport]",
 )
