@@ -453,7 +453,7 @@ def reduce(records: str | Path) -> Certificate:
         return Certificate(certification=certify_laboratory(folder))
     inner = [path.parent for path in sorted(folder.glob(f"*/{SESSION}"))]
     if inner and not (folder / SESSION).exists():
-        raise InputError("", "records", str(folder), f"they are in {inner[0]}")
+        raise InputError("", "records", str(folder), f"they are in {inner[0]}; give that folder")
     return Certificate(certification=certify_session(load_session(folder)))
 
 

@@ -38,19 +38,20 @@ def main() -> None:
     except InputError as fault:
         _leave(2, str(fault))
     except click.UsageError as fault:
-        _leave(2, f"{fault.format_message()} (try '{PROGRAM} --help')")
+        asked = fault.ctx.command_path if fault.ctx else PROGRAM
+        _leave(2, f"{fault.format_message()} (try '{asked} --help')")
     except click.ClickException as fault:
         _leave(2, fault.format_message())
     except OSError as fault:  # a disk that is full, a place that may not be written to
         where = f"{fault.filename}: " if fault.filename else ""
         _leave(2, f"{where}{fault.strerror or fault}")
-    except SystemExit:  # click's answer to a reader that has had enough (EPIPE): no fault
+    except SystemExit:  # click's answer to a closed pipe (EPIPE): no error
         sys.exit(0)
     except Exception:
         import traceback
 
         traceback.print_exc()
-        _leave(1, "a fault of this program, not of the input; please report the lines above")
+        _leave(1, "a bug in this program, not in your input; please report the lines above")
     sys.exit(code if isinstance(code, int) else 0)
 
 

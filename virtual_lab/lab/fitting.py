@@ -24,7 +24,7 @@ __all__ = [
 
 
 def nominal_places(procedure: Procedure, bat: BatSpec) -> tuple[float, float]:
-    """Return between which places a bat as drawn is to be struck [m from the tip]."""
+    """Return the range of places where the nominal bat will be hit [m from the tip]."""
     if procedure.scan:
         return procedure.scan.low, procedure.scan.high
     beam = beam_of(bat.body)
@@ -42,10 +42,13 @@ def require_rig(rig: Rig, procedure: Procedure) -> None:
             for name, other in installed_rigs().items()
             if other.stage is Stage.IMPACT and procedure.needs <= other.channels.keys()
         ]
-        allowed = f"{procedure.name} needs its {', '.join(lacking)}; such are {', '.join(able)}"
+        allowed = (
+            f"records no {', '.join(lacking)}, which {procedure.name} needs; "
+            f"allowed: {', '.join(able)}"
+        )
         raise InputError("", "rig", rig.name, allowed)
     if "swing" in rig.channels and procedure.bat_speed is None:
-        raise InputError("", "rig", rig.name, f"it swings the bat; {procedure.name} has it at rest")
+        raise InputError("", "rig", rig.name, f"swings the bat; {procedure.name} needs it at rest")
 
 
 def require_motion(rig: Rig, motion: MotionRung) -> None:
@@ -60,7 +63,7 @@ def require_camera(rig: Rig) -> None:
     """Refuse to film at a rig that has no camera."""
     if "camera" not in rig.channels:
         able = [name for name, other in installed_rigs().items() if "camera" in other.channels]
-        raise InputError("", "film", rig.name, f"this rig has no camera; {', '.join(able)} has one")
+        raise InputError("", "film", rig.name, f"has no camera; allowed: {', '.join(able)}")
 
 
 def require_places(procedure: Procedure, bat: BatSpec) -> None:

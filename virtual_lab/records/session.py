@@ -207,7 +207,7 @@ def _record(folder: Path, name: tuple[str, str], entry: ChannelEntry, where: Pat
             str(path),
             "sha256",
             None,
-            "not the record session.json was written with (if the change is meant, drop the key)",
+            "the file was changed after session.json was written (if on purpose, remove this key)",
         )
     record = RECORD_TYPES[entry.record].from_table(table, str(path))
     return _with_arrays(record, entry, path)
@@ -228,7 +228,7 @@ def _with_arrays(record: Record, entry: ChannelEntry, path: Path) -> Record:
             raise InputError(str(beside), "file", None, f"cannot be read ({fault})") from fault
         if not same:
             raise InputError(
-                str(beside), "sha256", None, "not the array session.json was written with"
+                str(beside), "sha256", None, "the file was changed after session.json was written"
             )
         try:
             record = replace(record, **{name: values})

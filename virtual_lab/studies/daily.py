@@ -279,7 +279,8 @@ def _check_counts(days: int, baseline: int, hits: int, rules: Collection[int]) -
         ("hits", hits, 2, MOST_HITS),
     ):
         if not low <= value <= high:
-            raise InputError("", name, value, f"allowed: {low} to {high}")
+            most = f"{high}, fewer than the days" if name == "baseline" else f"{high}"
+            raise InputError("", name, value, f"allowed: {low} to {most}")
     for rule in rules:
         if rule not in RULES:
             raise InputError("", "rule", rule, f"allowed: {', '.join(map(str, RULES))}")

@@ -83,7 +83,9 @@ def _require_constants(given: list[str], needed: list[str], where: str) -> None:
         raise InputError(where, "calibration", None, allowed)
     if unknown:
         hint = nearest(unknown[0], needed)
-        raise InputError(where, "calibration", ", ".join(unknown), f"{hint}not a constant here")
+        raise InputError(
+            where, "calibration", ", ".join(unknown), f"{hint}no constant of this procedure"
+        )
 
 
 def _unnumbered(key: str) -> str:

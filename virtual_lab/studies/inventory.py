@@ -177,7 +177,7 @@ def show(name: str) -> ShownSheet | ShownCertificate:
     if name.endswith(".toml"):
         return _sheet("bats", name)
     near = nearest(name, [known for kind in catalog.KINDS for known in catalog.names(kind)])
-    raise InputError("", "name", name, f"{near}'virtual-lab list' shows what there is")
+    raise InputError("", "name", name, f"{near}not in the catalog; 'virtual-lab list' lists it")
 
 
 def _sheet(kind: str, name: str) -> ShownSheet:

@@ -45,7 +45,7 @@ def slope(bats: Sequence[str] = (), *, procedure: str = "astm-f1881") -> Rows[Sl
     """
     bats = bats or BATS
     if len(bats) < 2:
-        raise InputError("", "bats", len(bats), "a deviation needs 2 and more")
+        raise InputError("", "bats", len(bats), "allowed: 2 or more, for a standard deviation")
     rows = [_slope(bat, procedure) for bat in bats]
     slopes = [row.slope_per_in for row in rows]
     over = {"mean": float(np.mean(slopes)), "deviation": float(np.std(slopes, ddof=1))}

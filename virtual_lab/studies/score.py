@@ -64,7 +64,7 @@ def score(
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Scored(StudyResult):
-    """A certificate beside the truth, and whether the seal on both is whole."""
+    """A certificate compared with the truth, and whether the seal on both is intact."""
 
     altered: tuple[Alteration, ...]  # what is not as it was sealed
     sealing: str | None  # whether who knows the records could find the truth again
@@ -74,13 +74,13 @@ class Scored(StudyResult):
 
     @property
     def seal(self) -> str:
-        """Whole or broken."""
+        """``whole`` or ``broken``, the words of the JSON document."""
         return "broken" if self.altered else "whole"
 
     @property
     def title(self) -> str:
-        """Whether the seal is whole."""
-        return f"QuantityScore of a certificate, seal {self.seal}"
+        """Title with the state of the seal."""
+        return f"comparison of a certificate with the truth, seal {self.seal}"
 
     @property
     def code(self) -> int:
@@ -98,22 +98,22 @@ class Scored(StudyResult):
 
     @property
     def text(self) -> str:
-        """Measured against true as a table, and what was altered, a line each."""
+        """The comparison as a table, and one line for each change since the test."""
         lines = [
-            table_text(self.rows) if self.rows else "no score: see what was altered",
-            f"seal {self.seal}",
+            table_text(self.rows) if self.rows else "no score: too much was changed",
+            "seal broken, changed since the test:" if self.altered else "seal intact",
             *(f"  {each}" for each in self.altered),
         ]
         return "\n".join([*lines, self.sealing] if self.sealing else lines)
 
 
 def score_folder(folder: str | Path) -> Scored:
-    """QuantityScore the test in an output folder and say whether its seal is whole.
+    """Compare the certificate in an output folder with the truth, and check its seal.
 
     Raises
     ------
     InputError
-        Certificate, truth or seal are missing; or nothing was altered, and yet they hold no score.
+        Certificate, truth or seal are missing or cannot be compared.
     """
     folder = Path(folder)
     read_bytes(folder / CERTIFICATE)

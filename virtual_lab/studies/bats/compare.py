@@ -211,5 +211,5 @@ def compare(
     names = [each[0].bat.name for each in found]
     for name in names:
         if names.count(name) > 1:
-            raise InputError("", "bats", name, "stands there twice; every bat needs its own name")
+            raise InputError("", "bats", name, "is given twice; every bat needs its own name")
     return Compared(profiles=tuple(one for each in found for one in each))
