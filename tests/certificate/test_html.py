@@ -323,7 +323,7 @@ def test_a_width_cut_off_at_an_end_is_at_least_so_much() -> None:
     assert (width.u, width.at_least) == (None, True)
     least = f"at least {width.value / 0.0254:.2f} in"
     assert least in words(certificate_page(document))
-    assert f"{least} wide" in certificate_text(document)
+    assert f"{least} of barrel" in certificate_text(document)
 
 
 @pytest.mark.parametrize("name", ["pass", "scan with fresh hits"])

@@ -1,4 +1,4 @@
-"""Whether rig, bat and ball fit a procedure: what is written and read, struck and let through."""
+"""Checks that rig, bat and ball fit a procedure: channels, motion, places, windows."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def nominal_places(procedure: Procedure, bat: BatSpec) -> tuple[float, float]:
 
 
 def require_rig(rig: Rig, procedure: Procedure) -> None:
-    """Refuse a rig that does not write what the procedure reads."""
+    """Refuse a rig without a record that the procedure needs."""
     lacking = sorted(procedure.needs - rig.channels.keys())
     if lacking:
         able = [
@@ -52,7 +52,7 @@ def require_rig(rig: Rig, procedure: Procedure) -> None:
 
 
 def require_motion(rig: Rig, motion: MotionRung) -> None:
-    """Refuse a motion that the rig does not have."""
+    """Refuse a motion model that the rig does not have."""
     able: Iterable[MotionRung] = getattr(rig, "motions", {MotionRung.CLOSED_FORM})
     if motion not in able:
         names = ", ".join(sorted(each.value for each in able))
@@ -67,7 +67,7 @@ def require_camera(rig: Rig) -> None:
 
 
 def require_places(procedure: Procedure, bat: BatSpec) -> None:
-    """Refuse a scan that leaves the bat or reaches the axis it is held on."""
+    """Refuse a scan that leaves the bat or reaches the axis of its pivot."""
     if procedure.scan is None:
         return
     axis = bat.body.length - procedure.pivot_from_knob
@@ -83,7 +83,7 @@ def require_places(procedure: Procedure, bat: BatSpec) -> None:
 
 
 def require_ball(procedure: Procedure, ball: BallSpec) -> None:
-    """Refuse windows that the nominal ball itself does not meet: hardly a shot would count."""
+    """Refuse windows that exclude the nominal ball: hardly any shot would count."""
     windows = procedure.windows
     e0 = ball.restitution.at(windows.ball_restitution_speed)
     for name, value, unit, unit_si in (
@@ -101,7 +101,7 @@ def require_ball(procedure: Procedure, ball: BallSpec) -> None:
 
 
 def unverified_rigs(rigs: Iterable[str]) -> dict[str, str]:
-    """Return the unverified numbers of the rigs; another maker's rig keeps its own sheets."""
+    """Return the unverified numbers of the rigs in our catalog."""
     found: dict[str, str] = {}
     for rig in rigs:
         if rig in catalog.names("rigs"):
