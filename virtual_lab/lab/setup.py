@@ -41,7 +41,7 @@ class TestSetup:
     control_bat: Entry[BatSpec] | None = None
     detail: RecordDetail = RecordDetail.FULL
     film: bool = False  # of the first shot
-    made: bool = True  # False: the bat as drawn
+    made: bool = True  # False: the nominal bat
     collision: Ladder | None = None  # that many laboratories share
 
     @classmethod

@@ -1,4 +1,4 @@
-"""Open the sealed truth of a test and say how close its certificate came."""
+"""Comparison of a certificate with the sealed truth of its test."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ALTERED = 3  # exit code
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class QuantityScore:
-    """Measured against true, in SI; None where nothing was measured, z also where u is 0."""
+    """Measured and true value, in SI; None if nothing was measured; z also if u is 0."""
 
     quantity: str = column("quantity")
     measured: float | None = column("measured", "SI", ".6f")
@@ -37,7 +37,7 @@ class QuantityScore:
 
     @classmethod
     def of(cls, quantity: str, measured: Mapping[str, Any], true: float) -> QuantityScore:
-        """Return that of a result with `value` and `u`."""
+        """Return the score of a result with `value` and `u`."""
         value, u = measured["value"], measured["u"]
         error = None if value is None else value - true
         z = error / u if error is not None and u else None
@@ -47,11 +47,10 @@ class QuantityScore:
 def score(
     certificate: Mapping[str, Any], measurand: Mapping[str, float]
 ) -> dict[str, QuantityScore]:
-    """Return measured against true for the metric and the quantities behind it, by name.
+    """Return measured and true values of the metric and the other quantities, by name.
 
-    Of a scan the metric stands twice: against the procedure's own result on the exact curve, and
-    against the curve's greatest value; of a certificate that states one, the curve's width [m]
-    stands last.
+    For a scan the metric is compared twice: with the procedure's result on the exact curve, and
+    with the maximum of the curve. The width of the curve [m], if stated, is last.
     """
     stated = {"metric": certificate["metric"]}
     if CONTINUOUS in measurand:
@@ -89,7 +88,7 @@ class Scored(StudyResult):
 
     @property
     def document(self) -> Json:
-        """All of it for JSON."""
+        """The result for JSON."""
         rows = {row.quantity: {**record(row)} for row in self.rows}
         for row in rows.values():
             del row["quantity"]
@@ -132,7 +131,7 @@ def score_folder(folder: str | Path) -> Scored:
 
 
 def _scored(folder: Path) -> tuple[dict[str, str], tuple[QuantityScore, ...]]:
-    """Return how a certificate was simulated, and its score; `InputError` where it has none."""
+    """Return the simulation entry of a certificate and its scores; `InputError` if none."""
     certificate, truth = read_json(folder / CERTIFICATE), read_json(folder / TRUTH)
     try:
         rows = tuple(score(certificate, truth["measurand"]).values())
