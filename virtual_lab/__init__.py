@@ -1,12 +1,13 @@
-"""A bat certification laboratory that does not exist, run exactly as a real one.
+"""A simulated laboratory that certifies baseball bats and works like a real one.
 
 >>> import virtual_lab as vl
 >>> certificate = vl.certify("r161", procedure="astm-f1881", seed=7)
 >>> certificate.verdict
 'PASS'
 
-``help(vl)`` lists what there is; ``help(vl.certify)`` says how to use it. What takes a name (of a
-bat, a ball, a procedure) takes the path of a .toml file or a sheet too, ``vl.procedure("bbcor")``.
+``help(vl)`` lists all functions; ``help(vl.certify)`` describes one. Wherever a function takes the
+name of a bat, ball or procedure it also takes the path of a .toml file or a sheet, such as
+``vl.procedure("bbcor")``.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -27,7 +28,7 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> Any:
-    """Load what is asked for, once."""
+    """Load an attribute at its first use."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     globals()[name] = getattr(api, name)

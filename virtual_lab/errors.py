@@ -1,4 +1,4 @@
-"""Bad input, said in one line: where, which key, which value, what is allowed."""
+"""Bad input as an error of one line: file, key, value, and what is allowed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ __all__ = ["InputError", "nearest"]
 
 
 class InputError(ValueError):
-    """Input that cannot be used; its text is one line that names the mend."""
+    """Input that cannot be used; the text is one line that says how to correct it."""
 
     def __init__(self, where: str, key: str, value: object, allowed: str) -> None:
         self.where, self.key, self.value, self.allowed = where, key, value, allowed
@@ -19,7 +19,7 @@ class InputError(ValueError):
 
 
 def nearest(name: object, known: Iterable[str]) -> str:
-    """Return a question that suggests the known names nearest to a mistyped one, or nothing."""
+    """Return a suggestion of known names similar to a mistyped one, or an empty text."""
     folded = {each.lower(): each for each in known}
     near = difflib.get_close_matches(str(name).lower(), folded, n=2, cutoff=0.5)
     return f"did you mean {' or '.join(folded[each] for each in near)}? " if near else ""

@@ -307,7 +307,8 @@ def test_the_width_of_a_scan_is_told_where_the_rules_ask_for_it() -> None:
     assert width.u is not None
     value, u = (f"{number / 0.0254:.3f}" for number in (width.value, width.u))
     assert f"for {value} in (u = {u} in), from" in words(page("scan with fresh hits"))
-    assert f"{value} (u {u}) in wide within 0.01 of the curve's top" in certificate_text(document)
+    text = certificate_text(document)
+    assert f"{value} (u {u}) in of barrel within 0.01 of the curve's maximum" in text
     assert width.to_in - width.from_in == pytest.approx(width.value / 0.0254)
     assert certificate(scanned("ncaa-besr")).width_m is None
     assert "Width" not in words(page("scan and a fitted top"))
@@ -322,7 +323,7 @@ def test_a_width_cut_off_at_an_end_is_at_least_so_much() -> None:
     assert (width.u, width.at_least) == (None, True)
     least = f"at least {width.value / 0.0254:.2f} in"
     assert least in words(certificate_page(document))
-    assert f"{least} wide" in certificate_text(document)
+    assert f"{least} of barrel" in certificate_text(document)
 
 
 @pytest.mark.parametrize("name", ["pass", "scan with fresh hits"])

@@ -14,9 +14,9 @@ from virtual_lab.simulation.rig import Reality, Stage, find_rig
 @pytest.mark.parametrize(
     ("procedure", "rig", "said"),
     [
-        ("ncaa-besr", "astm-pivot", "ncaa-besr needs its swing; such are ncaa-swing"),
-        ("astm-f1881", "ball-cannon", "astm-f1881 needs its encoder; such are astm-pivot"),
-        ("bbcor", "ncaa-swing", "it swings the bat; bbcor has it at rest"),
+        ("ncaa-besr", "astm-pivot", "records no swing, which ncaa-besr needs; allowed: ncaa-swing"),
+        ("astm-f1881", "ball-cannon", "records no encoder, which astm-f1881 needs"),
+        ("bbcor", "ncaa-swing", "swings the bat; bbcor needs it at rest"),
         ("bbcor", "bench", "installed: astm-pivot"),
         ("bbcor", "astm-pivot", "fires up to 90 mph"),
     ],

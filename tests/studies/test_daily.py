@@ -121,7 +121,7 @@ def test_a_calm_laboratory_without_rules_is_drawn_too(tmp_path: Path) -> None:
     ("asked", "said"),
     [
         ({"days": 5}, "days = 5; allowed: 6 to"),
-        ({"days": 60, "baseline": 60}, "baseline = 60; allowed: 5 to 59"),
+        ({"days": 60, "baseline": 60}, "baseline = 60; allowed: 5 to 59, fewer than the days"),
         ({"hits": 1}, "hits = 1; allowed: 2 to"),
         ({"since": 61}, "since = 61; allowed: 1 to 60"),
         ({"step": -0.1}, "step = -0.1; allowed: 0 to 1"),

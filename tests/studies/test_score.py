@@ -12,7 +12,7 @@ from virtual_lab.lab.seal import write_seal
 from virtual_lab.studies.score import score_folder
 
 ROWS = {"metric", "collision_efficiency", "restitution", "recoil_factor", "ball_restitution"}
-SEALING = "sealed: seed of 128 random bits, with the truth alone"
+SEALING = "sealed: random seed of 128 bits, stored only with the truth"
 
 
 @pytest.fixture
@@ -39,7 +39,7 @@ def test_a_whole_seal(folder: Path) -> None:
     assert set(document) == {"seal", "altered", "sealing"} | ROWS
     assert (document["seal"], document["altered"]) == ("whole", [])
     assert document["metric"]["z"] == pytest.approx(1)
-    assert scored.text.splitlines()[-2:] == ["seal whole", SEALING]
+    assert scored.text.splitlines()[-2:] == ["seal intact", SEALING]
 
 
 @pytest.mark.parametrize(

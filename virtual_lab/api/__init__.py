@@ -1,6 +1,6 @@
-"""What a Python user holds: a tested bat, its tables, its certificate, and how to keep them.
+"""The Python interface: test bats, and get certificates, tables and studies.
 
-Everything here loads what it needs when it is used, so that importing it costs nothing.
+Functions load their modules when they are called, so that the import is fast.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ ELSEWHERE = {  # name: module, name there; functions take sheets and paths in th
 
 
 def __getattr__(name: str) -> Any:
-    """Load a study when it is asked for, once."""
+    """Load a study at its first use."""
     if name not in ELSEWHERE:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, there = ELSEWHERE[name]
@@ -156,17 +156,17 @@ def rig(name: str | Path) -> Sheet:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Certificate:
-    """A bat's certificate and everything behind it."""
+    """A certificate of a bat, with its shots, uncertainty budget, records and truth."""
 
     certification: Certification
     sealed: Sealed | None = None
     control: Certificate | None = None  # of the control bat
     film: Callable[[Path], None] | None = None  # of the first shot, where it was asked for
-    seed: int | None = None  # the one that was given, None where it was drawn
+    seed: int | None = None  # as given by the user, None if random
 
     @cached_property
     def printed(self) -> CertificateDocument:
-        """The certificate as the typed document that text, page and figures are made from."""
+        """The certificate as the typed document behind text, page and figures."""
         import hashlib
 
         from virtual_lab.certificate.filling import certificate
@@ -176,7 +176,7 @@ class Certificate:
 
     @cached_property
     def document(self) -> dict[str, Any]:
-        """The certificate as it stands in ``certificate.json``."""
+        """The certificate as in ``certificate.json``."""
         return self.printed.as_json()
 
     @property
@@ -188,7 +188,7 @@ class Certificate:
 
     @cached_property
     def shots(self) -> pd.DataFrame:
-        """A row a shot: what each instrument gave and what was reduced from it."""
+        """One row per shot: instrument readings and reduced results."""
         from virtual_lab.certificate.tables import shot_table
 
         return shot_table(self.certification)
@@ -210,17 +210,17 @@ class Certificate:
 
     @property
     def value(self) -> float | None:
-        """The metric in its `unit`, None where there are too few valid hits."""
+        """The metric in its `unit`, None with too few valid hits."""
         return self._in_print(self.printed.metric.value)
 
     @property
     def u(self) -> float | None:
-        """Its standard uncertainty, in the same unit."""
+        """Standard uncertainty of the metric, in the same unit."""
         return self._in_print(self.printed.metric.u)
 
     @property
     def interval(self) -> tuple[float, float] | None:
-        """Its 95 % interval, in the same unit."""
+        """95 % interval of the metric, in the same unit."""
         found = self.printed.metric.interval_95
         if found is None:
             return None
@@ -229,7 +229,7 @@ class Certificate:
 
     @property
     def unit(self) -> str:
-        """The unit the metric is printed in; nothing for a number without one."""
+        """The printed unit of the metric; empty for a number without unit."""
         return self._print.unit
 
     @property
@@ -242,7 +242,7 @@ class Certificate:
         return None if value is None else value / self._print.unit_si
 
     def plot(self, path: str | Path | None = None) -> Figure:
-        """Return the metric hit by hit with its result, interval and limit; draw it into a file."""
+        """Return a figure of the metric of each hit with result, interval and limit; save it."""
         from virtual_lab.studies.certificate_plot import plot_hits
 
         figure = plot_hits(self.certification)
@@ -251,7 +251,7 @@ class Certificate:
         return figure
 
     def score(self) -> dict[str, QuantityScore]:
-        """Open the sealed truth: recovered against true, in units and standard uncertainties."""
+        """Compare with the sealed truth: measured and true values, errors in units and in u."""
         from virtual_lab.studies.score import score
 
         if self.sealed is None:
@@ -261,11 +261,11 @@ class Certificate:
     def save(self, folder: str | Path) -> Path:
         """Write certificate, readings, raw records and truth into a new folder, and seal it.
 
-        A film is lossless with its time stamps, with a preview, and with the calibration that
-        ``virtual-lab track`` reads.
+        A film is lossless with time stamps, and comes with a preview and the calibration file for
+        ``virtual-lab track``.
 
-        Raises `InputError` where the folder is not empty or cannot be written; nothing is left
-        half-written.
+        Raises `InputError` if the folder is not empty or cannot be written; no partial files are
+        left.
         """
         from virtual_lab.certificate.html import certificate_page
         from virtual_lab.files import new_folder
@@ -334,7 +334,7 @@ def certify(
     film: bool = False,
     progress: Progress = quiet,
 ) -> Certificate:
-    """Take a bat through a procedure and return its certificate.
+    """Test a bat by a procedure and return its certificate.
 
     Parameters
     ----------
@@ -344,39 +344,39 @@ def certify(
         ``vl.procedure("bbcor").with_(valid_hits=8)``. A control bat is one whose e is known, for
         rules that correct their balls by one: it is tested first, with the same balls.
     ball
-        Likewise, in the place of the procedure's own.
+        Likewise; replaces the ball of the procedure.
     instruments
-        Sheets of instruments and rigs with changed values, each in the place of the catalog's:
+        Sheets of instruments and rigs with changed values, which replace those of the catalog:
         ``vl.instrument("pivot-gates").with_(distance_u="0.2 mm")``.
     rig
-        A rig that gives what the procedure needs; None takes the one it names.
+        A rig that records what the procedure needs; None takes the rig of the procedure.
     seed
-        Of everything random in the laboratory: the test is reproducible then, not sealed. None
-        draws one of 128 bits, which stands in the sealed truth alone.
+        Seed of all random numbers; makes the test reproducible, not sealed. None: a random seed
+        of 128 bits, stored only in the sealed truth.
     reality
-        ``real``; ``noise-free``: no randomness, but ring, counts, drag and friction; ``ideal``:
-        every individual and every instrument equals its nominal.
+        ``real``; ``noise-free``: no randomness, but vibration, counts, drag and friction;
+        ``ideal``: bat, balls and instruments equal their nominal values.
     rung
-        Of the collision: ``rigid``, ``modal`` or ``reference``; None takes the cheapest that is
-        good enough, and the certificate says which and why.
+        Collision model: ``rigid``, ``modal`` or ``reference``; None takes the fastest that is
+        accurate enough, and the certificate names it with the reason.
     motion
-        Of ball and bat: ``closed-form``, or ``pymunk``, one scene per shot.
+        Motion of ball and bat: ``closed-form``, or ``pymunk``, one scene per shot.
     faults
-        Names of what goes wrong on the day (``vl.shelf("faults")``); only the sealed truth holds
+        Names of faults of the test day (``vl.shelf("faults")``); only the sealed truth contains
         them.
     correction
-        ``METHOD:E0``, such as ``trampoline:0.5``: convert the result to a standard ball where the
-        rules do not; the certificate marks it as assumed.
+        ``METHOD:E0``, such as ``trampoline:0.5``: convert the result to a standard ball if the
+        procedure does not; the certificate marks it as assumed.
     film
-        Whether `Certificate.save` keeps the first shot in whole frames.
+        Whether `Certificate.save` writes a video of the first shot.
     progress
-        Called with what goes on, a sentence at a time.
+        Called with the present task, one sentence at a time.
 
     Raises
     ------
     InputError
         An unknown name, a file that cannot be used, a seed that is no whole number from 0, a film
-        where the rig has no camera.
+        at a rig without a camera.
     """
     from virtual_lab.lab import TestSetup, certify_bat
     from virtual_lab.simulation.rig import Reality
@@ -408,13 +408,13 @@ def certify(
 
 
 def _with_ball(procedure: str | Path | Sheet, ball: str | Path | Sheet) -> Sheet:
-    """Return a procedure that is played with another ball."""
+    """Return a procedure with another ball."""
     rules = procedure if isinstance(procedure, Sheet) else Sheet.of("procedures", procedure)
     return rules.with_(ball=ball.name if isinstance(ball, Sheet) else str(ball))
 
 
 def _whole(seed: object) -> int:
-    """Return a seed as a plain number, whoever's kind of whole number it is."""
+    """Return a seed as a Python int, from any integer type."""
     try:
         return index(seed)  # type: ignore[arg-type]
     except TypeError as fault:
@@ -433,9 +433,10 @@ def _certificate(tested: Tested, seed: int | None) -> Certificate:
 
 
 def reduce(records: str | Path) -> Certificate:
-    """Return the certificate of a folder of raw records, without any truth.
+    """Return the certificate of a folder of raw records, without the truth.
 
-    The folder holds a ``session.json`` of ours, or the ``laboratory.toml`` of another laboratory.
+    The folder has a ``session.json`` (written by `certify`) or a ``laboratory.toml`` (the form of
+    another laboratory).
 
     Raises
     ------
@@ -453,7 +454,7 @@ def reduce(records: str | Path) -> Certificate:
         return Certificate(certification=certify_laboratory(folder))
     inner = [path.parent for path in sorted(folder.glob(f"*/{SESSION}"))]
     if inner and not (folder / SESSION).exists():
-        raise InputError("", "records", str(folder), f"they are in {inner[0]}")
+        raise InputError("", "records", str(folder), f"they are in {inner[0]}; give that folder")
     return Certificate(certification=certify_session(load_session(folder)))
 
 
@@ -465,9 +466,9 @@ def sweep(
     instruments: Sequence[Sheet] = (),
     progress: Progress | None = None,
 ) -> pd.DataFrame:
-    """Test bats by procedures in many laboratories and return a row a test.
+    """Test bats by procedures in many laboratories and return one row per test.
 
-    The bats are as drawn and instruments write sums instead of every edge and count (as
+    Bats are nominal and instruments write sums instead of every edge and count (as in
     ``vl.coverage(…, summed=True)``): a test takes some milliseconds.
 
     Parameters
@@ -475,18 +476,18 @@ def sweep(
     bats, procedures
         One or several: names, paths or sheets.
     seeds
-        One or several whole numbers from 0, each a laboratory.
+        One or several whole numbers from 0; each is a laboratory.
     instruments
-        Sheets with changed values, as `certify` takes them.
+        Sheets with changed values, as for `certify`.
     progress
-        Called with how many tests are done; by default it is shown on stderr.
+        Called with the number of tests done; by default shown on stderr.
 
     Returns
     -------
     pandas.DataFrame
         ``bat``, ``procedure``, ``seed``, ``verdict``, ``metric`` (its symbol), ``unit``,
         ``value``, ``u``, ``low`` and ``high`` of the 95 % interval, ``true`` and ``error``, all in
-        the unit; and of e_A, e, r, e0 the value, its u and the truth (``restitution``,
+        the unit; for e_A, e, r, e0 the value, its u and the true value (``restitution``,
         ``restitution_u``, ``restitution_true``, …). A test without a result has NaN.
 
     Raises
@@ -509,13 +510,13 @@ def sweep(
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Track:
-    """A ball followed through a clip: tables of flights, contacts and places."""
+    """Result of `track`: tables of flights, contacts and positions."""
 
     clip: TrackedClip
 
     @property
     def document(self) -> dict[str, Any]:
-        """The result as it stands in ``result.json``."""
+        """The result as in ``result.json``."""
         return self.clip.document
 
     @property
@@ -530,17 +531,17 @@ class Track:
 
     @cached_property
     def flights(self) -> pd.DataFrame:
-        """A row a flight: frames, places, speeds, its own acceleration, each with its u."""
+        """One row per flight: frames, positions, speeds, acceleration, each with its u."""
         return _table(self.document["flights"])
 
     @cached_property
     def contacts(self) -> pd.DataFrame:
-        """A row a contact: time, frame, kind, restitution with its u."""
+        """One row per contact: time, frame, kind, restitution with its u."""
         return _table(self.document["contacts"])
 
     @cached_property
     def places(self) -> pd.DataFrame:
-        """A row a place, as in ``track.csv``."""
+        """One row per position, as in ``track.csv``."""
         import pandas as pd
 
         from virtual_lab.video.show.course import COLUMNS, rows_of
@@ -572,7 +573,7 @@ def track(
     clip
         A video, a folder of images, a TIFF stack or a .npy array.
     ball
-        Its diameter, ``"73mm±0.5mm"``.
+        Diameter of the ball, ``"73mm±0.5mm"``.
     calibration, corrected
         A calibration file; a track.csv of an earlier run, corrected by hand.
     progress
@@ -584,7 +585,7 @@ def track(
     Raises
     ------
     InputError
-        A clip that cannot be read, or words of another form.
+        A clip that cannot be read, or values of another form.
     """
     from virtual_lab.video.show.tracked_clip import Asked, track_clip
 
@@ -594,7 +595,7 @@ def track(
 
 
 def _table(rows: list[dict[str, Any]]) -> pd.DataFrame:
-    """Return rows as a table, a value and its u in columns side by side."""
+    """Return rows as a table, with value and u in adjacent columns."""
     import pandas as pd
 
     flat = []
@@ -624,13 +625,13 @@ class Calibration:
 
     @property
     def text(self) -> str:
-        """The same for a terminal."""
+        """The calibration for a terminal."""
         from virtual_lab.video.show.calibration import calibration_text
 
         return calibration_text(self.found)
 
     def save(self, path: str | Path) -> Path:
-        """Write the .toml file that `track` reads, and a picture of what is left over beside it."""
+        """Write the .toml file that `track` reads, and a picture of the residuals beside it."""
         from virtual_lab.files import new_files
         from virtual_lab.video.show.calibration import calibration_toml, draw_calibration
 
@@ -664,9 +665,9 @@ def calibrate(
     plane
         The picture in which the board lies flat; the first by default.
     height, height_u
-        Of the ball's plane over the board there, and its standard uncertainty: ``"36.5mm"``.
+        Height of the ball's plane above that board, and its standard uncertainty: ``"36.5mm"``.
     square_u
-        Standard uncertainty of a square's side.
+        Standard uncertainty of the side of a square.
 
     Raises
     ------
@@ -698,20 +699,20 @@ def board(
     views: int = 10,
     seed: int | None = None,
 ) -> Path:
-    """Take pictures of a board with a simulated camera, to rehearse `calibrate`; return the folder.
+    """Simulate pictures of a board, to try `calibrate`; return the folder.
 
     Parameters
     ----------
     folder
-        The new folder: ``pictures/`` is what a laboratory would have, ``truth/`` the true lens.
+        The new folder: ``pictures/``, and ``truth/`` with the true lens.
     board
-        As `calibrate` takes it.
+        As for `calibrate`.
     camera
         Name in the catalog, path or sheet.
     views
         How many pictures, 3 to 60.
     seed
-        Of everything random; None draws one.
+        Seed of all random numbers; None: a random seed.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Speed against accuracy, and where the numerics hold: the studies of `fidelity`."""
+"""Speed against accuracy, and the valid range of the numerics: the studies of `fidelity`."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ PARTS = ("collision", "motion", "camera")
 
 
 def chart(part: str, *, progress: Progress = quiet) -> SpeedChart:
-    """Return the error of every model of a part against its time.
+    """Return error and run time of every model of collision or motion, or of the camera.
 
     Parameters
     ----------
     part
         ``collision``, ``motion`` or ``camera``.
     progress
-        Called with what is measured.
+        Called with the present task.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def chart(part: str, *, progress: Progress = quiet) -> SpeedChart:
 
 
 def stability(part: str, *, progress: Progress = quiet) -> StabilityMap:
-    """Return the map of where the numerics of a part hold; parameters as `chart`."""
+    """Return a map of the valid range of the numerics; parameters as for `chart`."""
     found: StabilityMap = _study(part, "stability")(progress)
     return found
 

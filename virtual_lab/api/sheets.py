@@ -1,7 +1,7 @@
-"""Data sheets as objects: looked at, changed in a call, and put in the place of the catalog's.
+"""Catalog entries (sheets) as objects: read them, or change values for a call.
 
-A changed sheet keeps the provenance of every number: one that was changed has the source
-``changed`` and is not verified, and the sheet says in its title what was changed.
+A changed sheet keeps source and verification of every unchanged number; a changed number has the
+source ``changed`` and is not verified. The title of the sheet lists the changes.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ LONGEST_TITLE = 200
 
 @dataclass(frozen=True, repr=False)
 class Sheet:
-    """A sheet of the catalog, or of a file of one's own.
+    """A sheet of the catalog, or of a user's file.
 
-    `kind` is ``bats``, ``balls``, ``procedures``, ``instruments``, ``rigs``, …; `name` the name
-    or path by which it is asked for; `text` the TOML.
+    `kind` is ``bats``, ``balls``, ``procedures``, ``instruments``, ``rigs``, …; `name` its name
+    or path; `text` the TOML.
     """
 
     kind: str
@@ -44,7 +44,7 @@ class Sheet:
 
     @classmethod
     def of(cls, kind: str, name: str | Path) -> Sheet:
-        """Return the sheet of a name in the catalog or of a .toml file; `InputError` for none."""
+        """Return the sheet of a catalog name or a .toml file; `InputError` if there is none."""
         from virtual_lab import catalog
 
         text, where = catalog.source(kind, str(name))
@@ -54,17 +54,17 @@ class Sheet:
 
     @cached_property
     def document(self) -> dict[str, Any]:
-        """The sheet as it was parsed."""
+        """The parsed sheet."""
         return parse_toml(self.text, self.name)
 
     @property
     def title(self) -> str:
-        """What it is, in a line."""
+        """The title in one line."""
         return str(self.document["title"])
 
     @property
     def numbers(self) -> pd.DataFrame:
-        """A row a number: key, value, unit, source, whether it is verified, and a note."""
+        """One row per number: key, value, unit, source, verified, note."""
         import pandas as pd
 
         from virtual_lab import catalog
@@ -85,14 +85,13 @@ class Sheet:
         ----------
         changes, named
             New values by key; a key within a table has a dot, ``{"windows.rebound_angle": 5}``.
-            A number, or a list of numbers, is in the unit the sheet has; a text with a unit,
-            ``"5 deg"``, may have another of its kind. None takes a key away that may be missing.
+            A number, or a list of numbers, is in the unit of the sheet; a text ``"5 deg"`` may
+            have another unit of the same quantity. None removes an optional key.
 
         Raises
         ------
         InputError
-            A key that the sheet does not know, a value that is not allowed, a unit of another
-            kind.
+            An unknown key, a value that is not allowed, a unit of another quantity.
         """
         every = {**(changes or {}), **named}
         document = deepcopy(self.document)
@@ -112,7 +111,7 @@ class Sheet:
         return changed
 
     def save(self, path: str | Path) -> Path:
-        """Write the sheet as a .toml file that can be given by its path."""
+        """Write the sheet as a .toml file, which can be used by its path."""
         target = Path(path)
         target.write_text(self.text, encoding="utf-8")
         return target
@@ -139,7 +138,7 @@ class Sheet:
             document[last] = self._written(old, key, value)
 
     def _written(self, old: Any, key: str, value: Any) -> Any:
-        """Return a value as it stands in a file."""
+        """Return a value in the form of a file."""
         known = {"source": "changed", "verified": False}
         if isinstance(value, bool) or (isinstance(value, str) and isinstance(old, str)):
             return value
@@ -163,7 +162,7 @@ class Sheet:
         return InputError(self.name, key, None, allowed)
 
     def _check(self, where: str) -> None:
-        """Refuse a sheet that cannot be used; that of an instrument is refused where it is used."""
+        """Refuse an unusable sheet; sheets of instruments are checked at their use."""
         if self.kind in NAMED:
             self._entry(where)
 
@@ -189,10 +188,10 @@ class Sheet:
 
 
 def with_sheets(function: Callable[..., T]) -> Callable[..., T]:
-    """Return a function that takes sheets and paths where it took names.
+    """Return a function that accepts sheets and paths instead of names.
 
-    It also takes `instruments`: sheets with changed values that stand in the place of the
-    catalog's, of instruments and of rigs.
+    It also accepts `instruments`: sheets of instruments and rigs with changed values, which
+    replace those of the catalog.
     """
 
     @wraps(function)
@@ -220,7 +219,7 @@ def with_sheets(function: Callable[..., T]) -> Callable[..., T]:
 
 
 def _named(value: Any, found: dict[tuple[str, str], str]) -> Any:
-    """Return the name of a sheet, whose text is kept, or of a path; of a list, of each in it."""
+    """Return the name of a sheet (its text is stored) or path, or the names of a list."""
     if isinstance(value, Sheet):
         found[value.kind, value.name] = value.text
         return value.name
@@ -264,7 +263,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _is_table(value: Any) -> bool:
-    """Return whether a value has lines of its own: a table that is no number, or tables."""
+    """Return whether a value needs separate lines: a table that is no number, or tables."""
     if isinstance(value, dict):
         return not _is_number(value)
     return isinstance(value, list) and bool(value) and isinstance(value[0], dict)
@@ -275,5 +274,5 @@ def _is_list(value: Any) -> bool:
 
 
 def _plain(value: Any) -> Any:
-    """Return a number as Python's own, whoever's kind it is."""
+    """Return a number of any type as a Python number."""
     return value.item() if hasattr(value, "item") else value

@@ -28,8 +28,7 @@ from virtual_lab.simulation.flights import RestingBat, Surroundings, scene_of
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.motion import play
 from virtual_lab.simulation.motion.played import PlanView, plan_view
-from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.physics.supports import Support
+from virtual_lab.simulation.physics.beam import Support, beam_of
 from virtual_lab.simulation.rig import FilmingStation, ShotPlan, Specimen, Stage, find_rig
 from virtual_lab.simulation.truth import draw_balls, made_bat
 from virtual_lab.streams import Quiet

@@ -289,7 +289,7 @@ class PublishedBat(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatSpec(Spec):
-    """A bat as drawn."""
+    """A nominal bat."""
 
     name: Name
     title: Title

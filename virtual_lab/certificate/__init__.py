@@ -1,1 +1,1 @@
-"""What a person or another program reads: certificate, tables, figures."""
+"""The results of a test for readers and programs: certificate, tables, figures."""

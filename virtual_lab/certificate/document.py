@@ -1,8 +1,8 @@
-"""The certificate as a typed document: what ``certificate.json`` holds, and all that is printed.
+"""The certificate as a typed document: the content of ``certificate.json`` and of all prints.
 
-Text, page, card and figures are made from it alone, so that a certificate can be printed, compared
-and checked from its own file. Numbers are as measured, unrounded, in SI where the name says no
-other unit; what is not known is null.
+Text, page, card and figures are made only from this document, so a certificate can be printed,
+compared and checked from its file. Numbers are unrounded and in SI unless the name has another
+unit; unknown values are null.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ Numbers = tuple[float, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stated(Spec):
-    """A value with its standard uncertainty; null where the test gave none."""
+    """A value with its standard uncertainty; null if the test gave no result."""
 
     value: float | None
     u: float | None
@@ -56,7 +56,7 @@ class Stated(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProcedureStated(Spec):
-    """Which rules, and what of them a certificate says."""
+    """The procedure, as far as a certificate describes it."""
 
     name: str
     title: str
@@ -79,7 +79,7 @@ class BatAsMeasured(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BallSetAside(Spec):
-    """A ball that the rules do not admit."""
+    """A ball outside the procedure's windows for balls."""
 
     ball: int
     reason: str
@@ -87,7 +87,7 @@ class BallSetAside(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BallsUsed(Spec):
-    """The lot."""
+    """The balls of the test."""
 
     name: str
     ball_restitution_is: str
@@ -96,7 +96,7 @@ class BallsUsed(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MetricStated(Spec):
-    """The result by which the bat is judged, in SI."""
+    """The result that decides the verdict, in SI."""
 
     name: str
     value: float | None
@@ -112,7 +112,7 @@ class MetricStated(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherRecoil(Spec):
-    """What the same e_A would give with the recoil factor of the other support."""
+    """Results from the same e_A with the recoil factor of the other support."""
 
     which: str
     recoil_factor: float
@@ -122,7 +122,7 @@ class OtherRecoil(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecoilStated(Spec):
-    """Which support's recoil factor counts."""
+    """The support (free or pivoted) whose recoil factor is used."""
 
     which: str
     other: OtherRecoil | None
@@ -130,7 +130,7 @@ class RecoilStated(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControlRatio(Spec):
-    """What a control bat gave with this lot, over what it is known by."""
+    """Measured e of a control bat with these balls over its known e."""
 
     value: float
     u: float
@@ -139,7 +139,7 @@ class ControlRatio(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CorrectionStated(Spec):
-    """What is done about balls that are not the standard one."""
+    """Correction for balls that differ from the standard ball."""
 
     method: str
     standard: float
@@ -148,7 +148,7 @@ class CorrectionStated(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WidthStated(Spec):
-    """How far along the barrel the curve stays near its top [m]."""
+    """Length of barrel on which the curve stays near its maximum [m]."""
 
     value: float
     u: float | None
@@ -189,7 +189,7 @@ class RuleFinding(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlagRaised(Spec):
-    """What does not hang together in the records."""
+    """A contradiction in the records."""
 
     name: str
     sentence: str
@@ -206,7 +206,7 @@ class RejectedHit(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShotRow(Spec):
-    """One shot; null where nothing was seen or the rig has no such instrument."""
+    """One shot; null if nothing was seen or the rig has no such instrument."""
 
     shot: int
     ball: int
@@ -223,7 +223,7 @@ class ShotRow(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReboundCheck(Spec):
-    """e_A by the ball's own rebound, beside that by the bat's recoil."""
+    """e_A from the rebound of the ball, compared with e_A from the recoil of the bat."""
 
     shots: int
     collision_efficiency: float | None
@@ -233,7 +233,7 @@ class ReboundCheck(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComparedResult(Spec):
-    """One quantity by the gates, by video, and joined."""
+    """One quantity from the gates, from video, and combined."""
 
     gates: Stated
     video: Stated
@@ -245,7 +245,7 @@ class ComparedResult(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraWord(Spec):
-    """What a camera says of the same hits."""
+    """Results of the camera for the same hits."""
 
     hits: int
     missed: int
@@ -256,7 +256,7 @@ class CameraWord(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RingStated(Spec):
-    """The bending ring that the encoder shows."""
+    """The bending vibration of the bat in the encoder record."""
 
     frequencies_hz: Numbers
     decays_per_s: Numbers
@@ -264,7 +264,7 @@ class RingStated(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trace(Spec):
-    """A record over the time after contact, with what is fitted to it."""
+    """A record over the time after contact, with the fitted curve."""
 
     time_ms: Numbers
     angle_deg: Numbers
@@ -283,7 +283,7 @@ class EncoderTrace(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChoiceStated(Spec):
-    """By how much a scan's result is raised for the place chosen."""
+    """Correction of a scan's result for the choice of the place."""
 
     correction: float
     u: float
@@ -305,7 +305,7 @@ class BudgetLine(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UnverifiedValue(Spec):
-    """A value of the procedure that nobody could check against its source."""
+    """A value of the procedure that was not verified in its source."""
 
     key: str
     value: str
@@ -314,7 +314,7 @@ class UnverifiedValue(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CertificateDocument(Spec):
-    """All that a certificate says."""
+    """The complete certificate."""
 
     schema: int
     statement: str
@@ -363,12 +363,12 @@ class CertificateDocument(Spec):
 
     @property
     def quantities(self) -> dict[str, Stated]:
-        """What stands beside the metric, by name."""
+        """The quantities other than the metric, by name."""
         found = {name: getattr(self, name) for name in OPTIONAL}
         return {name: stated for name, stated in found.items() if stated is not None}
 
     def as_json(self) -> dict[str, Any]:
-        """Return the document as JSON has it."""
+        """Return the document as JSON values."""
         found = asdict(self)
         for name in OPTIONAL:
             if found[name] is None:
@@ -382,7 +382,7 @@ class CertificateDocument(Spec):
 
 
 def document_of(parsed: dict[str, Any], where: str) -> CertificateDocument:
-    """Return the document that parsed JSON holds; `InputError` names the key that does not fit."""
+    """Return the document of parsed JSON; `InputError` names a key that does not fit."""
     if parsed.get("schema") != SCHEMA:
         allowed = f"allowed: {SCHEMA}; make the certificate again with 'virtual-lab reduce RECORDS'"
         raise InputError(where, "schema", parsed.get("schema"), allowed)
@@ -390,7 +390,7 @@ def document_of(parsed: dict[str, Any], where: str) -> CertificateDocument:
 
 
 def read_document(path: Path) -> CertificateDocument:
-    """Return the certificate in a file; `InputError` where it holds none."""
+    """Return the certificate in a file; `InputError` if it has none."""
     return document_of(read_json(path), str(path))
 
 

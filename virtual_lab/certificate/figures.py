@@ -1,6 +1,6 @@
 """The certificate's figures, from its document.
 
-Shape and line style carry what a figure says, so it survives a black-and-white printer.
+Shape and line style carry the information, so the figures can be printed in black and white.
 """
 
 from __future__ import annotations

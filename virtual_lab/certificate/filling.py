@@ -1,4 +1,4 @@
-"""A test's certification put into the certificate's document."""
+"""From a test's certification to the certificate's document."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def certificate(
 ) -> CertificateDocument:
     """Return the certificate of a test.
 
-    `truth_digest` binds it to the sealed truth of a simulated one.
+    `truth_digest` links the certificate of a simulated test to its sealed truth.
     """
     session, procedure = certification.session, certification.procedure
     metric, outcome = certification.metric, certification.outcome
@@ -259,7 +259,7 @@ def _compared(quantity: ComparedQuantity) -> ComparedResult:
 
 
 def _conditional_on(certification: Certification) -> str:
-    """Return in a sentence what the result and its uncertainty take for granted."""
+    """Return a sentence with the assumptions behind result and uncertainty."""
     unverified = len(certification.unverified)
     values = "1 of its values is" if unverified == 1 else f"{unverified} of its values are"
     model = (
@@ -275,7 +275,7 @@ def _conditional_on(certification: Certification) -> str:
 
 
 def _choice(metric: Budget | None) -> ChoiceStated | None:
-    """Return by how much the value is raised for the place chosen by a scan, None where by none."""
+    """Return the correction for the place chosen by a scan, None without one."""
     chosen = [part for part in metric.components if part.name == CHOICE] if metric else []
     return ChoiceStated(correction=chosen[0].value, u=chosen[0].u) if chosen else None
 
@@ -313,12 +313,12 @@ def _known(value: float) -> float | None:
 
 
 def _of_standard_ball(procedure: Procedure) -> bool:
-    """Return whether the metric is carried to another ball than the lot's own."""
+    """Return whether the metric is converted to another ball than those of the lot."""
     return procedure.correction is not None and procedure.correction.method != "none"
 
 
 def _correction(certification: Certification) -> CorrectionStated | None:
-    """Return what is done about balls that are not the standard one, None where nothing is."""
+    """Return the correction for balls that differ from the standard ball, None without one."""
     correction = certification.procedure.correction
     if correction is None or not _of_standard_ball(certification.procedure):
         return None
@@ -328,9 +328,9 @@ def _correction(certification: Certification) -> CorrectionStated | None:
 
 
 def _rebound_check(certification: Certification) -> ReboundCheck | None:
-    """Return how the ball's own rebound agrees with the recoil: the gates' e_A less the encoder's.
+    """Return e_A from the rebound (gates) minus e_A from the recoil (encoder).
 
-    None where nothing watched the recoil.
+    None if nothing measured the recoil.
     """
     if certification.readings.recoil is None:
         return None
@@ -349,10 +349,10 @@ def _rebound_check(certification: Certification) -> ReboundCheck | None:
 
 
 def _encoder(certification: Certification) -> EncoderTrace | None:
-    """Return the encoder's record of one shot with turn and ring; None where it wrote no counts.
+    """Return the encoder record of one shot with fitted curves; None if it has no counts.
 
-    They are fitted here once more, at the frequencies and decays that the reduction found for all
-    shots together: a display, no result is taken from it.
+    Rotation and vibration are fitted here again, with the frequencies and decays that the
+    reduction found for all shots: for display only, no result uses this fit.
     """
     counts = certification.session.records["impact"].get("encoder")
     recoil, seen = certification.readings.recoil, np.isfinite(certification.shots.speed)
@@ -394,7 +394,7 @@ def _angle_of(
 def _turn_and_ring(
     after: Array, angle: Array, frequency: Array, decay: Array
 ) -> tuple[Array, Array]:
-    """Return turn and ring, (sample,): powers of time beside rings of known pitch and decay."""
+    """Return fitted rotation and vibration, (sample,), for known frequencies and decays."""
     fitted = after > FIT.settling_time
     columns = [(after / after[-1]) ** power for power in range(FIT.polynomial_order + 1)]
     for pitch, loss in zip(frequency, decay, strict=True):

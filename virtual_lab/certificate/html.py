@@ -1,6 +1,6 @@
-"""The certificate as a page a customer can read and print, and as a card for a notebook.
+"""The certificate as a page to read and print, and as a card for a notebook.
 
-Everything printed comes from the certificate's document.
+All values come from the certificate's document.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ VERDICTS = {
 
 
 def certificate_page(document: CertificateDocument) -> str:
-    """Return the certificate as one HTML page that needs nothing but itself."""
+    """Return the certificate as one self-contained HTML page."""
     from markupsafe import Markup
 
     swings, encoder = document.swing_range, document.encoder
@@ -103,7 +103,7 @@ def notebook_card(document: CertificateDocument) -> str:
 
 
 def _swings(document: CertificateDocument) -> list[dict[str, str]]:
-    """Return the metric for each exponent of the swing law, in print."""
+    """Return the printed metric for each exponent of the swing law."""
     unit_si = METRICS[document.metric.name].unit_si
     rows = []
     for row in document.swing_range:
@@ -143,7 +143,7 @@ def _result(document: CertificateDocument) -> dict[str, object]:
 
 
 def _stated(metric: MetricStated, unit_si: float) -> dict[str, object]:
-    """Return value, expanded uncertainty and interval as printed; {} where there is none."""
+    """Return value, expanded uncertainty and interval as printed; {} without a result."""
     known = (metric.value, metric.u, metric.u_type_a, metric.u_type_b, *(metric.interval_95 or ()))
     numbers = [number / unit_si for number in known if number is not None]
     if len(numbers) < len(known) or metric.interval_95 is None:
@@ -201,7 +201,7 @@ def _bat(bat: BatAsMeasured) -> list[dict[str, str]]:
 
 
 def _correction(correction: CorrectionStated | None) -> str:
-    """Return what was done about balls that are not the standard one, as a sentence."""
+    """Return a sentence on the correction for balls that differ from the standard ball."""
     if correction is None:
         return ""
     standard, control = correction.standard, correction.control
@@ -215,7 +215,7 @@ def _correction(correction: CorrectionStated | None) -> str:
 
 
 def _choice(document: CertificateDocument) -> str:
-    """Return by how much the value is raised for the place chosen by a scan, with its unit."""
+    """Return the correction for the place chosen by a scan, with its unit."""
     if document.choice is None:
         return ""
     printed = METRICS[document.metric.name]
@@ -253,7 +253,7 @@ def _shots(document: CertificateDocument) -> list[dict[str, object]]:
 
 
 def _camera(camera: CameraWord | None) -> list[dict[str, str]]:
-    """Return a row for each quantity that the camera saw too; [] where there is nothing."""
+    """Return a row for each quantity that the camera measured too; [] without a camera."""
     rows = []
     for name, symbol in CAMERA_SYMBOLS.items():
         compared: ComparedResult | None = getattr(camera, name, None)
@@ -276,7 +276,7 @@ def _camera(camera: CameraWord | None) -> list[dict[str, str]]:
 
 
 def _budget(document: CertificateDocument) -> list[dict[str, str]]:
-    """Return the components that matter, and in the last line all others together."""
+    """Return the largest components, and all others together in the last line."""
     unit_si = METRICS[document.metric.name].unit_si
     rows, u = document.budget, (document.metric.u or 0.0) / unit_si
     if not rows or _digits(u) == "0":
@@ -308,7 +308,7 @@ def _budget(document: CertificateDocument) -> list[dict[str, str]]:
 
 
 def _input(name: str, u: float) -> dict[str, str]:
-    """Return what a budget calls a constant, and its uncertainty in a handy unit."""
+    """Return the description of a constant, and its uncertainty in a suitable unit."""
     stage, _, rest = name.partition(".")
     number = re.search(r"_(\d+)$", name)
     if name in INPUTS:
@@ -351,7 +351,7 @@ def _places(u: float) -> int:
 
 
 def _digits(u: float) -> str:
-    """Return an uncertainty to two significant digits, 0 where it is only arithmetic."""
+    """Return an uncertainty to two significant digits, 0 if it is only rounding error."""
     return f"{u:.{_places(u)}f}" if u > 0.5 * 10**-PLACES else "0"
 
 

@@ -1,4 +1,4 @@
-"""Tables of a certification: a row a shot, a row a component of the uncertainty."""
+"""Tables of a certification: one row per shot, one row per uncertainty component."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["budget_table", "shot_table"]
 
 
 def shot_table(certification: Certification) -> pd.DataFrame:
-    """Return a row a shot: what each instrument gave and what was reduced from it."""
+    """Return one row per shot: instrument readings and reduced results."""
     import pandas as pd
 
     shots, readings = certification.shots, certification.readings
@@ -72,7 +72,7 @@ def budget_table(budget: Budget) -> pd.DataFrame:
 
 
 def _camera_columns(camera: CameraComparison | None) -> dict[str, Any]:
-    """Return what the camera says of every shot, as columns of the readings."""
+    """Return the camera results of every shot, as columns of the readings."""
     if camera is None:
         return {}
     filmed, u = camera.filmed, camera.u

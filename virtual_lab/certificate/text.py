@@ -32,7 +32,7 @@ COMPARED = ("collision_efficiency", "restitution", "bat_performance_factor")
 
 
 def certificate_text(document: CertificateDocument) -> str:
-    """Return what a certificate says, in a dozen lines."""
+    """Return the certificate as text of about a dozen lines."""
     metric, procedure = document.metric, document.procedure
     marginal = ", marginal: the limit lies within the 95 % interval" if document.marginal else ""
     lines = [
@@ -93,7 +93,7 @@ def _choice_lines(document: CertificateDocument) -> list[str]:
     if document.choice is None:
         return []
     raised = document.choice.correction / METRICS[document.metric.name].unit_si
-    return [f"  raised by {raised:.2g}: what the place chosen lacks on average of the best one"]
+    return [f"  raised by {raised:.2g}: mean shortfall of the chosen place against the best one"]
 
 
 def _width_lines(width: WidthStated | None) -> list[str]:
@@ -102,7 +102,7 @@ def _width_lines(width: WidthStated | None) -> list[str]:
     along = width.value / INCH
     stated = f"at least {along:.2f}" if width.u is None else with_uncertainty(along, width.u / INCH)
     where = f"{width.from_in:.2f} to {width.to_in:.2f} in from the tip"
-    return [f"  {stated} in wide within {width.drop:g} of the curve's top, {where}"]
+    return [f"  {stated} in of barrel within {width.drop:g} of the curve's maximum, {where}"]
 
 
 def _swing_lines(metric: MetricStated, results: Sequence[SwingRow]) -> list[str]:
@@ -129,17 +129,17 @@ def _control_lines(correction: CorrectionStated | None) -> list[str]:
         return []
     control = correction.control
     ratio = with_uncertainty(control.value, control.u)
-    return [f"  over {ratio} of the control bat with this lot ({control.source})"]
+    return [f"  divided by {ratio}, from the control bat with these balls ({control.source})"]
 
 
 def _camera_lines(camera: CameraWord | None) -> list[str]:
-    """Return what the camera says of the same hits."""
+    """Return the results of the camera for the same hits."""
     if camera is None:
         return []
     if not camera.hits:
-        return ["  the camera saw no hit that counts well enough"]
+        return ["  the camera saw no valid hit well enough"]
     missed = f", {camera.missed} more not seen well" if camera.missed else ""
-    lines = [f"  gates and video of {camera.hits} hits{missed}:"]
+    lines = [f"  gates and video for {camera.hits} hits{missed}:"]
     for name in COMPARED:
         compared: ComparedResult | None = getattr(camera, name)
         if compared is None:
@@ -148,7 +148,7 @@ def _camera_lines(camera: CameraWord | None) -> list[str]:
         values = ", ".join(f"{way} {_with_u(stated)}" for way, stated in ways)
         agreed = "agree" if compared.agree else "DISAGREE"
         off = _with_u(compared.difference)
-        lines.append(f"    {SYMBOLS[name]:4} {values}; {agreed}, {off} apart")
+        lines.append(f"    {SYMBOLS[name]:4} {values}; {agreed}, difference {off}")
     return lines
 
 

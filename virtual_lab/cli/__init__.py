@@ -1,7 +1,7 @@
 """The command line.
 
-Exit codes: 0 it ran, whatever the verdict; 1 our fault; 2 bad input; 3 what was sealed has been
-altered. `virtual_lab.__main__` ends it with 130, 143 or 129 where it is interrupted.
+Exit codes: 0 finished, whatever the verdict; 1 a bug; 2 bad input; 3 sealed files were changed.
+`virtual_lab.__main__` adds 130, 143 and 129 for interruptions.
 """
 
 from __future__ import annotations
@@ -38,19 +38,20 @@ def main() -> None:
     except InputError as fault:
         _leave(2, str(fault))
     except click.UsageError as fault:
-        _leave(2, f"{fault.format_message()} (try '{PROGRAM} --help')")
+        asked = fault.ctx.command_path if fault.ctx else PROGRAM
+        _leave(2, f"{fault.format_message()} (try '{asked} --help')")
     except click.ClickException as fault:
         _leave(2, fault.format_message())
     except OSError as fault:  # a disk that is full, a place that may not be written to
         where = f"{fault.filename}: " if fault.filename else ""
         _leave(2, f"{where}{fault.strerror or fault}")
-    except SystemExit:  # click's answer to a reader that has had enough (EPIPE): no fault
+    except SystemExit:  # click's answer to a closed pipe (EPIPE): no error
         sys.exit(0)
     except Exception:
         import traceback
 
         traceback.print_exc()
-        _leave(1, "a fault of this program, not of the input; please report the lines above")
+        _leave(1, "a bug in this program, not in your input; please report the lines above")
     sys.exit(code if isinstance(code, int) else 0)
 
 
@@ -72,10 +73,13 @@ def completion(shell: str) -> None:
 
 @click.pass_context
 def _program(context: click.Context) -> None:
-    """Run a bat certification laboratory that does not exist exactly as a real one.
+    """Certify baseball bats in a simulated laboratory, and study its tests.
 
-    Exit codes: 0 it ran, whatever the verdict; 2 bad input; 3 something sealed was altered
-    (score); 1 a fault of this program; 130 and 143 interrupted by Ctrl-C and SIGTERM.
+    Exit codes: 0 finished, whatever the verdict; 1 a bug in this program; 2 bad input; 3 sealed
+    files were changed (score); 130 and 143 interrupted by Ctrl-C and SIGTERM.
+
+    Symbols: e restitution of ball and bat, e0 of the ball on a wall, e_A collision efficiency,
+    r recoil factor, BPF = e/e0, v_f batted-ball speed, u standard uncertainty.
     """
     if context.invoked_subcommand is None:
         click.echo(context.get_help())
@@ -89,7 +93,7 @@ cli = Sections(
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 96},
     sections={
         "Test a bat": (certify, score, reduce, template, rehearse),
-        "Bats, and what else is in the catalog": (
+        "Bats and the catalog": (
             list_,
             show,
             profile,

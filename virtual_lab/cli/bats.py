@@ -38,7 +38,7 @@ def list_(kind: str | None) -> Any:
 @command("show")
 @click.argument("name", shell_complete=names(*KINDS))
 def show(name: str) -> Any:
-    """Show a specification, every number with its unit and source, or a certificate.json."""
+    """Show a catalog entry, every number with unit and source, or a certificate.json."""
     return api.show(name)
 
 
@@ -51,7 +51,7 @@ def show(name: str) -> Any:
     type=float,
     multiple=True,
     metavar="N",
-    help="Exponent n of the power law, 0 to 0.5; of several bats several may be given"
+    help="Exponent n of the power law, 0 to 0.5; for several bats it may be given several times"
     "  [default: 0; of several bats 0 and 0.5]",
 )
 @inertia_option
@@ -59,8 +59,8 @@ def show(name: str) -> Any:
 def profile(bats: tuple[str, ...], **asked: Any) -> Any:
     """Show e, r, e_A and v_f of one BAT along its barrel, or compare several BATs.
 
-    Of one bat: its curves, modal frequencies and nodes. Of several: the greatest e, BPF, e_A and
-    v_f of each, and how far apart they are.
+    For one bat: curves, modal frequencies and nodes. For several bats: the greatest e, BPF, e_A
+    and v_f of each, and their differences.
     """
     return api.profile(bats, **asked)
 
@@ -81,11 +81,11 @@ def profile(bats: tuple[str, ...], **asked: Any) -> Any:
     default=12,
     show_default=True,
     metavar="NUMBER",
-    help="Bats that meet the data, from which their spread is taken.",
+    help="Number of fitted bats, which show the spread that the data allow.",
 )
 @seed_option("")
 def fit_bat(measured: str, target: Path, members: int, seed: int, progress: Progress) -> Any:
-    """Fit a bat file to what was MEASURED of a bat, and show what the measurements leave open."""
+    """Make a bat file from a file of measurements, and show what they leave uncertain."""
     if target.suffix != ".toml":
         raise InputError("", "out", str(target), "a bat file's name ends in .toml")
     if target.exists():
@@ -98,7 +98,7 @@ def fit_bat(measured: str, target: Path, members: int, seed: int, progress: Prog
 @command("sensitivity", table=True)
 @click.argument("bat", shell_complete=names("bats"))
 def sensitivity(bat: str, progress: Progress) -> Any:
-    """Show the sensitivity of a BAT's results to the force law of the ball."""
+    """Show how the results of BAT depend on the force law of the ball."""
     return api.sensitivity(bat, progress=progress)
 
 
@@ -106,7 +106,10 @@ def sensitivity(bat: str, progress: Progress) -> Any:
 @click.argument("bats", nargs=-1, metavar="[BAT]...", shell_complete=names("bats"))
 @procedure_option()
 def slope(bats: tuple[str, ...], procedure: str) -> Any:
-    """Show how e_A changes along the barrel where a procedure hits BATs (or those of baseball)."""
+    """Show the slope of e_A along the barrel at the place where a procedure hits BATs.
+
+    Without names the bats are those of the 2003 paper.
+    """
     return api.slope(bats, procedure=procedure)
 
 
@@ -120,8 +123,8 @@ def slope(bats: tuple[str, ...], procedure: str) -> Any:
     default=6,
     show_default=True,
     metavar="NUMBER",
-    help="Shots of each laboratory at each place.",
+    help="Number of shots per laboratory and place.",
 )
 def percussion(bat: str, progress: Progress, **asked: Any) -> Any:
-    """Fire at a pivoted BAT along its barrel: what hits off the centre of percussion cost."""
+    """Show the errors of hits off the centre of percussion of a pivoted BAT."""
     return api.percussion(bat, progress=progress, **asked)

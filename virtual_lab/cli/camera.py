@@ -1,4 +1,4 @@
-"""Commands for a camera: follow the ball in a clip, calibrate, rehearse the calibration."""
+"""Commands for a camera: follow the ball in a clip, calibrate, simulate board pictures."""
 
 from __future__ import annotations
 
@@ -37,29 +37,42 @@ def _beside_the_clip(asked: Mapping[str, Any]) -> Path:
 @click.option(
     "--calibration",
     type=click.Path(path_type=Path),
-    help="TOML file: metres_per_pixel, frames_per_second, exposure_s, timestamps, …",
+    help="Calibration file, .toml: from 'calibrate', or with metres_per_pixel, "
+    "frames_per_second, exposure_s, timestamps, …",
 )
-@click.option("--ball", metavar="73mm±0.5mm", help="The ball's diameter, in mm, cm, m or in.")
-@click.option("--fps", type=float, help="Pictures in a second of real time, repeats counted.")
-@click.option("--exposure", metavar="1/120", help="Time that a picture is exposed, in s, ms.")
-@click.option("--gravity", type=float, help="Gravity where it was filmed [m/s²], 9.81 by default.")
-@click.option("--frames", metavar="17:52", help="First and last frame to look at.")
-@click.option("--region", metavar="X,Y,W,H", help="Part of the picture to look at [pixels].")
-@click.option("--ball-at", metavar="X,Y@FRAME", help="Where the ball is, if others move too.")
-@click.option("--scale", metavar="X,Y:X,Y=50cm", help="Two points and their distance.")
-@click.option("--readout", metavar="16ms", help="Time a rolling shutter takes over the picture.")
-@click.option("--global-shutter", is_flag=True, help="All rows are exposed at once.")
+@click.option("--ball", metavar="73mm±0.5mm", help="Ball diameter, in mm, cm, m or in: the scale.")
+@click.option("--fps", type=float, help="Frames per second of real time, repeated frames included.")
+@click.option("--exposure", metavar="1/120", help="Exposure time of a frame, in s or ms.")
+@click.option("--gravity", type=float, help="Local gravity [m/s²]  [default: 9.81]")
+@click.option("--frames", metavar="17:52", help="First and last frame to use.")
+@click.option("--region", metavar="X,Y,W,H", help="Part of the picture to use [pixels].")
+@click.option(
+    "--ball-at",
+    metavar="X,Y@FRAME",
+    help="Where the ball is, if other objects move too.",
+)
+@click.option(
+    "--scale",
+    metavar="X,Y:X,Y=50cm",
+    help="Two points [pixels] and their distance.",
+)
+@click.option("--readout", metavar="16ms", help="Readout time of a rolling shutter for one frame.")
+@click.option(
+    "--global-shutter",
+    is_flag=True,
+    help="No rolling shutter: all rows are exposed at once.",
+)
 @click.option(
     "--track",
     "corrected",
     type=click.Path(path_type=Path),
-    help="track.csv of an earlier run, corrected by hand: its places and flights are taken.",
+    help="track.csv of an earlier run, corrected by hand: use its positions and flights.",
 )
 def track(clip: Path, progress: Progress, **asked: Any) -> Any:
-    """Follow the ball through CLIP: flights and contacts, speeds, restitution, gravity, track.
+    """Follow the ball through CLIP: flights, contacts, speeds, restitution, acceleration.
 
     CLIP is a video (MP4, MOV, AVI, MKV, CINE, MRAW), a folder of images, a TIFF stack or a .npy
-    array. Written beside it, into CLIP-track, are track, result, plot, contact sheet and film.
+    array. The folder CLIP-track beside it gets track, result, plot, contact sheet and film.
     """
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # its messages would stand beside ours
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
@@ -72,22 +85,23 @@ def track(clip: Path, progress: Progress, **asked: Any) -> Any:
 @click.option(
     "--plane", metavar="PICTURE", help="Picture in which the board lies flat  [default: first]"
 )
-@click.option("--height", metavar="36.5mm", help="Height of the ball's plane over that board.")
+@click.option("--height", metavar="36.5mm", help="Height of the ball's plane above that board.")
 @click.option("--height-u", metavar="1mm", help="Standard uncertainty of that height.")
-@click.option("--square-u", metavar="5um", help="Standard uncertainty of a square's side.")
+@click.option("--square-u", metavar="5um", help="Standard uncertainty of the side of a square.")
 @click.option(
     "--out",
     "target",
     type=click.Path(path_type=Path),
     required=True,
     metavar="FILE",
-    help="New calibration file, .toml; a picture of what is left over stands beside it.",
+    help="New calibration file, .toml; a picture of the residuals is written beside it.",
 )
 def calibrate(pictures: tuple[Path, ...], target: Path, progress: Progress, **asked: Any) -> Answer:
     """Calibrate the camera that took PICTURES of a board, for `track`.
 
-    PICTURES are images, folders of them, TIFF stacks or clips. In one, the board lies in the plane
-    the ball will fly in, or below it by --height; in the others it is held askew, 30 deg or so.
+    PICTURES are images, folders of images, TIFF stacks or clips. In one picture the board lies in
+    the plane of the ball's flight, or below it by --height; in the others it is tilted by about
+    30 deg.
     """
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")  # its messages would stand beside ours
     if target.suffix != ".toml":
@@ -110,10 +124,10 @@ def calibrate(pictures: tuple[Path, ...], target: Path, progress: Progress, **as
     help="Camera: a name in the catalog or a .toml file.",
 )
 @board_option
-@click.option("--views", type=int, default=10, show_default=True, help="How many pictures.")
+@click.option("--views", type=int, default=10, show_default=True, help="Number of pictures.")
 @seed_option("  [default: drawn]", None)
 def board(board: str, **asked: Any) -> Answer:
-    """Take pictures of a calibration board with a simulated camera, to rehearse `calibrate`."""
+    """Simulate pictures of a calibration board, to try `calibrate`."""
     where: dict[str, str] = {}
     files: list[Path] = []
 

@@ -1,4 +1,4 @@
-"""Commands that test a bat: certify, score, reduce, and forms for who tests elsewhere."""
+"""Commands that test a bat: certify, score, reduce, and forms for other laboratories."""
 
 from __future__ import annotations
 
@@ -32,51 +32,52 @@ ALTERED = 3  # exit code
 @procedure_option()
 @click.option(
     "--rig",
-    help="Another rig than the procedure's own; one that lacks what it needs is refused.",
+    help="Rig to use instead of the procedure's own; it must record what the procedure needs.",
     shell_complete=rigs,
 )
-@seed_option(": the test is reproducible then, not sealed  [default: drawn]", None)
+@seed_option("; makes the test reproducible, not sealed  [default: a random seed]", None)
 @click.option(
     "--ideal",
     is_flag=True,
-    help="Every individual and instrument equals its nominal.",
+    help="Bat, balls and instruments equal their nominal values, without noise.",
 )
 @click.option(
     "--noise-free",
     is_flag=True,
-    help="No randomness; ring, counts, drag and friction stay.",
+    help="No randomness; vibration of the bat, encoder counts, drag and friction remain.",
 )
 @click.option(
     "--collision",
     "rung",
     type=click.Choice(["rigid", "modal", "reference"]),
-    help="Pin the collision model  [default: the cheapest that is good enough]",
+    help="Collision model  [default: the fastest that is accurate enough]",
 )
 @click.option(
     "--motion",
     type=click.Choice(["closed-form", "pymunk"]),
     default="closed-form",
     show_default=True,
-    help="How ball and bat are carried: all shots at once, or one pymunk scene per shot.",
+    help="Motion of ball and bat: closed form for all shots, or one pymunk scene per shot.",
 )
 @fault_option
 @click.option(
     "--control-bat",
-    help="A bat of known e, for rules that correct their balls by one: tested first.",
+    help="Bat of known e, tested first, if the procedure corrects for its balls by one.",
     shell_complete=names("bats"),
 )
 @click.option(
     "--correction",
     metavar="METHOD:E0",
-    help="Convert to a standard ball where the rules do not: e.g. trampoline:0.5 (assumed).",
+    help="Convert the result to a standard ball of this e0, e.g. trampoline:0.5; the methods are "
+    "ratio and trampoline. For procedures without a conversion; marked as assumed.",
 )
 @click.option(
     "--film",
     is_flag=True,
-    help="Keep the first shot in whole frames too, for 'track'; needs --rig filmed-cannon.",
+    help="Save a video of the first shot for 'track'; needs --rig filmed-cannon.",
 )
 def certify(bat: str, ideal: bool, noise_free: bool, progress: Progress, **asked: Any) -> Any:
-    """Take BAT (a name or a .toml file) through a procedure and write its certificate."""
+    """Test BAT (a name or a .toml file) by a procedure and write its certificate."""
     if ideal and noise_free:
         usage("--ideal and --noise-free exclude each other")
     reality = "ideal" if ideal else "noise-free" if noise_free else "real"
@@ -86,16 +87,21 @@ def certify(bat: str, ideal: bool, noise_free: bool, progress: Progress, **asked
 @command("reduce", keeps=True, picture=True)
 @click.argument("records", type=click.Path(path_type=Path))
 def reduce(records: Path) -> Any:
-    """Reduce a folder of raw RECORDS, ours or another laboratory's, without the truth."""
+    """Compute the results from a folder of raw RECORDS, without the truth.
+
+    RECORDS is the folder `records` that `certify` wrote, or a folder with the form of another
+    laboratory (`template`).
+    """
     return api.reduce(records)
 
 
 @command("score", table=True)
 @click.argument("folder", type=click.Path(path_type=Path))
 def score(folder: Path) -> Any:
-    """Open the sealed truth in FOLDER: measured against true, in units and uncertainties.
+    """Compare the certificate in FOLDER with the true values.
 
-    What was altered in FOLDER since the test is named, file and key, and the exit code is 3.
+    FOLDER is a folder that `certify` wrote. If files or keys in it were changed since the test,
+    they are listed and the exit code is 3.
     """
     return api.score(folder)
 
@@ -104,7 +110,7 @@ def score(folder: Path) -> Any:
 @click.argument("procedure", shell_complete=names("procedures"))
 @click.argument("folder", type=click.Path(path_type=Path))
 def template(procedure: str, folder: Path) -> Answer:
-    """Write the empty forms of a PROCEDURE for another laboratory into a new FOLDER."""
+    """Write empty record forms of PROCEDURE into a new FOLDER, for another laboratory."""
     from virtual_lab.files import check_new_folder
 
     check_new_folder(folder)

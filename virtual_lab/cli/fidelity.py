@@ -17,12 +17,12 @@ __all__ = ["chart", "convergence", "stability"]
 
 @click.group()
 def chart() -> None:
-    """Draw speed against accuracy: of the collision, the motion, the camera."""
+    """Draw error against run time of the models of collision and motion, or of the camera."""
 
 
 @click.group()
 def stability() -> None:
-    """Map where the numerics hold: of the collision, the motion, the camera."""
+    """Map where the models of collision and motion, or the camera methods, are valid."""
 
 
 def _study(group: click.Group, name: str, words: str) -> None:
@@ -35,34 +35,34 @@ def _study(group: click.Group, name: str, words: str) -> None:
     group.add_command(command(name, folder=f"{group.name}-{name}", table=True)(measured))
 
 
-_study(chart, "collision", "Error of the collision rungs against their time per shot.")
+_study(chart, "collision", "Error of the collision models against their time per shot.")
 _study(
-    chart, "motion", "Error of the motion rungs, and of pymunk alone, against their time per shot."
+    chart, "motion", "Error of the motion models, and of pymunk alone, against their time per shot."
 )
 _study(
     chart,
     "camera",
-    "Error of every way of locating the ball in a picture against its time per frame.",
+    "Error of every method to locate the ball against its time per frame.",
 )
 _study(
     stability,
     "collision",
-    "Map the steps of the modal rung against modes, place, speed and ball.",
+    "Map the valid time steps of the modal model over modes, place, speed and ball.",
 )
 _study(
     stability,
     "motion",
-    "Map the steps of pymunk, alone and as a rung, against speed, place and its settings.",
+    "Map the valid time steps of pymunk over speed, place and settings.",
 )
 _study(
     stability,
     "camera",
-    "Map the ways of locating the ball against all that may go wrong in a picture.",
+    "Map the errors of locating the ball over the disturbances of a picture.",
 )
 
 
 @command("convergence", table=True)
 @click.argument("bats", nargs=-1, metavar="[BAT]...", shell_complete=names("bats"))
 def convergence(bats: tuple[str, ...], progress: Progress) -> Any:
-    """Show the error in e_A by the number of modes, for BATs or every bat of the catalog."""
+    """Show the error in e_A against the number of modes, for BATs (or all in the catalog)."""
     return api.convergence(bats, progress=progress)

@@ -1,8 +1,8 @@
-"""What the commands share: where results go, JSON, tables, pictures, progress, completion.
+"""Common parts of all commands: output folders, JSON, tables, figures, progress, completion.
 
-A command is a function that returns what it found: an object with a `document` for JSON and a
-`text` for the terminal, as every `StudyResult` has, and where results are kept with `save`,
-`table` and `plot`.
+A command is a function that returns its result: an object with a `document` for JSON and a `text`
+for the terminal, like every `StudyResult`, and with `save`, `table` and `plot` if the command has
+the options for them.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ TABLES, PICTURES = (".csv",), (".png", ".svg", ".pdf")
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:
-    """What a command found where no study's result says it."""
+    """Result of a command that is no `StudyResult`."""
 
     document: Any
     text: str
@@ -67,7 +67,7 @@ class Sections(click.Group):
                 self.add_command(each)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write a table of commands a section."""
+        """Write one table of commands per section."""
         widest = max(len(name) for name in self.commands)
         for title, commands in self.sections.items():
             with formatter.section(title):
@@ -84,20 +84,20 @@ def command(
     table: bool = False,
     picture: bool = False,
 ) -> Callable[[Function], click.Command]:
-    """Return what makes a command of a function.
+    """Return a decorator that makes a command from a function.
 
     Parameters
     ----------
     name
-        Of the command.
+        Name of the command.
     folder
-        The usual folder's name, in ``out/``, with the command's parameters in braces, or what
-        makes its path of them; results are written there where ``--out`` names no other. Without
-        one they are written where ``--out`` says so.
+        Name of the default folder in ``out/``, with parameters of the command in braces, or a
+        function of the parameters that returns its path; ``--out`` overrides it. Without a
+        default folder, results are written only with ``--out``.
     page
-        The file of the folder that is named at the end, in the folder's place.
+        File in the folder whose path is printed at the end, instead of the folder's.
     keeps
-        Whether the command has ``--out`` at all; one with a usual folder has.
+        Whether the command has ``--out``; always with a default folder.
     table, picture
         Whether it has ``--csv`` and ``--plot``.
     """
@@ -155,23 +155,23 @@ def _shared_options(
         usual = ""
         if isinstance(folder, str) and folder:
             named = re.sub(r"{(\w+)}", lambda found: found[1].upper(), folder)
-            usual = f"out/{named}, then -2"
-        words = f"New folder for all that is written.{f'  [default: {usual}]' if usual else ''}"
+            usual = f"out/{named}, or with -2, -3, …"
+        words = f"New folder for all results.{f'  [default: {usual}]' if usual else ''}"
         options.append(click.Option(["--out"], type=path, metavar="FOLDER", help=words))
     if table:
-        words = "Write the table into a new file, .csv."
+        words = "Write the table into a new .csv file."
         options.append(click.Option(["--csv"], type=path, metavar="FILE", help=words))
     if picture:
-        words = "Draw the picture into a new file, .png, .svg or .pdf."
+        words = "Draw the figure into a new .png, .svg or .pdf file."
         options.append(click.Option(["--plot"], type=path, metavar="FILE", help=words))
-    words = "One JSON document on stdout."
+    words = "Print the result as one JSON document."
     return [*options, click.Option(["--json", "as_json"], is_flag=True, help=words)]
 
 
 def _usual_folder(
     folder: str | Callable[[Mapping[str, Any]], Path], asked: Mapping[str, Any]
 ) -> Path:
-    """Return where results go: the seed is in the name only where the operator gave it."""
+    """Return the default folder; its name contains the seed only if the user gave one."""
     if not isinstance(folder, str):
         return folder(asked)
     parts = {key: _part(value) for key, value in asked.items() if isinstance(value, str)}
@@ -183,12 +183,12 @@ def _usual_folder(
 
 
 def _part(value: str) -> str:
-    """Return what of a name or a file's path goes into a folder's name."""
+    """Return the part of a name or path for a folder's name."""
     return re.sub(r"[^\w.-]+", "-", Path(value).stem)[:LONGEST_NAME]
 
 
 def _check_new_file(path: Path, endings: Sequence[str]) -> None:
-    """Refuse a file that is there, or of another kind."""
+    """Refuse an existing file, or one with another ending."""
     if path.suffix not in endings:
         raise InputError(
             "", "file", str(path), f"allowed: a name that ends in {', '.join(endings)}"
@@ -204,9 +204,9 @@ def _check_new_file(path: Path, endings: Sequence[str]) -> None:
 def _print(
     found: Any, folder: Path | None, page: str, files: Sequence[Path], *, as_json: bool
 ) -> None:
-    """Print what was found, and in every case where it was written.
+    """Print the result, and the paths of all written files.
 
-    With JSON on stdout that is the key `folder` of the document, and of rows a line on stderr.
+    With JSON on stdout, the folder is the key `folder` of the document, or a line on stderr.
     """
     written = [*([folder] if folder else []), *files]
     if not as_json:
@@ -223,7 +223,7 @@ def _print(
 
 
 def usage(message: str) -> NoReturn:
-    """Refuse words that do not go together."""
+    """Refuse options that exclude each other."""
     raise click.UsageError(message)
 
 
@@ -261,14 +261,14 @@ def procedure_option(
 
 
 def laboratories_option(default: int) -> Callable[[Function], Function]:
-    """Return the option of how many laboratories."""
+    """Return the option for the number of laboratories."""
     return click.option(
         "--laboratories",
         type=click.IntRange(min=2),
         default=default,
         show_default=True,
         metavar="NUMBER",
-        help="Laboratories, each with balls and errors of its own.",
+        help="Number of simulated laboratories, each with other balls and calibration errors.",
     )
 
 
@@ -280,7 +280,7 @@ def seed_option(words: str, default: int | None = 1) -> Callable[[Function], Fun
         default=default,
         show_default=default is not None,
         metavar="NUMBER",
-        help=f"Seed of all that is random{words}",
+        help=f"Seed of all random numbers{words}",
     )
 
 
@@ -289,7 +289,7 @@ fault_option = click.option(
     "faults",
     multiple=True,
     metavar="FAULT",
-    help="What goes wrong ('virtual-lab list faults'); may be given several times.",
+    help="Fault of the test day ('virtual-lab list faults'); may be given several times.",
     shell_complete=names("faults"),
 )
 
@@ -297,7 +297,8 @@ inertia_option = click.option(
     "--reference-inertia",
     metavar="BAT|'NUMBER UNIT'",
     shell_complete=names("bats"),
-    help="I0 of the swing law: a bat's own, or e.g. '17000 oz in^2', the paper's (default).",
+    help="Moment of inertia I0 in the swing law: that of a bat, or a number with unit  "
+    "[default: 17000 oz in^2, as in the paper]",
 )
 
 law_option = click.option(
@@ -305,11 +306,11 @@ law_option = click.option(
     type=click.Choice(["power", "energy"]),
     default="power",
     show_default=True,
-    help="Swing by I^-n, or with the same energy into bat and batter.",
+    help="Swing law: bat speed proportional to I^-n, or the same energy for bat and batter.",
 )
 
 ball_option = click.option(
     "--ball",
     shell_complete=names("balls"),
-    help="Ball in the field  [default: the game conditions' own, of the bat's sport]",
+    help="Ball in play on the field  [default: standard ball of the bat's sport]",
 )

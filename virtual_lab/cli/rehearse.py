@@ -22,34 +22,34 @@ __all__ = ["rehearse"]
     "--scenario",
     default="plain-day",
     show_default=True,
-    help="Which day: a name (those of data/bench/scenarios) or a .toml file.",
+    help="The day: a name (see data/README.md) or a .toml file.",
 )
 @click.option(
     "--operator",
     type=click.Choice(["expert", "book", "careless", "cheating"]),
-    help="Who takes the day in your place.",
+    help="Simulated operator who takes the day instead of you.",
 )
 @click.option(
     "--script",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help='A .json file of actions to be taken: {"actions": [{"do": "tare"}, …]}.',
+    help='A .json file of actions to run: {"actions": [{"do": "tare"}, …]}.',
 )
-@seed_option(" in the laboratory  [default: drawn]", None)
+@seed_option(" of the laboratory  [default: a random seed]", None)
 @click.option(
     "--operator-seed",
     type=click.IntRange(min=0),
     default=0,
     show_default=True,
     metavar="NUMBER",
-    help="Seed of the operator's slips.",
+    help="Seed of the operator's mistakes.",
 )
 @click.option(
     "--day",
     type=click.Path(path_type=Path),
     metavar="FOLDER",
-    help="Where the page keeps the day; one that lies there is taken up again.  "
-    "[default: out/SCENARIO, then -2]",
+    help="Folder of the day; a day that is already there is continued.  "
+    "[default: out/SCENARIO, or with -2, -3, …]",
 )
 @click.option(
     "--port",
@@ -57,39 +57,42 @@ __all__ = ["rehearse"]
     default=8377,
     show_default=True,
     metavar="NUMBER",
-    help="Of the page.",
+    help="Port of the page.",
 )
 @click.option(
     "--host",
     default="127.0.0.1",
     show_default=True,
     metavar="ADDRESS",
-    help="Where the page is served, as browsers name it; beyond this machine only with TLS.",
+    help="Address of the page; other computers can reach it only with TLS.",
 )
 @click.option(
-    "--tls-certificate", type=click.Path(path_type=Path), metavar="FILE", help="Its chain, PEM."
+    "--tls-certificate",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Certificate chain, PEM.",
 )
-@click.option("--tls-key", type=click.Path(path_type=Path), metavar="FILE", help="Its key, PEM.")
+@click.option("--tls-key", type=click.Path(path_type=Path), metavar="FILE", help="TLS key, PEM.")
 @click.option(
     "--trainees",
     type=click.IntRange(1, 50),
     default=1,
     show_default=True,
     metavar="NUMBER",
-    help="How many take the day, each in a browser and a folder of their own.",
+    help="Number of trainees, each with a separate browser and folder.",
 )
 @click.option(
     "--exam",
     type=click.Path(path_type=Path),
     metavar="CLASS.TOML",
-    help="Serve an exam to a class: title, scenario and trainees; the trainer begins and ends it.",
+    help="Serve an exam to a class; the file has title, scenario and trainees.",
 )
 @click.option(
     "--replay",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Play a day back from its log, day.sqlite, once it is handed in: a table of its entries, "
-    "with --open the page to step through it.",
+    help="Repeat a day from its log, day.sqlite, after it was handed in: a table of its entries, "
+    "with --open a page for each entry.",
 )
 @click.option("--open", "browser", is_flag=True, help="Open the page in a browser.")
 def day_command(
@@ -108,10 +111,10 @@ def day_command(
     replay: Path | None,
     browser: bool,
 ) -> RehearsedDay | StudyResult | Answer:
-    """Take a laboratory day action by action, and learn what each decision cost.
+    """Carry out a test day action by action, and learn the cost of each decision.
 
-    You take it on a page that this machine serves to itself (extra 'bench'), or an operator
-    or a script takes it in your place; --out keeps the log, the sealed file and the debrief then.
+    You do this on a page in the browser (needs the extra 'bench'), or a simulated operator or a
+    script does it for you; then --out saves the log, the sealed truth and the debrief.
     """
     if sum(map(bool, (operator, script, replay))) > 1:
         usage("--operator, --script and --replay exclude each other")
@@ -179,7 +182,7 @@ def _served(
 @command("summary", keeps=True, table=True)
 @click.argument("folder", type=click.Path(path_type=Path))
 def summary(folder: Path) -> StudyResult:
-    """Make one table of a class: of all days in folders below FOLDER."""
+    """Make one table of all days in folders below FOLDER."""
     from virtual_lab.bench.reviewing import summary as run
 
     return run(folder)
@@ -188,7 +191,7 @@ def summary(folder: Path) -> StudyResult:
 @command("check", keeps=True, table=True)
 @click.argument("scenario", metavar="SCENARIO.TOML")
 def check(scenario: str) -> StudyResult:
-    """Try a scenario of your own: what it takes, and what an expert finds on it."""
+    """Try a scenario of your own: minutes, shots, and what an expert finds."""
     from virtual_lab.bench.reviewing import check_scenario
 
     return check_scenario(scenario)

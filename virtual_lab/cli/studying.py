@@ -1,4 +1,4 @@
-"""Commands that study the laboratory and its procedures: what may open the truth."""
+"""Commands that study the laboratory and its procedures; they may read the truth."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ FIRST = "; of the first laboratory, the others follow"
 @click.option(
     "--summed",
     is_flag=True,
-    help="Instruments write sums (a camera: places), the bat is as drawn: ten times as fast.",
+    help="Instruments write sums (a camera: places) and the bat is nominal: ten times as fast.",
 )
 @click.option(
     "--effects",
     is_flag=True,
-    help="Show the effect of every term of the budget, stated and found, not the coverage.",
+    help="Instead of the coverage, compare the effect of each budget component, stated and found.",
 )
 @click.option(
     "--clips",
@@ -62,7 +62,7 @@ def coverage(
     progress: Progress,
     **asked: Any,
 ) -> Any:
-    """Certify BAT in many laboratories and count the 95 % intervals that hold the truth."""
+    """Test BAT in many laboratories; count the 95 % intervals that contain the true value."""
     if clips is not None:
         given = context.get_parameter_source("laboratories")
         if effects or given is click.core.ParameterSource.COMMANDLINE:
@@ -77,7 +77,7 @@ def coverage(
 @command("bias", keeps=True, table=True)
 @procedure_option()
 def bias(procedure: str, progress: Progress) -> Any:
-    """Measure what the method gets wrong when nothing is random, for every bat."""
+    """Show the error of every result without any randomness, for every bat of the catalog."""
     return api.bias(procedure, progress=progress)
 
 
@@ -89,11 +89,11 @@ def bias(procedure: str, progress: Progress) -> Any:
     "--procedure",
     "procedures",
     multiple=True,
-    help="Procedure with predictions; may be given several times  [default: astm-f1881, bbcor]",
+    help="Procedure; may be given several times  [default: astm-f1881, bbcor]",
     shell_complete=names("procedures"),
 )
 def faults(faults: tuple[str, ...], progress: Progress, **asked: Any) -> Any:
-    """Play FAULTs of a real day (or all) and compare the outcome with the predictions."""
+    """Simulate FAULTs of a test day (or all); compare detection and bias with predictions."""
     return api.faults(faults, progress=progress, **asked)
 
 
@@ -104,7 +104,7 @@ def faults(faults: tuple[str, ...], progress: Progress, **asked: Any) -> Any:
     "procedures",
     multiple=True,
     shell_complete=names("procedures"),
-    help="Test procedure; may be given several times  [default: all of the field's sport]",
+    help="Test procedure; may be given several times  [default: all for the bats' sport]",
 )
 @law_option
 @click.option(
@@ -121,7 +121,7 @@ def faults(faults: tuple[str, ...], progress: Progress, **asked: Any) -> Any:
 @laboratories_option(20)
 @seed_option(FIRST)
 def critique(bats: tuple[str, ...], progress: Progress, **asked: Any) -> Any:
-    """Show which test procedures rank BATs as the field does, and which do not."""
+    """Show which test procedures rank BATs in the same order as play on the field."""
     return api.critique(bats, progress=progress, **asked)
 
 
@@ -133,13 +133,19 @@ def critique(bats: tuple[str, ...], progress: Progress, **asked: Any) -> Any:
     shell_complete=names("balls"),
     help="Check ball: a name or a .toml file.",
 )
-@click.option("--days", type=int, default=60, show_default=True, help="Mornings in all.")
-@click.option("--baseline", type=int, default=25, show_default=True, help="Days that set limits.")
+@click.option("--days", type=int, default=60, show_default=True, help="Number of mornings.")
+@click.option(
+    "--baseline",
+    type=int,
+    default=25,
+    show_default=True,
+    help="Days that set the limits.",
+)
 @click.option("--hits", type=int, default=10, show_default=True, help="Hits each morning.")
 @click.option(
-    "--drift", type=float, default=0.0, help="Share of the restitution the wall loses each day."
+    "--drift", type=float, default=0.0, help="Loss of the wall's restitution per day, e.g. 0.0005."
 )
-@click.option("--step", type=float, default=0.0, help="Share of it that the wall loses at once.")
+@click.option("--step", type=float, default=0.0, help="Sudden loss of the wall's restitution.")
 @fault_option
 @click.option(
     "--since", type=int, help="First day of drift, step and faults  [default: after the baseline]"
@@ -155,11 +161,11 @@ def critique(bats: tuple[str, ...], progress: Progress, **asked: Any) -> Any:
 )
 @seed_option("")
 def daily(progress: Progress, **asked: Any) -> Any:
-    """Fire a check ball at wall and check cylinder each morning and keep control charts."""
+    """Fire a check ball at wall and check cylinder each morning; draw control charts."""
     return api.daily(progress=progress, **asked)
 
 
 @command("paper", keeps=True, table=True, picture=True)
 def paper(progress: Progress) -> Any:
-    """Compare every number, figure and claim of the 2003 paper with what is found here."""
+    """Compare every number, figure and claim of the 2003 paper with this program's result."""
     return api.paper(progress=progress)

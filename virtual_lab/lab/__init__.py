@@ -1,4 +1,4 @@
-"""One test: the only place where rigs, reduction and procedure meet."""
+"""One test: the only package that imports both rigs and reduction."""
 
 from virtual_lab.lab.campaign import Campaign
 from virtual_lab.lab.certify import certify_bat

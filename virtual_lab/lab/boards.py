@@ -1,4 +1,4 @@
-"""Pictures of a calibration board by a camera of the catalog, its truth sealed beside them."""
+"""Pictures of a calibration board by a camera of the catalog, with the true lens beside them."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ LEAST, MOST = 3, 60  # pictures
 def film_board(
     camera: str, board: Board, folder: Path, *, views: int = 10, seed: int | None = None
 ) -> Path:
-    """Write pictures of a board as PNG into a new folder; return where the pictures are.
+    """Write pictures of a board as PNG into a new folder; return the folder of the pictures.
 
-    ``pictures/`` is what a laboratory would have; ``truth/camera.json`` holds the true lens and
-    where it hangs, in axes of the rig. In the first picture the board lies in the ball's plane.
+    ``pictures/`` holds the pictures, ``truth/camera.json`` the true lens and the camera position
+    in axes of the rig. In the first picture the board lies in the ball's plane.
 
     Parameters
     ----------

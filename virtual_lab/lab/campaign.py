@@ -1,7 +1,7 @@
-"""The same bat in many laboratories, each with its own errors, on the summed rung.
+"""One bat in many laboratories with different errors; instruments write sums.
 
-What is the same for all (the bat as drawn, its collision as a surrogate, the rules) is made
-once; a laboratory then costs some milliseconds.
+The common parts (nominal bat, surrogate of its collision, procedure) are made once; a laboratory
+then takes some milliseconds.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ SLANT = 0.01  # of the speed that a hit six sigma above the bat's axis lacks
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Campaign:
-    """What is the same in every laboratory."""
+    """Everything that all laboratories have in common."""
 
     setup: TestSetup
 
@@ -59,7 +59,7 @@ class Campaign:
         return self.setup.collision
 
     def laboratory(self, seed: int) -> Laboratory:
-        """Return the laboratory of a seed."""
+        """Return the laboratory with a given seed."""
         return Laboratory.open(replace(self.setup, seed=seed))
 
     def run(self, laboratories: int, first_seed: int) -> Iterator[Tested]:
@@ -69,9 +69,9 @@ class Campaign:
 
 
 def box_of(procedure: Procedure, bat: BatSpec, ball: BallSpec) -> Box:
-    """Return what the collisions of a test lie in: the nominal ones, and six sigma about them.
+    """Return the range of a test's collisions: nominal values and six sigma about them.
 
-    It is a matter of procedure, bat and lot alone, so that a surrogate over it is always the same.
+    It depends only on procedure, bat and lot, so a surrogate over it is always the same.
     """
     either = np.array([-1.0, 1.0])
     place = np.array(nominal_places(procedure, bat)) + SIGMAS * PLACE_SCATTER * either

@@ -1,4 +1,4 @@
-"""A bat's test by the book, with that of its control bat before it where the rules ask for one."""
+"""Test of a bat by the procedure, after the test of a control bat if one is required."""
 
 from __future__ import annotations
 
@@ -24,11 +24,10 @@ UNCORRECTED = Estimate(value=1.0)
 def certify_bat(setup: TestSetup, progress: Progress = quiet) -> Tested:
     """Take a bat through a procedure.
 
-    Where the rules correct by a control bat, that goes through the same procedure first, at the
-    same rigs with the same lot of balls, e as measured; over the e that the rules know of it, this
-    is the constant ``control.restitution_ratio`` of the test to come. What the two tests share of
-    calibration errors stands in the budget twice, though much of it goes out of the ratio: u is on
-    the large side.
+    If the procedure corrects by a control bat, this bat is tested first, by the same procedure, at
+    the same rigs and with the same balls. Its measured e over its known e is the constant
+    ``control.restitution_ratio`` of the main test. Calibration errors common to both tests largely
+    cancel in this ratio, but the budget counts them twice: u is slightly too large.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""How a result bends along the barrel, which hits beside the place aimed at make a bias of."""
+"""Curvature of a result along the barrel; with scattered impact places it causes a bias."""
 
 from __future__ import annotations
 

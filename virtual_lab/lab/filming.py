@@ -1,4 +1,4 @@
-"""A shot of a test filmed in whole frames, with the calibration file that `track` reads."""
+"""Video of one shot of a test in whole frames, with the calibration file that `track` reads."""
 
 from __future__ import annotations
 
@@ -47,18 +47,18 @@ widest_m = {widest!r}
 def film_of(
     station: FilmingStation, order: ShotPlan, specimen: Specimen, draws: Draws, session: Session
 ) -> Callable[[Path], None]:
-    """Return what films the first shot of a test into a folder.
+    """Return a function that films the first shot of a test into a folder.
 
     Parameters
     ----------
     station
-        Where balls are fired at the bat.
+        Station that fires balls at the bat.
     order, specimen
-        The first order as it was carried out, and what it was done to.
+        The shots of the first round, and the bat and balls.
     draws
-        Of the test.
+        Random numbers of the test.
     session
-        What was recorded, the bench's readings of the bat among it.
+        Records of the test, with the bench readings of the bat.
     """
     filming: Any = station
     sensor = filming.camera.spec.sensor

@@ -1,4 +1,4 @@
-"""Whether rig, bat and ball fit a procedure: what is written and read, struck and let through."""
+"""Checks that rig, bat and ball fit a procedure: channels, motion, places, windows."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ __all__ = [
 
 
 def nominal_places(procedure: Procedure, bat: BatSpec) -> tuple[float, float]:
-    """Return between which places a bat as drawn is to be struck [m from the tip]."""
+    """Return the range of places where the nominal bat will be hit [m from the tip]."""
     if procedure.scan:
         return procedure.scan.low, procedure.scan.high
     beam = beam_of(bat.body)
@@ -34,7 +34,7 @@ def nominal_places(procedure: Procedure, bat: BatSpec) -> tuple[float, float]:
 
 
 def require_rig(rig: Rig, procedure: Procedure) -> None:
-    """Refuse a rig that does not write what the procedure reads."""
+    """Refuse a rig without a record that the procedure needs."""
     lacking = sorted(procedure.needs - rig.channels.keys())
     if lacking:
         able = [
@@ -42,14 +42,17 @@ def require_rig(rig: Rig, procedure: Procedure) -> None:
             for name, other in installed_rigs().items()
             if other.stage is Stage.IMPACT and procedure.needs <= other.channels.keys()
         ]
-        allowed = f"{procedure.name} needs its {', '.join(lacking)}; such are {', '.join(able)}"
+        allowed = (
+            f"records no {', '.join(lacking)}, which {procedure.name} needs; "
+            f"allowed: {', '.join(able)}"
+        )
         raise InputError("", "rig", rig.name, allowed)
     if "swing" in rig.channels and procedure.bat_speed is None:
-        raise InputError("", "rig", rig.name, f"it swings the bat; {procedure.name} has it at rest")
+        raise InputError("", "rig", rig.name, f"swings the bat; {procedure.name} needs it at rest")
 
 
 def require_motion(rig: Rig, motion: MotionRung) -> None:
-    """Refuse a motion that the rig does not have."""
+    """Refuse a motion model that the rig does not have."""
     able: Iterable[MotionRung] = getattr(rig, "motions", {MotionRung.CLOSED_FORM})
     if motion not in able:
         names = ", ".join(sorted(each.value for each in able))
@@ -60,11 +63,11 @@ def require_camera(rig: Rig) -> None:
     """Refuse to film at a rig that has no camera."""
     if "camera" not in rig.channels:
         able = [name for name, other in installed_rigs().items() if "camera" in other.channels]
-        raise InputError("", "film", rig.name, f"this rig has no camera; {', '.join(able)} has one")
+        raise InputError("", "film", rig.name, f"has no camera; allowed: {', '.join(able)}")
 
 
 def require_places(procedure: Procedure, bat: BatSpec) -> None:
-    """Refuse a scan that leaves the bat or reaches the axis it is held on."""
+    """Refuse a scan that leaves the bat or reaches the axis of its pivot."""
     if procedure.scan is None:
         return
     axis = bat.body.length - procedure.pivot_from_knob
@@ -80,7 +83,7 @@ def require_places(procedure: Procedure, bat: BatSpec) -> None:
 
 
 def require_ball(procedure: Procedure, ball: BallSpec) -> None:
-    """Refuse windows that the nominal ball itself does not meet: hardly a shot would count."""
+    """Refuse windows that exclude the nominal ball: hardly any shot would count."""
     windows = procedure.windows
     e0 = ball.restitution.at(windows.ball_restitution_speed)
     for name, value, unit, unit_si in (
@@ -98,7 +101,7 @@ def require_ball(procedure: Procedure, ball: BallSpec) -> None:
 
 
 def unverified_rigs(rigs: Iterable[str]) -> dict[str, str]:
-    """Return the unverified numbers of the rigs; another maker's rig keeps its own sheets."""
+    """Return the unverified numbers of the rigs in our catalog."""
     found: dict[str, str] = {}
     for rig in rigs:
         if rig in catalog.names("rigs"):

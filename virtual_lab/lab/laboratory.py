@@ -1,4 +1,4 @@
-"""A laboratory on the day of a test: its rigs as they stand, its specimen, and what it knows."""
+"""A laboratory on the day of a test: installed rigs, specimen, and calibrations."""
 
 from __future__ import annotations
 
@@ -61,14 +61,14 @@ class Laboratory:
 
     @classmethod
     def open(cls, setup: TestSetup) -> Laboratory:
-        """Commission the rigs and draw the individuals; without a seed one is drawn.
+        """Install the rigs and draw bat and balls; without a seed a random one is used.
 
         Raises
         ------
         InputError
-            An unknown rig or rung, a motion the rig does not have, a rig that lacks what the
-            procedure needs or that is to film without a camera, a bat or ball that its rules do
-            not fit.
+            An unknown rig or collision model, a motion model that the rig does not have, a rig
+            without a record that the procedure needs, a film without a camera, a bat or ball
+            that does not fit the procedure.
         """
         rules, bat, ball = setup.rules.spec, setup.bat.spec, setup.ball.spec
         rig = find_rig(setup.rig, Stage.IMPACT)
@@ -137,19 +137,19 @@ class Laboratory:
 
     @property
     def impact(self) -> ImpactStation:
-        """The rig that fires at the bat, as it stands."""
+        """The rig that fires at the bat, as installed in this laboratory."""
         return cast("ImpactStation", self.stations[Stage.IMPACT])
 
     def play(self, stage: Stage, order: ShotPlan) -> RigOutput:
-        """Carry out an order on this day, with all that goes wrong."""
+        """Carry out ordered shots, with the faults of this day."""
         station = self.stations[stage]
         return self.setup.faults.play(stage, station, order, self.specimen, self.draws)
 
 
 def _sealing(setup: TestSetup) -> str:
-    """Return whether who has the records could find the truth again, by trying seeds."""
+    """Return whether somebody with the records could recompute the truth by trying seeds."""
     if setup.reality is not Reality.REAL:
         return "reproducible: nothing is random, not sealed"
     if setup.seed is not None:
         return "reproducible: seed chosen by the operator, not sealed"
-    return f"sealed: seed of {SEED_BITS} random bits, with the truth alone"
+    return f"sealed: random seed of {SEED_BITS} bits, stored only with the truth"

@@ -1,8 +1,8 @@
-"""What a test was to find: the rules' own result on the exact curve of this very bat.
+"""The measurand: the procedure's result on the exact curve of the tested bat.
 
-(i) of the places visited, which an error-free laboratory returns exactly; (ii) of a scan, on
-the continuous curve at its maximum, and where the rules ask for it how far along the barrel the
-curve stays near that.
+There are two: (i) the result from the places visited, which a laboratory without errors finds
+exactly; (ii) for a scan, the value at the maximum of the continuous curve and, if the procedure
+asks for it, the width of the curve near its maximum.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ def measurand(
 ) -> dict[str, float]:
     """Return the true metric as ``metric``, and quantities by their names in a certificate.
 
-    The quantities beside the metric are those at the place the certificate names, so they are
-    weighed as its hits were. `control` is that of `TrueCurve.metric`, without error. {} where
-    the test gave no result.
+    The other quantities are those at the place on the certificate, so they have the weights of its
+    hits. `control` is the error-free argument of `TrueCurve.metric`. {} if the test gave no
+    result.
     """
     procedure, outcome = reduced.procedure, reduced.outcome
     if not np.isfinite(outcome.weights).all():
@@ -78,7 +78,7 @@ def _of_continuous(curve: TrueCurve, control: float) -> dict[str, float]:
 def true_curve(
     station: ImpactStation, specimen: Specimen, procedure: Procedure, places: Array
 ) -> TrueCurve:
-    """Return what really happens at `places` [m] at the procedure's nominal speeds."""
+    """Return the true curve at `places` [m] at the procedure's nominal speeds."""
     beam = beam_of(specimen.bat.body)
     order = ShotPlan(
         slot=np.arange(places.size),

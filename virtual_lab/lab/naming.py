@@ -1,4 +1,4 @@
-"""What a laboratory knows and writes, under the names that its session has for it."""
+"""Names of calibration constants in a session."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ __all__ = ["constant_name", "lot_constants", "with_records"]
 
 
 def constant_name(stage: Stage, name: str) -> str:
-    """Return a constant's name in a session: rigs of one hall share its air and its gravity."""
+    """Return a constant's name in a session; rigs in one hall share air and gravity."""
     if name.startswith("hall."):
         return name
     return f"hall.{name}" if name.startswith("air.") else f"{stage.value}.{name}"
 
 
 def lot_constants(ball: BallSpec) -> dict[str, Estimate]:
-    """Return what a laboratory knows of its lot before it measures a ball."""
+    """Return the constants of a lot that are known before a ball is measured."""
     return {
         "ball.radius": Estimate(value=ball.radius, u=ball.radius_u),
         "ball.restitution_slope": Estimate(

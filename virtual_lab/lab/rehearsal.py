@@ -1,9 +1,9 @@
-"""A test rehearsed on the exact curve: what stray aim and scatter make of its result on average.
+"""Bias of a test from stray aim and scatter, found by rehearsals on the exact curve.
 
-The aim strays, so hits fall beside their place, where the bat is not at its best; a scan takes
-the top of noisy values, which lifts it, but also goes on where the first hits came out high and
-turns away where they came out low, which does the opposite. No closed form holds all of that, so
-the rules themselves are played, without instruments, as often as one likes.
+Aim errors move hits away from the intended place, which lowers the result near a maximum. A scan
+takes the maximum of noisy values, which raises the result; but it also continues where the first
+hits were high and turns away where they were low, which lowers it. No closed form covers all of
+this, so the rules are simulated many times on the exact curve, without instruments.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ CURVE_MARGIN = 0.025  # m, how far the curve goes on beyond the places that may 
 
 
 class Straying(NamedTuple):
-    """How hits stray from what was asked: standard deviations shot to shot."""
+    """Deviations of hits from the order: standard deviations from shot to shot."""
 
     along: float  # of the place [m]
     scatter: float  # of the metric, the place's part left out
@@ -52,7 +52,7 @@ class Straying(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rehearsal:
-    """The rules on an exact curve."""
+    """Simulation of the procedure on an exact curve."""
 
     procedure: Procedure
     percussion: float  # [m]
@@ -62,7 +62,7 @@ class Rehearsal:
 
     @classmethod
     def of(cls, laboratory: Laboratory, tested: Tested) -> Self:
-        """Return the rehearsal of a laboratory's test, on the curve of its true bat."""
+        """Return the rehearsal of a laboratory's test on the curve of its true bat."""
         procedure, certification = laboratory.rules.spec, tested.certification
         percussion = certification.outcome.place
         scan = procedure.scan
@@ -89,9 +89,9 @@ class Rehearsal:
         )
 
     def straying(self, along: float, scatter: float) -> Straying:
-        """Return what strays where hits within a place scatter by `scatter` in the metric, all in.
+        """Return the deviations for a total `scatter` of the metric within a place.
 
-        What the place makes of that is taken off, on average over the places of a scan's fit.
+        The part caused by the scatter of the place is removed, on average over the scan's fit.
         """
         scan = self.procedure.scan
         reach = scan.fit_half_width if scan else 0.0
@@ -100,7 +100,7 @@ class Rehearsal:
         return Straying(along, sqrt(max(scatter**2 - float(np.mean(slope**2)), 0.0)))
 
     def metric(self, place: Array, beside: Array | float = 0.0) -> Array:
-        """Return the metric as measured of balls that struck `beside` the place aimed at."""
+        """Return the metric measured from hits at a distance `beside` the intended place."""
         e_a, recoil, e0 = self.curve(place)
         struck = self.curve(place + beside)[0]
         speed, here = self.procedure.ball_speed, self._bat_speed(place)
@@ -120,7 +120,7 @@ class Rehearsal:
         return np.asarray(self.turn_rate * (axis - place))
 
     def error(self, straying: Straying, draws: Draws, number: int) -> float:
-        """Return by how much the result of rehearsal `number` misses that of the exact curve."""
+        """Return the error of the result of rehearsal `number`."""
         rules = self.procedure
         beside, noise = draws.normal("rehearsal", (2, rules.attempts), np.array([number]))[0]
         place, metric, valid = np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool)
@@ -142,7 +142,7 @@ class Rehearsal:
         return sought_of(self.procedure, metric, place, self.bat)
 
     def bias(self, straying: Straying, draws: Draws, times: int) -> tuple[float, float]:
-        """Return the mean error over so many rehearsals, and its standard error."""
+        """Return the mean error over a number of rehearsals, and its standard error."""
         errors = np.array([self.error(straying, draws, number) for number in range(times)])
         errors = errors[np.isfinite(errors)]
         return float(errors.mean()), float(errors.std(ddof=1)) / sqrt(errors.size)

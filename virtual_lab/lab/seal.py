@@ -1,8 +1,8 @@
-"""The seal on a finished test: digests of all that was written, kept with the truth.
+"""The seal on a finished test: digests of all written files, stored with the truth.
 
-Of every file it holds SHA-256; of those in JSON and TOML, whose layout may change, a digest of each
-value under its key instead, so that the key that was altered can be named. The truth stands
-there as one digest: those of its values would give it away.
+The seal holds the SHA-256 of every file. For JSON and TOML files, whose layout may change, it
+holds a digest of each value with its key instead, so that a changed key can be named. The truth
+has a single digest, because digests of single values would reveal them.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ HEX_DIGITS = 16  # of a value's digest: against a slip of the hand, as the whole
 
 @dataclass(frozen=True, slots=True)
 class Alteration:
-    """What is not as it was sealed: a file, or a key in it, altered, removed or added."""
+    """A file, or a key in it, that was altered, removed or added since the seal."""
 
     file: str
     key: str
@@ -42,7 +42,7 @@ class Alteration:
 
 
 def write_seal(folder: Path) -> None:
-    """Seal what a test wrote into `folder`, its truth among it."""
+    """Seal all files of a test in `folder`, including its truth."""
     content = {name: _content(folder, name) for name in _files(folder)}
     document = {"schema": SCHEMA, "digest": _digest(content), "content": content}
     (folder / SEAL).write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
@@ -51,8 +51,7 @@ def write_seal(folder: Path) -> None:
 def alterations(folder: Path) -> list[Alteration]:
     """Return what was altered, removed or added since `folder` was sealed.
 
-    Where the seal itself was altered nothing else can be said. Raises `InputError` where
-    there is none.
+    If the seal itself was altered, only this is reported. Raises `InputError` without a seal.
     """
     path = folder / SEAL
     if not path.exists():
@@ -111,7 +110,7 @@ def _altered(folder: Path, name: str, sealed: str | dict[str, str]) -> Iterator[
 
 
 def _values(document: Any, key: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield what a document holds, each value under a key such as ``budget[3].u``."""
+    """Yield the values of a document with keys such as ``budget[3].u``."""
     if isinstance(document, dict) and document:
         for name, value in document.items():
             plain = name if NAME.fullmatch(name) else json.dumps(name)

@@ -1,4 +1,4 @@
-"""Everything that is chosen before a test begins."""
+"""All choices made before a test begins."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ METHODS = ("ratio", "trampoline")  # of converting a result to a standard ball
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TestSetup:
-    """The choices for one test, names resolved."""
+    """The choices for one test, with catalog names resolved."""
 
     bat: Entry[BatSpec]
     ball: Entry[BallSpec]
@@ -41,7 +41,7 @@ class TestSetup:
     control_bat: Entry[BatSpec] | None = None
     detail: RecordDetail = RecordDetail.FULL
     film: bool = False  # of the first shot
-    made: bool = True  # False: the bat as drawn
+    made: bool = True  # False: the nominal bat
     collision: Ladder | None = None  # that many laboratories share
 
     @classmethod
@@ -71,27 +71,27 @@ class TestSetup:
             is one whose e is known, for rules that correct by one: it is tested first, with the
             same balls.
         rig
-            An installed rig that gives what the procedure needs; None takes the one it names.
+            An installed rig that records what the procedure needs; None takes the procedure's rig.
         seed
-            Of everything random.
+            Seed of all random numbers.
         reality
-            How much of a real day is played.
+            Which imperfections are simulated.
         rung
-            Of the collision: ``rigid``, ``modal`` or ``reference``; None takes the cheapest whose
-            error is at most a tenth of the standard uncertainty of e_A that such a test reaches.
+            Collision model: ``rigid``, ``modal`` or ``reference``; None takes the fastest whose
+            error is at most a tenth of the standard uncertainty of e_A in such a test.
         motion
-            Of ball and bat: ``closed-form``, or ``pymunk``, a scene for each shot.
+            Motion of ball and bat: ``closed-form``, or ``pymunk``, one scene per shot.
         faults
-            Names of what goes wrong on the day, in the catalog.
+            Names of faults in the catalog.
         test
-            Which of the laboratory's tests this is: they share rigs and calibrations, and each
-            has its own bat, balls, readings and hits. None: its only one.
+            Number of this test in its laboratory: tests of one laboratory share rigs and
+            calibrations but have different bats, balls, readings and hits. None: the only test.
         correction
-            ``METHOD:E0`` by which to convert to a standard ball where the rules do not.
+            ``METHOD:E0`` to convert to a standard ball if the procedure does not.
         film
-            Whether the first shot is to be kept in whole frames.
+            Whether to save a video of the first shot.
         detail
-            How much the instruments write.
+            Whether instruments write every reading or sums.
 
         Raises
         ------
@@ -137,7 +137,7 @@ class TestSetup:
 
     @property
     def unverified(self) -> dict[str, str]:
-        """How many numbers behind the simulation nobody checked, by what they stand in."""
+        """Number of unverified numbers behind the simulation, by sheet."""
         found = _doubtful(f"bats/{self.bat.spec.name}", self.bat)
         if self.control_bat:
             found |= _doubtful(f"bats/{self.control_bat.spec.name}", self.control_bat)

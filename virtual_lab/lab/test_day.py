@@ -1,8 +1,8 @@
-"""A test step by step: each step returns the day with what it recorded and what really happened.
+"""A test as a sequence of steps; each returns the day with added records and truth.
 
-Who takes the steps, and in which order, is the operator's affair: `by_the_book` is the one that
-follows the procedure. What a step draws belongs to the number of its reading or shot, so that it
-gives the same records whatever was done before it.
+An operator chooses the steps and their order; `by_the_book` follows the procedure. The random
+numbers of a step depend on the number of its reading or shot, so a step gives the same records
+whatever was done before it.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ SWUNG = frozenset({"pendulum"})  # the bench's channels that swing the bat; the 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tested:
-    """A certification, and the truth beside it that only a study may open."""
+    """A certification with its sealed truth, which only a study may read."""
 
     certification: Certification
     sealed: Sealed
@@ -81,10 +81,10 @@ class TestDay:
         return self._on_bench(lambda channel: channel in SWUNG)
 
     def hit_wall(self) -> TestDay:
-        """Fire every ball at the wall, at the rules' speeds in turn: it ages.
+        """Fire every ball at the wall at each of the procedure's speeds; the balls age.
 
-        The lot has the e0 that its hits found on average. That lot is the measurand's, and the
-        bat meets it: what a ball gains or loses between the wall and the bat is left out.
+        The true e0 of the lot is its mean over these hits, and the measurand refers to it; changes
+        of a ball between wall and bat are not modelled.
         """
         laboratory, rules = self.laboratory, self.laboratory.rules.spec
         speeds = np.tile(rules.wall_speeds, rules.wall_hits)
@@ -107,7 +107,7 @@ class TestDay:
         )
 
     def prepare(self) -> TestDay:
-        """Reduce what bench and wall gave: where to hit, and with which balls."""
+        """Reduce the records of bench and wall: where to hit, and which balls to use."""
         preparation = prepare(self.session)
         specimen = self.laboratory.specimen
         balls = replace(specimen.balls, used=preparation.lot.used)
@@ -115,7 +115,7 @@ class TestDay:
         return replace(self, laboratory=laboratory, preparation=preparation)
 
     def next_places(self) -> Array:
-        """Return where the rules ask for the next hits [m from the tip]; none: they are content."""
+        """Return the places of the next hits [m from the tip]; empty: the test is complete."""
         assert self.preparation is not None, "prepare() comes first"
         rules, place = self.laboratory.rules.spec, self.preparation.percussion
         if self.reduced is None:
@@ -126,7 +126,7 @@ class TestDay:
         return next_places(rules, place, fired, valid, reduced.sought.value)
 
     def fire(self, places: Array) -> TestDay:
-        """Fire one ball at each of the places asked for [m], set by what is known of the cannon."""
+        """Fire one ball at each place [m], corrected by the calibration of the cannon."""
         assert self.preparation is not None, "prepare() comes first"
         laboratory = self.laboratory
         ideal = laboratory.setup.reality is Reality.IDEAL
@@ -150,12 +150,12 @@ class TestDay:
         )
 
     def judge(self, acceptance: Acceptance = judge) -> TestDay:
-        """Reduce the hits so far and say which count, by default as the rules have it."""
+        """Reduce the hits so far and decide which count, by default by the procedure."""
         assert self.preparation is not None, "prepare() comes first"
         return replace(self, reduced=reduce_hits(self.session, self.preparation, acceptance))
 
     def finish(self) -> Tested:
-        """Return the result with its uncertainty and verdict, and seal what really happened."""
+        """Return result, uncertainty and verdict, with the sealed truth."""
         assert self.reduced is not None, "fire() and judge() come first"
         laboratory = self.laboratory
         rungs = {
@@ -223,7 +223,7 @@ class TestDay:
 
 
 def by_the_book(laboratory: Laboratory, progress: Progress = quiet) -> Tested:
-    """Measure bat and balls, fire, judge, and fire again until the rules are content."""
+    """Measure bat and balls, then fire and judge until the procedure asks for no more shots."""
     day = prepared(laboratory, progress)
     if not kernel_is_compiled():
         progress("compiling the collision kernel, which happens once and takes about five seconds")
@@ -234,7 +234,7 @@ def by_the_book(laboratory: Laboratory, progress: Progress = quiet) -> Tested:
 
 
 def prepared(laboratory: Laboratory, progress: Progress = quiet) -> TestDay:
-    """Return the day of a laboratory that has measured bat and balls and may fire."""
+    """Return the day of a laboratory after bat and balls were measured, before the first shot."""
     rules = laboratory.rules.spec
     progress("bench: weighing, balancing and swinging the bat, weighing the balls")
     day = TestDay.begin(laboratory).weigh().swing()
@@ -248,7 +248,7 @@ def _motion_report(motion: MotionRung) -> dict[str, str]:
 
 
 def _round_in_words(places: Array) -> str:
-    """Return how many shots a round has, and where they go if not to one place."""
+    """Return the number of shots of a round, and their places if several."""
     where = sorted({round(float(place) / INCH, 2) for place in places})
     along = f" at {', '.join(f'{place:g}' for place in where)} in" if len(where) > 1 else ""
     return f"{places.size} shots{along}"

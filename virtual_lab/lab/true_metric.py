@@ -1,7 +1,7 @@
-"""The metric of an exact curve, by the rules alone.
+"""The procedure's metric of an exact curve.
 
-Only the rule book's numbers are shared with what measures. Every formula stands here in a form
-of its own, so that a wrong one on either side shows as an error of the test.
+Simulation and measurement share only the numbers of the procedure. Every formula here is written
+independently, so that a wrong formula on either side shows as an error of the test.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class TrueCurve:
 
     @property
     def quantities(self) -> dict[str, Array]:
-        """What a certificate states beside the metric, by its names there."""
+        """The other quantities of a certificate, by name."""
         return {
             "bat_performance_factor": self.restitution / self.ball_restitution,
             "collision_efficiency": self.collision_efficiency,
@@ -48,7 +48,7 @@ class TrueCurve:
         }
 
     def metric(self, control: float = 1.0) -> Array:
-        """Return the metric. `control`: e of the control bat with this lot, over its known one."""
+        """Return the metric. `control`: e of the control bat with this lot over its known e."""
         procedure = self.procedure
         e, efficiency = self._with_standard_ball(control)
         match procedure.metric:
@@ -62,7 +62,7 @@ class TrueCurve:
                 return self._batted(efficiency)
 
     def sought(self, control: float = 1.0) -> Array:
-        """Return what a scan looks for the greatest value of: the metric, or v_f [m/s]."""
+        """Return the quantity that a scan maximises: the metric, or v_f [m/s]."""
         scan = self.procedure.scan
         if scan is not None and scan.seeks == "batted_speed":
             return self._batted(self.collision_efficiency)
@@ -110,7 +110,7 @@ class TrueCurve:
 def scan_result(
     procedure: Procedure, place: Array, valid: NDArray[np.bool_], sought: Array, metric: Array
 ) -> float:
-    """Return what the rules make of an exact curve at the places that a test visited.
+    """Return the procedure's result of an exact curve at the places that a test visited.
 
     Parameters
     ----------

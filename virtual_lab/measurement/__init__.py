@@ -1,1 +1,1 @@
-"""What a laboratory knows: from raw records to a judged result; never sees the truth."""
+"""The measurement side: from raw records to a result with a verdict; it never sees the truth."""

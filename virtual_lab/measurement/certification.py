@@ -1,7 +1,7 @@
-"""A session judged and put into numbers: the metric, its uncertainty, the verdict.
+"""From a session to its result: the metric, its uncertainty, the verdict.
 
-This needs raw records, calibrations and the procedure, and nothing else; it is the same
-computation whether the records come from this laboratory's rigs or from a folder.
+The input is raw records, calibrations and the procedure only; the computation is the same for
+records of our simulated rigs and of another laboratory.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Certification:
-    """The outcome of one test, all of it measured."""
+    """The outcome of one test; all values are measured."""
 
     session: Session
     procedure: Procedure
@@ -73,7 +73,7 @@ class Certification:
 
     @property
     def marginal(self) -> bool:
-        """Whether the limit lies within the 95 % interval of a test that decides."""
+        """Whether the limit lies within the 95 % interval of a test that is not INVALID."""
         if self.reasons or self.metric is None or self.procedure.most is None:
             return False
         low, high = self.metric.interval_95
@@ -81,7 +81,7 @@ class Certification:
 
     @property
     def unverified(self) -> tuple[Datum, ...]:
-        """The procedure's own values that nobody could check against their source."""
+        """The values of the procedure that were not verified in their source."""
         return tuple(datum for datum in self.procedure_sheet if not datum.verified)
 
 
@@ -146,7 +146,7 @@ def evaluate(
 def _reasons(
     procedure: Procedure, outcome: HitWeights, metric: Budget | None, flagged: tuple[Flag, ...]
 ) -> Iterator[str]:
-    """Return why a test decides nothing; nothing where it does."""
+    """Return the reasons why a test is INVALID; empty if it is not."""
     if outcome.reason:
         yield outcome.reason
     if metric is not None and not metric.u <= procedure.most_u:

@@ -1,4 +1,4 @@
-"""What a test's readings give for any values of the laboratory's constants."""
+"""Results of a test as functions of the calibration constants."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ QUANTITIES: Mapping[str, str] = {  # name in a certificate: the shots' field it 
 class MeasurementModel:
     """The results of a test as functions of its constants.
 
-    The constants are numbers, or arrays whose last axis is of length 1 and stands for the shots:
-    whatever leads it (laboratories, variants, Monte Carlo draws) leads the results, (..., shot).
-    What is computed and what is propagated into the uncertainty is one and the same.
+    The constants are numbers, or arrays whose last axis has length 1 and stands for the shots.
+    Leading axes (laboratories, variants, Monte Carlo samples) are leading axes of the results,
+    (..., shot). The result and its uncertainty come from this one model.
     """
 
     rules: Procedure
@@ -54,7 +54,7 @@ class MeasurementModel:
         return found | {"metric": self.metric(constants, shots)}
 
     def shots(self, constants: Mapping[str, Array], flown: Flown | None = None) -> ShotResults:
-        """Return the shots' results, with the flights the gates saw or with those of `flown`."""
+        """Return the results of the shots, with flights from the gates or from `flown`."""
         return shot_results(
             constants,
             bat_properties(constants),
@@ -66,7 +66,7 @@ class MeasurementModel:
         )
 
     def metric(self, constants: Mapping[str, Array], shots: ShotResults) -> Array:
-        """Return the procedure's metric of each of the shots."""
+        """Return the procedure's metric for each shot."""
         control = constants[CONTROL] if self.rules.controlled else 1.0
         return metric_of(self.rules, control=control)(
             Curve.measured(shots), bat_properties(constants)

@@ -15,7 +15,7 @@ __all__ = ["OtherSupport", "other_support"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherSupport:
-    """What the same collision efficiency would give with the other support's recoil factor."""
+    """Results from the same collision efficiency with the other support's recoil factor."""
 
     which: str
     recoil_factor: float
@@ -26,7 +26,7 @@ class OtherSupport:
 def other_support(
     procedure: Procedure, shots: ShotResults, bat: BatProperties, outcome: HitWeights
 ) -> OtherSupport:
-    """Return what the hits that count would give with the other support's recoil factor."""
+    """Return the results of the valid hits with the other support's recoil factor."""
     which = "free" if procedure.recoil == "pivoted" else "pivoted"
     # the lot's mean ball, by the recoil factor it has on the support the rules name
     ball = shots.ball_mass * shots.lot_recoil_factor / shots.recoil_factor

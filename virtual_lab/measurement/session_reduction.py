@@ -1,4 +1,4 @@
-"""A session's records put into numbers and judged by its rules, uncertainties still to come."""
+"""From a session's records to judged shots, before the evaluation of uncertainty."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ AIM_ALONG = "impact.cannon.along"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Preparation:
-    """What is known of bat, balls and rigs before the bat is hit."""
+    """Reduced values of bat, balls and rigs before the bat is hit."""
 
     procedure: Entry[Procedure]
     constants: Mapping[str, Estimate]
@@ -77,12 +77,12 @@ class Preparation:
 
     @property
     def percussion(self) -> float:
-        """The place that the rules aim at or about, of the bat as measured [m]."""
+        """The place at which the procedure aims, for the measured bat [m]."""
         return aimed_place(self._bat, self.procedure.spec.pivot_from_knob)
 
     @property
     def turn_rate(self) -> float:
-        """The angular speed that the rules ask of the bat as measured [rad/s]."""
+        """The angular speed that the procedure requires for the measured bat [rad/s]."""
         return float(self.procedure.spec.turn_rate(self._bat["length"]))
 
     @property
@@ -92,7 +92,7 @@ class Preparation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reduced:
-    """Records put into numbers and judged, uncertainties still to come."""
+    """Reduced and judged records, before the evaluation of uncertainty."""
 
     preparation: Preparation
     constants: Mapping[str, Estimate]  # those of the preparation and of the hits
@@ -115,7 +115,7 @@ class Reduced:
 
 @contextmanager
 def constants_known() -> Iterator[None]:
-    """Turn a constant that the session's calibration lacks into bad input."""
+    """Report a constant missing in the session's calibration as bad input."""
     try:
         yield
     except KeyError as fault:
@@ -124,13 +124,13 @@ def constants_known() -> Iterator[None]:
 
 
 def reduce_session(session: Session) -> Reduced:
-    """Reduce a session's records. `InputError` where a record or procedure is of no use."""
+    """Reduce a session's records. `InputError` for an unusable record or procedure."""
     return reduce_hits(session, prepare(session))
 
 
 @constants_known()
 def prepare(session: Session) -> Preparation:
-    """Return what bench and wall rig give of a session whose bat may still be to hit.
+    """Return the results of bench and wall rig of a session, before or after the bat was hit.
 
     Raises
     ------
@@ -159,7 +159,7 @@ def prepare(session: Session) -> Preparation:
 def reduce_hits(
     session: Session, preparation: Preparation, acceptance: Acceptance = judge
 ) -> Reduced:
-    """Reduce what was recorded at the bat, all shots together: their rings are fitted as one.
+    """Reduce the records at the bat, all shots together, because they share vibrations.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def reduce_hits(
     preparation
         Of the same session.
     acceptance
-        Which hits count, by default as the rules say.
+        Which hits count, by default by the procedure.
 
     Raises
     ------
@@ -212,7 +212,7 @@ def best_values(constants: Mapping[str, Estimate]) -> dict[str, Array]:
 
 
 def _require_channels(session: Session, procedure: Procedure) -> None:
-    """Refuse records that lack what the rules read."""
+    """Refuse sessions without a channel that the procedure needs."""
     written = session.records.get("impact", {}).keys()
     for channel in sorted(procedure.needs - written):
         allowed = f"{procedure.name} needs this record"
@@ -234,9 +234,9 @@ def _bat_budgets(constants: Mapping[str, Estimate]) -> dict[str, Budget]:
 
 
 def _place_constants(rules: Procedure, along: Estimate | None) -> dict[str, Estimate]:
-    """Return the slope of e_A that the rules know of, and what its uncertainty makes of e_A.
+    """Return the procedure's slope of e_A, and the effect of its uncertainty on e_A.
 
-    The place allows for the aim as it is known, so the product of the two uncertainties counts
+    The place is corrected for the known aim, so the product of the two uncertainties matters
     (GUM 5.1.2, note).
     """
     if along is None or not (rules.place_slope or rules.place_slope_u):

@@ -26,8 +26,8 @@ class SwingResult:
 def swing_range(reduced: Reduced, propagator: Propagator = Variants.of) -> tuple[SwingResult, ...]:
     """Return the metric for each of the game's `exponents`; () where the rules name none.
 
-    The hits are those of the test. The scan closed in on the best place of the procedure's own
-    exponent; for another one the top lies a few tenths of an inch beside it.
+    The hits are those of the test. The scan is centred on the best place for the procedure's
+    exponent; for another exponent the maximum lies a few tenths of an inch away.
     """
     rules = reduced.procedure
     if rules.game is None or not rules.game.exponents:

@@ -1,1 +1,1 @@
-"""What all printing shares: numbers, tables, style, templates."""
+"""Common code of all printed output: numbers, tables, style, templates."""

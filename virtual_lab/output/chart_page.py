@@ -1,4 +1,4 @@
-"""A chart and the table it was drawn from, as one HTML page that needs nothing but itself."""
+"""A chart and the table it was drawn from, as one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ def chart_page(title: str, words: str, figure: Figure, rows: Sequence[Mapping[st
     Parameters
     ----------
     title, words
-        Heading, and what is drawn.
+        Heading, and description of the figure.
     figure
-        Goes in as SVG.
+        Figure, inserted as SVG.
     rows
         All of the same keys, the columns; numbers are rounded to three digits, None is blank.
     """

@@ -1,4 +1,4 @@
-"""How a metric is said and printed: words, symbol, unit and decimals."""
+"""Name, symbol, unit and decimals of each metric in print."""
 
 from __future__ import annotations
 

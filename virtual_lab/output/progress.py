@@ -1,7 +1,7 @@
-"""Progress of what takes long: how much is done, how fast, and the time left.
+"""Progress of long computations: amount done, rate, and time left.
 
-On a terminal one line is written over and over; in a pipe a line comes every ten seconds, so that
-a log shows that the program lives. What is over within two seconds says nothing.
+On a terminal one line is updated; in a pipe a line is written every ten seconds, so that a log
+shows that the program is running. Computations of less than two seconds show nothing.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ CLEAR_LINE = "\r\x1b[K"
 
 
 class Progress(Protocol):
-    """Called with what is being done and, where it is counted, how many of how many are done."""
+    """Callback: the present task and, if counted, the number done and the total."""
 
     def __call__(self, text: str, done: int = 0, total: int = 0) -> None: ...
 
 
 class _Quiet:
-    """Says nothing."""
+    """Shows nothing."""
 
     def __call__(self, text: str, done: int = 0, total: int = 0) -> None:
         pass
@@ -42,7 +42,7 @@ quiet = _Quiet()
 
 @contextmanager
 def shown(stream: TextIO | None = None) -> Iterator[Progress]:
-    """Yield what shows progress on a stream, by default stderr, as long as the context lasts."""
+    """Yield a `Progress` that writes to a stream, by default stderr, until the context ends."""
     stream = stream or sys.stderr
     if stream is None:  # a program without a terminal, as on a desktop
         yield quiet
@@ -58,7 +58,7 @@ def shown(stream: TextIO | None = None) -> Iterator[Progress]:
 
 
 class _Status:
-    """The last that was said, and since when that kind of work has been going on."""
+    """The last message, and the start time of the present task."""
 
     def __init__(self) -> None:
         self.begun = self.since = time.monotonic()
@@ -100,7 +100,7 @@ def _write(status: _Status, stream: TextIO, over: threading.Event) -> None:
 
 
 def _rate(rate: float) -> str:
-    """Return how many a second or, of slow work, a minute."""
+    """Return the rate per second or, for slow work, per minute."""
     return f"{rate:.3g} a second" if rate >= 1 else f"{60 * rate:.3g} a minute"
 
 

@@ -1,4 +1,4 @@
-"""What a study hands back: rows, their text, a picture where there is one, and how it is kept."""
+"""Result of a study: rows, text, figure if there is one, and saving."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Json = dict[str, Any]  # a document
 
 
 class StudyResult(ABC):
-    """The shape of every study's result.
+    """Base class of every study's result.
 
     A study states its `name` (of its files), a `title` in one line and its `rows`; the rest
     follows from these unless the study has more to say. One with a picture has `draw`.
@@ -54,12 +54,12 @@ class StudyResult(ABC):
 
     @property
     def document(self) -> Any:
-        """All of it for JSON."""
+        """The result for JSON."""
         return [record(row) for row in self.rows]
 
     @property
     def text(self) -> str:
-        """All of it for a terminal."""
+        """The result for a terminal."""
         return table_text(self.rows)
 
     @property
@@ -78,15 +78,15 @@ class StudyResult(ABC):
     def save(self, folder: str | Path) -> Path:
         """Write the tables as CSV and the pictures as PNG into a new folder.
 
-        Raises `InputError` where the folder is not empty or cannot be written; nothing is left
-        half-written.
+        Raises `InputError` if the folder is not empty or cannot be written; no partial files are
+        left.
         """
         with new_folder(Path(folder)) as draft:
             self.fill(draft)
         return Path(folder)
 
     def fill(self, folder: Path) -> None:
-        """Write what `save` writes into a folder that is there."""
+        """Write the files of `save` into an existing folder."""
         for name, table in self.tables.items():
             table.to_csv(folder / f"{name}.csv", index=False)
         for name in self.pictures:
@@ -101,7 +101,7 @@ class StudyResult(ABC):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Rows(StudyResult, Generic[Row]):
-    """A study whose rows say it all; it is also the sequence of its rows.
+    """A result that consists of rows only; it is also the sequence of its rows.
 
     A row is a frozen dataclass whose fields are columns, or a mapping where the study's input
     decides what its keys are.

@@ -1,6 +1,6 @@
-"""Small line figures as SVG: black and grey, text as text, the same every time.
+"""Small line figures as SVG: black and grey, text as text, reproducible.
 
-A certificate has three of them; drawn here they take a millisecond and load nothing.
+The three figures of a certificate take a millisecond and need no import.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ def figure(panels: Iterable[Panel], height: float, name: str, title: str, descri
     Parameters
     ----------
     panels, height
-        What is drawn, and how high it is [pt].
+        The panels, and the height of the figure [pt].
     name
         Of the figure in its page, for ids.
     title, description
-        For those who cannot see it.
+        Alternative text for readers who cannot see the figure.
     """
     drawn = "".join(panel.drawn() for panel in panels)
     return (
@@ -57,7 +57,7 @@ def symbol_markup(text: str) -> str:
 
 @dataclass(kw_only=True)
 class Panel:
-    """One pair of axes; what is put on it is drawn in that order."""
+    """One pair of axes; marks are drawn in the order in which they are added."""
 
     left: float  # of the axes in the figure [pt]
     right: float
@@ -73,7 +73,7 @@ class Panel:
     _legend: list[tuple[str, str]] = field(default_factory=list)
 
     def band(self, low: float, high: float, label: str) -> None:
-        """Fill what lies between two heights."""
+        """Fill the area between two heights."""
         top, bottom = self._y(high), self._y(low)
         self._put(
             f'<path d="M{_at(self.left, top)}H{self.right:.2f}V{bottom:.2f}H{self.left:.2f}Z"'
@@ -84,7 +84,7 @@ class Panel:
     def ribbon(
         self, x: Sequence[float], low: Sequence[float], high: Sequence[float], label: str
     ) -> None:
-        """Fill what lies between two lines."""
+        """Fill the area between two lines."""
         there = [self._point(*each) for each in zip(x, low, strict=True)]
         back = [self._point(*each) for each in zip(x, high, strict=True)][::-1]
         self._put(f'<path d="M{"L".join(there + back)}Z" fill="{BAND}"/>')
@@ -151,7 +151,7 @@ class Panel:
         )
 
     def drawn(self) -> str:
-        """Return all of it: marks, axes with ticks and labels, title and legend."""
+        """Return the panel as SVG: marks, axes with ticks and labels, title and legend."""
         middle = (self.left + self.right) / 2
         parts = [*self._marks, self._axes()]
         if self.title:

@@ -88,15 +88,15 @@ def table_text(
     *,
     across: str = "",
 ) -> str:
-    """Return rows of one shape as a table with a header, columns as wide as they need.
+    """Return rows of one type as a table with a header and fitted column widths.
 
     Parameters
     ----------
     rows
         Dataclasses or mappings.
     columns
-        What is printed, in this order, by key; by default what the dataclass says, and of
-        mappings every key under its own name.
+        Columns to print, in this order, by key; by default those of the dataclass, or for mappings
+        every key under its name.
     across
         The key whose values head the columns of a table turned on its side: few rows of many
         columns. By default the table stands upright.
@@ -126,9 +126,9 @@ def table_text(
 
 
 def quoted(cell: object) -> str:
-    """Return a cell of a table that is sent out: no spreadsheet takes what was typed for a formula.
+    """Return a table cell that no spreadsheet takes for a formula.
 
-    What begins with ``= + - @``, a tab or a line's end gets an apostrophe, but for numbers.
+    A text that begins with ``= + - @``, a tab or a line end gets an apostrophe; numbers do not.
     """
     text = str(cell)
     if not text.startswith(("=", "+", "-", "@", "\t", "\r", "\n")):

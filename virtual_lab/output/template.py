@@ -1,4 +1,4 @@
-"""The one way to a page's template."""
+"""Loading of page templates."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["page_template"]
 
 @cache
 def page_template(package: str, name: str) -> Template:
-    """Return a template of a package: everything put into it is escaped, nothing may be missing."""
+    """Return a template of a package; values are escaped, a missing value is an error."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(

@@ -1,8 +1,8 @@
-"""Raw records: what instruments and operators wrote down, and nothing they could not know.
+"""Raw records: readings that instruments and operators wrote down.
 
-A record is a set of arrays with named axes and one CSV form: a row for every index
-combination, an index column for every axis, a value column with its unit for every field.
-Another laboratory can write the same files by hand or from its own recorder; ``data/README.md``
+A record is a set of arrays with named axes and a CSV form: one row per index combination, one
+index column per axis, one value column with its unit per field. Another laboratory can write the
+same files by hand or from its recorder; ``data/README.md``
 documents every column.
 """
 

@@ -1,4 +1,4 @@
-"""What a camera writes: windows on its frames with their time stamps, or where the ball was."""
+"""Camera records: image windows with time stamps, or tracked positions of the ball."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ FRAMES = ("shot", "frame")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClipRecord(Record):
-    """Square windows on the frames in which the ball was seen, (shot, frame); NaN: no more frames.
+    """Square image windows around the ball, (shot, frame); NaN: no more frames.
 
-    A frame's time is the middle of its exposure. `left` and `top` say which pixel of the frame a
-    window's first is. Frames the camera lost are not there: their neighbours' times are apart.
+    The time of a frame is the middle of its exposure. `left` and `top` are the frame coordinates of
+    the first pixel of a window. Lost frames are missing: the times show a gap.
     """
 
     times: Array
@@ -51,10 +51,10 @@ class ClipRecord(Record):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackRecord(Record):
-    """What a camera that tracks writes: the ball's centre in each frame, (shot, frame) [px].
+    """Record of a tracking camera: the ball's centre in each frame, (shot, frame) [px].
 
-    Pixels of the frame as OpenCV counts them, distortion not taken off; `u` is the standard
-    uncertainty of x and y each.
+    Pixels of the frame in OpenCV's convention, not corrected for distortion; `u` is the standard
+    uncertainty of x and of y.
     """
 
     times: Array

@@ -1,4 +1,4 @@
-"""The constants of a calibration: what each is, in which unit it is printed, what is plausible."""
+"""The calibration constants: description, printed unit and plausible range."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ GREATEST = 1e18  # of any constant, SI: products of such numbers stay finite
 
 
 class Constant(NamedTuple):
-    """What a constant is."""
+    """Description, unit and plausible range of a constant."""
 
     dimension: str
     meaning: str  # of its value, in a form to fill in
@@ -199,17 +199,17 @@ CONSTANTS = {  # by "instrument.constant"
 
 
 def constant_of(key: str) -> Constant | None:
-    """Return what a constant ``stage.instrument.constant`` is, None where it is not ours.
+    """Return the description of a constant ``stage.instrument.constant``, None if unknown.
 
-    A number at the end distinguishes constants of a kind: ``distance_0``, ``distance_1``.
+    A number at the end distinguishes constants of one kind: ``distance_0``, ``distance_1``.
     """
     return CONSTANTS.get(re.sub(r"_\d+$", "", ".".join(key.split(".")[-2:])))
 
 
 def require_plausible(key: str, known: Estimate, where: str) -> None:
-    """Refuse a constant beyond the range of its kind, or whose u is wider than that.
+    """Refuse a constant outside the range of its kind, or with a u wider than this range.
 
-    A budget takes the constant one u up and down, where a model far off says nothing.
+    A budget shifts the constant by its u; far outside the range the model is meaningless.
     """
     of = constant_of(key)
     low, high = (of.low, of.high) if of else (-GREATEST, GREATEST)

@@ -1,4 +1,4 @@
-"""The kinds of record: one class a kind, its fields, their axes and columns."""
+"""The kinds of record: one class per kind, with fields, axes and columns."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ class GateRecord(Record):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoardRecord(Record):
-    """Times at which each beam of a board broke and cleared, NaN: the ball passed it by.
+    """Times at which each beam of a board broke and cleared, NaN: the ball missed it.
 
     Shape (shot, way, board, beam, edge); ways and edges as in `GateRecord`, boards count from
     the cannon to the target, beams from the lowest up.
@@ -107,7 +107,7 @@ class BoardRecord(Record):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PassageRecord(Record):
-    """What gates that do their own sums write: the ball's centre at each, (shot, way, gate).
+    """Record of gates that sum: passage of the ball's centre at each, (shot, way, gate).
 
     Time of its passage and height above the gates' zero; NaN: not seen, or not measured.
     """
@@ -125,10 +125,10 @@ class PassageRecord(Record):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RateRecord(Record):
-    """What an encoder that does its own sums writes: rate at contact and its u, (shot,).
+    """Record of an encoder that sums: rate at contact and its u, (shot,).
 
-    `before` is the rate before a struck bat moved, `angle` where a swung one was at contact,
-    counted from where it stands square to the ball; NaN where it does not apply.
+    `before` is the rate before a bat at rest was hit; `angle` is that of a swung bat at contact,
+    0 where it is square to the ball; NaN if not applicable.
     """
 
     rate: Array
@@ -160,7 +160,7 @@ class EncoderRecord(Record):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AimMarks(Record):
-    """Where test shots marked an aim paper, off the aim: along and across the bat."""
+    """Marks of test shots on an aim paper, relative to the aim: along and across the bat."""
 
     along: Array
     across: Array
@@ -192,7 +192,7 @@ def _rising(times: Array, axes: tuple[str, ...]) -> Order:
 
 
 def _of_a_flight(times: Array, axes: tuple[str, ...]) -> tuple[Order, ...]:
-    """Return the order of a ball's passages: in from gate to gate, back the other way round."""
+    """Return the order of a ball's passages: in from first to last gate, back in reverse."""
     gate = axes[2]
     back = np.reshape([1.0, -1.0], (2, *[1] * (times.ndim - 2)))
     faults = {

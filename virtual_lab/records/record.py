@@ -1,4 +1,4 @@
-"""What every record is: arrays with named axes, and their form in a CSV file."""
+"""Base of all records: arrays with named axes, and their form in a CSV file."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PAIRS = {"way": "in and back", "edge": "broke and cleared"}  # axes that are two
 
 @dataclass(frozen=True, slots=True)
 class RecordColumn:
-    """How one field stands in the file: its column and the axes it runs over."""
+    """Form of one field in the file: its column and its axes."""
 
     name: str
     axes: tuple[str, ...]
@@ -34,7 +34,7 @@ class RecordColumn:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Order:
-    """Values that may not fall along an axis, NaN left out; `strictly`: that must rise."""
+    """Values that may not decrease along an axis, NaN ignored; `strictly`: must increase."""
 
     column: str
     values: Array
@@ -45,7 +45,7 @@ class Order:
     strictly: bool = False
 
     def first_fault(self) -> tuple[int, ...] | None:
-        """Return the index of the first value out of order, None where all are in order."""
+        """Return the index of the first value out of order, None if all are in order."""
         axis = self.axes.index(self.along)
         signed = np.moveaxis(self.values * self.sign, axis, 0)
         highest, later = np.fmax.accumulate(signed)[:-1], signed[1:]
@@ -61,7 +61,7 @@ class Order:
 class Record:
     """Base of all records: immutable arrays, checked against the declared axes.
 
-    An array that could still be written to is copied, one that is read-only already is kept.
+    A writable array is copied; a read-only array is used as it is.
     """
 
     columns: ClassVar[Mapping[str, RecordColumn]]
@@ -109,16 +109,16 @@ class Record:
         return {}
 
     def orders(self) -> tuple[Order, ...]:
-        """Return what must stand in order for the record to be possible: time, above all."""
+        """Return the fields that must be in order, above all times."""
         return ()
 
     @classmethod
     def from_table(
         cls, table: pd.DataFrame, where: str, first: Mapping[str, int] = MappingProxyType({})
     ) -> Self:
-        """Return the record a file holds; `InputError` where columns, rows or times do not fit.
+        """Return the record in a file; `InputError` if columns, rows or times do not fit.
 
-        `first` holds the numbers that index columns start from, where it is not 0.
+        `first` gives the first number of index columns, if not 0.
         """
         axes = list(dict.fromkeys(axis for column in cls.columns.values() for axis in column.axes))
         wanted = [*axes, *(column.name for column in cls.columns.values())]
@@ -197,7 +197,7 @@ def _check_index(values: Array, name: str, first: int, where: str) -> None:
 
 
 def require_numbers(table: pd.DataFrame, where: str) -> None:
-    """Raise `InputError` that shows the first cell of a table that is no number."""
+    """Raise `InputError` with the first cell of a table that is no number."""
     import pandas as pd
 
     for name in table.columns:
@@ -212,7 +212,7 @@ def require_numbers(table: pd.DataFrame, where: str) -> None:
 
 
 def _count(name: str, values: NDArray[Any], axes: tuple[str, ...], sizes: dict[str, int]) -> None:
-    """Put the lengths of a field's axes into `sizes`; `ValueError` where they are others."""
+    """Add the lengths of a field's axes to `sizes`; `ValueError` if they differ."""
     if values.ndim != len(axes):
         raise ValueError(f"{name} needs axes {axes}, got shape {values.shape}")
     for axis, size in zip(axes, values.shape, strict=True):

@@ -1,9 +1,8 @@
-"""A test session: everything raw that a laboratory hands over, in memory and on disk.
+"""A test session: all raw records of a test, in memory and on disk.
 
-On disk a session is a folder: ``session.json`` (what was tested, with which rigs, and what
-their calibrations say), ``procedure.toml`` (the rules, as they were), and one CSV file a
-channel in a folder a stage. It holds no truth and no seed, and it is enough to repeat the
-whole reduction.
+On disk a session is a folder: ``session.json`` (tested bat, rigs, calibration constants),
+``procedure.toml`` (the procedure as used), and for each stage a folder with one CSV file per
+channel. It contains neither truth nor seed, and suffices for the complete reduction.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ OPTIONAL = (  # left out where the records do not say
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Session:
-    """Raw records by stage and channel, and what is known of the instruments that wrote them."""
+    """Raw records by stage and channel, with the calibration of the instruments."""
 
     bat: str
     ball: str
@@ -105,7 +104,7 @@ def _attached(record: Record, path: Path) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelEntry(Spec):
-    """What ``session.json`` says of one channel's file."""
+    """Entry of ``session.json`` for one channel's file."""
 
     record: str
     rows: Whole | None = None
@@ -115,7 +114,7 @@ class ChannelEntry(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConstantEntry(Spec):
-    """What ``session.json`` says of one constant, SI."""
+    """Entry of ``session.json`` for one constant, SI."""
 
     value: Real
     u: Real
@@ -142,7 +141,7 @@ class SessionForm(Spec):
 
 
 def load_session(folder: Path) -> Session:
-    """Read a session. `InputError` names the file, key and mend where it cannot be used."""
+    """Read a session. `InputError` names file, key and what is allowed."""
     where = folder / SESSION
     form = validate(read_json(where), str(where), SessionForm)
     return Session(
@@ -207,14 +206,14 @@ def _record(folder: Path, name: tuple[str, str], entry: ChannelEntry, where: Pat
             str(path),
             "sha256",
             None,
-            "not the record session.json was written with (if the change is meant, drop the key)",
+            "the file was changed after session.json was written (if on purpose, remove this key)",
         )
     record = RECORD_TYPES[entry.record].from_table(table, str(path))
     return _with_arrays(record, entry, path)
 
 
 def _with_arrays(record: Record, entry: ChannelEntry, path: Path) -> Record:
-    """Return a record with the arrays that lie beside its table, read as they are needed."""
+    """Return a record with the arrays beside its table, which are read when needed."""
     for name, digest in entry.attached.items():
         if name not in record.attached:
             allowed = f"allowed: {', '.join(record.attached) or 'nothing'}"
@@ -228,7 +227,7 @@ def _with_arrays(record: Record, entry: ChannelEntry, path: Path) -> Record:
             raise InputError(str(beside), "file", None, f"cannot be read ({fault})") from fault
         if not same:
             raise InputError(
-                str(beside), "sha256", None, "not the array session.json was written with"
+                str(beside), "sha256", None, "the file was changed after session.json was written"
             )
         try:
             record = replace(record, **{name: values})

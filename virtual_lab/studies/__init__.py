@@ -1,1 +1,1 @@
-"""Studies: what may open the truth (score, coverage, bias), and what a bat or a shelf holds."""
+"""Studies of tests, which may read the truth (score, coverage, bias), of bats and the catalog."""

@@ -1,8 +1,9 @@
-"""The method's own bias: what is left of the error when nothing is random.
+"""Bias of the method: the error that remains when nothing is random.
 
-Ring, whole counts, drag and friction stay, and so do the steps of rule, scale and timer: each
-reading is rounded once, always to the same side, and no scatter averages that out. Most of what
-is left is this one draw of the rounding (it is in the budget); the rest is the reduction's.
+Vibration of the bat, whole encoder counts, drag and friction remain, and so does the resolution
+of rule, scale and timer: each reading is rounded once, always in the same direction, and no
+scatter averages this out. Most of the remaining error is this rounding (which the budget
+includes); the rest comes from the reduction.
 """
 
 from __future__ import annotations
@@ -25,9 +26,9 @@ COLUMNS = {"bat": Column("bat")} | {
 def bias(
     procedure: str = "astm-f1881", *, progress: Progress = quiet
 ) -> Rows[dict[str, str | float | None]]:
-    """Return a row a bat of the catalog: measured less true of every quantity.
+    """Return measured minus true value of every quantity, one row per bat of the catalog.
 
-    None where a bat gives no result: a scan may find no maximum.
+    None if a bat gives no result: a scan may find no maximum.
     """
     rows, bats = [], catalog.names("bats")
     for number, bat in enumerate(bats):
@@ -42,7 +43,7 @@ def bias(
         rows.append({"bat": bat, **errors})
     return Rows(
         name="bias",
-        title=f"by {procedure}, nothing random: measured less true",
+        title=f"measured minus true value by {procedure}, without randomness",
         columns=COLUMNS,
         rows=rows,
     )

@@ -1,4 +1,4 @@
-"""The metric of a test, hit by hit, with its result, its interval and the limit."""
+"""Figure of the metric of each hit, with result, interval and limit."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["plot_hits"]
 
 
 def plot_hits(found: Certification) -> Figure:
-    """Return the figure: valid hits filled, rejected ones open, against the number of the shot."""
+    """Return the figure over the shot number: valid hits filled, rejected hits open."""
     from matplotlib import style
     from matplotlib.figure import Figure
 

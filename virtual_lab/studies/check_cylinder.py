@@ -1,8 +1,8 @@
 """A laboratory's sessions with its check standard: a steel cylinder in place of the bat.
 
 The bench measures the cylinder and the wall rig the check balls once; then, session by session,
-one ball is fired at its centre of percussion and e_A is what the pivot rig and the reduction
-make of it. The impact rig may go wrong on a day; the charts do not know.
+one ball is fired at its centre of percussion, and pivot rig and reduction give e_A. The impact rig
+may have a fault from a given day on; the charts have no information about it.
 """
 
 from __future__ import annotations
@@ -41,16 +41,16 @@ def check_cylinder(
     days, hits
         Sessions, and hits in each.
     seed
-        Of the laboratory, which numbers its hits through the sessions.
+        Seed of the laboratory; its hits are numbered through all sessions.
     faults, since
-        What goes wrong at the impact rig, and the first day of that, counted from 1. Faults may
-        edit every edge and count, so with any of them instruments write in full, which takes
-        thirty times as long.
+        Faults of the impact rig, and their first day, counted from 1. Faults may change every
+        edge and count, so with a fault the instruments write complete records, which takes thirty
+        times as long.
 
     Raises
     ------
     InputError
-        An unknown fault, or one that cannot befall the rig; a day no hit of which is valid.
+        An unknown fault, or one that this rig cannot have; a day without a valid hit.
     """
     stage = Stage.IMPACT
     rules = catalog.load("procedures", PROCEDURE, Procedure).spec

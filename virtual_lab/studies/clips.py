@@ -1,8 +1,8 @@
-"""One shot in each of many laboratories: do the intervals of the camera hold what it filmed.
+"""One filmed shot in each of many laboratories: coverage of the camera's intervals.
 
-Each laboratory draws bat, balls, calibration errors, spin and seams; its camera writes windows,
-the tracker finds the ball in them, and v_in, v_out and e_A of the one shot are held against what
-was filmed.
+Each laboratory has random bat, balls, calibration errors, spin and seams. Its camera writes image
+windows, the tracker finds the ball in them, and v_in, v_out and e_A of the shot are compared with
+their true values.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ QUANTITIES = {"v_in": "speed_in", "v_out": "speed_out", "e_A": "efficiency"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClipCoverage:
-    """How the camera's uncertainty of one quantity did, over clips; errors relative to the truth.
+    """Coverage of the camera's intervals of one quantity over clips; errors are relative.
 
-    Missed are clips whose shot the rules reject, as where the boards misread it, or in which no
-    speed was found. `low` and `high` bound the coverage by Clopper and Pearson.
+    Missed clips are those with a rejected shot (for example a wrong board reading) or without a
+    speed. `low` and `high` bound the coverage (Clopper-Pearson).
     """
 
     quantity: str
@@ -65,23 +65,23 @@ def clip_coverage(
     summed: bool = False,
     progress: Progress = quiet,
 ) -> Rows[ClipCoverage]:
-    """Film one shot in each of many laboratories and count intervals that hold what was filmed.
+    """Film one shot in each of many laboratories; count intervals with the true value.
 
-    A row a quantity.
+    One row per quantity.
 
     Parameters
     ----------
     bat, procedure
-        Names in the catalog, or paths; the procedure's rules allow a ball cannon.
+        Names in the catalog, or paths; the procedure must allow a ball cannon.
     clips, seed
-        How many laboratories film a shot each, and the seed of the first.
+        Number of laboratories, each with one shot, and the seed of the first.
     summed
-        Whether the camera writes places with the least scatter instead of windows.
+        Whether the camera writes positions with the least possible scatter instead of windows.
 
     Raises
     ------
     InputError
-        Unknown names, fewer than 2 clips or than 2 that give a result.
+        Unknown names, fewer than 2 clips, or fewer than 2 with a result.
     """
     if clips < 2:
         raise InputError("", "clips", clips, "allowed: 2 and more")

@@ -1,4 +1,4 @@
-"""Control charts of a check standard: limits from a baseline, and the days that break them.
+"""Control charts of a check standard: limits from a baseline, and the days beyond them.
 
 Shewhart's chart of individual values with the Western Electric rules and its moving range, the
 exponentially weighted moving average and the cumulative sum (Montgomery, Introduction to
@@ -42,7 +42,7 @@ SLACK, CUSUM_LIMIT = 0.5, 5.0
 
 
 class Run(NamedTuple):
-    """So many of so many days in a row beyond a distance on one side."""
+    """A pattern: a number of days out of consecutive days beyond a distance on one side."""
 
     need: int
     of: int
@@ -100,12 +100,12 @@ def breaks(x: Array, rule: int) -> Flags:
 
 
 def moving_range(x: Array) -> Array:
-    """Return how far each day is from the one before; of the first day NaN."""
+    """Return the absolute difference of each day from the day before; NaN for the first day."""
     return np.abs(np.diff(x, axis=-1, prepend=np.nan))
 
 
 def ewma(x: Array, weight: float = WEIGHT) -> Array:
-    """Return the exponentially weighted moving average, begun at the centre."""
+    """Return the exponentially weighted moving average, started at the centre."""
     average = np.empty_like(x)
     last = np.zeros(x.shape[:-1])
     for day in range(x.shape[-1]):
@@ -114,9 +114,9 @@ def ewma(x: Array, weight: float = WEIGHT) -> Array:
 
 
 def cusum(x: Array, slack: float = SLACK) -> tuple[Array, Array]:
-    """Return the sums of what lies more than `slack` above and below the centre, both from 0 up.
+    """Return the sums of the deviations beyond `slack` above and below the centre, both ≥ 0.
 
-    The sum begins again wherever it would fall below 0.
+    A sum restarts at 0 when it would become negative.
     """
     up, down = (_above(side - slack) for side in (x, -x))
     return up, down
@@ -144,9 +144,9 @@ class Charted:
 def control_chart(
     values: ArrayLike, baseline_days: int, rules: Collection[int] = tuple(RULES)
 ) -> Charted:
-    """Return daily values (day,) on the charts, limits from the first `baseline_days` of them.
+    """Return the charts of daily values (day,), with limits from the first `baseline_days`.
 
-    Rules, average and sums begin again, at the centre, on the day after the baseline.
+    Rules, average and sums restart at the centre on the day after the baseline.
 
     Raises
     ------

@@ -1,8 +1,9 @@
-"""Attained coverage: how often, over many laboratories, the 95 % interval holds the truth.
+"""Coverage: how often, over many laboratories, the 95 % interval contains the true value.
 
-And the bias of each result, beside what was to be expected of it: the curvature of the
-computation over its own uncertainties; that of the bat along the barrel over the places the
-balls really strike; and, of a metric found by a scan, what a rehearsal of the scan makes of them.
+The study also compares the bias of each result with the expected bias. The expected bias has
+three sources: the curvature of the reduction over the uncertainties of its inputs; the curvature
+of the bat's response along the barrel over the scatter of the impact places; and, for a metric
+found by a scan, the bias of the scan itself, found by rehearsals.
 """
 
 from __future__ import annotations
@@ -37,9 +38,9 @@ __all__ = ["Coverage", "coverage", "tests"]
 
 Array = NDArray[np.float64]
 WORDS = (
-    "Error: measured less true. At least, at most: the Clopper-Pearson 95 % interval of that\n"
-    "share. SI: the unit of the quantity, 1 or m/s. Thirds: laboratories with the least, the\n"
-    "middle and the greatest u."
+    "Error: measured minus true value. At least, at most: 95 % confidence interval of the\n"
+    "percentage (Clopper-Pearson). SI: unit of the quantity, 1 or m/s. Thirds: laboratories\n"
+    "with the smallest, middle and largest u."
 )
 
 
@@ -49,25 +50,25 @@ def _thirds(row: Coverage) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coverage:
-    """How the stated uncertainty of one quantity did, over laboratories.
+    """Coverage, errors and bias of one quantity over many laboratories.
 
-    `low` and `high` bound the coverage by Clopper and Pearson. `rms_error` over `rms_u` is 1 for
-    an honest uncertainty, above 1 for one that is too small. `expected_se` is above 0 where the
-    expected bias comes from as many rehearsals.
+    `low` and `high` bound the coverage (Clopper-Pearson). `rms_error` over `rms_u` is 1 for a
+    realistic uncertainty, above 1 for one that is too small. `expected_se` is above 0 if the
+    expected bias comes from rehearsals.
     """
 
     bat: str
     procedure: str
     quantity: str
     laboratories: int = column("laboratories with a result")
-    invalid: int = column("laboratories whose test was INVALID")
-    rejected: float = column("hits that the rules rejected", form=".1%")
-    coverage: float = column("intervals that held the truth", form=".1%")
+    invalid: int = column("laboratories with an INVALID test")
+    rejected: float = column("hits rejected by the procedure", form=".1%")
+    coverage: float = column("intervals with the true value", form=".1%")
     low: float = column("  at least", form=".1%")
     high: float = column("  at most", form=".1%")
-    above: float = column("truth above the interval", form=".1%")
-    below: float = column("truth below the interval", form=".1%")
-    thirds: tuple[float | None, ...] = column("held, by thirds of u", form=_thirds)
+    above: float = column("true value above the interval", form=".1%")
+    below: float = column("true value below the interval", form=".1%")
+    thirds: tuple[float | None, ...] = column("intervals with it, by thirds of u", form=_thirds)
     mean_z: float = column("mean error", "u", "+.3f")
     mean_z_se: float = column("  its standard error", "u", ".3f")
     sd_z: float = column("standard deviation of the errors", "u", ".3f")
@@ -75,7 +76,7 @@ class Coverage:
     rms_u: float = column("rms of the stated u", "SI", ".4g")
     bias: float = column("bias (mean error)", "SI", "+.2e")
     bias_se: float = column("  its standard error", "SI", ".1e")
-    expected: float = column("bias expected", "SI", "+.2e")
+    expected: float = column("expected bias", "SI", "+.2e")
     expected_se: float = column("  its standard error", "SI", ".1e")
 
 
@@ -88,14 +89,13 @@ def coverage(
     summed: bool = False,
     progress: Progress = quiet,
 ) -> Rows[Coverage]:
-    """Certify one bat design in many laboratories and count intervals that hold the truth.
+    """Certify one bat design in many laboratories; count intervals with the true value.
 
-    Every laboratory draws its own bat, balls and calibration errors; `summed` keeps to the bat
-    as drawn and lets instruments write sums, which takes a tenth of the time. The same seeds
-    draw the same standardised errors for every bat, so two bats over the same seeds are one
-    sample (their errors correlate by 0.98); take another `seed`, that of the first laboratory, for
-    a second opinion. INVALID tests state no result and are counted apart. A row a quantity, the
-    metric first.
+    Every laboratory has its own random bat, balls and calibration errors. With `summed` the bat is
+    nominal and instruments write sums, which takes a tenth of the time. `seed` is that of the
+    first laboratory. Equal seeds give equal standardised errors for every bat, so two bats with
+    the same seeds are not independent samples (their errors correlate by 0.98). INVALID tests
+    have no result and are counted separately. One row per quantity, the metric first.
 
     Raises
     ------

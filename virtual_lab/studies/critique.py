@@ -1,10 +1,10 @@
-"""Whether test procedures rank bats as the field does, and how surely (the paper's Sec. V).
+"""Ranking of bats by test procedures, compared with play on the field (the paper's Sec. V).
 
-The field is the greatest v_f of the bats as drawn under standard game conditions. A procedure is
-asked twice: what an error-free laboratory finds of the bats as drawn, and what laboratories with
-bats, balls and errors of their own find. In each of these all bats meet the same rigs and
-calibrations, so what those err cancels in a difference; made bat, balls, bench readings and hits
-are each test's own. That made bats differ from the drawing is part of what a ranking suffers.
+The field ranking is by the greatest v_f of the nominal bats under standard game conditions. A
+procedure is evaluated twice: in an error-free laboratory with nominal bats, and in laboratories
+with random bats, balls and errors. In each of these, all bats share rigs and calibrations, so
+their errors cancel in a difference; the manufactured bat, balls, bench readings and hits differ
+between tests. The scatter of manufactured bats is one cause of wrong rankings.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ RELIABLE_SHARE = 0.95  # a ranking that comes out one way this often is that pro
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ranked:
-    """What one procedure finds of the bats, in the unit its metric is printed in."""
+    """Results of one procedure for the bats, in the printed unit of its metric."""
 
     procedure: str
     ball: str
@@ -68,7 +68,7 @@ class Ranked:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Critique(StudyResult):
-    """Procedures beside the field."""
+    """Procedures compared with the field."""
 
     bats: tuple[str, ...]
     swings: tuple[float | None, ...]  # exponents n of the swing law; None: constant energy
@@ -78,7 +78,7 @@ class Critique(StudyResult):
 
     @property
     def metrics(self) -> list[Placed]:
-        """A row a bat and procedure."""
+        """One row per bat and procedure."""
         return [
             Placed(
                 bat=bat,
@@ -98,7 +98,7 @@ class Critique(StudyResult):
 
     @property
     def pairs(self) -> list[Pair]:
-        """A row a pair of bats, exponent and procedure."""
+        """One row per pair of bats, exponent and procedure."""
         return [
             Pair(
                 first=first,
@@ -120,7 +120,7 @@ class Critique(StudyResult):
 
     @property
     def title(self) -> str:
-        """What was asked."""
+        """Title of the study."""
         procedures = ", ".join(each.procedure for each in self.ranked)
         return f"Critique of {procedures} by {', '.join(self.bats)}"
 
@@ -139,16 +139,16 @@ class Critique(StudyResult):
 
     @property
     def text(self) -> str:
-        """How each procedure places each bat, and which pairs it misranks."""
+        """Rank of each bat by each procedure, and pairs in the wrong order."""
         return critique_text(self.metrics, self.pairs, self.balls)
 
     def draw(self, path: Path) -> None:
-        """Draw which procedure misranks which pair."""
+        """Draw pairs in the wrong order by procedure."""
         draw_critique(self.pairs, path)
 
     @property
     def document(self) -> Json:
-        """All of it for JSON."""
+        """The result for JSON."""
         return {
             "field_tie_mph": FIELD_TIE_MPH,
             "field_balls": dict(self.balls),
@@ -169,29 +169,29 @@ def critique(
     seed: int = 1,
     progress: Progress = quiet,
 ) -> Critique:
-    """Return how procedures rank bats, beside the field.
+    """Return the rankings of bats by procedures, compared with the field.
 
     Parameters
     ----------
     bats
         At least two: names in the catalog or paths of .toml files.
     procedures
-        Likewise; by default all of the catalog of the sport of the field's balls. One named
-        here is played with its own ball, whatever that is.
+        Likewise; by default all procedures in the catalog for the sport of the field's balls. A
+        named procedure always uses its own ball.
     swings
         Exponents n of the power law in the field, 0 to 0.5; by default 0, 0.3 and 0.5.
     swing_law, reference_inertia, ball
-        Of the field, as `virtual_lab.studies.bats.compare.profile` takes them; a procedure has its
-        own.
+        Field conditions, as for `virtual_lab.studies.bats.compare.profile`; procedures have
+        separate ones.
     laboratories, seed
-        How many test every bat by every procedure, and the seed of the first.
+        Number of laboratories that test every bat by every procedure; seed of the first.
     progress
-        Called with which laboratory tests by which procedure.
+        Called with laboratory and procedure.
 
     Raises
     ------
     InputError
-        Fewer than 2 laboratories, or what `compare` and `certify_bat` refuse.
+        Fewer than 2 laboratories, or an error of `compare` or `certify_bat`.
     """
     if laboratories < 2:
         raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
@@ -229,14 +229,14 @@ def critique(
 
 
 def misranking(field: float, differences: Array) -> Ranking:
-    """Return how often a procedure ranks two bats the other way round than the field does.
+    """Return the probability that a procedure ranks two bats in the opposite order.
 
     Parameters
     ----------
     field
         Difference of the greatest v_f of the two bats [mph].
     differences
-        Of their metrics, one a laboratory, (laboratory,); NaN where a test gave no result.
+        Differences of the metrics, (laboratory,); NaN if a test gave no result.
     """
     found = differences[np.isfinite(differences)]
     if found.size < 2:
@@ -265,7 +265,7 @@ def misranking(field: float, differences: Array) -> Ranking:
 
 
 def _of_this_game(sports: Set[Sport | None]) -> list[str]:
-    """Return the catalog's procedures of the field's sports; all where one is not known."""
+    """Return the catalog's procedures for the field's sports; all if a sport is unknown."""
     found = catalog.names("procedures")
     if None in sports:
         return list(found)

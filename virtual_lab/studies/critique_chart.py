@@ -1,4 +1,4 @@
-"""Which procedure misranks which pair of bats: a cell each, by shape, colour and number."""
+"""Chart of procedures and pairs of bats: each cell shows how often the order is wrong."""
 
 from __future__ import annotations
 
@@ -45,15 +45,15 @@ GAP = 0.62  # in, between panels: the field's own differences stand there
 
 
 def draw_critique(pairs: Sequence[Pair], path: Path) -> None:
-    """Draw a panel an exponent n of the swing: pairs of bats down, procedures across.
+    """Draw one panel per exponent n of the swing: pairs of bats down, procedures across.
 
-    The number in a cell is the probability, in per cent, that a laboratory which tests both bats
-    ranks them the other way round than the field does.
+    The number in a cell is the probability, in per cent, that a laboratory ranks the two bats in
+    the opposite order to the field.
 
     Parameters
     ----------
     pairs
-        As `Critique` has them.
+        As in `Critique`.
     path
         PNG file to write.
     """

@@ -1,4 +1,4 @@
-"""What the study of procedures prints in a terminal."""
+"""Text of the study of procedures for a terminal."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["Pair", "Placed", "Ranking", "critique_text"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Placed:
-    """What a procedure finds of a bat, and what the field does."""
+    """A bat by a procedure and on the field."""
 
     bat: str
     procedure: str
@@ -29,10 +29,10 @@ class Placed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ranking:
-    """How often a procedure ranks two bats the other way round than the field does.
+    """Ranking of two bats by a procedure, compared with the field.
 
-    The verdict is ``as the field``, ``other way round``, ``by chance`` where neither comes out
-    surely, ``tie`` where the field itself has no order, ``no result``.
+    The verdict is ``as the field``, ``other way round``, ``by chance`` (neither is certain),
+    ``tie`` (no order on the field), ``no result``.
     """
 
     laboratories: int  # with a result
@@ -47,7 +47,7 @@ class Ranking:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pair:
-    """How a procedure ranks two bats; differences are the first less the second."""
+    """Ranking of two bats by a procedure; differences are first minus second bat."""
 
     first: str
     second: str
@@ -63,7 +63,7 @@ class Pair:
 def critique_text(
     metrics: Sequence[Placed], pairs: Sequence[Pair], balls: Mapping[str, str]
 ) -> str:
-    """Return how each procedure places each bat, beside the field, and which pairs it misranks."""
+    """Return ranks of all bats by procedure and on the field, and pairs in the wrong order."""
     tables: dict[str, dict[str, str]] = {}
     for row in metrics:
         line = tables.setdefault(row.bat, {"bat": row.bat})

@@ -1,8 +1,8 @@
-"""A laboratory's mornings: check ball and check cylinder, and the charts that watch them.
+"""Daily checks of a laboratory with check ball and check cylinder, and their control charts.
 
-Charted are the check ball's measured e0, the mean of the morning's hits, by the gates and the
-reduction of the ball-wall rig, and the steel cylinder's e_A at the impact rig. The wall may be
-set to work loose, the impact rig to go wrong; the charts do not know.
+The charts show the measured e0 of the check ball at the ball-wall rig (mean of the morning's hits)
+and e_A of the steel cylinder at the impact rig. The wall may become loose or the impact rig may
+get a fault; the charts have no information about it.
 """
 
 from __future__ import annotations
@@ -52,10 +52,10 @@ LEAST_BASELINE = 5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AlarmCount:
-    """When one rule or chart of a check standard alarmed.
+    """Alarms of one rule or chart of a check standard.
 
-    Alarms before the change are false ones, or those of a ball that ages; on the very day of the
-    change the delay is 0.
+    Alarms before the change are false, or come from an ageing ball; an alarm on the day of the
+    change has the delay 0.
     """
 
     standard: str
@@ -69,7 +69,7 @@ class AlarmCount:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Daily(StudyResult):
-    """Mornings of one laboratory; arrays (day,)."""
+    """Daily checks of one laboratory; arrays (day,)."""
 
     ball: str
     hits: int
@@ -83,7 +83,7 @@ class Daily(StudyResult):
 
     @property
     def table(self) -> pd.DataFrame:
-        """A row a day; the charts' columns are empty in the baseline."""
+        """One row per day; the charts' columns are empty in the baseline."""
         import pandas as pd
 
         charted, days = self.charted, self.values.size
@@ -107,24 +107,24 @@ class Daily(StudyResult):
 
     @property
     def alarms(self) -> list[AlarmCount]:
-        """A row a rule or chart of the ball."""
+        """One row per rule or chart of the ball."""
         return _alarms(self.ball, self.charted, self.since)
 
     @property
     def cylinder_alarms(self) -> list[AlarmCount]:
-        """The same of the cylinder."""
+        """One row per rule or chart of the cylinder."""
         return _alarms(CYLINDER, self.cylinder_charted, self.since)
 
     name = "daily"
 
     @property
     def title(self) -> str:
-        """What was watched, and how long."""
+        """Title with check standards and days."""
         return f"{self.values.size} mornings of {self.ball} and {CYLINDER}"
 
     @property
     def rows(self) -> list[AlarmCount]:
-        """A row a rule and check standard."""
+        """One row per rule and check standard."""
         return [*self.alarms, *self.cylinder_alarms]
 
     @property
@@ -138,7 +138,7 @@ class Daily(StudyResult):
 
     @property
     def pictures(self) -> tuple[str, ...]:
-        """A control chart a standard."""
+        """One control chart per check standard."""
         return ("daily", "cylinder")
 
     def draw(self, path: Path) -> None:
@@ -151,7 +151,7 @@ class Daily(StudyResult):
 
     @property
     def document(self) -> Json:
-        """All of it for JSON."""
+        """The result for JSON."""
         rows = self.table.astype(object)
         return {
             "ball": self.ball,
@@ -180,31 +180,31 @@ def daily(
     seed: int = 1,
     progress: Progress = quiet,
 ) -> Daily:
-    """Play the mornings of one laboratory and chart them.
+    """Simulate the daily checks of one laboratory and draw control charts.
 
     Parameters
     ----------
     ball
-        The check ball: a name in the catalog or path of a .toml file. One that ages is hit
-        more dead from day to day, which the charts see too. The cylinder is always hit with the
-        catalog's own.
+        The check ball: a name in the catalog or path of a .toml file. A ball that ages loses
+        restitution from day to day, which the charts show too. The cylinder is always hit with
+        the check ball of the catalog.
     days, baseline, hits
-        Mornings, how many of them set the limits, and hits a morning of wall and cylinder.
+        Number of mornings, number of those that set the limits, and hits per morning.
     drift, step
-        What the wall gives back less, of what a rigid one would: more each day, and at once.
+        Loss of the wall's restitution relative to a rigid wall: per day, and sudden.
     faults
-        Names of what goes wrong at the impact rig.
+        Names of faults of the impact rig.
     since
-        First day of that, counted from 1; the first after the baseline by default.
+        First day of the change, counted from 1; by default the first after the baseline.
     rules
-        Western Electric rules to judge by, of 1 to 4.
+        Western Electric rules to apply, 1 to 4.
     seed
-        Of the laboratory; which numbers its hits through the days.
+        Seed of the laboratory; its hits are numbered through all days.
 
     Raises
     ------
     InputError
-        Numbers out of range, an unknown ball, rule or fault, a ball that falls out of the gates,
+        Numbers out of range, an unknown ball, rule or fault, a ball that falls below the gates,
         a morning without a valid hit.
     """
     _check_counts(days, baseline, hits, rules)
@@ -247,7 +247,7 @@ def _baseline(charted: Charted) -> dict[str, float]:
 
 
 def _broken(charted: Charted) -> list[str]:
-    """Return, day by day, what alarmed; nothing in the baseline."""
+    """Return the alarms of each day; none in the baseline."""
     return [""] * charted.baseline_days + [
         "; ".join(name for name, days in charted.alarms.items() if days[day])
         for day in range(charted.standardised.size)
@@ -279,7 +279,8 @@ def _check_counts(days: int, baseline: int, hits: int, rules: Collection[int]) -
         ("hits", hits, 2, MOST_HITS),
     ):
         if not low <= value <= high:
-            raise InputError("", name, value, f"allowed: {low} to {high}")
+            most = f"{high}, fewer than the days" if name == "baseline" else f"{high}"
+            raise InputError("", name, value, f"allowed: {low} to {most}")
     for rule in rules:
         if rule not in RULES:
             raise InputError("", "rule", rule, f"allowed: {', '.join(map(str, RULES))}")
@@ -319,7 +320,7 @@ def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
 def _measured(
     gates: GateRecord, spec: BallSpec, order: ShotPlan, constants: dict[str, Array]
 ) -> float:
-    """Return the check ball's mean e0 at the nominal speed. Its mass was weighed long ago."""
+    """Return the check ball's mean e0 at the nominal speed; its mass is known."""
     readings = BallReadings(
         mass=np.array([spec.mass]),
         ball=order.ball,
@@ -338,7 +339,7 @@ def _constants(known: Mapping[str, Estimate], spec: BallSpec) -> dict[str, Array
 
 
 def _overnight(balls: TrueBalls, speed: Array) -> TrueBalls:
-    """Return the check ball as the next morning finds it: what comes back has come back."""
+    """Return the check ball on the next morning, after its recovery."""
     ageing = balls.spec.ageing
     if ageing is None:
         return balls

@@ -1,4 +1,4 @@
-"""Control charts as PNG: the days, the limits, and where they were broken first."""
+"""Control charts as PNG: the days, the limits, and the first alarms."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ def draw_control_chart(values: Array, charted: Charted, label: str, path: Path) 
     Parameters
     ----------
     values
-        Every day's, those of the baseline first, (day,).
+        Values of all days, the baseline first, (day,).
     charted
         The days after the baseline.
     label
-        Of the values.
+        Axis label of the values.
     path
         PNG file to write.
     """
@@ -85,7 +85,7 @@ def draw_control_chart(values: Array, charted: Charted, label: str, path: Path) 
 
 
 def _mark(axes: Axes, days: NDArray[np.int_], values: Array, alarms: Flags) -> None:
-    """Ring the days that alarm, and name the first."""
+    """Mark the days with alarms, and label the first."""
     if not alarms.any():
         axes.set_title("no alarm", loc="right")
         return
@@ -96,6 +96,6 @@ def _mark(axes: Axes, days: NDArray[np.int_], values: Array, alarms: Flags) -> N
 
 
 def _keep_in_sight(axes: Axes, limit: float, low: float, high: float) -> None:
-    """Let what ran far away leave the panel, or the limits would be one line."""
+    """Limit the axis, so that values far away do not compress the limits into one line."""
     edges = np.clip([1.1 * min(low, -limit), 1.1 * max(high, limit)], -SIGHT * limit, SIGHT * limit)
     axes.set_ylim(*edges)

@@ -1,9 +1,9 @@
-"""The realised effect of every term of a budget, beside the stated one.
+"""Comparison of the real effect of every budget component with the stated one.
 
-A constant's error in one laboratory is what its certificate says less what it really is. Over
-many laboratories the errors of the metric are regressed on the errors of all constants at once:
-each coefficient, times the constant's u, is the effect that one standard uncertainty really has,
-and the budget states it as sensitivity times u. What the regression leaves is the hits'.
+The error of a constant in one laboratory is its certified minus its true value. Over many
+laboratories the errors of the metric are regressed on the errors of all constants: each
+coefficient times the constant's u is the real effect of one standard uncertainty; the budget
+states it as sensitivity times u. The residual of the regression belongs to the hits.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ LEAST_LABORATORIES = 4  # laboratories a term
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effect:
-    """What one standard uncertainty of a term does to the metric, by the budget and really.
+    """Effect of one standard uncertainty of a component on the metric, stated and realised.
 
-    The pooled balls, `hits` and the choice of a place have no sign: theirs are root mean squares.
+    The pooled balls, `hits` and the choice of a place have no sign: they are root mean squares.
     """
 
     bat: str
@@ -65,7 +65,7 @@ class Effect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Case:
-    """One laboratory: its error, its budget, and how far its inputs were off."""
+    """One laboratory: its error, its budget, and the errors of its inputs."""
 
     error: float  # of the metric, that of the choice of a place apart
     choice: float  # error that the choice of a place left; NaN where it cannot be known apart
@@ -83,14 +83,14 @@ def effects(
     summed: bool = False,
     progress: Progress = quiet,
 ) -> Rows[Effect]:
-    """Return a row a term of the metric's budget, largest first; parameters as `coverage`.
+    """Return one row per component of the metric's budget, largest first.
 
-    The slope along the barrel is one bat's, and its uncertainty that over many bats: `realised` is
-    what this bat's slope makes of the aim beside the sheet's, one draw of what is `stated`, so
-    `apart` is None; it shows why the aim's effect is apart. `hits` is stated as of any balls, and
-    those of a lot are drawn from a dozen without putting back: of a hollow bat, whose e is not in
-    proportion to e0, their differences scatter the hits more than the mean (asa, six of twelve:
-    6 % of the term).
+    Parameters as `coverage`. The stated uncertainty of the slope along the barrel is the spread
+    over many bats, but the study has one bat: `realised` is the effect of its slope, one sample of
+    `stated`, so `apart` is None; it also explains a deviation of the aim's effect. `hits` is
+    stated for a sample of independent balls, but the balls are a sample from a dozen without
+    replacement: for a hollow bat, whose e is not in proportion to e0, the differences between
+    balls scatter the hits more than the mean (asa, six of twelve: 6 % of the component).
 
     Raises
     ------
@@ -160,7 +160,7 @@ def _case(tested: Tested) -> _Case:
 
 
 def _off(tested: Tested) -> dict[str, float]:
-    """Return what each uncertain constant was off: as the laboratory had it less as it was."""
+    """Return the error of each uncertain constant: the laboratory's minus the true value."""
     session, lot = tested.certification.session, tested.sealed.balls.spec
     true = dict(tested.sealed.constants)
     true |= {"ball.radius": lot.radius, "ball.restitution_slope": lot.restitution.slope}
@@ -170,7 +170,7 @@ def _off(tested: Tested) -> dict[str, float]:
 
 
 def _readings_off(tested: Tested, true: Mapping[str, float]) -> dict[str, float]:
-    """Return the errors of the bench's mean readings; the instruments' own are apart."""
+    """Return the errors of the mean bench readings, without instrument errors."""
     found = {name: one.value for name, one in bench_constants(tested.certification.session).items()}
     bat, body = tested.sealed.bat_properties, tested.sealed.bat.body
     lever = float(bat["length"] - true["bench.pendulum.pivot_from_knob"] - bat["z_cm"])
@@ -195,7 +195,7 @@ def _readings_off(tested: Tested, true: Mapping[str, float]) -> dict[str, float]
 
 
 def _balls_off(tested: Tested, constants: Mapping[str, float]) -> dict[str, float]:
-    """Return what scatter makes of each ball's mean e0 and of its slope: calibrations are true."""
+    """Return the errors by scatter alone of each ball's mean e0 and of its slope."""
     readings, lot = observe_balls(tested.certification.session), tested.sealed.balls
     names = restitution_names(len(readings.mass))
     x = {name: np.array(value) for name, value in constants.items()}
@@ -212,7 +212,7 @@ def _balls_off(tested: Tested, constants: Mapping[str, float]) -> dict[str, floa
 
 
 def _errors_of(name: str, cases: list[_Case]) -> Array | None:
-    """Return a term's standardised errors, (case,), None where the truth does not hold them."""
+    """Return the standardised errors of a component, (case,), None if the truth lacks them."""
     if name == REPEATABILITY:
         parts = [case.components[name].parts if name in case.components else () for case in cases]
         moved = [
@@ -232,7 +232,7 @@ def _errors_of(name: str, cases: list[_Case]) -> Array | None:
 
 
 def _stated(name: str, cases: list[_Case]) -> float:
-    """Return the mean effect by the budgets; of what has no sign the root mean square."""
+    """Return the mean stated effect; the root mean square if it has no sign."""
     every = [case.components[name] for case in cases if name in case.components]
     if name in (REPEATABILITY, HITS, CHOICE):
         return sqrt(sum(part.contribution**2 for part in every) / len(cases))
@@ -243,7 +243,7 @@ def _stated(name: str, cases: list[_Case]) -> float:
 def _regressed(
     error: Array, known: Mapping[str, Array]
 ) -> tuple[dict[str, float], dict[str, float], float]:
-    """Return each term's coefficient, their standard errors, and the deviation that is left."""
+    """Return coefficients, their standard errors, and the standard deviation of the residual."""
     design = np.column_stack([np.ones(error.size), *known.values()])
     inverse = np.linalg.pinv(design)
     coefficients = inverse @ error
@@ -258,7 +258,7 @@ def _regressed(
 
 
 def _apart(name: str, stated: float, realised: float | None, se: float | None) -> float | None:
-    """Return by how many standard errors an effect is not the one stated, where that says much."""
+    """Return the deviation of an effect from the stated one in standard errors, if meaningful."""
     if name == SLOPE_ERROR or realised is None or not se:
         return None
     return (realised - stated) / se

@@ -1,7 +1,7 @@
-"""Faults of a real day, played: caught as predicted, or leaving the bias that was predicted.
+"""Simulated faults of a test day: detection and bias compared with predictions.
 
-Every laboratory is played twice from the same seed, sound and with the fault, so a bias is that
-of one day against the same day, and chance does not blur it.
+Every laboratory is simulated twice from the same seed, with and without the fault, so the
+difference is the effect of the fault and not of chance.
 """
 
 from __future__ import annotations
@@ -53,9 +53,9 @@ def _outcome(row: Played) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Bias:
-    """Of a result: mean over laboratories, its standard error, and what was predicted.
+    """Bias of a result: mean over laboratories, its standard error, and the prediction.
 
-    All None where fewer than two laboratories show it.
+    All None if fewer than two laboratories have the result.
     """
 
     bias: float | None = None
@@ -67,7 +67,7 @@ class Bias:
     def of(
         cls, differences: NDArray[np.float64], predicted: float | None, trust: float | None
     ) -> Bias:
-        """Return that of (laboratory,) differences, beside a prediction and its u."""
+        """Return the bias of differences, (laboratory,), with a prediction and its u."""
         known = differences[np.isfinite(differences)]
         if known.size < 2:
             return cls()
@@ -79,34 +79,34 @@ class Bias:
 
     @property
     def near(self) -> bool:
-        """Whether it is what was predicted."""
+        """Whether the bias agrees with the prediction."""
         return self.z is not None and abs(self.z) <= AGREEMENT_U
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Played:
-    """What came of a fault by a procedure, ``none`` the sound day's.
+    """Outcome of a fault in tests by a procedure; fault ``none`` is a day without one.
 
-    Caught is a laboratory that sees a flag, or the verdict INVALID; `low` and `high` bound its
-    share by Clopper and Pearson.
+    A laboratory detects (catches) a fault by a flag or by the verdict INVALID; `low` and `high`
+    bound the fraction of such laboratories (Clopper-Pearson).
     """
 
     procedure: str = column("procedure")
     fault: str = column("fault")
     prediction: str = column("predicted")
     laboratories: int
-    caught: float = column("caught", "of the laboratories", _share)
+    caught: float = column("detected", "of laboratories", _share)
     low: float
     high: float
-    by: str = column("by")
+    by: str = column("detected by")
     e_A: Bias = column("bias of e_A", form=lambda row: _bias_text(row.e_A))
     metric: Bias = column("bias of the metric", "SI", lambda row: _bias_text(row.metric))
-    as_predicted: bool = column("came out", form=_outcome)
+    as_predicted: bool = column("outcome", form=_outcome)
 
 
 @dataclass(frozen=True, slots=True)
 class _Seen:
-    """What the operator of one laboratory sees, and the numbers on the certificate."""
+    """Flags that the operator of one laboratory sees, and the numbers on the certificate."""
 
     catches: tuple[str, ...]
     efficiency: float
@@ -122,7 +122,7 @@ def faults(
     seed: int = 1,
     progress: Progress = quiet,
 ) -> Rows[Played]:
-    """Play faults in many laboratories and hold what comes of them against what was predicted.
+    """Simulate faults in many laboratories and compare the outcome with the predictions.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def faults(
 
 
 def _require_played(sheets: Sequence[FaultSheet], procedures: Sequence[str]) -> None:
-    """Refuse faults and procedures of which nothing would be played."""
+    """Refuse faults and procedures for which there is nothing to simulate."""
     able = {sheet.name: {each.procedure for each in sheet.predictions} for sheet in sheets}
     for fault, own in able.items():
         if not own & set(procedures):

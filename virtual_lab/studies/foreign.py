@@ -1,4 +1,4 @@
-"""Another laboratory's test: what our own laboratory for its procedure knows, it must know too."""
+"""Test of another laboratory: it needs the same constants as our laboratory."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ __all__ = ["certify_laboratory", "our_own"]
 
 
 def our_own(procedure: str) -> Session:
-    """Return what a laboratory of ours would hand over of a test by a procedure.
+    """Return the session of our laboratory for a test by a procedure.
 
-    It takes the quickest way there: no noise, rigid bats. `InputError` as `certify_bat`.
+    For speed it has no noise and rigid bats. `InputError` as `certify_bat`.
     """
     bat, rules = names("bats")[0], load("procedures", procedure, Procedure).spec
     setup = TestSetup.of(
@@ -35,13 +35,13 @@ def our_own(procedure: str) -> Session:
 
 
 def certify_laboratory(folder: Path) -> Certification:
-    """Reduce and evaluate what a laboratory's form and tables hold.
+    """Reduce and evaluate a laboratory's form and tables.
 
     Raises
     ------
     InputError
-        As `load_laboratory` and `certify_session`; and for constants that our own laboratory
-        has and this one lacks, all of them, or that none has.
+        As `load_laboratory` and `certify_session`; also for missing and for unknown constants,
+        compared with our laboratory.
     """
     form = folder / FORM
     if (folder / "session.json").exists():
@@ -62,14 +62,14 @@ def certify_laboratory(folder: Path) -> Certification:
 
 
 def _constants_of(procedure: str) -> list[str]:
-    """Return the constants that our own laboratory for a procedure knows."""
+    """Return the constants of our laboratory for a procedure."""
     laboratory = Laboratory.open(TestSetup.of(names("bats")[0], procedure=procedure))
     control = [CONTROL] if laboratory.rules.spec.controlled else []
     return [*laboratory.session.calibration, *control]
 
 
 def _require_constants(given: list[str], needed: list[str], where: str) -> None:
-    """Refuse a form that lacks constants, or holds some that mean nothing here.
+    """Refuse a form with missing or unknown constants.
 
     A laboratory may have more of a numbered kind than ours: a third gate, `distance_2`.
     """
@@ -83,7 +83,9 @@ def _require_constants(given: list[str], needed: list[str], where: str) -> None:
         raise InputError(where, "calibration", None, allowed)
     if unknown:
         hint = nearest(unknown[0], needed)
-        raise InputError(where, "calibration", ", ".join(unknown), f"{hint}not a constant here")
+        raise InputError(
+            where, "calibration", ", ".join(unknown), f"{hint}no constant of this procedure"
+        )
 
 
 def _unnumbered(key: str) -> str:

@@ -1,4 +1,4 @@
-"""What is on the shelf: the catalog's names and sheets, and the rigs installed here."""
+"""The catalog: names and sheets of all entries, and the installed rigs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ RIGS = "virtual_lab.rigs"  # the group of entry points
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShelfEntry:
-    """One thing on the shelf."""
+    """One entry of the catalog."""
 
     kind: str = column("kind")
     name: str = column("name")
@@ -33,9 +33,9 @@ class ShelfEntry:
 
 
 def shelf(kind: str | None = None) -> Rows[ShelfEntry]:
-    """Return kind, name and title of everything in the catalog, or of one kind.
+    """Return kind, name and title of all entries of the catalog, or of one kind.
 
-    Rigs are those installed, whoever made them.
+    Rigs are all installed ones, including those of other packages.
     """
     rows = []
     for each in catalog.KINDS if kind is None else (kind,):
@@ -47,9 +47,9 @@ def shelf(kind: str | None = None) -> Rows[ShelfEntry]:
 
 
 def _installed_rigs(known: Mapping[str, str]) -> dict[str, str]:
-    """Return the titles of the rigs installed here, none of which need be loaded for that.
+    """Return the titles of the installed rigs, without loading them.
 
-    One without a sheet in the catalog goes by what its package says of itself.
+    A rig without a sheet in the catalog has the summary of its package as title.
     """
     return {
         point.name: known.get(point.name)
@@ -68,7 +68,7 @@ class SlowestRebound:
 
     @classmethod
     def of(cls, name: str, kind: str | None) -> SlowestRebound | None:
-        """Return that of light gates; None of any other instrument."""
+        """Return the slowest rebound for light gates, None for other instruments."""
         if kind not in ("light-gate", "light-board"):
             return None
         from virtual_lab.relations.flight import slowest_within
@@ -90,7 +90,7 @@ class SlowestRebound:
 
     @property
     def text(self) -> str:
-        """The same in a line."""
+        """The result in one line."""
         gates = ", ".join(
             f"{gate['speed_mph']:.1f} mph at {gate['distance_m']:g} m" for gate in self.at_gates
         )
@@ -102,7 +102,7 @@ class SlowestRebound:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShownSheet:
-    """A catalog entry: its words, every number with unit and source, and what the sources are."""
+    """A catalog entry: title, every number with unit and source, and the list of sources."""
 
     kind: str
     name: str
@@ -122,7 +122,7 @@ class ShownSheet:
 
     @property
     def text(self) -> str:
-        """All of it for a terminal."""
+        """The result for a terminal."""
         rows = [
             {
                 "key": number.key,
@@ -145,18 +145,18 @@ class ShownSheet:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShownCertificate:
-    """A certificate that was read from its file."""
+    """A certificate read from its file."""
 
     certificate: CertificateDocument
 
     @property
     def document(self) -> Json:
-        """All of it for JSON."""
+        """The result for JSON."""
         return self.certificate.as_json()
 
     @property
     def text(self) -> str:
-        """All of it for a terminal."""
+        """The result for a terminal."""
         return certificate_text(self.certificate)
 
 
@@ -166,8 +166,7 @@ def show(name: str) -> ShownSheet | ShownCertificate:
     Raises
     ------
     InputError
-        Nothing in the catalog has this name; the nearest names are suggested. A file without a
-        certificate.
+        Unknown name (similar names are suggested), or a file without a certificate.
     """
     if name.endswith(".json"):
         return ShownCertificate(certificate=read_document(Path(name)))
@@ -177,7 +176,7 @@ def show(name: str) -> ShownSheet | ShownCertificate:
     if name.endswith(".toml"):
         return _sheet("bats", name)
     near = nearest(name, [known for kind in catalog.KINDS for known in catalog.names(kind)])
-    raise InputError("", "name", name, f"{near}'virtual-lab list' shows what there is")
+    raise InputError("", "name", name, f"{near}not in the catalog; 'virtual-lab list' lists it")
 
 
 def _sheet(kind: str, name: str) -> ShownSheet:

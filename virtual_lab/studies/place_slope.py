@@ -1,4 +1,4 @@
-"""How e_A changes along the barrel at the place of a test: what a procedure's sheet says of it."""
+"""Slope of e_A along the barrel at the place of a test, for the sheet of a procedure."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ BATS = ("r161", "ea70", "barrel-loaded", "knob-loaded")  # of baseball
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slope:
-    """Of a bat; of their mean and deviation the place is None."""
+    """Slope of one bat; for mean and deviation the place is None."""
 
     bat: str = column("bat")
     place_in: float | None = column("place from the tip", "in")
@@ -33,9 +33,9 @@ class Slope:
 
 
 def slope(bats: Sequence[str] = (), *, procedure: str = "astm-f1881") -> Rows[Slope]:
-    """Return de_A/dz at the centre of percussion, a row a bat, then their mean and deviation.
+    """Return de_A/dz at the centre of percussion per bat, then mean and standard deviation.
 
-    Each bat is its drawing, met by the procedure's nominal ball at its speed. Without names the
+    Bat and ball are nominal, at the speed of the procedure. Without names the
     bats are those of the paper's Table I.
 
     Raises
@@ -45,7 +45,7 @@ def slope(bats: Sequence[str] = (), *, procedure: str = "astm-f1881") -> Rows[Sl
     """
     bats = bats or BATS
     if len(bats) < 2:
-        raise InputError("", "bats", len(bats), "a deviation needs 2 and more")
+        raise InputError("", "bats", len(bats), "allowed: 2 or more, for a standard deviation")
     rows = [_slope(bat, procedure) for bat in bats]
     slopes = [row.slope_per_in for row in rows]
     over = {"mean": float(np.mean(slopes)), "deviation": float(np.std(slopes, ddof=1))}

@@ -1,4 +1,4 @@
-"""Open the sealed truth of a test and say how close its certificate came."""
+"""Comparison of a certificate with the sealed truth of its test."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ALTERED = 3  # exit code
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class QuantityScore:
-    """Measured against true, in SI; None where nothing was measured, z also where u is 0."""
+    """Measured and true value, in SI; None if nothing was measured; z also if u is 0."""
 
     quantity: str = column("quantity")
     measured: float | None = column("measured", "SI", ".6f")
@@ -37,7 +37,7 @@ class QuantityScore:
 
     @classmethod
     def of(cls, quantity: str, measured: Mapping[str, Any], true: float) -> QuantityScore:
-        """Return that of a result with `value` and `u`."""
+        """Return the score of a result with `value` and `u`."""
         value, u = measured["value"], measured["u"]
         error = None if value is None else value - true
         z = error / u if error is not None and u else None
@@ -47,11 +47,10 @@ class QuantityScore:
 def score(
     certificate: Mapping[str, Any], measurand: Mapping[str, float]
 ) -> dict[str, QuantityScore]:
-    """Return measured against true for the metric and the quantities behind it, by name.
+    """Return measured and true values of the metric and the other quantities, by name.
 
-    Of a scan the metric stands twice: against the procedure's own result on the exact curve, and
-    against the curve's greatest value; of a certificate that states one, the curve's width [m]
-    stands last.
+    For a scan the metric is compared twice: with the procedure's result on the exact curve, and
+    with the maximum of the curve. The width of the curve [m], if stated, is last.
     """
     stated = {"metric": certificate["metric"]}
     if CONTINUOUS in measurand:
@@ -64,7 +63,7 @@ def score(
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Scored(StudyResult):
-    """A certificate beside the truth, and whether the seal on both is whole."""
+    """A certificate compared with the truth, and whether the seal on both is intact."""
 
     altered: tuple[Alteration, ...]  # what is not as it was sealed
     sealing: str | None  # whether who knows the records could find the truth again
@@ -74,13 +73,13 @@ class Scored(StudyResult):
 
     @property
     def seal(self) -> str:
-        """Whole or broken."""
+        """``whole`` or ``broken``, the words of the JSON document."""
         return "broken" if self.altered else "whole"
 
     @property
     def title(self) -> str:
-        """Whether the seal is whole."""
-        return f"QuantityScore of a certificate, seal {self.seal}"
+        """Title with the state of the seal."""
+        return f"comparison of a certificate with the truth, seal {self.seal}"
 
     @property
     def code(self) -> int:
@@ -89,7 +88,7 @@ class Scored(StudyResult):
 
     @property
     def document(self) -> Json:
-        """All of it for JSON."""
+        """The result for JSON."""
         rows = {row.quantity: {**record(row)} for row in self.rows}
         for row in rows.values():
             del row["quantity"]
@@ -98,22 +97,22 @@ class Scored(StudyResult):
 
     @property
     def text(self) -> str:
-        """Measured against true as a table, and what was altered, a line each."""
+        """The comparison as a table, and one line for each change since the test."""
         lines = [
-            table_text(self.rows) if self.rows else "no score: see what was altered",
-            f"seal {self.seal}",
+            table_text(self.rows) if self.rows else "no score: too much was changed",
+            "seal broken, changed since the test:" if self.altered else "seal intact",
             *(f"  {each}" for each in self.altered),
         ]
         return "\n".join([*lines, self.sealing] if self.sealing else lines)
 
 
 def score_folder(folder: str | Path) -> Scored:
-    """QuantityScore the test in an output folder and say whether its seal is whole.
+    """Compare the certificate in an output folder with the truth, and check its seal.
 
     Raises
     ------
     InputError
-        Certificate, truth or seal are missing; or nothing was altered, and yet they hold no score.
+        Certificate, truth or seal are missing or cannot be compared.
     """
     folder = Path(folder)
     read_bytes(folder / CERTIFICATE)
@@ -132,7 +131,7 @@ def score_folder(folder: str | Path) -> Scored:
 
 
 def _scored(folder: Path) -> tuple[dict[str, str], tuple[QuantityScore, ...]]:
-    """Return how a certificate was simulated, and its score; `InputError` where it has none."""
+    """Return the simulation entry of a certificate and its scores; `InputError` if none."""
     certificate, truth = read_json(folder / CERTIFICATE), read_json(folder / TRUTH)
     try:
         rows = tuple(score(certificate, truth["measurand"]).values())

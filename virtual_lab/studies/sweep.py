@@ -1,4 +1,4 @@
-"""Many tests as one table: bats by procedures in laboratories, a row a test."""
+"""Many tests as one table: bats, procedures and laboratories, one row per test."""
 
 from __future__ import annotations
 

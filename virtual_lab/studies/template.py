@@ -1,7 +1,7 @@
-"""Empty forms for another laboratory: what a test by a procedure writes, values left out.
+"""Empty forms for another laboratory: the records of a test by a procedure, without values.
 
-A laboratory of ours plays the procedure once, so the forms follow whatever rigs, records and
-constants it takes.
+The forms come from one simulated test, so they have the rigs, records and constants that the
+procedure needs.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ OWN_RULES = "procedure.toml"
 def template(procedure: str, folder: str | Path) -> Path:
     """Write the forms of a procedure (a name, or a .toml file) into a new folder.
 
-    Raises `InputError` where there is no such procedure, or the folder cannot be written; nothing
-    is left half-written.
+    Raises `InputError` if there is no such procedure or the folder cannot be written; no partial
+    files are left.
     """
     session, folder = our_own(procedure), Path(folder)
     own = procedure.endswith(".toml")
@@ -115,7 +115,7 @@ def _is_long(record: Record) -> bool:
 
 
 def _table(record: Record) -> str:
-    """Return the CSV form of a record, its values left out and the numbers of items kept."""
+    """Return the CSV form of a record with index columns and empty values."""
     table = record.table()
     values = [column.name for column in record.columns.values() if not column.is_index]
     numbers = [column.name for column in record.columns.values() if column.is_index]

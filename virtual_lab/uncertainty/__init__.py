@@ -1,1 +1,1 @@
-"""Uncertainty of what reduction gives: budgets, intervals, coverage factors."""
+"""Uncertainty of reduced results: budgets, intervals, coverage factors."""

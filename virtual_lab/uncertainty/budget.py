@@ -1,10 +1,10 @@
-"""First-order uncertainty by the GUM: each constant moved by its standard uncertainty.
+"""First-order uncertainty by the GUM: each constant is shifted by its standard uncertainty.
 
-The model is called once with a column of variants of every constant (the estimates, then each
-one up, then each one down), so sensitivities come from the computation itself, shared
-constants act on everything they touch, and their effects are never averaged away. Scatter
-between hits enters as one type A component of the mean: what remains of it when the constants
-that move one hit otherwise than the next are taken off.
+The model is called once with a column of variants of every constant: the estimates, then each
+constant shifted up, then each one shifted down. So the sensitivities come from the reduction
+itself, and a constant shared by all hits shifts them together and does not average out. The
+scatter between hits is one type A component of the mean, after subtraction of the scatter that
+comes from constants with different effects on different hits.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Component:
-    """One line of a budget: what it comes from and what it does to the result."""
+    """One line of a budget: a source of uncertainty and its effect on the result."""
 
     name: str
     value: float
@@ -55,7 +55,7 @@ class Component:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Budget:
-    """A result's standard uncertainty and where it comes from, largest component first."""
+    """Standard uncertainty of a result and its components, largest first."""
 
     value: float
     u: float
@@ -68,7 +68,7 @@ class Budget:
 
 
 class Variation(Protocol):
-    """Constants moved within their uncertainty, and what a model's outputs then say of it."""
+    """Constants shifted within their uncertainty, and the effects on the outputs of a model."""
 
     @property
     def columns(self) -> Mapping[str, Array]:
@@ -93,9 +93,9 @@ Propagator = Callable[[Mapping[str, Estimate]], Variation]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variants:
-    """The first order: each uncertain constant up by its standard uncertainty, then each down.
+    """First order: each uncertain constant shifted up by its u, then each shifted down.
 
-    The model's outputs of the columns show what each constant does to each of them.
+    The outputs of the model for these columns give the effect of each constant.
     """
 
     uncertain: Mapping[str, Estimate]
@@ -103,7 +103,7 @@ class Variants:
 
     @classmethod
     def of(cls, constants: Mapping[str, Estimate]) -> Self:
-        """Return them; constants without uncertainty are moved by nothing."""
+        """Return the variants; constants without uncertainty are not shifted."""
         uncertain = {name: known for name, known in constants.items() if known.u > 0}
         n = len(uncertain)
         columns = {
@@ -163,7 +163,7 @@ def propagate(
     model
         Takes constants as columns (k, 1), returns outputs of shape (k,).
     constants
-        Estimates; those without uncertainty contribute nothing and are left out.
+        Estimates; those without uncertainty contribute nothing and are omitted.
     """
     variants = Variants.of(constants)
     return {
@@ -172,7 +172,7 @@ def propagate(
 
 
 def combine(value: float, components: Sequence[Component]) -> Budget:
-    """Return the budget of a result with its components, those of a pool as one line."""
+    """Return the budget of a result; the components of a pool become one line."""
     every = sorted(_pooled(components), key=lambda part: -part.contribution)
     u = _root_sum([part.contribution for part in every])
     dof = effective_dof(every)
@@ -191,16 +191,16 @@ def combine(value: float, components: Sequence[Component]) -> Budget:
 def mean_of_hits(
     variants: Variation, hits: Array, weights: Array, places: Array, effects: Array | None = None
 ) -> Budget:
-    """Return the budget of a weighted sum of hits: constants, then the scatter that remains.
+    """Return the budget of a weighted sum of hits: constants, then the remaining scatter.
 
     Parameters
     ----------
     variants, hits
-        Constants, and what a model makes of their columns, (k, hit).
+        Constants, and the outputs of a model for their columns, (k, hit).
     weights, places
-        What each hit weighs in the result, and the place each was taken at, (hit,).
+        Weight of each hit in the result, and its place, (hit,).
     effects
-        What a change of each hit does to the result, (hit,), where that is not its weight.
+        Derivative of the result with respect to each hit, (hit,), if it differs from the weight.
     """
     effects = weights if effects is None else effects
     own = scatter(hits[0], effects, places, variants.effects(hits))
@@ -208,9 +208,9 @@ def mean_of_hits(
 
 
 def _pooled(components: Sequence[Component]) -> list[Component]:
-    """Return the components, each pool as one line: root sum of squares, the pool's own dof.
+    """Return the components, each pool as one line: root sum of squares, dof of the pool.
 
-    Its u is the root mean square of its parts' and its sensitivity positive.
+    The u of the line is the root mean square of the parts' u; its sensitivity is positive.
     """
     lines = [part for part in components if not part.pool or part.parts]
     pools: dict[str, list[Component]] = {}
@@ -243,13 +243,13 @@ def scatter(hits: Array, weights: Array, groups: Array, effects: Array | None = 
     Parameters
     ----------
     hits, weights, groups
-        Shape (n,): values, what each weighs in the result, and the place each was taken at.
-        Every place has its own variance, as aim matters more where the bat changes quickly; a
-        place of a single hit has that of the others, pooled.
+        Shape (n,): values, their weights in the result, and their places.
+        Every place has a separate variance, because stray aim matters more where the bat's
+        response changes quickly; a place with a single hit gets the pooled variance of the others.
     effects
-        Shape (m, n): what one standard uncertainty of each constant in the same budget does to
-        each hit. What that makes the hits of a place scatter on average is taken off the
-        variance of the place, never below 0: it is in the budget already, with its sign.
+        Shape (m, n): effect on each hit of one standard uncertainty of each constant in the same
+        budget. The mean scatter that these effects cause within a place is subtracted from the
+        variance of the place (never below 0), because the budget already contains it.
     """
     _, place = np.unique(groups, return_inverse=True)
     many = np.bincount(place)
@@ -266,9 +266,9 @@ def scatter(hits: Array, weights: Array, groups: Array, effects: Array | None = 
 
 
 def _explained(effects: Array | None, place: NDArray[np.int_], freedom: NDArray[np.int_]) -> Array:
-    """Return the mean variance within each place that constants make, (place,).
+    """Return the mean variance within each place that constants cause, (place,).
 
-    A place of a single hit has that of the others, pooled.
+    A place with a single hit gets the pooled value of the others.
     """
     if effects is None or not len(effects):
         return np.zeros(freedom.size)

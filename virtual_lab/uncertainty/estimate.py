@@ -1,4 +1,4 @@
-"""A measured value with its standard uncertainty: what calibration and reduction hand on."""
+"""A measured value with its standard uncertainty, from calibration or reduction."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ __all__ = ["Estimate", "mean_of_readings"]
 class Estimate:
     """Value, standard uncertainty `u` (both SI), degrees of freedom, evaluation type (GUM).
 
-    Independent estimates of one `pool` have their u from one and the same scatter; a budget
-    shows them as one line of that name.
+    Independent estimates of one `pool` share one scatter, from which their u comes; a budget shows
+    them as one line with the name of the pool.
     """
 
     value: float
@@ -44,8 +44,8 @@ def mean_of_readings(readings: ArrayLike, *, least_u: float = 0.0, source: str =
     readings
         Repeated readings, shape (n,), n ≥ 2.
     least_u
-        Standard uncertainty below which the scatter of the readings says nothing, because
-        the instrument's resolution hides it (GUM F.2.2.1: step/√12). [unit of the readings]
+        Lower bound of the standard uncertainty of a reading, because the instrument's resolution
+        hides a smaller scatter (GUM F.2.2.1: step/√12). [unit of the readings]
     """
     values = np.asarray(readings, dtype=float)
     if values.ndim != 1 or values.size < 2:

@@ -1,1 +1,1 @@
-"""The camera of a rig: the windows of each shot, and flights with what the gates know."""
+"""The camera of a rig: image windows of each shot, and flights from camera and gates."""

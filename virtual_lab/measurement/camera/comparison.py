@@ -1,7 +1,7 @@
-"""What a camera says of the same hits as the gates: e_A, e and BPF by both, joined, and agreed.
+"""Comparison of camera and gates for the same hits: e_A, e and BPF by both, and combined.
 
-The two share the bat, the balls and the hits, so their results go up and down together; what
-each constant does to both is known, and the two are joined so that the uncertainty is least.
+Both methods share bat, balls and hits, so their results are correlated. The effect of each
+constant on both is known, and the two are combined with the least uncertainty.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ GATES, VIDEO = "gates", "video"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComparedQuantity:
-    """One quantity by the gates, by video, and joined."""
+    """One quantity from the gates, from video, and combined."""
 
     gates: Budget
     video: Budget
@@ -53,14 +53,14 @@ class ComparedQuantity:
 
     @property
     def agree(self) -> bool:
-        """Whether 0 lies within the difference's 95 % interval."""
+        """Whether the 95 % interval of the difference contains 0."""
         low, high = self.difference.interval_95
         return low <= 0 <= high
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraComparison:
-    """What the camera adds to a test."""
+    """Results of the camera in a test."""
 
     # by the keys of COMPARED; {} where no hit that counts was filmed
     quantities: Mapping[str, ComparedQuantity]
@@ -75,7 +75,7 @@ class CameraComparison:
 def compare_camera(
     session: Session, reduced: Reduced, propagator: Propagator = Variants.of
 ) -> CameraComparison | None:
-    """Return what a session's camera says, None where it had none.
+    """Return the camera results of a session, None without a camera.
 
     Raises
     ------
@@ -127,7 +127,7 @@ def camera_constants(session: Session) -> dict[str, Estimate]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Both:
-    """The shots of any values of the constants by gates and by video, (..., shot)."""
+    """Results of the shots for any values of the constants by gates and by video, (..., shot)."""
 
     gates: ShotResults
     video: ShotResults
@@ -139,7 +139,7 @@ class _Both:
 
     @property
     def quantities(self) -> dict[str, Array]:
-        """What the camera gives of each shot."""
+        """Camera results of each shot."""
         return {
             "speed_in": self.filmed.flights.speed_in,
             "speed_out": self.filmed.flights.speed_out,
@@ -165,11 +165,11 @@ def _shots_u(
     Parameters
     ----------
     own
-        Of the frames alone.
+        From the frames alone.
     known
-        Of the calibrations, (shot,).
+        From the calibrations, (shot,).
     risen
-        The quantities as the heights moved them, (independent way, shot).
+        The quantities with shifted heights, (independent shift, shot).
     """
     flights = found.filmed.flights
     ratio = np.hypot(own.speed_in / flights.speed_in, own.speed_out / flights.speed_out)
@@ -189,7 +189,7 @@ def _shots_u(
 def _compared(
     variants: Variation, hits: Mapping[str, Array], weights: Array, places: Array
 ) -> ComparedQuantity:
-    """Return a quantity by gates and by video, joined, and their difference.
+    """Return a quantity from gates and from video, combined, and their difference.
 
     `hits` are those of the variants, (k, hit).
     """
@@ -212,10 +212,10 @@ def _compared(
 
 
 def _share(parts: Mapping[str, list[Component]], apart: Component) -> float:
-    """Return the video's share in what has the least uncertainty.
+    """Return the weight of the video in the combination of least uncertainty.
 
-    Only what sets the two apart counts: the constants, and half of the scatter of their
-    differences for each. How the hits themselves scatter is the same for both.
+    Only errors that differ between the two methods matter: the constants, and half of the scatter
+    of the differences for each method. The scatter of the hits is common to both.
     """
     gates = np.array([part.sensitivity * part.u for part in parts[GATES]])
     off = np.array([part.sensitivity * part.u for part in parts[VIDEO]]) - gates

@@ -1,8 +1,8 @@
-"""Flights from a camera over the rig: straight lines in and out, drag and heights known.
+"""Flights from a camera over the rig: straight lines in and out, with known drag and height.
 
-With quadratic drag the way s = d exprel(±κd) is linear in time, v s' = 1 at the target, so each
-way is a weighted straight line through the frames' places whatever the speed. How high the ball
-flew, which is how far from the camera it was, comes from the gates.
+With quadratic drag the transformed distance s = d exprel(±κd) is linear in time (v s' = 1 at the
+target), so each way is a weighted straight line through the positions in the frames, at any
+speed. The height of the ball, and so its distance from the camera, comes from the gates.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ LAGS = np.geomspace(0.02, 3.0, 16)  # of the time a flight is seen: how slow a p
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Filmed:
-    """What the camera says of each shot, (..., shot); NaN: it does not."""
+    """Camera results of each shot, (..., shot); NaN: not seen."""
 
     flights: Flights  # heights are those of the gates
     place: Array  # of contact, from the barrel tip [m]
@@ -38,18 +38,18 @@ class Filmed:
 
 
 def filmed(x: Constants, stage: str, seen: Sightings, drag: Array, timed: Flights) -> Filmed:
-    """Return the flights of a stage's balls as its camera saw them.
+    """Return the flights of the balls of a stage from its camera.
 
     Parameters
     ----------
     x
         Constants, numbers or columns (k, 1).
     seen
-        The ball's places, (shot, frame).
+        Positions of the ball, (shot, frame).
     drag
         κ of each ball, (..., shot) [1/m].
     timed
-        What the gates say, of which heights and slopes are used.
+        Flights from the gates, of which heights and slopes are used.
     """
     # heights change slowly along the way: how far a ball is comes from the first set of constants
     first = {name: np.ravel(value)[:1, None] for name, value in x.items() if _of(stage, name)}
@@ -92,10 +92,10 @@ class FramesU:
 
 
 def frames_u(x: Constants, stage: str, seen: Sightings, found: Filmed) -> FramesU:
-    """Return the uncertainties that the frames leave of what was `found`.
+    """Return the uncertainties of what was `found` from the frames alone.
 
-    Noise is new in every frame. The ball's pattern errs alike in neighbouring ones: how slowly
-    it turns is not known, so it counts as slow as would harm most.
+    Noise is independent in every frame. The seam pattern causes similar errors in neighbouring
+    frames: the spin is unknown, so the least favourable spin is assumed.
     """
     scale = (x[f"{stage}.camera.place_z"] - x[f"{stage}.camera.plane"]) / x[f"{stage}.camera.focal"]
     slope_in, _, _ = _line_weights(seen, ~seen.out)
@@ -106,7 +106,7 @@ def frames_u(x: Constants, stage: str, seen: Sightings, found: Filmed) -> Frames
 
 
 def _at_contact(seen: Sightings, found: Filmed) -> Array:
-    """Return what each frame adds to the place of contact, (shot, frame)."""
+    """Return the weight of each frame in the place of contact, (shot, frame)."""
     slope, middle, moment = _line_weights(seen, ~seen.out)
     return np.asarray(middle + slope * (found.met - moment)[:, None])
 
@@ -154,8 +154,8 @@ def _places(x: Constants, stage: str, seen: Sightings, height: Array) -> tuple[A
 def _rays(x: Constants, stage: str, seen: Sightings) -> list[Array]:
     """Return the directions of pixels in axes of the camera, x/z, y/z, (..., shot, frame).
 
-    And how much farther than its centre a lens that bends moves the middle of a disc there.
-    Of many sets of constants few differ in the lens, and each lens is used once.
+    And the extra shift of the middle of a disc, compared with its centre, by lens distortion.
+    Many sets of constants share a lens; each lens is computed once.
     """
     columns = np.broadcast_arrays(*(x[f"{stage}.camera.{name}"] for name in LENS))
     sets = np.stack([np.ravel(column) for column in columns], axis=1)
@@ -173,16 +173,16 @@ def _of(stage: str, name: str) -> bool:
 
 
 def _from_first(seen: Sightings) -> Array:
-    """Return times from the first frame that counts, 0 of those that do not, (shot, frame)."""
+    """Return times from the first frame used, 0 for frames not used, (shot, frame)."""
     times = np.where(np.isfinite(seen.x), seen.times, np.nan)
     first = np.nanmin(times, axis=1, initial=np.inf)[:, None]
     return np.asarray(np.nan_to_num(times - np.where(np.isfinite(first), first, 0.0)))
 
 
 def _line_weights(seen: Sightings, way: Mask) -> tuple[Array, Array, Array]:
-    """Return what each frame adds to a line's slope and to its middle, and when that is.
+    """Return each frame's weights in the slope and in the middle of a line, and the mean time.
 
-    (shot, frame) twice and (shot,); NaN where no frame is.
+    (shot, frame) twice and (shot,); NaN without a frame.
     """
     weights, times = np.where(way & np.isfinite(seen.x), 1 / seen.u**2, 0.0), _from_first(seen)
     total = weights.sum(axis=1)[:, None]
@@ -195,7 +195,7 @@ def _line_weights(seen: Sightings, way: Mask) -> tuple[Array, Array, Array]:
 def _line(
     seen: Sightings, way: Mask, values: Array, at: Array | None = None
 ) -> tuple[Array, Array]:
-    """Return a weighted line's slope, and when it is 0, or what it is `at` a time."""
+    """Return the slope of a weighted line, and the time of its zero or its value `at` a time."""
     slopes, middles, moment = _line_weights(seen, way)
     used = np.where(middles > 0, values, 0.0)
     slope, middle = np.sum(slopes * used, axis=-1), np.sum(middles * used, axis=-1)

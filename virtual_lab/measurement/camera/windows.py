@@ -1,4 +1,4 @@
-"""The ball in the windows a camera kept of each shot: found, located, and sorted by way."""
+"""The ball in the image windows of each shot: found, located, and assigned to a way."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ USELESS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sightings:
-    """Where the ball was seen to fly freely, arrays (shot, frame); NaN: not, or not well.
+    """Positions of the ball in free flight, arrays (shot, frame); NaN: not seen well.
 
-    Pixels of the whole frame, distortion and all; times by the camera's clock [s].
+    Pixels of the whole frame, not corrected for distortion; times by the camera clock [s].
     """
 
     times: Array
@@ -53,7 +53,7 @@ class Sightings:
 
 
 def sight(record: ClipRecord | TrackRecord, known: Known, radius: float) -> Sightings:
-    """Return where a camera saw the ball of each shot.
+    """Return the positions at which a camera saw the ball of each shot.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def sight(record: ClipRecord | TrackRecord, known: Known, radius: float) -> Sigh
     known
         The camera's calibration.
     radius
-        Of the ball [m].
+        Radius of the ball [m].
 
     Raises
     ------
@@ -107,7 +107,7 @@ def sight(record: ClipRecord | TrackRecord, known: Known, radius: float) -> Sigh
 
 
 def noise_of(known: Known) -> Noise:
-    """Return the noise of a camera as its photon transfer measurement has it."""
+    """Return the noise of a camera from its photon transfer measurement."""
     gain = known["gain"].value
     dark = known["read_noise"].value ** 2 + known["dark_signal"].value ** 2
     return Noise(
@@ -124,7 +124,7 @@ def _parts(count: int) -> list[slice]:
 
 
 def _whole_shots(chosen: NDArray[np.intp], shot: NDArray[np.intp]) -> list[NDArray[np.intp]]:
-    """Return the windows chosen in parts, those of a shot together."""
+    """Return the chosen windows in parts; those of a shot stay together."""
     part = shot // (AT_ONCE // (2 * MOST))
     return np.split(chosen, np.flatnonzero(np.diff(part)) + 1) if len(chosen) else []
 
@@ -153,7 +153,7 @@ def _start(
     background: NDArray[np.generic],
     radius: float,
 ) -> Array:
-    """Return where the ball about is in each window, pixels of the frame (region, 2)."""
+    """Return the approximate position of the ball in each window, frame pixels (region, 2)."""
     rows, columns = windows.shape[1:]
     off = windows.astype(np.float64) - _behind(background, corners, (rows, columns))
     middle = np.hypot(*np.ogrid[-rows / 2 : rows / 2, -columns / 2 : columns / 2]) < radius / 2
@@ -168,7 +168,7 @@ def _start(
 
 
 def _blurs(times: Array, places: Array, exposure: float) -> Array:
-    """Return how far the ball moves in each exposure, by its way's median speed [px], as `places`.
+    """Return the motion of the ball in each exposure from its median speed [px], as `places`.
 
     `places` are (shot, frame, 2), NaN where there is no frame.
     """
@@ -193,7 +193,7 @@ def _free(times: Array, x: Array, size: float) -> tuple[Mask, Mask]:
 
 
 def _spread(free: Mask) -> Mask:
-    """Return `MOST` frames of each shot, evenly among those that are free, or all of fewer."""
+    """Return at most `MOST` frames of each shot, evenly spread over those in free flight."""
     count = free.sum(axis=1)[:, None]
     rank = np.cumsum(free, axis=1)
     share = np.minimum(MOST / np.maximum(count, 1), 1.0)

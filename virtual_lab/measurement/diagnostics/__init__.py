@@ -1,4 +1,4 @@
-"""Does a session hang together? What its records say of themselves, beside the rules' windows."""
+"""Consistency checks of a session's records, in addition to the procedure's windows."""
 
 from virtual_lab.measurement.diagnostics.evidence import Evidence
 from virtual_lab.measurement.diagnostics.flag import Flag

@@ -34,7 +34,7 @@ MASSES = (0.4, 20.0)  # kg, from a child's bat to the steel cylinder of a mornin
 
 
 def sports(seen: Evidence) -> Iterator[Flag]:
-    """Hold the sports that bat, balls and rules are of against one another, as far as known."""
+    """Compare the sports of bat, balls and procedure, as far as known."""
     session = seen.session
     known = {
         "the bat": session.bat_sport,
@@ -48,14 +48,14 @@ def sports(seen: Evidence) -> Iterator[Flag]:
 
 
 def check_standard(seen: Evidence) -> Iterator[Flag]:
-    """Name a check standard, whose result says how the laboratory is, and nothing of a bat."""
+    """Flag a check standard: its result describes the laboratory, not a bat."""
     if seen.session.bat_sport == CHECK_STANDARD:
         sentence = f"{seen.session.bat} is a check standard and no bat: the verdict holds for none"
         yield Flag(name="check-standard", sentence=sentence)
 
 
 def bat_shape(seen: Evidence) -> Iterator[Flag]:
-    """Hold density, balance, mass and radius of gyration against limits wide enough for all."""
+    """Compare density, balance, mass and radius of gyration with limits valid for any bat."""
     bat = seen.bat
     length, mass = float(bat.length), float(bat.mass)
     density, (light, heavy) = mass / (pi * float(bat.barrel_radius) ** 2 * length), DENSITY
@@ -80,7 +80,7 @@ def bat_shape(seen: Evidence) -> Iterator[Flag]:
 
 
 def pendulum_swing(seen: Evidence) -> Iterator[Flag]:
-    """Hold the slowing of a swing that dies away against the amplitudes that were read."""
+    """Compare the change of the pendulum period with the amplitudes that were read."""
     found = swing_slowing(seen.session.records["bench"]["pendulum"])
     if found is None:
         return
@@ -95,11 +95,11 @@ def pendulum_swing(seen: Evidence) -> Iterator[Flag]:
 
 
 def swing_slowing(record: Any) -> tuple[float, float, int] | None:
-    """Return how many times as much periods shorten as the amplitudes read allow, its u, its dof.
+    """Return the change of the period over that from the amplitudes read, its u and dof.
 
-    A wide swing takes longer, by the square of its amplitude, so within a release the periods
-    shorten as it dies away; how much they do shows the amplitude that it really had. None of a
-    swing that is too short, or did not die away.
+    The period grows with the square of the amplitude, so it shortens as the swing decays; the
+    amount of this change shows the real amplitude. None for a swing that is too short, or did
+    not decay.
     """
     releases, passages = record.times.shape
     swings = passages - 1
@@ -122,7 +122,7 @@ def swing_slowing(record: Any) -> tuple[float, float, int] | None:
 
 
 def lot_rules(seen: Evidence) -> Iterator[Flag]:
-    """Name balls far outside what the rules admit, and balls not admitted that were fired."""
+    """Flag balls far outside the windows, and inadmissible balls that were fired."""
     windows, balls = seen.procedure.windows, seen.measured_balls
     at = balls.restitution + balls.slope * (windows.ball_restitution_speed - balls.speed)
     low, high = windows.ball_restitution_low, windows.ball_restitution_high

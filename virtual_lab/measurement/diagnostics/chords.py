@@ -1,4 +1,4 @@
-"""How long a ball breaks a beam: no longer than its diameter, or an edge is not the ball's."""
+"""Check of beam interruptions: none may be longer than the ball's diameter."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ CENTRED = 0.9  # quantile: a single beam sees most balls off their centre, and s
 
 
 def chords(seen: Evidence) -> Iterator[Flag]:
-    """Hold the diameters that the edges give of each ball against the ball's own.
+    """Compare the diameter from the edges of each beam with the ball's diameter.
 
-    No beam sees a ball longer than it is; off the centre one beam alone sees it shorter.
+    No beam can show more than the diameter; a single beam off the centre shows less.
     """
     found = {
         "wall": _diameters(seen, "balls", seen.balls.passages, seen.balls.ball),
@@ -56,7 +56,7 @@ def chords(seen: Evidence) -> Iterator[Flag]:
 
 
 def _diameters(seen: Evidence, stage: str, passages: Passages, ball: NDArray[np.int_]) -> Array:
-    """Return the diameter each passage shows [m], (shot, way, gate); NaN: it shows none."""
+    """Return the diameter from each passage [m], (shot, way, gate); NaN: none."""
     record: Any = seen.session.records[stage]["gates"]
     x = seen.best
     drag = drag_of(x, seen.measured_balls.mass[ball])

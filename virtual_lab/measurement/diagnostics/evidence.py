@@ -1,4 +1,4 @@
-"""What the checks look at: a session, and what was reduced from it."""
+"""Input of the checks: a session and its reduced results."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Evidence:
 
     @property
     def off_flight(self) -> NDArray[np.bool_]:
-        """Which shots' edges lie off one flight by more than the rules allow, (shot,)."""
+        """Shots whose edges deviate from one flight by more than the procedure allows, (shot,)."""
         most = self.procedure.windows.edge_misfit
         speeds = np.stack([self.shots.speed, np.abs(self.shots.rebound_speed)], axis=1)
         misfit = self.readings.passages.misfit * speeds

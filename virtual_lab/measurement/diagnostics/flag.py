@@ -1,9 +1,9 @@
-"""A flag, and when chance alone may raise one.
+"""A flag, and the probability of a false one.
 
-Checks are of two kinds. A test holds a number of zero mean against its own uncertainty and is
-flagged where chance would put it farther off in one sound test of two thousand. A band holds a
-number against limits that a sound laboratory stays far inside of. Together they flag fewer
-than one sound test in a hundred.
+There are two kinds of checks. A test compares a number of zero mean with its uncertainty and
+raises a flag at a deviation that chance exceeds in one faultless test of two thousand. A band
+compares a number with wide limits that a faultless laboratory stays well within. Together they
+flag fewer than one faultless test in a hundred.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ FALSE_ALARMS = 5e-4  # of one test, in a sound laboratory
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flag:
-    """What does not hang together: the name of the check, and a sentence with the numbers."""
+    """A contradiction in the records: name of the check, and a sentence with the numbers."""
 
     name: str
     sentence: str
@@ -31,9 +31,9 @@ class Flag:
 
 
 def chance(value: float, components: Sequence[Component], *, least: float) -> tuple[float, float]:
-    """Return the uncertainty of a `value` that should be 0, and how likely one farther off is.
+    """Return the uncertainty of a `value` that should be 0, and the chance of a larger one.
 
-    `least` is a standard uncertainty that no laboratory asks to be below.
+    `least` is a lower bound of the standard uncertainty.
     """
     floor = scatter_component(least, inf)
     budget = combine(value, [*components, floor])

@@ -44,6 +44,6 @@ CHECKS: Mapping[str, Callable[[Evidence], Iterator[Flag]]] = {
 
 
 def flags(seen: Evidence) -> tuple[Flag, ...]:
-    """Return what does not hang together, at most once a check: its first and gravest word."""
+    """Return the flags of a session, at most one per check: the most serious one."""
     found = (next(check(seen), None) for check in CHECKS.values())
     return tuple(flag for flag in found if flag)

@@ -31,7 +31,7 @@ SPOILED = 0.1  # share of the shots that no scrap of a sabot explains
 
 
 def ball_seen(seen: Evidence) -> Iterator[Flag]:
-    """Count the balls that a gate did not see come in: sound gates see every one."""
+    """Count incoming balls that a gate did not see: faultless gates see every one."""
     missed = ~np.isfinite(seen.readings.passages.times[:, INBOUND]).all(axis=1)
     if missed.any():
         yield Flag(
@@ -42,7 +42,7 @@ def ball_seen(seen: Evidence) -> Iterator[Flag]:
 
 
 def edges(seen: Evidence) -> Iterator[Flag]:
-    """Count the shots whose edges at the boards lie off one flight."""
+    """Count shots whose edges at the boards deviate from one flight."""
     off = seen.off_flight
     if off.mean() > SPOILED:
         yield Flag(
@@ -53,7 +53,7 @@ def edges(seen: Evidence) -> Iterator[Flag]:
 
 
 def boards_in_line(seen: Evidence) -> Iterator[Flag]:
-    """Hold each board between the first and the last against the flight through those two."""
+    """Compare each board between first and last with the flight through these two."""
     known, best = seen.constants, seen.best
     last = gate_count(known, "impact") - 1
     drag = drag_of(best, seen.shots.ball_mass)
@@ -104,7 +104,7 @@ def aim(seen: Evidence) -> Iterator[Flag]:
 
 
 def encoder_fit(seen: Evidence) -> Iterator[Flag]:
-    """Hold what each shot's fit leaves of the counts against counting and the noise at rest."""
+    """Compare the residual of each shot's fit with the resolution and the noise at rest."""
     fit = seen.readings.recoil
     if fit is None:
         return
@@ -120,7 +120,7 @@ def encoder_fit(seen: Evidence) -> Iterator[Flag]:
 
 
 def recoil_and_rebound(seen: Evidence) -> Iterator[Flag]:
-    """Hold e_A by the bat's recoil against e_A by the ball's own rebound, in the mean."""
+    """Compare the mean e_A from the bat's recoil with that from the ball's rebound."""
     shots, valid = seen.shots, seen.judgement.valid
     apart = shots.recoil_efficiency - shots.rebound_efficiency
     both = valid & np.isfinite(apart)
@@ -144,10 +144,10 @@ def recoil_and_rebound(seen: Evidence) -> Iterator[Flag]:
 
 
 def _scatter(seen: Evidence, apart: Array, shared: Sequence[Component]) -> Component:
-    """Return the scatter of a mean: that of the shots, and that which the marks' own makes.
+    """Return the scatter of a mean, from the shots and from the aim marks.
 
-    What sets a shot's recoil apart from its rebound is above all where along the bat it struck,
-    and the marks show how much that scatters better than a few shots do.
+    Recoil and rebound of a shot differ mainly because of its place along the bat, and the marks
+    give the scatter of this place better than a few shots do.
     """
     degrees, square = apart.size - 1.0, float(apart.var(ddof=1))
     marks = seen.session.records["impact"].get("aim")
@@ -167,7 +167,7 @@ def _distance(gate: int) -> str:
 def _between(
     board: int, last: int, part: float
 ) -> Callable[[Mapping[str, Array]], dict[str, Array]]:
-    """Return how far a board is from where it should be, as a function of the surveyed places."""
+    """Return the deviation of a board from its surveyed place, as a function of the survey."""
 
     def off(x: Mapping[str, Array]) -> dict[str, Array]:
         first, here, end = (x[_distance(k)][:, 0] for k in (0, board, last))

@@ -1,4 +1,4 @@
-"""A test procedure: what to ask of a rig, where to hit, which hits count, metric and verdict."""
+"""A test procedure: orders to a rig, places, valid hits, metric and verdict."""
 
 from virtual_lab.measurement.procedure.choice import CHOICE, shortfall, with_choice
 from virtual_lab.measurement.procedure.eligibility import Finding, findings

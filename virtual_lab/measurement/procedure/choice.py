@@ -1,7 +1,8 @@
-"""What choosing a place costs: fresh hits at a scan's best place, when a neighbour is better.
+"""Correction for the choice of a scan's place, if a neighbour is in fact better.
 
-The result is the greatest value of the places, and the fresh hits give that of the place chosen,
-which is lower on average: the result is corrected by the mean, and what remains is uncertain.
+The measurand is the greatest value over the places. Fresh hits give the value of the chosen
+place, which is lower on average. The result is corrected by the mean shortfall; the rest is a
+component of the uncertainty.
 """
 
 from __future__ import annotations
@@ -25,23 +26,23 @@ CHOICE = "choice of the place"  # its line in a budget
 
 
 class Shortfall(NamedTuple):
-    """By how much the place chosen falls short of the best one, in the metric's unit."""
+    """Shortfall of the chosen place against the best one, in the unit of the metric."""
 
     mean: float
     rms: float
 
     @property
     def u(self) -> float:
-        """Standard uncertainty that remains when the mean is corrected for."""
+        """Standard uncertainty after correction for the mean."""
         return sqrt(max(self.rms**2 - self.mean**2, 0.0))
 
 
 def shortfall(procedure: Procedure, place: Array, valid: Bools, metric: Array) -> Shortfall:
-    """Return how far the place chosen by a scan is behind its best one, by its hits.
+    """Return the expected shortfall of the place chosen by a scan, from its hits.
 
-    The difference to each neighbour is normal about that of their means, with the scatter within
-    the places; what of it lies above 0 was lost. 0 where nothing was chosen, or the result is
-    no mean at one place. Parameters as `outcome_of`.
+    The true difference to each neighbour is taken as normal about the difference of the means,
+    with the scatter within the places; its positive part is the shortfall. 0 if no place was
+    chosen, or if the result is no mean at one place. Parameters as `outcome_of`.
     """
     from scipy.special import ndtr  # half a second to load, that a page must not wait for
 
@@ -65,7 +66,7 @@ def shortfall(procedure: Procedure, place: Array, valid: Bools, metric: Array) -
 
 
 def with_choice(metric: Budget, lost: Shortfall) -> Budget:
-    """Return the result at a chosen place as that of the best one; the same where none is lost."""
+    """Return the result corrected for the shortfall; unchanged if there is none."""
     if not lost.rms > 0:
         return metric
     choice = type_a(CHOICE, lost.mean, lost.u)

@@ -1,4 +1,4 @@
-"""What the rules ask of a bat before it is hit: weight, ring, moment of inertia."""
+"""Requirements on a bat before the first hit: weight, ring gauge, moment of inertia."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Finding:
 
 
 def findings(procedure: Procedure, bat: BatProperties) -> tuple[Finding, ...]:
-    """Return what the procedure's rules of eligibility find of a bat as measured."""
+    """Return the findings of the eligibility rules for a measured bat."""
     return tuple(_findings(procedure, bat))
 
 

@@ -1,4 +1,4 @@
-"""Which hits count: every shot held against the windows, the first one missed is named."""
+"""Which hits count: every shot is compared with the windows; the first violation is named."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Criterion = tuple[Bools, str, Array]  # met, the sentence where it is not, the v
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judgement:
-    """Why each shot counts or not: an empty reason is a valid hit."""
+    """Reason of rejection of each shot; an empty reason is a valid hit."""
 
     reasons: tuple[str, ...]
 
@@ -35,7 +35,7 @@ class Judgement:
 
 
 class Acceptance(Protocol):
-    """Whoever says which hits count: the rules by `judge`, or a person who may overrule them."""
+    """Decides which hits count: the procedure (`judge`), or a person who may overrule it."""
 
     def __call__(
         self,
@@ -57,7 +57,7 @@ def judge(
     """Accept or reject each shot by the windows.
 
     `percussion` is the place [m] and `turn_rate` the angular speed [rad/s] that the procedure
-    asks of the bat as measured.
+    requires for the measured bat.
     """
     criteria = [
         *_ball(procedure, results),

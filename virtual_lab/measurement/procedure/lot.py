@@ -1,4 +1,4 @@
-"""Which balls of a lot the rules admit; the others are set aside before a bat is hit."""
+"""Which balls of a lot are admissible; the others are set aside before the first hit."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class SetAside:
 class Lot:
     """The balls as measured against the rules.
 
-    Where the rules admit none, all are `used`: every shot with them is then rejected.
+    If none is admissible, all are `used`, and every shot is then rejected.
     """
 
     used: NDArray[np.bool_]  # (ball,)
@@ -34,7 +34,7 @@ class Lot:
 
 
 def lot_of(procedure: Procedure, balls: MeasuredBalls) -> Lot:
-    """Return the lot by the windows of mass and e0, e0 at the speed the rules name for it."""
+    """Return the lot, judged by the windows of mass and e0, at the procedure's speed for e0."""
     windows = procedure.windows
     restitution = balls.restitution + balls.slope * (windows.ball_restitution_speed - balls.speed)
     set_aside = []

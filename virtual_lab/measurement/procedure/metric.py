@@ -1,4 +1,4 @@
-"""What a procedure makes of a collision: the metric at each place, true or measured alike."""
+"""The metric of a procedure at each place, as a function of the collision."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Curve:
-    """A bat along its barrel at the test's own speeds, with the lot's mean ball, (..., n)."""
+    """A bat along its barrel at the test's speeds, with the mean ball of the lot, (..., n)."""
 
     place: Array  # from the barrel tip [m]
     collision_efficiency: Array
@@ -37,7 +37,7 @@ class Curve:
 
     @property
     def quantities(self) -> dict[str, Array]:
-        """What a certificate states beside the metric, by its names there."""
+        """The other quantities of a certificate, by name."""
         return {
             "bat_performance_factor": np.asarray(
                 bat_performance_factor(self.restitution, self.ball_restitution)
@@ -50,7 +50,7 @@ class Curve:
 
     @classmethod
     def measured(cls, shots: ShotResults) -> Curve:
-        """Return the curve that shots gave, a place a shot."""
+        """Return the curve from shots, one place per shot."""
         return cls(
             place=shots.place,
             collision_efficiency=shots.lot_collision_efficiency,
@@ -70,8 +70,8 @@ def metric_of(
     procedure
         Its metric, ball correction and field conditions.
     control
-        e that a control bat gave with this lot of balls over the e it is known to have; only
-        the correction ``control-bat`` asks for it.
+        Measured e of a control bat with this lot over its known e; used only by the correction
+        ``control-bat``.
     """
 
     def metric(curve: Curve, bat: BatProperties) -> Array:
@@ -90,14 +90,14 @@ def metric_of(
 
 
 class Sought(NamedTuple):
-    """What a scan looks for the greatest value of, and what a change of the metric adds to it."""
+    """The quantity that a scan maximises, and its derivative with respect to the metric."""
 
     value: Array
     gain: Array
 
 
 def sought_of(procedure: Procedure, metric: Array, place: Array, bat: BatProperties) -> Sought:
-    """Return what the scan seeks at each shot, from its metric and its `place` [m], (..., shot)."""
+    """Return the quantity that the scan maximises, for each shot, (..., shot); `place` [m]."""
     if procedure.scan is None or procedure.scan.seeks == "metric":
         return Sought(metric, np.ones_like(metric))
     pitch, bat_speed = field_speeds(procedure, place, bat)
@@ -106,7 +106,7 @@ def sought_of(procedure: Procedure, metric: Array, place: Array, bat: BatPropert
 
 
 def field_speeds(procedure: Procedure, place: Array, bat: BatProperties) -> tuple[float, Array]:
-    """Return the speeds of pitch and bat [m/s] of Eq. (3), those of the test where none are set."""
+    """Return the speeds of pitch and bat [m/s] in Eq. (3), by default those of the test."""
     game = procedure.game
     if game is None:
         lever = bat.length - procedure.pivot_from_knob - place

@@ -1,9 +1,9 @@
-"""From hits to a result: which hits weigh how much, the place they speak of, and the verdict.
+"""From hits to a result: weights of the hits, the place of the result, and the verdict.
 
-A result is a weighted sum of the hits. At a fixed place all weigh the same. On a scan they are
-those of the top of a curve fitted about the best place. Where the metric itself has its maximum
-there, the place does not matter to first order; where something else has, such as v_f, the hits
-also move the place, and with it the result.
+A result is a weighted sum of the hits. At a fixed place all weights are equal. In a scan the
+weights are those of the maximum of a curve fitted near the best place. If the metric itself has
+its maximum there, a shift of the place has no effect to first order. If another quantity, such as
+v_f, has its maximum there, the hits also shift the place and thereby the result.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HitWeights:
-    """How the hits make the result."""
+    """Weights and effects of the hits."""
 
     weights: Array  # (shot,), they add to 1; NaN where nothing can be said
     effects: (
@@ -61,7 +61,7 @@ class HitWeights:
 
     @property
     def used(self) -> Bools:
-        """Which shots the result rests on, (shot,)."""
+        """Shots that contribute to the result, (shot,)."""
         return np.asarray(self.weights != 0) & np.isfinite(self.weights)
 
 
@@ -81,7 +81,7 @@ def outcome_of(
     place, valid, metric
         Of the shots in the order they were fired, (shot,).
     sought
-        What a scan seeks, of the same shots; None: the metric.
+        The quantity that a scan maximises, for the same shots; None: the metric.
     """
     sought = sought or Sought(metric, np.ones_like(metric))
     if valid.sum() < 2:
@@ -152,10 +152,10 @@ def _mean(hits: Bools, place: Array, reason: str) -> HitWeights:
 def _top_of_curve(
     scan: Scan, place: Array, near: Bools, metric: Array, sought: Sought
 ) -> tuple[Array, Array, float]:
-    """Return weights and effects of the hits `near`, and the top of the curve that is sought.
+    """Return weights and effects of the hits `near`, and the place of the maximum.
 
-    One polynomial is fitted to what is sought, another to the metric, which is read where the
-    first has its top z: that moves by ``-b'(z) / f''(z)`` with a hit, b its share in the fit.
+    One polynomial f is fitted to the maximised quantity, another to the metric, which is read at
+    the maximum z of f. A hit shifts z by ``-b'(z) / f''(z)``, where b is its part of the fit.
     """
     middle = place[near].mean()
     unit = (place[near] - middle) / scan.fit_half_width
@@ -179,9 +179,9 @@ def _top_of_curve(
 
 
 def _turn(cubic: Polynomial) -> float:
-    """Return where a polynomial up to the third degree has its local maximum, NaN if it has none.
+    """Return the local maximum of a polynomial up to the third degree, NaN without one.
 
-    In the form that stays exact as the cubic term vanishes.
+    The formula stays exact as the cubic term vanishes.
     """
     a, b, c = np.pad(cubic.deriv().coef, (0, 2))[:3]
     square = b**2 - 4 * a * c
@@ -195,7 +195,7 @@ def _nothing(shots: int, reason: str) -> HitWeights:
 
 
 def verdict(procedure: Procedure, value: float, *, sound: bool, eligible: bool) -> Verdict:
-    """Return PASS up to and including the limit, FAIL beyond, INVALID of an unsound test."""
+    """Return PASS up to and including the limit, FAIL above it, INVALID for an invalid test."""
     if not sound:
         return Verdict.INVALID
     if not eligible:

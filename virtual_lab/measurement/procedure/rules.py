@@ -1,4 +1,4 @@
-"""A rule book as data: what ``data/procedures/*.toml`` may say, checked as it is read."""
+"""A procedure as data: the keys of ``data/procedures/*.toml``, checked on reading."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ Count = Annotated[int, Dimension("number", 2, MOST_COUNTED)]
 
 
 def _require_positive(spec: Spec, *names: str) -> None:
-    """Refuse numbers not above 0 in fields that may also be left out."""
+    """Refuse numbers not above 0 in optional fields."""
     for name in names:
         value = getattr(spec, name)
         if value is not None and not value > 0:
@@ -56,7 +56,7 @@ def _require_positive(spec: Spec, *names: str) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Windows(Spec):
-    """What a hit must meet to count; a window left out is not asked for."""
+    """Acceptance windows for a hit; a missing window is not applied."""
 
     speed_tolerance: Annotated[float, Gt(0), Dimension("speed")]
     ball_mass_low: Mass
@@ -118,7 +118,7 @@ class Scan(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Game(Spec):
-    """The field: pitch and swing that a measured e_A is carried to, by Eqs. (3), (13), (14).
+    """Game conditions: pitch and swing for the conversion of e_A to v_f, Eqs. (3), (13), (14).
 
     A swing is a rotation (`angular_speed` about `axis_from_knob`) or one `bat_speed` wherever
     the ball is struck, times (reference / own)^exponent of what it scales with.
@@ -147,11 +147,11 @@ class Game(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BallCorrection(Spec):
-    """What is done about balls that are not the standard one.
+    """Correction for balls that differ from the standard ball.
 
-    `none`; `ratio`, e in proportion to e0, exact for a rigid shell; `trampoline`, which finds
-    the shell's stiffness over the ball's from e and e0 and lets the standard ball meet it;
-    `control-bat`, in proportion to what a bat of known e gave with the same lot.
+    `none`; `ratio`: e in proportion to e0, exact for a rigid shell; `trampoline`: the ratio of
+    the stiffnesses of shell and ball follows from e and e0, then e for the standard ball;
+    `control-bat`: in proportion to the result of a bat of known e with the same lot.
     """
 
     method: Literal["none", "ratio", "trampoline", "control-bat"]
@@ -160,7 +160,7 @@ class BallCorrection(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Eligibility(Spec):
-    """What a bat must be before it is hit; what is left out is not asked for."""
+    """Requirements on a bat before the first hit; a missing one is not applied."""
 
     length_less_weight: Annotated[float | None, Dimension("number")] = None  # inches less ounces
     barrel_diameter: Annotated[float | None, Dimension("length")] = None  # a ring must pass
@@ -176,7 +176,7 @@ class Eligibility(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Procedure(Spec):
-    """A rule book, as far as a rig and a reduction need it."""
+    """A test procedure, as far as rig and reduction need it."""
 
     name: Name
     title: Title
@@ -260,7 +260,7 @@ class Procedure(Spec):
 
     @property
     def controlled(self) -> bool:
-        """Whether the balls are corrected for by what a control bat gave with them."""
+        """Whether a control bat corrects for the balls."""
         return self.correction is not None and self.correction.method == "control-bat"
 
     @property
@@ -277,7 +277,7 @@ class Procedure(Spec):
 
     @property
     def asked(self) -> ReductionSettings:
-        """What this asks of the reduction."""
+        """Settings of the reduction for this procedure."""
         return ReductionSettings(
             reads=self.reads,
             recoil=self.recoil,

@@ -1,7 +1,7 @@
 """Where to hit: the centre of percussion, or a scan that closes in on the best place.
 
-The operator asks again after every round what is still to fire. All is worked out from the
-shots there are, so a reduction of the records finds the same places for the same reasons.
+After every round the operator asks for the remaining places. They follow only from the shots so
+far, so a reduction of the records finds the same places again.
 """
 
 from __future__ import annotations
@@ -104,9 +104,9 @@ def _grid(scan: Scan, middle: float) -> Array:
 
 
 def _hopeful(places: Array, hits: int, place: Array, sought: Array) -> Array:
-    """Return the places but those that as many balls as would do did not come back from.
+    """Return the places without those where `hits` balls or more, and most, did not rebound.
 
-    There the bat gives next to nothing back: such a place is not the greatest, whatever it is.
+    There the bat returns almost no speed, so such a place cannot have the maximum.
     """
     lost = [int((same_place(place, at) & ~np.isfinite(sought)).sum()) for at in places]
     back = [int((same_place(place, at) & np.isfinite(sought)).sum()) for at in places]
@@ -116,7 +116,7 @@ def _hopeful(places: Array, hits: int, place: Array, sought: Array) -> Array:
 def best_place(
     procedure: Procedure, among: Iterable[float], place: Array, valid: Bools, sought: Array
 ) -> float:
-    """Return the place [m] where the mean of what is sought is greatest, over the scan's hits."""
+    """Return the place [m] where the maximised quantity has the greatest mean over the hits."""
     counted = scan_hits(procedure, place, valid)
     means = {at: sought[counted & same_place(place, at)].mean() for at in among}
     return max(means, key=means.__getitem__)
@@ -136,7 +136,7 @@ def final_hits(
 ) -> NDArray[np.intp]:
     """Return the numbers of the fresh hits at the best place [m] that count, in order.
 
-    Where the rules ask for consecutive ones, those since the last invalid shot there.
+    If the procedure asks for consecutive ones, those since the last invalid shot there.
     """
     here = same_place(place, best) & ~scan_hits(procedure, place, valid)
     shots = np.flatnonzero(here)

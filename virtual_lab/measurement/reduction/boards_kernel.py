@@ -1,4 +1,4 @@
-"""Boards' edges to passages, board by board: a line and a parabola over its beams; compiled."""
+"""From board edges to passages: a line and a parabola over the beams of a board; compiled."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FAST = {"reassoc", "contract", "nsz"}
 def fit_boards(
     edges: Floats, times: Floats, heights: Floats, heights_u: Floats, misfit: Floats
 ) -> None:
-    """Fill in passages, how surely their heights are known, and their misfit; NaN: not seen.
+    """Fill in passages, the u of their heights, and their misfit; NaN: not seen.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def fit_boards(
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def _broken(edges: Floats, places: Floats, middles: Floats, squares: Floats) -> tuple[int, float]:
-    """Gather the beams broken, chords over the longest; return how many, and the longest [s]."""
+    """Collect the broken beams, chords over the longest; return their number, the longest [s]."""
     many, longest = 0, 0.0
     for beam in range(len(edges)):
         chord = edges[beam, 1] - edges[beam, 0]
@@ -78,11 +78,11 @@ def _broken(edges: Floats, places: Floats, middles: Floats, squares: Floats) -> 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def _top(broken: Beams, scale: float) -> tuple[float, float, float]:
-    """Return the top of the parabola through the squares, its u, and what the chords are off it.
+    """Return the maximum of the parabola through the squares, its u, and the squared misfit.
 
-    The last one squared. An edge's noise moves the square of a chord in proportion to the chord,
-    a beam's threshold by the same of any chord. Thresholds give more of the top's uncertainty:
-    it is computed from squares that all scatter alike, which is a little much for edges.
+    The noise of an edge changes the square of a chord in proportion to the chord; the threshold of
+    a beam changes the square of every chord equally. Thresholds dominate the uncertainty of the
+    maximum, so equal scatter of all squares is assumed, which is slightly too much for edges.
     """
     places, _, squares = broken
     s0, s1, s2, s3, s4 = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -115,7 +115,7 @@ def _top(broken: Beams, scale: float) -> tuple[float, float, float]:
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def _line(broken: Beams) -> tuple[float, float, float]:
-    """Return mean and slope of the line through the middles, and what they are off it, squared."""
+    """Return mean and slope of the line through the middles, and the squared misfit."""
     places, middles, _ = broken
     mean, both, spread, off = middles.mean(), 0.0, 0.0, 0.0
     for i in range(places.size):

@@ -1,7 +1,7 @@
-"""Passages to flights: speeds at the target, offset and slope, by least squares over the gates.
+"""From passages to flights: speeds at the target, offset and slope, by least squares.
 
-With quadratic drag the time to a distance is a known function of the distance over the speed
-there, so time is linear in 1/speed whatever the number of gates.
+With quadratic drag the time to a distance is a known function of the distance divided by the speed
+at the target, so time is linear in 1/speed for any number of gates.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flights:
-    """What the gates say of each shot, (..., shot); NaN: they do not."""
+    """Flights from the gates, (..., shot); NaN: not seen."""
 
     speed_in: Array  # at the target [m/s]
     speed_out: Array
@@ -35,7 +35,7 @@ Flown = Callable[[Mapping[str, Array], Array], Flights]  # of constants and each
 
 
 def gate_count(x: Mapping[str, object], stage: str) -> int:
-    """Return how many gates a stage's calibration knows."""
+    """Return the number of gates in a stage's calibration."""
     return sum(key.startswith(f"{stage}.gates.distance_") for key in x)
 
 
@@ -81,15 +81,15 @@ def flights(x: Mapping[str, Array], stage: str, seen: Passages, drag: Array) -> 
 
 
 def timed(stage: str, seen: Passages) -> Flown:
-    """Return what `flights` gives of a stage's passages, as a function of the constants."""
+    """Return `flights` of a stage's passages as a function of the constants."""
     return lambda x, drag: flights(x, stage, seen, drag)
 
 
 def heights_moved(stage: str, seen: Passages) -> Flown:
-    """Return the flights of one set of constants as `timed`, (3, shot), heights moved by their u.
+    """Return the flights of one set of constants as `timed`, (3, shot), heights shifted by u.
 
-    What a way's heights give best, one thing a row, as their errors there are independent: the
-    level in midway between the gates, the slope in, the slope out.
+    Each row shifts one of three quantities with independent errors: the height midway between the
+    gates on the way in, the slope in, the slope out.
     """
 
     def moved(x: Mapping[str, Array], drag: Array) -> Flights:

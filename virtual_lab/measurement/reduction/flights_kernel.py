@@ -101,7 +101,7 @@ def _reaches(distances: Floats, sign: float, drag: Floats, reach: Floats) -> Non
 def _line(across: Floats, up: Floats, moments: Floats, slope: Floats) -> None:
     """Fill in least-squares slopes of `up` over `across`, (gate, shot), where both are known.
 
-    NaN where fewer than two gates saw the ball. `moments` are left with how many did, and the
+    NaN if fewer than two gates saw the ball. `moments` then hold the number of gates, and the
     means of both.
     """
     gates, n = len(across), slope.size

@@ -1,9 +1,9 @@
-"""Gate and board records to passages: when, and how high, the ball's centre passed each gate.
+"""From gate and board records to passages: time and height of the ball's centre at each gate.
 
-A gate's two edges lie symmetrically about the passage of the centre, whatever part of the
-beam trips it and however the ball passes it, so their mean is the passage. A board's beams
-each see a chord: the squares of the chords fall along a parabola whose top is the height of
-the centre, and the means of their edges along a line that passes through its time there.
+The two edges of a gate lie symmetrically about the passage of the centre, whatever part of the
+beam triggers and wherever the ball passes, so their mean is the time of passage. Each beam of a
+board measures a chord of the ball: the squares of the chords over height form a parabola with its
+maximum at the height of the centre; the means of the edges form a line that gives the time there.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ INBOUND, OUTBOUND = 0, 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Passages:
-    """Shown times and heights of the centre at each gate, (shot, way, gate); NaN: not seen."""
+    """Uncorrected times and heights of the centre, (shot, way, gate); NaN: not seen."""
 
     times: Array  # [s]
     heights: Array  # above the gates' own zeros [m]
@@ -46,7 +46,7 @@ class Passages:
 
     @property
     def duration_out(self) -> Array:
-        """The same for the ball coming back: from the last gate to the first [s]."""
+        """Time of the returning ball from the last gate to the first [s], (shot,)."""
         return np.asarray(self.times[:, OUTBOUND, 0] - self.times[:, OUTBOUND, -1])
 
 
@@ -58,9 +58,9 @@ def passages(
     Parameters
     ----------
     record
-        Edges of gates or boards, or passages a recorder has summed up itself.
+        Edges of gates or boards, or passages computed by the recorder.
     lowest, pitch
-        Of a board: height of its lowest beam above its zero, and from beam to beam [m].
+        For a board: height of the lowest beam above its zero, and distance between beams [m].
     """
     if isinstance(record, BoardRecord):
         return _of_boards(record, lowest, pitch)

@@ -1,4 +1,4 @@
-"""Closed forms of the ball-bat collision, for the reduction and for studies; the truth uses none.
+"""Closed forms of the ball-bat collision, for reduction and studies, not for the simulation.
 
 Symbols: ``e_A`` collision efficiency, ``e`` restitution of ball and bat, ``e0`` of the ball
 on a rigid wall, ``r`` recoil factor, ``m`` ball mass, ``M`` bat mass. Every function
@@ -37,7 +37,7 @@ Floats = float | NDArray[np.float64]
 
 
 class EnergyFractions(NamedTuple):
-    """Where the collision energy (bat rest frame) went; the three add to 1."""
+    """Shares of the collision energy (bat rest frame); the three add to 1."""
 
     ball: Floats
     bat: Floats
@@ -60,17 +60,17 @@ def besr(e_A: Floats) -> Floats:
 
 
 def bat_performance_factor(e: Floats, e0: Floats) -> Floats:
-    """Return BPF, the restitution of ball and bat over that of the ball on a wall. Eq. (5)."""
+    """Return BPF, restitution of ball and bat over that of the ball on a wall. Eq. (5)."""
     return e / e0
 
 
 def restitution_from_efficiency(e_A: Floats, r: Floats) -> Floats:
-    """Return e of an efficiency and a recoil factor. Eq. (6)."""
+    """Return e from collision efficiency and recoil factor. Eq. (6)."""
     return e_A * (1 + r) + r
 
 
 def efficiency_from_restitution(e: Floats, r: Floats) -> Floats:
-    """Return e_A of a restitution and a recoil factor. Eq. (6)."""
+    """Return e_A from restitution and recoil factor. Eq. (6)."""
     return (e - r) / (1 + r)
 
 
@@ -80,7 +80,7 @@ def recoil_factor_free(m: Floats, M: Floats, I_cm: Floats, d: Floats) -> Floats:
 
 
 def recoil_factor_pivoted(m: Floats, I_p: Floats, b: Floats) -> Floats:
-    """Return r of a bat on a pivot struck a lever `b` [m] from it. Eqs. (7), (9)."""
+    """Return r of a pivoted bat struck at a distance `b` [m] from the pivot. Eqs. (7), (9)."""
     return m * b**2 / I_p
 
 
@@ -90,9 +90,9 @@ def parallel_axis(I_cm: Floats, M: Floats, d: Floats) -> Floats:
 
 
 def centre_of_percussion(z_cm: Floats, I_cm: Floats, M: Floats, z_pivot: Floats) -> Floats:
-    """Return the place [m] conjugate to `z_pivot`: a blow there leaves the pivot at rest.
+    """Return the place [m] where a hit puts no force on a pivot at `z_pivot`.
 
-    Eq. (11). It runs to infinity as the pivot comes to the centre of mass.
+    Eq. (11). It tends to infinity as the pivot approaches the centre of mass.
     """
     return z_cm - I_cm / (M * (z_pivot - z_cm))
 
@@ -107,7 +107,7 @@ def energy_fractions(e: Floats, r: Floats) -> EnergyFractions:
 
 
 def batted_speed_gain(v_rel: Floats, gain_e: Floats, r: Floats) -> Floats:
-    """Return the change of batted-ball speed [m/s] that a change of e brings. Eq. (12)."""
+    """Return the change of batted-ball speed [m/s] for a change of e. Eq. (12)."""
     return v_rel * gain_e / (1 + r)
 
 
@@ -127,11 +127,11 @@ def restitution_from_recoil(b: Floats, omega: Floats, v_ball: Floats, r: Floats)
 
 
 def restitution_of_standard_ball(e: Floats, e0: Floats, standard: float) -> Floats:
-    """Return the e that a ball of restitution `standard` would have where one of `e0` had `e`.
+    """Return e with a ball of restitution `standard`, from `e` measured with a ball of `e0`.
 
-    A springy shell and a lossy ball share the energy as their stiffnesses R = shell/ball ask:
-    ``e^2 = (e0^2 R + 1)/(R + 1)``, so R follows from e and e0. Where e is not above e0 there is
-    no spring to be found, and e goes with e0, as that of a rigid shell does.
+    An elastic shell and a lossy ball share the energy in the ratio R = shell/ball of their
+    stiffnesses: ``e^2 = (e0^2 R + 1)/(R + 1)``, so R follows from e and e0. If e is not above e0
+    the shell has no measurable elasticity, and e is in proportion to e0 as for a rigid shell.
     """
     e, e0 = np.asarray(e), np.asarray(e0)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,8 +1,8 @@
-"""From a session's raw records to observations: signals reduced, calibrations not yet applied.
+"""From a session's raw records to observations, before calibrations are applied.
 
-What is repeated on the bench becomes one constant with a type A uncertainty beside the
-calibrations' constants of type B; what is read at each shot stays an array of readings. The
-algebra that joins the two is `virtual_lab.measurement.reduction.shot_algebra`.
+Repeated bench readings become one constant with a type A uncertainty, beside the calibration
+constants of type B; readings of each shot remain an array. The algebra that combines the two is
+`virtual_lab.measurement.reduction.shot_algebra`.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ READ_WITH = (  # property, channel, instrument
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BallReadings:
-    """The balls on the scale and against the wall."""
+    """Readings of the balls on the scale and at the wall."""
 
     mass: Array  # mean scale reading a ball [kg], (ball,)
     ball: NDArray[np.int_]  # which ball, a wall hit
@@ -88,7 +88,7 @@ class ImpactReadings:
 def bench_constants(session: Session) -> dict[str, Estimate]:
     """Return the bat's readings as constants ``bat.…`` with type A uncertainties [SI].
 
-    The period is that of small swings: each release is corrected for its own amplitudes.
+    The period is that of small swings: each release is corrected for its amplitudes.
     """
     pendulum = _channel(session, "bench", "pendulum", PendulumRecord)
     releases, passages = pendulum.times.shape
@@ -118,7 +118,7 @@ def bench_constants(session: Session) -> dict[str, Estimate]:
 
 
 def observe_balls(session: Session) -> BallReadings:
-    """Return what the scale and the wall rig's gates say of the balls."""
+    """Return the ball readings from the scale and the gates of the wall rig."""
     log, seen = _log_and_passages(session, "balls")
     mass = _table(session, "ball-mass").mean(axis=1)
     both = np.isfinite(seen.duration_in) & np.isfinite(seen.duration_out)
@@ -134,7 +134,7 @@ def observe_balls(session: Session) -> BallReadings:
 
 
 def observe_impact(session: Session) -> ImpactReadings:
-    """Return what gates and encoders say of the shots."""
+    """Return the readings of gates and encoders for the shots."""
     log, seen = _log_and_passages(session, "impact")
     last = seen.times.shape[2] - 1
     nearest = session.calibration[f"impact.gates.distance_{last}"].value
@@ -166,7 +166,7 @@ def observe_impact(session: Session) -> ImpactReadings:
 
 
 def _reach(session: Session, log: ShotLog, speed: Array) -> Array:
-    """Return the time the ball takes over the way a turn of one count moves the bat, (shot,)."""
+    """Return the ball's time over the bat's motion for one encoder count, (shot,)."""
     known = session.calibration
     axis = _repeated(session, "length").mean() - known["impact.pivot.from_knob"].value
     turn = 2 * np.pi / known["impact.swing.counts_per_turn"].value
@@ -174,7 +174,7 @@ def _reach(session: Session, log: ShotLog, speed: Array) -> Array:
 
 
 def along_of(session: Session) -> float:
-    """Return how far along the bat balls strike beyond where they are set to [m]."""
+    """Return the offset along the bat of impacts from the set place [m]."""
     known = session.calibration.get("impact.cannon.along")
     return known.value if known else 0.0
 
@@ -182,9 +182,9 @@ def along_of(session: Session) -> float:
 def ball_constants(readings: BallReadings) -> dict[str, Estimate]:
     """Return type A constants: 0 ± u of each ball's mean e0, and of e0's slope.
 
-    The scatter is that within each ball and speed, pooled over all wall hits; how the balls
-    differ is no uncertainty of a lot measured whole. That of the slope [s/m] is there where the
-    wall was hit at two speeds or more.
+    The scatter is that within each ball and speed, pooled over all wall hits; differences between
+    balls are no uncertainty, because the whole lot is measured. The slope [s/m] has a constant
+    only if the wall was hit at two or more speeds.
     """
     ratio = readings.passages.duration_in / readings.passages.duration_out
     balls = len(readings.mass)
@@ -215,14 +215,14 @@ def ball_constants(readings: BallReadings) -> dict[str, Estimate]:
 
 
 def restitution_names(balls: int) -> list[str]:
-    """Return the names of the constants that hold the error of each ball's mean e0."""
+    """Return the names of the constants for the error of each ball's mean e0."""
     return [f"balls.restitution_{ball}" for ball in range(balls)]
 
 
 def across_constant(records: Mapping[str, Record]) -> Estimate:
     """Return the mean square of the offsets across the bat [m²] from the marks before the test.
 
-    Its standard uncertainty is that of a mean square of n normal offsets, √(2/n) of itself.
+    Its relative standard uncertainty is that of a mean square of n normal offsets, √(2/n).
     """
     marks = records.get("aim")
     if marks is None:
@@ -240,7 +240,7 @@ def _rates(
     contact: Array,
     fit: Callable[[EncoderRecord, Array], RateFit],
 ) -> RateFit | None:
-    """Return what an encoder says at contact, None where the rig has no such encoder."""
+    """Return the encoder's rate at contact, None if the rig has no such encoder."""
     if channel not in session.records["impact"]:
         return None
     record = _channel(session, "impact", channel, EncoderRecord | RateRecord)
@@ -287,7 +287,7 @@ def _log_and_passages(session: Session, stage: str) -> tuple[ShotLog, Passages]:
 
 
 def _repeated(session: Session, channel: str) -> Array:
-    """Return the readings of the one item of a bench channel, (repeat,), all above 0."""
+    """Return the readings of a bench channel with one item, (repeat,), all above 0."""
     readings = _table(session, channel)[0]
     if readings.size < 2:
         raise InputError(f"bench/{channel}", "repeats", readings.size, "needs 2 readings or more")

@@ -1,4 +1,4 @@
-"""What an encoder says of a turning bat at contact, whoever did the sums."""
+"""Rotation of the bat at contact, from encoder counts or from the recorder's sums."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RateFit:
-    """What an encoder says of a batch of shots, in counts and shown seconds."""
+    """Encoder results of a batch of shots, in counts and uncorrected seconds."""
 
     rate: Array  # at contact: its end for a struck bat, its beginning for a swung one, (shot,)
     rate_u: Array  # its standard uncertainty from the fit, (shot,)
@@ -29,7 +29,7 @@ class RateFit:
 
 
 def unseen(shots: int) -> RateFit:
-    """Return the rates of shots whose contact nobody knows: none."""
+    """Return empty rates, for shots without a known contact."""
     none = np.full(shots, np.nan)
     empty = np.zeros(0)
     return RateFit(
@@ -45,7 +45,7 @@ def unseen(shots: int) -> RateFit:
 
 
 def summed_up(record: RateRecord) -> RateFit:
-    """Return the rates that an encoder's own recorder worked out."""
+    """Return the rates computed by the encoder's recorder."""
     return RateFit(
         rate=record.rate,
         rate_u=record.rate_u,

@@ -1,10 +1,10 @@
-"""Encoder records: the rate of recoil at contact, from a joint fit of turn, decay and ring.
+"""Encoder records: rate of recoil at contact, from a joint fit of rotation and vibration.
 
-The encoder shows the rigid turn, slowed by bearing and air, and on top of it the bending
-ring, whose rate at the pivot is as large as the turn's own. All shots of a batch are of one
-bat, so they share the ring's frequencies and decays; turn, slowing, phases and amplitudes are
-each shot's own and enter linearly. The shared ones are found by variable projection
-(Golub & Pereyra 1973, Jacobian of Kaufman 1975).
+The encoder shows the rigid rotation, slowed by bearing and air, plus the bending vibration
+(ring), whose rate at the pivot is as large as that of the rotation. All shots of a batch are at
+one bat, so they share frequencies and decays of the vibration; rotation, slowing, phases and
+amplitudes differ between shots and enter linearly. The shared parameters are found by variable
+projection (Golub & Pereyra 1973, Jacobian of Kaufman 1975).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class RecoilFit:
-    """How the turn and its ring are fitted."""
+    """Settings of the fit of rotation and vibration."""
 
     polynomial_order: int = 3  # turn, and two terms of its slowing
     most_rings: int = 6
@@ -55,7 +55,7 @@ def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
     record
         Counts (shot, sample) at common times.
     contact
-        Shown time of contact, shape (shot,) [s], from the gates.
+        Uncorrected time of contact, shape (shot,) [s], from the gates.
 
     Raises
     ------
@@ -105,9 +105,9 @@ def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
 
 
 def _find_rings(clock: Array, counts: Array, span: float, no_ring: float) -> tuple[Array, Array]:
-    """Add rings one by one while the residual still holds one; refine all after each.
+    """Add vibrations one by one while the residual contains one; refine all after each.
 
-    Counting alone leaves lines too, of a residual whose rms is `no_ring` [counts].
+    Counting alone causes spectral lines too, in a residual whose rms is `no_ring` [counts].
     """
     rings = np.empty((0, 2))  # frequency and decay in units of 1/span
     basis = _basis(clock, rings)
@@ -129,7 +129,7 @@ def _find_rings(clock: Array, counts: Array, span: float, no_ring: float) -> tup
 
 
 def _strongest(clock: Array, residual: Array) -> float | None:
-    """Return the frequency of the residual's strongest line, None where none stands out."""
+    """Return the frequency of the residual's strongest line, None without a clear one."""
     n = len(clock)
     spectrum = np.fft.rfft(np.hanning(n)[:, None] * residual, 4 * n, axis=0)
     power = (np.abs(spectrum) ** 2).sum(axis=1)
@@ -140,7 +140,7 @@ def _strongest(clock: Array, residual: Array) -> float | None:
 
 
 def _refine(clock: Array, counts: Array, rings: Array, span: float) -> Array:
-    """Return the rings that leave the least residual, by Gauss-Newton from a near start."""
+    """Return the vibrations of least residual, by Gauss-Newton from a near start."""
     for _ in range(FIT.most_steps):
         basis = _basis(clock, rings)
         orthogonal, triangle = np.linalg.qr(basis)
@@ -175,7 +175,7 @@ def _shares(coefficients: Array) -> Array:
 
 
 def _basis(clock: Array, rings: Array) -> Array:
-    """Return powers of time, then a decaying cosine and sine for each ring."""
+    """Return powers of time, then a decaying cosine and sine for each vibration."""
     columns = [clock**power for power in range(FIT.polynomial_order + 1)]
     for frequency, decay in rings:
         envelope = np.exp(-decay * clock)
@@ -185,16 +185,16 @@ def _basis(clock: Array, rings: Array) -> Array:
 
 
 def _project(basis: Array, data: Array) -> tuple[Array, Array]:
-    """Return least-squares coefficients and the residual they leave."""
+    """Return least-squares coefficients and the residual."""
     orthogonal, triangle = np.linalg.qr(basis)
     seen = orthogonal.T @ data
     return np.linalg.solve(triangle, seen), data - orthogonal @ seen
 
 
 def _at_rest(record: EncoderRecord, contact: Array) -> tuple[Array, Array]:
-    """Return the straight-line rate before contact and the noise about it, (shot,) each.
+    """Return the rate before contact by a straight line, and the noise, (shot,) each.
 
-    A bat at rest shows the rate 0. NaN where too little was recorded.
+    A bat at rest has the rate 0. NaN if the record is too short.
     """
     before = record.times < np.nanmin(contact) - FIT.settling_time / 3
     if before.sum() < 3:

@@ -1,9 +1,8 @@
 """The algebra of the test: constants and readings to r, e_A, e, e0 and BPF.
 
 Every function here broadcasts: a constant may be a number or a column of numbers (k, 1), a
-reading is a row (n,), and what comes out is (n,) or (k, n). The uncertainty budget is made by
-calling the very same functions with each constant a little off, so what is propagated is
-what is computed.
+reading is a row (n,), and the result is (n,) or (k, n). The uncertainty budget calls the same
+functions with shifted constants.
 """
 
 from __future__ import annotations
@@ -78,7 +77,7 @@ class MeasuredBalls:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShotResults:
-    """What each shot gave, shape (..., shot)."""
+    """Results of each shot, shape (..., shot)."""
 
     speed: Array  # of the ball at the bat [m/s]
     bat_speed: Array  # at the place struck, against the ball; 0 of a bat at rest [m/s]
@@ -106,7 +105,7 @@ class ShotResults:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReductionSettings:
-    """What a procedure asks of the reduction."""
+    """Settings of the reduction for a procedure."""
 
     reads: Literal["recoil", "rebound"]  # what e_A is taken from
     recoil: Literal["pivoted", "free"]  # whose recoil factor Eq. (6) gets
@@ -190,8 +189,8 @@ def shot_results(
 ) -> ShotResults:
     """Return e_A by Eq. (2) or by angular momentum, e by Eq. (6), BPF by Eq. (5).
 
-    `flown` gives the balls' flights: as the gates saw them, or another instrument. `used` are the
-    balls whose mean is the lot's.
+    `flown` gives the flights of the balls, from the gates or another instrument. `used` are the
+    balls that define the mean of the lot.
     """
     mass = balls.mass[..., readings.ball]
     seen = flown(x, drag_of(x, mass))
@@ -211,7 +210,7 @@ def shot_results(
     sine = _sine_square(x, bat, seen)
 
     def squarely(efficiency: Array) -> Array:
-        """Free e_A of the offset across the bat, which only ever lowers what is seen."""
+        """Correct e_A for the offset across the bat, which always lowers the measured value."""
         return np.asarray((efficiency + sine) / (1 - sine))
 
     # along the bat a smooth ball keeps its speed, across it comes back
@@ -293,7 +292,7 @@ def _axis(x: Constants, bat: BatProperties) -> Array:
 
 
 def _struck(x: Constants, readings: ImpactReadings) -> Array:
-    """Return where balls strike by how the cannon points, which `place` takes at its best value."""
+    """Return the impact places for the cannon's aim; `place` contains its best value."""
     return readings.place + x.get("impact.cannon.along", readings.along) - readings.along
 
 
@@ -304,7 +303,7 @@ def _turn(x: Constants, encoder: str, counts: Array) -> Array:
 
 
 def _sine_square(x: Constants, bat: BatProperties, seen: Flights) -> Array:
-    """Return sin² of the contact angle: each shot's where its height is measured, else the mean."""
+    """Return sin² of the contact angle: per shot if its height is measured, else the mean."""
     touching = (bat.barrel_radius + x["ball.radius"]) ** 2
     if "impact.aim.across_square" in x:
         return np.asarray(x["impact.aim.across_square"] / touching)

@@ -1,9 +1,9 @@
-"""Encoder records of a swung bat: rate and angle at contact, from the turn just before it.
+"""Encoder records of a swung bat: rate and angle at contact, from the rotation just before it.
 
-The drive ripples and droops slowly against the record, so a low polynomial in time follows the
-angle up to contact; each shot is fitted about its own time of contact. A bat that is out of
-step stands nearer to the ball or farther from it than its nominal place, so the ball meets it
-a little before the gates would have it, or after.
+Ripple and droop of the drive are slow compared with the record, so a polynomial of low order in
+time fits the angle up to contact; each shot is fitted about its time of contact. A bat that is not
+square to the ball at the nominal time meets the ball a little before or after the time from the
+gates.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ def fit_swing(record: EncoderRecord, contact: Array, reach: Array) -> RateFit:
     record
         Counts (shot, sample) at common times; 0 where the bat stands square to the ball.
     contact
-        Shown time at which the ball is where a square bat would meet it, from the gates,
+        Uncorrected time at which the ball reaches the plane of a square bat, from the gates,
         shape (shot,) [s].
     reach
-        Time the ball takes over the way that a turn of one count moves the bat where it is
-        struck, shape (shot,) [s].
+        The ball's time over the motion of the struck point for one encoder count, shape (shot,)
+        [s].
 
-    A shot whose ball the gates did not see, or saw too soon for a fit, has a rate of NaN.
+    A shot that the gates did not see, or saw too early for a fit, has a rate of NaN.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def fit_swing(record: EncoderRecord, contact: Array, reach: Array) -> RateFit:
 def _fit(
     times: Array, counts: Array, contact: Array, reach: Array
 ) -> tuple[Array, Array, Array, Array]:
-    """Return rate, its u, angle and residual where ball and bat met, of alike records, (shot,)."""
+    """Return rate, its u, angle and residual at contact, for records of equal times, (shot,)."""
     span = times[-1] - times[0]
     orthogonal, triangle = np.linalg.qr(
         np.vander((times - times[-1]) / span, DEGREE + 1, increasing=True)

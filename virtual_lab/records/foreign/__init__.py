@@ -1,5 +1,5 @@
-"""Records that another laboratory wrote: a form it fills in, its own tables, its own units.
+"""Records of another laboratory: a filled-in form, with tables and units of its choice.
 
-``laboratory.toml`` says which file holds which record and what its columns mean; what comes
-out is a `Session` like any other, in SI and counted from 0. ``data/README.md`` has the form.
+``laboratory.toml`` describes the files and their columns; the result is a `Session` like any
+other, in SI and with indices from 0. ``data/README.md`` has the form.
 """

@@ -1,4 +1,4 @@
-"""Calibration constants as another laboratory writes them: a value, its u, their unit."""
+"""Calibration constants in the form of another laboratory: value, u and unit."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def _number(entry: Mapping[str, Any], name: str, at: str, where: str) -> float:
 
 
 def _units(key: str) -> dict[str, str]:
-    """Return the units a constant may be in, and the dimension each is of."""
+    """Return the allowed units of a constant, with their dimensions."""
     only = constant_of(key)
     return {
         unit: dimension

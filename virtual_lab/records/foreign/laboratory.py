@@ -1,4 +1,4 @@
-"""A folder of another laboratory: its form ``laboratory.toml`` and its tables, as a session."""
+"""From a folder of another laboratory (``laboratory.toml`` and tables) to a session."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ BLANK = "?"  # what stands in a form where something is to be filled in
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LaboratoryForm(Spec):
-    """The form's own keys; what is in channels and calibration is read by itself."""
+    """The keys of the form; channels and calibration are read separately."""
 
     bat: Name
     ball: Name
@@ -42,13 +42,13 @@ class LaboratoryForm(Spec):
 
 
 def load_laboratory(folder: Path) -> Session:
-    """Return the session that a laboratory's form and tables hold.
+    """Return the session from a laboratory's form and tables.
 
     Raises
     ------
     InputError
-        A form not filled in, keys, units or columns that do not fit, a table that cannot be
-        read or that time runs backwards in; file, key, value and what is allowed are named.
+        An incomplete form, keys, units or columns that do not fit, an unreadable table, or times
+        that run backwards; names file, key, value and what is allowed.
     """
     path = folder / FORM
     form = _read_form(path)
@@ -107,7 +107,7 @@ def _procedure_text(name: str, folder: Path, where: Path) -> str:
 
 
 def _blank(entry: Any, key: str) -> Iterator[str]:
-    """Yield the keys still to be filled in, a table that lacks several things as one."""
+    """Yield the keys still to be filled in; a table with several gaps counts as one."""
     if entry == BLANK or (isinstance(entry, Mapping) and BLANK in entry.values()):
         yield key
     elif isinstance(entry, Mapping):

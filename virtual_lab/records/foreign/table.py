@@ -1,4 +1,4 @@
-"""One table of another laboratory into a record: its columns, their units, its way of counting."""
+"""From a table of another laboratory to a record: columns, units, index origin."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ FirstIndex = Literal[0, 1]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelForm(Spec):
-    """What the form says of one channel's file.
+    """The form's description of one channel's file.
 
-    `columns` gives our name, with their unit, the header it has in the file; `fixed` the index
-    columns left out because they are the same in every row; `rows` the one left out because the
-    rows count it; `wide` to a value column the headers of the several columns it stands in, each
-    with the indices it is for.
+    `columns` maps our column name, with the laboratory's unit, to the header in the file. `fixed`
+    gives missing index columns that have one value in all rows; `rows` is a missing index column
+    equal to the row number; `wide` maps a value column to the headers of several columns in the
+    file, each with its indices.
     """
 
     record: str
@@ -48,16 +48,16 @@ class ChannelForm(Spec):
 
 @dataclass(frozen=True, slots=True)
 class _Meaning:
-    """A header's: our column, and the factor that takes its cells to SI."""
+    """Meaning of a header: our column, and the factor from its unit to SI."""
 
     column: str
     factor: float
 
 
 def column_names(column: str) -> dict[str, float]:
-    """Return the names a column may have in a file, a unit each, and their factors to SI.
+    """Return the allowed names of a column, one per unit, and their factors to SI.
 
-    ``mass_kg`` may be ``mass_oz``; what counts or numbers something has its one name.
+    ``mass_kg`` may be ``mass_oz``; a column of counts or indices has one name.
     """
     fitting = [
         (dimension, ending)
@@ -75,23 +75,23 @@ def column_names(column: str) -> dict[str, float]:
 
 
 def read_channel(form: ChannelForm, folder: Path, index_from: FirstIndex, where: str) -> Record:
-    """Return the record that a channel's file holds.
+    """Return the record in a channel's file.
 
     Parameters
     ----------
     form
-        What the laboratory says of the file.
+        Description of the file by the laboratory.
     folder
-        That the file's name counts from.
+        Folder to which the file's name is relative.
     index_from
-        Where indices start, if `form` does not say.
+        First index, if not given in `form`.
     where
-        The form itself, in errors.
+        Name of the form, for error messages.
 
     Raises
     ------
     InputError
-        A form that does not fit the record or the file, or a file that is no such record.
+        The form does not fit the record or the file, or the file is no such record.
     """
     if form.record not in RECORD_TYPES:
         hint = nearest(form.record, RECORD_TYPES)
@@ -131,7 +131,7 @@ def _axes(kind: type[Record]) -> list[str]:
 
 
 def _meanings(kind: type[Record]) -> dict[str, _Meaning]:
-    """Return every name that a column of a record's file may have, in the order of our own."""
+    """Return the allowed names of all columns of a record's file, in our order."""
     own = {axis: _Meaning(axis, 1.0) for axis in _axes(kind)}
     return own | {
         name: _Meaning(column.name, factor)
@@ -155,7 +155,7 @@ def _first(
 def _renamed(
     table: pd.DataFrame, form: ChannelForm, meanings: Mapping[str, _Meaning], path: str, where: str
 ) -> tuple[pd.DataFrame, dict[str, str]]:
-    """Return the table under our names, and the header that each of these has in the file."""
+    """Return the table with our names, and the header of each name in the file."""
     _require_known(form.columns, meanings, "columns", where)
     for header in [*form.columns.values(), *form.ignore]:
         if header not in table:
@@ -176,7 +176,7 @@ def _spread(
     path: str,
     where: str,
 ) -> pd.DataFrame:
-    """Return the table with the index columns it left out, a value a row."""
+    """Return the table with its missing index columns, one value per row."""
     import pandas as pd
 
     for key, given in (("fixed", form.fixed), ("rows", [form.rows] if form.rows else [])):
@@ -210,7 +210,7 @@ def _spread(
 def _found(
     table: pd.DataFrame, kind: type[Record], meanings: Mapping[str, _Meaning], path: str
 ) -> dict[str, str]:
-    """Return the name that each of the record's columns has in the table, in its own order."""
+    """Return the name in the table of each column of the record, in the record's order."""
     unknown = [str(name) for name in table if name not in meanings]
     if unknown:
         allowed = f"allowed: {_allowed(kind)}; what is not to be read goes into ignore"

@@ -1,1 +1,1 @@
-"""What is computed of bats from their properties, without a test."""
+"""Computations on bats from their properties, without a test."""

@@ -1,7 +1,7 @@
 """Sensitivity of a bat's results to the force law of the ball, which no bat test measures.
 
-Laws of the same restitution on a wall, and of the same time of compression there: what is
-left to differ is the shape of the force. What a table says holds for the first law only.
+All laws have the same restitution on a wall and the same time of compression there; only the
+shape of the force differs. Other results of this program are valid for the first law only.
 """
 
 from __future__ import annotations
@@ -61,14 +61,14 @@ LAWS = (
 
 
 def sensitivity(bat: str, *, progress: Progress = quiet) -> Rows[LawRow]:
-    """Return a row a law: the ball on a wall, and the peaks of the free bat in the standard game.
+    """Return one row per law: ball on a wall, and peaks of the free bat in the standard game.
 
     Parameters
     ----------
     bat
         Name in the catalog or path of a .toml file.
     progress
-        Called with which law is at work.
+        Called with the law being computed.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def sensitivity(bat: str, *, progress: Progress = quiet) -> Rows[LawRow]:
 
 
 def _stiffness(law: _Law, mass: float, speed: float, e0: float, time: float) -> float:
-    """Return the k with which compressing the ball on a wall takes `time` [s]."""
+    """Return k for which the compression of the ball on a wall takes `time` [s]."""
     unit = _on_wall(law, mass, speed, e0, 1.0).compression_time
     # at one speed every time goes as the greatest compression, that as k^(-1 / (a + 1))
     return float((unit / time) ** (law.exponent + 1))

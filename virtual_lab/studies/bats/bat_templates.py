@@ -1,8 +1,8 @@
-"""A bat for what was measured of one: the inverse problem, by least squares over a template.
+"""A bat model from measurements (inverse problem), by least squares over a template.
 
-A template is an outline with a handful of parameters, each with a usual value, a usual spread
-and bounds. A fit meets the data closely and stays as near to the usual values, or to others
-drawn from the spread, as the data let it: fits to many draws show what the data leave open.
+A template is an outline with a few parameters, each with a typical value, a typical spread and
+bounds. A fit agrees closely with the data and otherwise stays near the typical values, or near
+random values from the spread: fits to many random values show the remaining uncertainty.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ COARSE = {"order": 6, "element_size": 0.1}  # 1e-6 in the first two frequencies
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatMeasurements(Spec):
-    """What a user knows of a bat. Places are distances from the barrel tip."""
+    """Measurements of a bat by a user. Places are distances from the barrel tip."""
 
     name: Name
     title: Title
@@ -77,7 +77,7 @@ class BatMeasurements(Spec):
 
     @property
     def goals(self) -> dict[str, float]:
-        """The measured quantities by name, SI; the length is met by construction."""
+        """The measured quantities by name, SI; the length is exact by construction."""
         return {
             "mass": self.mass,
             "z_cm": self.z_cm,
@@ -88,7 +88,7 @@ class BatMeasurements(Spec):
 
 
 class Parameter(NamedTuple):
-    """A parameter of a template: usual value, usual spread, bounds."""
+    """A parameter of a template: typical value, typical spread, bounds."""
 
     name: str
     usual: float
@@ -116,7 +116,7 @@ class Template:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fitted:
-    """A bat that meets its data, and by how much it misses them."""
+    """A fitted bat and its misfits."""
 
     body: BatBody
     parameters: Floats
@@ -126,21 +126,21 @@ class Fitted:
 def fit(
     measured: BatMeasurements, wanted: Floats | None = None, start: Floats | None = None
 ) -> Fitted:
-    """Return the bat of the template that meets the data, nearest to `wanted` parameters.
+    """Return the bat of the template that fits the data, nearest to `wanted` parameters.
 
     Parameters
     ----------
     measured
         The data.
     wanted
-        Parameters to stay near to; the template's usual ones by default.
+        Parameters to stay near; by default the typical ones of the template.
     start
-        Parameters to begin with; `wanted` by default.
+        Initial parameters; `wanted` by default.
 
     Raises
     ------
     InputError
-        No bat of the template meets the data: what the nearest misses is named, worst first.
+        No bat of the template fits the data; names the misfits of the nearest, worst first.
     """
     template = TEMPLATES[measured.template]
     usual, spread = template.usual, template.spread
@@ -180,7 +180,7 @@ def fit(
 
 
 def computed(body: BatBody, axis: float, *, frequencies: int, nodes: int) -> dict[str, float]:
-    """Return what a body computes to, by the names of `BatMeasurements.goals`, SI."""
+    """Return the computed quantities of a body, by the names of `BatMeasurements.goals`, SI."""
     beam = beam_of(body, Free(), **COARSE)  # the one that the modes need
     values = {"mass": beam.mass, "z_cm": beam.z_cm, "inertia": beam.inertia(axis)}
     count = max(frequencies, nodes)
@@ -218,12 +218,12 @@ def _said(missed: dict[str, float]) -> str:
 
 
 def _weight(name: str) -> float:
-    """Return the misfit, relative or of a place [m], that counts as a parameter's usual spread."""
+    """Return the misfit (relative, or of a place [m]) with the weight of one typical spread."""
     return 1e-3 * INCH if name.startswith("node") else 1e-4
 
 
 def _close(name: str) -> float:
-    """Return the misfit that a fit may keep."""
+    """Return the accepted misfit of a fit."""
     return 0.05 * INCH if name.startswith("node") else 1e-3
 
 

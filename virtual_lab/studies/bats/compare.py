@@ -1,6 +1,6 @@
-"""Bats side by side under standard game conditions (the paper's Figs. 3 and 4).
+"""Comparison of bats under standard game conditions (the paper's Figs. 3 and 4).
 
-What the model says of the bats as drawn: nothing here is measured.
+Results of the model for nominal bats; nothing here is measured.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ PROFILE_SWINGS = (0.0, 0.5)
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Compared(StudyResult):
-    """The profiles of some bats, for each exponent n of the swing law (None: constant energy)."""
+    """Profiles of several bats for each exponent n of the swing law (None: constant energy)."""
 
     profiles: tuple[Profiled, ...]  # bat by bat, n by n
 
@@ -37,7 +37,7 @@ class Compared(StudyResult):
 
     @property
     def title(self) -> str:
-        """Which bats."""
+        """Title with the bats."""
         return f"Comparison of {', '.join(self.balls)}"
 
     @property
@@ -63,7 +63,7 @@ class Compared(StudyResult):
 
     @property
     def text(self) -> str:
-        """The peaks, and how far they lie from those of the first bat."""
+        """The peaks, and their differences from those of the first bat."""
         return comparison_text(self.peaks, self.differences, self.balls)
 
     def draw(self, path: Path) -> None:
@@ -72,7 +72,7 @@ class Compared(StudyResult):
 
     @property
     def curves(self) -> pd.DataFrame:
-        """A row a bat, exponent and place."""
+        """One row per bat, exponent and place."""
         import pandas as pd
 
         parts = []
@@ -83,7 +83,7 @@ class Compared(StudyResult):
 
     @property
     def peaks(self) -> list[Peaks]:
-        """A row a bat and exponent."""
+        """One row per bat and exponent."""
         return [
             Peaks(bat=each.bat.name, n=each.swing, peaks=placed(each.peaks))
             for each in self.profiles
@@ -91,7 +91,7 @@ class Compared(StudyResult):
 
     @property
     def differences(self) -> list[Difference]:
-        """A row a later bat and exponent: its peaks against those of the first bat."""
+        """One row per further bat and exponent: peaks compared with those of the first bat."""
         first = self.profiles[0].bat.name
         base = {row.n: row.peaks for row in self.peaks if row.bat == first}
         return [
@@ -110,17 +110,17 @@ class Compared(StudyResult):
 
     @property
     def balls(self) -> dict[str, str]:
-        """The ball that each bat meets."""
+        """The ball for each bat."""
         return {each.bat.name: each.ball.name for each in self.profiles}
 
     @property
     def sports(self) -> set[Sport | None]:
-        """The sports of these balls; None for one that is not known."""
+        """The sports of these balls; None if unknown."""
         return {each.ball.sport for each in self.profiles}
 
     @property
     def document(self) -> Json:
-        """All of it for JSON."""
+        """The result for JSON."""
         return {
             "reference_inertia_oz_in2": self.profiles[0].reference_inertia / OZ_IN2,
             "balls": self.balls,
@@ -146,17 +146,17 @@ def profile(
     bats
         One name in the catalog or path of a .toml file, or several.
     swings
-        Exponents n of the swing law, 0 to 0.5; by default 0, of several bats 0 and 0.5.
+        Exponents n of the swing law, 0 to 0.5; by default 0, for several bats 0 and 0.5.
     swing_law
-        ``power``: bats are swung by their inertia to the power -n; ``energy``: with the same
-        energy into bat and batter, which has no exponent.
+        ``power``: bat speed proportional to (moment of inertia)^-n; ``energy``: the same energy
+        for bat and batter, without an exponent.
     reference_inertia, ball
         As `compare` takes them.
 
     Raises
     ------
     InputError
-        What `compare` refuses, or several exponents for one bat.
+        As `compare`; or several exponents for one bat.
     """
     several = (bats,) if isinstance(bats, str) else tuple(bats)
     asked = (swings,) if isinstance(swings, int | float) else tuple(swings)
@@ -179,7 +179,7 @@ def compare(
     reference_inertia: str | None = None,
     ball: str | None = None,
 ) -> Compared:
-    """Return free bats side by side.
+    """Return the comparison of free bats.
 
     Parameters
     ----------
@@ -188,16 +188,16 @@ def compare(
     swings
         Exponents n of the swing law, Eq. (14); None for the law of constant energy.
     reference_inertia
-        I0 of the law, as `virtual_lab.studies.bats.profile.read_inertia` takes it. The paper takes
+        I0 of the law, as for `virtual_lab.studies.bats.profile.read_inertia`. The paper uses
         1.7e4 oz in² (the default), and for its two loaded bats that of the barrel-loaded one.
     ball
-        Name in the catalog or path of a .toml file; by default each bat meets the game
-        conditions' own of its sport.
+        Name in the catalog or path of a .toml file; by default the standard ball of
+        each bat's sport.
 
     Raises
     ------
     InputError
-        Fewer than two bats, two of one name, no exponent, or what `profile` refuses.
+        Fewer than two bats, two with one name, no exponent, or an error of `profile`.
     """
     if len(bats) < 2:
         raise InputError("", "bats", ", ".join(bats) or "none", "allowed: two and more")
@@ -211,5 +211,5 @@ def compare(
     names = [each[0].bat.name for each in found]
     for name in names:
         if names.count(name) > 1:
-            raise InputError("", "bats", name, "stands there twice; every bat needs its own name")
+            raise InputError("", "bats", name, "is given twice; every bat needs its own name")
     return Compared(profiles=tuple(one for each in found for one in each))

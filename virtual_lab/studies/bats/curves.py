@@ -1,4 +1,4 @@
-"""Curves along a bat as PNG: distinguished by line style, by colour where that is not enough."""
+"""Curves along a bat as PNG, distinguished by line style and, if necessary, colour."""
 
 from __future__ import annotations
 
@@ -67,8 +67,8 @@ def plot_profile(above: Axes, below: Axes, table: pd.DataFrame) -> None:
 def draw_comparison(curves: pd.DataFrame, path: Path) -> None:
     """Draw BPF, e_A and v_f of several bats one above the other (the paper's Figs. 3 and 4).
 
-    BPF and e_A are those of the first exponent n: with a ball whose restitution is the same at
-    every speed, as the standard one's, they do not depend on it.
+    BPF and e_A are those of the first exponent n; they do not depend on n for a ball with the same
+    restitution at every speed, such as the standard ball.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
-"""A bat file for what a user measured, and what the measurements leave open.
+"""A bat file from a user's measurements, and the uncertainty that they leave.
 
-The bat is the template's most usual one that meets the data. Beside it stand others that meet
-the same data, each near to another draw of the template: where they differ, nothing that was
-measured decides.
+The bat is the most typical one of the template that fits the data. Further bats fit the same
+data, each near other random parameters of the template: their differences show which quantities
+the measurements do not determine.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ DIGITS = 7
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spread:
-    """A quantity of the fitted bat, and of all that meet the data."""
+    """A quantity of the fitted bat, and its spread over all bats that fit the data."""
 
     quantity: str = column("quantity")
     unit: str = column("unit")
@@ -55,7 +55,7 @@ class Spread:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class FittedBat(StudyResult):
-    """A fitted bat, its misfits, and the spread of what was not measured."""
+    """A fitted bat, its misfits, and the spread of quantities that were not measured."""
 
     measured: BatMeasurements
     source: str  # where the measurements come from
@@ -65,7 +65,7 @@ class FittedBat(StudyResult):
 
     @property
     def document(self) -> Json:
-        """All of it for JSON."""
+        """The result for JSON."""
         parameters = TEMPLATES[self.measured.template].parameters
         values = self.fitted.parameters
         return {
@@ -81,7 +81,7 @@ class FittedBat(StudyResult):
 
     @property
     def title(self) -> str:
-        """Which bat."""
+        """Title with the bat."""
         return f"{self.measured.name} fitted to what was measured of it"
 
     @property
@@ -91,7 +91,7 @@ class FittedBat(StudyResult):
 
     @property
     def text(self) -> str:
-        """The spread, and by how much the fit misses the data."""
+        """The spread, and the misfits."""
         worst = ", ".join(
             f"{name} {value / INCH:+.1e} in" if name.startswith("node") else f"{name} {value:+.1e}"
             for name, value in self.fitted.misfits.items()
@@ -99,13 +99,13 @@ class FittedBat(StudyResult):
         return f"{table_text(self.spread)}\n\nmisfits (relative): {worst}"
 
     def write(self, path: Path) -> None:
-        """Write the bat file, whole or not at all; one that exists is left alone."""
+        """Write the bat file completely or not at all; an existing file is not changed."""
         with new_files(path.parent) as draft:
             (draft / path.name).write_text(self.toml, encoding="utf-8")
 
     @property
     def toml(self) -> str:
-        """The bat file; every number says where it comes from."""
+        """The bat file; every number has a source."""
         source = self.source
         template = TEMPLATES[self.measured.template]
         body, name = self.fitted.body, self.measured.name
@@ -157,23 +157,23 @@ def fit_bat(
     seed: int = 1,
     progress: Progress = quiet,
 ) -> FittedBat:
-    """Return a bat that meets the measurements in a file, and the spread of those that do.
+    """Return a bat that fits the measurements in a file, and the spread of such bats.
 
     Parameters
     ----------
     path
         A .toml file, see ``data/README.md``.
     members
-        How many bats the spread is taken from; draws whose fit fails are left out.
+        Number of bats for the spread; those whose fit fails are omitted.
     seed
-        Of the draws.
+        Seed of the random parameters.
     progress
-        Called with how far the work is.
+        Called with the progress.
 
     Raises
     ------
     InputError
-        A file that cannot be used, or data no bat of the template meets.
+        A file that cannot be used, or data that no bat of the template fits.
     """
     if not path.endswith(".toml"):
         raise InputError("", "measurements", path, "allowed: a .toml file")
@@ -217,7 +217,7 @@ def fit_bat(
 
 
 def _quantities(body: BatBody, measured: BatMeasurements) -> tuple[list[str], dict[str, float]]:
-    """Return units and values of what a bat of these data is asked for."""
+    """Return units and values of the quantities of a bat with these data."""
     values = computed(body, measured.inertia_axis, frequencies=2, nodes=2)
     game = catalog.load("conditions", CONDITIONS, GameConditions).spec
     ball = catalog.load("balls", game.ball, BallSpec).spec

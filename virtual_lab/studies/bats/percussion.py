@@ -1,8 +1,8 @@
-"""What a hit beside the centre of percussion does to a pivoted test (the paper's Sec. V B).
+"""Effect of hits off the centre of percussion on a pivoted test (the paper's Sec. V B).
 
-The pivot bears the rest of the blow there. The same shot meets the bearing as installed, a plain
-one and a loose one; what each does to e_A by the bat's recoil is the difference of the readings,
-beside e_A by the ball's own rebound, which asks nothing of a pivot.
+Such hits load the pivot. Each shot is simulated with the bearing as installed, with a plain and
+with a loose bearing; the differences show the effect of the bearing on e_A from the bat's recoil.
+e_A from the ball's rebound, which does not involve the pivot, is shown for comparison.
 """
 
 from __future__ import annotations
@@ -47,22 +47,22 @@ READINGS = {"recoil": "recoil_efficiency", "rebound": "rebound_efficiency"}
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Percussed(StudyResult):
-    """How well e_A is read at each place."""
+    """Errors of e_A at each place."""
 
     bat: str
-    percussion_in: float  # from the tip, of the bat as drawn
+    percussion_in: float  # from the tip, of the nominal bat
     rows: list[Struck]
 
     name = "percussion"
 
     @property
     def title(self) -> str:
-        """Which bat."""
+        """Title with the bat."""
         return f"{self.bat} struck beside its centre of percussion"
 
     @property
     def text(self) -> str:
-        """The places, and in words where the reading suffers."""
+        """The places, and sentences on the largest errors."""
         return percussion_text(self.rows, self.percussion_in)
 
     def draw(self, path: Path) -> None:
@@ -71,7 +71,7 @@ class Percussed(StudyResult):
 
     @property
     def document(self) -> Json:
-        """All of it for JSON."""
+        """The result for JSON."""
         return {
             "bat": self.bat,
             "percussion_in": self.percussion_in,
@@ -81,7 +81,7 @@ class Percussed(StudyResult):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Read:
-    """One laboratory's readings at a place, by `READINGS`; NaN where none was seen."""
+    """One laboratory's readings at a place, by `READINGS`; NaN if none was seen."""
 
     seen: float  # share of rebounds
     error: Mapping[str, float]
@@ -90,7 +90,7 @@ class _Read:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Stand:
-    """A laboratory that has measured bat and balls and may fire where it likes."""
+    """A laboratory after bat and balls were measured; it can fire at any place."""
 
     laboratory: Laboratory
     session: Session
@@ -103,7 +103,7 @@ class _Stand:
         return cls(laboratory=laboratory, session=session)
 
     def counting_finely(self) -> _Stand:
-        """Return the same with an encoder of no counts: one count would hide what is sought."""
+        """Return the stand with an encoder of infinite resolution, so that no step hides it."""
         stations: Any = self.laboratory.stations
         impact = other_sheet(stations[Stage.IMPACT], "encoder", whole_counts=False)
         laboratory = replace(self.laboratory, stations={**stations, Stage.IMPACT: impact})
@@ -135,28 +135,28 @@ def percussion(
     shots: int = 6,
     progress: Progress = quiet,
 ) -> Percussed:
-    """Return how well e_A is read at places along the barrel, 2 to 12 in from the tip.
+    """Return the errors of e_A at places along the barrel, 2 to 12 in from the tip.
 
     Parameters
     ----------
     bat
         Name in the catalog or path of a .toml file.
     laboratories, seed
-        How many fire at each place, and the seed of the first.
+        Number of laboratories, and the seed of the first.
     shots
-        Of each laboratory at each place: a reading is their mean.
+        Shots per laboratory and place; a reading is their mean.
     progress
-        Called with which laboratory is firing.
+        Called with the laboratory that is firing.
 
     Returns
     -------
     Percussed
-        A row a place, the centre of percussion among them.
+        One row per place, including the centre of percussion.
 
     Raises
     ------
     InputError
-        Fewer than 2 laboratories or shots, or what `certify_bat` refuses.
+        Fewer than 2 laboratories or shots, or an error of `certify_bat`.
     """
     for name, number in (("laboratories", laboratories), ("shots", shots)):
         if number < 2:
@@ -181,7 +181,7 @@ def percussion(
 
 
 def _row(still: _Stand, place: float, shots: int, read: list[_Read]) -> Struck:
-    """Return what the model says of a place, beside what the laboratories read there."""
+    """Return the model's values at a place, with the laboratories' readings there."""
     reduced, true, lasted = still.fire(place, shots, 0)
     laboratory = still.laboratory
     body, ball = laboratory.specimen.bat.body, laboratory.specimen.balls.mean_ball()
@@ -220,7 +220,7 @@ def _row(still: _Stand, place: float, shots: int, read: list[_Read]) -> Struck:
 
 
 def _ring(still: _Stand, place: float) -> float:
-    """Return the root sum square of the modes' amplitudes of turn at the axis [rad]."""
+    """Return the root sum square of the modes' rotation amplitudes at the axis [rad]."""
     from virtual_lab.simulation.collision.scene import Scenes
 
     laboratory = still.laboratory
@@ -253,8 +253,8 @@ def _read(stand: _Stand, place: float, shots: int, number: int) -> _Read:
 def _stated(reduced: Reduced, field: str, error: Array) -> float:
     """Return the standard uncertainty of the mean of the shots seen; NaN below two.
 
-    What the constants contribute, and the scatter of the readings about the true e_A of their
-    shots: that of the shots themselves is no fault of the reading.
+    It has the contributions of the constants and the scatter of the readings about the true e_A of
+    each shot; the scatter of the true values is no error of the reading.
     """
     seen = np.isfinite(error)
     many = int(seen.sum())

@@ -1,4 +1,4 @@
-"""How e_A is read along the barrel of a pivoted bat: errors above, what the axis bears below."""
+"""Chart of e_A along the barrel of a pivoted bat: errors above, load on the axis below."""
 
 from __future__ import annotations
 

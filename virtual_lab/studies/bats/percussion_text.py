@@ -1,4 +1,4 @@
-"""How e_A is read along the barrel of a pivoted bat, as plain text for a terminal."""
+"""Errors of e_A along the barrel of a pivoted bat, as plain text for a terminal."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def _milli(key: str, form: str) -> Callable[[Any], str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadError:
-    """e_A by one way of reading it; None where no rebound was seen."""
+    """e_A by one method; None if no rebound was seen."""
 
     error: float | None = column("error", "1e-3", _milli("error", "+.2f"))  # with nothing random
     rms: float | None = column("rms", "1e-3", _milli("rms", ".2f"))  # of errors over laboratories
@@ -33,7 +33,7 @@ class ReadError:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Struck:
-    """A place of the bat: as drawn, and as it is read by recoil and by rebound."""
+    """A place of the bat: nominal values, and readings from recoil and rebound."""
 
     z_in: float = column("place from the tip", "in", ".2f")
     e_A: float = column("true e_A", form=".4f")
@@ -48,7 +48,7 @@ class Struck:
 
 
 def percussion_text(rows: Sequence[Struck], percussion_in: float) -> str:
-    """Return a table of the places, and in words where the reading suffers."""
+    """Return a table of the places, and sentences on the largest errors."""
     near = min(rows, key=lambda row: abs(row.z_in - percussion_in))
     worst = max(rows, key=lambda row: abs(row.plain_shift))
     loose = max(rows, key=lambda row: abs(row.loose_shift))

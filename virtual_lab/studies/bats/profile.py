@@ -1,6 +1,6 @@
 """A bat along its barrel under standard game conditions: e, r, e_A, bat and batted-ball speed.
 
-What the model says of the bat as drawn: nothing here is measured.
+Results of the model for the nominal bat; nothing here is measured.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class GameConditions(Spec):
     energy_swing: EnergySwingSpec
 
     def ball_of(self, bat: BatSpec) -> str:
-        """Return the name of the ball that a bat of its sport meets."""
+        """Return the name of the ball for the sport of a bat."""
         return self.softball if bat.sport == "softball" else self.ball
 
     def swing(self, exponent: float | None, reference_inertia: float | None = None) -> SwingLaw:
@@ -130,17 +130,17 @@ class Profiled(StudyResult):
 
     @property
     def title(self) -> str:
-        """Which bat meets which ball."""
+        """Title with bat and ball."""
         return f"Profile of {self.bat.name} struck by {self.ball.name}"
 
     @property
     def rows(self) -> list[Mapping[Hashable, float]]:
-        """A row a place, in the units of the field."""
+        """One row per place, in the units of the field."""
         return list(self.table.to_dict("records"))
 
     @property
     def text(self) -> str:
-        """The bat's properties beside the published ones, and its curve."""
+        """The bat's properties with the published ones, and its curve."""
         return profile_text(self.document, self.bat.published)
 
     def draw(self, path: Path) -> None:
@@ -149,7 +149,7 @@ class Profiled(StudyResult):
 
     @property
     def table(self) -> pd.DataFrame:
-        """A row a place, in the units of the field."""
+        """One row per place, in the units of the field."""
         import pandas as pd
 
         return pd.DataFrame(
@@ -206,10 +206,10 @@ def profile_of_bat(
     bat
         Name in the catalog or path of a .toml file.
     swing
-        Exponent n of Eq. (14): 0, all bats swung alike, to 0.5, the same energy into each; None
-        for the other law, the same energy into bat and batter.
+        Exponent n of Eq. (14), from 0 (the same speed for all bats) to 0.5 (the same energy); None
+        for the law of constant energy of bat and batter.
     reference_inertia
-        I0 of the law, as `read_inertia` takes it; that of the game conditions by default.
+        I0 of the law, as for `read_inertia`; by default that of the game conditions.
     ball
         Name in the catalog or path of a .toml file; by default the game conditions' own of the
         bat's sport.
@@ -283,7 +283,7 @@ def free_model(body: BatBody) -> ModalModel:
 def chosen_swings(
     law: str, swings: Sequence[float], usual: Sequence[float]
 ) -> tuple[float | None, ...]:
-    """Return the exponents that a swing law and a user's own choice come to, each once.
+    """Return the exponents for a swing law and a user's choice, each once.
 
     Raises `InputError` for another law than ``power`` or ``energy``, and for exponents of the
     latter, which has none.
@@ -300,8 +300,8 @@ def chosen_swings(
 def read_inertia(text: str, axis_beyond_knob: float = -KNOB_OFFSET) -> float:
     """Return a moment of inertia [kg m^2] given as a bat's name or as a number with its unit.
 
-    Of a bat it is that about an axis `axis_beyond_knob` [m], by default the point it is swung
-    about, 1 in from the knob.
+    For a bat it is about an axis `axis_beyond_knob` [m], by default the axis of the swing, 1 in
+    from the knob.
 
     Raises
     ------

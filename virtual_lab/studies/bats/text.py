@@ -67,7 +67,7 @@ class Difference:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawRow:
-    """A law of the ball's force: on a wall, and the peaks of a bat it is played with."""
+    """A force law of the ball: on a wall, and the peaks of a bat hit by this ball."""
 
     bat: str
     law: str = column("law")
@@ -88,7 +88,7 @@ def placed(peaks: Mapping[str, Peak]) -> dict[str, float]:
 
 
 def profile_text(document: Mapping[str, Any], published: PublishedBat | None) -> str:
-    """Return a bat's properties, beside the published ones where there are any, and its curve."""
+    """Return a bat's properties, with published ones if there are any, and its curve."""
     computed = {
         "mass_oz": document["mass_oz"],
         "z_cm_in": document["z_cm_in"],
@@ -116,12 +116,12 @@ def profile_text(document: Mapping[str, Any], published: PublishedBat | None) ->
 
 
 def swing_text(exponent: float | None) -> str:
-    """Return which law of the swing it is."""
+    """Return the name of the swing law."""
     return "constant energy" if exponent is None else f"n = {exponent:g}"
 
 
 def balls_text(balls: Mapping[str, str]) -> str:
-    """Return which ball each bat meets, in one sentence where it is the same one."""
+    """Return the ball for each bat, or one sentence if it is the same for all."""
     if len(set(balls.values())) == 1:
         return f"struck by {next(iter(balls.values()))}"
     return "; ".join(f"{bat} struck by {ball}" for bat, ball in balls.items())
@@ -130,7 +130,7 @@ def balls_text(balls: Mapping[str, str]) -> str:
 def comparison_text(
     peaks: Sequence[Peaks], differences: Sequence[Difference], balls: Mapping[str, str]
 ) -> str:
-    """Return the peaks of several bats, and how far they lie from those of the first."""
+    """Return the peaks of several bats, and their differences from those of the first."""
     swung = {"n": Column("swing", form=lambda row: swing_text(row.n))}
     tops = {"bat": Column("bat")} | swung | PEAK_COLUMNS
     pair = {"bat": Column("bat", form=lambda row: f"{row.bat} against {row.against}")}

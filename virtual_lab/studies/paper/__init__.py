@@ -1,4 +1,4 @@
-"""Every number, figure and claim of the paper beside what this library computes of it."""
+"""Every number, figure and claim of the paper, compared with results of this library."""
 
 from virtual_lab.studies.paper.claim import Claim, Row
 from virtual_lab.studies.paper.findings import CLAIMS, Findings, paper

@@ -1,4 +1,4 @@
-"""A number or claim of the paper, where it stands there, and how it is computed here."""
+"""A number or claim of the paper, its place there, and its computation here."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ WORDS: Mapping[str, None] = {"energy": None}  # a swing of constant energy has n
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Claim:
-    """What the paper says, and between which bounds what we find agrees with it."""
+    """A statement of the paper, and the bounds within which our result agrees."""
 
     section: str
     where: str  # text, equation, table or figure
@@ -35,7 +35,7 @@ class Claim:
 
     @property
     def tolerance(self) -> str:
-        """The bounds in words."""
+        """The bounds as text."""
         if self.paper is not None and isfinite(self.high - self.low):
             return f"± {(self.high - self.low) / 2:.2g}"
         if self.low == -inf:
@@ -45,25 +45,25 @@ class Claim:
         return f"{self.low:.4g} to {self.high:.4g}"
 
     def row(self) -> Row:
-        """Return the claim with what is found."""
+        """Return the claim with our result."""
         return Row(claim=self, found=float(self.find()))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """A claim and what was found of it, in the claim's unit."""
+    """A claim and our result, in the unit of the claim."""
 
     claim: Claim
     found: float
 
     @property
     def deviation(self) -> float | None:
-        """What was found less the number in print."""
+        """Our result minus the printed number."""
         return None if self.claim.paper is None else self.found - self.claim.paper
 
     @property
     def holds(self) -> bool:
-        """Whether it lies within the bounds; NaN does not."""
+        """Whether our result lies within the bounds; NaN does not."""
         return self.claim.low <= self.found <= self.claim.high
 
     @property
@@ -86,10 +86,10 @@ class Row:
 
 
 def read_claims(path: Path, finders: Mapping[str, Callable[..., float]]) -> Iterator[Claim]:
-    """Return the claims of a table; `find` is the name of a finder and its arguments.
+    """Return the claims of a table; `find` is the name of a function and its arguments.
 
-    A number in print has the bounds that it is `within`; of others an empty bound is none.
-    Raises `KeyError` for a finder that there is not.
+    A printed number has symmetric bounds, `within`; for others an empty bound means no bound.
+    Raises `KeyError` for an unknown function.
     """
     with path.open(encoding="utf-8", newline="") as table:
         for row in csv.DictReader(table):

@@ -1,4 +1,4 @@
-"""What the paper's claims are computed from: bats, balls, collisions, each once.
+"""Bats, balls and collisions from which the paper's claims are computed, each once.
 
 Places are in inches and speeds in mph here, as in the paper; a bat is named as in the catalog.
 """

@@ -1,4 +1,4 @@
-"""What is found of Secs. IV and VI: Table I, Figs. 3 and 4, the conclusions."""
+"""Results for Secs. IV and VI: Table I, Figs. 3 and 4, the conclusions."""
 
 from __future__ import annotations
 

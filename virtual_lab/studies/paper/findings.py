@@ -1,4 +1,4 @@
-"""All claims in the order of the paper, with what is found of each."""
+"""All claims in the order of the paper, with our results."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ CLAIMS: tuple[Claim, ...] = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Findings(StudyResult):
-    """The claims with what was found."""
+    """The claims with our results."""
 
     found: tuple[Row, ...]
 
@@ -43,7 +43,7 @@ class Findings(StudyResult):
 
     @property
     def rows(self) -> list[Mapping[str, float | str | bool | None]]:
-        """A row a claim."""
+        """One row per claim."""
         return [row.document for row in self.found]
 
     @property
@@ -64,12 +64,12 @@ class Findings(StudyResult):
 
     @property
     def held(self) -> int:
-        """How many rows hold."""
+        """Number of claims that agree."""
         return sum(row.holds for row in self.found)
 
     @property
     def document(self) -> Json:
-        """All of it for JSON."""
+        """The result for JSON."""
         return {
             "claims": len(self.found),
             "hold": self.held,
@@ -78,7 +78,7 @@ class Findings(StudyResult):
 
 
 def paper(*, progress: Progress = quiet) -> Findings:
-    """Return every claim of the paper with what is found."""
+    """Return every claim of the paper with our result."""
     rows: list[Row] = []
     for claim in CLAIMS:
         progress("claims", len(rows), len(CLAIMS))

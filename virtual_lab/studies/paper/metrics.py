@@ -1,4 +1,4 @@
-"""What is found of Sec. II: the metrics, their algebra, and the paper's worked numbers."""
+"""Results for Sec. II: the metrics, their algebra, and the paper's numerical examples."""
 
 from __future__ import annotations
 

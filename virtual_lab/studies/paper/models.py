@@ -1,4 +1,4 @@
-"""What is found of Sec. III: the collision model, the swing, the wooden bat of Fig. 2, the game."""
+"""Results for Sec. III: collision model, swing, the wooden bat of Fig. 2, the game."""
 
 from __future__ import annotations
 

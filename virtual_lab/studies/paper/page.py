@@ -62,6 +62,6 @@ def draw_page() -> Figure:
 
 
 def write_page(rows: Sequence[Row], figure: Figure, path: Path) -> None:
-    """Write figure and table as one HTML page that needs nothing but itself."""
+    """Write figure and table as one self-contained HTML page."""
     table = [cell | {"reason": row.claim.why} for cell, row in zip(cells(rows), rows, strict=True)]
     path.write_text(chart_page(TITLE, WORDS, figure, table), encoding="utf-8")

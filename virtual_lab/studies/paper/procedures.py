@@ -1,4 +1,4 @@
-"""What is found of Sec. V: the procedures, proposed and in use, by the bats' exact curves."""
+"""Results for Sec. V: procedures, proposed and in use, from the bats' exact curves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the study of the paper prints in a terminal."""
+"""Text of the study of the paper for a terminal."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ ROUNDING = 1e-12  # a deviation below is none
 
 
 def paper_text(rows: Sequence[Row]) -> str:
-    """Return one table of all claims, and how many hold."""
+    """Return one table of all claims, and the number that agree."""
     held = sum(row.holds for row in rows)
     return f"{table_text(cells(rows))}\n\n{held} of {len(rows)} hold"
 

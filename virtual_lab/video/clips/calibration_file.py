@@ -138,6 +138,6 @@ def read_calibration(
     if ball_diameter is not None and ball_diameter != found.ball_diameter_m:
         found = replace(found, ball_diameter_m=ball_diameter, ball_diameter_m_u=0.0)
     if not (otherwise or found.metres_per_pixel or found.camera or found.ball_diameter_m):
-        allowed = "give metres_per_pixel, [camera] or the ball's diameter"
+        allowed = "give --ball, --scale, or metres_per_pixel or [camera] in a calibration file"
         raise InputError(str(path or ""), "scale", None, f"no length is known: {allowed}")
     return found
