@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from virtual_lab.output.style import STYLE
 from virtual_lab.studies.critique_text import Pair
@@ -14,34 +14,42 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_critique"]
 
-MARKS = {  # verdict: marker, face, edge, ink of the number
-    "as the field": ("o", "#56b4e9", "#0072b2", "black"),
-    "by chance": ("D", "#f0e442", "#8a7f00", "black"),
-    "other way round": ("s", "#b34a00", "black", "white"),
-    "tie": ("_", "0.5", "0.5", "0.5"),
-    "no result": ("x", "0.5", "0.5", "0.5"),
+
+class Mark(NamedTuple):
+    """How a verdict is drawn."""
+
+    words: str
+    marker: str
+    size: float  # points
+    face: str
+    edge: str
+    ink: str  # of the number
+
+
+class Layout(NamedTuple):
+    """Lengths of the page, in."""
+
+    cell: float = 0.32
+    least_width: float = 7.2  # for the sentences above and the legend below
+    right: float = 0.1
+    above: float = 1.05
+    below: float = 1.6
+    letter: float = 0.06  # of a bat's name
+    gap: float = 0.62  # between panels: the field's own differences stand there
+
+
+MARKS = {
+    "as the field": Mark(
+        "ranks as the field does, 95 % sure", "o", 17, "#56b4e9", "#0072b2", "black"
+    ),
+    "by chance": Mark("noise decides", "D", 14, "#f0e442", "#8a7f00", "black"),
+    "other way round": Mark(
+        "ranks the other way round, 95 % sure", "s", 17, "#b34a00", "black", "white"
+    ),
+    "tie": Mark("no order in the field", "_", 8, "0.5", "0.5", "0.5"),
+    "no result": Mark("gives no result", "x", 8, "0.5", "0.5", "0.5"),
 }
-SIZES = {"D": 14}  # points; a square on its corner is wider
-WORDS = {
-    "as the field": "ranks as the field does, 95 % sure",
-    "by chance": "noise decides",
-    "other way round": "ranks the other way round, 95 % sure",
-    "tie": "no order in the field",
-    "no result": "gives no result",
-}
-TITLE = "Does the test rank two bats as the field does?"
-NUMBER = "Number: probability, per cent, that one laboratory ranks them the other way round."
-SWINGS = {True: "$I^{-n}$", False: "constant energy of bat and batter"}  # by whether there is an n
-FIELD = (
-    "$\\Delta v_f$: greatest batted-ball speed in the field, first bat less second, "
-    "bats swung by {swing}."
-)
-METRICS_IN_MATH = {"e": "$e$", "v_f": "$v_f$"}
-CELL = 0.32  # in
-LEAST_WIDTH = 7.2  # in: the sentences above and the legend below
-RIGHT, ABOVE, BELOW = 0.1, 1.05, 1.6  # in, around the panels
-LETTER = 0.06  # in, of a bat's name
-GAP = 0.62  # in, between panels: the field's own differences stand there
+PAGE = Layout()
 
 
 def draw_critique(pairs: Sequence[Pair], path: Path) -> None:
@@ -63,17 +71,31 @@ def draw_critique(pairs: Sequence[Pair], path: Path) -> None:
     swings = list(dict.fromkeys(row.n for row in pairs))
     bats = list(dict.fromkeys((row.first, row.second) for row in pairs))
     procedures = {row.procedure: _said(row) for row in pairs}
-    field = FIELD.replace("{swing}", SWINGS[swings[0] is not None])
-    left_of_all = GAP + LETTER * max(len(_named(pair)) for pair in bats)
-    panel = CELL * len(procedures), CELL * len(bats)
-    panels = GAP * (len(swings) - 1) + panel[0] * len(swings)
-    width = max(left_of_all + RIGHT + panels, LEAST_WIDTH)
-    height = ABOVE + BELOW + panel[1]
+    left_of_all = PAGE.gap + PAGE.letter * max(len(_named(pair)) for pair in bats)
+    panel = PAGE.cell * len(procedures), PAGE.cell * len(bats)
+    panels = PAGE.gap * (len(swings) - 1) + panel[0] * len(swings)
+    width = max(left_of_all + PAGE.right + panels, PAGE.least_width)
+    height = PAGE.above + PAGE.below + panel[1]
+    swing = "constant energy of bat and batter" if swings[0] is None else "$I^{-n}$"
+    sentences = (
+        ("Does the test rank two bats as the field does?", 0.2, 10),
+        (
+            "Number: probability, per cent, that one laboratory ranks them the other way round.",
+            0.41,
+            7.5,
+        ),
+        (
+            "$\\Delta v_f$: greatest batted-ball speed in the field, first bat less second, "
+            f"bats swung by {swing}.",
+            0.56,
+            7.5,
+        ),
+    )
     with style.context(STYLE, after_reset=True):
         figure = Figure(figsize=(width, height), dpi=150)
         for i, n in enumerate(swings):
-            left = left_of_all + i * (panel[0] + GAP)
-            box = (left / width, BELOW / height, panel[0] / width, panel[1] / height)
+            left = left_of_all + i * (panel[0] + PAGE.gap)
+            box = (left / width, PAGE.below / height, panel[0] / width, panel[1] / height)
             axes = figure.add_axes(box)
             own = [row for row in pairs if row.n == n]
             _panel(axes, own, bats, procedures)
@@ -81,7 +103,7 @@ def draw_critique(pairs: Sequence[Pair], path: Path) -> None:
             if i == 0:
                 axes.set_yticks(range(len(bats)), [_named(pair) for pair in bats])
                 axes.tick_params(axis="y", pad=30)
-        for text, below, size in ((TITLE, 0.2, 10), (NUMBER, 0.41, 7.5), (field, 0.56, 7.5)):
+        for text, below, size in sentences:
             figure.text(0.08 / width, 1 - below / height, text, fontsize=size, va="center")
         used = {row.ranking.verdict for row in pairs}
         handles = [_handle(verdict) for verdict in MARKS if verdict in used]
@@ -94,21 +116,22 @@ def _panel(
 ) -> None:
     for row in rows:
         x, y = list(procedures).index(row.procedure), bats.index((row.first, row.second))
-        marker, face, edge, ink = MARKS[row.ranking.verdict]
-        lined = marker in "_x"
+        mark = MARKS[row.ranking.verdict]
         axes.plot(
             x,
             y,
-            marker,
-            markersize=8 if lined else SIZES.get(marker, 17),
-            markerfacecolor=face,
-            markeredgecolor=edge,
+            mark.marker,
+            markersize=mark.size,
+            markerfacecolor=mark.face,
+            markeredgecolor=mark.edge,
             markeredgewidth=0.8,
             zorder=2,
         )
         if row.ranking.probability is not None:
             percent = _percent(row.ranking.probability)
-            axes.text(x, y, percent, ha="center", va="center", fontsize=6.5, color=ink, zorder=3)
+            axes.text(
+                x, y, percent, ha="center", va="center", fontsize=6.5, color=mark.ink, zorder=3
+            )
     for y, pair in enumerate(bats):
         apart = next(row.v_f_mph for row in rows if (row.first, row.second) == pair)
         axes.text(-0.62, y, f"{apart:+.1f}".replace("-", "−"), ha="right", va="center", fontsize=7)
@@ -131,22 +154,23 @@ def _named(pair: tuple[str, str]) -> str:
 
 def _said(row: Pair) -> str:
     own = "" if row.own_n is None else f", $n={row.own_n:g}$"
-    return f"{row.procedure} ({METRICS_IN_MATH.get(row.metric, row.metric)}{own})"
+    metric = {"e": "$e$", "v_f": "$v_f$"}.get(row.metric, row.metric)
+    return f"{row.procedure} ({metric}{own})"
 
 
 def _handle(verdict: str) -> Any:
     from matplotlib.lines import Line2D
 
-    marker, face, edge, _ = MARKS[verdict]
+    mark = MARKS[verdict]
     return Line2D(
         [],
         [],
         linestyle="",
-        marker=marker,
+        marker=mark.marker,
         markersize=7,
-        label=WORDS[verdict],
-        markerfacecolor=face,
-        markeredgecolor=edge,
+        label=mark.words,
+        markerfacecolor=mark.face,
+        markeredgecolor=mark.edge,
     )
 
 
