@@ -122,7 +122,7 @@ def test_progress_has_rate_and_time_left(monkeypatch: pytest.MonkeyPatch) -> Non
         found[stream.isatty()] = stream.getvalue()
     assert "… laboratories: 50 of 100, " in found[True]
     assert " a second, 0 s left" in found[True]
-    assert found[True].endswith(module.CLEAR)
+    assert found[True].endswith(module.CLEAR_LINE)
     assert "\n" not in found[True]
     lines = found[False].splitlines()
     assert len(lines) >= 2
