@@ -71,6 +71,10 @@ class Decision:
     accepted: bool
     because: str
 
+    @property
+    def word(self) -> str:
+        return "accepted" if self.accepted else "rejected"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Day:

@@ -17,7 +17,7 @@ import numpy as np
 from virtual_lab.bench.actions import ARGUMENTS, OWN_RESULTS, Action
 from virtual_lab.bench.apparatus import Apparatus
 from virtual_lab.bench.day import Day, Decision
-from virtual_lab.bench.desk import UNDECIDED, Desk, OwnResult
+from virtual_lab.bench.desk import DecidedHit, Desk, OwnResult
 from virtual_lab.bench.deviations import (
     DENIED,
     JUSTIFIED,
@@ -41,7 +41,6 @@ __all__ = [
     "Debrief",
     "ExpertDay",
     "FaultReview",
-    "HitReview",
     "StepReview",
     "debrief",
     "debrief_page",
@@ -108,18 +107,6 @@ class StepReview:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HitReview:
-    """A hit and what became of it."""
-
-    ball: int  # from 1
-    place: float | None  # [m]
-    speed: float | None  # [m/s]
-    efficiency: float | None
-    metric: float | None
-    decision: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ExpertDay:
     """What an expert did with the same laboratory, bat and balls."""
 
@@ -162,7 +149,7 @@ class Debrief:
     steps: tuple[StepReview, ...]
     deviations: tuple[Deviation, ...]
     own: tuple[OwnResult, ...]
-    hits: tuple[tuple[HitReview | None, HitReview | None], ...]  # the trainee's, the expert's
+    hits: tuple[tuple[DecidedHit | None, DecidedHit | None], ...]  # the trainee's, the expert's
     expert: ExpertDay
     disputes: tuple[tuple[str, str], ...]  # score, the trainee's note
     minutes: float
@@ -239,7 +226,7 @@ def debrief(apparatus: Apparatus, day: Day, scenario: Scenario, seal: str = "") 
         steps=tuple(_steps(day)),
         deviations=tuple(departed),
         own=own,
-        hits=tuple(zip_longest(_hits(desk), _hits(beside))),
+        hits=tuple(zip_longest(desk.hits, beside.hits)),
         expert=_expert(apparatus, beside, desk, right, spoilt=bool(faults)),
         disputes=tuple(
             (str(event.arguments["score"]), str(event.arguments["note"]))
@@ -331,39 +318,6 @@ def _steps(day: Day) -> Iterator[StepReview]:
             done=done,
             excuse=notes.get(step, ""),
         )
-
-
-def _hits(desk: Desk) -> list[HitReview]:
-    found = None if desk.missing or not desk.day.fired else desk.by_rules
-    rows = []
-    for shot, (ball, _) in enumerate(desk.day.fired):
-        chosen = desk.day.decisions.get(shot)
-        word = "accepted" if chosen and chosen.accepted else "rejected" if chosen else UNDECIDED
-        numbers = (
-            (None,) * 4
-            if found is None
-            else tuple(
-                float(values[shot]) if np.isfinite(values[shot]) else None
-                for values in (
-                    found.readings.place,
-                    found.shots.speed,
-                    found.shots.collision_efficiency,
-                    found.shot_metric,
-                )
-            )
-        )
-        place, speed, efficiency, metric = numbers
-        rows.append(
-            HitReview(
-                ball=ball + 1,
-                place=place,
-                speed=speed,
-                efficiency=efficiency,
-                metric=metric,
-                decision=f"{word}: {chosen.because}" if chosen else word,
-            )
-        )
-    return rows
 
 
 def _expert(
@@ -639,7 +593,7 @@ def _mended(desk: Desk, odd: set[int]) -> Iterator[tuple[int, str, list[Action],
                 yield number, f"{what}, not {SLIPS[key]}", others, own
     for shot in sorted(day.decisions.keys() - own - odd):
         if shot < len(reasons):
-            word = "accepted" if day.decisions[shot].accepted else "rejected"
+            word = day.decisions[shot].word
             why = reasons[shot] or "the windows have nothing against it"
             number = max(
                 event.number

@@ -28,7 +28,7 @@ if TYPE_CHECKING:  # the reduction takes a second to load, and a first page must
     from virtual_lab.measurement.reduction.shot_algebra import ShotResults
     from virtual_lab.measurement.session_reduction import Preparation, Reduced
 
-__all__ = ["UNDECIDED", "Desk", "OwnResult", "session_of"]
+__all__ = ["UNDECIDED", "DecidedHit", "Desk", "OwnResult", "session_of"]
 
 Array = NDArray[np.float64]
 UNDECIDED = "undecided"
@@ -63,6 +63,19 @@ def session_of(day: Day) -> Session:
         joined = {channel: join(parts) for channel, parts in shots.items()}
         records["impact"] = joined | records.get("impact", {})
     return replace(day.morning, calibration=calibration, records=records)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DecidedHit:
+    """A shot at the bat: what the records make of it [SI; None: not seen], and what was decided."""
+
+    ball: int  # from 1
+    place: float | None
+    speed: float | None
+    efficiency: float | None
+    metric: float | None
+    decision: str  # accepted, rejected or UNDECIDED
+    because: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,6 +177,33 @@ class Desk:
     def reasons(self) -> tuple[str, ...]:
         """Why the rules would reject each hit; empty where they would not."""
         return self.by_rules.judgement.reasons if self.day.fired else ()
+
+    @property
+    def hits(self) -> list[DecidedHit]:
+        """Every shot so far; nothing is made of any while something is missing."""
+        rows = np.full((len(self.day.fired), 4), np.nan)
+        if self.day.fired and not self.missing:
+            shots, found = self.by_rules.shots, self.by_rules
+            rows = np.stack(
+                [found.readings.place, shots.speed, shots.collision_efficiency, found.shot_metric],
+                axis=1,
+            )
+        seen = [[float(each) if np.isfinite(each) else None for each in row] for row in rows]
+        chosen = [self.day.decisions.get(shot) for shot in range(len(rows))]
+        return [
+            DecidedHit(
+                ball=ball + 1,
+                place=place,
+                speed=speed,
+                efficiency=efficiency,
+                metric=metric,
+                decision=given.word if given else UNDECIDED,
+                because=given.because if given else "",
+            )
+            for (ball, _), (place, speed, efficiency, metric), given in zip(
+                self.day.fired, seen, chosen, strict=True
+            )
+        ]
 
     @cached_property
     def missing(self) -> str:

@@ -38,7 +38,6 @@ __all__ = [
 ]
 
 CLOCK = "clock of the gates, fast"  # as compare-clock shows it
-SLOWING_U = 0.4  # relative, of the loss of amplitude: two readings a few of their steps apart
 WORST_MORNING = 0.002  # of a chart's mean: no chart of a dozen mornings is known better
 USUAL_BAT = 0.8  # kg
 
@@ -131,14 +130,14 @@ def _bench(desk: Desk) -> Iterator[Sign]:
 
 
 def _pendulum(desk: Desk) -> Iterator[Sign]:
-    from virtual_lab.measurement.diagnostics.bench import swing_slowing  # loads slowly
+    from virtual_lab.measurement.diagnostics.bench import DECAY_U, swing_slowing  # slow to load
 
     swung, alone = desk.last("swing"), desk.last("swing-clamp")
     slowed = swing_slowing(record_of(swung.records["pendulum"])) if swung else None
     if slowed:
         times, u, _ = slowed
         why = f"the periods shorten {times:.1f} times as much as the amplitudes read allow"
-        yield Sign("pendulum-wide", abs(times - 1) / hypot(u, SLOWING_U), why)
+        yield Sign("pendulum-wide", abs(times - 1) / hypot(u, DECAY_U), why)
     if alone:
         shown = dict(_numbers(alone))
         off = shown["clamp, measured"] - shown["clamp, as entered"]

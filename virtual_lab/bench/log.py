@@ -70,7 +70,7 @@ class DayLog:
             morning=session,
             balls=read(session.procedure_text, "procedure.toml", Procedure).spec.balls,
             came_with=int(self.morning["came_with"]),
-            checklists=told["checklists"],
+            checklists=told.get("checklists", False),
             remarks=told["feedback"] == "during",
             exam=told["feedback"] == "never",
         )

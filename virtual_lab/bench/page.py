@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from io import StringIO
 from itertools import accumulate
-from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from virtual_lab.bench.actions import ARGUMENTS, Argument
@@ -340,46 +339,26 @@ def _units(briefing: Mapping[str, Any]) -> list[str]:
 
 
 def _hits(desk: Desk, briefing: Mapping[str, Any]) -> list[HitShown]:
-    day = desk.day
     (length, metre), (_, metre_a_second) = UNITS[briefing["units"]]
-    if not day.fired:
-        return []
-    whole = not desk.missing
-    rows = []
-    for shot, (ball, _) in enumerate(day.fired):
-        chosen = day.decisions.get(shot)
-        windows = "not reduced yet"
-        numbers = ("–", "–", "–", "–")
-        if whole:
-            found = desk.by_rules
-            windows = desk.reasons[shot] or "within"
-            unit = METRICS[desk.rules.spec.metric].unit_si
-            numbers = (
-                _number(found.readings.place[shot] / metre, 3 if length == "in" else 1),
-                _number(found.shots.speed[shot] / metre_a_second, 2),
-                _number(found.shots.collision_efficiency[shot], 4),
-                _number(found.shot_metric[shot] / unit, 4),
-            )
-        place, speed, efficiency, metric = numbers
-        decision = "undecided" if chosen is None else "accepted" if chosen.accepted else "rejected"
-        rows.append(
-            HitShown(
-                shot=shot + 1,
-                ball=ball + 1,
-                place=place,
-                speed=speed,
-                efficiency=efficiency,
-                metric=metric,
-                windows=windows,
-                decision=decision,
-                because=chosen.because if chosen else "",
-            )
+    whole, metric = not desk.missing, METRICS[desk.rules.spec.metric]
+
+    def number(value: float | None, unit: float, places: int) -> str:
+        return f"{value / unit:.{places}f}" if value is not None else "not seen" if whole else "–"
+
+    return [
+        HitShown(
+            shot=shot,
+            ball=hit.ball,
+            place=number(hit.place, metre, 3 if length == "in" else 1),
+            speed=number(hit.speed, metre_a_second, 2),
+            efficiency=number(hit.efficiency, 1.0, 4),
+            metric=number(hit.metric, metric.unit_si, 4),
+            windows=desk.reasons[shot - 1] or "within" if whole else "not reduced yet",
+            decision=hit.decision,
+            because=hit.because,
         )
-    return rows
-
-
-def _number(value: float, places: int) -> str:
-    return f"{value:.{places}f}" if isfinite(value) else "not seen"
+        for shot, hit in enumerate(desk.hits, 1)
+    ]
 
 
 def _motion(

@@ -119,7 +119,7 @@ class ServedDay:
 
     def do(self, action: Action, number: int | None = None) -> DayEvent:
         done = self.kept.do(action, number)
-        if action.name == "fire" and self.briefing["camera"]:
+        if action.name == "fire" and self.briefing.get("camera"):
             self._film(len(self.kept.day.fired), False)  # behind the answer
         return done
 
