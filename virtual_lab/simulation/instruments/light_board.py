@@ -20,7 +20,7 @@ from virtual_lab.records import BoardRecord, PassageRecord
 from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments.calibrated import Freedom, certified, drawn
 from virtual_lab.simulation.instruments.indicator import quantise
-from virtual_lab.simulation.instruments.light_gate import BallGates, GateSheet
+from virtual_lab.simulation.instruments.light_gate import BallGates, GateSheet, WatchedBatch
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
@@ -102,15 +102,8 @@ class LightBoards(BallGates[LightBoardSpec]):
         """True heights of the boards' zeros above the line of fire, (board,) [m]."""
         return np.array([self.true[f"height_{at}"] for at in range(len(self.spec.distances))])
 
-    def edges(
-        self,
-        passage: Passage,
-        contact: Array,
-        leaving: Array,
-        draws: Draws,
-        name: str,
-        slots: Slots,
-    ) -> BoardRecord:
+    def edges(self, batch: WatchedBatch) -> BoardRecord:
+        passage, contact, leaving, draws, name, slots = batch
         from virtual_lab.simulation.instruments.board_kernel import write_edges
 
         spec, ways = self.spec, (0, 1)
@@ -128,21 +121,14 @@ class LightBoards(BallGates[LightBoardSpec]):
         records.setflags(write=False)
         return BoardRecord(times=records)
 
-    def sums(
-        self,
-        passage: Passage,
-        contact: Array,
-        leaving: Array,
-        draws: Draws,
-        name: str,
-        slots: Slots,
-    ) -> PassageRecord:
+    def sums(self, batch: WatchedBatch) -> PassageRecord:
         """Sum each board up: time and height of the ball's centre.
 
         Their noise is that of the sums over the beams that a ball breaks where it passes. A
         ball that rises or falls passes its own height sooner or later: the height's error is
         in the time too.
         """
+        passage, contact, leaving, draws, name, slots = batch
         from virtual_lab.simulation.instruments.board_kernel import sum_up
 
         spec = self.spec

@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from math import inf, sqrt
-from typing import Annotated, ClassVar, TypeVar
+from typing import Annotated, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 from annotated_types import Ge, Gt, MinLen
@@ -31,7 +31,7 @@ from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["BallGates", "GateSheet", "LightGateSpec", "LightGates"]
+__all__ = ["BallGates", "GateSheet", "LightGateSpec", "LightGates", "WatchedBatch"]
 
 Time = Annotated[float, Ge(0), Dimension("time")]
 
@@ -61,6 +61,17 @@ class GateSheet(CalibratedSpec):
             f"distance_{index}": certified(distance, self.distance_u, self.distance_dof)
             for index, distance in enumerate(self.distances)
         } | {"clock": certified(1 + self.clock_fast, self.clock_u)}
+
+
+class WatchedBatch(NamedTuple):
+    """Balls that reach the target at `contact` and leave it at `leaving` [s]."""
+
+    passage: Passage
+    contact: Array  # (shot,)
+    leaving: Array  # (shot,)
+    draws: Draws
+    name: str  # under which is drawn
+    slots: Slots
 
 
 G = TypeVar("G", bound=GateSheet)
@@ -101,31 +112,15 @@ class BallGates(CalibratedInstrument[G], ABC):
         if slots.shape != contact.shape:
             raise InputError("", "slots", slots.shape, f"allowed: one a shot, {contact.shape}")
         record = self.edges if rung is RecordDetail.FULL else self.sums
-        written = record(passage, contact, leaving, draws, name, slots)
+        written = record(WatchedBatch(passage, contact, leaving, draws, name, slots))
         return passage.seen(written, self.distances)
 
     @abstractmethod
-    def edges(
-        self,
-        passage: Passage,
-        contact: Array,
-        leaving: Array,
-        draws: Draws,
-        name: str,
-        slots: Slots,
-    ) -> Record:
+    def edges(self, batch: WatchedBatch) -> Record:
         """Write every edge."""
 
     @abstractmethod
-    def sums(
-        self,
-        passage: Passage,
-        contact: Array,
-        leaving: Array,
-        draws: Draws,
-        name: str,
-        slots: Slots,
-    ) -> PassageRecord:
+    def sums(self, batch: WatchedBatch) -> PassageRecord:
         """Write what a recorder of its own makes of the edges of each gate."""
 
 
@@ -151,15 +146,8 @@ class LightGateSpec(GateSheet):
 class LightGates(BallGates[LightGateSpec]):
     """The curtains of one laboratory."""
 
-    def edges(
-        self,
-        passage: Passage,
-        contact: Array,
-        leaving: Array,
-        draws: Draws,
-        name: str,
-        slots: Slots,
-    ) -> GateRecord:
+    def edges(self, batch: WatchedBatch) -> GateRecord:
+        passage, contact, leaving, draws, name, slots = batch
         edge = passage.radius * np.array([1.0, -1.0])
         before, _ = passage.inbound((self.distances[:, None] + edge)[None])
         after, height = passage.outbound((self.distances[:, None] - edge)[None])
@@ -171,16 +159,9 @@ class LightGates(BallGates[LightGateSpec]):
         jitter = spec.edge_jitter * draws.normal(f"{name}.jitter", times.shape[1:], slots)
         return GateRecord(times=quantise(self.clock * times + start + jitter, spec.tick))
 
-    def sums(
-        self,
-        passage: Passage,
-        contact: Array,
-        leaving: Array,
-        draws: Draws,
-        name: str,
-        slots: Slots,
-    ) -> PassageRecord:
+    def sums(self, batch: WatchedBatch) -> PassageRecord:
         """Sum each gate up: a passage with the noise of two edges."""
+        passage, contact, leaving, draws, name, slots = batch
         distances = self.distances[None]
         before, _ = passage.inbound(distances)
         after, height = passage.outbound(distances)
