@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,8 @@ Array = NDArray[np.float64]
 FEWEST = 6  # places of a flight
 SIDE = 4  # places on each side of a contact, to state a restitution
 ALIKE = 0.25  # of the acceleration that flights may differ by before drag and tilt are known
-BENDS = 0.08  # radii by which a flight may bend otherwise: few places scatter little by chance
+UNSURE = 0.5  # of it: a piece that may differ by more shows none
+BENDS = 0.05  # radii by which a flight may bend otherwise: few places scatter little by chance
 UPRIGHT = 0.5  # radians that g may be off the picture's downward direction
 SAG = 1.0  # radii that gravity must bend a way by, for its direction to be asked for
 SHOWS = 0.3  # the same, for gravity to be missed where there is none
@@ -81,7 +83,15 @@ class FlightScene:
         for way in ways:
             more = np.diff(way.t) - np.diff(self.time[way.frames])
             found |= {int(way.frames[k + 1]): round(more[k]) for k in np.flatnonzero(more > 0.5)}
+        for one, other in pairwise(ways):
+            if (between := self.ahead(one, other)) > 0.5:
+                found[int(other.frames[0])] = round(between)
         return found
+
+    def ahead(self, one: Piece, other: Piece) -> float:
+        """Return how many frames were left out between two flights."""
+        passed = self.time[other.frames[0]] - self.time[one.frames[-1]]
+        return float(other.t[0] - one.t[-1] - passed)
 
     def way(self, piece: Piece) -> Way:
         """Return a piece's places as the joint fit takes them."""
@@ -117,7 +127,7 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
     for _ in range(ROUNDS):
         flights = _merged(scene, flights, joint_fit(scene, flights, readout=readout))
         fit = joint_fit(scene, flights, readout=readout)
-        flights = _aligned(flights, fit)
+        flights = _aligned(scene, flights, fit)
         before = [each.frames.tolist() for each in flights]
         flights = _refilled(scene, flights, joint_fit(scene, flights, readout=readout))
         flights = _parted(scene, flights)
@@ -216,16 +226,17 @@ def readout_of(scene: FlightScene, flights: Sequence[Piece], surely: float = SUR
     return best if costs[0.0] > surely * costs[best] else 0.0
 
 
-def _aligned(flights: list[Piece], fit: Fit) -> list[Piece]:
+def _aligned(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
     """Return flights, later ones shifted by frames that were left out at a contact."""
-    aligned, shift = [flights[0]], 0
-    for k in range(len(flights) - 1):
-        one, other = flights[k], flights[k + 1]
-        if other.t[0] - one.t[-1] <= BETWEEN:
+    aligned, shift = [flights[0]], 0.0
+    for k, (one, other) in enumerate(pairwise(flights)):
+        shift -= scene.ahead(one, other)
+        if other.t[0] + shift - aligned[-1].t[-1] <= BETWEEN:
             apart = []
+            late = shift + one.t[-1] - aligned[-1].t[-1]
             for lost in range(4):
-                t = np.linspace(one.t[-1] - 0.5, other.t[0] + lost + 0.5, 201)
-                off = fit.at(k, t)[:, :2] - fit.at(k + 1, t - lost)[:, :2]
+                t = np.linspace(one.t[-1] - 0.5, other.t[0] + late + lost + 0.5, 201)
+                off = fit.at(k, t)[:, :2] - fit.at(k + 1, t - late - lost)[:, :2]
                 apart.append(float(np.hypot(*off.T).min()))
             best = int(np.argmin(apart))
             if apart[0] > 0.4 * one.radius and apart[best] < 0.3 * apart[0]:
@@ -242,16 +253,20 @@ def _of_one_gravity(scene: FlightScene, pieces: list[Piece]) -> list[Piece]:
     for piece, pull, u, rms in told:
         if len(piece.t) < FEWEST or not _falls(scene, piece, pull, u, rms):
             continue
-        like = []
+        like: list[Piece] = []
+        loose: list[Piece] = []
+        size = float(np.hypot(*pull))
         for other, own, own_u, _ in told:
-            shown = 8 * BENDS * piece.radius / np.ptp(other.t) ** 2
-            chance = 3 * float(np.hypot(u[0], own_u[0]))
+            chance = 3 * float(own_u[0]) + 8 * BENDS * piece.radius / np.ptp(other.t) ** 2
             slowed = (DRAG + DRAG_U) / piece.radius * max(_fast(piece), _fast(other)) ** 2
-            room = max(chance, shown, slowed, ALIKE * float(np.hypot(*pull)))
+            room = max(chance, slowed, ALIKE * size)
             small = max(other.radius, piece.radius) / min(other.radius, piece.radius) < SIZE
             colour = np.abs(_colour(scene, other) - _colour(scene, piece)).max() < 60
             if np.hypot(*(own - pull)) < room and small and colour:
-                like.append(other)
+                sure = other is piece or chance < UNSURE * size
+                (like if sure else loose).append(other)
+        # of a few places any acceleration may be gravity's: they must lie beside a flight
+        like += [o for o in loose if any(_gap(o, each) <= BETWEEN for each in like)]
         # many short pieces of a hand's way agree by chance; long ones do not
         support = float(sum((len(each.t) - 3) ** 1.5 for each in like))
         if support > best[0]:
@@ -261,6 +276,11 @@ def _of_one_gravity(scene: FlightScene, pieces: list[Piece]) -> list[Piece]:
 
 def _smooth(rms: float, piece: Piece) -> bool:
     return rms < max(SMOOTH[0] * piece.radius, SMOOTH[1])
+
+
+def _gap(one: Piece, other: Piece) -> int:
+    """Return how many frames lie from one piece to another."""
+    return int(max(one.frames[0] - other.frames[-1], other.frames[0] - one.frames[-1]))
 
 
 def _fast(piece: Piece) -> float:
