@@ -22,6 +22,7 @@ Image = NDArray[np.uint8]
 LEVELS = 4  # of the pyramid: each half as large
 SMALLEST = 24  # pixels of its top
 PARTS = 12  # of the picture, each way, that take part alike
+PART_SHOWS = 8  # steep pixels of a part that has an edge: noise leaves one or two
 PIXELS = 3000
 STEEPEST = 2.0  # DN a pixel: less is noise
 STEPS = 12
@@ -53,6 +54,14 @@ class Edges:
     """The steep pixels of a picture, level by level, the coarsest first."""
 
     levels: Sequence[_Level]
+
+    def span(self, shape: tuple[int, ...]) -> float:
+        """Return over how much of a picture's (rows, columns) they reach, of its wider way."""
+        level, sides = self.levels[-1], np.array(shape[::-1], dtype=float)
+        part = (np.stack([level.x, level.y]) / sides[:, None] * PARTS).astype(int)
+        each, count = np.unique(part, axis=1, return_counts=True)
+        shown = each[:, count >= PART_SHOWS]
+        return float(np.ptp(shown, axis=1).max() + 1) / PARTS if shown.size else 0.0
 
     def shift(self, grey: Image, guess: Array) -> Array:
         """Return how far a picture lies from this one, (2,) [pixels], found from near a guess."""

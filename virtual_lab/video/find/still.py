@@ -35,6 +35,7 @@ SEARCHED = 4e5  # pixels of the picture that is searched: larger ones are made s
 NO_DRIFT = 0.15  # pixels over a clip: a camera on a stand
 STILL = 0.05  # pixels searched: pictures laid upon one another as they are
 FASTEST = 0.025  # of the picture's longer side a frame: a camera turned after the ball
+BACKGROUND_SPAN = 0.5  # of a side, that its edges reach over at least: a ball's alone do not
 ROUNDS = 2  # the samples are laid upon one of them, and then on the median of all
 FEWEST = 8  # samples that show which side of the background a ball is on
 SIDE = 0.25  # quantile, or its complement, at which the background of a slow ball lies
@@ -199,6 +200,8 @@ def _laid(greys: Sequence[Image], most: float) -> Array:
             return none
         steps = np.hypot(*np.diff(shifts, axis=0).T)
         if steps.size and steps.max() > most:
+            continue
+        if edges_of(middle).span(middle.shape) < BACKGROUND_SPAN:
             continue
         if (misfit := _misfit(greys, shifts)) < least:
             best, least = shifts, misfit
