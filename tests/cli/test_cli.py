@@ -250,7 +250,7 @@ def test_stability_prints_its_maps_and_writes_its_folder(
 ) -> None:
     from virtual_lab.fidelity import collision_stability
 
-    monkeypatch.setattr(collision_stability, "AXES", {collision_stability.PLACE: (1.0, 6.0)})
+    monkeypatch.setattr(collision_stability, "AXES", {collision_stability.Axis.PLACE: (1.0, 6.0)})
     monkeypatch.setattr(collision_stability, "FACTORS", (1.0, 4.0))
     code, out, _ = run("stability", "collision", "--out", "maps")
     assert code == 0
@@ -378,7 +378,7 @@ def test_a_laboratorys_mornings(run: Run, tmp_path: Path) -> None:
         (["certify", "r161", "--ideal", "--noise-free"], "exclude each other"),
         (["certify", "nowhere.toml"], "no such file"),
         (["certify", "r161", "--rig", "astm-pivto"], "astm-pivot, ball-cannon"),
-        (["certify", "r161", "--rig", "ball-cannon"], "astm-f1881 needs its encoder"),
+        (["certify", "r161", "--rig", "ball-cannon"], "records no encoder, which astm-f1881 needs"),
         (["reduce", "nowhere"], "nowhere/session.json"),
         (["score", "nowhere"], "nowhere/certificate.json"),
         (["show", "r162"], "did you mean r161?"),

@@ -195,7 +195,7 @@ def test_the_certificate_tells_both(certifications: list[Certification]) -> None
     assert gates.value == pytest.approx(stated.value, rel=1e-12)
     assert gates.u == pytest.approx(stated.u, rel=1e-12)
     text = certificate_text(document)
-    assert "gates and video of" in text
+    assert "gates and video for" in text
     assert "agree" in text
     table = shot_table(certification)
     assert {"video_speed_mph", "video_rebound_mph", "video_place_in"} <= set(table.columns)

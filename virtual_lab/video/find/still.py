@@ -35,7 +35,8 @@ SEARCHED = 4e5  # pixels of the picture that is searched: larger ones are made s
 NO_DRIFT = 0.15  # pixels over a clip: a camera on a stand
 STILL = 0.05  # pixels searched: pictures laid upon one another as they are
 FASTEST = 0.025  # of the picture's longer side a frame: a camera turned after the ball
-BACKGROUND_SPAN = 0.5  # of a side, that its edges reach over at least: a ball's alone do not
+HELD = 3.0  # pixels a frame of a camera held in a hand
+BACKGROUND_SPAN = 0.5  # of a side, that edges reach over to show a turn: a ball's alone do not
 ROUNDS = 2  # the samples are laid upon one of them, and then on the median of all
 FEWEST = 8  # samples that show which side of the background a ball is on
 SIDE = 0.25  # quantile, or its complement, at which the background of a slow ball lies
@@ -151,7 +152,7 @@ def still_of(
     greys = [_grey(each) for each in small]
     shifts = np.zeros((len(greys), 2))
     if not stands:
-        shifts = _laid(greys, FASTEST * max(rows, columns) * apart / shrink)
+        shifts = _laid(greys, FASTEST * max(rows, columns) * apart / shrink, HELD * apart / shrink)
     drifts = bool(np.ptp(shifts * shrink, axis=0).max() > NO_DRIFT)
     if not drifts:
         shifts[:] = 0
@@ -178,8 +179,10 @@ def still_of(
     )
 
 
-def _laid(greys: Sequence[Image], most: float) -> Array:
+def _laid(greys: Sequence[Image], most: float, held: float) -> Array:
     """Return the shifts that lay pictures upon the first, (picture, 2) [pixels].
+
+    From one to the next at most `most`, where edges reach over the picture, else `held`.
 
     Any one picture may show a hand more than anything that stands: several are tried to begin
     with, and that none drifts.
@@ -199,9 +202,8 @@ def _laid(greys: Sequence[Image], most: float) -> Array:
         if np.abs(shifts).max() < STILL:
             return none
         steps = np.hypot(*np.diff(shifts, axis=0).T)
-        if steps.size and steps.max() > most:
-            continue
-        if edges_of(middle).span(middle.shape) < BACKGROUND_SPAN:
+        spans = edges_of(middle).span(middle.shape) > BACKGROUND_SPAN
+        if steps.size and steps.max() > (most if spans else min(most, held)):
             continue
         if (misfit := _misfit(greys, shifts)) < least:
             best, least = shifts, misfit

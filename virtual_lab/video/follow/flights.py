@@ -256,14 +256,15 @@ def _of_one_gravity(scene: FlightScene, pieces: list[Piece]) -> list[Piece]:
         like: list[Piece] = []
         loose: list[Piece] = []
         size = float(np.hypot(*pull))
+        shows = size > _chance(piece, u)
         for other, own, own_u, _ in told:
-            chance = 3 * float(own_u[0]) + 8 * BENDS * piece.radius / np.ptp(other.t) ** 2
+            chance = _chance(other, own_u)
             slowed = (DRAG + DRAG_U) / piece.radius * max(_fast(piece), _fast(other)) ** 2
             room = max(chance, slowed, ALIKE * size)
             small = max(other.radius, piece.radius) / min(other.radius, piece.radius) < SIZE
             colour = np.abs(_colour(scene, other) - _colour(scene, piece)).max() < 60
             if np.hypot(*(own - pull)) < room and small and colour:
-                sure = other is piece or chance < UNSURE * size
+                sure = other is piece or chance < UNSURE * size or not shows
                 (like if sure else loose).append(other)
         # of a few places any acceleration may be gravity's: they must lie beside a flight
         like += [o for o in loose if any(_gap(o, each) <= BETWEEN for each in like)]
@@ -276,6 +277,11 @@ def _of_one_gravity(scene: FlightScene, pieces: list[Piece]) -> list[Piece]:
 
 def _smooth(rms: float, piece: Piece) -> bool:
     return rms < max(SMOOTH[0] * piece.radius, SMOOTH[1])
+
+
+def _chance(piece: Piece, u: Array) -> float:
+    """Return the acceleration that a piece may show by chance [pixels/frame²]."""
+    return 3 * float(u[0]) + 8 * BENDS * piece.radius / float(np.ptp(piece.t)) ** 2
 
 
 def _gap(one: Piece, other: Piece) -> int:

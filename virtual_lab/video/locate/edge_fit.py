@@ -8,8 +8,9 @@ the pattern may shift the place by is distinguished from noise.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from math import exp, pi, sqrt
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["covered", "fit_edge", "solve_ring"]
 
 Array = NDArray[np.float64]
+Places = NDArray[np.int_]
 
 PIXEL = 1 / 12  # variance of a square pixel along any direction
 INSIDE = 3.0  # pixels of the ball that are looked at, blur apart
@@ -167,7 +169,7 @@ def _outline(
         for again in range(1 if settling else TURNS):
             if again:
                 power = np.mean(((pattern + change) / bright) ** 2, axis=1)
-                power = np.maximum(power, np.maximum(np.roll(power, 1), np.roll(power, -1)))
+                power = np.maximum(power, np.maximum(_before(power), _next(power)))
                 amplitude = np.sqrt(max(FAINTEST, faintest) ** 2 + power).clip(max=STRONGEST)
             solved = _solved(equations, pattern, amplitude * bright, rim.stiffness)
             if solved is None:
@@ -214,9 +216,9 @@ def _equations(sums: Array, knots: int) -> Equations:
     rest = np.r_[:count, -1]
     ring = sums[:-1]
     return Equations(
-        ring[:, begin, begin] + np.roll(ring[:, end, end], 1, axis=0),
+        ring[:, begin, begin] + _before(ring[:, end, end]),
         ring[:, begin, end],
-        ring[:, begin][..., rest] + np.roll(ring[:, end][..., rest], 1, axis=0),
+        ring[:, begin][..., rest] + _before(ring[:, end][..., rest]),
         sums.sum(axis=0)[:count][:, rest],
     )
 
@@ -232,24 +234,24 @@ def _solved(
     """
     blocks, links, border, shared = equations
     like = _like(len(pattern))
-    here, after = 1 / spread, 1 / np.roll(spread, -1)
+    here, after = 1 / spread, 1 / _next(spread)
     own, next_to = (1 + like**2) / (1 - like**2) * here**2, -like / (1 - like**2) * here * after
-    pull = next_to[:, None] * np.roll(pattern, -1, axis=0)
-    pull += np.roll(next_to[:, None] * pattern, 1, axis=0) + own[:, None] * pattern
+    pull = next_to[:, None] * _next(pattern)
+    pull += _before(next_to[:, None] * pattern) + own[:, None] * pattern
     right = border.copy()
     right[..., -1] -= pull @ stiffness
     blocks = blocks + own[:, None, None] * stiffness
     links = links + next_to[:, None, None] * stiffness
     try:
         ring = solve_ring(blocks, links, right)
-        covariance = np.linalg.inv(
-            shared[:, :-1] - np.einsum("ska,skb->ab", border[..., :-1], ring[..., :-1])
-        )
+        left = shared - np.tensordot(border[..., :-1], ring, ((0, 1), (0, 1)))
+        covariance = np.linalg.inv(left[:, :-1])
     except np.linalg.LinAlgError:
         return None
-    step = covariance @ (shared[:, -1] - np.einsum("ska,sk->a", border[..., :-1], ring[..., -1]))
+    step = covariance @ left[:, -1]
     change = ring[..., -1] - ring[..., :-1] @ step
-    return step, change, covariance[:3, :3], -ring[..., :-1] @ covariance[:, :3]
+    by_pattern = -ring[..., :-1] @ covariance[:, :3]
+    return step, change, np.asarray(covariance[:3, :3]), np.asarray(by_pattern)
 
 
 def _like(sectors: int) -> float:
@@ -262,27 +264,49 @@ def solve_ring(blocks: Array, links: Array, right: Array) -> Array:
 
     `blocks` (block, n, n) are on the diagonal, `links` from each to the next, the last's to the
     first; `right` (block, n, m). Folded, 0, last, 1, …, neighbours are two places apart: a band.
+    Raises `LinAlgError` where it is not positive definite.
     """
-    from scipy.linalg import solveh_banded
+    from scipy.linalg.lapack import dpbsv
 
     count, n = blocks.shape[:2]
+    first, on, beside = _folded(count, n)
+    band = np.zeros((3 * n, count * n), order="F")
+    band[on] = blocks
+    band[beside] = links
+    folded = np.empty((count * n, right.shape[2]), order="F")
+    folded[first] = right
+    _, solved, failed = dpbsv(band, folded, lower=1, overwrite_ab=1, overwrite_b=1)
+    if failed:
+        raise np.linalg.LinAlgError("a ring of sectors that is not positive definite")
+    return np.asarray(solved[first])
+
+
+@lru_cache
+def _folded(count: int, n: int) -> tuple[Places, tuple[Places, Places], tuple[Places, Places]]:
+    """Return the rows of each block of a folded ring; where in the band blocks and links stand."""
     step = np.minimum(2 * np.arange(count), 2 * count - 1 - 2 * np.arange(count))
     first = step[:, None] * n + np.arange(n)
-    after = np.roll(first, -1, axis=0)
-    band = np.zeros((3 * n, count * n))
-    for values, column in ((blocks, first), (links, after)):
+    places = []
+    for column in (first, _next(first)):
         one, other = np.broadcast_arrays(first[:, :, None], column[:, None])
-        band[np.abs(one - other), np.minimum(one, other)] = values
-    folded = np.empty((count * n, right.shape[2]))
-    folded[first] = right
-    solved = solveh_banded(band, folded, lower=True, check_finite=False)
-    return np.asarray(solved[first])
+        places.append((np.abs(one - other), np.minimum(one, other)))
+    return first, places[0], places[1]
+
+
+def _next(values: NDArray[Any]) -> NDArray[Any]:
+    """Return what each sector's next one has."""
+    return np.concatenate((values[1:], values[:1]))
+
+
+def _before(values: NDArray[Any]) -> NDArray[Any]:
+    """Return what the sector before each has."""
+    return np.concatenate((values[-1:], values[:-1]))
 
 
 def _shifts(by_pattern: Array, stiffness: Array) -> Array:
     """Return the variance a pattern gives x, y and radius, from their rows of the inverse."""
     like = _like(len(by_pattern))
-    along = (1 + like**2) * by_pattern - 2 * like * np.roll(by_pattern, -1, axis=0)
+    along = (1 + like**2) * by_pattern - 2 * like * _next(by_pattern)
     return np.asarray(np.einsum("ska,kl,sla->a", by_pattern, stiffness, along) / (1 - like**2))
 
 

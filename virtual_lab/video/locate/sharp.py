@@ -87,25 +87,23 @@ def lens_of(seen: Regions, start: Located, noise: Noise, middle: tuple[float, fl
     from scipy.optimize import minimize_scalar
 
     order = np.argsort(np.hypot(start.x - middle[0], start.y - middle[1]), kind="stable")
-    tried = np.sort(order[:LENS_TRIED])
-    some = part_of(start, tried)
-    pixels, corners, behind = seen.pixels[tried], seen.corners[tried], seen.background[tried]
 
-    def misfit(log: float) -> float:
+    def misfit(log: float, tried: NDArray[np.int_]) -> float:
         found = fit_edge(
-            pixels,
-            corners,
-            some,
+            seen.pixels[tried],
+            seen.corners[tried],
+            part_of(start, tried),
             noise=noise,
             lens=float(np.exp(log)),
-            background=behind.astype(float),
+            background=seen.background[tried].astype(float),
             oval_u=ROUND,
         )
         return _score(found)
 
-    about = min(np.log(LENSES).tolist(), key=misfit)
+    tried = np.sort(order[:LENS_TRIED])
+    about = min(np.log(LENSES).tolist(), key=lambda log: misfit(log, tried[::3]))
     near = about - NEXT, about + NEXT
-    best = minimize_scalar(misfit, bounds=near, options={"xatol": CLOSE})
+    best = minimize_scalar(misfit, bounds=near, args=(tried,), options={"xatol": CLOSE})
     return float(np.exp(best.x))
 
 
