@@ -239,6 +239,7 @@ def test_axe_finds_nothing_on_any_state(visit: Visit, looks: Looks) -> None:
         looks.look(page, name)
 
 
+@pytest.mark.long
 def test_axe_finds_nothing_in_an_exam(visit: Visit, looks: Looks) -> None:
     """The trainee's entry and day, the trainer's page, before, during and after."""
     day, trainee = visit("exam-day", trainer="chalk")
@@ -270,6 +271,7 @@ def test_axe_finds_nothing_in_an_exam(visit: Visit, looks: Looks) -> None:
         page.close()
 
 
+@pytest.mark.long
 def test_axe_finds_nothing_on_another_laboratorys_records(visit: Visit, looks: Looks) -> None:
     _, page = visit("records")
     open_all(page)

@@ -324,7 +324,12 @@ def _shorter(folder: Path) -> None:
         (lambda f: (f / BACKGROUND).unlink(), "clip-background.npy", "file", "cannot be read"),
         (_shorter, "clip-pixels.npy", "file", "cannot be read"),
         (lambda f: (f / PIXELS).write_bytes(b"pixels"), "clip-pixels.npy", "file", "cannot be"),
-        (lambda f: np.save(f / PIXELS, CLIP.pixels + 1), "clip-pixels.npy", "sha256", "was changed after"),
+        (
+            lambda f: np.save(f / PIXELS, CLIP.pixels + 1),
+            "clip-pixels.npy",
+            "sha256",
+            "was changed after",
+        ),
         (_array(PIXELS, CLIP.pixels[:, :2]), "clip-pixels.npy", "shape", "2 along 'frame'"),
         (_array(PIXELS, CLIP.pixels[:1]), "clip-pixels.npy", "shape", "1 along 'shot'"),
         (_array(PIXELS, CLIP.pixels[0]), "clip-pixels.npy", "shape", "needs axes"),

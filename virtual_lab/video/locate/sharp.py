@@ -24,9 +24,9 @@ __all__ = ["Sharp", "lens_of", "noise_of_ball", "noise_of_clip", "on_the_limb", 
 PIXELS = 5e5  # of the frames sampled: enough for their noise
 CORE = 0.6  # of the radius: well inside the ball
 ROUND = 1e-3  # of an outline near the middle: its oval
-LENS_TRIED = 8  # regions on which the lens is found
+LENS_TRIED = 6  # regions on which the lens is found
 LENSES = (0.45, 0.6, 0.8, 1.1, 1.5, 2.2, 3.2)  # pixels: a wrong one may be the best about it
-NEXT, CLOSE = 0.3, 0.03  # relative: from one of them to the next, and how close one is found
+NEXT, CLOSE = 0.3, 0.06  # relative: from one of them to the next, and how close one is found
 WORST = 50.0  # of a score
 
 
