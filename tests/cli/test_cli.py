@@ -250,7 +250,9 @@ def test_stability_prints_its_maps_and_writes_its_folder(
 ) -> None:
     from virtual_lab.fidelity import collision_stability
 
-    monkeypatch.setattr(collision_stability, "AXES", {collision_stability.Axis.PLACE: (1.0, 6.0)})
+    monkeypatch.setattr(
+        collision_stability, "AXES", {collision_stability.CollisionAxis.PLACE: (1.0, 6.0)}
+    )
     monkeypatch.setattr(collision_stability, "FACTORS", (1.0, 4.0))
     code, out, _ = run("stability", "collision", "--out", "maps")
     assert code == 0

@@ -18,7 +18,7 @@ from virtual_lab.simulation.collision.stepping import FINE, OneByOne
 @pytest.fixture(scope="module")
 def rows() -> list[dict[str, Any]]:
     ends = {axis: (values[0], values[-1]) for axis, values in maps.AXES.items()}
-    ends[maps.Axis.CONTACTS] = (1, 3)
+    ends[maps.CollisionAxis.CONTACTS] = (1, 3)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(maps, "AXES", ends)
         patch.setattr(maps, "FACTORS", (0.5, 1.0, 1.3, 1.5, 4.0))
@@ -33,7 +33,7 @@ def at(rows: list[dict[str, Any]], *steps: str) -> list[dict[str, Any]]:
 
 def no_result(row: dict[str, Any]) -> bool:
     """Whether a column's scenes are those that cannot be followed."""
-    return bool((row["map"], row["value"]) == (maps.Axis.RESTITUTION, 0.005))
+    return bool((row["map"], row["value"]) == (maps.CollisionAxis.RESTITUTION, 0.005))
 
 
 def test_what_is_shipped_is_good_everywhere_or_gives_no_result(rows: list[dict[str, Any]]) -> None:
@@ -50,7 +50,7 @@ def test_the_default_knows_which_scenes_it_got_wrong(rows: list[dict[str, Any]])
 
 def test_scenes_are_of_the_contacts_that_their_column_says() -> None:
     for contacts in (1, 3):
-        for model, scenes in maps._column(maps.Axis.CONTACTS, contacts):
+        for model, scenes in maps._column(maps.CollisionAxis.CONTACTS, contacts):
             exact = replace(model, stepper=OneByOne(refinement=2.0)).collide(scenes)
             assert len(scenes) > 0
             assert (exact.contacts == contacts).all()

@@ -34,24 +34,26 @@ def test_the_rung_is_good_wherever_it_answers(rows: list[Row]) -> None:
     own = [row for row in rows if row["method"] == maps.Carrier.RUNG]
     assert {row["state"] for row in own if not row["refused"]} == {State.GOOD}
     for row in own:
-        long = row["step"] == 1e-2 and not (row["map"] == maps.Axis.SPEED and row["value"] == 10)
-        long |= row["step"] == 1e-3 and row["map"] == maps.Axis.SPEED and row["value"] == 200
-        slop = row["map"] == maps.Axis.SLOP and row["value"] == 0.1
-        few = row["map"] == maps.Axis.ITERATIONS and row["value"] == 1
+        long = row["step"] == 1e-2 and not (
+            row["map"] == maps.MotionAxis.SPEED and row["value"] == 10
+        )
+        long |= row["step"] == 1e-3 and row["map"] == maps.MotionAxis.SPEED and row["value"] == 200
+        slop = row["map"] == maps.MotionAxis.SLOP and row["value"] == 0.1
+        few = row["map"] == maps.MotionAxis.ITERATIONS and row["value"] == 1
         assert row["refused"] == (long or slop or few), row
 
 
 def test_pymunk_alone_is_refused_nothing_and_wrong_in_places(rows: list[Row]) -> None:
     """A flat hit is right until it is jumped; the tip, the round and a lone iteration are not."""
     assert not any(row["refused"] for row in rows if row["method"] == maps.Carrier.ALONE)
-    assert state(rows, maps.Carrier.ALONE, maps.Axis.SPEED, 1e-2, 10) == State.GOOD
-    assert state(rows, maps.Carrier.ALONE, maps.Axis.SPEED, 1e-3, 200) == State.UNSTABLE
-    assert state(rows, maps.Carrier.ALONE, maps.Axis.SPEED, 1e-4, 200) == State.GOOD
-    assert state(rows, maps.Carrier.ALONE, maps.Axis.PLACE, 1e-4, 0.2) == State.INACCURATE
-    assert state(rows, maps.Carrier.ALONE, maps.Axis.PLACE, 1e-4, 20) == State.GOOD
-    assert state(rows, maps.Carrier.ALONE, maps.Axis.ACROSS, 1e-4, 60) == State.INACCURATE
-    assert state(rows, maps.Carrier.ALONE, maps.Axis.ITERATIONS, 1e-4, 1) == State.INACCURATE
-    assert state(rows, maps.Carrier.ALONE, maps.Axis.ITERATIONS, 1e-4, 50) == State.GOOD
+    assert state(rows, maps.Carrier.ALONE, maps.MotionAxis.SPEED, 1e-2, 10) == State.GOOD
+    assert state(rows, maps.Carrier.ALONE, maps.MotionAxis.SPEED, 1e-3, 200) == State.UNSTABLE
+    assert state(rows, maps.Carrier.ALONE, maps.MotionAxis.SPEED, 1e-4, 200) == State.GOOD
+    assert state(rows, maps.Carrier.ALONE, maps.MotionAxis.PLACE, 1e-4, 0.2) == State.INACCURATE
+    assert state(rows, maps.Carrier.ALONE, maps.MotionAxis.PLACE, 1e-4, 20) == State.GOOD
+    assert state(rows, maps.Carrier.ALONE, maps.MotionAxis.ACROSS, 1e-4, 60) == State.INACCURATE
+    assert state(rows, maps.Carrier.ALONE, maps.MotionAxis.ITERATIONS, 1e-4, 1) == State.INACCURATE
+    assert state(rows, maps.Carrier.ALONE, maps.MotionAxis.ITERATIONS, 1e-4, 50) == State.GOOD
 
 
 def test_text_and_files(rows: list[Row], tmp_path: Path) -> None:
@@ -77,7 +79,7 @@ def test_the_commands_stop_at_a_folder_that_is_not_new(words: list[str], tmp_pat
 def test_the_command_prints_its_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from click.testing import CliRunner
 
-    monkeypatch.setattr(maps, "AXES", {maps.Axis.SPEED: (60,)})
+    monkeypatch.setattr(maps, "AXES", {maps.MotionAxis.SPEED: (60,)})
     monkeypatch.setattr(maps, "STEPS", (1e-3,))
     out = str(tmp_path / "maps")
     done = CliRunner().invoke(cli, ["stability", "motion", "--out", out, "--json"])

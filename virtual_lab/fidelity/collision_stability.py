@@ -60,7 +60,7 @@ SUPPORTS: dict[str, Support] = {
 POOLED_SCENES = 3000  # that those of so many contacts are picked from
 
 
-class Axis(StrEnum):
+class CollisionAxis(StrEnum):
     """What changes across a map."""
 
     MODES = "bending modes"
@@ -74,16 +74,16 @@ class Axis(StrEnum):
     CONTACTS = "contacts"
 
 
-AXES: dict[Axis, tuple[Any, ...]] = {
-    Axis.MODES: (4, 6, 8, 10, 14, 20, 26, 32, 40),
-    Axis.PLACE: (0.5, 1, 2, 3, 4.5, 6, 8, 11, 15, 20, 25, 30),
-    Axis.SPEED: (0.1, 0.3, 1, 3, 10, 30, 60, 90, 120, 160, 200),
-    Axis.STIFFNESS: (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100),
-    Axis.EXPONENT: (1, 1.1, 1.25, 1.5, 1.75, 2, 2.5, 3),
-    Axis.RESTITUTION: (0.005, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 1),
-    Axis.MASS: (0.01, 0.1, 0.3, 0.6, 1, 2, 5, 10, 30, 100),
-    Axis.SUPPORT: tuple(SUPPORTS),
-    Axis.CONTACTS: (1, 2, 3, 4, 5, 6),
+AXES: dict[CollisionAxis, tuple[Any, ...]] = {
+    CollisionAxis.MODES: (4, 6, 8, 10, 14, 20, 26, 32, 40),
+    CollisionAxis.PLACE: (0.5, 1, 2, 3, 4.5, 6, 8, 11, 15, 20, 25, 30),
+    CollisionAxis.SPEED: (0.1, 0.3, 1, 3, 10, 30, 60, 90, 120, 160, 200),
+    CollisionAxis.STIFFNESS: (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100),
+    CollisionAxis.EXPONENT: (1, 1.1, 1.25, 1.5, 1.75, 2, 2.5, 3),
+    CollisionAxis.RESTITUTION: (0.005, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 1),
+    CollisionAxis.MASS: (0.01, 0.1, 0.3, 0.6, 1, 2, 5, 10, 30, 100),
+    CollisionAxis.SUPPORT: tuple(SUPPORTS),
+    CollisionAxis.CONTACTS: (1, 2, 3, 4, 5, 6),
 }
 
 
@@ -178,30 +178,36 @@ def _steppers() -> Iterator[tuple[str, Stepper, bool]]:
     yield SHIPPED, FINE, False
 
 
-def _column(axis: Axis, value: Any) -> Column:
+def _column(axis: CollisionAxis, value: Any) -> Column:
     """Return the bats and scenes of one column: all as usual but one thing."""
-    if axis is Axis.CONTACTS:
+    if axis is CollisionAxis.CONTACTS:
         return _meeting(int(value))
     ball = catalog.load("balls", BALL, BallSpec).spec
-    several = axis in (Axis.PLACE, Axis.SPEED)
-    exponents = (value,) if axis is Axis.EXPONENT else (1.0, 1.5) if several else (1.0,)
+    several = axis in (CollisionAxis.PLACE, CollisionAxis.SPEED)
+    exponents = (value,) if axis is CollisionAxis.EXPONENT else (1.0, 1.5) if several else (1.0,)
     many = (20.0, 45.0, 70.0, 95.0, 120.0, 160.0)
-    speeds = (value,) if axis is Axis.SPEED else many if axis is Axis.PLACE else SPEEDS_MPH
-    places = (value,) if axis is Axis.PLACE else PLACES_IN
+    speeds = (
+        (value,)
+        if axis is CollisionAxis.SPEED
+        else many
+        if axis is CollisionAxis.PLACE
+        else SPEEDS_MPH
+    )
+    places = (value,) if axis is CollisionAxis.PLACE else PLACES_IN
     grid = np.meshgrid(np.array(places) * INCH, np.array(speeds) * MPH, exponents)
     place, speed, exponent = (each.ravel() for each in grid)
     scenes = Scenes.with_ball(ball, impact_position=place, relative_speed=speed)
     # whatever the exponent, the same force at a usual compression of 12 mm
     stiffness = ball.stiffness * 0.012 ** (ball.exponent - exponent)
     scenes = replace(scenes, exponent=exponent, stiffness=stiffness)
-    if axis is Axis.STIFFNESS:
+    if axis is CollisionAxis.STIFFNESS:
         scenes = replace(scenes, stiffness=value * stiffness)
-    if axis is Axis.MASS:
+    if axis is CollisionAxis.MASS:
         scenes = replace(scenes, ball_mass=value * scenes.ball_mass)
-    if axis is Axis.RESTITUTION:
+    if axis is CollisionAxis.RESTITUTION:
         scenes = replace(scenes, ball_restitution=np.full(len(scenes), value))
-    count = int(value) if axis is Axis.MODES else BENDING_MODES
-    support = value if axis is Axis.SUPPORT else "free"
+    count = int(value) if axis is CollisionAxis.MODES else BENDING_MODES
+    support = value if axis is CollisionAxis.SUPPORT else "free"
     return [(_model(bat, support, count), scenes) for bat in BATS]
 
 

@@ -36,7 +36,7 @@ TOLERANCE = 1e-4  # of a good cell, as of e_A
 RUNAWAY = 0.5  # error of a ball that jumped the bat, or flew off with more than it brought
 
 
-class Axis(StrEnum):
+class MotionAxis(StrEnum):
     """What changes across a map."""
 
     SPEED = "speed [mph]"
@@ -46,12 +46,12 @@ class Axis(StrEnum):
     ITERATIONS = "iterations"
 
 
-AXES: dict[Axis, tuple[float, ...]] = {
-    Axis.SPEED: (10, 20, 40, 60, 90, 120, 160, 200),
-    Axis.PLACE: (0.2, 0.5, 0.8, 1.1, 2, 6, 12, 20),
-    Axis.ACROSS: (0, 0.1, 1, 3, 10, 20, 40, 60),
-    Axis.SLOP: (0, 1e-7, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1),
-    Axis.ITERATIONS: (1, 2, 3, 5, 8, 10, 20, 50),
+AXES: dict[MotionAxis, tuple[float, ...]] = {
+    MotionAxis.SPEED: (10, 20, 40, 60, 90, 120, 160, 200),
+    MotionAxis.PLACE: (0.2, 0.5, 0.8, 1.1, 2, 6, 12, 20),
+    MotionAxis.ACROSS: (0, 0.1, 1, 3, 10, 20, 40, 60),
+    MotionAxis.SLOP: (0, 1e-7, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1),
+    MotionAxis.ITERATIONS: (1, 2, 3, 5, 8, 10, 20, 50),
 }
 
 
@@ -86,20 +86,20 @@ def motion_cells(progress: Progress = quiet) -> list[Row]:
     return rows
 
 
-def _cell(axis: Axis, method: Carrier, step: float, value: float) -> Row:
+def _cell(axis: MotionAxis, method: Carrier, step: float, value: float) -> Row:
     """Return what the shots of a cell come to."""
-    speed = (value if axis is Axis.SPEED else 60.0) * MPH
+    speed = (value if axis is MotionAxis.SPEED else 60.0) * MPH
     # iterations show where the joint works hard: by the grip
-    place = 20 * INCH if axis is Axis.ITERATIONS else 6 * INCH
-    start = STARTS[Start.SWUNG] if axis is Axis.SLOP else {"z": place}
-    own: dict[Axis, dict[str, float]] = {
-        Axis.PLACE: {"z": value * INCH},
-        Axis.ACROSS: {"y": value * 1e-3},
+    place = 20 * INCH if axis is MotionAxis.ITERATIONS else 6 * INCH
+    start = STARTS[Start.SWUNG] if axis is MotionAxis.SLOP else {"z": place}
+    own: dict[MotionAxis, dict[str, float]] = {
+        MotionAxis.PLACE: {"z": value * INCH},
+        MotionAxis.ACROSS: {"y": value * 1e-3},
     }
     settings = PymunkSettings(
         step=step,
-        slop=value if axis is Axis.SLOP else 1e-5,
-        iterations=int(value) if axis is Axis.ITERATIONS else 10,
+        slop=value if axis is MotionAxis.SLOP else 1e-5,
+        iterations=int(value) if axis is MotionAxis.ITERATIONS else 10,
     )
     shots = 8 if method == Carrier.ALONE else 3
     scene = rod_scene(start | own.get(axis, {}), speed, step, shots)
@@ -110,7 +110,10 @@ def _cell(axis: Axis, method: Carrier, step: float, value: float) -> Row:
         found = carry(scene, settings).first(Target.BAT)
         gap = np.linalg.norm(np.array(found.state[3:6]) - np.array(true.state[3:6]), axis=0)
     else:
-        shapes: dict[Axis, Shape] = {Axis.PLACE: "round tip", Axis.ACROSS: "section"}
+        shapes: dict[MotionAxis, Shape] = {
+            MotionAxis.PLACE: "round tip",
+            MotionAxis.ACROSS: "section",
+        }
         gap = naive_errors(
             scene,
             step,

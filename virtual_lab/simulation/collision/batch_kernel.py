@@ -99,7 +99,7 @@ class Events(NamedTuple):
     lost: float = 4.0
 
 
-class Limits(NamedTuple):
+class LaneLimits(NamedTuple):
     """Of a step and of numbers; README has how they were found."""
 
     most_steps: float = 1500.0
@@ -117,7 +117,7 @@ class Limits(NamedTuple):
 
 
 AT, MODE = Rows(*range(0, 31 * ROW, ROW)), ModeRows(*range(0, 5 * ROW, ROW))
-PHASE, EVENT, LIMITS = Phases(), Events(), Limits()
+PHASE, EVENT, LIMITS = Phases(), Events(), LaneLimits()
 
 
 @njit(**SIMD)

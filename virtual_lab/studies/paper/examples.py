@@ -73,11 +73,11 @@ def table_one() -> Iterator[Claim]:
                 high=value + TABLE * value,
                 unit=unit,
                 why=FIT,
-                find=partial(drawn, bat, name),
+                find=partial(of_drawing, bat, name),
             )
 
 
-def drawn(bat: str, name: str) -> float:
+def of_drawing(bat: str, name: str) -> float:
     """Return an entry of Table I as the drawing has it."""
     own, free = beam(bat), profiled(bat)[0.0]
     return {

@@ -14,10 +14,8 @@ from virtual_lab.measurement.reduction.kinematics import (
     collision_efficiency,
     efficiency_from_restitution,
     energy_fractions,
+    parallel_axis,
     restitution_from_efficiency,
-)
-from virtual_lab.measurement.reduction.kinematics import (
-    parallel_axis as moved_inertia,
 )
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.physics.beam import Free
@@ -71,7 +69,7 @@ def symmetrical() -> float:
     return _worst((factor - 0.5) * 90 + (factor + 0.5) * 70 - direct)
 
 
-def slope(bat: str) -> float:
+def speed_slope(bat: str) -> float:
     """Return the size of the change of peak e_A per mph of relative speed about 150 mph."""
     slow, fast = (
         peak_of(bat, Z, speed=v, with_ball=BALL).collision_efficiency.max() for v in (140, 160)
@@ -83,7 +81,7 @@ def explicit_share(v: str) -> float:
     """Return the share of the explicit factor of Eq. (3) in the change of v_f with a speed."""
     e_A = top(WOOD, "e_A").value
     factor = e_A if v == "ball" else 1 + e_A
-    return factor / (factor + abs(160 * slope(WOOD)))
+    return factor / (factor + abs(160 * speed_slope(WOOD)))
 
 
 def drop(bat: str, what: str, side: float) -> float:
@@ -153,10 +151,10 @@ def inverse_mass(held: str) -> float:
     return max(gaps)
 
 
-def parallel_axis() -> float:
+def parallel_axes() -> float:
     own = beam(WOOD)
     pivot = own.length - 6 * INCH
-    moved = moved_inertia(own.inertia_cm, own.mass, pivot - own.z_cm)
+    moved = parallel_axis(own.inertia_cm, own.mass, pivot - own.z_cm)
     return float(moved) / own.inertia(pivot) - 1
 
 

@@ -57,8 +57,10 @@ class Edges:
 
     def span(self, shape: tuple[int, ...]) -> float:
         """Return over how much of a picture's (rows, columns) they reach, of its wider way."""
-        level, sides = self.levels[-1], np.array(shape[::-1], dtype=float)
-        part = (np.stack([level.x, level.y]) / sides[:, None] * PARTS).astype(int)
+        level, sides = self.levels[-1], np.array(shape[1::-1], dtype=float)
+        places = np.stack([level.x, level.y])
+        places -= places.min(axis=1, keepdims=True, initial=np.inf)
+        part = (places / sides[:, None] * PARTS).astype(int)
         each, count = np.unique(part, axis=1, return_counts=True)
         shown = each[:, count >= PART_SHOWS]
         return float(np.ptp(shown, axis=1).max() + 1) / PARTS if shown.size else 0.0

@@ -67,6 +67,7 @@ class Still:
     depth: int  # bits that frames are cut to 8 from
     edges: Edges  # of `small`
     drifts: bool
+    fastest: float  # pixels a frame that it may drift by
 
     def shift(self, small: Image, before: Array) -> Array:
         """Return how far a small picture lies from the still frame, (2,) [full pixels].
@@ -76,9 +77,7 @@ class Still:
         if not self.drifts:
             return np.zeros(2)
         shift = self.shrink * self.edges.shift(_grey(small), before / self.shrink)
-        return np.asarray(
-            shift if np.hypot(*(shift - before)) < FASTEST * max(self.size) else before
-        )
+        return np.asarray(shift if np.hypot(*(shift - before)) < self.fastest else before)
 
     def shrunk(self, picture: Image) -> Image:
         """Return a picture in the size that is searched."""
@@ -162,6 +161,7 @@ def still_of(
     wide, high = (int(each) for each in end - origin)
     background = _covered(pictures, shifts + origin, (high, wide), share_of(pictures))
     behind = _shrunk(background, shrink)
+    edges = edges_of(_grey(behind), origin / shrink)
     off = [
         _strongest(_apart(moved_back(each, (shift + origin) / shrink, (0, 0), behind), behind))
         for each, shift in zip(small, shifts, strict=True)
@@ -174,8 +174,9 @@ def still_of(
         restless=np.minimum(_quantile(off, RESTLESS), RESTLESS_MOST).astype(np.uint8),
         shrink=shrink,
         depth=depth,
-        edges=edges_of(_grey(behind), origin / shrink),
+        edges=edges,
         drifts=drifts,
+        fastest=FASTEST * max(rows, columns) if _spans(edges, behind) else HELD,
     )
 
 
@@ -202,12 +203,17 @@ def _laid(greys: Sequence[Image], most: float, held: float) -> Array:
         if np.abs(shifts).max() < STILL:
             return none
         steps = np.hypot(*np.diff(shifts, axis=0).T)
-        spans = edges_of(middle).span(middle.shape) > BACKGROUND_SPAN
-        if steps.size and steps.max() > (most if spans else min(most, held)):
+        limit = most if _spans(edges_of(middle), middle) else min(most, held)
+        if steps.size and steps.max() > limit:
             continue
         if (misfit := _misfit(greys, shifts)) < least:
             best, least = shifts, misfit
     return np.asarray(best - best[0])
+
+
+def _spans(edges: Edges, grey: Image) -> bool:
+    """Return whether edges reach over so much of a picture that they show a turning camera."""
+    return edges.span(grey.shape) > BACKGROUND_SPAN
 
 
 def _misfit(greys: Sequence[Image], shifts: Array) -> float:
