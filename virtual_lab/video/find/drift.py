@@ -55,10 +55,13 @@ class Edges:
 
     levels: Sequence[_Level]
 
-    def span(self, shape: tuple[int, ...]) -> float:
-        """Return over how much of a picture's (rows, columns) they reach, of its wider way."""
+    def span(self, shape: tuple[int, ...], steeper: float = 0.0) -> float:
+        """Return over how much of a picture's (rows, columns) they reach, of its wider way.
+
+        Those alone that are steeper than so much [DN/px].
+        """
         level, sides = self.levels[-1], np.array(shape[1::-1], dtype=float)
-        places = np.stack([level.x, level.y])
+        places = np.stack([level.x, level.y])[:, level.slope > steeper]
         places -= places.min(axis=1, keepdims=True, initial=np.inf)
         part = (places / sides[:, None] * PARTS).astype(int)
         each, count = np.unique(part, axis=1, return_counts=True)

@@ -36,6 +36,7 @@ NO_DRIFT = 0.15  # pixels over a clip: a camera on a stand
 STILL = 0.05  # pixels searched: pictures laid upon one another as they are
 FASTEST = 0.025  # of the picture's longer side a frame: a camera turned after the ball
 HELD = 3.0  # pixels a frame of a camera held in a hand
+CODED_STILL = 6.0  # DN a pixel: H.264 keeps flatter edges in place while the camera drifts
 BACKGROUND_SPAN = 0.5  # of a side, that edges reach over to show a turn: a ball's alone do not
 ROUNDS = 2  # the samples are laid upon one of them, and then on the median of all
 FEWEST = 8  # samples that show which side of the background a ball is on
@@ -68,6 +69,7 @@ class Still:
     edges: Edges  # of `small`
     drifts: bool
     fastest: float  # pixels a frame that it may drift by
+    shows_drift: bool  # edges that no codec keeps still reach over the picture
 
     def shift(self, small: Image, before: Array) -> Array:
         """Return how far a small picture lies from the still frame, (2,) [full pixels].
@@ -177,6 +179,7 @@ def still_of(
         edges=edges,
         drifts=drifts,
         fastest=FASTEST * max(rows, columns) if _spans(edges, behind) else HELD,
+        shows_drift=_spans(edges, behind, CODED_STILL),
     )
 
 
@@ -211,9 +214,9 @@ def _laid(greys: Sequence[Image], most: float, held: float) -> Array:
     return np.asarray(best - best[0])
 
 
-def _spans(edges: Edges, grey: Image) -> bool:
+def _spans(edges: Edges, grey: Image, steeper: float = 0.0) -> bool:
     """Return whether edges reach over so much of a picture that they show a turning camera."""
-    return edges.span(grey.shape) > BACKGROUND_SPAN
+    return edges.span(grey.shape, steeper) > BACKGROUND_SPAN
 
 
 def _misfit(greys: Sequence[Image], shifts: Array) -> float:
