@@ -53,11 +53,11 @@ class _Rays:
 
     @cached_property
     def share(self) -> Array:
-        return np.linspace(0.3, self.reach, self.steps).astype(np.float64)
+        return np.linspace(0.3, self.reach, self.steps)
 
     @cached_property
     def turns(self) -> Array:
-        return np.arange(self.count) * (2 * np.pi / self.count)
+        return np.asarray(2 * np.pi / self.count * np.arange(self.count))
 
     @cached_property
     def design(self) -> Array:
