@@ -23,14 +23,22 @@ __all__ = ["BatAngles", "Recoil", "bat_angles", "recoil_of"]
 
 Array = NDArray[np.float64]
 
-TURNS = 6  # repetitions of a frame's fit, at most
-SETTLED = 0.002  # pixels: a step of the farthest point smaller than that ends it
-CATCH = 4.0  # pixels: an edge that moved farther is not caught
-LEAST = 12  # points that a frame must show
-CLEAR = 4.0  # pixels kept between the ball and an edge's pixels
-WILD = 4.0  # robust standard deviations of the shifts
-CAUGHT = 0.5  # of the points a frame shows, at least
-FEW = 3  # frames of a recoil, at least
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TurnFit:
+    """Settings of the fit of a frame's turn, and what a frame must show."""
+
+    rounds: int = 6
+    last_step: float = 0.002  # pixels: a step of the farthest point smaller than that ends them
+    farthest_caught: float = 4.0  # pixels: an edge that moved farther is not caught
+    least_share_caught: float = 0.5  # of the points a frame shows, at least
+    least_points: int = 12
+    ball_margin: float = 4.0  # pixels kept between the ball and an edge's pixels
+    wild_sigmas: float = 4.0  # robust standard deviations of the shifts
+    least_frames: int = 3  # of a recoil
+
+
+FIT = TurnFit()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,25 +109,25 @@ def _pose(
     # brighter one does [pixels]
     moves = np.stack([-edges.along, np.ones_like(edges.along)], axis=1) / edges.pixel
     moves = np.column_stack([moves[:, : 2 - pivoted], edges.side])
-    for _ in range(TURNS):
+    for _ in range(FIT.rounds):
         across = edges.pixels(*pose)
         ends = across[:, [0, -1]]
         used = np.asarray(((ends > 1) & (ends < size - 2)).all(axis=(1, 2)))
         if ball is not None:
             away = np.hypot(*np.moveaxis(across - ball[:2], -1, 0)).min(axis=1)
-            used &= away > ball[2] + CLEAR
-        if used.sum() < LEAST:
+            used &= away > ball[2] + FIT.ball_margin
+        if used.sum() < FIT.least_points:
             return lost
         shift, weight = edges.shifts(values_at(grey, across[used]), used)
-        both = min((edges.side[used] == sign).sum() for sign in (1, -1)) >= LEAST
-        good = (weight > 0) & (np.abs(shift) < CATCH)
-        if good.sum() < max(LEAST, CAUGHT * used.sum()):
+        both = min((edges.side[used] == sign).sum() for sign in (1, -1)) >= FIT.least_points
+        good = (weight > 0) & (np.abs(shift) < FIT.farthest_caught)
+        if good.sum() < max(FIT.least_points, FIT.least_share_caught * used.sum()):
             return lost
         design = moves[used] if both else moves[used, :-1]
         step, variance, good = _solve(design, shift, weight, good)
         step = step[: 2 - pivoted]
         pose[: len(step)] += step
-        if np.abs(moves[used, : len(step)] @ step).max() < SETTLED:
+        if np.abs(moves[used, : len(step)] @ step).max() < FIT.last_step:
             return pose, float(np.sqrt(variance)), int(good.sum())
     return lost
 
@@ -135,8 +143,8 @@ def _solve(
         solved = inverse @ (whole.T @ (shift[good] * root))
         rest = (shift - design @ solved) * np.sqrt(weight)
         usual = 1.4826 * float(np.median(np.abs(rest[good])))
-        kept = good & (np.abs(rest) <= WILD * usual)
-        if kept.sum() < LEAST or np.array_equal(kept, good):
+        kept = good & (np.abs(rest) <= FIT.wild_sigmas * usual)
+        if kept.sum() < FIT.least_points or np.array_equal(kept, good):
             break
         good = kept
     variance = float((rest[good] ** 2).sum()) / (int(good.sum()) - design.shape[1])
@@ -164,7 +172,7 @@ def recoil_of(times: Array, found: BatAngles, contact: float, lasts: float = 0.0
     """
     seen = np.isfinite(found.angle) & (np.abs(times - contact) > lasts)
     after, before = seen & (times > contact), seen & (times < contact)
-    for name, some, least in (("after", after, FEW), ("before", before, 1)):
+    for name, some, least in (("after", after, FIT.least_frames), ("before", before, 1)):
         if some.sum() < least:
             allowed = f"at least {least} must show the bat"
             raise InputError("", f"frames {name} contact", int(some.sum()), allowed)

@@ -20,8 +20,7 @@ __all__ = ["BatSeen", "bat_document", "bat_text", "find_bat", "write_bat_table"]
 
 Array = NDArray[np.float64]
 
-LASTS = 1e-3  # s about the contact: the bat is being pushed
-MARGIN = 8.0  # pixels about the ball that show nothing of what is behind it
+PUSHED = 1e-3  # s about the contact: the bat is being pushed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,15 +44,18 @@ def find_bat(tracked: Tracked, calibration: ClipCalibration) -> BatSeen | None:
     if place is None or camera is None:
         return None
     contact = tracked.legs.flights[0].time
-    times, balls = tracked.clip.times, _balls(tracked)
-    rest = _at_rest(tracked, times < contact - max(LASTS, tracked.exposure), balls)
+    times, located = tracked.clip.times, tracked.located
+    reach = located.radius + np.hypot(located.blur_x, located.blur_y) / 2 + 1
+    balls = np.full((tracked.clip.count, 3), np.nan)  # x, y, reach [pixels], frame by frame
+    balls[tracked.frames] = np.stack([located.x, located.y, reach], axis=1)
+    rest = _at_rest(tracked, times < contact - max(PUSHED, tracked.exposure), balls)
     edges = find_outline(rest, place, camera)
     frames = zip(times.tolist(), tracked.clip.frames(), strict=True)
     angles = bat_angles(frames, edges, balls, pivoted=place.pivoted)
     if len(tracked.legs.flights) < 2:
         where = str(tracked.clip.source.path)
         raise InputError(where, "bat", None, "the ball is not seen to leave it: no recoil to read")
-    recoil = recoil_of(times, angles, contact, lasts=LASTS)
+    recoil = recoil_of(times, angles, contact, lasts=PUSHED)
     return BatSeen(times=times, angles=angles, recoil=recoil)
 
 
@@ -84,20 +86,11 @@ def write_bat_table(found: BatSeen, path: Path) -> None:
     path.write_text("\n".join(["frame,time_s,angle_rad,u_rad,points", *lines, ""]))
 
 
-def _balls(tracked: Tracked) -> Array:
-    """Return the ball's place and reach in every frame of a clip, (frame, 3) [pixels]."""
-    located = tracked.located
-    reach = located.radius + np.hypot(located.blur_x, located.blur_y) / 2 + 1
-    balls = np.full((tracked.clip.count, 3), np.nan)
-    balls[tracked.frames] = np.stack([located.x, located.y, reach], axis=1)
-    return balls
-
-
 def _at_rest(tracked: Tracked, before: NDArray[np.bool_], balls: Array) -> NDArray[np.float32]:
-    """Return the mean of the frames before contact, the ball left out."""
+    """Return the mean of the frames before contact, without the ball and 8 pixels about it."""
     numbers = np.flatnonzero(before)
     spots = [
-        [(float(x), float(y), float(reach + MARGIN))] if np.isfinite(reach) else []
+        [(float(x), float(y), float(reach + 8))] if np.isfinite(reach) else []
         for x, y, reach in balls[numbers]
     ]
     frames = (frame for _, frame in tracked.clip.chosen(numbers))

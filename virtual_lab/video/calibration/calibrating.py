@@ -29,13 +29,22 @@ __all__ = ["Calibrated", "Plan", "calibrate_camera", "lengths_of"]
 
 Array = NDArray[np.float64]
 
-VIEWS = 3  # with a board, at least
-MANY = 6  # of them leave little to chance
-ASKEW = 8 * DEGREE  # between two views at least: parallel boards do not show the focal length
-VAGUE = 0.02  # relative u of the focal length: more is no calibration
-ROUGH, POOR = 0.3, 1.5  # pixels rms: a warning, no calibration
-OFF = 3.0  # times the median of the views' rms: a view that does not fit
-COVERED = 0.4  # of the picture, within the outermost corners
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Demands:
+    """What pictures must show for a calibration, and what is warned of."""
+
+    least_views: int = 3  # with a board
+    views: int = 6  # leave little to chance
+    least_angle: float = 8 * DEGREE  # of two views: parallel boards do not show the focal length
+    greatest_focal_u: float = 0.02  # relative: more is no calibration
+    rough_rms: float = 0.3  # pixels, a warning
+    greatest_rms: float = 1.5  # pixels, no calibration
+    outlying_view: float = 3.0  # times the median of the views' rms: a view that does not fit
+    least_covered: float = 0.4  # of the picture, within the outermost corners
+
+
+DEMANDS = Demands()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,9 +90,9 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
     names = tuple(name for name, found in looked if found)
     without = tuple(name for name, found in looked if not found)
     seen = [found for _, found in looked if found]
-    if len(seen) < VIEWS:
+    if len(seen) < DEMANDS.least_views:
         many = f"{plan.board.columns}x{plan.board.rows} squares, not inner corners"
-        allowed = f"at least {VIEWS} must show the board (is it {many}?)"
+        allowed = f"at least {DEMANDS.least_views} must show the board (is it {many}?)"
         raise InputError("", "pictures with a board", len(seen), allowed)
     plane = _plane_view(looked, plan)
     solved = solve(plan.board.corners(), seen, size, plane)
@@ -128,7 +137,7 @@ def _found(
             raise InputError(name, "size", f"{own[0]} x {own[1]}", allowed)
         looked.append((name, find_board(picture, board)))
     if size is None:
-        raise InputError("", "pictures", 0, f"at least {VIEWS} of a board")
+        raise InputError("", "pictures", 0, f"at least {DEMANDS.least_views} of a board")
     return looked, size
 
 
@@ -148,15 +157,16 @@ def _plane_view(looked: list[tuple[str, BoardView | None]], plan: Plan) -> int:
 def _require_sound(solved: Solved) -> None:
     normals = solved.rotations[:, :, 2]
     apart = float(np.arccos(np.clip(np.abs(normals @ normals.T), 0, 1)).max())
-    if apart < ASKEW:
-        allowed = f"hold it askew in some, by {ASKEW / DEGREE:g} deg at least, better 30"
+    if apart < DEMANDS.least_angle:
+        least = f"{DEMANDS.least_angle / DEGREE:g} deg"
+        allowed = f"hold it askew in some, by {least} at least, better 30"
         raise InputError("", "angle between boards", f"{apart / DEGREE:.2g} deg", allowed)
-    if solved.rms > POOR:
-        allowed = f"less than {POOR:g} (another board, or pictures of several cameras?)"
+    if solved.rms > (most := DEMANDS.greatest_rms):
+        allowed = f"less than {most:g} (another board, or pictures of several cameras?)"
         raise InputError("", "residuals, pixels", f"{solved.rms:.2g}", allowed)
     vague = float((solved.u[:2] / solved.values[:2]).max())
-    if not vague < VAGUE:
-        allowed = f"less than {VAGUE:g}: more pictures, more askew"
+    if not vague < DEMANDS.greatest_focal_u:
+        allowed = f"less than {DEMANDS.greatest_focal_u:g}: more pictures, more askew"
         raise InputError("", "relative u of the focal length", f"{vague:.2g}", allowed)
 
 
@@ -235,19 +245,19 @@ def _warnings(
     found = []
     if without:
         found.append(f"no board was found in {', '.join(without)}")
-    if len(seen) < MANY:
-        found.append(f"only {len(seen)} pictures show the board: {MANY} or more are better")
-    if solved.rms > ROUGH:
+    if len(seen) < (many := DEMANDS.views):
+        found.append(f"only {len(seen)} pictures show the board: {many} or more are better")
+    if solved.rms > DEMANDS.rough_rms:
         found.append(f"residuals of {solved.rms:.2g} pixels are large: is the board flat?")
     usual = float(np.median(solved.view_rms))
     for name, rms, lost in zip(names, solved.view_rms, solved.left_out, strict=True):
-        if rms > OFF * usual:
+        if rms > DEMANDS.outlying_view * usual:
             found.append(f"{name} does not fit the others: residuals of {rms:.2g} pixels")
         if lost:
             found.append(f"{name}: corners far off were left out, {lost} of them")
     hull = cv2.convexHull(np.concatenate([each.places for each in seen]).astype(np.float32))
     share = cv2.contourArea(hull) / (size[0] * size[1])
-    if share < COVERED:
+    if share < DEMANDS.least_covered:
         found.append(
             f"the boards reach over {100 * share:.0f} % of the picture: beyond them the lens's "
             "distortion is not known"

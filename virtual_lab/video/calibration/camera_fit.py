@@ -14,12 +14,6 @@ __all__ = ["Solved", "solve"]
 
 Array = NDArray[np.float64]
 
-SURE = 3.0  # standard uncertainties: a sixth power of the radius smaller than that is left out
-WILD = 6.0  # robust standard deviations: corners farther off are left out
-ROUNDS = 8  # of leaving out
-LEAST = 6  # corners of a view
-POSE = 6  # numbers a view
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Solved:
@@ -77,11 +71,11 @@ def solve(corners: Array, seen: list[BoardView], size: tuple[int, int], plane: i
     """
     count = np.array([len(each.ids) for each in seen])
     whole = _fit(corners, seen, size, plane)
-    for _ in range(ROUNDS):
+    for _ in range(8):
         off = np.hypot(*whole.residuals.T)
         usual = 1.4826 / 1.177 * float(np.median(off))  # Rayleigh's median
-        # one wild corner bends the lens for others: the worst leave first
-        wild = off > max(WILD * usual, 0.5 * float(off.max()))
+        # one wild corner bends the lens for others: the worst leave first, those far off alone
+        wild = off > max(6 * usual, 0.5 * float(off.max()))
         if not wild.any():
             break
         kept = np.split(~wild, np.cumsum([len(each.ids) for each in seen])[:-1])
@@ -89,23 +83,17 @@ def solve(corners: Array, seen: list[BoardView], size: tuple[int, int], plane: i
             BoardView(ids=each.ids[good], places=each.places[good])
             for each, good in zip(seen, kept, strict=True)
         ]
-        if min(len(each.ids) for each in seen) < LEAST:
+        if min(len(each.ids) for each in seen) < 6:
             why = "one of the pictures fits no lens that fits the others"
             raise InputError("", "camera", None, why)
         whole = _fit(corners, seen, size, plane)
     return replace(whole, left_out=count - np.array([len(each.ids) for each in seen]))
 
 
-def _fit(corners: Array, seen: list[BoardView], size: tuple[int, int], plane: int) -> Solved:
-    full = _fit_with(corners, seen, size, plane, bent=5)
-    if abs(full.values[8]) > SURE * full.u[8]:
-        return full
-    return _fit_with(corners, seen, size, plane, bent=4)
-
-
-def _fit_with(
-    corners: Array, seen: list[BoardView], size: tuple[int, int], plane: int, bent: int
+def _fit(
+    corners: Array, seen: list[BoardView], size: tuple[int, int], plane: int, bent: int = 5
 ) -> Solved:
+    """Return what fits; a sixth power of the radius of less than 3 u is left out."""
     import cv2
 
     flags = cv2.CALIB_FIX_K3 if bent == 4 else 0
@@ -127,21 +115,21 @@ def _fit_with(
     for view, (points, each) in enumerate(zip(known, seen, strict=True)):
         drawn, slopes = cv2.projectPoints(points, turns[view], shifts[view], matrix, distortion)
         slopes = _local(np.asarray(slopes, np.float64), np.asarray(turns[view], np.float64))
-        row = np.zeros((len(slopes), 4 + bent + POSE * len(seen)))
-        row[:, : 4 + bent] = slopes[:, POSE : POSE + 4 + bent]
-        start = 4 + bent + POSE * view
-        row[:, start : start + POSE] = slopes[:, :POSE]
+        row = np.zeros((len(slopes), 4 + bent + 6 * len(seen)))
+        row[:, : 4 + bent] = slopes[:, 6 : 6 + 4 + bent]
+        start = 4 + bent + 6 * view
+        row[:, start : start + 6] = slopes[:, :6]
         design.append(row)
         rest.append(each.places - drawn.reshape(-1, 2))
     residuals = np.concatenate(rest)
-    whole = np.concatenate(design)
-    scale = np.linalg.norm(whole, axis=0)
-    free = max(residuals.size - whole.shape[1], 1)
-    normal = whole / scale
+    slopes = np.concatenate(design)
+    scale = np.linalg.norm(slopes, axis=0)
+    free = max(residuals.size - slopes.shape[1], 1)
+    normal = slopes / scale
     inverse = np.linalg.pinv(normal.T @ normal, hermitian=True) / np.outer(scale, scale)
-    first = 4 + bent + POSE * plane
-    kept = np.r_[: 4 + bent, first : first + POSE]
-    return Solved(
+    first = 4 + bent + 6 * plane
+    kept = np.r_[: 4 + bent, first : first + 6]
+    whole = Solved(
         values=np.concatenate(
             [matrix[[0, 1, 0, 1], [0, 1, 2, 2]], np.asarray(distortion).ravel()[:bent]]
         ),
@@ -153,6 +141,9 @@ def _fit_with(
         residuals=residuals,
         left_out=np.zeros(len(seen), np.intp),
     )
+    if bent == 5 and not abs(whole.values[8]) > 3 * whole.u[8]:
+        return _fit(corners, seen, size, plane, bent=4)
+    return whole
 
 
 def _local(slopes: Array, turn: Array) -> Array:

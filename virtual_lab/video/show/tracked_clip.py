@@ -42,8 +42,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Asked", "TrackedClip", "track_clip"]
 
-CONSUMER = 480.0  # frames a second of a file: a faster one is of a laboratory's camera
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Asked:
@@ -197,8 +195,9 @@ def _for_clip(
     known = replace(known_of(clip, calibration), stands=asked.calibration is not None)
     known = replace(known, **said)
     if "readout" not in said and asked.calibration is None:
+        # a faster one is of a laboratory's camera
         rate = clip.source.rate
-        file = clip.source.path.is_file() and rate is not None and rate <= CONSUMER
+        file = clip.source.path.is_file() and rate is not None and rate <= 480
         known = replace(known, readout=None if file else 0.0)
     turn = clip.source.rotation
     axes = {0: (1, 1), 90: (0, -1), 180: (1, -1), 270: (0, 1)}
