@@ -580,7 +580,7 @@ def track(
         Called with what goes on.
     known
         fps, gravity as numbers; exposure, frames, region, ball_at, scale, readout as on the
-        command line; global_shutter.
+        command line; global_shutter, tripod.
 
     Raises
     ------

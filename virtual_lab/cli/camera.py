@@ -62,6 +62,7 @@ def _beside_the_clip(asked: Mapping[str, Any]) -> Path:
     is_flag=True,
     help="No rolling shutter: all rows are exposed at once.",
 )
+@click.option("--tripod", is_flag=True, help="The camera stands still.")
 @click.option(
     "--track",
     "corrected",

@@ -87,6 +87,24 @@ def test_frames_left_out_of_a_phone_s_file(name: str, seed: int, crf: int, tmp_p
     assert len(found.contacts) >= 2
 
 
+def test_a_hand_s_drift_before_a_plain_wall_is_covered(tmp_path: Path) -> None:
+    """H.264 keeps plain plaster in place while the camera drifts: nothing shows the drift."""
+    scene = SCENES["against-wall"]
+    made, found = run(replace(scene, codec="H264", crf=23, seed=scene.seed + 1900), tmp_path)
+    assert not found.watched.still.drifts
+    assert "DRIFT_UNSEEN" in found.flags
+    require_flights(made.truth, found)
+    by_hand, true = found.contacts[0].restitution, made.truth.contacts[0].restitution
+    stands = following(found.clip, found.watched, replace(found.known, stands=True))
+    on_tripod = stands.contacts[0].restitution
+    assert by_hand is not None
+    assert on_tripod is not None
+    assert "DRIFT_UNSEEN" not in stands.flags
+    assert by_hand.value == on_tripod.value
+    assert abs(by_hand.value - true) < 4 * by_hand.u < 0.1
+    assert abs(on_tripod.value - true) > 5 * on_tripod.u
+
+
 def test_a_wrong_frame_rate_is_told_by_gravity(followed: Get) -> None:
     _, found = followed("thrown-on-wall")
     wrong = following(found.clip, found.watched, replace(found.known, rate=120.0))

@@ -43,6 +43,12 @@ TILTED, TILTED_OFF = (
     0.03,
 )  # factor that a perspective shrinks the misfit by, and how large it is
 RECONCILED = 0.7  # of what flights' own accelerations differ by, if a perspective explains it
+HAND_DRIFT = 0.02  # of the longer side a second, each way: 0.005 to 0.03 in real clips held by hand
+DRIFT_MATTERS = 0.002  # of a flight's speed
+NO_EDGES = (
+    "the background has too few edges to show whether the camera moves: the u of speeds and "
+    "restitutions covers a hand's usual drift; --tripod says that the camera stands"
+)
 BEHIND = 0.35  # of the difference between fits with and without drag, as u
 MOVED = 0.1  # radii a frame: a ball that moves less may well look the same
 LEAST_PERIOD, MOST_PERIOD = 3, 10  # frames, of those left out of 30 a second to make 25 or 24
@@ -334,6 +340,11 @@ def _said(
             scene, ways, readout=readout, drag=False, shared=False, tilted=bool(fit.tilt.any())
         )
         others = [(free, BEHIND), *([(other, 1.0)] if other else [])]
+        if not (known.stands or watched.still.shows_drift):
+            hand = HAND_DRIFT * max(scene.size) * step
+            others += [(fit.drifting(each), 1.0) for each in hand * np.eye(2)]
+            if hand > DRIFT_MATTERS * min(float(np.hypot(*v)) for v in fit.states[:, 2:]):
+                notes.append(("DRIFT_UNSEEN", NO_EDGES))
         contacts, said = contacts_of(scene, ways, fit, others, step, scale.metres_per_pixel)
         notes += said
         flights = _flights(scene, ways, fit, others, contacts, scale, step)
@@ -442,7 +453,8 @@ def _flights(
     """Return the flights; `others`: fits by other models, and their differences' share of u."""
     ways_of = {"shared": False, "tilted": bool(fit.tilt.any())}
     own = joint_fit(scene, ways, readout=fit.readout, **ways_of)
-    owns = [(fit, 1.0)] if len(others) > 1 and not fit.tilt.any() else []
+    tilted = any(each.tilt.any() for each, _ in others)
+    owns = [(fit, 1.0)] if tilted and not fit.tilt.any() else []
     if scene.readout is None:  # any readout up to a frame is as likely
         rolled = joint_fit(scene, ways, readout=1.0, tilted=ways_of["tilted"])
         others = [*others, (rolled, 1 / np.sqrt(3))]

@@ -69,6 +69,13 @@ class Fit:
             states=vector[m + 3 :].reshape(n, 4),
         )
 
+    def drifting(self, velocity: Array) -> Fit:
+        """Return the fit of the same places if the still frame moves, (2,) [px/frame]."""
+        states = self.states + np.hstack(
+            [self.middles[:, None] * velocity, np.broadcast_to(velocity, (len(self.states), 2))]
+        )
+        return self.with_vector(np.concatenate([self.vector[: -states.size], states.ravel()]))
+
     def at(self, flight: int, t: Array | float) -> Array:
         """Return place and velocity of a flight in the plane, (time, 4) [pixels, frames]."""
         t = np.atleast_1d(np.asarray(t, float))

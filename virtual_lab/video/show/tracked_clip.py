@@ -58,6 +58,7 @@ class Asked:
     scale: str | None = None
     readout: str | None = None
     global_shutter: bool = False
+    tripod: bool = False
     track: Path | None = None  # CSV of an earlier run, corrected
 
 
@@ -192,7 +193,9 @@ def _for_clip(
     clip: Clip, calibration: ClipCalibration, said: dict[str, Any], asked: Asked
 ) -> Known:
     """Return what is known of a clip that has been opened."""
-    known = replace(known_of(clip, calibration), stands=asked.calibration is not None)
+    known = replace(
+        known_of(clip, calibration), stands=asked.tripod or asked.calibration is not None
+    )
     known = replace(known, **said)
     if "readout" not in said and asked.calibration is None:
         # a faster one is of a laboratory's camera
