@@ -67,21 +67,12 @@ def bat_angles(
     *,
     pivoted: bool = False,
 ) -> BatAngles:
-    """Return a bat's angle in each frame.
+    """Return a bat's angle in each frame: time [s] and grey values (row, column), read once.
 
-    Parameters
-    ----------
-    frames
-        Time [s] and grey values (row, column) of whole frames, in order; read once.
-    edges
-        The bat's at rest.
-    balls
-        What hides the bat: x, y and radius [pixels], half the blur in it; NaN: nothing,
-        (frame, 3).
-    pivoted
-        Whether it turns about the axis's pivot, as exactly as that is known: a pivot one
-        per cent nearer makes angles one per cent larger. Otherwise it may move across, too, and
-        its edges must be long in the picture.
+    `balls` (frame, 3) hide the bat: x, y and radius [pixels], half the blur in it; NaN: nothing.
+    A `pivoted` bat turns about the axis's pivot, as exactly as that is known: a pivot one per cent
+    nearer makes angles one per cent larger. Another may move across, too, and its edges must be
+    long in the picture.
     """
     found: list[tuple[float, float, int]] = []
     last: tuple[float, Array] | None = None
@@ -154,21 +145,9 @@ def _solve(
 def recoil_of(times: Array, found: BatAngles, contact: float, lasts: float = 0.0) -> Recoil:
     """Return how fast a bat turns after contact: at rest until it, at a constant rate from it on.
 
-    Parameters
-    ----------
-    times
-        Of the frames, (frame,) [s].
-    found
-        The bat's angles in them.
-    contact
-        When the turn begins, about [s]: the line after it decides.
-    lasts
-        Frames so near to the contact belong to neither side [s].
-
-    Raises
-    ------
-    InputError
-        Fewer than three frames show the bat after contact, or none before it.
+    The angles are those of frames at `times` (frame,) [s]. `contact` is when the turn begins,
+    about [s]: the line after it decides; frames within `lasts` [s] of it belong to neither side.
+    Raises `InputError` where fewer than three frames show the bat after contact, or none before.
     """
     seen = np.isfinite(found.angle) & (np.abs(times - contact) > lasts)
     after, before = seen & (times > contact), seen & (times < contact)

@@ -35,10 +35,7 @@ class BatSeen:
 def find_bat(tracked: Tracked, calibration: ClipCalibration) -> BatSeen | None:
     """Return the bat that [bat] in a clip's calibration speaks of, None without.
 
-    Raises
-    ------
-    InputError
-        No bat where it should be, no contact in the clip, too few frames that show the bat.
+    Raises `InputError`: no bat where it should be, no contact, too few frames that show the bat.
     """
     place, camera = calibration.bat, calibration.camera
     if place is None or camera is None:

@@ -133,21 +133,10 @@ def values_at(picture: NDArray[Any], pixels: Array) -> Array:
 
 
 def find_outline(rest: NDArray[Any], place: BatPlace, camera: CameraModel) -> BatEdges:
-    """Return the edges of a bat in a picture of it at rest.
+    """Return the edges of a bat in a picture (row, column) of it at rest, an average of frames.
 
-    Parameters
-    ----------
-    rest
-        Grey values of the whole frame, (row, column), as many frames averaged as there are.
-    place
-        Where it stands; its pivot may lie out of the picture.
-    camera
-        Whose `plane_height_m` is that of the bat's edges.
-
-    Raises
-    ------
-    InputError
-        No edge shows on either side.
+    The camera's `plane_height_m` is that of the edges; the pivot may lie out of the picture.
+    Raises `InputError` where no edge shows on either side.
     """
     from scipy.ndimage import uniform_filter1d
 

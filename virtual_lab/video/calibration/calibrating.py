@@ -71,20 +71,10 @@ class Calibrated:
 
 
 def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -> Calibrated:
-    """Return the camera that took some pictures.
+    """Return the camera that took some pictures: name and grey values (row, column), read once.
 
-    Parameters
-    ----------
-    pictures
-        Name and grey values (row, column) of each, all of one camera; read once.
-    plan
-        What is known of the board and of the plane.
-
-    Raises
-    ------
-    InputError
-        Pictures of several sizes, fewer than three with a board, none in the plane view, boards
-        all parallel, residuals that no lens leaves, a plane behind the camera.
+    Raises `InputError`: pictures of several sizes, fewer than three with a board, none in the
+    plane view, boards all parallel, residuals that no lens leaves, a plane behind the camera.
     """
     looked, size = _found(pictures, plan.board)
     names = tuple(name for name, found in looked if found)

@@ -29,11 +29,6 @@ class Solved:
     left_out: NDArray[np.intp]  # corners, (view,)
 
     @property
-    def distortion(self) -> Array:
-        """OpenCV's coefficients, four or five."""
-        return self.values[4:]
-
-    @property
     def u(self) -> Array:
         """Standard uncertainties of what the covariance is of."""
         return np.asarray(np.sqrt(np.diagonal(self.covariance)))
@@ -51,23 +46,10 @@ class Solved:
 
 
 def solve(corners: Array, seen: list[BoardView], size: tuple[int, int], plane: int) -> Solved:
-    """Return lens and poses.
+    """Return lens and poses from a board's corners (corner, 3) [m] as they were seen in each view.
 
-    Parameters
-    ----------
-    corners
-        All of the board's, (corner, 3) [m].
-    seen
-        Which of them were seen, and where, view by view.
-    size
-        Width and height of the pictures.
-    plane
-        View whose pose is in the covariance.
-
-    Raises
-    ------
-    InputError
-        OpenCV finds no camera for them.
+    `size` is the pictures' width and height, `plane` the view whose pose is in the covariance.
+    Raises `InputError` where OpenCV finds no camera for them.
     """
     count = np.array([len(each.ids) for each in seen])
     whole = _fit(corners, seen, size, plane)

@@ -116,16 +116,10 @@ class ClipCalibration(Spec):
 def read_calibration(
     path: Path | None, *, ball_diameter: float | None = None, otherwise: bool = False
 ) -> ClipCalibration:
-    """Return the calibration in a file, `path` None: of an unknown camera.
+    """Return the calibration in a TOML file, None: of an unknown camera.
 
-    Parameters
-    ----------
-    path
-        TOML file; a relative name of `timestamps` counts from its folder.
-    ball_diameter
-        Diameter [m] that replaces the file's, with no uncertainty of its own.
-    otherwise
-        Whether something else sets the scale.
+    A relative name of `timestamps` counts from its folder. `ball_diameter` [m] replaces the
+    file's, with no uncertainty of its own; `otherwise`: something else sets the scale.
     """
     found = ClipCalibration()
     if path:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import TypeVar
 
@@ -57,38 +58,29 @@ class Clip:
         return np.stack([grey_of(each, str(self.source.path)) for each in some])
 
     def pictures(self) -> Iterator[Frame]:
-        """Yield every frame as it is stored, grey or in colour."""
-        for picture, _ in ahead(self.source.pictures()):
-            yield picture
+        """Return every frame as it is stored, grey or in colour."""
+        return (picture for picture, _ in ahead(self.source.pictures()))
 
     def frames(self) -> Iterator[Frame]:
-        """Yield every frame, grey."""
-        for frame, _ in self.source.frames():
-            yield frame
+        """Return every frame, grey."""
+        return (frame for frame, _ in self.source.frames())
 
     def chosen(
         self, wanted: NDArray[np.intp], *, colour: bool = False
     ) -> Iterator[tuple[int, Frame]]:
         """Yield frames of some numbers, grey or as stored, in order; read none beyond the last."""
         left = set(map(int, wanted))
-        if not left:
-            return
-        last = max(left)
-        for number, frame in enumerate(self.pictures() if colour else self.frames()):
+        frames = enumerate(self.pictures() if colour else self.frames())
+        for number, frame in islice(frames, max(left, default=-1) + 1):
             if number in left:
                 yield number, frame
-            if number == last:
-                return
 
 
 def open_clip(path: Path, calibration: ClipCalibration) -> Clip:
     """Return a clip after reading it once.
 
-    Raises
-    ------
-    InputError
-        No clip, a file cut short, no frames, frames of several sizes, time stamps that do not
-        fit, or frames of another size than the calibrated camera's.
+    Raises `InputError`: no clip, a file cut short, no frames, frames of several sizes or another
+    than the calibrated camera's, time stamps that do not fit.
     """
     source = open_source(path)
     every = 1

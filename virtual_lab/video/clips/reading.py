@@ -234,12 +234,8 @@ def _size(frame: Frame) -> str:
 def read_pictures(paths: Iterable[Path]) -> Iterator[tuple[str, Frame]]:
     """Yield name and grey values (row, column) of every picture in some files and folders.
 
-    A picture out of a stack or a clip is named by its number, ``clip.mp4:12``.
-
-    Raises
-    ------
-    InputError
-        No such file, none that can be read, a folder without images.
+    A picture out of a stack or a clip is named by its number, ``clip.mp4:12``. Raises `InputError`
+    where there is no such file, none that can be read, or a folder without images.
     """
     import cv2
 

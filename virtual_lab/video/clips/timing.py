@@ -25,19 +25,9 @@ def frame_times(
 ) -> tuple[Array, tuple[str, ...]]:
     """Return the time of each frame [s] and warnings.
 
-    Parameters
-    ----------
-    source
-        Where the frames come from.
-    stamps
-        Time stamps that came with the frames, (frame,), NaN where the file has none [s].
-    calibration
-        Time stamps of its own go before a frame rate, a frame rate before the file's word.
-
-    Raises
-    ------
-    InputError
-        Time stamps that are missing, too few or too many, that do not rise or are not finite.
+    `stamps` (frame,) came with the frames, NaN where the file has none [s]. Time stamps of the
+    calibration go before its frame rate, that before the file's word. Raises `InputError` where
+    they are missing, too few or too many, do not rise or are not finite.
     """
     count, given = len(stamps), calibration.frames_per_second
     kind, fastest = source.path.suffix.lower(), max(given or 0.0, source.rate or 0.0)

@@ -56,22 +56,18 @@ class EdgeFit:
     strength_last_step: float = 0.1  # of u
 
     pattern_factor: float = 1.5  # seams are no random field: what hides at the rim shifts more
-    sway_share: float = 0.3  # of what a pattern at the rim would shift the place by, as the outline
-    least_seen: float = 0.12  # share: a fit on less has lost the ball
-    least_radius_over_u: float = (
-        100.0  # standard uncertainties in the radius: else it is no outline
-    )
+    sway_share: float = 0.3  # of what a pattern would shift the place by, were it the outline
+    least_seen: float = 0.12  # a fit on less has lost the ball
+    least_radius_over_u: float = 100.0  # with less it is no outline
     greatest_misfit: float = 3.0  # chi^2 on the outline, of a pattern finer than a sector too
-    flagged_share: float = 0.02  # share at full scale or out of the picture
-    stray_share: float = 0.02  # share of the pixels that fit nothing
+    flagged_share: float = 0.02  # at full scale or out of the picture
+    stray_share: float = 0.02  # of the pixels: what fits nothing
 
     # how much of the rim is hidden: where the picture shows the background in its place
     ring_depth: tuple[float, float] = (1.5, 4.5)  # pixels inside the outline, wherever the ball is
     alike_sigmas: float = 3.0  # standard deviations of noise: the background and nothing else
     apart_sigmas: float = 12.0  # of them that ball and background are apart, else they are alike
-    covered_share: float = (
-        0.27  # share; the side that no light reaches may be as dark as what is behind
-    )
+    covered_share: float = 0.27  # a side that no light reaches may be as dark as the background
 
 
 FIT = EdgeFit()
@@ -93,21 +89,16 @@ def fit_edge(
     Parameters
     ----------
     seen
-        Regions that show the ball, its blur and some pixels around; the level of what is behind
-        it is fitted, with a slope.
+        Regions with the ball, its blur and some pixels around; the background's level is fitted.
     start
         Where the ball is to a pixel or so, how large, and how blurred it is: the blur is held.
-    noise
-        The camera's noise; its black shows how bright the ball is.
-    lens
-        Standard deviation of the lens's blur [pixel].
-    oval
+    noise, lens
+        The camera's noise, and the standard deviation of its lens's blur [pixel].
+    oval, oval_u
         What is known of outlines that are no circles, r = R (1 + c cos 2a + s sin 2a): c and s,
-        (region, 2) or less. A sphere off a camera's axis by the angle b has an outline that is
-        longer by 1 / cos b along the way from the axis.
-    oval_u
-        Standard uncertainty of c and s; 0 only where they are known to 0.0005: what is left of
-        an ellipse would be taken for a pattern, and the place with it.
+        (region, 2) or less, and their u; 0 only where they are known to 0.0005: what is left of
+        an ellipse would be taken for a pattern. A sphere off a camera's axis by the angle b has
+        an outline that is longer by 1 / cos b along the way from the axis.
     """
     from virtual_lab.video.locate.edge_kernel import View
 

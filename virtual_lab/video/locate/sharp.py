@@ -31,9 +31,10 @@ class Learning:
     core_share: float = 0.6  # of the radius: well inside the ball
     lens_regions: int = 6  # in which the lens is found
     round_u: float = 1e-3  # of an outline near the middle: its oval
-    lenses: tuple[float, ...] = (0.45, 0.6, 0.8, 1.1, 1.5, 2.2, 3.2)  # pixels, from which to start:
-    lens_step: float = 0.3  # relative, from one to the next; the score has several minima
-    lens_tolerance: float = 0.06  # relative: a lens wrong by that shifts no place
+    # pixels, from which to start: a wrong one may be the best about it
+    lenses: tuple[float, ...] = (0.45, 0.6, 0.8, 1.1, 1.5, 2.2, 3.2)
+    lens_step: float = 0.3  # relative, from one to the next
+    lens_tolerance: float = 0.06  # relative, to which one is found
     worst_score: float = 50.0  # of a lens by which a ball is lost
     lit_share: float = 0.93  # of the ball's radius: less of it is light, the rest in the dark
     light_edge: float = 0.5  # of the light's contrast: its outline
@@ -145,21 +146,11 @@ def place(
     middle: tuple[float, float],
     oval: tuple[float, float] = (0.0, FIT.oval_u),
 ) -> Located:
-    """Return the ball's places in the full frame.
+    """Return the ball's places in the full frame; `start` knows them to a pixel or so.
 
-    Parameters
-    ----------
-    seen
-        Regions that show a ball.
-    start
-        Where it is to a pixel or so.
-    noise, lens
-        Of the camera: its noise, the standard deviation of its lens's blur [pixel].
-    middle
-        Pixel that the camera's axis meets.
-    oval
-        k, a sphere at d from the middle having the outline r = R (1 + k d² cos 2(a - a_d)) [1/px²],
-        and the standard uncertainty of what is beside the 1.
+    `lens` is the standard deviation of its blur [pixel], `middle` the pixel that the camera's axis
+    meets. `oval` is k, a sphere at d from the middle having the outline
+    r = R (1 + k d² cos 2(a - a_d)) [1/px²], and the standard uncertainty of what is beside the 1.
     """
     off = _stretched(_places(start), np.array(middle))
     k, oval_u = oval
@@ -190,14 +181,8 @@ def on_the_limb(seen: Regions, start: Located) -> Located:
 
     A lamp from the side lights a part of a ball alone: limb on one side of the light, on the other
     the line between light and shade. Of all circles of the ball's size, that on which most of the
-    light's outline lies is the ball's.
-
-    Parameters
-    ----------
-    seen
-        Regions that show one ball, whose motion in an exposure is short against its radius.
-    start
-        Where it is, roughly; its radius is that of the ball, to 3 %.
+    light's outline lies is the ball's: one that moves little in an exposure, against its radius,
+    which the start knows to 3 %.
     """
     import cv2
 
