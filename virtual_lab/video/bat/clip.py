@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +46,11 @@ def find_bat(tracked: Tracked, calibration: ClipCalibration) -> BatSeen | None:
     reach = located.radius + np.hypot(located.blur_x, located.blur_y) / 2 + 1
     balls = np.full((tracked.clip.count, 3), np.nan)  # x, y, reach [pixels], frame by frame
     balls[tracked.frames] = np.stack([located.x, located.y, reach], axis=1)
-    rest = _at_rest(tracked, times < contact - max(PUSHED, tracked.exposure), balls)
+    before = np.flatnonzero(times < contact - max(PUSHED, tracked.exposure))
+    # the ball and 8 pixels about it show nothing of what is behind it
+    spots = [[(x, y, far + 8)] if isfinite(far) else [] for x, y, far in balls[before].tolist()]
+    quiet = (frame for _, frame in tracked.clip.chosen(before))
+    rest = uncovered_mean(quiet, tracked.background, spots)
     edges = find_outline(rest, place, camera)
     frames = zip(times.tolist(), tracked.clip.frames(), strict=True)
     angles = bat_angles(frames, edges, balls, pivoted=place.pivoted)
@@ -81,14 +86,3 @@ def write_bat_table(found: BatSeen, path: Path) -> None:
         for k in np.flatnonzero(np.isfinite(angles.angle))
     ]
     path.write_text("\n".join(["frame,time_s,angle_rad,u_rad,points", *lines, ""]))
-
-
-def _at_rest(tracked: Tracked, before: NDArray[np.bool_], balls: Array) -> NDArray[np.float32]:
-    """Return the mean of the frames before contact, without the ball and 8 pixels about it."""
-    numbers = np.flatnonzero(before)
-    spots = [
-        [(float(x), float(y), float(reach + 8))] if np.isfinite(reach) else []
-        for x, y, reach in balls[numbers]
-    ]
-    frames = (frame for _, frame in tracked.clip.chosen(numbers))
-    return uncovered_mean(frames, tracked.background, spots)

@@ -32,9 +32,7 @@ class EdgeSearch:
     most_points: int = 5000  # along the bat, at most
     slope_blur: float = 3.0  # half pixels
     neighbours: int = 7  # each way, that edges and profiles are smoothed over
-    farthest_from_neighbours: float = (
-        4.0  # half pixels: an edge this far off its neighbours is none
-    )
+    stray_distance: float = 4.0  # half pixels: an edge this far off its neighbours is none
     least_slope_over_noise: float = 6.0  # times its noise: less is no edge
     # of the stronger edge's slope: less is left out, as what is behind would move it
     least_slope_of_stronger: float = 0.3
@@ -190,7 +188,7 @@ def _edge(
     own = np.where(sign * reach > 0, slope, 0.0)
     off = reach[own.argmax(axis=1)]
     calm = median_filter(off, 2 * SEARCH.neighbours + 1, mode="nearest")
-    near = np.abs(off - calm) < SEARCH.farthest_from_neighbours * step
+    near = np.abs(off - calm) < SEARCH.stray_distance * step
     good = np.asarray(near & (own.max(axis=1) > SEARCH.least_slope_over_noise * noise))
     if good.sum() < SEARCH.least_points:
         return off, np.zeros_like(good)

@@ -101,31 +101,25 @@ def _fill(
 
 @njit(**OPTIONS)
 def _weigh(
-    value: float,
-    mean: float,
-    ball: float,
-    outline: float,
-    first: bool,
-    noise: Noises,
-    tally: Floats,
+    value: float, mean: float, ball: float, edge: float, first: bool, noise: Noises, tally: Floats
 ) -> float:
     """Return a pixel's weight, and tally it.
 
     It is 0 where full scale hides what the pixel would have said, and where what is behind the
-    ball has moved: a bat that recoils. `ball` is the ball's share of the pixel.
+    ball has moved: a bat that recoils. `ball` is the ball's share of the pixel, `edge` its outline's.
     """
     gain, read, black, prnu, top = noise
     light = max((value if first else mean) - black, 0.0)
     v = read + light * (gain + prnu * prnu * light)
-    tally[TALLY.seen] += outline
+    tally[TALLY.seen] += edge
     room = top - (value if first else mean)
     if room * room < 9.0 * v or (room < 0.0 and value >= top):
-        tally[TALLY.full] += outline
+        tally[TALLY.full] += edge
         return 0.0
     misfit = (value - mean) * (value - mean) / v
     tally[TALLY.pixels] += 1.0
     tally[TALLY.stray] += misfit > SUM.stray_variances
-    if outline > 0.02:
+    if edge > 0.02:
         tally[TALLY.near] += min(misfit, SUM.stray_variances)
         tally[TALLY.around] += 1.0
     elif misfit > SUM.stray_variances and ball < 0.02:

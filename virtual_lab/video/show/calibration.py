@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import asdict
 from math import floor, log10
 from pathlib import Path
@@ -79,7 +80,7 @@ def calibration_text(found: Calibrated) -> str:
         _line("camera to board, m", with_uncertainty(far, fit.translation_u_m[2])),
         _line("plane view", Path(found.views[found.plane]).name),
     ]
-    return "\n".join(lines + [f"  warning: {each}" for each in found.warnings])
+    return "\n".join([*lines, *(f"  warning: {each}" for each in found.warnings)])
 
 
 def _line(name: str, *values: str) -> str:
@@ -88,13 +89,7 @@ def _line(name: str, *values: str) -> str:
 
 def _entry(key: str, value: Any) -> str:
     note = f"  # {NOTES[key]}" if key in NOTES else ""
-    return f"{key} = {_toml(value)}{note}"
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, tuple):
-        return f"[{', '.join(map(_toml, value))}]"
-    return f'"{value}"' if isinstance(value, str) else repr(value)
+    return f"{key} = {json.dumps(value)}{note}"  # as TOML has numbers, words and lists
 
 
 def draw_calibration(found: Calibrated, path: Path) -> None:

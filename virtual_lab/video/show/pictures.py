@@ -58,17 +58,16 @@ def pictures_of(course: BallCourse, thumbs: Mapping[int, Image]) -> Pictures:
 
     sheet, film = _for_sheet(course), _spread(len(course.frames), LAYOUT.film_frames)
     rows, columns = course.clip.shape
-    tiles = max(len(sheet), 1)
-    scale = min(LAYOUT.tile_width / columns, np.sqrt(LAYOUT.sheet / tiles / (rows * columns)))
+    scale = min(LAYOUT.tile_width / columns, np.sqrt(LAYOUT.sheet / len(sheet) / (rows * columns)))
     wanted = np.unique(course.frames[sorted({*sheet, *film})])
-    darkest, brightest = _range(course)
+    low, high = _range(course)
     size = (max(1, round(columns * scale)), max(1, round(rows * scale)))
     way = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
     kept = [int(each) for each in wanted if each in thumbs]
     small = {k: np.asarray(cv2.imdecode(thumbs[k], cv2.IMREAD_UNCHANGED)) for k in kept}
     left = np.array([each for each in wanted if each not in small], np.intp)
     frames = {
-        number: _resized(_shown(frame, darkest, brightest), size, way)
+        number: np.asarray(cv2.resize(_shown(frame, low, high), size, interpolation=way), np.uint8)
         for number, frame in chain(small.items(), course.clip.chosen(left, colour=True))
     }
     return Pictures(frames=frames, scale=float(scale), sheet=sheet, film=film)
@@ -79,8 +78,6 @@ def write_sheet(course: BallCourse, pictures: Pictures, path: Path) -> None:
     import cv2
 
     tiles = [_one(course, pictures, k, pictures.scale) for k in pictures.sheet]
-    if not tiles:
-        return
     rows, columns = tiles[0].shape[:2]
     across = int(np.clip(round(np.sqrt(1.4 * len(tiles) * rows / columns)), 1, len(tiles)))
     blank = np.full_like(tiles[0], 255)
@@ -95,8 +92,6 @@ def write_film(course: BallCourse, pictures: Pictures, path: Path) -> None:
     """Write the frames that show the ball as an animated WebP."""
     import cv2
 
-    if not pictures.film:
-        return
     rows, columns = course.clip.shape
     scale = min(pictures.scale, float(np.sqrt(LAYOUT.film / (rows * columns))))
     animation = cv2.Animation()
@@ -125,8 +120,6 @@ def _for_sheet(course: BallCourse) -> list[int]:
 
 def _spread(places: int, count: int) -> list[int]:
     """Return up to so many of the places, spread evenly, in order."""
-    if not places:
-        return []
     chosen = np.linspace(0, places - 1, min(count, places)).round()
     return [int(each) for each in np.unique(chosen)]
 
@@ -137,7 +130,7 @@ def _one(course: BallCourse, pictures: Pictures, k: int, scale: float) -> Image:
     image = pictures.frames[int(course.frames[k])]
     if scale != pictures.scale:
         high, wide = (max(1, round(side * scale)) for side in course.clip.shape)
-        image = _resized(image, (wide, high), cv2.INTER_AREA)
+        image = np.asarray(cv2.resize(image, (wide, high), interpolation=cv2.INTER_AREA), np.uint8)
     image = image.copy()
     names = course.flights
     for j in range(k + 1):
@@ -162,12 +155,6 @@ def _label(words: str, image: Image) -> Image:
     letters *= min(1.0, (strip.shape[1] - 8) / wide)
     cv2.putText(strip, words, (4, LAYOUT.strip - 6), face, letters, (0, 0, 0), 1, cv2.LINE_AA)
     return strip
-
-
-def _resized(image: Image, size: tuple[int, int], way: int) -> Image:
-    import cv2
-
-    return np.asarray(cv2.resize(image, size, interpolation=way), np.uint8)
 
 
 def _colour(course: BallCourse, names: list[str], k: int) -> tuple[int, ...]:

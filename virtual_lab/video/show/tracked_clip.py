@@ -177,18 +177,15 @@ def _for_clip(
     clip: Clip, calibration: ClipCalibration, said: dict[str, Any], asked: Asked
 ) -> Known:
     """Return what is known of a clip that has been opened."""
-    known = replace(
-        known_of(clip, calibration), stands=asked.tripod or asked.calibration is not None
-    )
-    known = replace(known, **said)
+    axes = {90: (0, -1), 180: (1, -1), 270: (0, 1)}
+    said = {"readout_axis": axes.get(clip.source.rotation, (1, 1))} | said
+    said["stands"] = asked.tripod or asked.calibration is not None
     if "readout" not in said and asked.calibration is None:
         # a faster one is of a laboratory's camera
         rate = clip.source.rate
         file = clip.source.path.is_file() and rate is not None and rate <= 480
-        known = replace(known, readout=None if file else 0.0)
-    axes = {90: (0, -1), 180: (1, -1), 270: (0, 1)}
-    known = replace(known, readout_axis=axes.get(clip.source.rotation, (1, 1)))
-    where = str(clip.source.path)
+        said["readout"] = None if file else 0.0
+    known, where = replace(known_of(clip, calibration), **said), str(clip.source.path)
     rows, columns = clip.shape
     if known.frames and known.frames[0] >= clip.count - 1:
         allowed = f"the clip has {clip.count} frames, 0 to {clip.count - 1}"
