@@ -105,8 +105,8 @@ def _weigh(
 ) -> float:
     """Return a pixel's weight, and tally it.
 
-    It is 0 where full scale hides what the pixel would have said, and where what is behind the
-    ball has moved: a bat that recoils. `ball` is the ball's share of the pixel, `edge` its outline's.
+    It is 0 where full scale hides what the pixel would have shown, and where what is behind the
+    ball has moved: a bat that recoils. `ball` and `edge`: the ball's and its outline's share of it.
     """
     gain, read, black, prnu, top = noise
     light = max((value if first else mean) - black, 0.0)
