@@ -45,6 +45,7 @@ FIT = TurnFit()
 class BatAngles:
     """How far a bat has turned since it was at rest, (frame,); NaN where it is not seen."""
 
+    times: Array  # [s]
     angle: Array  # from X toward Y [rad]
     u: Array  # of a frame's own noise; the outline's, about half of it, is common to all
     points: NDArray[np.intp]  # of its outline that a frame shows
@@ -63,7 +64,7 @@ class Recoil:
 def bat_angles(
     frames: Iterable[tuple[float, NDArray[Any]]],
     edges: BatEdges,
-    balls: Array | None = None,
+    balls: Array,
     *,
     pivoted: bool = False,
 ) -> BatAngles:
@@ -74,24 +75,23 @@ def bat_angles(
     nearer makes angles one per cent larger. Another may move across, too, and its edges must be
     long in the picture.
     """
-    found: list[tuple[float, float, int]] = []
+    found: list[tuple[float, float, float, int]] = []
     last: tuple[float, Array] | None = None
     rate = np.zeros(2)
     for number, (time, grey) in enumerate(frames):
-        ball = None if balls is None or not np.isfinite(balls[number]).all() else balls[number]
         start = last[1] + rate * (time - last[0]) if last else np.zeros(2)
-        pose, u, points = _pose(grey, edges, ball, start, pivoted)
-        found.append((float(pose[0]), u, points))
+        pose, u, points = _pose(grey, edges, balls[number], start, pivoted)
+        found.append((time, float(pose[0]), u, points))
         if points:
             if last and time > last[0]:
                 rate = (pose - last[1]) / (time - last[0])
             last = (time, pose)
-    angle, u_angle, points_seen = np.array(found, dtype=np.float64).reshape(-1, 3).T
-    return BatAngles(angle=angle, u=u_angle, points=points_seen.astype(np.intp))
+    times, angle, u_angle, seen = np.array(found, dtype=np.float64).T
+    return BatAngles(times=times, angle=angle, u=u_angle, points=seen.astype(np.intp))
 
 
 def _pose(
-    grey: NDArray[Any], edges: BatEdges, ball: Array | None, start: Array, pivoted: bool
+    grey: NDArray[Any], edges: BatEdges, ball: Array, start: Array, pivoted: bool
 ) -> tuple[Array, float, int]:
     """Return a frame's angle and shift, the angle's u, and how many points show them."""
     lost = (np.full(2, np.nan), np.nan, 0)
@@ -104,7 +104,7 @@ def _pose(
         across = edges.pixels(*pose)
         ends = across[:, [0, -1]]
         used = np.asarray(((ends > 1) & (ends < size - 2)).all(axis=(1, 2)))
-        if ball is not None:
+        if np.isfinite(ball).all():
             away = np.hypot(*np.moveaxis(across - ball[:2], -1, 0)).min(axis=1)
             used &= away > ball[2] + FIT.ball_margin
         if used.sum() < FIT.least_points:
@@ -142,20 +142,21 @@ def _solve(
     return np.asarray(solved, np.float64), variance * float(inverse[0, 0]), good
 
 
-def recoil_of(times: Array, found: BatAngles, contact: float, lasts: float = 0.0) -> Recoil:
+def recoil_of(found: BatAngles, contact: float, lasts: float = 0.0) -> Recoil:
     """Return how fast a bat turns after contact: at rest until it, at a constant rate from it on.
 
-    The angles are those of frames at `times` (frame,) [s]. `contact` is when the turn begins,
-    about [s]: the line after it decides; frames within `lasts` [s] of it belong to neither side.
-    Raises `InputError` where fewer than three frames show the bat after contact, or none before.
+    `contact` is when the turn begins, about [s]: the line after it decides; frames within `lasts`
+    [s] of it belong to neither side. Raises `InputError` where fewer than three frames show the
+    bat after contact, or none before.
     """
-    seen = np.isfinite(found.angle) & (np.abs(times - contact) > lasts)
-    after, before = seen & (times > contact), seen & (times < contact)
+    since = found.times - contact
+    seen = np.isfinite(found.angle) & (np.abs(since) > lasts)
+    after, before = seen & (since > 0), seen & (since < 0)
     for name, some, least in (("after", after, FIT.least_frames), ("before", before, 1)):
         if some.sum() < least:
             allowed = f"at least {least} must show the bat"
             raise InputError("", f"frames {name} contact", int(some.sum()), allowed)
-    t, angle, u = times[seen] - contact, found.angle[seen], found.u[seen]
+    t, angle, u = since[seen], found.angle[seen], found.u[seen]
     late = after[seen]
     # rest, rate, and rate times how late the turn began
     design = np.stack([np.ones_like(t), np.where(late, t, 0.0), np.where(late, -1.0, 0.0)], axis=1)

@@ -26,9 +26,8 @@ PUSHED = 1e-3  # s about the contact: the bat is being pushed
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatSeen:
-    """A bat through a clip; arrays over all its frames."""
+    """A bat through a clip."""
 
-    times: Array  # (frame,) [s]
     angles: BatAngles
     recoil: Recoil
 
@@ -57,8 +56,7 @@ def find_bat(tracked: Tracked, calibration: ClipCalibration) -> BatSeen | None:
     if len(tracked.legs.flights) < 2:
         where = str(tracked.clip.source.path)
         raise InputError(where, "bat", None, "the ball is not seen to leave it: no recoil to read")
-    recoil = recoil_of(times, angles, contact, lasts=PUSHED)
-    return BatSeen(times=times, angles=angles, recoil=recoil)
+    return BatSeen(angles=angles, recoil=recoil_of(angles, contact, lasts=PUSHED))
 
 
 def bat_document(found: BatSeen) -> dict[str, Any]:
@@ -82,7 +80,7 @@ def write_bat_table(found: BatSeen, path: Path) -> None:
     """Write the bat's angles as CSV, a row a frame that shows it."""
     angles = found.angles
     lines = [
-        f"{k},{float(found.times[k])!r},{angles.angle[k]:.9g},{angles.u[k]:.3g},{angles.points[k]}"
+        f"{k},{float(angles.times[k])!r},{angles.angle[k]:.9g},{angles.u[k]:.3g},{angles.points[k]}"
         for k in np.flatnonzero(np.isfinite(angles.angle))
     ]
     path.write_text("\n".join(["frame,time_s,angle_rad,u_rad,points", *lines, ""]))

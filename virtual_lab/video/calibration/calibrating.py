@@ -320,6 +320,7 @@ def _fit(
 ) -> Solved:
     """Return what fits; a sixth power of the radius of less than 3 u is left out."""
     import cv2
+    from scipy.linalg import block_diag
 
     flags = cv2.CALIB_FIX_K3 if bent == 4 else 0
     known = [corners[each.ids] for each in seen]
@@ -336,18 +337,15 @@ def _fit(
     except cv2.error as fault:
         why = "OpenCV finds none that fits: are the views all alike, or of another board?"
         raise InputError("", "camera", None, why) from fault
-    design, rest = [], []
+    lens, poses, rest = [], [], []
     for view, (points, each) in enumerate(zip(known, seen, strict=True)):
         drawn, slopes = cv2.projectPoints(points, turns[view], shifts[view], matrix, distortion)
         slopes = _local(np.asarray(slopes, np.float64), np.asarray(turns[view], np.float64))
-        row = np.zeros((len(slopes), 4 + bent + 6 * len(seen)))
-        row[:, : 4 + bent] = slopes[:, 6 : 6 + 4 + bent]
-        start = 4 + bent + 6 * view
-        row[:, start : start + 6] = slopes[:, :6]
-        design.append(row)
+        lens.append(slopes[:, 6 : 10 + bent])
+        poses.append(slopes[:, :6])
         rest.append(each.places - drawn.reshape(-1, 2))
     residuals = np.concatenate(rest)
-    slopes = np.concatenate(design)
+    slopes = np.hstack([np.concatenate(lens), block_diag(*poses)])
     scale = np.linalg.norm(slopes, axis=0)
     free = max(residuals.size - slopes.shape[1], 1)
     normal = slopes / scale

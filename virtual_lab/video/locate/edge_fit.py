@@ -7,6 +7,7 @@ the pattern may shift the place by is distinguished from noise.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from math import exp, pi, sqrt
@@ -123,7 +124,8 @@ def fit_edge(
         sectors = int(np.clip(round(2 * pi * radius / FIT.sector_length), *FIT.sectors))
         for k in np.flatnonzero(usable):
             view = View(pixels[k], behind[k], ways[k])
-            found[k] = _outline(view, rim, noise, prior, sectors, p[k]) or lost
+            with suppress(np.linalg.LinAlgError):
+                found[k] = _outline(view, rim, noise, prior, sectors, p[k])
     return _judged(found, start, seen)
 
 
@@ -140,8 +142,8 @@ class Outline(NamedTuple):
 
 def _outline(
     view: View, rim: Profiles, noise: Noise, prior: Array, sectors: int, start: Array
-) -> Outline | None:
-    """Fit one region by Gauss and Newton; None: nothing fits."""
+) -> Outline:
+    """Fit one region by Gauss and Newton; raise `LinAlgError` where nothing fits."""
     from virtual_lab.video.locate.edge_kernel import sector_sums
 
     p, knots = start.copy(), len(rim.stiffness)
@@ -153,7 +155,7 @@ def _outline(
     for turn in range(FIT.settling_rounds + FIT.rounds):
         tally = sector_sums(view, rim, noise.figures, p, pattern, settling, sums)
         if tally[TALLY.pixels] < 4 * len(AT):
-            return None
+            raise np.linalg.LinAlgError("too few pixels")
         weight = prior.copy()
         if not turn:
             weight[: AT.level] = FIT.held_weight
@@ -168,19 +170,16 @@ def _outline(
                 power = np.maximum(power, np.maximum(_before(power), _next(power)))
                 amplitude = np.sqrt(max(FIT.faintest_pattern, faintest) ** 2 + power)
                 amplitude = amplitude.clip(max=FIT.strongest_pattern)
-            try:
-                step, change, covariance, by_pattern = _solved(
-                    equations, pattern, amplitude * bright, rim.stiffness
-                )
-            except np.linalg.LinAlgError:
-                return None
+            spread = amplitude * bright
+            solved = _solved(equations, pattern, spread, rim.stiffness)
+            step, change, covariance, by_pattern = solved
             u = sqrt(covariance[0, 0])
             if np.abs(step[:2] - last).max() < FIT.strength_last_step * u:
                 break
             last = step[:2]
         far = float(np.abs(step[:3]).max())
         if not far < 0.5 * start[AT.radius]:
-            return None
+            raise np.linalg.LinAlgError("the fit runs away")
         p[: AT.level] += min(1.0, 1.0 / max(far, 1e-9)) * step[: AT.level]
         p[AT.level :] += step[AT.level :]
         pattern += change

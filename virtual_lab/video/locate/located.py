@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from copy import deepcopy
 from dataclasses import dataclass, fields, replace
 from enum import IntFlag
 from typing import Any, TypeVar
@@ -12,10 +11,9 @@ from numpy.typing import NDArray
 
 from virtual_lab.video.clips.reading import Frame
 
-__all__ = ["Located", "PlaceFlag", "Regions", "Square", "part_of", "put", "squares"]
+__all__ = ["Located", "PlaceFlag", "Regions", "part_of", "squares"]
 
 Array = NDArray[np.float64]
-Square = tuple[slice, slice]  # rows, columns
 MARGIN = 16.0  # pixels of background about the ball
 
 
@@ -70,16 +68,8 @@ def part_of(whole: Parts, which: NDArray[np.intp] | slice) -> Parts:
     return replace(whole, **part)
 
 
-def put(some: Located, where: NDArray[np.intp], all_: Located) -> Located:
-    """Return all regions with some of them replaced."""
-    whole = deepcopy(all_)
-    for each in fields(Located):
-        getattr(whole, each.name)[where] = getattr(some, each.name)
-    return whole
-
-
-def squares(start: Located, shape: tuple[int, int]) -> list[Square]:
-    """Return where to cut one square region about the ball of each frame.
+def squares(start: Located, shape: tuple[int, int]) -> list[tuple[slice, slice]]:
+    """Return rows and columns of one square region about the ball of each frame.
 
     A region that would leave the frame is moved back into it: the frame's edge cuts the ball.
     """

@@ -6,7 +6,7 @@ regions, where the camera is not known.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.locate.edge_fit import FIT, fit_edge
-from virtual_lab.video.locate.located import Located, Regions, part_of, put
+from virtual_lab.video.locate.located import Located, Regions, part_of
 from virtual_lab.video.locate.noise import Noise
 
 __all__ = ["Sharp", "lens_of", "noise_of_ball", "noise_of_clip", "on_the_limb", "place"]
@@ -94,9 +94,13 @@ def lens_of(seen: Regions, start: Located, noise: Noise, middle: tuple[float, fl
     order = np.argsort(np.hypot(start.x - middle[0], start.y - middle[1]), kind="stable")
 
     def misfit(log: float, tried: NDArray[np.int_]) -> float:
-        some, begin = part_of(seen, tried), part_of(start, tried)
-        lens = float(np.exp(log))
-        return _score(fit_edge(some, begin, noise=noise, lens=lens, oval_u=LEARN.round_u))
+        # a wrong one misfits, or is mended by much of a pattern
+        some, begin, lens = part_of(seen, tried), part_of(start, tried), float(np.exp(log))
+        found = fit_edge(some, begin, noise=noise, lens=lens, oval_u=LEARN.round_u)
+        assert found.pattern_u is not None
+        u = found.x_u**2 + found.y_u**2 + 2 * found.pattern_u**2
+        each = np.log(found.chi_square * u)
+        return float(np.median(np.where(np.isfinite(each), each, LEARN.worst_score)))
 
     tried = np.sort(order[: LEARN.lens_regions])
     about = min(np.log(LEARN.lenses).tolist(), key=lambda log: misfit(log, tried[::3]))
@@ -105,14 +109,6 @@ def lens_of(seen: Regions, start: Located, noise: Noise, middle: tuple[float, fl
         misfit, bounds=near, args=(tried,), options={"xatol": LEARN.lens_tolerance}
     )
     return float(np.exp(best.x))
-
-
-def _score(found: Located) -> float:
-    """Return how badly a lens does: a wrong one misfits, or is mended by much of a pattern."""
-    assert found.pattern_u is not None
-    u = found.x_u**2 + found.y_u**2 + 2 * found.pattern_u**2
-    each = np.log(found.chi_square * u)
-    return float(np.median(np.where(np.isfinite(each), each, LEARN.worst_score)))
 
 
 @dataclass(slots=True)
@@ -154,11 +150,13 @@ def place(
     """
     off = _stretched(_places(start), np.array(middle))
     k, oval_u = oval
-    found, left = replace(start, pattern_u=np.full(len(off), np.nan)), np.arange(len(off))
+    left = np.arange(len(off))
+    found = part_of(replace(start, pattern_u=np.full(len(off), np.nan)), left)  # a copy
     for _ in range(LEARN.rounds):
         some, begin = part_of(seen, left), part_of(found, left)
         fitted = fit_edge(some, begin, noise=noise, lens=lens, oval=k * off[left], oval_u=oval_u)
-        found = put(fitted, left, found)
+        for each in fields(Located):
+            getattr(found, each.name)[left] = getattr(fitted, each.name)
         moved = np.hypot(*(_places(fitted) - _places(begin)).T)
         left = left[np.fmax(moved, np.abs(fitted.radius - begin.radius)) > LEARN.refit_shift]
         if not left.size:

@@ -132,16 +132,15 @@ def _one(course: BallCourse, pictures: Pictures, k: int, scale: float) -> Image:
         high, wide = (max(1, round(side * scale)) for side in course.clip.shape)
         image = np.asarray(cv2.resize(image, (wide, high), interpolation=cv2.INTER_AREA), np.uint8)
     image = image.copy()
-    names = course.flights
-    for j in range(k + 1):
-        if np.isfinite(course.xy[j]).all():
-            # earlier places lie where the still frame has them in this picture
-            at = _fine(scale, *(course.xy[j] + course.drift[k]))
-            cv2.circle(image, at, 24, _colour(course, names, j), -1, cv2.LINE_AA, LAYOUT.fine_bits)
+    names, fine = course.flights, 2**LAYOUT.fine_bits
+    circles = [(j, 24, -1) for j in range(k + 1) if np.isfinite(course.xy[j]).all()]
     if np.isfinite(course.radius[k]):
-        radius = round(course.radius[k] * scale * 2**LAYOUT.fine_bits)
-        at = _fine(scale, *(course.xy[k] + course.drift[k]))
-        cv2.circle(image, at, radius, _colour(course, names, k), 1, cv2.LINE_AA, LAYOUT.fine_bits)
+        circles.append((k, round(course.radius[k] * scale * fine), 1))
+    for j, radius, line in circles:
+        # earlier places lie where the still frame has them in this picture
+        u, v = ((course.xy[j] + course.drift[k] + 0.5) * scale - 0.5) * fine
+        at, colour = (round(u), round(v)), _colour(course, names, j)
+        cv2.circle(image, at, radius, colour, line, cv2.LINE_AA, LAYOUT.fine_bits)
     return np.vstack([_label(f"{int(course.frames[k])}: {course.times[k]:.4g} s", image), image])
 
 
@@ -162,12 +161,6 @@ def _colour(course: BallCourse, names: list[str], k: int) -> tuple[int, ...]:
     if not (name := course.flight[k]):
         return 150, 150, 150
     return tuple(bytes.fromhex(COLOURS[names.index(name) % len(COLOURS)][1:]))[::-1]
-
-
-def _fine(scale: float, x: float, y: float) -> tuple[int, int]:
-    """Return a place of the full frame in a scaled one, as fixed-point numbers."""
-    u, v = (((each + 0.5) * scale - 0.5) * 2**LAYOUT.fine_bits for each in (x, y))
-    return round(u), round(v)
 
 
 def _range(course: BallCourse) -> tuple[float, float]:
