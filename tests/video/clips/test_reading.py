@@ -247,7 +247,7 @@ def test_a_short_clip_is_decoded_once(tmp_path: Path, monkeypatch: pytest.Monkey
     path = tmp_path / "clip.npy"
     frames = np.arange(5 * 8 * 9, dtype=np.uint8).reshape(5, 8, 9)
     for kept, there in ((5 * 8 * 9, True), (5 * 8 * 9 - 1, False)):
-        small = replace(MEMORY, clip_size=kept)
+        small = replace(MEMORY, clip_bytes=kept)
         monkeypatch.setattr("virtual_lab.video.clips.clip.MEMORY", small)
         np.save(path, frames)
         clip = open_clip(path, FAST)

@@ -29,11 +29,11 @@ class TurnFit:
     """Settings of the fit of a frame's turn, and what a frame must show."""
 
     rounds: int = 6
-    last_step: float = 0.002  # pixels: a step of the farthest point smaller than that ends them
-    farthest_caught: float = 4.0  # pixels: an edge that moved farther is not caught
+    last_step_px: float = 0.002  # a smaller step of the farthest point ends them
+    farthest_caught_px: float = 4.0  # an edge that moved farther is none
     least_share_caught: float = 0.5  # of the points a frame shows, at least
     least_points: int = 12
-    ball_margin: float = 4.0  # pixels kept between the ball and an edge's pixels
+    ball_margin_px: float = 4.0  # kept between the ball and an edge's pixels
     wild_sigmas: float = 4.0  # robust standard deviations of the shifts
     least_frames: int = 3  # of a recoil
 
@@ -106,19 +106,19 @@ def _pose(
         used = np.asarray(((ends > 1) & (ends < size - 2)).all(axis=(1, 2)))
         if np.isfinite(ball).all():
             away = np.hypot(*np.moveaxis(across - ball[:2], -1, 0)).min(axis=1)
-            used &= away > ball[2] + FIT.ball_margin
+            used &= away > ball[2] + FIT.ball_margin_px
         if used.sum() < FIT.least_points:
             return lost
         shift, weight = edges.shifts(values_at(grey, across[used]), used)
         both = min((edges.side[used] == sign).sum() for sign in (1, -1)) >= FIT.least_points
-        good = (weight > 0) & (np.abs(shift) < FIT.farthest_caught)
+        good = (weight > 0) & (np.abs(shift) < FIT.farthest_caught_px)
         if good.sum() < max(FIT.least_points, FIT.least_share_caught * used.sum()):
             return lost
         design = moves[used] if both else moves[used, :-1]
         step, variance, good = _solve(design, shift, weight, good)
         step = step[: 2 - pivoted]
         pose[: len(step)] += step
-        if np.abs(moves[used, : len(step)] @ step).max() < FIT.last_step:
+        if np.abs(moves[used, : len(step)] @ step).max() < FIT.last_step_px:
             return pose, float(np.sqrt(variance)), int(good.sum())
     return lost
 

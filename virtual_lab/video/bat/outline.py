@@ -26,13 +26,13 @@ ACROSS = np.arange(-6.0, 7.0)  # pixels across the bat, about an edge
 class EdgeSearch:
     """How the edges of a bat are looked for; slopes across it are taken every half pixel."""
 
-    blur: float = 0.7  # pixels a picture is blurred by before values between pixels are read off
-    margin: int = 24  # pixels about the places that are asked for
-    spacing: float = 3.0  # pixels along the bat: neighbours nearer share their noise
+    blur_px: float = 0.7  # of a picture before values between pixels are read off
+    margin_px: int = 24  # about the places that are asked for
+    spacing_px: float = 3.0  # along the bat: neighbours nearer share their noise
     most_points: int = 5000  # along the bat, at most
-    slope_blur: float = 3.0  # half pixels
+    slope_blur_half_px: float = 3.0
     neighbours: int = 7  # each way, that edges and profiles are smoothed over
-    stray_distance: float = 4.0  # half pixels: an edge this far off its neighbours is none
+    stray_half_px: float = 4.0  # an edge this far off its neighbours is none
     least_slope_over_noise: float = 6.0  # times its noise: less is no edge
     # of the stronger edge's slope: less is left out, as what is behind would move it
     least_slope_of_stronger: float = 0.3
@@ -122,10 +122,10 @@ def values_at(picture: NDArray[Any], pixels: Array) -> Array:
     from scipy.ndimage import gaussian_filter, map_coordinates
 
     ends = pixels.reshape(-1, 2)
-    left, top = np.maximum(np.floor(ends.min(axis=0)) - SEARCH.margin, 0).astype(int)
-    right, low = np.ceil(ends.max(axis=0)).astype(int) + SEARCH.margin
+    left, top = np.maximum(np.floor(ends.min(axis=0)) - SEARCH.margin_px, 0).astype(int)
+    right, low = np.ceil(ends.max(axis=0)).astype(int) + SEARCH.margin_px
     part = np.asarray(picture[top:low, left:right], np.float64)
-    soft = gaussian_filter(part, SEARCH.blur, mode="nearest")
+    soft = gaussian_filter(part, SEARCH.blur_px, mode="nearest")
     x, y = np.moveaxis(pixels - [left, top], -1, 0)
     return np.asarray(map_coordinates(soft, [y, x], mode="nearest"))
 
@@ -143,7 +143,7 @@ def find_outline(rest: NDArray[Any], place: BatPlace, camera: CameraModel) -> Ba
     axis = Axis(pivot=pivot, ahead=way / length, camera=camera)
     there = axis.pixels(length + np.array([0.0, 1e-3]), np.zeros(2))
     pixel = 1e-3 / float(np.hypot(*(there[1] - there[0])))
-    stations = np.arange(SEARCH.most_points, dtype=np.float64) * (SEARCH.spacing * pixel)
+    stations = np.arange(SEARCH.most_points, dtype=np.float64) * (SEARCH.spacing_px * pixel)
     reach = np.arange(-place.widest_m, place.widest_m, pixel / 2, dtype=np.float64)
     rows, columns = rest.shape
     border = ACROSS.max() + 2
@@ -183,12 +183,12 @@ def _edge(
     from scipy.ndimage import gaussian_filter, median_filter, uniform_filter1d
 
     step = float(reach[1] - reach[0])
-    slope = np.abs(gaussian_filter(grey, (3, SEARCH.slope_blur), order=(0, 1)))
+    slope = np.abs(gaussian_filter(grey, (3, SEARCH.slope_blur_half_px), order=(0, 1)))
     noise = 1.4826 * float(np.median(slope)) + 1e-6 * float(np.abs(grey).max())
     own = np.where(sign * reach > 0, slope, 0.0)
     off = reach[own.argmax(axis=1)]
     calm = median_filter(off, 2 * SEARCH.neighbours + 1, mode="nearest")
-    near = np.abs(off - calm) < SEARCH.stray_distance * step
+    near = np.abs(off - calm) < SEARCH.stray_half_px * step
     good = np.asarray(near & (own.max(axis=1) > SEARCH.least_slope_over_noise * noise))
     if good.sum() < SEARCH.least_points:
         return off, np.zeros_like(good)

@@ -35,11 +35,11 @@ class Demands:
 
     least_views: int = 3  # with a board
     views: int = 6  # leave little to chance
-    least_angle: float = 8 * DEGREE  # of two views: parallel boards do not show the focal length
+    least_angle_rad: float = 8 * DEGREE  # of views: parallel ones do not show the focal length
     greatest_focal_u: float = 0.02  # relative: more is no calibration
-    rough_rms: float = 0.3  # pixels, a warning
-    greatest_rms: float = 1.5  # pixels, no calibration
-    outlying_view: float = 3.0  # times the median of the views' rms: a view that does not fit
+    rough_rms_px: float = 0.3  # a warning
+    greatest_rms_px: float = 1.5  # no calibration
+    outlying_rms_over_usual: float = 3.0  # of a view that does not fit; usual is the median
     least_covered: float = 0.4  # of the picture, within the outermost corners
 
 
@@ -176,11 +176,11 @@ def _plane_view(looked: list[tuple[str, BoardView | None]], plan: Plan) -> int:
 def _require_sound(solved: Solved) -> None:
     normals = solved.rotations[:, :, 2]
     apart = float(np.arccos(np.clip(np.abs(normals @ normals.T), 0, 1)).max())
-    if apart < DEMANDS.least_angle:
-        least = f"{DEMANDS.least_angle / DEGREE:g} deg"
+    if apart < DEMANDS.least_angle_rad:
+        least = f"{DEMANDS.least_angle_rad / DEGREE:g} deg"
         allowed = f"hold it askew in some, by {least} at least, better 30"
         raise InputError("", "angle between boards", f"{apart / DEGREE:.2g} deg", allowed)
-    if solved.rms > (most := DEMANDS.greatest_rms):
+    if solved.rms > (most := DEMANDS.greatest_rms_px):
         allowed = f"less than {most:g} (another board, or pictures of several cameras?)"
         raise InputError("", "residuals, pixels", f"{solved.rms:.2g}", allowed)
     vague = float((solved.u[:2] / solved.values[:2]).max())
@@ -266,11 +266,11 @@ def _warnings(
         found.append(f"no board was found in {', '.join(without)}")
     if len(seen) < (many := DEMANDS.views):
         found.append(f"only {len(seen)} pictures show the board: {many} or more are better")
-    if solved.rms > DEMANDS.rough_rms:
+    if solved.rms > DEMANDS.rough_rms_px:
         found.append(f"residuals of {solved.rms:.2g} pixels are large: is the board flat?")
     usual = float(np.median(solved.view_rms))
     for name, rms, lost in zip(names, solved.view_rms, solved.left_out, strict=True):
-        if rms > DEMANDS.outlying_view * usual:
+        if rms > DEMANDS.outlying_rms_over_usual * usual:
             found.append(f"{name} does not fit the others: residuals of {rms:.2g} pixels")
         if lost:
             found.append(f"{name}: corners far off were left out, {lost} of them")

@@ -27,9 +27,9 @@ class Memory:
     """What of a clip stays in memory."""
 
     samples: int = 25  # frames to learn the background from
-    samples_size: float = 50e6  # B: of large frames fewer, as many as it holds
+    samples_bytes: float = 50e6  # of large frames fewer, as many as it holds
     least_samples: int = 9
-    clip_size: float = 60e6  # B: a shorter clip is decoded once and stays
+    clip_bytes: float = 60e6  # a shorter clip is decoded once and stays
 
 
 MEMORY = Memory()
@@ -96,7 +96,7 @@ def open_clip(path: Path, calibration: ClipCalibration) -> Clip:
                 wide, high = camera.image_size
                 allowed = f"the calibrated camera's are {wide} x {high}: is it another camera's?"
                 raise InputError(str(path), "frames", f"{size[0]} x {size[1]}", allowed)
-            room = MEMORY.samples_size / frame.nbytes
+            room = MEMORY.samples_bytes / frame.nbytes
             count = int(np.clip(room, MEMORY.least_samples, MEMORY.samples))
             every = max(1, -(-source.declared // count))
             # filled in place: a list and its stack would take the memory twice
@@ -104,7 +104,7 @@ def open_clip(path: Path, calibration: ClipCalibration) -> Clip:
         if number % every == 0 and len(sampled) < len(samples):
             samples[len(sampled)] = frame
             sampled.append(number)
-        if source.declared * frame.nbytes <= MEMORY.clip_size:
+        if source.declared * frame.nbytes <= MEMORY.clip_bytes:
             kept.append((frame, stamp))
         if frame.dtype != np.uint8:
             brightest = max(brightest, int(frame.max()))

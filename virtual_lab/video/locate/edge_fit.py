@@ -33,11 +33,11 @@ Places = NDArray[np.int_]
 class EdgeFit:
     """Settings of the fit, and what a fit must show; shares are of the outline."""
 
-    depth: float = 3.0  # pixels of the ball that are looked at, blur apart
-    sector_length: float = 3.0  # pixels along the rim
+    depth_px: float = 3.0  # of the ball that is looked at, blur apart
+    sector_length_px: float = 3.0  # along the rim
     sectors: tuple[int, int] = (24, 96)
     oval_u: float = 0.003  # as far as nobody knows: a camera that looks at the ball squarely
-    greatest_slope: float = 1e3  # DN over a region: a background's is less
+    greatest_slope_dn: float = 1e3  # over a region: a background's is less
     greatest_shading: float = 2.0  # of the ball's brightness: what it may be
     held_weight: float = 1e12  # of a parameter that stays as it is
 
@@ -49,12 +49,12 @@ class EdgeFit:
     # when it first does: with more it would explain an outline in a wrong place
     first_pattern: float = 0.06
 
-    settling_step: float = 0.2  # pixels: a step that lets the outline stand still
+    settling_step_px: float = 0.2  # with less the outline stands still
     settling_rounds: int = 7
     rounds: int = 4  # after that
-    last_step: float = 1.0  # of u: a step of that ends them
+    last_step_over_u: float = 1.0  # a smaller one ends them
     strength_rounds: int = 12  # of a solution for the pattern's strength
-    strength_last_step: float = 0.1  # of u
+    strength_step_over_u: float = 0.1
 
     pattern_factor: float = 1.5  # seams are no random field: what hides at the rim shifts more
     sway_share: float = 0.3  # of what a pattern would shift the place by, were it the outline
@@ -65,7 +65,7 @@ class EdgeFit:
     stray_share: float = 0.02  # of the pixels: what fits nothing
 
     # how much of the rim is hidden: where the picture shows the background in its place
-    ring_depth: tuple[float, float] = (1.5, 4.5)  # pixels inside the outline, wherever the ball is
+    ring_depth_px: tuple[float, float] = (1.5, 4.5)  # inside the outline, wherever the ball is
     alike_sigmas: float = 3.0  # standard deviations of noise: the background and nothing else
     apart_sigmas: float = 12.0  # of them that ball and background are apart, else they are alike
     covered_share: float = 0.27  # a side that no light reaches may be as dark as the background
@@ -111,7 +111,7 @@ def fit_edge(
     p[:, [AT.oval_c, AT.oval_s]] = oval
     prior = np.zeros(len(AT))
     prior[[AT.oval_c, AT.oval_s]] = 1 / oval_u**2 if oval_u else FIT.held_weight
-    prior[[AT.level, AT.slope_x, AT.slope_y]] = 1e-12, *[1 / FIT.greatest_slope**2] * 2
+    prior[[AT.level, AT.slope_x, AT.slope_y]] = 1e-12, *[1 / FIT.greatest_slope_dn**2] * 2
     none = np.full(3, np.nan)
     lost = Outline(p[0] * np.nan, np.diag(none), none, np.full(len(TALLY), np.nan), 0.0, 0.0)
     found = [lost] * len(pixels)
@@ -120,8 +120,8 @@ def fit_edge(
         width = sqrt(lens**2 + 1 / 12)  # a square pixel's variance is 1/12 along any direction
         radius = float(np.median(p[usable, AT.radius]))
         blur = float(np.hypot(*ways[usable].T).max())
-        rim = blurred_profiles(radius, width, FIT.depth, blur)
-        sectors = int(np.clip(round(2 * pi * radius / FIT.sector_length), *FIT.sectors))
+        rim = blurred_profiles(radius, width, FIT.depth_px, blur)
+        sectors = int(np.clip(round(2 * pi * radius / FIT.sector_length_px), *FIT.sectors))
         for k in np.flatnonzero(usable):
             view = View(pixels[k], behind[k], ways[k])
             with suppress(np.linalg.LinAlgError):
@@ -174,7 +174,7 @@ def _outline(
             solved = _solved(equations, pattern, spread, rim.stiffness)
             step, change, covariance, by_pattern = solved
             u = sqrt(covariance[0, 0])
-            if np.abs(step[:2] - last).max() < FIT.strength_last_step * u:
+            if np.abs(step[:2] - last).max() < FIT.strength_step_over_u * u:
                 break
             last = step[:2]
         far = float(np.abs(step[:3]).max())
@@ -184,9 +184,9 @@ def _outline(
         p[AT.level :] += step[AT.level :]
         pattern += change
         rounds += not settling
-        if rounds == FIT.rounds or (rounds > 1 and far < FIT.last_step * u):
+        if rounds == FIT.rounds or (rounds > 1 and far < FIT.last_step_over_u * u):
             break
-        if settling and ((far <= FIT.settling_step and turn) or turn + 1 == FIT.settling_rounds):
+        if settling and ((far <= FIT.settling_step_px and turn) or turn + 1 == FIT.settling_rounds):
             settling, amplitude = False, np.full(sectors, FIT.first_pattern)
     return Outline(
         p=p,
@@ -328,7 +328,7 @@ def covered(view: View, p: Array, noise: Noise) -> float:
     u, v = col - p[AT.x], row - p[AT.y]
     ends = [np.hypot(u + side * view.way[0], v + side * view.way[1]) for side in (-0.5, 0.5)]
     far, radius = np.maximum(*ends), p[AT.radius]
-    rim = (far > radius - FIT.ring_depth[1]) & (far < radius - FIT.ring_depth[0])
+    rim = (far > radius - FIT.ring_depth_px[1]) & (far < radius - FIT.ring_depth_px[0])
     if not rim.any():
         return 0.0
     seen, expected = view.pixels[rim], p[AT.level] * view.background[rim]

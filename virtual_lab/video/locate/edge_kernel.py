@@ -26,7 +26,7 @@ class Summing(NamedTuple):
 
     coarse_rows: int = 3  # from one to the next until the fit settles
     blurred_widths: float = 4.6  # from the edge: farther off a pixel is all ball or background
-    outside: float = 4.0  # pixels of background beyond the edge
+    outside_px: float = 4.0  # of background beyond the edge
     loose_sigmas: float = 5.0  # beyond which a residual weighs less
     stray_variances: float = 36.0  # a residual's square: such a pixel fits nothing
 
@@ -147,7 +147,7 @@ def sector_sums(
     along = sqrt(way[0] * way[0] + way[1] * way[1])
     oval = p[AT.radius] * (abs(p[AT.oval_c]) + abs(p[AT.oval_s]))
     blurred = SUM.blurred_widths * rim.width + oval
-    most = p[AT.radius] + 0.5 * along + blurred + SUM.outside
+    most = p[AT.radius] + 0.5 * along + blurred + SUM.outside_px
     top, low = max(0, int(p[AT.y] - most)), min(rows, int(p[AT.y] + most) + 2)
     for i in range(top, low, SUM.coarse_rows if first else 1):
         y, slope_y = i - p[AT.y], (i - 0.5 * rows) * 2.0 / cols
@@ -157,7 +157,7 @@ def sector_sums(
             r = sqrt(x * x + y * y)
             half = 0.5 * abs(way[0] * x + way[1] * y) / max(r, 1e-9)
             out = r - p[AT.radius] - half
-            if r < 1.0 or out < -(2.0 * half + rim.inside + oval) or out > blurred + SUM.outside:
+            if r < 1.0 or out < -(2.0 * half + rim.inside + oval) or out > blurred + SUM.outside_px:
                 continue
             behind = p[AT.level] * back[i, j] + p[AT.slope_x] * slope_x + p[AT.slope_y] * slope_y
             row[:] = 0.0

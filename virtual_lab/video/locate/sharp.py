@@ -26,21 +26,20 @@ Array = NDArray[np.float64]
 class Learning:
     """How a clip shows its camera, and how often a ball is fitted."""
 
-    noise_pixels: float = 5e5  # of the frames sampled: enough for their noise
+    noise_sample_px: float = 5e5  # of the frames sampled: enough for their noise
     regions: int = 16  # in which it is looked for what all share
     core_share: float = 0.6  # of the radius: well inside the ball
     lens_regions: int = 6  # in which the lens is found
     round_u: float = 1e-3  # of an outline near the middle: its oval
     # pixels, from which to start: a wrong one may be the best about it
-    lenses: tuple[float, ...] = (0.45, 0.6, 0.8, 1.1, 1.5, 2.2, 3.2)
-    lens_step: float = 0.3  # relative, from one to the next
-    lens_tolerance: float = 0.06  # relative, to which one is found
+    lenses_px: tuple[float, ...] = (0.45, 0.6, 0.8, 1.1, 1.5, 2.2, 3.2)
+    lens_log_step: float = 0.3  # relative, from one to the next
+    lens_log_tolerance: float = 0.06  # relative, to which one is found
     worst_score: float = 50.0  # of a lens by which a ball is lost
     lit_share: float = 0.93  # of the ball's radius: less of it is light, the rest in the dark
     light_edge: float = 0.5  # of the light's contrast: its outline
-    refit_shift: float = (
-        0.3  # pixels, from start to end: the fit may have taken outline for pattern
-    )
+    # from start to end: more, and the fit may have taken outline for pattern
+    refit_shift_px: float = 0.3
     rounds: int = 4
 
 
@@ -51,7 +50,7 @@ def noise_of_clip(clip: Clip) -> Noise:
     """Return the noise in time of a clip's pixels, from the frames sampled for its background."""
     if len(clip.samples) < 2:
         return Noise(gain=0.0, read=1.0, full_scale=clip.full_scale)
-    every = max(1, int(np.sqrt(clip.samples.size / LEARN.noise_pixels)))
+    every = max(1, int(np.sqrt(clip.samples.size / LEARN.noise_sample_px)))
     return Noise.measured(clip.grey_samples(every), clip.full_scale)
 
 
@@ -103,10 +102,10 @@ def lens_of(seen: Regions, start: Located, noise: Noise, middle: tuple[float, fl
         return float(np.median(np.where(np.isfinite(each), each, LEARN.worst_score)))
 
     tried = np.sort(order[: LEARN.lens_regions])
-    about = min(np.log(LEARN.lenses).tolist(), key=lambda log: misfit(log, tried[::3]))
-    near = about - LEARN.lens_step, about + LEARN.lens_step
+    about = min(np.log(LEARN.lenses_px).tolist(), key=lambda log: misfit(log, tried[::3]))
+    near = about - LEARN.lens_log_step, about + LEARN.lens_log_step
     best = minimize_scalar(
-        misfit, bounds=near, args=(tried,), options={"xatol": LEARN.lens_tolerance}
+        misfit, bounds=near, args=(tried,), options={"xatol": LEARN.lens_log_tolerance}
     )
     return float(np.exp(best.x))
 
@@ -158,7 +157,7 @@ def place(
         for each in fields(Located):
             getattr(found, each.name)[left] = getattr(fitted, each.name)
         moved = np.hypot(*(_places(fitted) - _places(begin)).T)
-        left = left[np.fmax(moved, np.abs(fitted.radius - begin.radius)) > LEARN.refit_shift]
+        left = left[np.fmax(moved, np.abs(fitted.radius - begin.radius)) > LEARN.refit_shift_px]
         if not left.size:
             break
     return found

@@ -26,15 +26,15 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")  # of flights
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """How large pictures are, and how many; sizes in pixels."""
+    """How large pictures are, and how many."""
 
     tiles: int = 24  # of the sheet, at most
-    sheet: float = 3.6e6  # all of it
-    tile_width: int = 400  # at most
-    film: float = 2.4e5  # a picture of it
+    sheet_px: float = 3.6e6  # all of it
+    tile_width_px: int = 400  # at most
+    film_px: float = 2.4e5  # a picture of it
     film_frames: int = 80  # at most
-    frame_time: int = 60  # ms
-    strip: int = 20  # above a picture, for its frame and time
+    frame_ms: int = 60
+    strip_px: int = 20  # above a picture, for its frame and time
     fine_bits: int = 4  # binary places below a pixel
     balls: int = 14  # drawn into one picture, about
 
@@ -58,7 +58,8 @@ def pictures_of(course: BallCourse, thumbs: Mapping[int, Image]) -> Pictures:
 
     sheet, film = _for_sheet(course), _spread(len(course.frames), LAYOUT.film_frames)
     rows, columns = course.clip.shape
-    scale = min(LAYOUT.tile_width / columns, np.sqrt(LAYOUT.sheet / len(sheet) / (rows * columns)))
+    tile_px = LAYOUT.sheet_px / len(sheet)
+    scale = min(LAYOUT.tile_width_px / columns, np.sqrt(tile_px / (rows * columns)))
     wanted = np.unique(course.frames[sorted({*sheet, *film})])
     low, high = _range(course)
     size = (max(1, round(columns * scale)), max(1, round(rows * scale)))
@@ -93,10 +94,10 @@ def write_film(course: BallCourse, pictures: Pictures, path: Path) -> None:
     import cv2
 
     rows, columns = course.clip.shape
-    scale = min(pictures.scale, float(np.sqrt(LAYOUT.film / (rows * columns))))
+    scale = min(pictures.scale, float(np.sqrt(LAYOUT.film_px / (rows * columns))))
     animation = cv2.Animation()
     animation.frames = [_one(course, pictures, k, scale) for k in pictures.film]
-    animation.durations = [LAYOUT.frame_time] * len(animation.frames)
+    animation.durations = [LAYOUT.frame_ms] * len(animation.frames)
     cv2.imwriteanimation(str(path), animation, [cv2.IMWRITE_WEBP_QUALITY, 75])
 
 
@@ -148,11 +149,11 @@ def _label(words: str, image: Image) -> Image:
     """Return a strip as wide as an image with words that fit into it."""
     import cv2
 
-    strip = np.full((LAYOUT.strip, image.shape[1], 3), 255, np.uint8)
+    strip = np.full((LAYOUT.strip_px, image.shape[1], 3), 255, np.uint8)
     face, letters = cv2.FONT_HERSHEY_SIMPLEX, 0.5
     wide = cv2.getTextSize(words, face, letters, 1)[0][0]
     letters *= min(1.0, (strip.shape[1] - 8) / wide)
-    cv2.putText(strip, words, (4, LAYOUT.strip - 6), face, letters, (0, 0, 0), 1, cv2.LINE_AA)
+    cv2.putText(strip, words, (4, LAYOUT.strip_px - 6), face, letters, (0, 0, 0), 1, cv2.LINE_AA)
     return strip
 
 
