@@ -87,11 +87,10 @@ def test_frames_left_out_of_a_phone_s_file(name: str, seed: int, crf: int, tmp_p
     assert len(found.contacts) >= 2
 
 
-@pytest.mark.parametrize("seed", [11, 19])
-def test_a_hand_s_drift_before_a_plain_wall_is_covered(seed: int, tmp_path: Path) -> None:
+def test_a_hand_s_drift_before_a_plain_wall_is_covered(tmp_path: Path) -> None:
     """H.264 keeps plain plaster in place while the camera drifts: nothing shows the drift."""
     scene = SCENES["against-wall"]
-    made, found = run(replace(scene, codec="H264", crf=24, seed=scene.seed + 100 * seed), tmp_path)
+    made, found = run(replace(scene, codec="H264", crf=24, seed=scene.seed + 1900), tmp_path)
     assert set(found.flags) == {"DRIFT_UNSEEN", "READOUT_UNKNOWN"}
     require_flights(made.truth, found)
     restitution, true = found.contacts[0].restitution, made.truth.contacts[0].restitution
