@@ -19,8 +19,6 @@ __all__ = ["ARGUMENTS", "LENGTHS", "MASSES", "OWN_RESULTS", "Action", "Argument"
 Value = str | float | int
 LENGTHS = MappingProxyType({"mm": 1e-3, "cm": 1e-2, "in": INCH})
 MASSES = MappingProxyType({"g": 1e-3, "oz": OUNCE})
-LONGEST_TEXT = 300
-COMMA = re.compile(r"([+-]?\d+),(\d+)")  # a decimal comma; 1,200,000 is none
 TYPED = re.compile(r"([^a-zA-Z%]+?(?:[eE][+-]?\d+)?)\s*([a-zA-Z%/]+)")  # a number with its unit
 
 
@@ -45,8 +43,8 @@ class Argument:
             return self.default
         if self.kind == "text":
             text = str(raw).strip()
-            if len(text) > LONGEST_TEXT or not text.isprintable():
-                allowed = f"allowed: a line of up to {LONGEST_TEXT} characters"
+            if len(text) > 300 or not text.isprintable():
+                allowed = "allowed: a line of up to 300 characters"
                 raise InputError(action, self.name, text, allowed)
             return text
         if self.kind == "choice":
@@ -61,7 +59,8 @@ class Argument:
         factor = 1.0
         if (typed := TYPED.fullmatch(text)) and self.unit:
             text, factor = typed[1], self._factor(typed[2])
-        text = COMMA.sub(r"\1.\2", text) if COMMA.fullmatch(text) else text
+        if re.fullmatch(r"[+-]?\d+,\d+", text):  # a decimal comma; 1,200,000 is none
+            text = text.replace(",", ".")
         try:
             number = factor * float(text) if not isinstance(raw, bool) else float("nan")
         except ValueError:
@@ -106,7 +105,6 @@ MASS = _choice("entered_as", "scale in g, entered as", *MASSES)
 LENGTH = _choice("entered_as", "rule in mm, entered as", *LENGTHS)
 BALL = Argument(name="ball", title="ball", kind="whole", low=1, high=1000)
 SHOT = Argument(name="shot", title="shot", kind="whole", low=1, high=10_000)
-STEPS = ("another", *PREPARING, *MAKE_READY, "load-ball")
 REASON = Argument(name="because", title="because", kind="text")
 
 ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
@@ -179,7 +177,7 @@ ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
             ),
         ),
         "note-deviation": (
-            _choice("step", "of", *STEPS),
+            _choice("step", "of", "another", *PREPARING, *MAKE_READY, "load-ball"),
             REASON,
         ),
         "enter-result": tuple(

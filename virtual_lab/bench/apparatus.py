@@ -41,8 +41,6 @@ __all__ = ["Apparatus", "Reading"]
 
 Array = NDArray[np.float64]
 MILLIMETRE, GRAM = 1e-3, 1e-3
-CLAMP = "clamp_inertia"
-USUAL_RELEASE, FARTHEST = 4.0, 90.0  # deg: of the pendulum's sheet; from which a bat can hang
 CHANNELS = {  # action: channel of the bench
     "weigh-bat": "bat-mass",
     "weigh-balls": "ball-mass",
@@ -249,8 +247,10 @@ class Apparatus:
     def _swing_clamp(self, day: Day, action: Action) -> Reading:
         """Show the clamp's own moment of inertia, beside the one that was entered."""
         station: Any = self.laboratory.stations[Stage.BENCH]
-        measured = station.pendulum.true[CLAMP] + self._table.clamp_u * self._off(day, action)
-        entered = day.morning.calibration[f"bench.pendulum.{CLAMP}"].value
+        measured = station.pendulum.true["clamp_inertia"] + self._table.clamp_u * self._off(
+            day, action
+        )
+        entered = day.morning.calibration["bench.pendulum.clamp_inertia"].value
         return Reading(
             shown=tuple(
                 (f"clamp, {word}", round(float(inertia) * 1e6, 1), "kg mm²")
@@ -427,11 +427,11 @@ def _swung(station: Any, given: Mapping[str, Any], table: Consequences) -> Stati
         if given["clock"] == "hand"
         else {}
     )
-    farther = station.pendulum.spec.release_amplitude / (USUAL_RELEASE * DEGREE)
+    farther = station.pendulum.spec.release_amplitude / (4.0 * DEGREE)  # than its sheet has it
     return other_sheet(
         station,
         "pendulum",
-        release_amplitude=min(float(given["amplitude"]) * farther, FARTHEST) * DEGREE,
+        release_amplitude=min(float(given["amplitude"]) * farther, 90.0) * DEGREE,
         swings=int(given["swings"]),
         **by_hand,
     )

@@ -30,8 +30,6 @@ __all__ = ["CheckStandards", "Shown", "speed_ratio"]
 
 Array = NDArray[np.float64]
 Shown = tuple[tuple[str, float | str, str], ...]  # what, value, unit
-BALL, CYLINDER = "check-ball", "check-cylinder"
-SPEED = 60 * MPH
 DAYS = 12  # mornings that stand on the chart
 FIRST_SLOT = 1_000_000  # of their shots, beyond any of the day's
 
@@ -53,7 +51,7 @@ class CheckStandards:
 
     def cylinder(self, earlier: int) -> Shown:
         """Fire the check ball at the cylinder: its way back, and where counted the turn."""
-        place = float(np.mean(catalog.load_bat(CYLINDER).spec.body.profile.z))
+        place = float(np.mean(catalog.load_bat("check-cylinder").spec.body.profile.z))
 
         def hit(laboratory: Laboratory, first: int, hits: int) -> Mapping[str, Array]:
             order = _order(first, hits, place=place)
@@ -137,7 +135,7 @@ def _order(first: int, hits: int, *, place: float) -> ShotPlan:
     return ShotPlan(
         slot=first + np.arange(hits),
         ball=np.zeros(hits, dtype=int),
-        speed=np.full(hits, SPEED),
+        speed=np.full(hits, 60 * MPH),
         place=np.full(hits, place),
     )
 
@@ -145,8 +143,8 @@ def _order(first: int, hits: int, *, place: float) -> ShotPlan:
 def _standing(laboratory: Laboratory) -> Laboratory:
     """Return a laboratory with its check standards on the rigs; no fault of a lot befalls them."""
     faults = tuple(fault for fault in laboratory.setup.faults.faults if not fault.specimen)
-    ball = catalog.load("balls", BALL, BallSpec).spec
-    cylinder = catalog.load_bat(CYLINDER).spec
+    ball = catalog.load("balls", "check-ball", BallSpec).spec
+    cylinder = catalog.load_bat("check-cylinder").spec
     return replace(
         laboratory,
         setup=replace(laboratory.setup, faults=FaultSet(faults=faults)),

@@ -38,8 +38,6 @@ __all__ = [
 ]
 
 CLOCK = "clock of the gates, fast"  # as compare-clock shows it
-WORST_MORNING = 0.002  # of a chart's mean: no chart of a dozen mornings is known better
-USUAL_BAT = 0.8  # kg
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,7 +121,7 @@ def _bench(desk: Desk) -> Iterator[Sign]:
     )
     if bat:
         mass = _mean(bat)
-        yield Sign("bat-ounces-as-grams", 1 - mass * 1e-3 / USUAL_BAT, f"a bat of {mass:.0f} g")
+        yield Sign("bat-ounces-as-grams", 1 - mass / 800, f"a bat of {mass:.0f} g")
     if length and balance and balance.arguments["end"] == "tip":
         share = _mean(balance) / _mean(length)
         yield Sign("balance-from-knob", share, f"balance point at {share:.2f} of the length")
@@ -312,7 +310,8 @@ def _charted(desk: Desk, action: str) -> Iterator[tuple[str, float, float]]:
             shown[f"{name}, {word}"]
             for word in ("today", "chart", "standard deviation of a morning")
         )
-        yield name, today / chart, (today - chart) / hypot(sd, WORST_MORNING * chart)
+        # no chart of a dozen mornings is known better than to 0.2 %
+        yield name, today / chart, (today - chart) / hypot(sd, 0.002 * chart)
 
 
 def _mean(event: DayEvent) -> float:
