@@ -29,10 +29,6 @@ from virtual_lab.units import INCH
 __all__ = ["ClipCoverage", "clip_coverage"]
 
 Array = NDArray[np.float64]
-NORMAL_95 = 1.959964
-LEAST_CLIPS = 2  # clips with a result
-PLACE = 6 * INCH  # from the tip
-RIG = "filmed-cannon"
 QUANTITIES = {"v_in": "speed_in", "v_out": "speed_out", "e_A": "efficiency"}
 
 
@@ -89,7 +85,11 @@ def clip_coverage(
     rung = RecordDetail.SUMMED if summed else RecordDetail.FULL
     for number in range(clips):
         setup = TestSetup.of(
-            bat, procedure=procedure, rig=RIG, seed=seed + number, detail=RecordDetail.SUMMED
+            bat,
+            procedure=procedure,
+            rig="filmed-cannon",
+            seed=seed + number,
+            detail=RecordDetail.SUMMED,
         )
         found.append(_clip(Laboratory.open(setup), rung))
         progress("clips", number + 1, clips)
@@ -110,7 +110,7 @@ def _clip(laboratory: Laboratory, rung: RecordDetail) -> Array:
         slot=np.zeros(1, dtype=int),
         ball=np.zeros(1, dtype=int),
         speed=np.full(1, rules.ball_speed),
-        place=np.full(1, PLACE),
+        place=np.full(1, 6 * INCH),
         rung=rung,
     )
     play = ready.stations[stage].play(order, ready.specimen, ready.draws)
@@ -139,10 +139,10 @@ def _clip(laboratory: Laboratory, rung: RecordDetail) -> Array:
 def _row(quantity: str, value: Array, u: Array, true: Array) -> ClipCoverage:
     seen = np.isfinite(value)
     error, u = (value - true)[seen], u[seen]
-    if error.size < LEAST_CLIPS:
-        allowed = f"of these {error.size} gave a result; film more, {LEAST_CLIPS} must"
+    if error.size < 2:
+        allowed = f"of these {error.size} gave a result; film more, 2 must"
         raise InputError("", "clips", seen.size, allowed)
-    held = int((np.abs(error) <= NORMAL_95 * u).sum())
+    held = int((np.abs(error) <= 1.959964 * u).sum())
     count = binomtest(held, error.size).proportion_ci(0.95, "exact")
     relative = error / true[seen]
     return ClipCoverage(

@@ -27,9 +27,6 @@ from virtual_lab.output.tables import column
 __all__ = ["PROCEDURES", "Bias", "Played", "faults"]
 
 PROCEDURES = ("astm-f1881", "bbcor")
-LEAST_CAUGHT = 0.95  # of the laboratories, at least
-FALSE_ALARMS = 0.01  # of the sound ones, at most
-AGREEMENT_U = 3.0  # standard uncertainties
 
 
 def _share(row: Played) -> str:
@@ -80,7 +77,7 @@ class Bias:
     @property
     def near(self) -> bool:
         """Whether the bias agrees with the prediction."""
-        return self.z is not None and abs(self.z) <= AGREEMENT_U
+        return self.z is not None and abs(self.z) <= 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -210,8 +207,8 @@ def _catches(found: Certification) -> tuple[str, ...]:
 
 
 def _sound_row(procedure: str, sound: Sequence[_Seen]) -> Played:
-    row = _row("none", procedure, f"at most {FALSE_ALARMS:.0%}", sound, Bias(), Bias())
-    return replace(row, as_predicted=row.low <= FALSE_ALARMS)
+    row = _row("none", procedure, "at most 1%", sound, Bias(), Bias())
+    return replace(row, as_predicted=row.low <= 0.01)
 
 
 def _spoiled_row(
@@ -229,7 +226,7 @@ def _spoiled_row(
         prediction.metric_bias_u,
     )
     named = set((prediction.caught_by or "").split(", "))
-    caught = float(np.mean([bool(named & set(each.catches)) for each in spoiled])) >= LEAST_CAUGHT
+    caught = float(np.mean([bool(named & set(each.catches)) for each in spoiled])) >= 0.95
     predicted = prediction.caught_by or "a bias"
     row = _row(name, prediction.procedure, predicted, spoiled, efficiency, metric)
     right = caught if prediction.caught_by else efficiency.near and metric.near
