@@ -162,14 +162,10 @@ class Apparatus:
             station = altered(station, "pendulum", clamp_inertia=0.0, clamp_moment=0.0)
         if action.name == "swing":
             station = _swung(station, given, self._table)
-        more = replace(
-            spec,
-            repeats=spec.repeats * (earlier + 1),
-            releases=spec.releases * (earlier + 1),
-        )
-        record: Any = self._bench(self._with(Stage.BENCH, replace(station, spec=more))).records[
-            channel
-        ]
+        turns = earlier + 1
+        more = replace(spec, repeats=spec.repeats * turns, releases=spec.releases * turns)
+        stations = {**self.laboratory.stations, Stage.BENCH: replace(station, spec=more)}
+        record: Any = self._bench(replace(self.laboratory, stations=stations)).records[channel]
         if action.name == "swing":
             fresh = slice(spec.releases * earlier, None)
             record = replace(
@@ -247,9 +243,8 @@ class Apparatus:
     def _swing_clamp(self, day: Day, action: Action) -> Reading:
         """Show the clamp's own moment of inertia, beside the one that was entered."""
         station: Any = self.laboratory.stations[Stage.BENCH]
-        measured = station.pendulum.true["clamp_inertia"] + self._table.clamp_u * self._off(
-            day, action
-        )
+        off = self._table.clamp_u * self._off(day, action)
+        measured = station.pendulum.true["clamp_inertia"] + off
         entered = day.morning.calibration["bench.pendulum.clamp_inertia"].value
         return Reading(
             shown=tuple(
@@ -341,18 +336,17 @@ class Apparatus:
 
     def _aim_paper(self, day: Day, action: Action) -> Reading:
         station: Any = self.firing.aimed(day.shift)
-        marks = station.cannon.mark(self.laboratory.draws, self._aim_stream(day, action))
+        stream, earlier = f"{self.laboratory.setup.rig}.aim", day.times(action.name)
+        # the first paper is the one that a plain test fires at
+        marks = station.cannon.mark(
+            self.laboratory.draws, f"{stream}.{earlier}" if earlier else stream
+        )
         mean = marks.along.mean(), marks.across.mean()
         shown = [
             (f"mean {way}", round(float(at) / MILLIMETRE, 1), "mm")
             for way, at in zip(("along", "across"), mean, strict=True)
         ]
         return Reading({"aim": marks}, tuple(shown))
-
-    def _aim_stream(self, day: Day, action: Action) -> str:
-        """Return the stream of the marks: the first paper is the one that a plain test fires at."""
-        earlier = day.times(action.name)
-        return f"{self.laboratory.setup.rig}.aim" + (f".{earlier}" if earlier else "")
 
     def _re_aim(self, day: Day, action: Action) -> Reading:
         """Move the aim; the laboratory then takes its cannon to point as it was told to."""
@@ -405,10 +399,6 @@ class Apparatus:
                 word = "agrees" if each.agrees else f"off by {each.off:+.1f} standard uncertainties"
             shown.append((f"{each.name}, checked against the records", word, ""))
         return Reading(shown=tuple(shown))
-
-    def _with(self, stage: Stage, station: Station) -> Laboratory:
-        stations = {**self.laboratory.stations, stage: station}
-        return replace(self.laboratory, stations=stations)
 
     def _played_with(self, stage: Stage) -> Specimen:
         """Return the specimens as they really are at a stage."""

@@ -221,17 +221,6 @@ def _placed(day: Day, given: Changes) -> Changes:
     return {"place": place, "ready": day.ready - {"wait-rest"}}
 
 
-def _retired(day: Day, given: Changes) -> Changes:
-    ball = given["ball"] - 1
-    left = None if day.ball == ball else day.ball
-    return {"retired": day.retired | {ball}, "ball": left}
-
-
-def _fired(day: Day, _: Changes) -> Changes:
-    fired = (*day.fired, (day.ball, day.seconds))
-    return {"fired": fired, "ready": frozenset(), "scrap": day.scrap + 1}
-
-
 def _decided(accepted: bool) -> Callable[[Day, Changes], Changes]:
     def decided(day: Day, given: Changes) -> Changes:
         chosen = Decision(accepted=accepted, because=given["because"])
@@ -254,9 +243,16 @@ AFTER: Mapping[str, Callable[[Day, Changes], Changes]] = {  # what an action lea
     },
     "set-place": _placed,
     "load-ball": lambda _, given: {"ball": given["ball"] - 1},
-    "retire-ball": _retired,
+    "retire-ball": lambda day, given: {
+        "retired": day.retired | {given["ball"] - 1},
+        "ball": None if day.ball == given["ball"] - 1 else day.ball,
+    },
     "clear-scrap": lambda day, _: {"scrap": 0, "ready": day.ready | {"clear-scrap"}},
-    "fire": _fired,
+    "fire": lambda day, _: {
+        "fired": (*day.fired, (day.ball, day.seconds)),
+        "ready": frozenset(),
+        "scrap": day.scrap + 1,
+    },
     "accept": _decided(True),
     "reject": _decided(False),
     "strike-out": lambda day, given: {"struck": day.struck | {given["entry"]}},

@@ -100,9 +100,10 @@ def _noted(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
         reason = (against or seen)[0]
     else:
         reason = (None, "no record shows whether there was a reason")
+    sheets = action_table().actions
     yield Deviation(
         entry=event.number,
-        what=f"left out: {_title(step)}",
+        what=f"left out: {sheets[step].title.lower() if step in sheets else step}",
         because=str(event.arguments["because"]),
         judged={True: JUSTIFIED, False: DENIED, None: OPEN}[reason[0]],
         why=reason[1],
@@ -150,11 +151,6 @@ def _checks() -> set[str]:
         if sheet.found_by
         for name in sheet.found_by.actions
     }
-
-
-def _title(step: str) -> str:
-    sheets = action_table().actions
-    return sheets[step].title.lower() if step in sheets else step
 
 
 def _again(desk: Desk, step: str) -> bool:

@@ -150,8 +150,14 @@ def application(
         Route("/do", lambda _: RedirectResponse("/", status_code=303)),
         Route("/film", _film),
         Route("/replay", _locked(_replayed)),
-        Route("/notebook", _locked(_notebook)),
-        Route("/notebook.csv", _locked(_table)),
+        Route(
+            "/notebook",
+            _locked(lambda room, _: HTMLResponse(notebook_page(room.desk, room.briefing))),
+        ),
+        Route(
+            "/notebook.csv",
+            _locked(lambda room, _: Response(notebook_table(room.desk), media_type="text/csv")),
+        ),
         Route("/certificate", _locked(lambda room, _: _sandboxed(room.certificate))),
         Route("/debrief", _locked(lambda room, _: _sandboxed(room.debrief))),
         static("bench.css", "text/css"),
@@ -198,14 +204,6 @@ def _replayed(room: Room, request: Request) -> Response:
     if entry > len(day.events):
         return _says(404, f"There is no such entry; there are 0 to {len(day.events)}.")
     return HTMLResponse(replay_page(day, room.briefing, entry))
-
-
-def _notebook(room: Room, _: Request) -> Response:
-    return HTMLResponse(notebook_page(room.desk, room.briefing))
-
-
-def _table(room: Room, _: Request) -> Response:
-    return Response(notebook_table(room.desk), media_type="text/csv")
 
 
 def _film(request: Request) -> Response:

@@ -143,7 +143,8 @@ def label_points(axes: Any, points: Sequence[tuple[float, float, str, str]]) -> 
     from matplotlib.transforms import Bbox
 
     renderer = axes.figure.canvas.get_renderer()
-    taken = [Bbox.from_bounds(x - 10, y - 10, 20, 20) for x, y in _pixels(axes, points)]
+    pixels = axes.transData.transform([point[:2] for point in points])
+    taken = [Bbox.from_bounds(x - 10, y - 10, 20, 20) for x, y in pixels]
     taken += [text.get_window_extent(renderer) for text in axes.texts]
     for line in axes.lines:
         if line.get_linewidth():
@@ -172,7 +173,3 @@ def label_points(axes: Any, points: Sequence[tuple[float, float, str, str]]) -> 
         for _, _, label in others:
             label.remove()
         taken.append(best.get_window_extent(renderer))
-
-
-def _pixels(axes: Any, points: Sequence[tuple[float, float, str, str]]) -> Any:
-    return axes.transData.transform([point[:2] for point in points])

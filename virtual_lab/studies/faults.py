@@ -19,7 +19,6 @@ from virtual_lab import catalog
 from virtual_lab.catalog.faults import FaultSheet, Prediction
 from virtual_lab.errors import InputError
 from virtual_lab.lab import TestSetup, certify_bat
-from virtual_lab.measurement.certification import Certification
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
@@ -145,7 +144,9 @@ def faults(
     """
     if laboratories < 2:
         raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
-    sheets = [catalog.load("faults", name, FaultSheet).spec for name in names or _every()]
+    sheets = [
+        catalog.load("faults", name, FaultSheet).spec for name in names or catalog.names("faults")
+    ]
     for procedure in procedures:
         catalog.find("procedures", procedure)
     if procedures:
@@ -190,20 +191,13 @@ def _require_played(sheets: Sequence[FaultSheet], procedures: Sequence[str]) -> 
             raise InputError("", "procedure", procedure, allowed)
 
 
-def _every() -> tuple[str, ...]:
-    return catalog.names("faults")
-
-
 def _play(bat: str, procedure: str, seed: int, on: tuple[str, ...]) -> _Seen:
     found = certify_bat(TestSetup.of(bat, procedure=procedure, seed=seed, faults=on)).certification
     metric = found.metric.value if found.metric else np.nan
     efficiency = found.quantities["collision_efficiency"].value if found.metric else np.nan
-    return _Seen(catches=_catches(found), efficiency=efficiency, metric=metric)
-
-
-def _catches(found: Certification) -> tuple[str, ...]:
     invalid = ("INVALID",) if found.verdict.value == "INVALID" else ()
-    return (*invalid, *(flag.name for flag in found.flags))
+    catches = (*invalid, *(flag.name for flag in found.flags))
+    return _Seen(catches=catches, efficiency=efficiency, metric=metric)
 
 
 def _sound_row(procedure: str, sound: Sequence[_Seen]) -> Played:
