@@ -377,11 +377,10 @@ def _right_verdict(
     apparatus: Apparatus, desk: Desk, value: float | None, u: float | None, *, spoilt: bool
 ) -> tuple[float | None, str]:
     """Return the truth and the verdict of who knows it: INVALID where a fault put x beyond U."""
-    if value is None or u is None:
-        return None, "INVALID" if spoilt else "MEASURED"
-    truth = apparatus.finish(desk.day).sealed.measurand.get("metric")
-    limit = desk.rules.spec.most
-    if truth is None:
+    truth, limit = None, desk.rules.spec.most
+    if value is not None:
+        truth = apparatus.finish(desk.day).sealed.measurand.get("metric")
+    if value is None or u is None or truth is None:
         return None, "INVALID" if spoilt else "MEASURED"
     if spoilt and abs(value - truth) > 2 * u:
         return truth, "INVALID"

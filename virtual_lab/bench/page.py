@@ -212,8 +212,7 @@ def notebook_table(desk: Desk) -> str:
 
 def hall_page(hall: Hall) -> str:
     """Return the trainer's page of an exam: who is where, and nothing of the truth."""
-    page = page_template(PACKAGE, "hall.html")
-    return page.render(hall=hall, trainees=list(hall.trainees()))
+    return page_template(PACKAGE, "hall.html").render(hall=hall, trainees=list(hall.trainees()))
 
 
 def plain_page(title: str, sentence: str, *, by_code: bool = False) -> str:
@@ -380,7 +379,6 @@ def _entries(day: Day) -> list[EntryShown]:
             ),
         )
         for event, at in zip(day.events, minutes, strict=True)
-        for shown in [event.shown]
     ]
 
 

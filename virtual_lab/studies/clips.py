@@ -29,7 +29,11 @@ from virtual_lab.units import INCH
 __all__ = ["ClipCoverage", "clip_coverage"]
 
 Array = NDArray[np.float64]
-QUANTITIES = {"v_in": "speed_in", "v_out": "speed_out", "e_A": "efficiency"}
+QUANTITIES = {  # of what the camera gives u, and the truth
+    "v_in": ("speed_in", "speed"),
+    "v_out": ("speed_out", "rebound_speed"),
+    "e_A": ("efficiency", "collision_efficiency"),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,18 +125,12 @@ def _clip(laboratory: Laboratory, rung: RecordDetail) -> Array:
     if not reduced.judgement.valid[0]:
         return np.full((len(QUANTITIES), 3), np.nan)
     flights = camera.filmed.flights
-    measured = {
-        "speed_in": flights.speed_in,
-        "speed_out": flights.speed_out,
-        "efficiency": camera.shots.rebound_efficiency,
-    }
-    true = {
-        "speed_in": play.truth["speed"],
-        "speed_out": play.truth["rebound_speed"],
-        "efficiency": play.truth["collision_efficiency"],
-    }
+    measured = (flights.speed_in, flights.speed_out, camera.shots.rebound_efficiency)
     return np.array(
-        [[measured[name][0], camera.u[name][0], true[name][0]] for name in QUANTITIES.values()]
+        [
+            [value[0], camera.u[name][0], play.truth[true][0]]
+            for value, (name, true) in zip(measured, QUANTITIES.values(), strict=True)
+        ]
     )
 
 

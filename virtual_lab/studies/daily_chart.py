@@ -48,11 +48,9 @@ def draw_control_chart(values: Array, charted: Charted, label: str, path: Path) 
         figure = Figure(figsize=(7.2, 8.0), dpi=150, layout="constrained")
         panels = figure.subplots(4, 1, sharex=True, height_ratios=(3, 2, 2, 2))
         panels[0].plot(days, values, ".-", color="black", linewidth=0.6)
-        for width, dash in ((0, "-"), (1, ":"), (2, ":"), (3, "--")):
-            for side in {width, -width}:
-                panels[0].axhline(
-                    base.centre + side * base.sigma, color="black", linewidth=0.6, linestyle=dash
-                )
+        for side, dash in zip(range(-3, 4), ("--", ":", ":", "-", ":", ":", "--"), strict=True):
+            at = base.centre + side * base.sigma
+            panels[0].axhline(at, color="black", linewidth=0.6, linestyle=dash)
         every = np.logical_or.reduce(shewhart) if shewhart else np.zeros(later.size, dtype=bool)
         _mark(panels[0], later, values[first:], every)
         panels[0].set_ylabel(label)
