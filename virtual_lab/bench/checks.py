@@ -75,15 +75,7 @@ class CheckStandards:
             1e6 * (instrument_of(each.stations[Stage.IMPACT], "gates").clock - 1)
             for each in (self.laboratory, self._sound)
         )
-        chart = before + 1e6 * off[:DAYS]
-        numbers_shown = {
-            "today": today + 1e6 * off[-1],
-            "chart": chart.mean(),
-            "standard deviation of a morning": chart.std(ddof=1),
-        }
-        return tuple(
-            (f"{CLOCK}, {word}", round(float(at), 1), "ppm") for word, at in numbers_shown.items()
-        )
+        return _charted(CLOCK, today + 1e6 * off[-1], before + 1e6 * off[:DAYS], 1, "ppm")
 
     @cached_property
     def _sound(self) -> Laboratory:
@@ -105,13 +97,20 @@ class CheckStandards:
                 shown.append((f"{name}, today", "not seen", ""))
                 continue
             means = np.nanmean(chart[name].reshape(DAYS, hits), axis=1)
-            numbers = {
-                "today": np.nanmean(values),
-                "chart": means.mean(),
-                "standard deviation of a morning": means.std(ddof=1),
-            }
-            shown += [(f"{name}, {word}", round(float(at), 5), "") for word, at in numbers.items()]
+            shown += _charted(name, float(np.nanmean(values)), means, 5, "")
         return tuple(shown)
+
+
+def _charted(name: str, today: float, mornings: Array, places: int, unit: str) -> Shown:
+    """Show a number beside mean and spread of other mornings'."""
+    numbers = {
+        "today": today,
+        "chart": mornings.mean(),
+        "standard deviation of a morning": mornings.std(ddof=1),
+    }
+    return tuple(
+        (f"{name}, {word}", round(float(at), places), unit) for word, at in numbers.items()
+    )
 
 
 def speed_ratio(gates: Record) -> Array:
