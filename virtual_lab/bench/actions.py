@@ -93,6 +93,14 @@ def _choice(name: str, title: str, *choices: str) -> Argument:
     return Argument(name=name, title=title, kind="choice", choices=choices, default=choices[0])
 
 
+def _number(
+    name: str, title: str, low: float, high: float, *, unit: str = "", default: Value | None = None
+) -> Argument:
+    return Argument(
+        name=name, title=title, kind="number", unit=unit, default=default, low=low, high=high
+    )
+
+
 OWN_RESULTS = MappingProxyType(  # typed: the quantity of the reduction
     {
         "r": "recoil_factor",
@@ -116,41 +124,17 @@ ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
         "measure-balance": (_choice("end", "measured from", "tip", "knob"), LENGTH),
         "fit-clamp": (_choice("fitted", "on the bat", "yes", "no"),),
         "swing": (
-            Argument(
-                name="amplitude",
-                title="let go at",
-                kind="number",
-                unit="deg",
-                default=4.0,
-                low=0.5,
-                high=45,
-            ),
+            _number("amplitude", "let go at", 0.5, 45, unit="deg", default=4.0),
             Argument(name="swings", title="swings", kind="whole", default=10, low=1, high=100),
             _choice("clock", "timed by", "photogate", "hand"),
         ),
         "gauge-gates": (_choice("use", "reduce with", "certificate", "gauge"),),
         "re-aim": (
-            Argument(
-                name="along",
-                title="along the bat, to the knob",
-                kind="number",
-                unit="mm",
-                default=0.0,
-                low=-50,
-                high=50,
-            ),
-            Argument(
-                name="across",
-                title="up",
-                kind="number",
-                unit="mm",
-                default=0.0,
-                low=-50,
-                high=50,
-            ),
+            _number("along", "along the bat, to the knob", -50, 50, unit="mm", default=0.0),
+            _number("across", "up", -50, 50, unit="mm", default=0.0),
         ),
         "set-place": (
-            Argument(name="place", title="from the tip", kind="number", low=0, high=1500),
+            _number("place", "from the tip", 0, 1500),
             _choice("unit", "unit", *LENGTHS),
         ),
         "load-ball": (BALL,),
@@ -166,24 +150,13 @@ ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
         ),
         "note-doubt": (
             Argument(name="doubt", title="what is wrong", kind="text"),
-            Argument(
-                name="confidence",
-                title="how sure",
-                kind="number",
-                unit="%",
-                default=70.0,
-                low=0,
-                high=100,
-            ),
+            _number("confidence", "how sure", 0, 100, unit="%", default=70.0),
         ),
         "note-deviation": (
             _choice("step", "of", "another", *PREPARING, *MAKE_READY, "load-ball"),
             REASON,
         ),
-        "enter-result": tuple(
-            Argument(name=name, title=name, kind="number", default="", low=-2, high=5)
-            for name in OWN_RESULTS
-        ),
+        "enter-result": tuple(_number(name, name, -2, 5, default="") for name in OWN_RESULTS),
         "give-verdict": (
             Argument(
                 name="verdict",
@@ -191,15 +164,7 @@ ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
                 kind="choice",
                 choices=("PASS", "FAIL", "INVALID", "MEASURED"),
             ),
-            Argument(
-                name="confidence",
-                title="how certain",
-                kind="number",
-                unit="%",
-                default=90.0,
-                low=0,
-                high=100,
-            ),
+            _number("confidence", "how certain", 0, 100, unit="%", default=90.0),
             Argument(name="doubt", title="worst doubt", kind="text", default="none"),
         ),
         "dispute-score": (
