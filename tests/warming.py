@@ -37,9 +37,9 @@ def _bats() -> None:
 def _camera() -> None:
     from virtual_lab.fidelity.camera_estimators import EDGE, ESTIMATORS
     from virtual_lab.fidelity.camera_pictures import pictures
-    from virtual_lab.fidelity.camera_scenes import SOFT, Case
+    from virtual_lab.fidelity.camera_scenes import Case
 
-    for case in (Case(), Case(stitched=True, light=SOFT)):
+    for case in (Case(), Case(stitched=True, light="soft")):
         ESTIMATORS[EDGE](pictures(case).given)
 
 

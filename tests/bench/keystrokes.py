@@ -15,7 +15,6 @@ from tests.bench.browsing import FOCUSED
 from virtual_lab.bench.operators import PREPARATION
 from virtual_lab.bench.serving import ServedDay
 from virtual_lab.bench.table import action_table
-from virtual_lab.bench.web import MOST_SHOTS
 
 __all__ = ["K", "Keyboard", "M", "by_enter", "by_list"]
 
@@ -111,7 +110,7 @@ def by_list(page: Any, day: ServedDay) -> Keyboard:
     while day.desk.next_place is not None:
         hands.open("rig")
         hands.to("how many balls")
-        hands.press(*str(MOST_SHOTS))
+        hands.press(*"12")
         hands.to("stop at the first oddity")
         hands.press(" ")
         hands.to("accept what is within")

@@ -27,7 +27,7 @@ from virtual_lab.bench.day import Day
 from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.inspection import detectable, doubts
 from virtual_lab.bench.keeping import laboratory_of, taken
-from virtual_lab.bench.operators import OPERATORS, PREPARATION, operator_of
+from virtual_lab.bench.operators import HABITS, PREPARATION, operator_of
 from virtual_lab.bench.protocol import left_out
 from virtual_lab.bench.scenario import Scenario, load_scenario, scenario_names
 from virtual_lab.bench.serving import ServedDay
@@ -111,12 +111,12 @@ def expert(days: int) -> None:
 
 
 def operators(days: int) -> None:
-    fitted = [observed(name, range(7000, 7000 + days)) for name in OPERATORS]
+    fitted = [observed(name, range(7000, 7000 + days)) for name in HABITS]
     print(f"operators classified, fitted on {days} days each and judged on {days} fresh ones")
-    for place, name in enumerate(OPERATORS):
+    for place, name in enumerate(HABITS):
         likely = likelihoods(fitted, observed(name, range(8000, 8000 + days)))
         right = float((likely.argmax(axis=1) == place).mean())
-        ten = likely[: days // TOGETHER * TOGETHER].reshape(-1, TOGETHER, len(OPERATORS)).sum(1)
+        ten = likely[: days // TOGETHER * TOGETHER].reshape(-1, TOGETHER, len(HABITS)).sum(1)
         together = float((ten.argmax(axis=1) == place).mean()) if len(ten) else float("nan")
         print(f"  {name:<10} a day {right:.0%}, ten days {together:.0%}", flush=True)
 

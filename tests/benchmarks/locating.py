@@ -30,16 +30,16 @@ from tests.video.scenery.shots import KINDS
 from virtual_lab.fidelity.camera_errors import score_places, seconds_a_picture
 from virtual_lab.fidelity.camera_estimators import EDGE, ESTIMATORS, OURS
 from virtual_lab.fidelity.camera_pictures import pictures
-from virtual_lab.fidelity.camera_scenes import BACK, HARD, SOFT, Case
+from virtual_lab.fidelity.camera_scenes import Case
 
 RADII, BLURS, RATIOS = (15.0, 30.0, 60.0), (0.0, 6.0, 30.0), (96.0, 27.0, 5.0)
 FIRST = Case()
 SCENES = {
     "plain, flat": FIRST,
     "plain, slope": replace(FIRST, slope=0.5),
-    "stitched, soft light": replace(FIRST, stitched=True, light=SOFT),
-    "stitched, back light": replace(FIRST, stitched=True, light=BACK),
-    "stitched, hard side light": replace(FIRST, stitched=True, light=HARD),
+    "stitched, soft light": replace(FIRST, stitched=True, light="soft"),
+    "stitched, back light": replace(FIRST, stitched=True, light="back"),
+    "stitched, hard side light": replace(FIRST, stitched=True, light="hard side"),
     "25 % out of frame": replace(FIRST, cut=0.25),
     "25 % behind the bat": replace(FIRST, covered=0.25),
 }

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from virtual_lab.cli import cli
-from virtual_lab.fidelity import camera_drops
-from virtual_lab.fidelity import camera_map as states
 from virtual_lab.fidelity import camera_stability as maps
+from virtual_lab.fidelity.camera_drops import dropped_frames
 from virtual_lab.fidelity.camera_estimators import EDGE
+from virtual_lab.fidelity.camera_map import Seen
 
 Row = dict[str, Any]
 ENDS = {
@@ -26,12 +26,9 @@ ENDS = {
 
 @pytest.fixture(scope="module")
 def rows() -> list[Row]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(maps, "AXES", {name: (maps.AXES[name][0], ENDS[name]) for name in ENDS})
-        patch.setattr(maps, "BALLS", {"plain": maps.BALLS["plain"]})
-        patch.setattr(camera_drops, "COUNTS", (0, 3))
-        patch.setattr(camera_drops, "FLIGHTS", 4)
-        return maps.camera_cells()
+    axes = {name: (maps.AXES[name][0], ENDS[name]) for name in ENDS}
+    pictures = maps.picture_cells(axes=axes, balls={"plain": maps.BALLS["plain"]})
+    return pictures + dropped_frames(counts=(0, 3), flights=4)
 
 
 def state(rows: list[Row], axis: str, value: float, method: str = EDGE) -> str:
@@ -41,25 +38,25 @@ def state(rows: list[Row], axis: str, value: float, method: str = EDGE) -> str:
 
 
 def test_the_fit_is_good_or_says_why_not(rows: list[Row]) -> None:
-    assert state(rows, "contrast over noise", 5) == states.GOOD
-    assert state(rows, "contrast over noise", 96) == states.GOOD
-    assert state(rows, "hot pixels", 100) == states.GOOD
+    assert state(rows, "contrast over noise", 5) == Seen.GOOD
+    assert state(rows, "contrast over noise", 96) == Seen.GOOD
+    assert state(rows, "hot pixels", 100) == Seen.GOOD
     for axis, value in (
         ("share out of the frame", 0.25),
         ("share behind the bat", 0.25),
         ("exposure over the right one", 2),
     ):
-        assert state(rows, axis, value) == states.FLAGGED
+        assert state(rows, axis, value) == Seen.FLAGGED
     assert maps.unsaid_share(rows, EDGE) == 0
 
 
 def test_dropped_frames_are_found_by_the_step_they_leave(rows: list[Row]) -> None:
-    own = {(row["ball"], row["value"]): row for row in rows if row["method"] == camera_drops.METHOD}
-    assert len(own) == 2 * len(camera_drops.ERRORS)
+    own = {(row["ball"], row["value"]): row for row in rows if row["method"] == "followed"}
+    assert len(own) == 2 * 4
     for (ball, count), row in own.items():
         assert row["unsaid"] == 0
         if ball == "places to 0.02 px":
-            assert row["state"] == states.GOOD
+            assert row["state"] == Seen.GOOD
             assert row["flagged"] == (4 if count else 0)
 
 

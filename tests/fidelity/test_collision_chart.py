@@ -23,11 +23,9 @@ Rows = list[dict[str, Any]]
 
 @pytest.fixture(scope="module")
 def rows() -> Rows:
-    with pytest.MonkeyPatch.context() as patch:
-        for name, value in {"BATCH": 40, "SCENES": 24, "FEW": 4, "FEWEST": 1}.items():
-            patch.setattr(chart, name, value)
-        patch.setattr(chart, "MODE_COUNTS", (4, 10, 20, 40))
-        return chart.collision_rows()
+    return chart.collision_rows(
+        extent=chart.Extent(mode_counts=(4, 10, 20, 40), scenes=24, few=4, fewest=1, batch=40)
+    )
 
 
 def of(rows: Rows, series: str) -> Rows:
@@ -57,7 +55,7 @@ def test_each_question_has_a_reference_of_its_own(rows: Rows) -> None:
 
 def test_a_surrogate_errs_as_its_modes_do_and_by_its_tolerance(rows: Rows) -> None:
     default = next(row for row in of(rows, Series.MODES) if row["setting"] == "20 modes")
-    for row, tolerance in zip(of(rows, Series.SURROGATE), chart.TOLERANCES, strict=True):
+    for row, tolerance in zip(of(rows, Series.SURROGATE), (1e-3, 1e-4, 1e-5), strict=True):
         assert abs(row["worst_error"] - default["worst_error"]) <= 2 * tolerance
 
 
@@ -85,11 +83,16 @@ def test_what_is_off_and_what_refuses_are_counted_apart(monkeypatch: pytest.Monk
         return np.zeros(count)
 
     point = chart.Point(
-        panel=Question.IN_ALL, series=Series.RIGID, setting="y", efficiency=poor, exact=exact
+        panel=Question.IN_ALL,
+        series=Series.RIGID,
+        setting="y",
+        efficiency=poor,
+        exact=exact,
+        scenes=400,
     )
-    monkeypatch.setattr(chart, "_points", lambda body: iter([point]))
+    monkeypatch.setattr(chart, "_points", lambda body, extent: iter([point]))
     (row,) = chart.collision_rows()
-    whole = chart._scenes(chart.WHOLE_IN, chart.SCENES).impact_position / INCH
+    whole = chart._scenes(chart.WHOLE_IN, 400).impact_position / INCH
     assert row["refused_along_the_bat"] == np.mean(whole > 30) > 0
     assert row["off_along_the_bat"] == np.mean((whole > 25) & (whole <= 30)) > 0
     assert row["worst_error"] == pytest.approx(1e-5)
@@ -98,7 +101,7 @@ def test_what_is_off_and_what_refuses_are_counted_apart(monkeypatch: pytest.Monk
 def test_the_picture_shows_what_decides_and_its_words_do_not_overlap() -> None:
     """Of the rows that the README shows."""
     rows = pd.read_csv(SHIPPED).to_dict("records")
-    figure: Any = draw_collision(rows)  # type: ignore[arg-type]
+    figure: Any = draw_collision(rows, "Collision")  # type: ignore[arg-type]
     renderer = figure.canvas.get_renderer()
     assert len(figure.axes) == 2
     for axes in figure.axes:

@@ -17,11 +17,7 @@ Row = dict[str, Any]
 
 @pytest.fixture(scope="module")
 def rows() -> list[Row]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(chart, "BATCH", 10)
-        patch.setattr(chart, "STEPS", (1e-2, 1e-3, 1e-4, 1e-5))
-        patch.setattr(chart, "LOSSES", chart.LOSSES[:3])
-        return chart.motion_rows()
+    return chart.motion_rows(steps=(1e-2, 1e-3, 1e-4, 1e-5), losses=(1e-2, 1e-3, 1e-4), batch=10)
 
 
 def of(rows: list[Row], series: str, **own: str) -> list[Row]:

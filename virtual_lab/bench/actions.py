@@ -19,8 +19,6 @@ __all__ = ["ARGUMENTS", "LENGTHS", "MASSES", "OWN_RESULTS", "Action", "Argument"
 Value = str | float | int
 LENGTHS = MappingProxyType({"mm": 1e-3, "cm": 1e-2, "in": INCH})
 MASSES = MappingProxyType({"g": 1e-3, "oz": OUNCE})
-LONGEST_TEXT = 300
-COMMA = re.compile(r"([+-]?\d+),(\d+)")  # a decimal comma; 1,200,000 is none
 TYPED = re.compile(r"([^a-zA-Z%]+?(?:[eE][+-]?\d+)?)\s*([a-zA-Z%/]+)")  # a number with its unit
 
 
@@ -45,8 +43,8 @@ class Argument:
             return self.default
         if self.kind == "text":
             text = str(raw).strip()
-            if len(text) > LONGEST_TEXT or not text.isprintable():
-                allowed = f"allowed: a line of up to {LONGEST_TEXT} characters"
+            if len(text) > 300 or not text.isprintable():
+                allowed = "allowed: a line of up to 300 characters"
                 raise InputError(action, self.name, text, allowed)
             return text
         if self.kind == "choice":
@@ -61,7 +59,8 @@ class Argument:
         factor = 1.0
         if (typed := TYPED.fullmatch(text)) and self.unit:
             text, factor = typed[1], self._factor(typed[2])
-        text = COMMA.sub(r"\1.\2", text) if COMMA.fullmatch(text) else text
+        if re.fullmatch(r"[+-]?\d+,\d+", text):  # a decimal comma; 1,200,000 is none
+            text = text.replace(",", ".")
         try:
             number = factor * float(text) if not isinstance(raw, bool) else float("nan")
         except ValueError:
@@ -94,6 +93,14 @@ def _choice(name: str, title: str, *choices: str) -> Argument:
     return Argument(name=name, title=title, kind="choice", choices=choices, default=choices[0])
 
 
+def _number(
+    name: str, title: str, low: float, high: float, *, unit: str = "", default: Value | None = None
+) -> Argument:
+    return Argument(
+        name=name, title=title, kind="number", unit=unit, default=default, low=low, high=high
+    )
+
+
 OWN_RESULTS = MappingProxyType(  # typed: the quantity of the reduction
     {
         "r": "recoil_factor",
@@ -106,7 +113,6 @@ MASS = _choice("entered_as", "scale in g, entered as", *MASSES)
 LENGTH = _choice("entered_as", "rule in mm, entered as", *LENGTHS)
 BALL = Argument(name="ball", title="ball", kind="whole", low=1, high=1000)
 SHOT = Argument(name="shot", title="shot", kind="whole", low=1, high=10_000)
-STEPS = ("another", *PREPARING, *MAKE_READY, "load-ball")
 REASON = Argument(name="because", title="because", kind="text")
 
 ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
@@ -118,41 +124,17 @@ ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
         "measure-balance": (_choice("end", "measured from", "tip", "knob"), LENGTH),
         "fit-clamp": (_choice("fitted", "on the bat", "yes", "no"),),
         "swing": (
-            Argument(
-                name="amplitude",
-                title="let go at",
-                kind="number",
-                unit="deg",
-                default=4.0,
-                low=0.5,
-                high=45,
-            ),
+            _number("amplitude", "let go at", 0.5, 45, unit="deg", default=4.0),
             Argument(name="swings", title="swings", kind="whole", default=10, low=1, high=100),
             _choice("clock", "timed by", "photogate", "hand"),
         ),
         "gauge-gates": (_choice("use", "reduce with", "certificate", "gauge"),),
         "re-aim": (
-            Argument(
-                name="along",
-                title="along the bat, to the knob",
-                kind="number",
-                unit="mm",
-                default=0.0,
-                low=-50,
-                high=50,
-            ),
-            Argument(
-                name="across",
-                title="up",
-                kind="number",
-                unit="mm",
-                default=0.0,
-                low=-50,
-                high=50,
-            ),
+            _number("along", "along the bat, to the knob", -50, 50, unit="mm", default=0.0),
+            _number("across", "up", -50, 50, unit="mm", default=0.0),
         ),
         "set-place": (
-            Argument(name="place", title="from the tip", kind="number", low=0, high=1500),
+            _number("place", "from the tip", 0, 1500),
             _choice("unit", "unit", *LENGTHS),
         ),
         "load-ball": (BALL,),
@@ -168,24 +150,13 @@ ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
         ),
         "note-doubt": (
             Argument(name="doubt", title="what is wrong", kind="text"),
-            Argument(
-                name="confidence",
-                title="how sure",
-                kind="number",
-                unit="%",
-                default=70.0,
-                low=0,
-                high=100,
-            ),
+            _number("confidence", "how sure", 0, 100, unit="%", default=70.0),
         ),
         "note-deviation": (
-            _choice("step", "of", *STEPS),
+            _choice("step", "of", "another", *PREPARING, *MAKE_READY, "load-ball"),
             REASON,
         ),
-        "enter-result": tuple(
-            Argument(name=name, title=name, kind="number", default="", low=-2, high=5)
-            for name in OWN_RESULTS
-        ),
+        "enter-result": tuple(_number(name, name, -2, 5, default="") for name in OWN_RESULTS),
         "give-verdict": (
             Argument(
                 name="verdict",
@@ -193,15 +164,7 @@ ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
                 kind="choice",
                 choices=("PASS", "FAIL", "INVALID", "MEASURED"),
             ),
-            Argument(
-                name="confidence",
-                title="how certain",
-                kind="number",
-                unit="%",
-                default=90.0,
-                low=0,
-                high=100,
-            ),
+            _number("confidence", "how certain", 0, 100, unit="%", default=90.0),
             Argument(name="doubt", title="worst doubt", kind="text", default="none"),
         ),
         "dispute-score": (

@@ -41,8 +41,6 @@ __all__ = ["Apparatus", "Reading"]
 
 Array = NDArray[np.float64]
 MILLIMETRE, GRAM = 1e-3, 1e-3
-CLAMP = "clamp_inertia"
-USUAL_RELEASE, FARTHEST = 4.0, 90.0  # deg: of the pendulum's sheet; from which a bat can hang
 CHANNELS = {  # action: channel of the bench
     "weigh-bat": "bat-mass",
     "weigh-balls": "ball-mass",
@@ -164,14 +162,10 @@ class Apparatus:
             station = altered(station, "pendulum", clamp_inertia=0.0, clamp_moment=0.0)
         if action.name == "swing":
             station = _swung(station, given, self._table)
-        more = replace(
-            spec,
-            repeats=spec.repeats * (earlier + 1),
-            releases=spec.releases * (earlier + 1),
-        )
-        record: Any = self._bench(self._with(Stage.BENCH, replace(station, spec=more))).records[
-            channel
-        ]
+        turns = earlier + 1
+        more = replace(spec, repeats=spec.repeats * turns, releases=spec.releases * turns)
+        stations = {**self.laboratory.stations, Stage.BENCH: replace(station, spec=more)}
+        record: Any = self._bench(replace(self.laboratory, stations=stations)).records[channel]
         if action.name == "swing":
             fresh = slice(spec.releases * earlier, None)
             record = replace(
@@ -249,8 +243,9 @@ class Apparatus:
     def _swing_clamp(self, day: Day, action: Action) -> Reading:
         """Show the clamp's own moment of inertia, beside the one that was entered."""
         station: Any = self.laboratory.stations[Stage.BENCH]
-        measured = station.pendulum.true[CLAMP] + self._table.clamp_u * self._off(day, action)
-        entered = day.morning.calibration[f"bench.pendulum.{CLAMP}"].value
+        off = self._table.clamp_u * self._off(day, action)
+        measured = station.pendulum.true["clamp_inertia"] + off
+        entered = day.morning.calibration["bench.pendulum.clamp_inertia"].value
         return Reading(
             shown=tuple(
                 (f"clamp, {word}", round(float(inertia) * 1e6, 1), "kg mm²")
@@ -341,18 +336,17 @@ class Apparatus:
 
     def _aim_paper(self, day: Day, action: Action) -> Reading:
         station: Any = self.firing.aimed(day.shift)
-        marks = station.cannon.mark(self.laboratory.draws, self._aim_stream(day, action))
+        stream, earlier = f"{self.laboratory.setup.rig}.aim", day.times(action.name)
+        # the first paper is the one that a plain test fires at
+        marks = station.cannon.mark(
+            self.laboratory.draws, f"{stream}.{earlier}" if earlier else stream
+        )
         mean = marks.along.mean(), marks.across.mean()
         shown = [
             (f"mean {way}", round(float(at) / MILLIMETRE, 1), "mm")
             for way, at in zip(("along", "across"), mean, strict=True)
         ]
         return Reading({"aim": marks}, tuple(shown))
-
-    def _aim_stream(self, day: Day, action: Action) -> str:
-        """Return the stream of the marks: the first paper is the one that a plain test fires at."""
-        earlier = day.times(action.name)
-        return f"{self.laboratory.setup.rig}.aim" + (f".{earlier}" if earlier else "")
 
     def _re_aim(self, day: Day, action: Action) -> Reading:
         """Move the aim; the laboratory then takes its cannon to point as it was told to."""
@@ -406,10 +400,6 @@ class Apparatus:
             shown.append((f"{each.name}, checked against the records", word, ""))
         return Reading(shown=tuple(shown))
 
-    def _with(self, stage: Stage, station: Station) -> Laboratory:
-        stations = {**self.laboratory.stations, stage: station}
-        return replace(self.laboratory, stations=stations)
-
     def _played_with(self, stage: Stage) -> Specimen:
         """Return the specimens as they really are at a stage."""
         nothing = np.zeros(1)
@@ -427,11 +417,11 @@ def _swung(station: Any, given: Mapping[str, Any], table: Consequences) -> Stati
         if given["clock"] == "hand"
         else {}
     )
-    farther = station.pendulum.spec.release_amplitude / (USUAL_RELEASE * DEGREE)
+    farther = station.pendulum.spec.release_amplitude / (4.0 * DEGREE)  # than its sheet has it
     return other_sheet(
         station,
         "pendulum",
-        release_amplitude=min(float(given["amplitude"]) * farther, FARTHEST) * DEGREE,
+        release_amplitude=min(float(given["amplitude"]) * farther, 90.0) * DEGREE,
         swings=int(given["swings"]),
         **by_hand,
     )

@@ -30,8 +30,6 @@ __all__ = ["CheckStandards", "Shown", "speed_ratio"]
 
 Array = NDArray[np.float64]
 Shown = tuple[tuple[str, float | str, str], ...]  # what, value, unit
-BALL, CYLINDER = "check-ball", "check-cylinder"
-SPEED = 60 * MPH
 DAYS = 12  # mornings that stand on the chart
 FIRST_SLOT = 1_000_000  # of their shots, beyond any of the day's
 
@@ -53,7 +51,7 @@ class CheckStandards:
 
     def cylinder(self, earlier: int) -> Shown:
         """Fire the check ball at the cylinder: its way back, and where counted the turn."""
-        place = float(np.mean(catalog.load_bat(CYLINDER).spec.body.profile.z))
+        place = float(np.mean(catalog.load_bat("check-cylinder").spec.body.profile.z))
 
         def hit(laboratory: Laboratory, first: int, hits: int) -> Mapping[str, Array]:
             order = _order(first, hits, place=place)
@@ -77,15 +75,7 @@ class CheckStandards:
             1e6 * (instrument_of(each.stations[Stage.IMPACT], "gates").clock - 1)
             for each in (self.laboratory, self._sound)
         )
-        chart = before + 1e6 * off[:DAYS]
-        numbers_shown = {
-            "today": today + 1e6 * off[-1],
-            "chart": chart.mean(),
-            "standard deviation of a morning": chart.std(ddof=1),
-        }
-        return tuple(
-            (f"{CLOCK}, {word}", round(float(at), 1), "ppm") for word, at in numbers_shown.items()
-        )
+        return _charted(CLOCK, today + 1e6 * off[-1], before + 1e6 * off[:DAYS], 1, "ppm")
 
     @cached_property
     def _sound(self) -> Laboratory:
@@ -107,13 +97,20 @@ class CheckStandards:
                 shown.append((f"{name}, today", "not seen", ""))
                 continue
             means = np.nanmean(chart[name].reshape(DAYS, hits), axis=1)
-            numbers = {
-                "today": np.nanmean(values),
-                "chart": means.mean(),
-                "standard deviation of a morning": means.std(ddof=1),
-            }
-            shown += [(f"{name}, {word}", round(float(at), 5), "") for word, at in numbers.items()]
+            shown += _charted(name, float(np.nanmean(values)), means, 5, "")
         return tuple(shown)
+
+
+def _charted(name: str, today: float, mornings: Array, places: int, unit: str) -> Shown:
+    """Show a number beside mean and spread of other mornings'."""
+    numbers = {
+        "today": today,
+        "chart": mornings.mean(),
+        "standard deviation of a morning": mornings.std(ddof=1),
+    }
+    return tuple(
+        (f"{name}, {word}", round(float(at), places), unit) for word, at in numbers.items()
+    )
 
 
 def speed_ratio(gates: Record) -> Array:
@@ -137,7 +134,7 @@ def _order(first: int, hits: int, *, place: float) -> ShotPlan:
     return ShotPlan(
         slot=first + np.arange(hits),
         ball=np.zeros(hits, dtype=int),
-        speed=np.full(hits, SPEED),
+        speed=np.full(hits, 60 * MPH),
         place=np.full(hits, place),
     )
 
@@ -145,8 +142,8 @@ def _order(first: int, hits: int, *, place: float) -> ShotPlan:
 def _standing(laboratory: Laboratory) -> Laboratory:
     """Return a laboratory with its check standards on the rigs; no fault of a lot befalls them."""
     faults = tuple(fault for fault in laboratory.setup.faults.faults if not fault.specimen)
-    ball = catalog.load("balls", BALL, BallSpec).spec
-    cylinder = catalog.load_bat(CYLINDER).spec
+    ball = catalog.load("balls", "check-ball", BallSpec).spec
+    cylinder = catalog.load_bat("check-cylinder").spec
     return replace(
         laboratory,
         setup=replace(laboratory.setup, faults=FaultSet(faults=faults)),

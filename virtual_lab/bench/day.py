@@ -20,8 +20,7 @@ __all__ = ["Day", "DayEvent", "Decision", "decide", "evolve", "offered", "replay
 AFTER_REDUCTION = frozenset(
     {"end-checklist", "note-doubt", "note-deviation", "give-verdict", "hand-in"}
 )
-AT_THE_DESK = AFTER_REDUCTION | {"accept", "reject", "strike-out", "enter-result", "reduce"}
-AFTER_HAND_IN = frozenset({"dispute-score"})
+DISPUTE = "dispute-score"  # all that can be done after the hand-in
 CHECKLISTS = frozenset({"start-checklist", "end-checklist"})
 READINGS = frozenset(  # entries that can be struck out
     {
@@ -123,9 +122,9 @@ def decide(day: Day, action: Action) -> float:
     and has its consequences.
     """
     name, given = action.name, action.arguments
-    if day.handed_in and name not in AFTER_HAND_IN:
+    if day.handed_in and name != DISPUTE:
         raise InputError(name, "day", None, "has been handed in; nothing can be added")
-    if name in AFTER_HAND_IN and not day.handed_in:
+    if name == DISPUTE and not day.handed_in:
         raise InputError(name, "day", None, "is not handed in yet")
     if name in CHECKLISTS and not day.checklists:
         raise InputError(name, "day", None, "has no checklists")
@@ -152,8 +151,8 @@ def decide(day: Day, action: Action) -> float:
 
 def offered(day: Day, action: str) -> bool:
     """Return whether an action has a place on the page of a day."""
-    if day.handed_in or action in AFTER_HAND_IN:
-        return day.handed_in and action in AFTER_HAND_IN and not day.exam
+    if day.handed_in or action == DISPUTE:
+        return day.handed_in and action == DISPUTE and not day.exam
     if action in CHECKLISTS:
         return day.checklists
     return _at_hand(day, action)
@@ -162,7 +161,8 @@ def offered(day: Day, action: str) -> bool:
 def _at_hand(day: Day, action: str) -> bool:
     """Return whether an action needs no machines, or the machines are here."""
     here = len(day.events) < day.came_with or not day.came_with
-    return here or action in AT_THE_DESK | AFTER_HAND_IN | CHECKLISTS
+    desk = {DISPUTE, "accept", "reject", "strike-out", "enter-result", "reduce"}
+    return here or action in desk | AFTER_REDUCTION | CHECKLISTS
 
 
 def _require_for_shot(day: Day, name: str, given: Mapping[str, Any]) -> None:
@@ -221,17 +221,6 @@ def _placed(day: Day, given: Changes) -> Changes:
     return {"place": place, "ready": day.ready - {"wait-rest"}}
 
 
-def _retired(day: Day, given: Changes) -> Changes:
-    ball = given["ball"] - 1
-    left = None if day.ball == ball else day.ball
-    return {"retired": day.retired | {ball}, "ball": left}
-
-
-def _fired(day: Day, _: Changes) -> Changes:
-    fired = (*day.fired, (day.ball, day.seconds))
-    return {"fired": fired, "ready": frozenset(), "scrap": day.scrap + 1}
-
-
 def _decided(accepted: bool) -> Callable[[Day, Changes], Changes]:
     def decided(day: Day, given: Changes) -> Changes:
         chosen = Decision(accepted=accepted, because=given["because"])
@@ -254,9 +243,16 @@ AFTER: Mapping[str, Callable[[Day, Changes], Changes]] = {  # what an action lea
     },
     "set-place": _placed,
     "load-ball": lambda _, given: {"ball": given["ball"] - 1},
-    "retire-ball": _retired,
+    "retire-ball": lambda day, given: {
+        "retired": day.retired | {given["ball"] - 1},
+        "ball": None if day.ball == given["ball"] - 1 else day.ball,
+    },
     "clear-scrap": lambda day, _: {"scrap": 0, "ready": day.ready | {"clear-scrap"}},
-    "fire": _fired,
+    "fire": lambda day, _: {
+        "fired": (*day.fired, (day.ball, day.seconds)),
+        "ready": frozenset(),
+        "scrap": day.scrap + 1,
+    },
     "accept": _decided(True),
     "reject": _decided(False),
     "strike-out": lambda day, given: {"struck": day.struck | {given["entry"]}},

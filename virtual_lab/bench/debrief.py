@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
-from itertools import zip_longest
+from itertools import islice, zip_longest
 from math import sqrt
 from typing import Any
 
@@ -52,12 +52,6 @@ SLIPS = {  # argument: why its default is right
     "end": "from the tip",
     "clock": "by the photogate",
 }
-RESULT = ("reduce", "enter-result", "give-verdict", "hand-in", "dispute-score")
-MOST_MENDED = 12  # days played again
-SHOWN = 3
-LEAST_COST = 1e-9  # of the metric
-ONLY_AT_THE_END = 0.5  # sure of a doubt that was named with the verdict alone
-WORTH_A_WORD = 0.02  # of a score, weighted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -254,7 +248,7 @@ def _result(desk: Desk, own: Iterable[OwnResult]) -> tuple[float | None, float |
 
 def _named(day: Day, worst: str) -> dict[str, float]:
     """Return the faults that were named, and how sure the trainee was of each."""
-    named = {worst: ONLY_AT_THE_END} if worst in known_doubts() else {}
+    named = {worst: 0.5} if worst in known_doubts() else {}  # with the verdict, not before
     for event in day.events:
         if event.action == "note-doubt" and event.number not in day.struck:
             named[str(event.arguments["doubt"])] = float(event.arguments["confidence"]) / 100
@@ -297,7 +291,7 @@ def _advice(scores: tuple[DayScore, ...]) -> tuple[str, str]:
     best = max(scores, key=lambda score: (score.value, score.weight))
     worst = max(scores, key=lambda score: (1 - score.value) * score.weight)
     lost = (1 - worst.value) * worst.weight
-    change = f"{worst.name}: {worst.because}" if lost > WORTH_A_WORD else "nothing"
+    change = f"{worst.name}: {worst.because}" if lost > 0.02 else "nothing"
     return f"{best.name}: {best.because}", change
 
 
@@ -383,11 +377,10 @@ def _right_verdict(
     apparatus: Apparatus, desk: Desk, value: float | None, u: float | None, *, spoilt: bool
 ) -> tuple[float | None, str]:
     """Return the truth and the verdict of who knows it: INVALID where a fault put x beyond U."""
-    if value is None or u is None:
-        return None, "INVALID" if spoilt else "MEASURED"
-    truth = apparatus.finish(desk.day).sealed.measurand.get("metric")
-    limit = desk.rules.spec.most
-    if truth is None:
+    truth, limit = None, desk.rules.spec.most
+    if value is not None:
+        truth = apparatus.finish(desk.day).sealed.measurand.get("metric")
+    if value is None or u is None or truth is None:
         return None, "INVALID" if spoilt else "MEASURED"
     if spoilt and abs(value - truth) > 2 * u:
         return truth, "INVALID"
@@ -510,7 +503,7 @@ def _costly(
     for each in own:
         if OWN_RESULTS[each.name] == desk.rules.spec.metric and value is not None and entered:
             found += _cost(entered.number, f"{each.name} entered", each.entered, value, truth, 0.0)
-    for entry, what, actions, by_windows in list(_mended(desk, odd))[:MOST_MENDED]:
+    for entry, what, actions, by_windows in islice(_mended(desk, odd), 12):
         try:
             mended = _played_again(apparatus, actions, by_windows)
         except InputError:
@@ -519,7 +512,7 @@ def _costly(
         u = _scatter(desk, mended) if value is not None and other is not None else 0.0
         found += _cost(entry, what, value, other, truth, u)
     found.sort(key=lambda each: -(abs(each.cost) if each.cost is not None else np.inf))
-    return tuple(found[:SHOWN])
+    return tuple(found[:3])
 
 
 def _cost(
@@ -533,7 +526,7 @@ def _cost(
         yield CostlyDecision(entry=entry, what=what, cost=None, u=0.0, word=word)
         return
     cost = abs(value - truth) - abs(other - truth)
-    if abs(cost) >= LEAST_COST:
+    if abs(cost) >= 1e-9:
         word = "cost" if cost > 0 else "luck: the mistake moved the result toward the truth"
         yield CostlyDecision(entry=entry, what=what, cost=cost, u=u, word=word)
 
@@ -550,7 +543,8 @@ def _scatter(one: Desk, other: Desk) -> float:
 
 def _played_again(apparatus: Apparatus, actions: list[Action], by_windows: set[int]) -> Desk:
     """Return the desk of a day of other actions, some hits decided by the windows."""
-    until = [a for a in actions if a.name not in RESULT]
+    result = ("reduce", "enter-result", "give-verdict", "hand-in", "dispute-score")
+    until = [a for a in actions if a.name not in result]
     day = played(apparatus, until)
     reasons = Desk(day).reasons
     decided = {

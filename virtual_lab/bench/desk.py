@@ -32,7 +32,6 @@ __all__ = ["UNDECIDED", "DecidedHit", "Desk", "OwnResult", "session_of"]
 
 Array = NDArray[np.float64]
 UNDECIDED = "undecided"
-NO_NUMBER = "accepted, but the records give no e_A"
 STAGES = {  # action: the stage whose records it writes
     "weigh-bat": "bench",
     "weigh-balls": "bench",
@@ -241,6 +240,12 @@ class Desk:
         )
 
     @property
+    def rule_off(self) -> bool:
+        """Whether the rule is still to be set to the next place."""
+        asked, stands = self.next_place, self.day.place
+        return asked is not None and (stands is None or abs(asked - stands) > 1e-6)
+
+    @property
     def next_ball(self) -> int:
         """The ball whose turn it is, from 0: those admitted, in rotation."""
         used = self.preparation.lot.used.copy()
@@ -271,5 +276,5 @@ class Desk:
         for shot, decision in given.items():
             reasons[shot] = "" if decision.accepted else decision.because
             if decision.accepted and not np.isfinite(results.collision_efficiency[shot]):
-                reasons[shot] = NO_NUMBER
+                reasons[shot] = "accepted, but the records give no e_A"
         return Judgement(reasons=tuple(reasons))

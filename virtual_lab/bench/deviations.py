@@ -22,7 +22,6 @@ from virtual_lab.records import GateRecord
 __all__ = ["DENIED", "JUSTIFIED", "OPEN", "Deviation", "deviations", "needless_seconds", "oddity"]
 
 JUSTIFIED, DENIED, OPEN = "justified", "not borne out", "for the trainer to judge"
-CLEAR = 2.0  # standard uncertainties, within which a scale shows a check mass as it is
 SEEN = {
     "bat again": "bat and ball met again",
     "stop": "the bat struck its stop",
@@ -93,17 +92,18 @@ def _noted(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
     elif step in PREPARING and _again(desk, step):
         title = action_table().actions[PREPARING[step]].title.lower()
         reason = (True, f"made good: it was done, and then “{title}” once more, which counts")
-    elif step in BY_DAY:
-        reason = BY_DAY[step](desk)
+    elif step == "tare":
+        reason = _zero(desk)
     elif step in BY_SHOT and shots and not desk.missing:
         seen = [BY_SHOT[step](desk, shot) for shot in shots]
         against = [each for each in seen if each[0] is not True]
         reason = (against or seen)[0]
     else:
         reason = (None, "no record shows whether there was a reason")
+    sheets = action_table().actions
     yield Deviation(
         entry=event.number,
-        what=f"left out: {_title(step)}",
+        what=f"left out: {sheets[step].title.lower() if step in sheets else step}",
         because=str(event.arguments["because"]),
         judged={True: JUSTIFIED, False: DENIED, None: OPEN}[reason[0]],
         why=reason[1],
@@ -153,11 +153,6 @@ def _checks() -> set[str]:
     }
 
 
-def _title(step: str) -> str:
-    sheets = action_table().actions
-    return sheets[step].title.lower() if step in sheets else step
-
-
 def _again(desk: Desk, step: str) -> bool:
     """Return whether a step came after all, and after it again what it is for."""
     done = [event.action for event in desk.day.events]
@@ -169,7 +164,8 @@ def _zero(desk: Desk) -> Evidence:
         if sign.fault == "scale-not-tared":
             known = fault_sheets()[sign.fault].found_by
             off = bool(known and sign.number > known.beyond)
-            return (True if sign.number < CLEAR else False if off else None), sign.why
+            zeroed = sign.number < 2.0  # standard uncertainties
+            return (True if zeroed else False if off else None), sign.why
     return None, "no check mass was weighed by then"
 
 
@@ -215,7 +211,6 @@ def _cold(desk: Desk, shot: int) -> Evidence:
     return rested * 60 >= rest, why if earlier else f"it was the first hit of ball {ball + 1}"
 
 
-BY_DAY: Mapping[str, Callable[[Desk], Evidence]] = {"tare": _zero}
 BY_SHOT: Mapping[str, Callable[[Desk, int], Evidence]] = {  # step: what its shot showed
     "zero-encoder": _at_rest,  # a count to begin with is taken off where the bat was at rest
     "wait-rest": _at_rest,

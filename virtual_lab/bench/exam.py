@@ -20,8 +20,6 @@ from virtual_lab.files import read_text
 
 __all__ = ["ClassSheet", "Hall", "TraineeShown", "load_class"]
 
-FOLDER = re.compile(r"\w[\w .-]{0,59}")  # a trainee's name is that of a folder
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClassSheet(Spec):
@@ -33,7 +31,7 @@ class ClassSheet(Spec):
 
     def __post_init__(self) -> None:
         for name in self.trainees:
-            if not FOLDER.fullmatch(name):
+            if not re.fullmatch(r"\w[\w .-]{0,59}", name):  # it names a folder
                 raise ValueError(f"{name!r} names no folder; allowed: letters, digits, space . -")
         if len(set(self.trainees)) < len(self.trainees):
             raise ValueError("a trainee is named twice")

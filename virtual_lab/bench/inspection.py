@@ -38,8 +38,6 @@ __all__ = [
 ]
 
 CLOCK = "clock of the gates, fast"  # as compare-clock shows it
-WORST_MORNING = 0.002  # of a chart's mean: no chart of a dozen mornings is known better
-USUAL_BAT = 0.8  # kg
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,7 +121,7 @@ def _bench(desk: Desk) -> Iterator[Sign]:
     )
     if bat:
         mass = _mean(bat)
-        yield Sign("bat-ounces-as-grams", 1 - mass * 1e-3 / USUAL_BAT, f"a bat of {mass:.0f} g")
+        yield Sign("bat-ounces-as-grams", 1 - mass / 800, f"a bat of {mass:.0f} g")
     if length and balance and balance.arguments["end"] == "tip":
         share = _mean(balance) / _mean(length)
         yield Sign("balance-from-knob", share, f"balance point at {share:.2f} of the length")
@@ -132,15 +130,14 @@ def _bench(desk: Desk) -> Iterator[Sign]:
 def _pendulum(desk: Desk) -> Iterator[Sign]:
     from virtual_lab.measurement.diagnostics.bench import DECAY_U, swing_slowing  # slow to load
 
-    swung, alone = desk.last("swing"), desk.last("swing-clamp")
+    swung, alone = desk.last("swing"), _shown(desk, "swing-clamp")
     slowed = swing_slowing(record_of(swung.records["pendulum"])) if swung else None
     if slowed:
         times, u, _ = slowed
         why = f"the periods shorten {times:.1f} times as much as the amplitudes read allow"
         yield Sign("pendulum-wide", abs(times - 1) / hypot(u, DECAY_U), why)
     if alone:
-        shown = dict(_numbers(alone))
-        off = shown["clamp, measured"] - shown["clamp, as entered"]
+        off = alone["clamp, measured"] - alone["clamp, as entered"]
         known = desk.session.calibration["bench.pendulum.clamp_inertia"]
         number = abs(off) * 1e-6 / hypot(known.u, action_table().consequences.clamp_u)
         why = f"the clamp alone has {off:+.0f} kg mm² off what was entered"
@@ -148,9 +145,8 @@ def _pendulum(desk: Desk) -> Iterator[Sign]:
 
 
 def _weighed_again(desk: Desk) -> Iterator[Sign]:
-    event, done = desk.last("reweigh-balls"), [each.action for each in desk.day.events]
-    if event and "tare" in done[: done.index("weigh-balls")]:  # else the scale may have changed
-        shown = dict(_numbers(event))
+    shown, done = _shown(desk, "reweigh-balls"), [each.action for each in desk.day.events]
+    if shown and "tare" in done[: done.index("weigh-balls")]:  # else the scale may have changed
         off = np.mean([v if "display" in what else -v for what, v in shown.items()]) * 2e-3
         step = desk.session.calibration["bench.scale.resolution"].value
         why = f"the display shows a ball {off * 1e3:+.2f} g off what was entered"
@@ -158,19 +154,15 @@ def _weighed_again(desk: Desk) -> Iterator[Sign]:
 
 
 def _hit_again(desk: Desk) -> Iterator[Sign]:
-    event = desk.last("recheck-balls")
-    if event:
-        shown = list(_numbers(event))
-        again, morning = (np.array([v for _, v in shown[first::2]]) for first in (0, 1))
+    if shown := list(_shown(desk, "recheck-balls").values()):
+        again, morning = (np.array(shown[first::2]) for first in (0, 1))
         more = float(np.mean(again / morning)) - 1
         why = f"the balls at the rig come back {more:+.1%} faster than this morning"
         yield Sign("wrong-lot", more, why)
 
 
 def _pivot(desk: Desk) -> Iterator[Sign]:
-    event = desk.last("measure-pivot")
-    if event:
-        shown = dict(_numbers(event))
+    if shown := _shown(desk, "measure-pivot"):
         off = (shown["axis from the knob, measured"] - shown["axis from the knob, surveyed"]) * 1e-3
         known = desk.session.calibration["impact.pivot.from_knob"]
         why = f"the axis is {off * 1e3:+.1f} mm from where it was surveyed"
@@ -179,9 +171,7 @@ def _pivot(desk: Desk) -> Iterator[Sign]:
 
 
 def _clock(desk: Desk) -> Iterator[Sign]:
-    event = desk.last("compare-clock")
-    if event:
-        shown = dict(_numbers(event))
+    if shown := _shown(desk, "compare-clock"):
         off = shown[f"{CLOCK}, today"] - shown[f"{CLOCK}, chart"]
         why = f"the gates' clock runs {off:+.0f} ppm off its chart"
         u = shown[f"{CLOCK}, standard deviation of a morning"]
@@ -204,10 +194,7 @@ def _lot(desk: Desk) -> Iterator[Sign]:
 
 
 def _gates(desk: Desk) -> Iterator[Sign]:
-    event = desk.last("gauge-gates")
-    if event is None:
-        return
-    shown = dict(_numbers(event))
+    shown = _shown(desk, "gauge-gates")
     gauge_u = action_table().consequences.gauge_u
     gate = 1
     while f"gate {gate}, gauged" in shown:
@@ -225,10 +212,10 @@ def _wall(desk: Desk) -> Iterator[Sign]:
 
 
 def _paper(desk: Desk) -> Iterator[Sign]:
-    event = desk.last("aim-paper")
-    if event is None:
+    shown = _shown(desk, "aim-paper")
+    if not shown:
         return
-    known, shown = desk.session.calibration, dict(_numbers(event))
+    known = desk.session.calibration
     across = 2 * known["ball.radius"].value
     for way, aimed in (("along", "impact.cannon.along"), ("across", "impact.pivot.height")):
         at = known[aimed].value if aimed in known else 0.0
@@ -303,16 +290,20 @@ def signs_of_edges(record: GateRecord) -> Iterator[Sign]:
 
 def _charted(desk: Desk, action: str) -> Iterator[tuple[str, float, float]]:
     """Yield each number of a check standard: over its chart's mean, and off it in sigmas."""
-    event = desk.last(action)
-    if event is None:
-        return
-    shown = dict(_numbers(event))
+    shown = _shown(desk, action)
     for name in dict.fromkeys(what.rpartition(", ")[0] for what in shown):
         today, chart, sd = (
             shown[f"{name}, {word}"]
             for word in ("today", "chart", "standard deviation of a morning")
         )
-        yield name, today / chart, (today - chart) / hypot(sd, WORST_MORNING * chart)
+        # no chart of a dozen mornings is known better than to 0.2 %
+        yield name, today / chart, (today - chart) / hypot(sd, 0.002 * chart)
+
+
+def _shown(desk: Desk, action: str) -> dict[str, float]:
+    """Return the numbers that an action showed last, by their names; {} before it was done."""
+    event = desk.last(action)
+    return dict(_numbers(event)) if event else {}
 
 
 def _mean(event: DayEvent) -> float:

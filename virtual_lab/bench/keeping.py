@@ -39,9 +39,6 @@ from virtual_lab.streams import commitment
 __all__ = ["LOG", "SECRET", "KeptDay", "done", "laboratory_of", "morning_of", "played", "taken"]
 
 SECRET = "sealed.json"
-SEED_BITS = 128
-LIMIT = re.compile(r"^limit\s*=\s*\{[^}]*\}", re.MULTILINE)
-AFTER_FIRING = ("note-doubt", "reduce", "give-verdict", "hand-in")
 
 
 def laboratory_of(scenario: Scenario, seed: int, salt: bytes) -> Laboratory:
@@ -69,7 +66,8 @@ def _rules(scenario: Scenario) -> Entry[Procedure]:
     if scenario.limit is None:
         return rules
     value = f'value = {scenario.limit!r}, unit = "1", source = "assumed", verified = false'
-    text, found = LIMIT.subn(f"limit = {{ {value} }}", rules.text)
+    line = re.compile(r"^limit\s*=\s*\{[^}]*\}", re.MULTILINE)
+    text, found = line.subn(f"limit = {{ {value} }}", rules.text)
     if found != 1:
         raise InputError(scenario.name, "limit", scenario.limit, "the rules have none to replace")
     return catalog.read(text, f"procedures/{rules.spec.name}", Procedure)
@@ -105,7 +103,7 @@ class KeptDay:
 
         Its files take their place together or not at all: a crash leaves a folder to begin in.
         """
-        drawn = secrets.randbits(SEED_BITS) if seed is None else seed
+        drawn = secrets.randbits(128) if seed is None else seed
         salt = secrets.token_bytes(16)
         laboratory = laboratory_of(scenario.spec, drawn, salt)
         sealed = {
@@ -206,7 +204,8 @@ def _records_of(scenario: Scenario, laboratory: Laboratory, seed: int) -> tuple[
     if not scenario.records_of:
         return ()
     events = taken(Apparatus(laboratory), operator_of(scenario.records_of, seed)).events
-    return tuple(event for event in events if event.action not in AFTER_FIRING)
+    verdict = {"note-doubt", "reduce", "give-verdict", "hand-in"}
+    return tuple(event for event in events if event.action not in verdict)
 
 
 def _individuals(laboratory: Laboratory) -> dict[str, Any]:

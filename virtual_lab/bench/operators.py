@@ -20,7 +20,7 @@ from virtual_lab.bench.table import MAKE_READY
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.streams import Streams
 
-__all__ = ["OPERATORS", "PREPARATION", "Look", "Operator", "by_script", "operator_of"]
+__all__ = ["HABITS", "PREPARATION", "Look", "Operator", "by_script", "operator_of"]
 
 Look = Callable[[], Desk]
 Operator = Callable[[Look], Iterator[Action]]
@@ -37,8 +37,6 @@ PREPARATION = (
     "hit-wall",
     "aim-paper",
 )
-SURE = 0.9  # a doubt that makes an expert refuse to judge
-USUALLY = 0.9  # how sure of a verdict that no limit decides
 
 
 @dataclass(frozen=True)
@@ -159,7 +157,7 @@ def _end(look: Look, habits: Habits) -> Iterator[Action]:
                 "note-doubt", {"doubt": doubt.fault, "confidence": 100 * doubt.confidence}
             )
             mended = doubt.fault == "gate-moved" and not remedied_by_gauge(look())
-            if doubt.confidence >= SURE and not mended:
+            if doubt.confidence >= 0.9 and not mended:
                 sure[doubt.fault] = doubt.confidence
     if look().missing or not look().day.fired:
         yield action_of("give-verdict", {"verdict": "INVALID", "doubt": "no result"})
@@ -167,7 +165,7 @@ def _end(look: Look, habits: Habits) -> Iterator[Action]:
         yield action_of("reduce")
         found = look().certification.verdict.value
         invalid = bool(sure) or found == "INVALID"
-        certain = max(sure.values(), default=USUALLY) if invalid else _confidence(look())
+        certain = max(sure.values(), default=0.9) if invalid else _confidence(look())
         given = {
             "verdict": "INVALID" if invalid else found,
             "confidence": round(100 * certain, 1),
@@ -181,7 +179,7 @@ def _confidence(desk: Desk) -> float:
     """Return the chance that the bat is on the side of the limit that the result is on."""
     result, limit = desk.result, desk.rules.spec.most
     if result is None or limit is None or not all(f.met for f in desk.certification.findings):
-        return USUALLY
+        return 0.9
     value, u = result
     return NormalDist().cdf(abs(value - limit) / u)
 
@@ -192,7 +190,6 @@ HABITS: Mapping[str, dict[str, Any]] = {
     "careless": {"forgets": 0.3, "hurries": 0.6, "waves_through": 0.5},
     "cheating": {"wants": True},
 }
-OPERATORS = tuple(HABITS)
 
 
 def operator_of(name: str, seed: int = 0) -> Operator:

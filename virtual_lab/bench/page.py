@@ -44,9 +44,6 @@ PARTS = {
     "notebook": "Notebook",
     "result": "Result",
 }
-FIRE_SHOTS = "fire-shots"  # a button of several actions
-EACH_SHOT = ("load-ball", *MAKE_READY, "fire")  # them
-NEAR = 1e-6  # m: places that are one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,6 +121,7 @@ def day_page(
     present = _present(desk, steps, hits) if guided and offered(day, "fire") else ""
     refused = refusal or Refusal(sentence="")
     focus = refused.action or present or _again(day.events)
+    each_shot = ("load-ball", *MAKE_READY, "fire")  # what the button of several does
     return page_template(PACKAGE, "day.html").render(
         **_shown(desk, briefing, hits, shot, true_motion),
         briefing=briefing,
@@ -144,7 +142,7 @@ def day_page(
         suggested=_suggested(desk),
         can_fire=offered(day, "fire"),
         ready=[(table.actions[name].title, name in day.ready) for name in MAKE_READY],
-        each_shot=f"{sum(table.actions[name].minutes for name in EACH_SHOT) / 60:g}",
+        each_shot=f"{sum(table.actions[name].minutes for name in each_shot) / 60:g}",
         doubts=known_doubts(),
         entries=_entries(day)[::-1],
         left_over=f"{(briefing['minutes'] - day.seconds) / 60:.0f}",
@@ -214,8 +212,7 @@ def notebook_table(desk: Desk) -> str:
 
 def hall_page(hall: Hall) -> str:
     """Return the trainer's page of an exam: who is where, and nothing of the truth."""
-    page = page_template(PACKAGE, "hall.html")
-    return page.render(hall=hall, trainees=list(hall.trainees()))
+    return page_template(PACKAGE, "hall.html").render(hall=hall, trainees=list(hall.trainees()))
 
 
 def plain_page(title: str, sentence: str, *, by_code: bool = False) -> str:
@@ -254,9 +251,7 @@ def _present(desk: Desk, steps: list[Step], hits: list[HitShown]) -> str:
     name = next((step.name for step in steps if step.state == "now"), "")
     if name != "fire":
         return name
-    stands, asked = desk.day.place, None if desk.missing else desk.next_place
-    moved = asked is not None and (stands is None or abs(asked - stands) > NEAR)
-    return "set-place" if moved else FIRE_SHOTS
+    return "set-place" if not desk.missing and desk.rule_off else "fire-shots"
 
 
 def _again(events: tuple[DayEvent, ...]) -> str:
@@ -266,7 +261,7 @@ def _again(events: tuple[DayEvent, ...]) -> str:
     last = events[-1]
     if last.action == "fire":
         return f"decide-{sum(event.action == 'fire' for event in events)}"
-    return FIRE_SHOTS if last.action in {"accept", "reject"} else last.action
+    return "fire-shots" if last.action in {"accept", "reject"} else last.action
 
 
 def _part_of(focus: str) -> str:
@@ -384,7 +379,6 @@ def _entries(day: Day) -> list[EntryShown]:
             ),
         )
         for event, at in zip(day.events, minutes, strict=True)
-        for shown in [event.shown]
     ]
 
 

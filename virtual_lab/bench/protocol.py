@@ -11,17 +11,6 @@ from virtual_lab.bench.table import MAKE_READY, PREPARING, action_table
 __all__ = ["StepDue", "checklist", "excused", "left_out", "remarks", "steps_due"]
 
 Shown = tuple[tuple[str, float | str, str], ...]  # what, value, unit
-START = (  # what is well done before a bat is hit
-    "tare",
-    "weigh-check-mass",
-    "level-stand",
-    "fit-clamp",
-    "tap-bat",
-    "fire-check-ball",
-    "gauge-gates",
-    "fire-check-cylinder",
-    "aim-paper",
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,7 +71,18 @@ def checklist(day: Day, *, end: bool) -> Shown:
     """Return the list that is gone through before the first shot, or before the verdict."""
     sheets = action_table().actions
     if not end:
-        lines = {sheets[name].title: day.times(name) > 0 for name in START}
+        start = (
+            "tare",
+            "weigh-check-mass",
+            "level-stand",
+            "fit-clamp",
+            "tap-bat",
+            "fire-check-ball",
+            "gauge-gates",
+            "fire-check-cylinder",
+            "aim-paper",
+        )
+        lines = {sheets[name].title: day.times(name) > 0 for name in start}
     else:
         names = [event.action for event in day.events]
         after = names[len(names) - names[::-1].index("fire") :] if "fire" in names else names

@@ -17,7 +17,6 @@ from virtual_lab.units import INCH, MPH
 
 __all__ = ["SCORES", "UNITS", "Scenario", "load_scenario", "scenario_names"]
 
-KIND = "bench/scenarios"
 UNITS = MappingProxyType(  # a length and a speed in print: unit, and how much of SI it is
     {
         "SI": (("mm", 1e-3), ("m/s", 1.0)),
@@ -66,9 +65,9 @@ class Scenario(Spec):
 
 def scenario_names() -> tuple[str, ...]:
     """Return the names of the scenarios that ship."""
-    return catalog.names(KIND)
+    return catalog.names("bench/scenarios")
 
 
 def load_scenario(name: str) -> Entry[Scenario]:
     """Return a scenario that ships, or of a user's .toml file; `InputError` where it is unfit."""
-    return catalog.load(KIND, name, Scenario)
+    return catalog.load("bench/scenarios", name, Scenario)

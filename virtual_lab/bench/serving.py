@@ -39,10 +39,7 @@ __all__ = ["LOOPBACK", "ServedDay", "serve"]
 
 LOOPBACK = "127.0.0.1"
 MOST_TRAINEES = 50
-MOST_FILMS = 16  # of a day that are kept
 FILM_MAKER = ThreadPoolExecutor(1, "film")  # one core is left to the answers
-SWITCH = 5e-4  # s, that loading may hold up an answer
-FIRST_LOOK = 0.5  # s, that loading leaves the processor to a first page
 
 
 class ServedDay:
@@ -135,7 +132,7 @@ class ServedDay:
     def _film(self, shot: int, true: bool) -> Future[bytes]:
         with self._filming:
             if (shot, true) not in self._films:
-                if len(self._films) == MOST_FILMS:
+                if len(self._films) == 16:
                     del self._films[next(iter(self._films))]
                 self._films[shot, true] = FILM_MAKER.submit(self._filmed, shot, true)
             return self._films[shot, true]
@@ -267,10 +264,10 @@ def serve(
     say("Ctrl-C stops, the day stays; root and your account can read the sealed file, no page can")
     if browser:
         webbrowser.open(addresses[0])
-    sys.setswitchinterval(SWITCH)
+    sys.setswitchinterval(5e-4)  # s, that loading may hold up an answer
     try:
         for day in days.values():
-            day.looked_at.wait(FIRST_LOOK)
+            day.looked_at.wait(0.5)  # s: a first page before what is loaded for later
             day.open()
         if scenario:
             _warm(scenario.spec)

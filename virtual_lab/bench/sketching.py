@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.bench.day import Day, DayEvent
 from virtual_lab.bench.firing import Firing, ShotConditions
-from virtual_lab.bench.slow_motion import Motion, clear_rebound, contact_words
+from virtual_lab.bench.slow_motion import FILM, Motion, clear_rebound, contact_words
 from virtual_lab.catalog.specs import BatBody
 from virtual_lab.lab import Laboratory, TestSetup
 from virtual_lab.simulation.cannon_station import RestingBatStation
@@ -34,8 +34,6 @@ from virtual_lab.simulation.truth import draw_balls, made_bat
 from virtual_lab.streams import Quiet
 
 __all__ = [
-    "REBOUND_BLUR",
-    "TURN_BLUR",
     "blurred",
     "film_as_seen",
     "has_camera",
@@ -47,12 +45,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-REBOUND_BLUR = (0.03, 0.03)  # standard deviation of e_A: of a day, of a shot
-TURN_BLUR = (0.1, 0.1)  # of the bat's turn, as a share: of a day, of a shot
-WATCHED = 0.15  # s after the contact, as long as an encoder writes
-LONGER = 0.5  # s, of a ball that meets more than the bat
-FRAMES, COLUMNS, FRAME_WIDTH = 6, 3, 320  # of a film, of a row, pixels of each
-SQUARE = 0.008  # m off the bat's axis, within which a ball is seen to come straight back
+FRAMES = 6  # of a camera's film of a shot
 
 
 def sketch_of(firing: Firing, shot: ShotConditions) -> dict[str, Any]:
@@ -76,7 +69,8 @@ def _sketched(firing: Firing, shot: ShotConditions) -> dict[str, Any]:
     struck = [*others] or ["bat"] * met
     if not met:
         return {"struck": struck}
-    side = "straight" if abs(across) < SQUARE else "up" if across > 0 else "down"
+    straight = abs(across) < 0.008  # m off the axis: no eye sees it go aside
+    side = "straight" if straight else "up" if across > 0 else "down"
     way = "back" if truth["rebound_speed"][0] > 0 else "on"
     rebound, turn = blurred(firing, shot, efficiency)
     return {"struck": struck, "way": way, "side": side, "rebound": rebound, "turn": turn}
@@ -87,8 +81,9 @@ def blurred(firing: Firing, shot: ShotConditions, efficiency: float) -> tuple[fl
     draws = firing.laboratory.draws
     day = draws.normal("rehearsal.sketch-day", 2)
     own = draws.normal("rehearsal.sketch", 2, np.array([shot.shot]))[0]
-    off = REBOUND_BLUR[0] * day[0] + REBOUND_BLUR[1] * own[0]
-    share = TURN_BLUR[0] * day[1] + TURN_BLUR[1] * own[1]
+    # standard deviations of a day and of a shot
+    off = 0.03 * day[0] + 0.03 * own[0]  # of e_A
+    share = 0.1 * day[1] + 0.1 * own[1]  # of the bat's turn
     specimen, rules = firing.laboratory.specimen, firing.laboratory.rules.spec
     body = specimen.bat.body
     axis = body.length - rules.pivot_from_knob
@@ -119,7 +114,7 @@ def plan_of_shot(firing: Firing, shot: ShotConditions) -> PlanView | None:
     view = station.gates.spec.view(specimen.balls.spec.radius)
     around = Surroundings(station.frame, station.stop, station.gates.distances, view)
     more = fired.flown.kicks or not np.all(fired.flown.met) or np.any(fired.flown.late)
-    scene = scene_of(fired.passage, bat, around, LONGER if more else WATCHED)
+    scene = scene_of(fired.passage, bat, around, 0.5 if more else FILM.after)
     played = play(scene)
     return None if played.refused[0] else plan_view(scene, played, 0)
 
@@ -191,14 +186,13 @@ def _strip(frames: Array) -> bytes:
     """Return frames in rows as one small PNG, in tones as an eye has them."""
     import cv2
 
-    height = round(FRAME_WIDTH * frames.shape[1] / frames.shape[2])
-    small = [
-        cv2.resize(each, (FRAME_WIDTH, height), interpolation=cv2.INTER_AREA) for each in frames
-    ]
+    width, abreast = 320, 3
+    height = round(width * frames.shape[1] / frames.shape[2])
+    small = [cv2.resize(each, (width, height), interpolation=cv2.INTER_AREA) for each in frames]
     tones = 255 * np.sqrt(np.clip(np.array(small) / np.max(small), 0, 1))
     edged = np.pad(tones, ((0, 0), (1, 1), (1, 1)))
-    rows = edged.reshape(-1, COLUMNS, *edged.shape[1:]).transpose(0, 2, 1, 3)
-    picture = rows.reshape(-1, COLUMNS * edged.shape[2]).astype(np.uint8)
+    rows = edged.reshape(-1, abreast, *edged.shape[1:]).transpose(0, 2, 1, 3)
+    picture = rows.reshape(-1, abreast * edged.shape[2]).astype(np.uint8)
     return bytes(cv2.imencode(".png", picture)[1])
 
 

@@ -24,27 +24,33 @@ if TYPE_CHECKING:
     from virtual_lab.bench.day import Day, DayEvent
     from virtual_lab.measurement.procedure import Procedure
 
-__all__ = ["Motion", "SlowMotion", "clear_rebound", "contact_words", "sketched", "slow_motion"]
+__all__ = [
+    "FILM",
+    "Motion",
+    "SlowMotion",
+    "clear_rebound",
+    "contact_words",
+    "sketched",
+    "slow_motion",
+]
 
-FRAMES = 121
-AFTER = 0.15  # s after the contact
-LEFT, RIGHT, TOP, BOTTOM = -950, 760, -130, 1000  # mm that are seen
-BALL = 36.5  # mm, its radius
-BARREL = 0.033  # m, radius of one
-STROBE = 6  # frames from one outline of the ball to the next
-STOP = np.radians(170.0)  # of a bat that rests on its stop
-SLOW = 0.03  # of e_A, below which the eye does not see which way a ball goes
-NO_BAT: tuple[tuple[float, ...], tuple[float, ...]] = (
-    (0.0, 0.35, 0.6, 0.86),
-    (0.066, 0.06, 0.025, 0.03),
-)  # of a bat that no data sheet draws
-WORDS = {
-    "bat": "the ball strikes the bat",
-    "bat again": "bat and ball meet again",
-    "stop": "the bat strikes its stop",
-    "frame": "the ball strikes the frame of a gate",
-}
-SIDES = {"straight": "", "up": ", rising", "down": ", falling"}
+
+@dataclass(frozen=True, slots=True)
+class Film:
+    """How every motion is drawn."""
+
+    frames: int = 121
+    strobe: int = 6  # frames from one outline of the ball to the next
+    after: float = 0.15  # s that it goes on from the contact, as long as an encoder writes
+    left: int = -950  # mm that are seen: x
+    right: int = 760
+    top: int = -130  # z
+    bottom: int = 1000
+    ball: float = 36.5  # mm, its radius
+    barrel: float = 0.033  # m, radius of one
+
+
+FILM = Film()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,17 +79,17 @@ class SlowMotion:
     coming: tuple[tuple[float, float], ...]  # the ball at some moments, before the contact
     going: tuple[tuple[float, float], ...]  # and after it
     turned: tuple[float, ...]  # angles of the bat at some moments
-    view: str = f"{LEFT} {TOP} {RIGHT - LEFT} {BOTTOM - TOP}"
-    top: int = TOP
-    ball: float = BALL
+    view: str = f"{FILM.left} {FILM.top} {FILM.right - FILM.left} {FILM.bottom - FILM.top}"
+    top: int = FILM.top
+    ball: float = FILM.ball
 
 
 def sketched(event: DayEvent, rules: Procedure, place: float) -> Motion:
     """Return the motion of a shot as its sketch has it, `place` [m] from the tip."""
     sketch = event.sketch
-    touching = -BARREL - BALL / 1e3
-    begin = (LEFT / 1e3 - touching) / rules.ball_speed
-    time = np.linspace(begin, AFTER, FRAMES)
+    touching = -FILM.barrel - FILM.ball / 1e3
+    begin = (FILM.left / 1e3 - touching) / rules.ball_speed
+    time = np.linspace(begin, FILM.after, FILM.frames)
     speed, bat_speed = rules.ball_speed, rules.bat_speed or 0.0
     before = np.minimum(time, 0.0)
     lever = 0.55  # m, about: from the axis to where rules state a bat's speed
@@ -100,21 +106,28 @@ def sketched(event: DayEvent, rules: Procedure, place: float) -> Motion:
     else:
         x = x - speed / 2 * after
     if "stop" in struck:
-        angle = np.minimum(angle, STOP)
+        angle = np.minimum(angle, np.radians(170.0))  # there it rests
     words = contact_words(struck, sketch.get("way", ""), sketch.get("side", "straight"))
     return Motion(time=time, x=x, z=np.full(time.shape, place), angle=angle, words=words)
 
 
 def clear_rebound(sketch: Mapping[str, Any]) -> float:
     """Return e_A as a sketch has it, so far from nothing that the way the ball goes is seen."""
-    rebound = float(sketch["rebound"])
-    return max(rebound, SLOW) if sketch["way"] == "back" else min(rebound, -SLOW)
+    rebound, least = float(sketch["rebound"]), 0.03
+    return max(rebound, least) if sketch["way"] == "back" else min(rebound, -least)
 
 
 def contact_words(struck: Sequence[str], way: str = "", side: str = "straight") -> str:
     """Return what happened on a shot, in a sentence."""
-    ends = {"back": f"it comes back{SIDES[side]}", "on": "it does not come back"}
-    text = "; ".join([*(WORDS[each] for each in struck), *([ends[way]] if way else [])])
+    words = {
+        "bat": "the ball strikes the bat",
+        "bat again": "bat and ball meet again",
+        "stop": "the bat strikes its stop",
+        "frame": "the ball strikes the frame of a gate",
+    }
+    aside = {"straight": "", "up": ", rising", "down": ", falling"}[side]
+    ends = {"back": f"it comes back{aside}", "on": "it does not come back"}
+    text = "; ".join([*(words[each] for each in struck), *([ends[way]] if way else [])])
     return f"{text[0].upper()}{text[1:]}." if text else "No ball came."
 
 
@@ -124,14 +137,16 @@ def slow_motion(shot: int, motion: Motion, day: Day, rules: Procedure) -> SlowMo
     axis = z[-1] - rules.pivot_from_knob * 1e3
     right = [f"{d / 2:.0f},{at:.0f}" for at, d in zip(z, diameter, strict=True)]
     left = [f"{-d / 2:.0f},{at:.0f}" for at, d in zip(z, diameter, strict=True)]
-    touching = -1e3 * BARREL - BALL
+    touching = -1e3 * FILM.barrel - FILM.ball
     known = day.morning.calibration
     gates: list[tuple[int, float]] = []
     while (name := f"impact.gates.distance_{len(gates)}") in known:
         gates.append((len(gates) + 1, float(round(touching - known[name].value * 1e3))))
     ball = [
         (t < 0, (x, y))
-        for t, x, y in list(zip(motion.time, _mm(motion.x), _mm(motion.z), strict=True))[::STROBE]
+        for t, x, y in list(zip(motion.time, _mm(motion.x), _mm(motion.z), strict=True))[
+            :: FILM.strobe
+        ]
         if np.isfinite(x)
     ]
     angle = np.round(np.degrees(motion.angle), 1)
@@ -144,10 +159,10 @@ def slow_motion(shot: int, motion: Motion, day: Day, rules: Procedure) -> SlowMo
         true=motion.true,
         axis=float(axis),
         bat=" ".join(right + left[::-1]),
-        gates=tuple(each for each in gates if each[1] > LEFT),
+        gates=tuple(each for each in gates if each[1] > FILM.left),
         coming=tuple(place for before, place in ball if before),
         going=tuple(place for before, place in ball if not before),
-        turned=tuple(float(each) for each in angle[:: 4 * STROBE] if abs(each) > 1),
+        turned=tuple(float(each) for each in angle[:: 4 * FILM.strobe] if abs(each) > 1),
     )
 
 
@@ -160,9 +175,6 @@ def _outline(bat: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return places from the tip and diameters of the bat of a data sheet [mm]."""
     try:
         profile = catalog.load("bats", bat, BatSpec).spec.body.profile
-    except InputError:  # a trainer's own bat
-        outline = NO_BAT
-    else:
-        outline = profile.z, profile.outer_diameter
-    z, diameter = (np.array(each) * 1e3 for each in outline)
-    return z, diameter
+    except InputError:  # a trainer's own bat, which no data sheet draws
+        return np.array([0.0, 350.0, 600.0, 860.0]), np.array([66.0, 60.0, 25.0, 30.0])
+    return np.array(profile.z) * 1e3, np.array(profile.outer_diameter) * 1e3

@@ -15,12 +15,6 @@ from virtual_lab.output.svg import Panel
 __all__ = ["Passing", "Traces", "traces_of"]
 
 Array = NDArray[np.float64]
-WIDTH = 360.0  # of the figure, in the unit of its letters
-LEFT, RIGHT = 40.0, 352.0
-LOW = 0.62  # by which a trace drops where its beam is broken, in gates
-POINTS = 240  # of a trace
-ROWS = 26  # of its table
-WAYS = ("in", "back")
 
 
 class Passing(NamedTuple):
@@ -60,19 +54,19 @@ def traces_of(shot: int, records: Mapping[str, Any]) -> Traces:
     bottom = 40.0 + 30.0 * gates
     panels = [_gate_panel(edges, last, bottom)]
     if times.size:
-        some = np.unique(np.linspace(0, times.size - 1, POINTS).astype(int))
+        some = np.unique(np.linspace(0, times.size - 1, 240).astype(int))
         times, counts = times[some], counts[some]
         panels.append(_encoder_panel(times, counts, last, bottom + 52.0))
     panels[-1].x_label = "time after the trigger [ms]"
     data = {
-        "left": LEFT,
-        "right": RIGHT,
+        "left": panels[0].left,
+        "right": panels[0].right,
         "last": round(last, 1),
         "gates": [_of_gate(edges, gate) for gate in range(gates)],
         "times": [round(float(t), 2) for t in times],
         "counts": [int(c) for c in counts],
     }
-    few = np.unique(np.linspace(0, times.size - 1, min(ROWS, times.size)).astype(int))
+    few = np.unique(np.linspace(0, times.size - 1, min(26, times.size)).astype(int))
     missing = int((~np.isfinite(edges[:, :, 0])).sum())
     return Traces(
         shot=shot,
@@ -82,7 +76,7 @@ def traces_of(shot: int, records: Mapping[str, Any]) -> Traces:
         last=round(last, 1),
         passings=tuple(
             Passing(way, gate + 1, *(_ms(t) for t in edges[number, gate]))
-            for number, way in enumerate(WAYS)
+            for number, way in enumerate(("in", "back"))
             for gate in range(gates)
         ),
         samples=tuple((f"{times[at]:.1f}", int(counts[at])) for at in few),
@@ -110,37 +104,28 @@ def _of_gate(edges: Array, gate: int) -> list[list[float]]:
 
 def _gate_panel(edges: Array, last: float, bottom: float) -> Panel:
     gates = edges.shape[1]
-    panel = Panel(
-        left=LEFT,
-        right=RIGHT,
-        top=34.0,
-        bottom=bottom,
-        x=(0.0, last),
-        y=(1 - LOW - 0.2, gates + 0.25),
-        title="gates: a trace drops while its beam is broken",
-    )
+    low = 0.62  # by which a trace drops where its beam is broken, in gates
+    title = "gates: a trace drops while its beam is broken"
+    panel = _panel(34.0, bottom, last, (1 - low - 0.2, gates + 0.25), title)
     for gate in range(gates):
         x, y = [0.0], [gate + 1.0]
         for broke, cleared in _of_gate(edges, gate):
             x += [broke, broke, cleared, cleared]
-            y += [gate + 1.0, gate + 1 - LOW, gate + 1 - LOW, gate + 1.0]
+            y += [gate + 1.0, gate + 1 - low, gate + 1 - low, gate + 1.0]
         panel.line([*np.maximum(x, 0.0), last], [*y, gate + 1.0], width=1.3)
     return panel
 
 
 def _encoder_panel(times: Array, counts: Array, last: float, top: float) -> Panel:
     low, high = float(counts.min()), float(counts.max())
-    panel = Panel(
-        left=LEFT,
-        right=RIGHT,
-        top=top,
-        bottom=top + 110.0,
-        x=(0.0, last),
-        y=(low - 0.03 * (high - low + 1), high + 0.05 * (high - low + 1)),
-        title="encoder [counts]",
-    )
+    y = low - 0.03 * (high - low + 1), high + 0.05 * (high - low + 1)
+    panel = _panel(top, top + 110.0, last, y, "encoder [counts]")
     panel.line(list(times), list(counts), width=1.3)
     return panel
+
+
+def _panel(top: float, bottom: float, last: float, y: tuple[float, float], title: str) -> Panel:
+    return Panel(left=40.0, right=352.0, top=top, bottom=bottom, x=(0.0, last), y=y, title=title)
 
 
 def _ms(time: float) -> str:

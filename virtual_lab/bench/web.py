@@ -47,14 +47,11 @@ __all__ = ["Room", "application"]
 
 LARGEST_BODY = 64 * 1024  # B
 MOST_A_SECOND = 20  # requests of a session
-LONGEST_NUMBER = 7  # digits of one in an address
-MOST_SHOTS = 12  # of one button
-NEAR = 1e-6  # m: places that are one
-POLICY = "default-src 'self'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
-SANDBOX = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox"
 KEPT = {"Cache-Control": "private, max-age=600"}  # what does not change
 OPEN_TO_ALL = {"/bench.css", "/icon.svg"}
 HEADERS = {
+    "Content-Security-Policy": "default-src 'self'; base-uri 'none'; form-action 'self'; "
+    "frame-ancestors 'none'",
     "X-Content-Type-Options": "nosniff",
     "Cache-Control": "no-store",
     "Referrer-Policy": "same-origin",  # with no-referrer a browser's POST has the origin null
@@ -153,8 +150,14 @@ def application(
         Route("/do", lambda _: RedirectResponse("/", status_code=303)),
         Route("/film", _film),
         Route("/replay", _locked(_replayed)),
-        Route("/notebook", _locked(_notebook)),
-        Route("/notebook.csv", _locked(_table)),
+        Route(
+            "/notebook",
+            _locked(lambda room, _: HTMLResponse(notebook_page(room.desk, room.briefing))),
+        ),
+        Route(
+            "/notebook.csv",
+            _locked(lambda room, _: Response(notebook_table(room.desk), media_type="text/csv")),
+        ),
         Route("/certificate", _locked(lambda room, _: _sandboxed(room.certificate))),
         Route("/debrief", _locked(lambda room, _: _sandboxed(room.debrief))),
         static("bench.css", "text/css"),
@@ -183,7 +186,7 @@ def _locked(answer: Callable[[Room, Request], Response]) -> Callable[[Request], 
 def _query(request: Request, name: str) -> int:
     """Return a number that stands in an address; -1 where there is none."""
     asked = request.query_params.get(name, "")
-    return int(asked) if asked.isdecimal() and len(asked) < LONGEST_NUMBER else -1
+    return int(asked) if asked.isdecimal() and len(asked) < 7 else -1
 
 
 def _day(room: Room, asked: int = -1, refusal: Refusal | None = None) -> str:
@@ -203,14 +206,6 @@ def _replayed(room: Room, request: Request) -> Response:
     return HTMLResponse(replay_page(day, room.briefing, entry))
 
 
-def _notebook(room: Room, _: Request) -> Response:
-    return HTMLResponse(notebook_page(room.desk, room.briefing))
-
-
-def _table(room: Room, _: Request) -> Response:
-    return Response(notebook_table(room.desk), media_type="text/csv")
-
-
 def _film(request: Request) -> Response:
     """Answer with frames; no other request waits until they are made."""
     true = request.query_params.get("as") == "it-was"
@@ -221,8 +216,9 @@ def _film(request: Request) -> Response:
 
 
 def _sandboxed(page: Callable[[], str]) -> Response:
+    policy = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox"
     try:
-        return HTMLResponse(page(), headers={"Content-Security-Policy": SANDBOX})
+        return HTMLResponse(page(), headers={"Content-Security-Policy": policy})
     except InputError as fault:
         return HTMLResponse(plain_page("Not yet", str(fault)), status_code=409)
 
@@ -264,7 +260,7 @@ def _do(room: Room, name: str, number: str, given: dict[str, str]) -> None:
 
 
 def _fire_shots(room: Room, given: Mapping[str, str]) -> None:
-    """Load, make ready and fire some balls.
+    """Load, make ready and fire up to twelve balls.
 
     If asked, accept each hit that is within the windows and go to the next place; stop at the
     first that is not.
@@ -273,8 +269,8 @@ def _fire_shots(room: Room, given: Mapping[str, str]) -> None:
         shots = int(given.get("shots", "1"))
     except ValueError:
         shots = 0
-    if not 1 <= shots <= MOST_SHOTS:
-        raise InputError("", "shots", given.get("shots"), f"allowed: 1 to {MOST_SHOTS}")
+    if not 1 <= shots <= 12:
+        raise InputError("", "shots", given.get("shots"), "allowed: 1 to 12")
     if room.desk.missing:
         raise InputError("", "whose turn it is", None, f"is not known yet: {room.desk.missing}")
     for _ in range(shots):
@@ -293,8 +289,8 @@ def _fire_shots(room: Room, given: Mapping[str, str]) -> None:
 
 def _at_next_place(room: Room) -> bool:
     """Set the place that the rules ask for; return whether they ask for one."""
-    asked, stands = room.desk.next_place, room.desk.day.place
-    if asked is not None and (stands is None or abs(asked - stands) > NEAR):
+    asked = room.desk.next_place
+    if asked is not None and room.desk.rule_off:
         room.do(action_of("set-place", {"place": round(asked * 1e3, 3)}))
     return asked is not None
 
@@ -322,12 +318,11 @@ class Door:
         async def guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
                 names = {name.lower() for name, _ in message["headers"]}
-                own = HEADERS | {"Content-Security-Policy": POLICY}
                 message["headers"] = [
                     *message["headers"],
                     *(
                         (key.lower().encode(), value.encode())
-                        for key, value in own.items()
+                        for key, value in HEADERS.items()
                         if key.lower().encode() not in names
                     ),
                 ]

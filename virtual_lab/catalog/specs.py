@@ -50,7 +50,6 @@ __all__ = [
 ]
 
 QUANTITY_KEYS = ("value", "unit", "source", "verified", "note")
-GREATEST = 1e300  # a whole number in TOML may be beyond any float
 LARGEST = 1e18  # of any quantity, SI: products of such numbers stay finite
 
 
@@ -95,7 +94,7 @@ class Dimension:
         if (
             isinstance(value, bool)
             or not isinstance(value, int | float)
-            or not abs(value) < GREATEST
+            or not abs(value) < 1e300  # a whole number in TOML may be beyond any float
         ):
             raise ValueError("value must be a finite number")
         number = to_si(float(value), unit, self.name)
@@ -163,7 +162,6 @@ Real = Annotated[float, Exact()]
 Whole = Annotated[int, Exact()]
 YesNo = Annotated[bool, Exact()]
 SHORTEST, LONGEST = 0.2, 1.5  # m, of a bat
-STATIONS = 100  # of an outline: each is a boundary of the mesh
 PositiveLength = Annotated[float, Gt(0), Dimension("length")]
 Sport = Literal["baseball", "softball"]  # whose bat, ball or procedure it is
 CHECK_STANDARD: Final = "check standard"
@@ -178,7 +176,7 @@ Spread = Annotated[float, Dimension("number", 0, 0.2)]
 class Profile(Spec):
     """Outline of the bat by stations: z, outer diameter, wall thickness (absent: solid) [m]."""
 
-    z: Annotated[tuple[float, ...], Len(2, STATIONS), Dimension("length", 0, LONGEST)]
+    z: Annotated[tuple[float, ...], Len(2, 100), Dimension("length", 0, LONGEST)]
     outer_diameter: Annotated[tuple[float, ...], Dimension("length", 1e-3, 0.2)]
     wall: Annotated[tuple[float, ...] | None, Dimension("length", 2e-4, 0.1)] = None
 

@@ -13,8 +13,6 @@ from virtual_lab.output.svg import DASHED, PAGE_WIDTH, Panel, figure
 
 __all__ = ["encoder_figure", "hits_figure", "swings_figure"]
 
-LEAST_RANGE = 2e-3  # of the metric's axis: hits all alike are shown as such
-ROOM = 0.12  # of the range, left above and below
 LEFT, RIGHT, TOP = 46.0, PAGE_WIDTH - 4, 30.0  # pt
 X_LABEL_ROOM = 32.0  # pt, below the axes
 Points = list[tuple[float, float]]
@@ -205,5 +203,6 @@ def _axis_label(document: CertificateDocument) -> str:
 def _limits(values: Sequence[float]) -> tuple[float, float]:
     """Return limits of an axis with some room about the values."""
     low, high = min(values, default=0.0), max(values, default=1.0)
-    room = max(ROOM * (high - low), (LEAST_RANGE - (high - low)) / 2)
+    # hits all alike are shown as such
+    room = max(0.12 * (high - low), (2e-3 - (high - low)) / 2)
     return low - room, high + room

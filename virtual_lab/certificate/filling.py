@@ -54,15 +54,7 @@ from virtual_lab.units import INCH, MPH
 __all__ = ["budget_lines", "certificate"]
 
 Array = NDArray[np.float64]
-DECISION_RULE = (
-    "PASS where the value is at most the limit (simple acceptance); "
-    "marginal where the limit lies within the 95 % interval"
-)
-LAW_SPREAD = 0.045  # of r161's peak e over the laws of the ball: virtual-lab sensitivity r161
 SIMULATED = "SIMULATED: no real bat was tested and no accredited laboratory issued this."
-PACKAGES = ("virtual-lab", "numpy", "scipy", "pandas", "numba")
-RING_SHOWN = 20e-3  # s, the slowest ring is seen to turn a few times
-SAMPLES_PER_POINT = 8  # of the slow turn's samples shown: more would only make the page heavier
 
 
 def certificate(
@@ -112,7 +104,8 @@ def certificate(
         metric=_metric(certification),
         verdict=certification.verdict.value,
         marginal=certification.marginal,
-        decision_rule=DECISION_RULE,
+        decision_rule="PASS where the value is at most the limit (simple acceptance); "
+        "marginal where the limit lies within the 95 % interval",
         **stated,
         recoil=RecoilStated(
             which=procedure.recoil,
@@ -158,7 +151,9 @@ def certificate(
             for datum in certification.unverified
         ),
         simulation=dict(session.simulation) | digest,
-        versions={name: version(name) for name in PACKAGES},
+        versions={
+            name: version(name) for name in ("virtual-lab", "numpy", "scipy", "pandas", "numba")
+        },
     )
 
 
@@ -264,7 +259,7 @@ def _conditional_on(certification: Certification) -> str:
     values = "1 of its values is" if unverified == 1 else f"{unverified} of its values are"
     model = (
         "the model of the collision (the force law of the ball alone moves the peak e of a bat "
-        f"by {LAW_SPREAD:g}) and on "
+        "by 0.045) and on "  # of r161: virtual-lab sensitivity r161
         if certification.session.simulation
         else ""
     )
@@ -362,11 +357,11 @@ def _encoder(certification: Certification) -> EncoderTrace | None:
     shot = int((valid if valid.any() else seen).argmax())
     after, angle = _angle_of(certification, counts, shot)
     turn, ring = _turn_and_ring(after, angle, recoil.ring_frequency, recoil.ring_decay)
-    shown = (after >= 0) & (after <= RING_SHOWN)
+    shown = (after >= 0) & (after <= 20e-3)  # the slowest ring turns a few times
     return EncoderTrace(
         shot=shot,
         settled_ms=FIT.settling_time * 1e3,
-        turn=_trace(*(each[::SAMPLES_PER_POINT] for each in (after, angle, turn))),
+        turn=_trace(*(each[::8] for each in (after, angle, turn))),
         ring=_trace(after[shown], (angle - turn)[shown], ring[shown]),
     )
 

@@ -33,13 +33,6 @@ __all__ = ["certificate_page", "notebook_card"]
 PACKAGE = "virtual_lab.certificate"
 NONE = "–"
 PLACES = 7  # decimals at most; what needs more is the computer's own arithmetic
-LEAST_SHARE = 1.0  # % of the variance; lesser components are summed in one line
-CAMERA_SYMBOLS = {
-    "collision_efficiency": "e_A",
-    "restitution": "e",
-    "bat_performance_factor": "BPF",
-}
-CAMERA_WAYS = ("gates", "video", "joined")
 STAGES = {"bench": "Bench", "balls": "Wall rig", "impact": "Bat rig", "hall": "Hall"}
 INPUTS = {  # of a budget, no constants of a calibration: words, unit of print, SI times this
     "hits": ("Scatter from hit to hit", "", 1.0),
@@ -255,7 +248,11 @@ def _shots(document: CertificateDocument) -> list[dict[str, object]]:
 def _camera(camera: CameraWord | None) -> list[dict[str, str]]:
     """Return a row for each quantity that the camera measured too; [] without a camera."""
     rows = []
-    for name, symbol in CAMERA_SYMBOLS.items():
+    for name, symbol in (
+        ("collision_efficiency", "e_A"),
+        ("restitution", "e"),
+        ("bat_performance_factor", "BPF"),
+    ):
         compared: ComparedResult | None = getattr(camera, name, None)
         if compared is None:
             continue
@@ -264,7 +261,7 @@ def _camera(camera: CameraWord | None) -> list[dict[str, str]]:
         assert off.u is not None
         places = decimals(off.u)
         row = {"symbol": symbol, "agree": "agree" if compared.agree else "disagree"}
-        for by in CAMERA_WAYS:
+        for by in ("gates", "video", "joined"):
             stated: Stated = getattr(compared, by)
             assert stated.u is not None
             row[by] = _number(stated.value, places)
@@ -282,7 +279,7 @@ def _budget(document: CertificateDocument) -> list[dict[str, str]]:
     if not rows or _digits(u) == "0":
         return []
     places = _places(u) + 1
-    large = [row for row in rows if row.share_percent >= LEAST_SHARE]
+    large = [row for row in rows if row.share_percent >= 1]
     small = rows[len(large) :]  # rows come largest first
     lines = [
         {
@@ -297,7 +294,7 @@ def _budget(document: CertificateDocument) -> list[dict[str, str]]:
         rest = sqrt(sum(row.contribution**2 for row in small)) / unit_si
         lines.append(
             {
-                "words": f"All others ({len(small)}), each below {LEAST_SHARE:.0f} %",
+                "words": f"All others ({len(small)}), each below 1 %",
                 "u": "",
                 "type": ", ".join(sorted({row.type for row in small})),
                 "contribution": f"{rest:.{places}f}",

@@ -28,7 +28,6 @@ SYMBOLS = {
     "recoil_factor": "r",
     "ball_restitution": "e0",
 }
-COMPARED = ("collision_efficiency", "restitution", "bat_performance_factor")
 
 
 def certificate_text(document: CertificateDocument) -> str:
@@ -140,7 +139,7 @@ def _camera_lines(camera: CameraWord | None) -> list[str]:
         return ["  the camera saw no valid hit well enough"]
     missed = f", {camera.missed} more not seen well" if camera.missed else ""
     lines = [f"  gates and video for {camera.hits} hits{missed}:"]
-    for name in COMPARED:
+    for name in ("collision_efficiency", "restitution", "bat_performance_factor"):
         compared: ComparedResult | None = getattr(camera, name)
         if compared is None:
             continue

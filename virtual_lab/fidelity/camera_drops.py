@@ -2,50 +2,55 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.fidelity.camera_map import FLAGGED, GOOD, INACCURATE, UNSAID
+from virtual_lab.fidelity.camera_errors import BEYOND
+from virtual_lab.fidelity.camera_map import Seen
 from virtual_lab.streams import Streams
 from virtual_lab.video.find.blobs import BLOB
 from virtual_lab.video.follow.flights import FlightScene, flights_of
 from virtual_lab.video.follow.pieces import Piece, pieces
 from virtual_lab.video.track.legs import AirOnFlight, fit_flight
 
-__all__ = ["DROPPED", "METHOD", "dropped_frames"]
+__all__ = ["dropped_frames"]
 
 Array = NDArray[np.float64]
-DROPPED, METHOD = "frames dropped, no time stamps", "followed"
-COUNTS = (0, 1, 2, 3, 5)  # of dropped frames, one after the other
-ERRORS = (0.002, 0.02, 0.1, 0.5)  # pixels, of a place
-FLIGHTS, FRAMES = 24, 20  # of each a flight in and out
-STEP, BACK, RADIUS = 12.5, -5.0, 15.0  # pixels a frame, pixels
-BEYOND, TOLERANCE = 5.0, 1e-3  # standard uncertainties; of the speed, of a good cell
 
 
-def dropped_frames() -> list[dict[str, Any]]:
-    """Return rows as `camera_stability.measure` does; errors are relative, of the speed."""
-    return [_cell(count, error) for error in ERRORS for count in COUNTS]
+def dropped_frames(
+    counts: Sequence[int] = (0, 1, 2, 3, 5),
+    errors: Sequence[float] = (0.002, 0.02, 0.1, 0.5),
+    flights: int = 24,
+) -> list[dict[str, Any]]:
+    """Return rows as `camera_stability.camera_cells` does; errors are relative, of the speed.
+
+    So many frames in a row are dropped of each of `flights` balls that come in and go out; a
+    place errs by `errors` [px].
+    """
+    return [_cell(count, error, flights) for error in errors for count in counts]
 
 
-def _cell(count: int, error: float) -> dict[str, Any]:
+def _cell(count: int, error: float, flights: int) -> dict[str, Any]:
+    frames, speed_in, speed_out = 20, 12.5, -5.0  # each way, pixels a frame
     draws = Streams(1)
     name = f"{count} of {error:g}"
-    middle = np.round(2 + (FRAMES - 5) * (draws.uniform(f"{name}: where", FLIGHTS) + 0.5))
-    off, said, beyond = np.empty(FLIGHTS), np.zeros(FLIGHTS, bool), np.zeros(FLIGHTS, bool)
+    middle = np.round(2 + (frames - 5) * (draws.uniform(f"{name}: where", flights) + 0.5))
+    off, said, beyond = np.empty(flights), np.zeros(flights, bool), np.zeros(flights, bool)
     for k, first in enumerate(middle.astype(int)):
-        t = np.arange(2 * FRAMES + count) - FRAMES - count + 0.5
-        x = np.where(t < 0, STEP * t, BACK * t)
+        t = np.arange(2 * frames + count) - frames - count + 0.5
+        x = np.where(t < 0, speed_in * t, speed_out * t)
         places = np.stack([x, 0.1 * t], axis=1)
         kept = np.delete(np.arange(t.size), np.arange(first, first + count))
         seen = (
             places[kept] + error * draws.normal(f"{name}: places", (kept.size, 2), np.array([k]))[0]
         )
-        flights, lost = _followed(seen)
-        said[k] = bool(lost) or len(flights) != 2
-        first_flight = flights[0]
+        followed, lost = _followed(seen)
+        said[k] = bool(lost) or len(followed) != 2
+        first_flight = followed[0]
         speed = fit_flight(
             first_flight.t,
             first_flight.xy,
@@ -54,25 +59,25 @@ def _cell(count: int, error: float) -> dict[str, Any]:
             AirOnFlight(),
             float(first_flight.t[-1]),
         )
-        true = float(np.hypot(STEP, 0.1))
+        true = float(np.hypot(speed_in, 0.1))
         off[k] = speed.speed / true - 1
         beyond[k] = abs(speed.speed - true) > BEYOND * speed.speed_u
     rms = float(np.sqrt(np.mean(off**2)))
     unsaid = int((beyond & ~said).sum())
     if unsaid:
-        state = UNSAID
-    elif rms <= TOLERANCE:
-        state = GOOD
+        state = Seen.UNSAID
+    elif rms <= 1e-3:
+        state = Seen.GOOD
     else:
-        state = FLAGGED if said.mean() >= 0.5 else INACCURATE
+        state = Seen.FLAGGED if said.mean() >= 0.5 else Seen.INACCURATE
     return {
-        "map": DROPPED,
+        "map": "frames dropped, no time stamps",
         "value": count,
-        "method": METHOD,
+        "method": "followed",
         "ball": f"places to {error:g} px",
-        "state": state,
+        "state": state.value,
         "rms_unflagged": rms,
-        "pictures": FLIGHTS,
+        "pictures": flights,
         "unsaid": unsaid,
         "flagged": int(said.sum()),
         "lost": 0,
@@ -86,7 +91,7 @@ def _followed(places: Array) -> tuple[list[Piece], dict[int, int]]:
     for names, values in ((("x", "picture_x"), places[:, 0]), (("y", "picture_y"), places[:, 1])):
         for name in names:
             found[name] = values
-    found["radius"] = found["length"] = RADIUS
+    found["radius"] = found["length"] = 15.0
     time = np.arange(len(places), dtype=float)
     scene = FlightScene(found=found, time=time, stamped=time, size=(1280, 800), exposure=0.0)
     flights, _ = flights_of(scene, pieces(found, time))

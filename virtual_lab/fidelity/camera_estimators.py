@@ -24,7 +24,6 @@ __all__ = [
     "EDGE",
     "ESTIMATORS",
     "OURS",
-    "SHIPPED",
     "Estimator",
     "Picture",
     "Place",
@@ -33,10 +32,6 @@ __all__ = [
 
 Image = NDArray[np.float32]
 Place = tuple[float, float]
-
-CORE = 0.7  # of the radius: inside it is the ball's brightness
-NEAR = 3.0  # pixels around the ball that may be its own
-FAINT = 0.05  # of the ball in a pixel: less is noise
 
 Estimator = Callable[[EstimatorInput], Located]
 
@@ -58,8 +53,8 @@ class Picture:
         """Each pixel's share of the ball."""
         rows, columns = np.ogrid[: self.image.shape[0], : self.image.shape[1]]
         away = np.hypot(columns - self.x, rows - self.y)
-        reach = self.radius + np.hypot(*self.blur) / 2 + NEAR
-        light = np.median(self.image[away < CORE * self.radius])
+        reach = self.radius + np.hypot(*self.blur) / 2 + 3.0  # what may be the ball's
+        light = np.median(self.image[away < 0.7 * self.radius])
         share = (self.image - self.behind) / (light - self.behind)
         return np.where(away < reach, np.clip(share, -1, 2), 0).astype(np.float32)
 
@@ -125,7 +120,8 @@ def _matte_moments(picture: Picture) -> Place | None:
     import cv2
 
     matte = picture.matte
-    return _centre(cv2.moments(np.where(matte > FAINT, matte, 0.0).astype(np.float32)))
+    seen = np.where(matte > 0.05, matte, 0.0)  # less is noise
+    return _centre(cv2.moments(seen.astype(np.float32)))
 
 
 def _phase(picture: Picture) -> Place | None:
@@ -192,10 +188,9 @@ def _vertex(three: Any) -> float:
     return (before - after) / (2 * bend) if bend else 0.0
 
 
-HULL = "convex hull"
 CV2: dict[str, Estimator] = {
     "contour moments": _by_outline(lambda cv2, outline: _centre(cv2.moments(outline))),
-    HULL: _by_outline(lambda cv2, outline: _centre(cv2.moments(cv2.convexHull(outline)))),
+    "convex hull": _by_outline(lambda cv2, outline: _centre(cv2.moments(cv2.convexHull(outline)))),
     "fitEllipse": _by_outline(lambda cv2, outline: _pair(cv2.fitEllipse(outline)[0])),
     "minEnclosingCircle": _by_outline(lambda cv2, out: _pair(cv2.minEnclosingCircle(out)[0])),
     "matte moments": by_picture(_matte_moments),
@@ -215,7 +210,6 @@ def _learnt(given: EstimatorInput) -> Located:
     return Sharp()(given.clip, given.seen, given.start)
 
 
-EDGE, LEARNT = "edge fit", "edge fit, camera learnt"
-OURS: dict[str, Estimator] = {EDGE: _edge, LEARNT: _learnt}
+EDGE = "edge fit"
+OURS: dict[str, Estimator] = {EDGE: _edge, "edge fit, camera learnt": _learnt}
 ESTIMATORS = CV2 | OURS
-SHIPPED: dict[str, Estimator] = {HULL: CV2[HULL], EDGE: _edge}  # what the tracker may take

@@ -4,36 +4,33 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from virtual_lab.fidelity.drawing import CellState
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["FLAGGED", "GOOD", "INACCURATE", "LOST", "MARKS", "UNSAID", "draw_maps"]
-
-GOOD, INACCURATE, FLAGGED, LOST = "good", "inaccurate, and says so", "flagged", "lost"
-UNSAID = "wrong, unsaid"
-MARKS = {GOOD: ".", INACCURATE: "o", FLAGGED: "F", LOST: "-", UNSAID: "X"}
-COLOURS = {
-    GOOD: "#6baed6",
-    INACCURATE: "#fee391",
-    FLAGGED: "#f16913",
-    LOST: "#bdbdbd",
-    UNSAID: "#800026",
-}
-COLUMNS = 4
-TITLE = (
-    "Locating the ball: what each picture comes to; numbers: pictures of a cell wrong and unsaid"
-)
+__all__ = ["Seen", "draw_maps"]
 
 
-def draw_maps(rows: list[dict[str, Any]], summary: str) -> Figure:
-    """Return the figure of rows as `camera_stability.measure` gives them."""
+class Seen(CellState):
+    """What the pictures of a cell come to."""
+
+    GOOD = "good", ".", "#6baed6"
+    INACCURATE = "inaccurate, and says so", "o", "#fee391"
+    FLAGGED = "flagged", "F", "#f16913"
+    LOST = "lost", "-", "#bdbdbd"
+    UNSAID = "wrong, unsaid", "X", "#800026"
+
+
+def draw_maps(rows: list[dict[str, Any]], summary: str, *, abreast: int = 4) -> Figure:
+    """Return the figure of rows as `camera_stability.camera_cells` gives them."""
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
     axes_of = list(dict.fromkeys(row["map"] for row in rows))
-    lines = -(-len(axes_of) // COLUMNS)
+    lines = -(-len(axes_of) // abreast)
     figure = Figure(figsize=(16, 3.1 * lines + 1), dpi=120, layout="constrained")
-    panels = figure.subplots(lines, COLUMNS, squeeze=False).ravel()
+    panels = figure.subplots(lines, abreast, squeeze=False).ravel()
     for panel in panels[len(axes_of) :]:
         panel.set_axis_off()
     first: list[str] | None = None
@@ -43,12 +40,16 @@ def draw_maps(rows: list[dict[str, Any]], summary: str) -> Figure:
         if names != first:
             panel.yaxis.tick_right()
             panel.tick_params(length=0)
-        elif k % COLUMNS:
+        elif k % abreast:
             panel.set_yticklabels([])
         panel.set_xlabel(name, fontsize=9)
-    keys = [Patch(color=colour, label=state) for state, colour in COLOURS.items()]
+    keys = [Patch(color=state.colour, label=state) for state in Seen]
     figure.legend(handles=keys, loc="outside lower center", ncols=len(keys), frameon=False)
-    figure.suptitle(f"{TITLE}\n{summary}", fontsize=11)
+    figure.suptitle(
+        "Locating the ball: what each picture comes to; numbers: pictures of a cell wrong and "
+        f"unsaid\n{summary}",
+        fontsize=11,
+    )
     return figure
 
 
@@ -64,7 +65,7 @@ def _draw(axes: Any, rows: list[dict[str, Any]]) -> list[str]:
     for row in rows:
         left = values.index(row["value"]) - 0.5
         top = heights[names.index((row["method"], row["ball"]))] - 0.5
-        colour = COLOURS[row["state"]]
+        colour = Seen(row["state"]).colour
         axes.add_patch(Rectangle((left, top), 1, 1, facecolor=colour, edgecolor="white"))
         if row["unsaid"]:
             middle = left + 0.5, top + 0.5

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import sqrt
 from pathlib import Path
 from typing import Any
@@ -11,16 +12,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from virtual_lab import catalog
-from virtual_lab.fidelity.camera_scenes import (
-    BACK,
-    EVEN,
-    FULL_SCALE,
-    HARD,
-    SOFT,
-    Batch,
-    Case,
-    EstimatorInput,
-)
+from virtual_lab.fidelity.camera_scenes import FULL_SCALE, Batch, Case, EstimatorInput
 from virtual_lab.simulation.instruments.camera.ball import Light, axes_of, render_balls
 from virtual_lab.simulation.instruments.camera.sensor import Sensor
 from virtual_lab.simulation.instruments.camera.spec import BallLook, CameraSpec, SensorSpec
@@ -33,14 +25,22 @@ from virtual_lab.video.locate.noise import ROUNDING
 __all__ = ["pictures"]
 
 Array = NDArray[np.float64]
-CAMERAS = {SOFT: "camera-overhead", HARD: "camera-side-lit"}
-FRAME = (800, 1280)  # rows, columns
-LENS = 0.65  # pixels
-ALBEDO, BAT = 0.85, 110.0  # DN
-SEAM = 0.6  # how much darker
-BITS = 8
-EMPTY = 32  # frames the background is known from
-SURFACE_TURN = (0.001, -0.002, 0.003)  # rad during the exposure: 1500 rpm and 25 us
+
+
+@dataclass(frozen=True, slots=True)
+class Filmed:
+    """What all cases have alike."""
+
+    frame: tuple[int, int] = (800, 1280)  # rows, columns
+    lens: float = 0.65  # standard deviation of its blur [pixel]
+    bat: float = 110.0  # grey value [DN]
+    albedo: float = 0.85  # of the ball
+    seam: float = 0.6  # how much darker the seam is
+    turn: tuple[float, float, float] = (0.001, -0.002, 0.003)  # rad in an exposure: 1500 rpm, 25 us
+    empty: int = 32  # frames the background is known from
+
+
+FILMED = Filmed()
 
 
 def pictures(case: Case, seed: int = 1, block: int = 0) -> Batch:
@@ -69,9 +69,9 @@ def pictures(case: Case, seed: int = 1, block: int = 0) -> Batch:
         seen=seen,
         start=_start(case, x, y, draws, slots),
         noise=case.noise,
-        lens=LENS,
+        lens=FILMED.lens,
     )
-    return Batch(given=given, x=x, y=y, limit=case.limit(LENS))
+    return Batch(given=given, x=x, y=y, limit=case.limit(FILMED.lens))
 
 
 def _means(case: Case, own: Array, draws: Streams, slots: Slots) -> tuple[Array, Array]:
@@ -83,27 +83,28 @@ def _means(case: Case, own: Array, draws: Streams, slots: Slots) -> tuple[Array,
         case.radius,
         np.zeros((count, 2)),
         (side, side),
-        sigma=LENS,
-        look=BallLook(albedo=ALBEDO, seam_contrast=SEAM if case.stitched else 0.0),
+        sigma=FILMED.lens,
+        look=BallLook(albedo=FILMED.albedo, seam_contrast=FILMED.seam if case.stitched else 0.0),
         light=_light(case.light),
         orientation=axes_of(2 * draws.normal("axes", 3, slots)),
-        turn=SURFACE_TURN,
+        turn=FILMED.turn,
     )
     ball, level = case.levels
     behind = np.broadcast_to(level + case.slope * (np.arange(side) - middle), (side, side))
-    mean = np.asarray(seen.over(behind, ball / ALBEDO), np.float64)
+    mean = np.asarray(seen.over(behind, ball / FILMED.albedo), np.float64)
     if not case.covered:
         return mean, behind
     edge = middle + case.radius * (1 - 2 * case.covered)
-    share = ndtr((np.arange(side) - edge) / sqrt(LENS**2 + 1 / 12))
-    return mean + share * (BAT - mean), behind + share * (BAT - behind)
+    share = ndtr((np.arange(side) - edge) / sqrt(FILMED.lens**2 + 1 / 12))
+    return mean + share * (FILMED.bat - mean), behind + share * (FILMED.bat - behind)
 
 
 def _light(name: str) -> Light:
     """Return the light of a camera of the catalog that looks straight down, or even light."""
-    if name in (EVEN, BACK):
+    if name in ("even", "back"):
         return Light()
-    light = catalog.load("instruments", CAMERAS[name], CameraSpec).spec.light
+    camera = {"soft": "camera-overhead", "hard side": "camera-side-lit"}[name]
+    light = catalog.load("instruments", camera, CameraSpec).spec.light
     x, y, z = np.array(light.toward) / np.linalg.norm(light.toward)
     toward = float(x), -float(y), -float(z)
     return Light(ambient=light.ambient, toward=toward, softness=light.softness)
@@ -127,7 +128,7 @@ def _exposed(
         photo_response=0.0,
         dark_signal=0.0,
         black_level=0.0,
-        bits=BITS,
+        bits=8,
     )
     sensor = Sensor.commission(spec, draws, "sensor")
 
@@ -136,11 +137,11 @@ def _exposed(
         seen = sensor.expose(mean / noise.gain, corners, draws, name, slots)
         return np.asarray(seen, np.uint8)
 
-    empty = block * EMPTY + np.arange(EMPTY)
-    samples = grey(np.broadcast_to(behind, (EMPTY, side, side)), "samples", empty)
+    empty = block * FILMED.empty + np.arange(FILMED.empty)
+    samples = grey(np.broadcast_to(behind, (len(empty), side, side)), "samples", empty)
     if case.quiet:
         return mean, samples, np.broadcast_to(behind, mean.shape)
-    spread = np.sqrt(noise.variance(behind) / EMPTY)
+    spread = np.sqrt(noise.variance(behind) / len(empty))
     return (
         grey(mean, "pictures", slots),
         samples,
@@ -150,7 +151,7 @@ def _exposed(
 
 def _corners(case: Case, draws: Streams, shape: tuple[int, int], slots: Slots) -> Array:
     """Return where regions begin in the frame; those of a ball that is cut end with it."""
-    room = np.array([FRAME[1] - shape[1], FRAME[0] - shape[0]])
+    room = np.array([FILMED.frame[1] - shape[1], FILMED.frame[0] - shape[0]])
     share = draws.uniform("corners", 2, slots) + 0.5
     corners: Array = np.floor(share * (room + 1))
     if case.cut:
@@ -179,7 +180,7 @@ def _clip(samples: NDArray[np.uint8]) -> Clip:
     return Clip(
         source=Source(path=Path("made"), declared=0, read=lambda: iter(())),
         times=np.zeros(0),
-        shape=FRAME,
+        shape=FILMED.frame,
         full_scale=FULL_SCALE,
         samples=samples,
         sampled=np.arange(len(samples)),

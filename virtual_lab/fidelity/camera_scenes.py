@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import ceil, cos, pi, sin, sqrt
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +18,9 @@ from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.locate.located import MARGIN, Located, Regions
 from virtual_lab.video.locate.noise import ROUNDING, Noise
 
-__all__ = ["BACK", "EVEN", "FULL_SCALE", "HARD", "SOFT", "Batch", "Case", "EstimatorInput"]
+__all__ = ["FULL_SCALE", "Batch", "Case", "EstimatorInput"]
 
 Array = NDArray[np.float64]
-
-EVEN, SOFT, BACK, HARD = "even", "soft", "back", "hard side"
-HEADING = 0.3  # rad, of the flight
-CONTRASTS = ((5.0, 27.0, 96.0), (40.0, 100.0, 150.0))  # DN, by the ratio of signal to noise
-DARK, SHADOW = 40.0, 4.0  # DN, behind a ball; of one before a light
 FULL_SCALE = 255.0  # DN
 
 
@@ -37,7 +33,7 @@ class Case:
     snr: float = 96.0
     slope: float = 0.0  # of the background along x [DN/pixel]
     stitched: bool = False
-    light: str = EVEN
+    light: Literal["even", "soft", "back", "hard side"] = "even"
     cut: float = 0.0  # out of the frame
     covered: float = 0.0  # behind the bat
     exposure: float = 1.0  # over the right one: from 1.34 on the ball saturates
@@ -57,15 +53,13 @@ class Case:
     @property
     def way(self) -> tuple[float, float]:
         """The ball's shift during the exposure, x and y."""
-        return self.blur * cos(HEADING), self.blur * sin(HEADING)
+        return self.blur * cos(0.3), self.blur * sin(0.3)
 
     @property
     def levels(self) -> tuple[float, float]:
-        """Grey values of a plain ball and of what is behind it."""
-        contrast = float(np.interp(self.snr, *CONTRASTS))
-        if self.light == BACK:
-            return SHADOW, SHADOW + contrast
-        return DARK + contrast, DARK
+        """Grey values of a plain ball and of what is behind it: the noisier, the less apart."""
+        contrast = float(np.interp(self.snr, (5.0, 27.0, 96.0), (40.0, 100.0, 150.0)))
+        return (4.0, 4.0 + contrast) if self.light == "back" else (40.0 + contrast, 40.0)
 
     def limit(self, lens: float) -> float:
         """Return the least standard uncertainty of a plain ball's place along its motion [pixel].

@@ -8,26 +8,19 @@ a handful of flights, without time stamps, and the error is that of the speed.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from virtual_lab.fidelity.camera_drops import DROPPED, dropped_frames
+from virtual_lab.fidelity.camera_drops import dropped_frames
 from virtual_lab.fidelity.camera_errors import score_places, wrong_unsaid
-from virtual_lab.fidelity.camera_estimators import SHIPPED
-from virtual_lab.fidelity.camera_map import (
-    FLAGGED,
-    GOOD,
-    INACCURATE,
-    LOST,
-    MARKS,
-    UNSAID,
-    draw_maps,
-)
+from virtual_lab.fidelity.camera_estimators import EDGE, ESTIMATORS
+from virtual_lab.fidelity.camera_map import Seen, draw_maps
 from virtual_lab.fidelity.camera_pictures import pictures
-from virtual_lab.fidelity.camera_scenes import BACK, HARD, SOFT, Batch, Case
+from virtual_lab.fidelity.camera_scenes import Batch, Case
 from virtual_lab.fidelity.results import StabilityMap
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.tables import table_text
@@ -36,14 +29,11 @@ from virtual_lab.video.locate.located import Located
 __all__ = ["AXES", "camera_stability", "unsaid_share"]
 
 Row = dict[str, Any]
-PHASES, REPEATS = 4, 4
-TOLERANCE, NEAR_LIMIT = 0.02, 1.5  # pixels, and over the limit: a good cell is within either
-MOST = 0.5  # share of the pictures that makes a cell flagged, or lost
 BALLS: dict[str, Case] = {
     "plain": Case(),
-    "stitched, soft light": Case(stitched=True, light=SOFT),
-    "stitched, back light": Case(stitched=True, light=BACK),
-    "stitched, hard side light": Case(stitched=True, light=HARD),
+    "stitched, soft light": Case(stitched=True, light="soft"),
+    "stitched, back light": Case(stitched=True, light="back"),
+    "stitched, hard side light": Case(stitched=True, light="hard side"),
 }
 AXES: dict[str, tuple[str, tuple[float, ...]]] = {
     "contrast over noise": ("snr", (3, 5, 10, 27, 96)),
@@ -57,7 +47,6 @@ AXES: dict[str, tuple[str, tuple[float, ...]]] = {
     "radius of the start, off by": ("radius_off", (-0.2, -0.1, -0.02, 0.02, 0.1, 0.2, 0.4)),
     "place of the start, off by [px]": ("start_off", (0.5, 2, 5, 10, 15)),
 }
-WHOLE = ("hot",)
 
 
 def camera_stability(progress: Progress = quiet) -> StabilityMap:
@@ -76,31 +65,41 @@ def camera_cells(progress: Progress = quiet) -> list[dict[str, Any]]:
 
     Errors are in pixels, of dropped frames relative, None where there is nothing to err.
     """
+    rows = picture_cells(progress)
+    progress("frames dropped")
+    return rows + dropped_frames()
+
+
+def picture_cells(
+    progress: Progress = quiet,
+    axes: Mapping[str, tuple[str, Sequence[float]]] = AXES,
+    balls: Mapping[str, Case] = BALLS,
+) -> list[Row]:
+    """Return the rows of pictures, by both methods that the tracker may take."""
     rows: list[Row] = []
-    for axis, (name, values) in AXES.items():
+    for axis, (name, values) in axes.items():
         progress(axis)
         for value in values:
-            change = {name: int(value) if name in WHOLE else value}
-            for ball, case in BALLS.items():
-                seen = replace(case, phases=PHASES, repeats=REPEATS, **change)  # type: ignore[arg-type]
+            change = {name: int(value) if name == "hot" else value}
+            for ball, case in balls.items():
+                seen = replace(case, phases=4, repeats=4, **change)  # type: ignore[arg-type]
                 batch = pictures(seen, block=len(rows))  # no picture is counted twice
-                for method, estimator in SHIPPED.items():
-                    found = estimator(batch.given)
+                for method in ("convex hull", EDGE):
+                    found = ESTIMATORS[method](batch.given)
                     own = {"map": axis, "value": value, "method": method, "ball": ball}
                     rows.append(own | _cell(batch, found))
-    progress(DROPPED)
-    return rows + dropped_frames()
+    return rows
 
 
 def _maps_text(rows: list[Row]) -> str:
     """Return a table a map for a terminal, the states by their marks."""
-    parts = [", ".join(f"{mark} {state}" for state, mark in MARKS.items())]
+    parts = [", ".join(f"{state.mark} {state}" for state in Seen)]
     for axis in dict.fromkeys(row["map"] for row in rows):
         table = []
         own = [row for row in rows if row["map"] == axis]
         for method, ball in dict.fromkeys((row["method"], row["ball"]) for row in own):
             line = [row for row in own if (row["method"], row["ball"]) == (method, ball)]
-            marks = {f"{row['value']:g}": MARKS[row["state"]] for row in line}
+            marks = {f"{row['value']:g}": Seen(row["state"]).mark for row in line}
             table.append({"method": method, "ball": ball} | marks)
         parts.append(f"{axis}\n{table_text(table)}")
     return "\n\n".join([*parts, _summary(rows)])
@@ -125,18 +124,17 @@ def _cell(batch: Batch, found: Located) -> Row:
     clean = np.isfinite(found.x) & (found.flags == 0)
     off = np.stack([found.x - batch.x, found.y - batch.y])[:, clean]
     rms = float(np.sqrt(np.mean(off**2))) if clean.any() else None
-    allowed = max(TOLERANCE, NEAR_LIMIT * batch.limit)
     if unsaid:
-        state = UNSAID
-    elif whole.lost >= MOST:
-        state = LOST
-    elif rms is None or whole.lost + whole.flagged >= MOST:
-        state = FLAGGED
-    else:
-        state = GOOD if rms <= allowed else INACCURATE
+        state = Seen.UNSAID
+    elif whole.lost >= 0.5:
+        state = Seen.LOST
+    elif rms is None or whole.lost + whole.flagged >= 0.5:
+        state = Seen.FLAGGED
+    else:  # good is within 0.02 px, or near what noise allows
+        state = Seen.GOOD if rms <= max(0.02, 1.5 * batch.limit) else Seen.INACCURATE
     count = len(batch.x)
     return {
-        "state": state,
+        "state": state.value,
         "rms_unflagged": rms,
         "pictures": count,
         "unsaid": unsaid,

@@ -9,7 +9,7 @@ batches. Where a method fails is looked for all along the bat, from its tip to i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cache, partial
@@ -40,7 +40,7 @@ from virtual_lab.units import INCH, MPH
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Question", "Series", "collision_chart", "draw_collision"]
+__all__ = ["Extent", "Question", "Series", "collision_chart", "draw_collision", "usual_ball"]
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -76,29 +76,18 @@ MARKS = {  # marker, colour
     Series.STEPS: ("^", "#d55e00"),
     Series.SCIPY: ("X", "#666666"),
 }
-TITLE = "Collision: accuracy over cost, R161, 2 to 12 in, 60 to 160 mph"
-WORDS = (
-    "Worst error in e_A over the time a shot takes on one core. Left, what a rung errs by in all, "
-    "against 120 modes stepped one by one; right, what solving the equations adds to that, against "
-    "the same 20 modes stepped one by one four times finer. The dashed line decides: the cheapest "
-    "rung below it is taken, a tenth of the u of e_A that a certificate reaches. A red ring marks "
-    "what is off by more than that u somewhere along the bat, from tip to knob, and does not say "
-    "so; a dotted one what refuses to answer somewhere."
-)
-MODE_COUNTS = (4, 6, 8, 10, 14, 20, 30, 40)
-TOLERANCES = (1e-3, 1e-4, 1e-5)  # of surrogates
-METHODS: tuple[tuple[Method, float], ...] = (
-    ("RK45", 1e-4),
-    ("RK45", 1e-6),
-    ("DOP853", 1e-4),
-    ("DOP853", 1e-7),
-    ("LSODA", 1e-6),
-    ("Radau", 1e-4),
-)
-# between which scenes are drawn: over the barrel, and all along the bat
-BARREL_IN, WHOLE_IN, SPEEDS_MPH = (2.0, 12.0), (0.3, 33.0), (60.0, 160.0)
-SCENES, FEW, FEWEST = 400, 40, 6  # for ours, for methods of milliseconds, for the reference
-BATCH = 8192  # scenes that ours are timed with
+BARREL_IN, WHOLE_IN = (2.0, 12.0), (0.3, 33.0)  # where scenes are drawn: on the barrel, all along
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Extent:
+    """How much is charted, by what an hour allows."""
+
+    mode_counts: tuple[int, ...] = (4, 6, 8, 10, 14, 20, 30, 40)
+    scenes: int = 400  # for ours
+    few: int = 40  # for methods of milliseconds a scene
+    fewest: int = 6  # for the reference
+    batch: int = 8192  # scenes that ours are timed with
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,7 +99,8 @@ class Point:
     setting: str
     efficiency: Efficiency
     exact: Callable[[Ends, int], Array]  # of `_scenes`
-    scenes: int = SCENES
+    scenes: int
+    timed: int | None = None  # scenes of the barrel that its time is taken of; None: the same
 
 
 def collision_chart(progress: Progress = quiet) -> SpeedChart:
@@ -119,23 +109,34 @@ def collision_chart(progress: Progress = quiet) -> SpeedChart:
 
 
 def _chart(rows: list[Row]) -> SpeedChart:
-    return SpeedChart(name="collision", title=TITLE, words=WORDS, rows=rows, figure=draw_collision)
+    return SpeedChart(
+        name="collision",
+        title="Collision: accuracy over cost, R161, 2 to 12 in, 60 to 160 mph",
+        words="Worst error in e_A over the time a shot takes on one core. Left, what a rung errs "
+        "by in all, against 120 modes stepped one by one; right, what solving the equations adds "
+        "to that, against the same 20 modes stepped one by one four times finer. The dashed line "
+        "decides: the cheapest rung below it is taken, a tenth of the u of e_A that a certificate "
+        "reaches. A red ring marks what is off by more than that u somewhere along the bat, from "
+        "tip to knob, and does not say so; a dotted one what refuses to answer somewhere.",
+        rows=rows,
+        figure=draw_collision,
+    )
 
 
-def collision_rows(progress: Progress = quiet) -> list[Row]:
+def collision_rows(progress: Progress = quiet, extent: Extent = Extent()) -> list[Row]:
     """Return a row a model.
 
     Of the scenes about the barrel: worst and rms error in e_A, time a shot [µs]. Of as many all
     along the bat: the share off by more than the u of a certificate, and the share refused.
     """
     rows = []
-    for point in _points(catalog.load_bat("r161").spec.body):
+    for point in _points(catalog.load_bat("r161").spec.body, extent):
         progress(f"{point.series}: {point.setting}")
         barrel, whole = (_scenes(ends, point.scenes) for ends in (BARREL_IN, WHOLE_IN))
         error = np.abs(point.efficiency(barrel) - point.exact(BARREL_IN, point.scenes))
         found = _answers(point.efficiency, whole)
         off = np.abs(found - point.exact(WHOLE_IN, point.scenes)) > EFFICIENCY_U  # not of a nan
-        batch = _scenes(BARREL_IN, BATCH) if point.scenes == SCENES else barrel
+        batch = _scenes(BARREL_IN, point.timed or point.scenes)
         _, spent = least_time(partial(point.efficiency, batch))
         rows.append(
             {
@@ -153,39 +154,45 @@ def collision_rows(progress: Progress = quiet) -> list[Row]:
     return rows
 
 
-def _points(body: BatBody) -> Iterator[Point]:
+def _points(body: BatBody, extent: Extent) -> Iterator[Point]:
     default = ModalModel.of(body, Free())
     many = replace(ModalModel.of(body, Free(), 120), stepper=OneByOne())
     exact = _kept(_of(many))
-    for series, setting, efficiency in _rungs(body, default):
+    for series, setting, efficiency in _rungs(body, default, extent.mode_counts):
+        dear = series is Series.REFERENCE
         yield Point(
             panel=Question.IN_ALL,
             series=series,
             setting=setting,
             efficiency=efficiency,
             exact=exact,
-            scenes=FEWEST if series is Series.REFERENCE else SCENES,
+            scenes=extent.fewest if dear else extent.scenes,
+            timed=None if dear else extent.batch,
         )
     # without residual flexibility: what the methods of scipy solve
     bare = replace(default, stiff=default.stiff.above(default.stiff.count))
     exact = _kept(_of(replace(bare, stepper=OneByOne(refinement=4.0))))
     for series, setting, model in _solvers(bare):
+        dear = series is Series.SCIPY
         yield Point(
             panel=Question.SOLVING,
             series=series,
             setting=setting,
             efficiency=_of(model),
             exact=exact,
-            scenes=FEW if series is Series.SCIPY else SCENES,
+            scenes=extent.few if dear else extent.scenes,
+            timed=None if dear else extent.batch,
         )
 
 
-def _rungs(body: BatBody, default: ModalModel) -> Iterator[tuple[Series, str, Efficiency]]:
+def _rungs(
+    body: BatBody, default: ModalModel, counts: Sequence[int]
+) -> Iterator[tuple[Series, str, Efficiency]]:
     yield Series.RIGID, "closed form", _of(RigidModel.of(body, Free()))
-    for tolerance in TOLERANCES:
+    for tolerance in (1e-3, 1e-4, 1e-5):
         surrogate = Surrogate.build(default, _box(), tolerance=tolerance)
         yield Series.SURROGATE, f"{surrogate.coefficients.size} nodes", surrogate.efficiency
-    for count in MODE_COUNTS:
+    for count in counts:
         yield Series.MODES, f"{count} modes", _of(ModalModel.of(body, Free(), count))
     for degree in (4, 5):  # where the default is 8
         modes = modes_of(body, Free(), BENDING_MODES + STIFF_MODES, order=degree)
@@ -197,7 +204,15 @@ def _solvers(bare: ModalModel) -> Iterator[tuple[Series, str, CollisionModel]]:
     yield Series.STEPS, "fine", bare
     yield Series.STEPS, "fine, steps / 2", replace(bare, stepper=FINE.finer(2.0))
     yield Series.STEPS, "one by one", replace(bare, stepper=OneByOne())
-    for method, tolerance in METHODS:
+    methods: tuple[tuple[Method, float], ...] = (
+        ("RK45", 1e-4),
+        ("RK45", 1e-6),
+        ("DOP853", 1e-4),
+        ("DOP853", 1e-7),
+        ("LSODA", 1e-6),
+        ("Radau", 1e-4),
+    )
+    for method, tolerance in methods:
         solver = ReferenceModel(
             modes=bare.modes, tolerance=tolerance, method=method, longest_step=10.0
         )
@@ -225,13 +240,14 @@ def _answers(efficiency: Efficiency, scenes: Scenes) -> Array:
 
 
 @cache
-def _ball() -> BallSpec:
+def usual_ball() -> BallSpec:
+    """Return the ball that collisions are charted and mapped with."""
     return catalog.load("balls", "baseball-2003", BallSpec).spec
 
 
 def _box() -> Box:
     """Return a box about the scenes of this chart over the barrel."""
-    ball = _ball()
+    ball = usual_ball()
     return Box(
         impact_position=(1.5 * INCH, 12.5 * INCH),
         relative_speed=(55 * MPH, 170 * MPH),
@@ -250,11 +266,11 @@ def _scenes(ends_in: Ends, count: int) -> Scenes:
     def between(ends: Ends, name: str) -> Array:
         return np.asarray(ends[0] + (ends[1] - ends[0]) * (0.5 + draws.uniform(name, count)))
 
-    place, speed = between(ends_in, "place") * INCH, between(SPEEDS_MPH, "speed") * MPH
-    return Scenes.with_ball(_ball(), impact_position=place, relative_speed=speed)
+    place, speed = between(ends_in, "place") * INCH, between((60.0, 160.0), "speed") * MPH
+    return Scenes.with_ball(usual_ball(), impact_position=place, relative_speed=speed)
 
 
-def draw_collision(rows: list[Row]) -> Figure:
+def draw_collision(rows: list[Row], title: str) -> Figure:
     """Return the figure of rows as `collision_rows` gives them."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -266,7 +282,7 @@ def draw_collision(rows: list[Row]) -> Figure:
     for panel, axes in panels.items():
         _draw_panel(axes, own[panel], panel)
     figure.legend(loc="outside lower center", ncols=5, fontsize=8, frameon=False)
-    figure.suptitle(TITLE, fontsize=11)
+    figure.suptitle(title, fontsize=11)
     canvas.draw()  # settles the layout, which labels go by
     for panel, axes in panels.items():
         label_points(

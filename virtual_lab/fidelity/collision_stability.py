@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab import catalog
-from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
+from virtual_lab.fidelity.collision_chart import usual_ball
 from virtual_lab.fidelity.drawing import State, draw_stability, maps_text
 from virtual_lab.fidelity.results import StabilityMap
 from virtual_lab.output.progress import Progress, quiet
@@ -46,7 +46,6 @@ __all__ = ["collision_stability"]
 Array = NDArray[np.float64]
 Marked = NDArray[np.bool_]
 Column = list[tuple[ModalModel, Scenes]]  # a batch of `collide_bats`
-BATS, BALL = ("r161", "ea70"), "baseball-2003"
 FACTORS = (0.25, 0.5, 0.7, 0.85, 1.0, 1.15, 1.3, 1.5, 2.0, 3.0, 3.5, 4.0)
 SHIPPED = "as shipped"  # in place of a factor
 PLACES_IN, SPEEDS_MPH = (1.0, 4.0, 6.5, 10.0, 16.0, 24.0), (60.0, 160.0)
@@ -182,7 +181,7 @@ def _column(axis: CollisionAxis, value: Any) -> Column:
     """Return the bats and scenes of one column: all as usual but one thing."""
     if axis is CollisionAxis.CONTACTS:
         return _meeting(int(value))
-    ball = catalog.load("balls", BALL, BallSpec).spec
+    ball = usual_ball()
     several = axis in (CollisionAxis.PLACE, CollisionAxis.SPEED)
     exponents = (value,) if axis is CollisionAxis.EXPONENT else (1.0, 1.5) if several else (1.0,)
     many = (20.0, 45.0, 70.0, 95.0, 120.0, 160.0)
@@ -208,13 +207,13 @@ def _column(axis: CollisionAxis, value: Any) -> Column:
         scenes = replace(scenes, ball_restitution=np.full(len(scenes), value))
     count = int(value) if axis is CollisionAxis.MODES else BENDING_MODES
     support = value if axis is CollisionAxis.SUPPORT else "free"
-    return [(_model(bat, support, count), scenes) for bat in BATS]
+    return [(_model(bat, support, count), scenes) for bat in ("r161", "ea70")]
 
 
 def _meeting(contacts: int) -> Column:
     """Return as many scenes as usual in which ball and bat meet so often, if there are."""
     column = []
-    for bat in BATS:
+    for bat in ("r161", "ea70"):
         pool, met = _pool(bat)
         some = np.flatnonzero(met == contacts)[: len(PLACES_IN) * len(SPEEDS_MPH)]
         column.append((_model(bat, "free", BENDING_MODES), pool.part(some)))
@@ -224,7 +223,7 @@ def _meeting(contacts: int) -> Column:
 @cache
 def _pool(bat: str) -> tuple[Scenes, NDArray[np.int64]]:
     """Return scenes all along a bat, balls up to 100 times as hard, and how often they meet."""
-    ball = catalog.load("balls", BALL, BallSpec).spec
+    ball = usual_ball()
     draws, (slow, fast) = Streams(5), SPEEDS_MPH
     names = ("z", "speed", "harder")
     place, speed, harder = (draws.uniform(name, POOLED_SCENES) + 0.5 for name in names)

@@ -6,44 +6,37 @@ from collections.abc import Sequence
 from enum import StrEnum
 from itertools import pairwise, product
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from virtual_lab.output.tables import table_text
 
-__all__ = ["State", "draw_stability", "error_axes", "label_points", "maps_text"]
+__all__ = ["CellState", "State", "draw_stability", "error_axes", "label_points", "maps_text"]
 
 Row = dict[str, Any]
 
 
-class State(StrEnum):
-    """What a cell of a map comes to."""
+class CellState(StrEnum):
+    """What a cell of a map comes to: words, letter in a terminal, colour in a picture."""
 
-    GOOD = "good"
-    NOTICED = "inaccurate, and the pass doubts it"
-    INACCURATE = "inaccurate"
-    UNSTABLE = "unstable"
-    NO_RESULT = "no result is given"
+    mark: str
+    colour: str
 
-    @property
-    def mark(self) -> str:
-        """Its letter in a terminal."""
-        return CELLS[self][0]
-
-    @property
-    def colour(self) -> str:
-        """Its colour in a picture."""
-        return CELLS[self][1]
+    def __new__(cls, words: str, mark: str = "", colour: str = "") -> Self:
+        state = str.__new__(cls, words)
+        state._value_, state.mark, state.colour = words, mark, colour
+        return state
 
 
-CELLS = {
-    State.GOOD: (".", "#6baed6"),
-    State.NOTICED: ("?", "#fee391"),
-    State.INACCURATE: ("o", "#f16913"),
-    State.UNSTABLE: ("X", "#800026"),
-    State.NO_RESULT: ("-", "#d9d9d9"),
-}
+class State(CellState):
+    """What a cell comes to where steps are tried."""
+
+    GOOD = "good", ".", "#6baed6"
+    NOTICED = "inaccurate, and the pass doubts it", "?", "#fee391"
+    INACCURATE = "inaccurate", "o", "#f16913"
+    UNSTABLE = "unstable", "X", "#800026"
+    NO_RESULT = "no result is given", "-", "#d9d9d9"
 
 
 def _maps(rows: Sequence[Row]) -> dict[str, list[Row]]:
@@ -150,7 +143,8 @@ def label_points(axes: Any, points: Sequence[tuple[float, float, str, str]]) -> 
     from matplotlib.transforms import Bbox
 
     renderer = axes.figure.canvas.get_renderer()
-    taken = [Bbox.from_bounds(x - 10, y - 10, 20, 20) for x, y in _pixels(axes, points)]
+    pixels = axes.transData.transform([point[:2] for point in points])
+    taken = [Bbox.from_bounds(x - 10, y - 10, 20, 20) for x, y in pixels]
     taken += [text.get_window_extent(renderer) for text in axes.texts]
     for line in axes.lines:
         if line.get_linewidth():
@@ -179,7 +173,3 @@ def label_points(axes: Any, points: Sequence[tuple[float, float, str, str]]) -> 
         for _, _, label in others:
             label.remove()
         taken.append(best.get_window_extent(renderer))
-
-
-def _pixels(axes: Any, points: Sequence[tuple[float, float, str, str]]) -> Any:
-    return axes.transData.transform([point[:2] for point in points])

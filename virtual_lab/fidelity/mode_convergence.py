@@ -26,31 +26,24 @@ from virtual_lab.units import INCH, MPH
 
 __all__ = ["convergence"]
 
-COUNTS = (8, 12, 16, 20, 30)
-CONVERGED = 120
-COLUMNS = {
-    "bat": Column("bat"),
-    "contact": Column("contact"),
-    "residual": Column("residual flexibility"),
-} | {f"{count}_modes": Column(f"{count} modes", form=".1e") for count in COUNTS}
-
 
 def convergence(bats: Sequence[str] = (), *, progress: Progress = quiet) -> Rows[dict[str, Any]]:
     """Return a row for each bat (all of the catalog by default), contact and remedy.
 
     Columns ``8_modes`` to ``30_modes`` hold the worst error in e_A.
     """
+    counts, converged = (8, 12, 16, 20, 30), 120
     ball = catalog.load("balls", "baseball-2003", BallSpec).spec
     place, speed = np.meshgrid(np.linspace(1, 12, 23) * INCH, np.array([60.0, 160.0]) * MPH)
     scenes = Scenes.with_ball(ball, impact_position=place.ravel(), relative_speed=speed.ravel())
     rows, every_bat = [], bats or catalog.names("bats")
     for number, bat in enumerate(every_bat):
         progress("bats", number, len(every_bat))
-        every = modes_of(catalog.load_bat(bat).spec.body, Free(), CONVERGED + STIFF_MODES)
-        none = every.above(CONVERGED + STIFF_MODES)
+        every = modes_of(catalog.load_bat(bat).spec.body, Free(), converged + STIFF_MODES)
+        none = every.above(converged + STIFF_MODES)
         for contact, patch in {"point": 0.0, "patch": PATCH}.items():
             full = ModalModel(
-                modes=every.first(CONVERGED), stiff=every.above(CONVERGED), patch=patch
+                modes=every.first(converged), stiff=every.above(converged), patch=patch
             )
             true = full.collide(scenes).collision_efficiency
             for residual in (False, True):
@@ -59,7 +52,7 @@ def convergence(bats: Sequence[str] = (), *, progress: Progress = quiet) -> Rows
                     "contact": contact,
                     "residual": "with residual" if residual else "without",
                 }
-                for count in COUNTS:
+                for count in counts:
                     stiff = every.above(count) if residual else none
                     model = ModalModel(modes=every.first(count), stiff=stiff, patch=patch)
                     gap = model.collide(scenes).collision_efficiency - true
@@ -67,7 +60,12 @@ def convergence(bats: Sequence[str] = (), *, progress: Progress = quiet) -> Rows
                 rows.append(row)
     return Rows(
         name="convergence",
-        title=f"worst error in e_A against {CONVERGED} modes, by the number of bending modes",
-        columns=COLUMNS,
+        title=f"worst error in e_A against {converged} modes, by the number of bending modes",
+        columns={
+            "bat": Column("bat"),
+            "contact": Column("contact"),
+            "residual": Column("residual flexibility"),
+        }
+        | {f"{count}_modes": Column(f"{count} modes", form=".1e") for count in counts},
         rows=rows,
     )

@@ -7,7 +7,7 @@ in no air and on no friction, so that pymunk itself could be right.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from enum import StrEnum
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -67,11 +67,6 @@ STARTS: dict[Start, dict[str, float]] = {
     Start.ROUND: {"z": 6 * INCH, "y": 0.010},
     Start.TIP: {"z": 0.010},
 }
-STEPS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
-BATCH = 20_000  # shots that the closed form is timed with
-MISSES = ((26.8, 1e-2), (62.6, 2e-3), (62.6, 1e-3))  # m/s, s
-LOSSES = (1e-2, 1e-3, 1e-4, 1e-5)  # s
-SPIN = 11.5  # rad/s, of the bat whose energy is lost
 
 
 class Parted(NamedTuple):
@@ -99,9 +94,16 @@ def _chart(rows: list[Row]) -> SpeedChart:
     )
 
 
-def motion_rows(progress: Progress = quiet) -> list[Row]:
+def motion_rows(
+    progress: Progress = quiet,
+    steps: Sequence[float] = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6),
+    losses: Sequence[float] = (1e-2, 1e-3, 1e-4, 1e-5),
+    batch: int = 20_000,
+) -> list[Row]:
     """Return a row a model, scene and setting: errors, shares, time a shot [µs].
 
+    Steps [s] are those of hits and of a bat that turns for its lost energy; a `batch` of shots is
+    timed in the closed form.
     Errors are in e_A, in the ball's velocity [m/s] and in the bat's rate [rad/s]; shares, of
     shots missed or of energy lost. What does not apply is None.
     """
@@ -109,10 +111,11 @@ def motion_rows(progress: Progress = quiet) -> list[Row]:
     play(_scene(Start.SQUARE, 1e-3, 1), "pymunk")  # what is loaded at first use is nobody's time
     for name in STARTS:
         progress(name)
-        rows += _accuracy(name)
+        rows += _accuracy(name, steps, batch)
     progress("missed contacts and lost energy")
-    rows += [row for speed, step in MISSES for row in _misses(speed, step)]
-    rows += [row for step in LOSSES for row in _losses(step)]
+    for speed, step in ((26.8, 1e-2), (62.6, 2e-3), (62.6, 1e-3)):  # m/s, s
+        rows += _misses(speed, step)
+    rows += [row for step in losses for row in _losses(step)]
     return rows
 
 
@@ -127,13 +130,13 @@ def _scene(name: Start, step: float, shots: int) -> ShotScene:
     return rod_scene(STARTS[name], 26.8, step, shots)
 
 
-def _accuracy(name: Start) -> Iterator[Row]:
+def _accuracy(name: Start, steps: Sequence[float], batch: int) -> Iterator[Row]:
     scene = _scene(name, 1e-3, 20)
-    _, spent = least_time(partial(play, _scene(name, 1e-3, BATCH), "closed-form"))
-    yield _row(Carrier.CLOSED, name, "exact", us_a_shot=spent / BATCH * 1e6) | _errors(
+    _, spent = least_time(partial(play, _scene(name, 1e-3, batch), "closed-form"))
+    yield _row(Carrier.CLOSED, name, "exact", us_a_shot=spent / batch * 1e6) | _errors(
         scene, play(scene, "closed-form")
     )
-    for step in STEPS:
+    for step in steps:
         scene, setting = _scene(name, step, 4), f"{step:.0e} s"
         try:
             carried, spent = least_time(partial(play, scene, "pymunk", settings=_settings(step)))
@@ -142,7 +145,7 @@ def _accuracy(name: Start) -> Iterator[Row]:
             continue
         found = _errors(scene, carried)
         yield _row(Carrier.RUNG, name, setting, us_a_shot=spent / scene.shots * 1e6) | found
-    for step in STEPS:
+    for step in steps:
         scene = _scene(name, step, 20)
         shapes: dict[str, Shape] = {Start.ROUND: "section", Start.TIP: "round tip"}
         alone = partial(naive_errors, scene, step, shape=shapes.get(name, "side"))
@@ -210,24 +213,24 @@ def _misses(speed: float, step: float) -> Iterator[Row]:
         )
 
 
-def _losses(step: float) -> Iterator[Row]:
-    scene, setting = f"energy lost a second at {SPIN:g} rad/s", f"{step:.0e} s"
-    yield _row(Carrier.ALONE, scene, setting, share=energy_lost(rod(), SPIN, step))
+def _losses(step: float, spin: float = 11.5) -> Iterator[Row]:
+    scene, setting = f"energy lost a second at {spin:g} rad/s", f"{step:.0e} s"
+    yield _row(Carrier.ALONE, scene, setting, share=energy_lost(rod(), spin, step))
     # a ball that rests far away limits no step
-    alone = rod_scene({"rate": SPIN, "vx": 0.0}, 0.0, step, 1, ahead=9.0, duration=1.0)
+    alone = rod_scene({"rate": spin, "vx": 0.0}, 0.0, step, 1, ahead=9.0, duration=1.0)
     try:
         end = play(alone, "pymunk", settings=_settings(step)).at(alone, alone.duration)
     except InputError:
         yield _row(Carrier.RUNG, scene, f"{setting}: refused")
     else:
-        yield _row(Carrier.RUNG, scene, setting, share=abs(float(1 - (end.rate[0, 0] / SPIN) ** 2)))
+        yield _row(Carrier.RUNG, scene, setting, share=abs(float(1 - (end.rate[0, 0] / spin) ** 2)))
 
 
 def _rms(error: Array) -> float:
     return float(np.sqrt(np.mean(np.square(error))))
 
 
-def draw_motion(rows: list[Row]) -> Figure:
+def draw_motion(rows: list[Row], title: str) -> Figure:
     """Return the figure of rows as `motion_chart` gives them."""
     from matplotlib.figure import Figure
 
@@ -236,7 +239,7 @@ def draw_motion(rows: list[Row]) -> Figure:
     _draw_errors(errors, [row for row in rows if row["us_a_shot"]])
     _draw_misses(misses, [row for row in rows if row["scene"].startswith("missed")])
     _draw_losses(losses, [row for row in rows if row["scene"].startswith("energy")])
-    figure.suptitle("Motion: the rungs beside pymunk left to itself", fontsize=11)
+    figure.suptitle(title, fontsize=11)
     return figure
 
 

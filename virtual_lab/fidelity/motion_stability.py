@@ -32,8 +32,10 @@ __all__ = ["motion_stability"]
 Array = NDArray[np.float64]
 Row = dict[str, Any]
 STEPS = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5)
-TOLERANCE = 1e-4  # of a good cell, as of e_A
-RUNAWAY = 0.5  # error of a ball that jumped the bat, or flew off with more than it brought
+BOUNDS = {  # of the error: good as of e_A; a ball is off by half that jumped the bat or gained
+    State.GOOD: 1e-4,
+    State.INACCURATE: 0.5,
+}
 
 
 class MotionAxis(StrEnum):
@@ -63,7 +65,8 @@ def motion_stability(progress: Progress = quiet) -> StabilityMap:
 def _maps(rows: list[Row]) -> StabilityMap:
     title = (
         "Ball off a bat by pymunk alone and by the motion's pymunk rung; good: the ball's velocity "
-        f"to {TOLERANCE:.0e} of the speed of approach, unstable: not to {RUNAWAY:g}"
+        f"to {BOUNDS[State.GOOD]:.0e} of the speed of approach, unstable: not to "
+        f"{BOUNDS[State.INACCURATE]:g}"
     )
     return StabilityMap(
         title="stability of the motion",
@@ -122,8 +125,7 @@ def _cell(axis: MotionAxis, method: Carrier, step: float, value: float) -> Row:
             shape=shapes.get(axis, "side"),
         )
     worst = float(np.max(gap / true.speed))
-    bounds = ((TOLERANCE, State.GOOD), (RUNAWAY, State.INACCURATE))
-    state = next((state for most, state in bounds if worst <= most), State.UNSTABLE)
+    state = next((state for state, most in BOUNDS.items() if worst <= most), State.UNSTABLE)
     row = {
         "map": axis.value,
         "method": method.value,

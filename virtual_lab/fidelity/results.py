@@ -50,7 +50,7 @@ class SpeedChart(StudyResult):
     title: str
     words: str  # what is drawn, on the page
     rows: list[Row]
-    figure: Callable[[list[Row]], Figure]
+    figure: Callable[[list[Row], str], Figure]  # of rows and title
 
     @property
     def text(self) -> str:
@@ -59,11 +59,11 @@ class SpeedChart(StudyResult):
 
     def draw(self, path: Path) -> None:
         """Draw the chart into a file."""
-        self.figure(self.rows).savefig(path)
+        self.figure(self.rows, self.title).savefig(path)
 
     def fill(self, folder: Path) -> None:
         """Write the rows as CSV, and what was drawn of them as PNG and HTML page."""
-        figure = self.figure(self.rows)
+        figure = self.figure(self.rows, self.title)
         self.table.to_csv(folder / f"{self.name}.csv", index=False)
         figure.savefig(folder / f"{self.name}.png")
         page = chart_page(self.title, self.words, figure, self.rows)

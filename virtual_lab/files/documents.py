@@ -37,8 +37,6 @@ __all__ = [
     "read_toml",
 ]
 
-LARGEST = 2e9  # B of a table
-LARGEST_TEXT = 20e6  # B of a document; the largest of ours has 0.1 MB
 DEEPEST = 32  # levels of a document; ours have six
 # a key of a key of a key …
 DOTTED = re.compile(rf"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){{{DEEPEST}}}")
@@ -46,7 +44,7 @@ NESTED = f"is nested deeper than {DEEPEST} levels"
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab"}
 
 
-def read_bytes(path: Path, *, most: float = LARGEST) -> bytes:
+def read_bytes(path: Path, *, most: float = 2e9) -> bytes:
     """Return the content of a file; `InputError` where it cannot be read or is beyond `most` B."""
     try:
         found = path.stat()
@@ -64,7 +62,8 @@ def read_bytes(path: Path, *, most: float = LARGEST) -> bytes:
 def read_text(path: Path) -> str:
     """Return the text of a UTF-8 file, with or without its mark; `InputError` where it is none."""
     try:
-        return read_bytes(path, most=LARGEST_TEXT).decode("utf-8-sig")
+        # the largest of ours has 0.1 MB
+        return read_bytes(path, most=20e6).decode("utf-8-sig")
     except UnicodeDecodeError as fault:
         raise InputError(str(path), "file", None, f"is no UTF-8 text ({fault.reason})") from fault
 

@@ -17,7 +17,6 @@ from pathlib import Path
 __all__ = ["draft_in", "remove_drafts"]
 
 PREFIX, RANDOM_BYTES = ".virtual-lab-draft-", 8
-PATTERN = PREFIX + "[0-9a-f]" * 2 * RANDOM_BYTES
 own: set[Path] = set()  # drafts of this process, for who must end it at once
 
 
@@ -51,7 +50,7 @@ def remove_drafts() -> None:
 
 def _sweep(folder: Path) -> None:
     """Remove the drafts in `folder` whose makers are no more."""
-    for draft in folder.glob(PATTERN):
+    for draft in folder.glob(PREFIX + "[0-9a-f]" * 2 * RANDOM_BYTES):
         lock = _lock(draft)
         if lock is not None:
             shutil.rmtree(draft, ignore_errors=True)

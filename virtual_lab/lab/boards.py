@@ -18,8 +18,6 @@ from virtual_lab.streams import Streams
 
 __all__ = ["film_board"]
 
-LEAST, MOST = 3, 60  # pictures
-
 
 def film_board(
     camera: str, board: Board, folder: Path, *, views: int = 10, seed: int | None = None
@@ -47,8 +45,8 @@ def film_board(
     """
     import cv2
 
-    if not LEAST <= views <= MOST:
-        raise InputError("", "views", views, f"allowed: {LEAST} to {MOST}")
+    if not 3 <= views <= 60:
+        raise InputError("", "views", views, "allowed: 3 to 60")
     spec = catalog.load("instruments", camera, CameraSpec).spec
     seed = randbits(SEED_BITS) if seed is None else seed
     draws = Streams(seed)

@@ -26,12 +26,6 @@ from virtual_lab.simulation.instruments import RecordDetail
 
 __all__ = ["Campaign", "box_of"]
 
-SIGMAS = 6  # that the surrogate's box reaches; a scene outside costs time, no accuracy
-# as the cannons' sheets in data/instruments have them; others make more scenes lie outside
-PLACE_SCATTER = 1.7e-3  # m, the percussion centre's own uncertainty among it
-SPEED_SCATTER = 0.2  # m/s
-SLANT = 0.01  # of the speed that a hit six sigma above the bat's axis lacks
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Campaign:
@@ -74,18 +68,21 @@ def box_of(procedure: Procedure, bat: BatSpec, ball: BallSpec) -> Box:
     It depends only on procedure, bat and lot, so a surrogate over it is always the same.
     """
     either = np.array([-1.0, 1.0])
-    place = np.array(nominal_places(procedure, bat)) + SIGMAS * PLACE_SCATTER * either
+    sigmas = 6  # a scene outside costs time, no accuracy
+    # scatter as the cannons' sheets in data/instruments have it; others make more scenes lie
+    # outside. That of the place [m] has the percussion centre's own uncertainty among it.
+    place = np.array(nominal_places(procedure, bat)) + sigmas * 1.7e-3 * either
     axis = bat.body.length - procedure.pivot_from_knob
     bat_speed = procedure.turn_rate(bat.body.length) * (axis - place[::-1])
-    speed = procedure.ball_speed + bat_speed + SIGMAS * SPEED_SCATTER * either
-    speed[0] *= 1 - SLANT
+    speed = procedure.ball_speed + bat_speed + sigmas * 0.2 * either  # m/s
+    speed[0] *= 0.99  # a hit six sigma above the bat's axis is slanted
     scatter = hypot(ball.spread.restitution, ball.spread.hit_restitution)
-    e0 = np.asarray(ball.restitution.at(speed[::-1])) + SIGMAS * scatter * either
+    e0 = np.asarray(ball.restitution.at(speed[::-1])) + sigmas * scatter * either
     return Box.about(
         Scenes.of(
             impact_position=place,
             relative_speed=speed,
-            ball_mass=ball.mass + SIGMAS * ball.spread.mass * either,
+            ball_mass=ball.mass + sigmas * ball.spread.mass * either,
             ball_restitution=e0.clip(ball.restitution.floor, 1.0),
             stiffness=ball.stiffness,
             exponent=ball.exponent,

@@ -17,9 +17,6 @@ from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["certify_bat"]
 
-BRANCH = 1_000_000  # of the seed, beyond any number of tests: hits of the control bat's own
-UNCORRECTED = Estimate(value=1.0)
-
 
 def certify_bat(setup: TestSetup, progress: Progress = quiet) -> Tested:
     """Take a bat through a procedure.
@@ -48,9 +45,9 @@ def certify_bat(setup: TestSetup, progress: Progress = quiet) -> Tested:
     assert rules.correction is not None
     bat, standard = given.spec, rules.correction.standard
     require_places(rules, bat)
-    own = setup.reality.draws(laboratory.seed, BRANCH)
+    own = setup.reality.draws(laboratory.seed, 1_000_000)  # beyond any number of tests
     progress(f"control bat {bat.name}, with the same balls")
-    session = _with_ratio(laboratory.session, UNCORRECTED)
+    session = _with_ratio(laboratory.session, Estimate(value=1.0))
     control = by_the_book(
         replace(
             laboratory,

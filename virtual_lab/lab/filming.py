@@ -17,7 +17,6 @@ from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["film_of"]
 
-WIDEST_OVER_BARREL = 1.8  # barrel radii: nothing else is that near the bat
 CALIBRATION = """\
 # What the laboratory knows of its camera and of this shot. Axes of the rig: X along the flight,
 # Y along the bat to its tip, Z up.
@@ -114,7 +113,7 @@ def _calibration(session: Session, ball_mass: float, size: tuple[int, int]) -> s
         scale_u=scale_u,
         pivot=[axis, pivot],
         toward=[axis, 0.0],
-        widest=WIDEST_OVER_BARREL * barrel,
+        widest=1.8 * barrel,  # nothing else is that near the bat
     )
 
 

@@ -22,7 +22,6 @@ __all__ = ["CONTINUOUS", "WIDTH_KEY", "measurand", "true_curve"]
 Array = NDArray[np.float64]
 CONTINUOUS = "metric_of_continuous_curve"
 WIDTH_KEY = "width_m"
-CURVE_POINTS = 41
 
 
 def measurand(
@@ -51,7 +50,7 @@ def measurand(
         curve.metric(control)[back],
     )
     if procedure.scan is not None:
-        along = np.linspace(procedure.scan.low, procedure.scan.high, CURVE_POINTS)
+        along = np.linspace(procedure.scan.low, procedure.scan.high, 41)
         found |= _of_continuous(true_curve(station, specimen, procedure, along), control)
     return found
 

@@ -39,8 +39,6 @@ from virtual_lab.streams import Draws
 __all__ = ["Rehearsal", "Straying"]
 
 Array = NDArray[np.float64]
-STEP = 4e-3  # m, between the places at which the curve is computed
-CURVE_MARGIN = 0.025  # m, how far the curve goes on beyond the places that may be aimed at
 
 
 class Straying(NamedTuple):
@@ -67,7 +65,8 @@ class Rehearsal:
         percussion = certification.outcome.place
         scan = procedure.scan
         low, high = (scan.low, scan.high) if scan else (percussion, percussion)
-        places = np.arange(low - CURVE_MARGIN, high + CURVE_MARGIN + STEP, STEP)
+        step, beyond = 4e-3, 0.025  # m: of the curve, and how far it goes on beyond any aim
+        places = np.arange(low - beyond, high + beyond + step, step)
         curve = true_curve(laboratory.impact, laboratory.specimen, procedure, places)
         known = [curve.collision_efficiency, curve.recoil_factor, curve.ball_restitution]
         spline = CubicSpline(places, known, axis=1)

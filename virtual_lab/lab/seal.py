@@ -20,12 +20,7 @@ from virtual_lab.files import read_json, read_toml
 
 __all__ = ["SEAL", "TRUTH", "Alteration", "alterations", "write_seal"]
 
-SCHEMA = 1
 TRUTH, SEAL = "truth/truth.json", "truth/seal.json"
-COMPLETE = ("records", "truth")  # folders to which nothing may be added
-READERS = {".json": read_json, ".toml": read_toml}
-NAME = re.compile(r"[\w /-]+")  # of a key; others are quoted, or one could pass for a path of two
-HEX_DIGITS = 16  # of a value's digest: against a slip of the hand, as the whole seal
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +39,7 @@ class Alteration:
 def write_seal(folder: Path) -> None:
     """Seal all files of a test in `folder`, including its truth."""
     content = {name: _content(folder, name) for name in _files(folder)}
-    document = {"schema": SCHEMA, "digest": _digest(content), "content": content}
+    document = {"schema": 1, "digest": _digest(content), "content": content}
     (folder / SEAL).write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
 
 
@@ -64,8 +59,9 @@ def alterations(folder: Path) -> list[Alteration]:
     sealed = seal.get("content")
     if not isinstance(sealed, dict) or seal.get("digest") != _digest(sealed):
         return [Alteration(SEAL, "", "altered")]
+    complete = ("records", "truth")  # nothing may be added to them
     found = _files(folder)
-    added = [name for name in found if name not in sealed and name.split("/")[0] in COMPLETE]
+    added = [name for name in found if name not in sealed and name.split("/")[0] in complete]
     return [
         *(each for name, content in sealed.items() for each in _altered(folder, name, content)),
         *(Alteration(name, "", "added") for name in added),
@@ -81,9 +77,9 @@ def _files(folder: Path) -> list[str]:
 def _content(folder: Path, name: str) -> str | dict[str, str]:
     """Return the digest of a file, or of each of its keys; `InputError` where it has none."""
     path = folder / name
-    reader = None if "truth" in name.split("/") else READERS.get(path.suffix)
-    if reader:
-        return {key: _digest(value)[:HEX_DIGITS] for key, value in _values(reader(path))}
+    readers = {} if "truth" in name.split("/") else {".json": read_json, ".toml": read_toml}
+    if reader := readers.get(path.suffix):  # 16 digits do against a slip of the hand
+        return {key: _digest(value)[:16] for key, value in _values(reader(path))}
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -113,7 +109,8 @@ def _values(document: Any, key: str = "") -> Iterator[tuple[str, Any]]:
     """Yield the values of a document with keys such as ``budget[3].u``."""
     if isinstance(document, dict) and document:
         for name, value in document.items():
-            plain = name if NAME.fullmatch(name) else json.dumps(name)
+            # unquoted one could pass for a path of two
+            plain = name if re.fullmatch(r"[\w /-]+", name) else json.dumps(name)
             yield from _values(value, f"{key}.{plain}" if key else plain)
     elif isinstance(document, list) and document:
         for number, value in enumerate(document):

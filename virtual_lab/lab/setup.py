@@ -19,7 +19,6 @@ from virtual_lab.simulation.rig import MotionRung, Reality, Stage
 
 __all__ = ["TestSetup"]
 
-BENCH_RIG, BALL_RIG = "bench", "ball-wall"
 NO_FAULTS = FaultSet()
 METHODS = ("ratio", "trampoline")  # of converting a result to a standard ball
 
@@ -133,7 +132,7 @@ class TestSetup:
     @property
     def rigs(self) -> dict[Stage, str]:
         """Which rig stands at each stage."""
-        return {Stage.BENCH: BENCH_RIG, Stage.BALLS: BALL_RIG, Stage.IMPACT: self.rig}
+        return {Stage.BENCH: "bench", Stage.BALLS: "ball-wall", Stage.IMPACT: self.rig}
 
     @property
     def unverified(self) -> dict[str, str]:

@@ -19,9 +19,6 @@ from virtual_lab.simulation.physics.beam import Beam
 __all__ = ["TrueCurve", "scan_result"]
 
 Array = NDArray[np.float64]
-DEGREE = 3  # of the curve that a scan is judged by
-POINTS = 64  # between which a fitted curve turns at most once
-SETTING = 1e-3  # m, two steps in which an operator sets a place
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,10 +127,10 @@ def scan_result(
     best = int(np.argmax(looked))
     if scan.final_hits:
         return float(wanted[best])
-    near = np.abs(at - at[best]) < scan.fit_half_width + SETTING
-    degree = min(DEGREE, int(near.sum()) - 1)
+    near = np.abs(at - at[best]) < scan.fit_half_width + 1e-3  # m, two steps in setting it
+    degree = min(3, int(near.sum()) - 1)
     curve, value = (Polynomial.fit(at[near], own[near], degree) for own in (looked, wanted))
-    slope, along = curve.deriv(), np.linspace(curve.domain[0], curve.domain[1], POINTS)
+    slope, along = curve.deriv(), np.linspace(curve.domain[0], curve.domain[1], 64)
     falls = np.flatnonzero(np.diff(np.sign(slope(along))) < 0)
     turns = [brentq(slope, along[i], along[i + 1], xtol=1e-14) for i in falls]
     candidates = np.array([*curve.domain, *turns])

@@ -59,9 +59,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-BAT_PROPERTIES = ("mass", "length", "z_cm", "inertia_cm")
-POSITIVE = ("span", "clock", "scale", "counts_per_turn", "gravity", "radius", "pitch")
-PIVOT_TOLERANCE = 5e-3  # m, a rig this far off is another rig
 AIM_ALONG = "impact.cannon.along"
 
 
@@ -140,7 +137,7 @@ def prepare(session: Session) -> Preparation:
     procedure = read(session.procedure_text, "procedure.toml", Procedure)
     axis = session.calibration["impact.pivot.from_knob"].value
     asked = procedure.spec.pivot_from_knob
-    if abs(axis - asked) > PIVOT_TOLERANCE:
+    if abs(axis - asked) > 5e-3:  # m: another rig
         allowed = f"the rig's axis is at {axis:g} m"
         raise InputError("procedure.toml", "pivot_from_knob", f"{asked:g} m", allowed)
     balls = observe_balls(session)
@@ -224,7 +221,8 @@ def _bat_budgets(constants: Mapping[str, Estimate]) -> dict[str, Budget]:
 
     def properties(x: Mapping[str, Array]) -> dict[str, Array]:
         bat = bat_properties(x)
-        return {name: np.ravel(getattr(bat, name)) for name in BAT_PROPERTIES}
+        names = ("mass", "length", "z_cm", "inertia_cm")
+        return {name: np.ravel(getattr(bat, name)) for name in names}
 
     best = properties({name: np.array([[known.value]]) for name, known in constants.items()})
     return {
@@ -249,8 +247,9 @@ def _place_constants(rules: Procedure, along: Estimate | None) -> dict[str, Esti
 
 
 def _constants(session: Session) -> dict[str, Estimate]:
+    positive = {"span", "clock", "scale", "counts_per_turn", "gravity", "radius", "pitch"}
     for name, known in session.calibration.items():
-        if name.rpartition(".")[2] in POSITIVE and not known.value > 0:
+        if name.rpartition(".")[2] in positive and not known.value > 0:
             key = f"calibration.{name}"
             raise InputError("session.json", key, known.value, "allowed: above 0")
     return dict(session.calibration) | bench_constants(session)

@@ -14,11 +14,9 @@ from math import ceil, floor, isfinite, log10
 __all__ = ["BAND", "PAGE_WIDTH", "Panel", "figure", "symbol_markup"]
 
 PAGE_WIDTH = 497.0  # pt, the text width of an A4 page
-FONT_SIZE = 8.0  # pt
 BAND = "#d9d9d9"  # an interval: light enough that markers stand out on a grey printer
-DASHED, DOTTED = "5 2.5", "1 1.6"
+DASHED = "5 2.5"
 TICK = 3.0  # pt
-STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)  # of an axis, times a power of ten
 
 
 def figure(panels: Iterable[Panel], height: float, name: str, title: str, description: str) -> str:
@@ -36,7 +34,7 @@ def figure(panels: Iterable[Panel], height: float, name: str, title: str, descri
     drawn = "".join(panel.drawn() for panel in panels)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {PAGE_WIDTH:g} {height:g}" '
-        f'role="img" aria-labelledby="{name}-title {name}-description" font-size="{FONT_SIZE:g}" '
+        f'role="img" aria-labelledby="{name}-title {name}-description" font-size="8" '
         'font-family="sans-serif" stroke-linecap="butt">'
         f'<title id="{name}-title">{escape(title)}</title>'
         f'<desc id="{name}-description">{escape(description)}</desc>{drawn}</svg>'
@@ -113,7 +111,7 @@ class Panel:
 
     def upright(self, x: float, label: str = "") -> None:
         """Draw a thin dotted line at one abscissa."""
-        self.line((x, x), self.y, label, width=0.7, dashes=DOTTED)
+        self.line((x, x), self.y, label, width=0.7, dashes="1 1.6")
 
     def dots(
         self,
@@ -229,7 +227,8 @@ def _ticks(low: float, high: float, most: int) -> list[float]:
     if not (isfinite(low) and isfinite(high) and high > low):
         return []
     power = 10.0 ** floor(log10((high - low) / most))
-    step = next(power * each for each in (*STEPS, 20.0) if (high - low) / (power * each) <= most)
+    steps = (power * each for each in (1.0, 2.0, 2.5, 5.0, 10.0, 20.0))
+    step = next(step for step in steps if (high - low) / step <= most)
     first, last = ceil(low / step - 1e-9), floor(high / step + 1e-9)
     return [number * step for number in range(first, last + 1)]
 

@@ -19,12 +19,7 @@ __all__ = ["Board", "board_of", "length_of"]
 
 Array = NDArray[np.float64]
 LENGTHS = ("mm", "cm", "m", "in", "um")
-DICTIONARIES = tuple(
-    f"{bits}X{bits}_{count}" for bits in (4, 5, 6, 7) for count in (50, 100, 250, 1000)
-)
 SQUARE = (1e-3, 1.0)  # m, the side of a square
-LONGEST = 10.0  # m, of a board
-FORM = "charuco:COLUMNSxROWS:SQUARE:MARKER[:DICTIONARY] or chessboard:COLUMNSxROWS:SQUARE"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,7 +65,8 @@ def board_of(text: str, key: str = "--board") -> Board:
     kind, *parts = text.strip().split(":")
     charuco = kind == "charuco"
     if kind not in {"charuco", "chessboard"} or not 2 + charuco <= len(parts) <= 2 + 2 * charuco:
-        raise InputError("", key, text, f"expected {FORM}, e.g. charuco:14x9:40mm:30mm")
+        form = "charuco:COLUMNSxROWS:SQUARE:MARKER[:DICTIONARY] or chessboard:COLUMNSxROWS:SQUARE"
+        raise InputError("", key, text, f"expected {form}, e.g. charuco:14x9:40mm:30mm")
     counts = re.fullmatch(r"(\d{1,3})x(\d{1,3})", parts[0])
     if not counts:
         raise InputError("", key, parts[0], "expected squares in a row x rows, e.g. 14x9")
@@ -78,14 +74,15 @@ def board_of(text: str, key: str = "--board") -> Board:
     if columns < 4 or rows < 3:
         raise InputError("", key, parts[0], "at least 4x3 squares")
     square = length_of(parts[1], key, *SQUARE)
-    if max(columns, rows) * square > LONGEST:
-        raise InputError("", key, text, f"a side is longer than {LONGEST:g} m")
+    if max(columns, rows) * square > 10:
+        raise InputError("", key, text, "a side is longer than 10 m")
     marker = length_of(parts[2], key, 0.0, square) if charuco else 0.0
     if charuco and marker >= square:
         raise InputError("", key, parts[2], f"a marker is smaller than its square, {parts[1]}")
     dictionary = parts[3].removeprefix("DICT_") if len(parts) == 4 else "4X4_1000"
-    if dictionary not in DICTIONARIES:
-        raise InputError("", key, dictionary, f"allowed: {', '.join(DICTIONARIES)}")
+    known = [f"{bits}X{bits}_{count}" for bits in (4, 5, 6, 7) for count in (50, 100, 250, 1000)]
+    if dictionary not in known:
+        raise InputError("", key, dictionary, f"allowed: {', '.join(known)}")
     if charuco and columns * rows // 2 > int(dictionary.split("_")[1]):
         markers = columns * rows // 2
         raise InputError("", key, dictionary, f"the board has {markers} markers")

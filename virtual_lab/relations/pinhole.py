@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 __all__ = ["DOWN", "distorted", "looking_down", "projected", "rotation", "undistorted"]
 
 Array = NDArray[np.float64]
-SUBSTITUTIONS = 8
 DOWN = np.diag([1.0, -1.0, -1.0])  # axes of a camera that looks straight down, X to the right
 
 
@@ -54,7 +53,7 @@ def undistorted(points: ArrayLike, coefficients: Sequence[Array] | Array) -> Arr
     """
     drawn = np.asarray(points, dtype=np.float64)
     flat = drawn
-    for _ in range(SUBSTITUTIONS):
+    for _ in range(8):
         flat = drawn - (distorted(flat, coefficients) - flat)
     return flat
 

@@ -27,8 +27,6 @@ __all__ = ["Draws", "Quiet", "Slots", "Streams", "commitment"]
 
 Array = NDArray[np.float64]
 Slots = NDArray[np.int_]
-KEYS = 4096  # that are kept: those of some laboratories
-SLOT_0 = np.zeros(1, dtype=np.int64)
 
 
 class Draws(Protocol):
@@ -76,7 +74,7 @@ class Streams:
         self, name: str, shape: int | tuple[int, ...], slots: Slots | None, normal: bool
     ) -> Array:
         each = shape if isinstance(shape, int) else prod(shape)
-        rows = SLOT_0 if slots is None else np.ascontiguousarray(slots, dtype=np.int64)
+        rows = np.ascontiguousarray([0] if slots is None else slots, dtype=np.int64)
         out = np.empty(rows.size * each)
         if not _kernel()(_key(self.seed, self.branch, name), rows, each, normal, out):
             raise InputError("draws", name, slots, "allowed as slots: 0 to 2^32 - 1")
@@ -105,7 +103,7 @@ def _laid(shape: int | tuple[int, ...], slots: Slots | None) -> tuple[int, ...]:
     return own if slots is None else (len(slots), *own)
 
 
-@lru_cache(KEYS)
+@lru_cache(4096)  # keys of some laboratories
 def _key(seed: int, branch: tuple[int, ...], name: str) -> tuple[int, int, int]:
     """Return three words of 32 bits: BLAKE2b of what the numbers belong to."""
     owner = "/".join(map(str, (seed, *branch, name)))

@@ -20,15 +20,11 @@ __all__ = ["fill"]
 Floats = NDArray[np.float64]
 Words = NDArray[np.uint64]
 Whole = NDArray[np.int64]
-CHUNK = 256  # counters
-ROUNDS = 10
 LOW, HALF = np.uint64(0xFFFFFFFF), np.uint64(32)
 MULTIPLIERS = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
 WEYL = np.uint64(0x9E3779B9), np.uint64(0xBB67AE85)
-LAST_SLOT = 2**32 - 1
 
 ONE = np.uint64(0x3FF0000000000000)  # the bits of 1.0
-BELOW_ONE = np.uint64(12)  # bits of a word that the fraction of a double has no room for
 ROOT_HALF = np.int64(0x3FE6A09E667F3BCD)  # the bits of √(1/2)
 FRACTION = np.int64(52)
 LN_2 = log(2.0)
@@ -53,7 +49,7 @@ def fill(key: tuple[int, int, int], slots: Whole, each: int, normal: bool, out: 
         (slot x each,).
     """
     pairs = (each + 1) // 2
-    room = min(CHUNK, slots.size * pairs)
+    room = min(256, slots.size * pairs)
     of_index, of_slot = np.empty(room, np.uint64), np.empty(room, np.uint64)
     first, second = np.empty(room, np.uint64), np.empty(room, np.uint64)
     words, values = np.empty(2 * room, np.uint64), np.empty(2 * room)
@@ -63,7 +59,7 @@ def fill(key: tuple[int, int, int], slots: Whole, each: int, normal: bool, out: 
         used, wanted = 0, 0
         begun, odd = pair, each % 2
         while used < room and row < slots.size:
-            if slots[row] < 0 or slots[row] > LAST_SLOT:
+            if slots[row] < 0 or slots[row] >= 2**32:
                 return False
             more = min(room - used, pairs - pair)
             for i in range(more):
@@ -102,7 +98,7 @@ def _philox(
     for i in range(index.size):
         a, b, c, d = index[i], slot[i], np.uint64(0), np.uint64(key[2])
         x, y = np.uint64(key[0]), np.uint64(key[1])
-        for _ in range(ROUNDS):
+        for _ in range(10):
             p, q = a * MULTIPLIERS[0], c * MULTIPLIERS[1]
             a, b = (q >> HALF) ^ b ^ x, q & LOW
             c, d = (p >> HALF) ^ d ^ y, p & LOW
@@ -115,7 +111,7 @@ def _philox(
 def _uniform(words: Words, out: Floats) -> None:
     """Fill `out` with odd multiples of 2^-53 between -1/2 and 1/2; uses up the words."""
     for i in range(words.size):
-        words[i] = words[i] >> BELOW_ONE | ONE
+        words[i] = words[i] >> np.uint64(12) | ONE  # the fraction of a double has 52 bits
     between = words.view(np.float64)  # 1 and 2
     for i in range(words.size):
         out[i] = between[i] - 1.5 + 2.0**-53

@@ -18,10 +18,6 @@ from virtual_lab.simulation.rig import Reality
 
 __all__ = ["bias"]
 
-COLUMNS = {"bat": Column("bat")} | {
-    name: Column(name.replace("_", " "), form="+.1e") for name in QUANTITIES
-}
-
 
 def bias(
     procedure: str = "astm-f1881", *, progress: Progress = quiet
@@ -44,6 +40,7 @@ def bias(
     return Rows(
         name="bias",
         title=f"measured minus true value by {procedure}, without randomness",
-        columns=COLUMNS,
+        columns={"bat": Column("bat")}
+        | {name: Column(name.replace("_", " "), form="+.1e") for name in QUANTITIES},
         rows=rows,
     )

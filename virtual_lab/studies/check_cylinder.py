@@ -27,8 +27,6 @@ from virtual_lab.simulation.rig import ShotPlan, Stage
 __all__ = ["check_cylinder"]
 
 Array = NDArray[np.float64]
-CYLINDER, BALL, PROCEDURE = "check-cylinder", "check-ball", "astm-f1881"
-FIRST_SLOT = 1_000_000  # beyond any shot of the test that sets the laboratory up
 
 
 def check_cylinder(
@@ -52,16 +50,16 @@ def check_cylinder(
     InputError
         An unknown fault, or one that this rig cannot have; a day without a valid hit.
     """
-    stage = Stage.IMPACT
-    rules = catalog.load("procedures", PROCEDURE, Procedure).spec
+    stage, procedure = Stage.IMPACT, "astm-f1881"
+    rules = catalog.load("procedures", procedure, Procedure).spec
     wrong = FaultSet.of(faults, rig=rules.rig)
     setup = TestSetup.of(
-        CYLINDER,
-        procedure=PROCEDURE,
+        "check-cylinder",
+        procedure=procedure,
         seed=seed,
         detail=RecordDetail.FULL if faults else RecordDetail.SUMMED,
     )
-    laboratory = Laboratory.open(replace(setup, ball=catalog.load("balls", BALL, BallSpec)))
+    laboratory = Laboratory.open(replace(setup, ball=catalog.load("balls", "check-ball", BallSpec)))
     session = by_the_book(laboratory).certification.session
     order = ShotPlan(
         slot=np.arange(hits),
@@ -74,7 +72,8 @@ def check_cylinder(
     for number in range(1, days + 1):
         day = wrong if number >= since else FaultSet()
         station = day.station(stage, laboratory.stations[stage])
-        today = replace(order, slot=FIRST_SLOT + number * hits + order.slot)
+        beyond_the_test = 1_000_000 + number * hits
+        today = replace(order, slot=beyond_the_test + order.slot)
         play = day.play(stage, station, today, laboratory.specimen, laboratory.draws)
         records = {**session.records, stage.value: play.records}
         found = reduce_session(replace(session, records=records))

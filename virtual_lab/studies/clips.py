@@ -29,11 +29,11 @@ from virtual_lab.units import INCH
 __all__ = ["ClipCoverage", "clip_coverage"]
 
 Array = NDArray[np.float64]
-NORMAL_95 = 1.959964
-LEAST_CLIPS = 2  # clips with a result
-PLACE = 6 * INCH  # from the tip
-RIG = "filmed-cannon"
-QUANTITIES = {"v_in": "speed_in", "v_out": "speed_out", "e_A": "efficiency"}
+QUANTITIES = {  # of what the camera gives u, and the truth
+    "v_in": ("speed_in", "speed"),
+    "v_out": ("speed_out", "rebound_speed"),
+    "e_A": ("efficiency", "collision_efficiency"),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,7 +89,11 @@ def clip_coverage(
     rung = RecordDetail.SUMMED if summed else RecordDetail.FULL
     for number in range(clips):
         setup = TestSetup.of(
-            bat, procedure=procedure, rig=RIG, seed=seed + number, detail=RecordDetail.SUMMED
+            bat,
+            procedure=procedure,
+            rig="filmed-cannon",
+            seed=seed + number,
+            detail=RecordDetail.SUMMED,
         )
         found.append(_clip(Laboratory.open(setup), rung))
         progress("clips", number + 1, clips)
@@ -110,7 +114,7 @@ def _clip(laboratory: Laboratory, rung: RecordDetail) -> Array:
         slot=np.zeros(1, dtype=int),
         ball=np.zeros(1, dtype=int),
         speed=np.full(1, rules.ball_speed),
-        place=np.full(1, PLACE),
+        place=np.full(1, 6 * INCH),
         rung=rung,
     )
     play = ready.stations[stage].play(order, ready.specimen, ready.draws)
@@ -121,28 +125,22 @@ def _clip(laboratory: Laboratory, rung: RecordDetail) -> Array:
     if not reduced.judgement.valid[0]:
         return np.full((len(QUANTITIES), 3), np.nan)
     flights = camera.filmed.flights
-    measured = {
-        "speed_in": flights.speed_in,
-        "speed_out": flights.speed_out,
-        "efficiency": camera.shots.rebound_efficiency,
-    }
-    true = {
-        "speed_in": play.truth["speed"],
-        "speed_out": play.truth["rebound_speed"],
-        "efficiency": play.truth["collision_efficiency"],
-    }
+    measured = (flights.speed_in, flights.speed_out, camera.shots.rebound_efficiency)
     return np.array(
-        [[measured[name][0], camera.u[name][0], true[name][0]] for name in QUANTITIES.values()]
+        [
+            [value[0], camera.u[name][0], play.truth[true][0]]
+            for value, (name, true) in zip(measured, QUANTITIES.values(), strict=True)
+        ]
     )
 
 
 def _row(quantity: str, value: Array, u: Array, true: Array) -> ClipCoverage:
     seen = np.isfinite(value)
     error, u = (value - true)[seen], u[seen]
-    if error.size < LEAST_CLIPS:
-        allowed = f"of these {error.size} gave a result; film more, {LEAST_CLIPS} must"
+    if error.size < 2:
+        allowed = f"of these {error.size} gave a result; film more, 2 must"
         raise InputError("", "clips", seen.size, allowed)
-    held = int((np.abs(error) <= NORMAL_95 * u).sum())
+    held = int((np.abs(error) <= 1.959964 * u).sum())
     count = binomtest(held, error.size).proportion_ci(0.95, "exact")
     relative = error / true[seen]
     return ClipCoverage(

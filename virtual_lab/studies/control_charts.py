@@ -36,9 +36,8 @@ Flags = NDArray[np.bool_]
 
 RANGE_MEAN = 2 / sqrt(pi)  # d2: of the range of two, in standard deviations
 RANGE_LIMIT = RANGE_MEAN + 3 * sqrt(2 - RANGE_MEAN**2)  # d2 + 3 d3
-WEIGHT, WIDTH = 0.2, 2.962
-EWMA_LIMIT = WIDTH * sqrt(WEIGHT / (2 - WEIGHT))
-SLACK, CUSUM_LIMIT = 0.5, 5.0
+WEIGHT, CUSUM_LIMIT = 0.2, 5.0
+EWMA_LIMIT = 2.962 * sqrt(WEIGHT / (2 - WEIGHT))
 
 
 class Run(NamedTuple):
@@ -113,7 +112,7 @@ def ewma(x: Array, weight: float = WEIGHT) -> Array:
     return average
 
 
-def cusum(x: Array, slack: float = SLACK) -> tuple[Array, Array]:
+def cusum(x: Array, slack: float = 0.5) -> tuple[Array, Array]:
     """Return the sums of the deviations beyond `slack` above and below the centre, both ≥ 0.
 
     A sum restarts at 0 when it would become negative.

@@ -48,7 +48,6 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-FIELD_SWINGS = (0.0, 0.3, 0.5)
 FIELD_TIE_MPH = 0.1  # bats less than this apart in the field have no order there
 RELIABLE_SHARE = 0.95  # a ranking that comes out one way this often is that procedure's
 
@@ -195,7 +194,7 @@ def critique(
     """
     if laboratories < 2:
         raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
-    exponents = chosen_swings(swing_law, swings, FIELD_SWINGS)
+    exponents = chosen_swings(swing_law, swings, (0.0, 0.3, 0.5))
     compared = compare(bats, swings=exponents, reference_inertia=reference_inertia, ball=ball)
     top = [row.peaks["v_f_mph"] for row in compared.peaks]  # bat by bat, n by n
     ranked = []

@@ -42,12 +42,8 @@ if TYPE_CHECKING:
 __all__ = ["Daily", "daily"]
 
 Array = NDArray[np.float64]
-BALL_RIG = "ball-wall"
 SPEED = 60 * MPH  # of the wall test
 CYLINDER = "check-cylinder"
-NO_BAT = CYLINDER  # a specimen has a bat, which a wall never meets
-MOST_DAYS, MOST_HITS = 10_000, 1000
-LEAST_BASELINE = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -274,9 +270,9 @@ def _alarms(standard: str, charted: Charted, since: int | None) -> list[AlarmCou
 
 def _check_counts(days: int, baseline: int, hits: int, rules: Collection[int]) -> None:
     for name, value, low, high in (
-        ("days", days, LEAST_BASELINE + 1, MOST_DAYS),
-        ("baseline", baseline, LEAST_BASELINE, days - 1),
-        ("hits", hits, 2, MOST_HITS),
+        ("days", days, 6, 10_000),
+        ("baseline", baseline, 5, days - 1),
+        ("hits", hits, 2, 1000),
     ):
         if not low <= value <= high:
             most = f"{high}, fewer than the days" if name == "baseline" else f"{high}"
@@ -289,9 +285,9 @@ def _check_counts(days: int, baseline: int, hits: int, rules: Collection[int]) -
 def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
     """Return the measured e0 of each morning, (day,)."""
     draws = Reality.REAL.draws(seed)
-    station = cast("WallStation", find_rig(BALL_RIG, Stage.BALLS).commission(draws))
+    station = cast("WallStation", find_rig("ball-wall", Stage.BALLS).commission(draws))
     constants = _constants(station.calibration, spec)
-    bat = made_bat(catalog.load_bat(NO_BAT).spec, draws)
+    bat = made_bat(catalog.load_bat(CYLINDER).spec, draws)  # a specimen has one; no wall meets it
     balls = draw_balls(spec, 1, draws)
     first = np.zeros(hits, dtype=int)
     turns = np.arange(hits)

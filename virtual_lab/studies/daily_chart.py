@@ -18,11 +18,8 @@ __all__ = ["draw_control_chart"]
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-SIZE = (7.2, 8.0)  # in
-BASELINE = "0.93"
 LIMIT = {"color": "black", "linestyle": "--", "linewidth": 0.7}
 FIRST = "#d55e00"
-SIGHT = 5  # limits
 
 
 def draw_control_chart(values: Array, charted: Charted, label: str, path: Path) -> None:
@@ -48,14 +45,12 @@ def draw_control_chart(values: Array, charted: Charted, label: str, path: Path) 
     words = [run.words for run in RULES.values()]
     shewhart = [flags for name, flags in charted.alarms.items() if name in words]
     with style.context(STYLE, after_reset=True):
-        figure = Figure(figsize=SIZE, dpi=150, layout="constrained")
+        figure = Figure(figsize=(7.2, 8.0), dpi=150, layout="constrained")
         panels = figure.subplots(4, 1, sharex=True, height_ratios=(3, 2, 2, 2))
         panels[0].plot(days, values, ".-", color="black", linewidth=0.6)
-        for width, dash in ((0, "-"), (1, ":"), (2, ":"), (3, "--")):
-            for side in {width, -width}:
-                panels[0].axhline(
-                    base.centre + side * base.sigma, color="black", linewidth=0.6, linestyle=dash
-                )
+        for side, dash in zip(range(-3, 4), ("--", ":", ":", "-", ":", ":", "--"), strict=True):
+            at = base.centre + side * base.sigma
+            panels[0].axhline(at, color="black", linewidth=0.6, linestyle=dash)
         every = np.logical_or.reduce(shewhart) if shewhart else np.zeros(later.size, dtype=bool)
         _mark(panels[0], later, values[first:], every)
         panels[0].set_ylabel(label)
@@ -79,7 +74,7 @@ def draw_control_chart(values: Array, charted: Charted, label: str, path: Path) 
         _keep_in_sight(panels[3], CUSUM_LIMIT, -charted.sum_down.max(), charted.sum_up.max())
         panels[3].set_title("cumulative sums up and down, σ")
         for axes in panels:
-            axes.axvspan(0.5, first + 0.5, facecolor=BASELINE, edgecolor="none", zorder=0)
+            axes.axvspan(0.5, first + 0.5, facecolor="0.93", edgecolor="none", zorder=0)
         panels[3].set(xlabel="day", xlim=(0.5, values.size + 0.5))
         figure.savefig(path)
 
@@ -97,5 +92,5 @@ def _mark(axes: Axes, days: NDArray[np.int_], values: Array, alarms: Flags) -> N
 
 def _keep_in_sight(axes: Axes, limit: float, low: float, high: float) -> None:
     """Limit the axis, so that values far away do not compress the limits into one line."""
-    edges = np.clip([1.1 * min(low, -limit), 1.1 * max(high, limit)], -SIGHT * limit, SIGHT * limit)
+    edges = np.clip([1.1 * min(low, -limit), 1.1 * max(high, limit)], -5 * limit, 5 * limit)
     axes.set_ylim(*edges)

@@ -39,11 +39,7 @@ from virtual_lab.units import INCH
 __all__ = ["Effect", "effects"]
 
 Array = NDArray[np.float64]
-WORDS = "Effect: what one standard uncertainty of the term does to the metric. SI: its unit."
-AIM_SQUARE = "impact.aim.across_square"
 HITS = "hits"
-BARREL_PLACE = np.array(6 * INCH)  # where the bench takes the barrel's radius, from the tip
-LEAST_LABORATORIES = 4  # laboratories a term
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,8 +100,8 @@ def effects(
         if tested.certification.verdict.value != "INVALID":
             cases.append(_case(tested))
     names = list(dict.fromkeys(name for case in cases for name in case.components))
-    if len(cases) < LEAST_LABORATORIES * len(names) or not cases:
-        least = f"{LEAST_LABORATORIES} and more with a result for each of {len(names)} terms"
+    if len(cases) < 4 * len(names) or not cases:
+        least = f"4 and more with a result for each of {len(names)} terms"
         raise InputError("", "laboratories", len(cases), f"allowed: {least}")
     regressors = {name: _errors_of(name, cases) for name in names}
     known = {name: errors for name, errors in regressors.items() if errors is not None}
@@ -136,7 +132,7 @@ def effects(
     return Rows(
         name="effects",
         title=f"{bat} by {procedure}: the effect of every term of the budget on the metric",
-        words=WORDS,
+        words="Effect: what one standard uncertainty of the term does to the metric. SI: its unit.",
         rows=sorted(rows, key=lambda row: -abs(row.stated)),
     )
 
@@ -183,7 +179,7 @@ def _readings_off(tested: Tested, true: Mapping[str, float]) -> dict[str, float]
         np.array(first - offset), np.array(last - offset), swings
     )
     period = 2 * np.pi * sqrt(swung / (moment * true["hall.gravity"]))
-    radius = float(outer_diameter(body.profile, BARREL_PLACE)) / 2
+    radius = float(outer_diameter(body.profile, np.array(6 * INCH))) / 2  # where the bench takes it
     exact = {
         "bat.mass": float(bat["mass"]) * true["bench.scale.span"] + true["bench.scale.zero"],
         "bat.length": float(bat["length"]) + true["bench.rule.offset"],
@@ -220,7 +216,7 @@ def _errors_of(name: str, cases: list[_Case]) -> Array | None:
             for each, case in zip(parts, cases, strict=True)
         ]
         return np.asarray(np.array(moved) / _stated(name, cases))
-    if name == AIM_SQUARE:
+    if name == "impact.aim.across_square":
         square = float(np.mean(np.concatenate([case.across for case in cases]) ** 2))
         off = [case.components[name].value - square for case in cases]
     elif all(name in case.off for case in cases):

@@ -19,7 +19,6 @@ from virtual_lab import catalog
 from virtual_lab.catalog.faults import FaultSheet, Prediction
 from virtual_lab.errors import InputError
 from virtual_lab.lab import TestSetup, certify_bat
-from virtual_lab.measurement.certification import Certification
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
@@ -27,9 +26,6 @@ from virtual_lab.output.tables import column
 __all__ = ["PROCEDURES", "Bias", "Played", "faults"]
 
 PROCEDURES = ("astm-f1881", "bbcor")
-LEAST_CAUGHT = 0.95  # of the laboratories, at least
-FALSE_ALARMS = 0.01  # of the sound ones, at most
-AGREEMENT_U = 3.0  # standard uncertainties
 
 
 def _share(row: Played) -> str:
@@ -80,7 +76,7 @@ class Bias:
     @property
     def near(self) -> bool:
         """Whether the bias agrees with the prediction."""
-        return self.z is not None and abs(self.z) <= AGREEMENT_U
+        return self.z is not None and abs(self.z) <= 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,7 +144,9 @@ def faults(
     """
     if laboratories < 2:
         raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
-    sheets = [catalog.load("faults", name, FaultSheet).spec for name in names or _every()]
+    sheets = [
+        catalog.load("faults", name, FaultSheet).spec for name in names or catalog.names("faults")
+    ]
     for procedure in procedures:
         catalog.find("procedures", procedure)
     if procedures:
@@ -193,25 +191,18 @@ def _require_played(sheets: Sequence[FaultSheet], procedures: Sequence[str]) -> 
             raise InputError("", "procedure", procedure, allowed)
 
 
-def _every() -> tuple[str, ...]:
-    return catalog.names("faults")
-
-
 def _play(bat: str, procedure: str, seed: int, on: tuple[str, ...]) -> _Seen:
     found = certify_bat(TestSetup.of(bat, procedure=procedure, seed=seed, faults=on)).certification
     metric = found.metric.value if found.metric else np.nan
     efficiency = found.quantities["collision_efficiency"].value if found.metric else np.nan
-    return _Seen(catches=_catches(found), efficiency=efficiency, metric=metric)
-
-
-def _catches(found: Certification) -> tuple[str, ...]:
     invalid = ("INVALID",) if found.verdict.value == "INVALID" else ()
-    return (*invalid, *(flag.name for flag in found.flags))
+    catches = (*invalid, *(flag.name for flag in found.flags))
+    return _Seen(catches=catches, efficiency=efficiency, metric=metric)
 
 
 def _sound_row(procedure: str, sound: Sequence[_Seen]) -> Played:
-    row = _row("none", procedure, f"at most {FALSE_ALARMS:.0%}", sound, Bias(), Bias())
-    return replace(row, as_predicted=row.low <= FALSE_ALARMS)
+    row = _row("none", procedure, "at most 1%", sound, Bias(), Bias())
+    return replace(row, as_predicted=row.low <= 0.01)
 
 
 def _spoiled_row(
@@ -229,7 +220,7 @@ def _spoiled_row(
         prediction.metric_bias_u,
     )
     named = set((prediction.caught_by or "").split(", "))
-    caught = float(np.mean([bool(named & set(each.catches)) for each in spoiled])) >= LEAST_CAUGHT
+    caught = float(np.mean([bool(named & set(each.catches)) for each in spoiled])) >= 0.95
     predicted = prediction.caught_by or "a bias"
     row = _row(name, prediction.procedure, predicted, spoiled, efficiency, metric)
     right = caught if prediction.caught_by else efficiency.near and metric.near

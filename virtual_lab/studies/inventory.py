@@ -20,8 +20,6 @@ from virtual_lab.units import MPH
 
 __all__ = ["ShelfEntry", "ShownCertificate", "ShownSheet", "shelf", "show"]
 
-RIGS = "virtual_lab.rigs"  # the group of entry points
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShelfEntry:
@@ -54,7 +52,7 @@ def _installed_rigs(known: Mapping[str, str]) -> dict[str, str]:
     return {
         point.name: known.get(point.name)
         or str((point.dist and point.dist.metadata["Summary"]) or point.value)
-        for point in sorted(entry_points(group=RIGS))
+        for point in sorted(entry_points(group="virtual_lab.rigs"))
     }
 
 

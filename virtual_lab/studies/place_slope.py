@@ -19,9 +19,6 @@ from virtual_lab.units import INCH
 
 __all__ = ["Slope", "slope"]
 
-STEP = 4e-3  # m, to either side
-BATS = ("r161", "ea70", "barrel-loaded", "knob-loaded")  # of baseball
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slope:
@@ -43,7 +40,7 @@ def slope(bats: Sequence[str] = (), *, procedure: str = "astm-f1881") -> Rows[Sl
     InputError
         Unknown names, a single bat, or a procedure that scans the barrel.
     """
-    bats = bats or BATS
+    bats = bats or ("r161", "ea70", "barrel-loaded", "knob-loaded")
     if len(bats) < 2:
         raise InputError("", "bats", len(bats), "allowed: 2 or more, for a standard deviation")
     rows = [_slope(bat, procedure) for bat in bats]
@@ -63,7 +60,8 @@ def _slope(bat: str, procedure: str) -> Slope:
     beam = beam_of(specimen.bat.body)
     known = {name: getattr(beam, name) for name in ("mass", "length", "z_cm", "inertia_cm")}
     place = aimed_place(known, rules.pivot_from_knob)
-    ends = place + STEP * np.array([-1.0, 1.0])
+    step = 4e-3  # m, to either side
+    ends = place + step * np.array([-1.0, 1.0])
     curve = true_curve(laboratory.impact, specimen, rules, ends)
     rise = float(np.diff(curve.collision_efficiency)[0])
-    return Slope(bat=bat, place_in=place / INCH, slope_per_in=rise / (2 * STEP) * INCH)
+    return Slope(bat=bat, place_in=place / INCH, slope_per_in=rise / (2 * step) * INCH)

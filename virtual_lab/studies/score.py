@@ -20,8 +20,6 @@ from virtual_lab.output.tables import column, record, table_text
 __all__ = ["QuantityScore", "Scored", "score", "score_folder"]
 
 CERTIFICATE = "certificate.json"
-BOUND = {(TRUTH, ""), (CERTIFICATE, "simulation.truth_digest")}  # the one holds the other's digest
-ALTERED = 3  # exit code
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,7 +82,7 @@ class Scored(StudyResult):
     @property
     def code(self) -> int:
         """The exit code of the command."""
-        return ALTERED if self.altered else 0
+        return 3 if self.altered else 0
 
     @property
     def document(self) -> Json:
@@ -125,7 +123,8 @@ def score_folder(folder: str | Path) -> Scored:
             raise
         simulation, rows = {}, ()
     named = {(each.file, each.key) for each in altered}
-    if simulation.get("truth_digest", digest) != digest and not named & BOUND:
+    bound = {(TRUTH, ""), (CERTIFICATE, "simulation.truth_digest")}  # the one holds a digest of
+    if simulation.get("truth_digest", digest) != digest and not named & bound:
         altered.append(Alteration(TRUTH, "", "altered"))  # and the seal to match
     return Scored(altered=tuple(altered), sealing=simulation.get("sealing"), rows=rows)
 

@@ -24,7 +24,6 @@ from virtual_lab.units import DIMENSIONS
 
 __all__ = ["template"]
 
-MOST_ROWS = 1000  # a longer table is no form to fill in by hand
 OWN_RULES = "procedure.toml"
 
 
@@ -111,7 +110,7 @@ def _is_long(record: Record) -> bool:
     rows = 1
     for size in record.sizes().values():
         rows *= size
-    return rows > MOST_ROWS
+    return rows > 1000  # a longer table is no form to fill in by hand
 
 
 def _table(record: Record) -> str:

@@ -23,8 +23,6 @@ __all__ = ["Filmed", "FramesU", "filmed", "frames_u"]
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Constants = Mapping[str, Array]
-LENS = ("focal", "centre_x", "centre_y", "k1", "k2", "p1", "p2", "k3")
-LAGS = np.geomspace(0.02, 3.0, 16)  # of the time a flight is seen: how slow a pattern may be
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,7 +120,7 @@ def _u(seen: Sightings, parts: Array) -> Array:
     apart = times[:, :, None] - times[:, None, :]
     span = np.ptp(np.where(used, times, times.mean(axis=1)[:, None]), axis=1)
     worst = np.zeros(len(times))
-    for lag in LAGS:
+    for lag in np.geomspace(0.02, 3.0, 16):  # of the time a flight is seen: how slow a pattern is
         like = np.exp(-0.5 * (apart / (lag * span[:, None, None])) ** 2)
         worst = np.fmax(worst, np.einsum("si,sij,sj->s", shifted, like, shifted))
     return np.asarray(np.sqrt(noise + worst))
@@ -157,7 +155,8 @@ def _rays(x: Constants, stage: str, seen: Sightings) -> list[Array]:
     And the extra shift of the middle of a disc, compared with its centre, by lens distortion.
     Many sets of constants share a lens; each lens is computed once.
     """
-    columns = np.broadcast_arrays(*(x[f"{stage}.camera.{name}"] for name in LENS))
+    names = ("focal", "centre_x", "centre_y", "k1", "k2", "p1", "p2", "k3")
+    columns = np.broadcast_arrays(*(x[f"{stage}.camera.{name}"] for name in names))
     sets = np.stack([np.ravel(column) for column in columns], axis=1)
     lenses, which = np.unique(sets, axis=0, return_inverse=True)
     focal, centre_x, centre_y, *bend = (column[:, None, None] for column in lenses.T)

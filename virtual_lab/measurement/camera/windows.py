@@ -21,13 +21,21 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Known = Mapping[str, Estimate]
 
-AT_ONCE = 512  # windows that are looked at together
-BRIGHT = 0.9  # of a ball's pixels: those above this quantile show how much it stands out
-HALF = 0.45  # of that: what stands out more is the ball
-TOUCHING = 8e-3  # m, from the farthest the ball comes: nearer it may be on the bat
-LEAST = 4  # frames of a way
-MOST = 24  # and as many are refined: more add little that is new, as the ball's pattern is slow
-OVAL_U = 1e-3  # of outlines off the axis, as far as lens and pose are known
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """How a ball is found in the windows of a shot, and which of them are used."""
+
+    at_once: int = 512  # windows that are looked at together
+    standing_out: float = 0.9  # quantile of a window's pixels: how much the ball stands out
+    ball: float = 0.45  # of that: what stands out more is the ball
+    near_bat: float = 8e-3  # m, from the farthest the ball comes: nearer it may be on the bat
+    least: int = 4  # frames of a way
+    most: int = 24  # that are refined: more add little that is new, as the ball's pattern is slow
+    oval_u: float = 1e-3  # of outlines off the axis, as far as lens and pose are known
+
+
+SEARCH = Search()
 USELESS = (
     PlaceFlag.NOT_FOUND
     | PlaceFlag.POOR_FIT
@@ -120,12 +128,12 @@ def noise_of(known: Known) -> Noise:
 
 
 def _parts(count: int) -> list[slice]:
-    return [slice(start, start + AT_ONCE) for start in range(0, count, AT_ONCE)]
+    return [slice(start, start + SEARCH.at_once) for start in range(0, count, SEARCH.at_once)]
 
 
 def _whole_shots(chosen: NDArray[np.intp], shot: NDArray[np.intp]) -> list[NDArray[np.intp]]:
     """Return the chosen windows in parts; those of a shot stay together."""
-    part = shot // (AT_ONCE // (2 * MOST))
+    part = shot // (SEARCH.at_once // (2 * SEARCH.most))
     return np.split(chosen, np.flatnonzero(np.diff(part)) + 1) if len(chosen) else []
 
 
@@ -159,8 +167,8 @@ def _start(
     middle = np.hypot(*np.ogrid[-rows / 2 : rows / 2, -columns / 2 : columns / 2]) < radius / 2
     bright = np.where(np.median(off[:, middle], axis=1) < 0, -1.0, 1.0)
     off *= bright[:, None, None]
-    high = np.quantile(off.reshape(len(off), -1), BRIGHT, axis=1)
-    ball = (off > HALF * high[:, None, None]).astype(np.float64)
+    high = np.quantile(off.reshape(len(off), -1), SEARCH.standing_out, axis=1)
+    ball = (off > SEARCH.ball * high[:, None, None]).astype(np.float64)
     count = np.maximum(ball.sum(axis=(1, 2)), 1.0)
     x = (ball.sum(axis=1) @ np.arange(columns)) / count
     y = (ball.sum(axis=2) @ np.arange(rows)) / count
@@ -189,14 +197,14 @@ def _free(times: Array, x: Array, size: float) -> tuple[Mask, Mask]:
     seen = np.isfinite(times + x)
     forth = np.where(seen, x, -np.inf)
     out = np.arange(times.shape[1]) > forth.argmax(axis=1)[:, None]
-    return seen & (x < forth.max(axis=1)[:, None] - TOUCHING * size), out
+    return seen & (x < forth.max(axis=1)[:, None] - SEARCH.near_bat * size), out
 
 
 def _spread(free: Mask) -> Mask:
-    """Return at most `MOST` frames of each shot, evenly spread over those in free flight."""
+    """Return at most `SEARCH.most` frames of each shot, evenly spread over those in free flight."""
     count = free.sum(axis=1)[:, None]
     rank = np.cumsum(free, axis=1)
-    share = np.minimum(MOST / np.maximum(count, 1), 1.0)
+    share = np.minimum(SEARCH.most / np.maximum(count, 1), 1.0)
     steps = np.floor(rank * share + 1e-9) > np.floor((rank - 1) * share + 1e-9)
     return np.asarray(free & steps)
 
@@ -222,7 +230,7 @@ def _placed(seen: Regions, places: Array, blur: Array, radius: float, known: Kno
         lens=known["blur"].value,
         middle=(known["centre_x"].value, known["centre_y"].value),
         # a sphere seen under the angle b from the axis is longer by 1 / cos b
-        oval=(1 / (2 * known["focal"].value) ** 2, OVAL_U),
+        oval=(1 / (2 * known["focal"].value) ** 2, SEARCH.oval_u),
     )
 
 
@@ -230,7 +238,7 @@ def _ways(times: Array, x: Array, y: Array, u: Array, pattern_u: Array, size: fl
     """Return the frames of both ways, without those in which the ball may touch the bat."""
     free, out = _free(times, x + u, size)
     for way in (~out, out):
-        free &= ~(way & ((free & way).sum(axis=1) < LEAST)[:, None])
+        free &= ~(way & ((free & way).sum(axis=1) < SEARCH.least)[:, None])
     keep = {"times": times, "x": x, "y": y, "u": u, "pattern_u": pattern_u}
     return Sightings(
         **{name: np.where(free, values, np.nan) for name, values in keep.items()}, out=out

@@ -23,14 +23,7 @@ __all__ = [
     "wall_drift",
 ]
 
-BALANCE = (0.25, 0.55)  # of the length, from the tip: any bat, and a plain cylinder
-GYRATION = (0.20, 0.36)  # radius of gyration about the balance point, of the length: any bat
 DECAY_U = 0.4  # relative, of the loss of amplitude: two readings a few of their steps apart
-LEAST_E0 = 1e-5
-LOT_MARGIN = 5e-3  # of e0 beyond the rules: more than a sound lot's balls scatter
-FLAT = 1e-9  # rad²
-DENSITY = (100.0, 12000.0)  # kg/m³ in a cylinder of the barrel's width: solid balsa, solid lead
-MASSES = (0.4, 20.0)  # kg, from a child's bat to the steel cylinder of a morning's check
 
 
 def sports(seen: Evidence) -> Iterator[Flag]:
@@ -58,7 +51,8 @@ def bat_shape(seen: Evidence) -> Iterator[Flag]:
     """Compare density, balance, mass and radius of gyration with limits valid for any bat."""
     bat = seen.bat
     length, mass = float(bat.length), float(bat.mass)
-    density, (light, heavy) = mass / (pi * float(bat.barrel_radius) ** 2 * length), DENSITY
+    light, heavy = 100.0, 12000.0  # kg/m³, solid balsa and solid lead
+    density = mass / (pi * float(bat.barrel_radius) ** 2 * length)
     if not light <= density <= heavy:
         yield Flag(
             name="bat-shape",
@@ -67,10 +61,11 @@ def bat_shape(seen: Evidence) -> Iterator[Flag]:
             invalidates=True,
         )
     square = float(bat.inertia_cm) / mass / length**2
+    # of any bat, a child's too, and of the plain steel cylinder of a morning's check
     for words, value, (low, high), unit in (
-        ("balance point", float(bat.z_cm) / length, BALANCE, " of the length from the tip"),
-        ("radius of gyration", sqrt(max(square, 0.0)), GYRATION, " of the length"),
-        ("mass", mass, MASSES, " kg"),
+        ("balance point", float(bat.z_cm) / length, (0.25, 0.55), " of the length from the tip"),
+        ("radius of gyration", sqrt(max(square, 0.0)), (0.20, 0.36), " of the length"),
+        ("mass", mass, (0.4, 20.0), " kg"),
     ):
         if not low <= value <= high:
             yield Flag(
@@ -114,7 +109,7 @@ def swing_slowing(record: Any) -> tuple[float, float, int] | None:
     rest = record.times - fitted @ orthogonal.T
     dof = releases * (passages - 3)
     spread = sqrt(float((rest**2).sum()) / dof)
-    if abs(triangle[2, 2]) < FLAT:
+    if abs(triangle[2, 2]) < 1e-9:  # rad²
         return None
     _, period, slowing = np.linalg.solve(triangle, fitted.mean(axis=0))
     u = spread / sqrt(releases) / abs(triangle[2, 2]) / float(period)
@@ -129,7 +124,7 @@ def lot_rules(seen: Evidence) -> Iterator[Flag]:
     for each in lot_of(seen.procedure, balls).set_aside:
         if each.ball in seen.readings.ball:
             sentence = f"ball {each.ball}, which the rules do not admit, was fired: {each.reason}"
-        elif not low - LOT_MARGIN <= at[each.ball] <= high + LOT_MARGIN:
+        elif not low - 5e-3 <= at[each.ball] <= high + 5e-3:  # no sound lot scatters as much
             sentence = f"ball {each.ball} of the lot has {each.reason}: worn, or of another kind"
         else:
             continue
@@ -148,7 +143,7 @@ def wall_drift(seen: Evidence) -> Iterator[Flag]:
     rest = e0 - e0.mean() - slope * along
     dof = e0.size - 2
     scatter = scatter_component(sqrt(rest @ rest / dof / (along @ along)), dof)
-    u, likely = chance(slope, [scatter], least=LEAST_E0 / float(np.ptp(order)))
+    u, likely = chance(slope, [scatter], least=1e-5 / float(np.ptp(order)))
     if likely < FALSE_ALARMS:
         yield Flag(
             name="wall-drift",

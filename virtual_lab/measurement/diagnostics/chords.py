@@ -19,7 +19,6 @@ __all__ = ["chords"]
 
 Array = NDArray[np.float64]
 SIZE = 0.02  # relative, of the diameter; the rules' own 9 to 9 1/4 in are 0.014 either way
-CENTRED = 0.9  # quantile: a single beam sees most balls off their centre, and shorter
 
 
 def chords(seen: Evidence) -> Iterator[Flag]:
@@ -46,7 +45,8 @@ def chords(seen: Evidence) -> Iterator[Flag]:
                 sentence=f"{bad} of {longest.size} balls at the {where} look up to "
                 f"{longest.max() * 1e3:.1f} mm across, they are {nominal * 1e3:.1f} mm",
             )
-        size = float(np.quantile(flat[known], CENTRED)) if known.any() else nominal
+        # a single beam sees most balls off their centre, and shorter
+        size = float(np.quantile(flat[known], 0.9)) if known.any() else nominal
         if size < nominal * (1 - SIZE):
             yield Flag(
                 name="chords",

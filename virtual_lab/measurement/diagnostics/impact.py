@@ -21,13 +21,7 @@ from virtual_lab.uncertainty.estimate import Estimate
 __all__ = ["aim", "ball_seen", "boards_in_line", "edges", "encoder_fit", "recoil_and_rebound"]
 
 Array = NDArray[np.float64]
-COUNTING = 1 / sqrt(12)  # rms of whole counts
-ENCODER_REST = 1.5  # times that and the noise at rest, of one shot
-LEAST_PLACE = 1e-5  # m
-LEAST_E_A = 1e-5
 FEWEST_SHOTS = 3  # shots that a mean and its scatter may rest on
-CONTRADICTION = 6.0  # standard uncertainties
-SPOILED = 0.1  # share of the shots that no scrap of a sabot explains
 
 
 def ball_seen(seen: Evidence) -> Iterator[Flag]:
@@ -44,7 +38,7 @@ def ball_seen(seen: Evidence) -> Iterator[Flag]:
 def edges(seen: Evidence) -> Iterator[Flag]:
     """Count shots whose edges at the boards deviate from one flight."""
     off = seen.off_flight
-    if off.mean() > SPOILED:
+    if off.mean() > 0.1:  # no scrap of a sabot explains so many
         yield Flag(
             name="edges",
             sentence=f"edges off one flight in {int(off.sum())} of {off.size} shots: "
@@ -66,15 +60,12 @@ def boards_in_line(seen: Evidence) -> Iterator[Flag]:
         if off.size < FEWEST_SHOTS:
             continue
         place = {_distance(k): known[_distance(k)] for k in (0, board, last)}
-        middle, mean = float(share.mean()), float(off.mean())
-        survey = propagate(_between(board, last, middle), place)["off"]
-        scatter = scatter_component(float(off.std(ddof=1)) / sqrt(off.size), off.size - 1)
-        u, likely = chance(mean, [*survey, scatter], least=LEAST_PLACE)
-        if likely < FALSE_ALARMS:
+        survey = propagate(_between(board, last, float(share.mean())), place)["off"]
+        if found := _certainly_off(off, survey):
             yield Flag(
                 name="boards-in-line",
-                sentence=f"board {board} stands {mean * 1e3:+.2f} mm off the flight through its "
-                f"neighbours, {abs(mean) / u:.1f} standard uncertainties",
+                sentence=f"board {board} stands {found[0] * 1e3:+.2f} mm off the flight through "
+                f"its neighbours, {found[1]:.1f} standard uncertainties",
             )
 
 
@@ -91,16 +82,21 @@ def aim(seen: Evidence) -> Iterator[Flag]:
         off = marked - at.value
         if off.size < FEWEST_SHOTS:
             continue
-        mean = float(off.mean())
         survey = propagate(lambda x: {"off": x["along"][:, 0]}, {"along": lined_up})["off"]
-        scatter = scatter_component(float(off.std(ddof=1)) / sqrt(off.size), off.size - 1)
-        u, likely = chance(mean, [*survey, scatter], least=LEAST_PLACE)
-        if likely < FALSE_ALARMS:
+        if found := _certainly_off(off, survey):
             yield Flag(
                 name="aim",
-                sentence=f"the marks lie {mean * 1e3:+.1f} mm off the aim {way} the bat, "
-                f"{abs(mean) / u:.1f} standard uncertainties",
+                sentence=f"the marks lie {found[0] * 1e3:+.1f} mm off the aim {way} the bat, "
+                f"{found[1]:.1f} standard uncertainties",
             )
+
+
+def _certainly_off(off: Array, survey: Sequence[Component]) -> tuple[float, float] | None:
+    """Return the mean [m], also in standard uncertainties; None where chance may have made it."""
+    mean = float(off.mean())
+    scatter = scatter_component(float(off.std(ddof=1)) / sqrt(off.size), off.size - 1)
+    u, likely = chance(mean, [*survey, scatter], least=1e-5)
+    return (mean, abs(mean) / u) if likely < FALSE_ALARMS else None
 
 
 def encoder_fit(seen: Evidence) -> Iterator[Flag]:
@@ -108,8 +104,8 @@ def encoder_fit(seen: Evidence) -> Iterator[Flag]:
     fit = seen.readings.recoil
     if fit is None:
         return
-    known = np.hypot(COUNTING, np.nan_to_num(fit.rest))
-    rough = np.flatnonzero(fit.residual > ENCODER_REST * known)
+    known = np.hypot(1 / sqrt(12), np.nan_to_num(fit.rest))  # whole counts, and the noise at rest
+    rough = np.flatnonzero(fit.residual > 1.5 * known)
     if rough.size:
         worst = int(rough[fit.residual[rough].argmax()])
         yield Flag(
@@ -133,13 +129,13 @@ def recoil_and_rebound(seen: Evidence) -> Iterator[Flag]:
         return {"apart": difference[..., both].mean(axis=-1)}
 
     mean, shared = float(apart[both].mean()), propagate(mean_apart, seen.constants)["apart"]
-    u, likely = chance(mean, [*shared, _scatter(seen, apart[both], shared)], least=LEAST_E_A)
+    u, likely = chance(mean, [*shared, _scatter(seen, apart[both], shared)], least=1e-5)
     if likely < FALSE_ALARMS:
         yield Flag(
             name="recoil-and-rebound",
             sentence=f"e_A by recoil less e_A by rebound is {mean:+.4f} in the mean, "
             f"{abs(mean) / u:.1f} standard uncertainties",
-            invalidates=abs(mean) > CONTRADICTION * u,
+            invalidates=abs(mean) > 6 * u,
         )
 
 

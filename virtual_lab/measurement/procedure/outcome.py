@@ -35,8 +35,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-DEGREE = 3  # of the fitted curve: at equal steps the odd term costs nothing at the middle
-ROUNDING = 1e-6  # m, within which two places are one
 
 
 class Verdict(Enum):
@@ -133,7 +131,7 @@ def neighbours(scan: Scan, complete: Array, best: float) -> Array:
     """Return the complete places next to the best one [m]."""
     spaced = scan.fine_step + 2 * SETTING_STEP
     off = np.abs(complete - best)
-    return np.asarray(complete[(off > ROUNDING) & (off < spaced)])
+    return np.asarray(complete[(off > 1e-6) & (off < spaced)])
 
 
 def _at_an_end(scan: Scan, place: float) -> bool:
@@ -159,7 +157,8 @@ def _top_of_curve(
     """
     middle = place[near].mean()
     unit = (place[near] - middle) / scan.fit_half_width
-    degree = min(DEGREE, len(np.unique(np.round(unit, 6))) - 1)
+    # at equal steps the odd term costs nothing at the middle
+    degree = min(3, len(np.unique(np.round(unit, 6))) - 1)
     solved = np.linalg.pinv(np.vander(unit, degree + 1, increasing=True))
     fitted = Polynomial(solved @ sought.value[near])
     turn = _turn(fitted)

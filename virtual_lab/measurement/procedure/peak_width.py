@@ -25,7 +25,6 @@ __all__ = ["Width", "width_of"]
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-DEGREE = 5  # a lower one is too stiff beside the top, a higher one follows the noise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,10 +51,11 @@ def width_of(procedure: Procedure, place: Array, valid: Bools, metric: Array) ->
     if procedure.scan is None or procedure.scan.width_drop is None:
         return None
     drop, place, metric = procedure.scan.width_drop, place[valid], metric[valid]
-    if np.unique(np.round(place, 6)).size < DEGREE + 2:
+    degree = 5  # a lower one is too stiff beside the top, a higher one follows the noise
+    if np.unique(np.round(place, 6)).size < degree + 2:
         return None
     middle, half = (place.max() + place.min()) / 2, float(np.ptp(place)) / 2
-    powers = np.arange(DEGREE + 1)
+    powers = np.arange(degree + 1)
     design = ((place - middle) / half)[:, None] ** powers
     solved = np.linalg.pinv(design)
     curve = Polynomial(solved @ metric)

@@ -23,10 +23,8 @@ __all__ = [
     "Windows",
 ]
 
-MOST_SPEEDS = 20
 MOST_COUNTED = 1000  # of anything counted: beyond, a slip of the pen and no test
 SETTING_STEP = 0.5e-3  # m, the operator sets a place to half a millimetre
-REFERENCE_PLACE = 6 * INCH  # from the tip, where a bat's speed is named
 OPTIONAL_WINDOWS = (
     "place_tolerance",
     "rate_before",
@@ -193,7 +191,7 @@ class Procedure(Spec):
     attempts: Count
     balls: Count
     wall_hits: Count  # of each ball at each speed
-    wall_speeds: Annotated[tuple[float, ...], Len(1, MOST_SPEEDS), SPEED]
+    wall_speeds: Annotated[tuple[float, ...], Len(1, 20), SPEED]
     windows: Windows
     sport: Sport | None = None  # None: of any bat and ball
     bat_speed: Annotated[float | None, SPEED] = None  # 6 in from the tip; at rest
@@ -273,7 +271,7 @@ class Procedure(Spec):
     def turn_rate(self, length: ArrayLike) -> NDArray[np.float64]:
         """Return the nominal angular speed [rad/s] of a bat of a length [m]; 0 at rest."""
         length = np.asarray(length)
-        return (self.bat_speed or 0.0) / (length - self.pivot_from_knob - REFERENCE_PLACE)
+        return (self.bat_speed or 0.0) / (length - self.pivot_from_knob - 6 * INCH)
 
     @property
     def asked(self) -> ReductionSettings:

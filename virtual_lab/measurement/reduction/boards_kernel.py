@@ -12,7 +12,6 @@ __all__ = ["fit_boards"]
 
 Floats = NDArray[np.float64]
 Beams = tuple[Floats, Floats, Floats]  # of the beams broken: places, middles, squared chords
-FEWEST_BEAMS = 4  # broken, for a parabola and a word on how well it fits
 FAINTEST = 1e-2  # of the longest chord's square: shorter ones weigh no more than this one
 FAST = {"reassoc", "contract", "nsz"}
 
@@ -42,7 +41,7 @@ def fit_boards(
                 broken = places[:many], middles[:many], squares[:many]
                 times[shot, way, board] = heights[shot, way, board] = nan
                 heights_u[shot, way, board] = nan
-                if many < FEWEST_BEAMS:
+                if many < 4:  # for a parabola, and a word on how well it fits
                     continue
                 about = broken[0].mean()
                 for i in range(many):

@@ -53,7 +53,6 @@ __all__ = [
 Array = NDArray[np.float64]
 REPEATABILITY = "balls.repeatability"
 SLOPE_REPEATABILITY = "balls.slope_repeatability"
-TICK_EVENNESS = 1e-3  # of a step; the search for rings takes them as even
 READ_WITH = (  # property, channel, instrument
     ("mass", "bat-mass", "scale"),
     ("length", "length", "rule"),
@@ -251,7 +250,7 @@ def _rates(
     if isinstance(record, RateRecord):
         return summed_up(record)
     ticks = np.diff(record.times)
-    if not (ticks.size and ticks.min() > 0 and np.ptp(ticks) < TICK_EVENNESS * ticks.min()):
+    if not (ticks.size and ticks.min() > 0 and np.ptp(ticks) < 1e-3 * ticks.min()):
         raise InputError(where, "times", None, "must rise in even steps")
     if not np.isfinite(contact).any():
         return unseen(len(contact))

@@ -216,7 +216,8 @@ def shot_results(
     # along the bat a smooth ball keeps its speed, across it comes back
     across = (seen.speed_out + seen.speed_in * (1 - cosine**2)) / cosine
     rebound = squarely((across - bat_speed) / relative_speed)
-    turning = parallel_axis(bat.inertia_cm, bat.mass, _axis(x, bat) - bat.z_cm)
+    axis = bat.length - x["impact.pivot.from_knob"]
+    turning = parallel_axis(bat.inertia_cm, bat.mass, axis - bat.z_cm)
     momentum = rebound_speed_from_recoil(turning, rate, mass, lever, seen.speed_in)
     recoiled = squarely(momentum / seen.speed_in)
     struck = recoiled if asked.reads == "recoil" else rebound
@@ -285,10 +286,6 @@ def recoil_factor(
 def drag_of(x: Constants, mass: Array) -> Array:
     """Return κ [1/m] of balls of `mass` [kg] in the hall's air."""
     return drag_rate(x["hall.air.density"], x["hall.air.drag_coefficient"], x["ball.radius"], mass)
-
-
-def _axis(x: Constants, bat: BatProperties) -> Array:
-    return np.asarray(bat.length - x["impact.pivot.from_knob"])
 
 
 def _struck(x: Constants, readings: ImpactReadings) -> Array:

@@ -18,8 +18,6 @@ __all__ = ["fit_swing"]
 
 Array = NDArray[np.float64]
 DEGREE = 3
-FEWEST_SAMPLES = 5 * (DEGREE + 1)  # samples
-MARGIN = 1e-3  # s, a bat three degrees out of step meets the ball no sooner than this
 
 
 def fit_swing(record: EncoderRecord, contact: Array, reach: Array) -> RateFit:
@@ -45,8 +43,9 @@ def fit_swing(record: EncoderRecord, contact: Array, reach: Array) -> RateFit:
     """
     if not np.isfinite(contact).any():
         raise ValueError("the gates saw no ball come in")
-    samples = np.searchsorted(record.times, contact - MARGIN)
-    enough = np.isfinite(contact) & (samples >= FEWEST_SAMPLES)
+    # a bat three degrees out of step meets the ball no sooner than 1 ms before
+    samples = np.searchsorted(record.times, contact - 1e-3)
+    enough = np.isfinite(contact) & (samples >= 5 * (DEGREE + 1))
     if not enough.any():
         raise ValueError("the encoder record holds too little before contact")
     fitted = np.full((4, contact.size), np.nan)  # rate, its u, angle, residual

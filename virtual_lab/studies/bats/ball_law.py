@@ -41,8 +41,6 @@ from virtual_lab.units import INCH, MPH
 __all__ = ["sensitivity"]
 
 PLACES_IN = np.arange(2.5, 9.01, 0.5)
-MIDDLE_IN = 6.0  # where the relative speed is that of all places
-BENDING_MODES = 40  # e_A 2e-4 below that of 100 modes, for every law alike
 
 
 class _Law(NamedTuple):
@@ -81,10 +79,11 @@ def sensitivity(bat: str, *, progress: Progress = quiet) -> Rows[LawRow]:
     body = spec.body
     beam, z = beam_of(body), PLACES_IN * INCH
     moving = np.asarray(bat_speed(game.angular_speed, beam.length, z))
-    speed = game.pitch_speed + float(bat_speed(game.angular_speed, beam.length, MIDDLE_IN * INCH))
+    middle = 6.0 * INCH  # where the relative speed is that of all places
+    speed = game.pitch_speed + float(bat_speed(game.angular_speed, beam.length, middle))
     e0 = float(ball.restitution.at(speed))
     r = np.asarray(recoil_factor_free(ball.mass, beam.mass, beam.inertia_cm, z - beam.z_cm))
-    model = ReferenceModel.of(body, Free(), BENDING_MODES)
+    model = ReferenceModel.of(body, Free(), 40)  # e_A 2e-4 below that of 100 modes, for every law
     goal = _on_wall(_Law("", PowerLaw.of, ball.exponent), ball.mass, speed, e0, ball.stiffness)
     rows = []
     for law in LAWS:

@@ -18,7 +18,6 @@ SHOWN_IN = (1.0, 12.0)  # the last inch at the tip and the taper are in the CSV
 COLOURS = ("black", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
 DASHES = ("-", "--", ":", "-.")
 PLACE = "place of impact from the barrel tip $z$, in"
-SIZE = (6.0, 6.6)  # in
 
 
 def draw_profile(table: pd.DataFrame, title: str, path: Path) -> None:
@@ -37,7 +36,7 @@ def draw_profile(table: pd.DataFrame, title: str, path: Path) -> None:
     from matplotlib.figure import Figure
 
     with style.context(STYLE, after_reset=True):
-        figure = Figure(figsize=SIZE, dpi=150, layout="constrained")
+        figure = Figure(figsize=(6.0, 6.6), dpi=150, layout="constrained")
         above, below = figure.subplots(2, 1, sharex=True)
         plot_profile(above, below, table)
         above.set_title(title)

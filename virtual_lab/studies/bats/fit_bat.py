@@ -33,11 +33,7 @@ from virtual_lab.units import INCH, MPH
 __all__ = ["FittedBat", "fit_bat"]
 
 Array = NDArray[np.float64]
-MEMBERS = 12
 PLACES_IN = np.arange(2.0, 10.01, 0.5)
-SHOWN_IN = (3.0, 5.0, 6.0, 7.0, 9.0)
-SPEED_MPH = 160.0
-DIGITS = 7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,7 +149,7 @@ class FittedBat(StudyResult):
 def fit_bat(
     path: str,
     *,
-    members: int = MEMBERS,
+    members: int = 12,
     seed: int = 1,
     progress: Progress = quiet,
 ) -> FittedBat:
@@ -221,9 +217,7 @@ def _quantities(body: BatBody, measured: BatMeasurements) -> tuple[list[str], di
     values = computed(body, measured.inertia_axis, frequencies=2, nodes=2)
     game = catalog.load("conditions", CONDITIONS, GameConditions).spec
     ball = catalog.load("balls", game.ball, BallSpec).spec
-    scenes = Scenes.with_ball(
-        ball, impact_position=PLACES_IN * INCH, relative_speed=SPEED_MPH * MPH
-    )
+    scenes = Scenes.with_ball(ball, impact_position=PLACES_IN * INCH, relative_speed=160 * MPH)
     e_A = ModalModel.of(body, Free()).collide(scenes).collision_efficiency
     top = peak(PLACES_IN, e_A)
     rows = [
@@ -231,7 +225,10 @@ def _quantities(body: BatBody, measured: BatMeasurements) -> tuple[list[str], di
         ("f2", "Hz", values["f2"]),
         ("node1", "in", values["node1"] / INCH),
         ("node2", "in", values["node2"] / INCH),
-        *((f"e_A at {z:g} in", "1", float(e_A[z == PLACES_IN][0])) for z in SHOWN_IN),
+        *(
+            (f"e_A at {z:g} in", "1", float(e_A[z == PLACES_IN][0]))
+            for z in (3.0, 5.0, 6.0, 7.0, 9.0)
+        ),
         ("peak e_A", "1", top.value),
         ("peak e_A at", "in", top.place),
     ]
@@ -240,9 +237,7 @@ def _quantities(body: BatBody, measured: BatMeasurements) -> tuple[list[str], di
 
 def _line(key: str, value: float | tuple[float, ...], unit: str, source: str) -> str:
     many = isinstance(value, tuple)
-    numbers = [
-        f"{number:.{DIGITS}g}" for number in (value if isinstance(value, tuple) else (value,))
-    ]
+    numbers = [f"{number:.7g}" for number in (value if isinstance(value, tuple) else (value,))]
     written = f"[{', '.join(numbers)}]" if many else numbers[0]
     return (
         f"{key} = {{ value = {written}, unit = {_text(unit)}, source = {_text(source)}, "

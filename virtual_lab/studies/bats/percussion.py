@@ -36,12 +36,6 @@ from virtual_lab.units import INCH
 __all__ = ["Percussed", "percussion"]
 
 Array = NDArray[np.float64]
-PROCEDURE = "astm-f1881"
-PLACES_IN = np.arange(2.0, 12.01, 1.0)
-BESIDE_IN = (-0.01, 0.0, 0.01)  # of the centre of percussion, where play is taken up late
-FIRST_SLOT = 1_000_000  # beyond any shot of a test
-PLAIN_BEARING = {"friction": 0.09}  # thirty times the roller bearing's
-LOOSE_BEARING = {"clearance": 0.2e-3}  # m
 READINGS = {"recoil": "recoil_efficiency", "rebound": "rebound_efficiency"}
 
 
@@ -97,7 +91,7 @@ class _Stand:
 
     @classmethod
     def of(cls, bat: str, seed: int, reality: Reality) -> _Stand:
-        setup = TestSetup.of(bat, procedure=PROCEDURE, seed=seed, reality=reality)
+        setup = TestSetup.of(bat, procedure="astm-f1881", seed=seed, reality=reality)
         laboratory = Laboratory.open(setup)
         session = by_the_book(laboratory).certification.session
         return cls(laboratory=laboratory, session=session)
@@ -115,7 +109,7 @@ class _Stand:
         """Return the reduced shots at a place [m], their true e_A and time of contact."""
         laboratory, stage = self.laboratory, Stage.IMPACT
         order = ShotPlan(
-            slot=FIRST_SLOT + number * shots + np.arange(shots),
+            slot=1_000_000 + number * shots + np.arange(shots),  # beyond any of the test
             ball=np.arange(shots) % laboratory.rules.spec.balls,
             speed=np.full(shots, laboratory.rules.spec.ball_speed),
             place=np.full(shots, place - along_of(self.session)),
@@ -167,7 +161,8 @@ def percussion(
     drawn = {"length": beam.length, "mass": beam.mass, "z_cm": beam.z_cm}
     axis = still.laboratory.rules.spec.pivot_from_knob
     centre = aimed_place(drawn | {"inertia_cm": beam.inertia_cm}, axis)
-    places = np.sort(np.append(PLACES_IN * INCH, centre + np.array(BESIDE_IN) * INCH))
+    beside = np.array([-0.01, 0.0, 0.01]) * INCH  # there play is taken up late
+    places = np.sort(np.append(np.arange(2.0, 12.01, 1.0) * INCH, centre + beside))
     found: list[list[_Read]] = [[] for _ in places]
     for laboratory in range(laboratories):
         stand = _Stand.of(bat, seed + laboratory, Reality.REAL)
@@ -194,7 +189,7 @@ def _row(still: _Stand, place: float, shots: int, read: list[_Read]) -> Struck:
     smooth = still.counting_finely()
     as_installed, plain, loose = (
         smooth.fire(place, 2, 0, **bearing)[0].shots.recoil_efficiency[0]
-        for bearing in ({}, PLAIN_BEARING, LOOSE_BEARING)
+        for bearing in ({}, {"friction": 0.09}, {"clearance": 0.2e-3})  # rolling, plain, loose [m]
     )
 
     def readings(name: str) -> ReadError:

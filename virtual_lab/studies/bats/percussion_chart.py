@@ -12,7 +12,6 @@ from virtual_lab.studies.bats.percussion_text import Struck
 
 __all__ = ["draw_percussion"]
 
-LEAST_DISTANCE_IN = 0.1
 COLOURS = {"recoil": "#0072b2", "rebound": "#d55e00", "plain": "#009e73", "loose": "#cc79a7"}
 
 
@@ -39,7 +38,7 @@ def draw_percussion(rows: Sequence[Struck], percussion_in: float, bat: str, path
 
     z_of_all = [row.z_in for row in rows]
     # hard by the centre of percussion only a loose bearing makes a difference
-    shown = [row for row in rows if not 1e-6 < abs(row.z_in - percussion_in) < LEAST_DISTANCE_IN]
+    shown = [row for row in rows if not 1e-6 < abs(row.z_in - percussion_in) < 0.1]
     z = of("z_in")
 
     with style.context(STYLE, after_reset=True):

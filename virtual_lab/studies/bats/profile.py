@@ -39,7 +39,7 @@ from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.physics.beam import Beam, Free, beam_of
 from virtual_lab.simulation.physics.modes import barrel_nodes
 from virtual_lab.studies.bats.curves import draw_profile
-from virtual_lab.studies.bats.text import profile_text
+from virtual_lab.studies.bats.text import PEAKS, profile_text
 from virtual_lab.units import DIMENSIONS, INCH, MPH, OUNCE, OZ_IN2, to_si
 
 if TYPE_CHECKING:
@@ -57,9 +57,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 CONDITIONS = "standard-2003"
-FIRST_IN, LAST_IN, STEP_IN = 0.5, 16.0, 0.25
-INERTIAS = (0.01, 10.0)  # kg m^2, about any axis that a bat is swung about
-PEAKED = ("e", "BPF", "e_A", "v_f_mph")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -169,7 +166,7 @@ class Profiled(StudyResult):
         """Greatest e, BPF, e_A and v_f [mph] along the bat, each with its place [in]."""
         table = self.table
         places = table["z_in"].to_numpy()
-        return {name: peak(places, table[name].to_numpy()) for name in PEAKED}
+        return {name: peak(places, table[name].to_numpy()) for name in PEAKS}
 
     @property
     def document(self) -> Json:
@@ -241,7 +238,7 @@ def profiles(
     ball = game.ball_of(spec) if ball is None else ball
     struck = catalog.load("balls", ball, BallSpec).spec
     beam, model = beam_of(spec.body), free_model(spec.body)
-    z = np.arange(FIRST_IN, LAST_IN + STEP_IN / 2, STEP_IN) * INCH
+    z = np.arange(0.5, 16.1, 0.25) * INCH
     recoil = np.asarray(recoil_factor_free(struck.mass, beam.mass, beam.inertia_cm, z - beam.z_cm))
     found = []
     for swing in swings:
@@ -317,7 +314,7 @@ def read_inertia(text: str, axis_beyond_knob: float = -KNOB_OFFSET) -> float:
     except (ValueError, KeyError) as fault:
         allowed = f"allowed: a bat, or a number with its unit ({', '.join(units)})"
         raise InputError("", "reference inertia", text, allowed) from fault
-    low, high = INERTIAS
+    low, high = 0.01, 10.0  # about any axis that a bat is swung about
     if not low <= inertia <= high:
         raise InputError("", "reference inertia", text, f"allowed: {low:g} to {high:g} kg m^2")
     return inertia

@@ -11,8 +11,6 @@ from pathlib import Path
 
 __all__ = ["Claim", "Row", "read_claims"]
 
-WORDS: Mapping[str, None] = {"energy": None}  # a swing of constant energy has no exponent
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Claim:
@@ -117,4 +115,4 @@ def _argument(word: str) -> float | str | None:
             return kind(word)
         except ValueError:
             continue
-    return WORDS.get(word, word)
+    return None if word == "energy" else word  # a swing of constant energy has no exponent

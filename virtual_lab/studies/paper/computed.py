@@ -68,7 +68,6 @@ WOOD, ALUMINIUM, BARREL, KNOB = BATS = ("r161", "ea70", "barrel-loaded", "knob-l
 SWINGS: tuple[float | None, ...] = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, None)  # None: constant energy
 GAME_BALL, BALL = "game-2003", "baseball-2003"  # e0 the same at every speed, and falling
 Z = np.arange(3.0, 8.01, 0.25)  # where a bat is struck
-SOFT = 1e6  # N/m, of a yielding pivot
 
 
 @lru_cache
@@ -137,7 +136,7 @@ def support(name: str) -> Support:
         "free": Free(),
         "pivoted": Pinned(28 * INCH),
         "clamped": Clamped(33 * INCH),
-        "held": Pinned(31 * INCH, SOFT),
+        "held": Pinned(31 * INCH, 1e6),
     }
     return supports[name]
 

@@ -43,9 +43,6 @@ from virtual_lab.studies.paper.computed import (
 )
 from virtual_lab.units import INCH, MPH, OUNCE, OZ_IN2
 
-TABLE = 5e-3  # relative, of Table I: the fit of a drawing to it
-FIT = "fit of the drawing, 0.5 %"
-
 
 def table_one() -> Iterator[Claim]:
     """Return the claims of Table I, as the data of the bats have it."""
@@ -69,10 +66,10 @@ def table_one() -> Iterator[Claim]:
                 where="Table I",
                 says=f"{bat}: {name}",
                 paper=value,
-                low=value - TABLE * value,
-                high=value + TABLE * value,
+                low=value - 5e-3 * value,
+                high=value + 5e-3 * value,
                 unit=unit,
-                why=FIT,
+                why="fit of the drawing, 0.5 %",
                 find=partial(of_drawing, bat, name),
             )
 

@@ -41,7 +41,7 @@ from virtual_lab.units import INCH, MPH
 
 Array = NDArray[np.float64]
 SLOW, FAST = 60.0, 160.0  # mph
-RESTITUTIONS, RECOILS = np.meshgrid(np.linspace(0, 1, 11), np.linspace(0, 0.5, 11))
+E_AND_R = np.meshgrid(np.linspace(0, 1, 11), np.linspace(0, 0.5, 11))
 
 
 def _worst(values: Array) -> float:
@@ -135,7 +135,7 @@ def fractions(name: str) -> float:
 
 def sum_of_shares() -> float:
     """Return the sum of Eqs. (10) that is farthest from 1, at any e and r."""
-    shares = energy_fractions(RESTITUTIONS, RECOILS)
+    shares = energy_fractions(*E_AND_R)
     total = np.ravel(np.asarray(shares.ball) + shares.bat + shares.dissipated)
     return float(total[np.abs(total - 1).argmax()])
 
@@ -169,7 +169,7 @@ def nearer_is_heavier() -> float:
 
 def rise_with_lighter_recoil() -> float:
     """Return the least fall of e_A a step of r, at any e."""
-    e_A = np.asarray(efficiency_from_restitution(RESTITUTIONS, RECOILS))
+    e_A = np.asarray(efficiency_from_restitution(*E_AND_R))
     return float(-np.diff(e_A, axis=0).max())
 
 

@@ -35,8 +35,6 @@ from virtual_lab.studies.paper.computed import (
 from virtual_lab.units import INCH, MPH, OZ_IN2
 
 INERTIAS = np.linspace(1.5e4, 2.0e4, 11) * OZ_IN2  # those of measured swings
-MASSES = np.arange(8.0, 124.1, 0.5)  # oz, of bats of one shape
-BAT_OZ = 31.0
 
 
 def compression_free_restitution() -> float:
@@ -105,12 +103,13 @@ def kept(power: float, exponent: float) -> float:
 
 def best_mass(exponent: float) -> float:
     """Return the mass [oz] that maximises v_f among bats of R161's shape, e = 0.5, 6 in."""
-    r = float(recoil(WOOD, 6.0)) * BAT_OZ / MASSES
-    inertia = beam(WOOD).inertia(33 * INCH) * MASSES / BAT_OZ
+    mass = np.arange(8.0, 124.1, 0.5)
+    r = float(recoil(WOOD, 6.0)) * 31.0 / mass
+    inertia = beam(WOOD).inertia(33 * INCH) * mass / 31.0
     omega = np.asarray(game().swing(exponent).angular_speed(inertia))
     e_A = efficiency_from_restitution(0.5, r)
     v_f = np.asarray(batted_speed(e_A, 90.0, omega * 27 * INCH / MPH))
-    return float(MASSES[int(v_f.argmax())])
+    return float(mass[int(v_f.argmax())])
 
 
 def energy_speeds() -> np.ndarray:

@@ -19,19 +19,6 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_page", "write_page"]
 
-SIZE = (12.6, 6.6)  # in
-ROOM = 0.22  # of a panel's height, for its legend below the curves
-TITLE = "Characterizing the performance of baseball bats: the paper and the virtual laboratory"
-WORDS = (
-    "Figs. 2 to 4 of the paper of 2003 as this laboratory computes them, and the numbers and "
-    "claims of its Secs. II to VI: what it says, what we find, how far apart, and how far apart "
-    "they may be, with the reason."
-)
-PAIRS = (
-    ("Fig. 3: wood and aluminium", WOOD, ALUMINIUM),
-    ("Fig. 4: barrel- and knob-loaded", BARREL, KNOB),
-)
-
 
 def draw_page() -> Figure:
     """Return Fig. 2 beside Figs. 3 and 4, each bat swung with n = 0 and 0.5."""
@@ -39,14 +26,18 @@ def draw_page() -> Figure:
     from matplotlib.figure import Figure
 
     with style.context(STYLE, after_reset=True):
-        figure = Figure(figsize=SIZE, dpi=150, layout="constrained")
+        figure = Figure(figsize=(12.6, 6.6), dpi=150, layout="constrained")
         grid = figure.add_gridspec(1, 3, wspace=0.03)
         parts = [figure.add_subfigure(grid[0, column]) for column in range(3)]
         above, below = parts[0].subplots(2, 1, sharex=True)
         plot_profile(above, below, profiled(WOOD)[0.0].table)
         above.set_title("Fig. 2: wood, swung at 45 rad/s")
         bare = []
-        for part, (title, first, second) in zip(parts[1:], PAIRS, strict=True):
+        pairs = (
+            ("Fig. 3: wood and aluminium", WOOD, ALUMINIUM),
+            ("Fig. 4: barrel- and knob-loaded", BARREL, KNOB),
+        )
+        for part, (title, first, second) in zip(parts[1:], pairs, strict=True):
             swung = tuple(profiled(bat)[n] for bat in (first, second) for n in (0.0, 0.5))
             top, middle, bottom = panels = part.subplots(3, 1, sharex=True)
             plot_comparison(panels, Compared(profiles=swung).curves)
@@ -57,11 +48,17 @@ def draw_page() -> Figure:
         for axes in figure.axes:
             if axes not in bare:
                 low, high = axes.get_ylim()
-                axes.set_ylim(low - ROOM * (high - low), high)
+                axes.set_ylim(low - 0.22 * (high - low), high)  # the legend is below the curves
     return figure
 
 
 def write_page(rows: Sequence[Row], figure: Figure, path: Path) -> None:
     """Write figure and table as one self-contained HTML page."""
     table = [cell | {"reason": row.claim.why} for cell, row in zip(cells(rows), rows, strict=True)]
-    path.write_text(chart_page(TITLE, WORDS, figure, table), encoding="utf-8")
+    title = "Characterizing the performance of baseball bats: the paper and the virtual laboratory"
+    words = (
+        "Figs. 2 to 4 of the paper of 2003 as this laboratory computes them, and the numbers and "
+        "claims of its Secs. II to VI: what it says, what we find, how far apart, and how far "
+        "apart they may be, with the reason."
+    )
+    path.write_text(chart_page(title, words, figure, table), encoding="utf-8")

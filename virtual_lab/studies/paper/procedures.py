@@ -33,8 +33,7 @@ from virtual_lab.units import INCH, MPH
 
 Array = NDArray[np.float64]
 PLACES = np.arange(3.0, 9.01, 0.25)
-PITCH, SWUNG, LIMIT = 70.0, 66.0, 0.228  # mph, mph at 6 in, e_A
-MODIFIED = 97.0  # mph
+PITCH, LIMIT = 70.0, 0.228  # mph, e_A
 
 
 def proposed(bat: str, n: float) -> float:
@@ -86,7 +85,7 @@ def reaction(off: float) -> float:
 def swung(place: float | Array, length: float) -> Array:
     """Return the bat's speed of the NCAA method, about the pivot of its rig [mph]."""
     pivot = (length - rules("ncaa-modified").pivot_from_knob) / INCH
-    return np.asarray(SWUNG * (pivot - np.asarray(place)) / (pivot - 6.0))
+    return np.asarray(66.0 * (pivot - np.asarray(place)) / (pivot - 6.0))
 
 
 def _ncaa(bat: str) -> float:
@@ -108,7 +107,7 @@ def at_limit(place: float) -> float:
 
 def besr_at_limit(place: float) -> float:
     """Return BESR of a bat of v_f = 97 mph struck at a place."""
-    e_A = collision_efficiency(PITCH, swung(place, beam(WOOD).length), MODIFIED)
+    e_A = collision_efficiency(PITCH, swung(place, beam(WOOD).length), 97.0)
     return float(besr(e_A))
 
 

@@ -9,8 +9,6 @@ from virtual_lab.studies.paper.claim import Row
 
 __all__ = ["cells", "paper_text"]
 
-ROUNDING = 1e-12  # a deviation below is none
-
 
 def paper_text(rows: Sequence[Row]) -> str:
     """Return one table of all claims, and the number that agree."""
@@ -44,6 +42,6 @@ def _number(value: float) -> str:
 
 
 def _signed(value: float) -> str:
-    if abs(value) < ROUNDING:
+    if abs(value) < 1e-12:  # rounding
         return "0"
     return f"{'-' if value < 0 else '+'}{_number(abs(value))}"
