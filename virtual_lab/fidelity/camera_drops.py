@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from virtual_lab.fidelity.camera_map import FLAGGED, GOOD, INACCURATE, UNSAID
 from virtual_lab.streams import Streams
 from virtual_lab.video.find.blobs import BLOB
-from virtual_lab.video.follow.flights import FlightScene, flights_of
+from virtual_lab.video.follow.flights import flights_of
 from virtual_lab.video.follow.pieces import Piece, pieces
+from virtual_lab.video.follow.scene import FlightScene
 from virtual_lab.video.track.legs import AirOnFlight, fit_flight
 
 __all__ = ["DROPPED", "METHOD", "dropped_frames"]
