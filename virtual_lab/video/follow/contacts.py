@@ -75,31 +75,31 @@ def contacts_of(
     """
     notes: list[Note] = []
     found = []
-    for met in meetings(ways, fit):
-        one, other = ways[met.first], ways[met.first + 1]
-        change = met.after - met.before
-        if np.hypot(*change) < CONTACTS.least_change * np.hypot(*met.before):
+    for k, t in meetings(ways, fit):
+        one, other = ways[k], ways[k + 1]
+        into, out = fit.at(k, t)[0, 2:], fit.at(k + 1, t)[0, 2:]
+        if np.hypot(*(out - into)) < CONTACTS.least_change * np.hypot(*into):
             continue
-        normal, kind = _normal(fit.pull[0], change, ways)
-        frame = _frame(scene, one, other, met.t)
+        normal, kind = _normal(fit.pull[0], out - into, ways)
+        frame, place = _frame(scene, one, other, t), fit.pictured(k, t) + fit.pictured(k + 1, t)
         late = fit.readout * float(np.median(scene.late(one.blobs[-2:])))
-        time = estimate_of(lambda f: _closest(f, met.first, met.t)[0], fit, unit=step)  # noqa: B023
+        time = estimate_of(lambda f: _closest(f, k, t)[0], fit, unit=step)  # noqa: B023
         ratio = None
         if min(len(one.t), len(other.t)) >= FLIGHTS.side_places and kind != "other":
-            ratio, flag, why = _restitution(fit, others, met.first, met.t, normal, kind)
+            ratio, flag, why = _restitution(fit, others, k, t, normal, kind)
             if flag:
                 notes.append((flag, f"contact at frame {frame:.1f}: {why}"))
         found.append(
             Contact(
-                before=met.first,
-                after=met.first + 1,
-                t=met.t - late,
+                before=k,
+                after=k + 1,
+                t=t - late,
                 frame=frame - late,
-                time=replace(time, value=step * (met.t - late)),
+                time=replace(time, value=step * (t - late)),
                 kind="struck" if kind == "other" else kind,
                 restitution=ratio,
-                place=met.place,
-                metres=unit * met.place,
+                place=place[0] / 2,
+                metres=unit * place[0] / 2,
                 metres_u=unit * fit.spread,
             )
         )

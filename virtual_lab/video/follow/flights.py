@@ -14,7 +14,7 @@ from virtual_lab.video.follow.joint import FIT, Fit, fit_flights
 from virtual_lab.video.follow.pieces import GROWTH, Piece, parabola
 from virtual_lab.video.follow.scene import FlightScene
 
-__all__ = ["FLIGHTS", "Meeting", "beside", "flights_of", "meetings", "readout_of"]
+__all__ = ["FLIGHTS", "beside", "flights_of", "meetings", "readout_of"]
 
 Array = NDArray[np.float64]
 
@@ -62,17 +62,6 @@ class FlightSearch:
 
 
 FLIGHTS = FlightSearch()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Meeting:
-    """Two flights meet: a contact."""
-
-    first: int  # number of the flight in
-    t: float  # [frames]
-    place: Array  # (2,)
-    before: Array  # (2,) velocities [px/frame]
-    after: Array
 
 
 def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece], Fit | None]:
@@ -139,30 +128,20 @@ def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]
     return found
 
 
-def meetings(flights: Sequence[Piece], fit: Fit) -> list[Meeting]:
-    """Return where neighbouring flights meet."""
+def meetings(flights: Sequence[Piece], fit: Fit) -> list[tuple[int, float]]:
+    """Return where neighbouring flights meet: the number of the one in, and the time [frames]."""
     found = []
     for k, (one, other) in enumerate(pairwise(flights)):
         start, end = one.t[-1], other.t[0]
         if end - start > FLIGHTS.contact_frames:
             continue
         t = np.linspace(start - 1, end + 1, 401)
-        before, after = fit.at(k, t), fit.at(k + 1, t)
-        apart = np.hypot(*(before - after)[:, :2].T)
+        change = fit.at(k + 1, t) - fit.at(k, t)
+        apart = np.hypot(*change[:, :2].T)
         best = int(np.argmin(apart))
-        change = float(np.hypot(*(after - before)[best, 2:]))
-        if apart[best] > FLIGHTS.meeting_radii * one.radius + 0.5 * change or not 0 < best < 400:
-            continue
-        places = fit.pictured(k, t[best]) + fit.pictured(k + 1, t[best])
-        found.append(
-            Meeting(
-                first=k,
-                t=float(t[best]),
-                place=places[0] / 2,
-                before=before[best, 2:],
-                after=after[best, 2:],
-            )
-        )
+        room = FLIGHTS.meeting_radii * one.radius + 0.5 * float(np.hypot(*change[best, 2:]))
+        if apart[best] <= room and 0 < best < 400:
+            found.append((k, float(t[best])))
     return found
 
 
@@ -401,8 +380,7 @@ def _parted(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
         return flights
     half = (1.0 if scene.exposure is None else scene.exposure) / 2
     kept = list(flights)
-    for each in meetings(flights, fit_flights(scene, flights)):
-        before, after = kept[each.first], kept[each.first + 1]
-        kept[each.first] = before.part(before.t < each.t - half)
-        kept[each.first + 1] = after.part(after.t > each.t + half)
+    for k, t in meetings(flights, fit_flights(scene, flights)):
+        kept[k] = kept[k].part(kept[k].t < t - half)
+        kept[k + 1] = kept[k + 1].part(kept[k + 1].t > t + half)
     return kept

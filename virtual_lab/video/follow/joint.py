@@ -78,7 +78,7 @@ class Fit:
         states = np.broadcast_to(self.states[flight], (len(dt), 4))
         return _flown(states, self.pull[flight], self.drag, dt)
 
-    def pictured(self, flight: int, t: Array) -> Array:
+    def pictured(self, flight: int, t: Array | float) -> Array:
         """Return the same as the picture shows it: places alone, (time, 2)."""
         return _pictured(self.at(flight, t)[:, :2], self.tilt, self.centre)
 
