@@ -7,62 +7,21 @@ contrast; a hand that holds the ball lies on the ring about it, which must be ba
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.video.find.drift import middle
+from virtual_lab.video.find.outline import fit_outline
 from virtual_lab.video.find.still import Image, Still, difference_of, difference_of_light
 
-__all__ = ["BLOB", "BlobOutline", "Blobs", "blobs", "fit_outline"]
-
-
-RAYS = 48
-PLACES = 64  # along a ray
-REACH = 1.6  # radii
-INSIDE, OUTSIDE = (0.5, 0.8), (1.3, 1.55)  # of the radius: the ball, and what is behind it
-INNER_PART, OUTER_PART = (0.35, 0.55), (0.6, 0.8)  # of the radius: how the ball's level goes on
-GOES_ON = 0.7  # of that slope out to the rim: no bias on the balls of tests/video/scenery
-WIDE, NARROW = 0.3, 0.15  # of the radius, an edge's width: blurred, none of it; sharp, all
-OUTER, INNER = 0.3, 0.7  # of a ray's contrast: the edge's width lies between
-NO_EDGE = 0.3  # of the ball's contrast: such a ray shows no edge
-ENOUGH = 0.4  # of the rays
-ROUNDS = 2
-TRUST = 3  # rounds of the robust fit
-SHARE = np.linspace(0.3, REACH, PLACES)
-BALL, REST, DEEP, RIM = (
-    (low < SHARE) & (high > SHARE) for low, high in (INSIDE, OUTSIDE, INNER_PART, OUTER_PART)
-)
-TO_RIM = (1 - SHARE[BALL].mean()) / (SHARE[RIM].mean() - SHARE[DEEP].mean())
-TURNS = np.arange(RAYS) * (2 * np.pi / RAYS)
-COS, SIN = np.cos(TURNS), np.sin(TURNS)
-TO_X, TO_Y = COS[:, None] * SHARE, SIN[:, None] * SHARE
-# shift, size, and drawn out along one direction
-DESIGN = np.stack([COS, SIN, np.ones(RAYS), np.cos(2 * TURNS), np.sin(2 * TURNS)], axis=1)
-ROUNDED = 0.15  # of the edge's width between the outer and inner level: what its place may be off
-
+__all__ = ["BLOB", "Blobs", "blobs"]
 
 Array = NDArray[np.float64]
 Blobs = NDArray[np.void]
 Row = tuple[Any, ...]  # as of `BLOB`
 
-THRESHOLDS = (10, 20, 40, 80)  # DN of 8 bits: each once more, so that no single one decides
-FAINT = 5.0  # DN
-SOFTENED = 0.7  # pixels: codecs leave blocks
-LEAST_AREA = 12.0  # pixels of the picture searched: a ball of two pixels' radius
-LARGEST = 0.12  # of the picture
-MOST = 24  # regions looked at in a frame
-HALF = 0.5  # of a blob's own contrast: its outline
-SOLID = 0.8  # of its hull's area that a blob fills
-FILLED = (0.85, 1.12)  # of an ellipse's area, for a hull with its moments
-THIN = 0.22  # least ratio of a blob's axes: blur of five times the ball
-RING = 0.35  # of the contrast: what is brighter than that in the ring is not background
-ALIKE = 0.35  # radii between a hull's middle and an outline's
-UNFITTED = 0.2  # of a hull's radius, its u where no outline is fitted
-SURE = 0.15  # of the radius, u of an outline that needs no other threshold
-COARSE = 48  # pixels of a blob: one twice as large is made smaller first
-FINE = 16.0  # pixels of radius at which an outline is not drawn larger
 BLOB = np.dtype(
     [
         ("frame", np.int32),
@@ -81,100 +40,29 @@ BLOB = np.dtype(
 )
 
 
-class BlobOutline(NamedTuple):
-    """A ball's outline in a region [pixels]."""
+@dataclass(frozen=True, kw_only=True)
+class _Search:
+    """What may be a ball; differences from the background in DN of 8 bits."""
 
-    x: float
-    y: float
-    short: float  # half its shorter axis
-    long: float
-    short_u: float
-
-
-def fit_outline(
-    off: NDArray[np.float32],
-    x: float,
-    y: float,
-    radius: float,
-    contrast: float,
-    rounds: int = ROUNDS,
-) -> BlobOutline | None:
-    """Return the outline of a blob, None where too few rays show an edge.
-
-    Parameters
-    ----------
-    off
-        Difference from the background, (row, column) [DN].
-    x, y, radius
-        Of the blob, to a fifth of the radius.
-    contrast
-        Of the blob [DN].
-    rounds
-        Of which each begins where the one before ended.
-    """
-    import cv2
-
-    width = 0.0
-    fitted = np.zeros(5)
-    for _ in range(rounds):
-        along = SHARE * radius
-        to_x, to_y = (x + radius * TO_X).astype(np.float32), (y + radius * TO_Y).astype(np.float32)
-        mode = cv2.BORDER_REPLICATE
-        seen = np.asarray(cv2.remap(off, to_x, to_y, cv2.INTER_LINEAR, borderMode=mode), float)
-        ball, rest = seen[:, BALL].mean(axis=1), middle(seen[:, REST])
-        height = ball - rest
-        good = height > NO_EDGE * contrast
-        if good.sum() < ENOUGH * RAYS:
-            return None
-        height = np.where(good, height, 1.0)
-        level = (seen - rest[:, None]) / height[:, None]
-        outer, found_outer = _crossing(level, along, OUTER)
-        inner, found_inner = _crossing(level, along, INNER)
-        both = good & found_outer & found_inner
-        wide = np.where(both, (outer - inner) / radius, WIDE)
-        on = GOES_ON * np.clip((WIDE - wide) / NARROW, 0, 1)
-        slope = np.clip(level[:, RIM].mean(axis=1) - level[:, DEEP].mean(axis=1), -0.5, 0.5)
-        edge, found = _crossing(level, along, 0.5 * np.maximum(1 + on * TO_RIM * slope, 0.5))
-        good &= found
-        if good.sum() < ENOUGH * RAYS:
-            return None
-        fitted = _robust(edge, good)
-        both &= good
-        width = float(middle(outer[both] - inner[both])) if both.any() else radius
-        x, y, radius = x + fitted[0], y + fitted[1], float(fitted[2])
-        if not 1.0 < radius < max(off.shape):
-            return None
-    drawn = float(np.hypot(fitted[3], fitted[4]))
-    if drawn > 0.6 * radius:
-        return None
-    return BlobOutline(float(x), float(y), radius - drawn, radius + drawn, ROUNDED * abs(width))
+    thresholds: tuple[int, ...] = (10, 20, 40, 80)  # each once more: no single one decides
+    faint: float = 5.0
+    softened: float = 0.7  # pixels: codecs leave blocks
+    least_area: float = 12.0  # pixels of the picture searched: a ball of two pixels' radius
+    largest: float = 0.12  # of the picture
+    regions: int = 24  # looked at in a frame
+    solid: float = 0.8  # of its hull's area that a blob fills
+    filled: tuple[float, float] = (0.85, 1.12)  # of an ellipse's area, for a hull's moments
+    thinnest: float = 0.22  # ratio of a blob's axes: blur of five times the ball
+    outline_level: float = 0.5  # of a blob's own contrast
+    ring_level: float = 0.35  # of the contrast: what is brighter in the ring is not background
+    centre_room: float = 0.35  # radii between a hull's middle and an outline's
+    hull_u: float = 0.2  # of its radius, where no outline is fitted
+    sure_u: float = 0.15  # of the radius: such an outline needs no other threshold
+    coarse: int = 48  # pixels of a blob: one twice as large is made smaller first
+    fine: float = 16.0  # pixels of radius at which an outline is not drawn larger
 
 
-def _crossing(level: Array, along: Array, share: Array | float) -> tuple[Array, NDArray[np.bool_]]:
-    """Return where rays first fall below a share on the way out, and whether they do."""
-    share = np.broadcast_to(share, len(level))
-    middle = int(np.searchsorted(along, 0.6 * along[-1] / REACH))
-    below = level[:, middle:] < share[:, None]
-    k = np.argmax(below, axis=1) + middle
-    found = below.any(axis=1) & (k > middle)
-    k = np.maximum(k, 1)
-    row = np.arange(len(level))
-    high, low = level[row, k - 1], level[row, k]
-    part = np.clip((high - share) / np.maximum(high - low, 1e-6), 0, 1)
-    return along[k - 1] + part * (along[k] - along[k - 1]), found
-
-
-def _robust(edge: Array, good: NDArray[np.bool_]) -> Array:
-    trust = good.astype(float)
-    fitted = np.zeros(5)
-    for _ in range(TRUST):
-        weighted = DESIGN * trust[:, None]
-        normal = weighted.T @ DESIGN + 1e-6 * np.eye(5)
-        fitted = np.linalg.solve(normal, weighted.T @ edge)
-        off = np.abs(edge - DESIGN @ fitted)
-        spread = max(0.05, 1.4826 * float(middle(off[good])))
-        trust = good / np.maximum(1.0, off / (1.5 * spread)) ** 2
-    return fitted
+_SEARCH = _Search()
 
 
 def blobs(number: int, picture: Image, small: Image, shift: Array, still: Still) -> Blobs:
@@ -208,7 +96,7 @@ def _inside(box: tuple[int, int, int, int], blob: Row, origin: tuple[int, int]) 
     """Return whether a box lies in a blob that is sure already."""
     _, x, y, short, long, spread, _, dirty, *_ = blob
     left, top, wide, high = box[0] + origin[0], box[1] + origin[1], *box[2:]
-    sure = dirty < 0.1 and spread < SURE * short
+    sure = dirty < 0.1 and spread < _SEARCH.sure_u * short
     away = float(np.hypot(left + wide / 2 - x, top + high / 2 - y))
     return bool(sure and away + max(wide, high) / 2 < 1.4 * long)
 
@@ -219,7 +107,10 @@ def _same(one: Row, other: Row) -> bool:
 
 
 def _surer(one: Row, other: Row) -> bool:
-    return bool((one[7] > RING, one[5] / one[3]) < (other[7] > RING, other[5] / other[3]))
+    return bool(
+        (one[7] > _SEARCH.ring_level, one[5] / one[3])
+        < (other[7] > _SEARCH.ring_level, other[5] / other[3])
+    )
 
 
 def _boxes(off: Image, shrink: int) -> Iterator[tuple[int, int, int, int]]:
@@ -228,14 +119,14 @@ def _boxes(off: Image, shrink: int) -> Iterator[tuple[int, int, int, int]]:
 
     seen: set[tuple[int, int, int, int]] = set()
     kernel = np.ones((3, 3), np.uint8)
-    largest = LARGEST * off.size
-    for threshold in THRESHOLDS:
+    largest = _SEARCH.largest * off.size
+    for threshold in _SEARCH.thresholds:
         mask = cv2.threshold(off, threshold, 1, cv2.THRESH_BINARY)[1]
         mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel)
         count, _, stats, _ = cv2.connectedComponentsWithStats(mask, ltype=cv2.CV_16U)
         areas = stats[1:count, cv2.CC_STAT_AREA]
-        for k in np.argsort(-areas, kind="stable")[:MOST].tolist():
-            if not LEAST_AREA <= areas[k] <= largest:
+        for k in np.argsort(-areas, kind="stable")[: _SEARCH.regions].tolist():
+            if not _SEARCH.least_area <= areas[k] <= largest:
                 continue
             left, top, wide, high = map(int, stats[1 + k, :4])
             coarse = (left // 2, top // 2, wide // 2, high // 2)
@@ -256,7 +147,7 @@ def _outline(
     x0, y0 = max(0, left - room), max(0, top - room)
     size = (min(columns, left + wide + room) - x0, min(rows, top + high + room) - y0)
     part, behind = still.cut(picture, shift, (x0, y0), size)
-    fine = max(1, max(wide, high) // COARSE)
+    fine = max(1, max(wide, high) // _SEARCH.coarse)
     if fine > 1:  # tenths of a pixel of a large ball take no more than that
         smaller = (max(1, size[0] // fine), max(1, size[1] // fine))
         cutting = np.s_[: smaller[1] * fine, : smaller[0] * fine]
@@ -269,32 +160,36 @@ def _outline(
         (top - y0) // fine : (top - y0 + high) // fine,
         (left - x0) // fine : (left - x0 + wide) // fine,
     ]
-    bright = inner[inner > FAINT]
-    contrast = float(np.percentile(bright, 85)) if bright.size >= LEAST_AREA else 0.0
-    if contrast < 2 * FAINT:
+    bright = inner[inner > _SEARCH.faint]
+    contrast = float(np.percentile(bright, 85)) if bright.size >= _SEARCH.least_area else 0.0
+    if contrast < 2 * _SEARCH.faint:
         return None
-    drawn = _shape(off, HALF * contrast)
+    drawn = _shape(off, _SEARCH.outline_level * contrast)
     if drawn is None:
         return None
     x, y, short, long, solid, filled = drawn
-    if solid < SOLID or not FILLED[0] < filled < FILLED[1] or short < THIN * long:
+    if (
+        solid < _SEARCH.solid
+        or not _SEARCH.filled[0] < filled < _SEARCH.filled[1]
+        or short < _SEARCH.thinnest * long
+    ):
         return None
     fitted = fit_outline(off, x, y, np.sqrt(short * long), contrast)
-    spread = UNFITTED * short
-    if fitted is not None and np.hypot(fitted.x - x, fitted.y - y) < ALIKE * short:
+    spread = _SEARCH.hull_u * short
+    if fitted is not None and np.hypot(fitted.x - x, fitted.y - y) < _SEARCH.centre_room * short:
         x, y, short, long, spread = fitted
         # a rim in shade takes the edge inward in light, a gamma does in grey values
         light = _softened(difference_of_light(part, behind))
         level = float(np.median(light[_disc(light.shape, x, y, 0.6 * short)]))
         other = fit_outline(light, x, y, (short + long) / 2, level, rounds=1)
-        if other is not None and abs(other.short - short) < ALIKE * short:
+        if other is not None and abs(other.short - short) < _SEARCH.centre_room * short:
             # the edge lies between the two, nobody knows where
             spread = float(np.hypot(spread, (other.short - short) / np.sqrt(12)))
             short, long = (short + other.short) / 2, (long + other.long) / 2
     ring = _disc(off.shape, x, y, 1.5 * long + 3) & ~_disc(off.shape, x, y, 1.25 * long + 1.5)
     core = _disc(off.shape, x, y, 0.6 * short)
     colour = np.median(part[core].reshape(-1, 1 if part.ndim == 2 else 3), axis=0)
-    dirty = float((off[ring] > RING * contrast).mean()) if ring.any() else 1.0
+    dirty = float((off[ring] > _SEARCH.ring_level * contrast).mean()) if ring.any() else 1.0
     x, y = (fine * (each + 0.5) - 0.5 for each in (x, y))
     short, long, spread = fine * short, fine * long, fine * spread
     at = (x + x0 + still.origin[0], y + y0 + still.origin[1])
@@ -308,7 +203,7 @@ def _outline(
 def _softened(off: NDArray[np.float32]) -> NDArray[np.float32]:
     import cv2
 
-    return np.asarray(cv2.GaussianBlur(off, (0, 0), SOFTENED), np.float32)
+    return np.asarray(cv2.GaussianBlur(off, (0, 0), _SEARCH.softened), np.float32)
 
 
 def _disc(shape: tuple[int, ...], x: float, y: float, radius: float) -> NDArray[np.bool_]:
@@ -325,10 +220,10 @@ def _shape(
 
     fine = 1
     area = int((off > level).sum())
-    if area < LEAST_AREA:
+    if area < _SEARCH.least_area:
         return None
-    if area < np.pi * FINE**2:
-        fine = 3 if area < np.pi * (FINE / 2) ** 2 else 2
+    if area < np.pi * _SEARCH.fine**2:
+        fine = 3 if area < np.pi * (_SEARCH.fine / 2) ** 2 else 2
         larger = cv2.resize(off, None, fx=fine, fy=fine, interpolation=cv2.INTER_CUBIC)
         off = np.asarray(larger, np.float32)
     mask = cv2.threshold(off, level, 1, cv2.THRESH_BINARY)[1]

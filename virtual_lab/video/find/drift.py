@@ -14,30 +14,38 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Edges", "edges_of", "middle"]
+__all__ = ["Edges", "edges_of", "upper_median"]
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
-LEVELS = 4  # of the pyramid: each half as large
-SMALLEST = 24  # pixels of its top
-PARTS = 12  # of the picture, each way, that take part alike
-PART_SHOWS = 8  # steep pixels of a part that has an edge: noise leaves one or two
-PIXELS = 3000
-STEEPEST = 2.0  # DN a pixel: less is noise
-STEPS = 12
-NEAR = 1.5  # pixels: a shift found so near to its guess is looked for no farther
-FITS = 0.5  # pixels that edges may lie off for that, what moves on its own clipped
-FEW = 6.0  # pixels that show a shift: of fewer it stays
-BLACK = 24.0  # DN: a row or column that has nothing lighter is no picture
-EDGE = 4  # pixels
-SETTLED = 0.003  # pixels
-TUKEY = 4.7  # standard deviations: what is farther off does not count
-LEAST_SPREAD = 0.1  # pixels
-CLIPPED = 2.0  # pixels: what is farther off moves on its own
-SHOWN = 0.2  # of the edges that a picture has at least
-STAND = 0.98  # of its cost: a camera on a stand is the simpler thing to say
-RIDGE = 1e-3  # of what a picture shows of a shift: an edge does not hold one along it
+
+@dataclass(frozen=True, kw_only=True)
+class _Alignment:
+    """How two pictures are laid upon one another."""
+
+    levels: int = 4  # of the pyramid: each half as large
+    smallest: int = 24  # pixels of its top
+    parts: int = 12  # of the picture, each way, that take part alike
+    part_pixels: int = 8  # steep ones of a part that has an edge: noise leaves one or two
+    pixels: int = 3000
+    steepest: float = 2.0  # DN a pixel: less is noise
+    steps: int = 12
+    near: float = 1.5  # pixels: a shift found so near to its guess is looked for no farther
+    fits: float = 0.5  # pixels that edges may lie off for that, what moves on its own clipped
+    fewest: float = 6.0  # pixels that show a shift: of fewer it stays
+    black: float = 24.0  # DN: a row or column that has nothing lighter is no picture
+    border: int = 4  # pixels of the picture's edge that take no part
+    settled: float = 0.003  # pixels
+    tukey: float = 4.7  # standard deviations: what is farther off does not count
+    least_spread: float = 0.1  # pixels
+    clipped: float = 2.0  # pixels: what is farther off moves on its own
+    least_shown: float = 0.2  # of the edges, that lie in the other picture
+    stand: float = 0.98  # of its cost: a camera on a stand is the simpler explanation
+    ridge: float = 1e-3  # of what shows a shift: an edge does not hold one along it
+
+
+_ALIGN = _Alignment()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,10 +71,10 @@ class Edges:
         level, sides = self.levels[-1], np.array(shape[1::-1], dtype=float)
         places = np.stack([level.x, level.y])[:, level.slope > steeper]
         places -= places.min(axis=1, keepdims=True, initial=np.inf)
-        part = (places / sides[:, None] * PARTS).astype(int)
+        part = (places / sides[:, None] * _ALIGN.parts).astype(int)
         each, count = np.unique(part, axis=1, return_counts=True)
-        shown = each[:, count >= PART_SHOWS]
-        return float(np.ptp(shown, axis=1).max() + 1) / PARTS if shown.size else 0.0
+        shown = each[:, count >= _ALIGN.part_pixels]
+        return float(np.ptp(shown, axis=1).max() + 1) / _ALIGN.parts if shown.size else 0.0
 
     def shift(self, grey: Image, guess: Array) -> Array:
         """Return how far a picture lies from this one, (2,) [pixels], found from near a guess."""
@@ -79,15 +87,15 @@ class Edges:
                 scale = 2.0 ** (finest - k)
                 shift = scale * _settled(self.levels[k], pictures[k], shift / scale)
             tried.append(shift)
-            near = np.hypot(*(shift - guess)) < NEAR
-            if near and _cost(self.levels[-1], pictures[-1], shift) < FITS:
+            near = np.hypot(*(shift - guess)) < _ALIGN.near
+            if near and _cost(self.levels[-1], pictures[-1], shift) < _ALIGN.fits:
                 break  # of what moves so little the coarser levels show no more
         costs = [_cost(self.levels[-1], pictures[-1], each) for each in tried]
-        costs[0] *= STAND
+        costs[0] *= _ALIGN.stand
         return tried[int(np.argmin(costs))]
 
 
-def middle(values: NDArray[np.floating]) -> NDArray[np.floating]:
+def upper_median(values: NDArray[np.floating]) -> NDArray[np.floating]:
     """Return the upper median along the last axis: without numpy's checks, which cost ten times."""
     place = values.shape[-1] // 2
     return np.asarray(np.partition(values, place, axis=-1)[..., place])
@@ -96,7 +104,7 @@ def middle(values: NDArray[np.floating]) -> NDArray[np.floating]:
 def edges_of(grey: Image, origin: Array | None = None) -> Edges:
     """Return the steep pixels of a picture (row, column); `origin`: x, y of its first pixel."""
     count = 1
-    while count < LEVELS and min(grey.shape) >> count >= SMALLEST:
+    while count < _ALIGN.levels and min(grey.shape) >> count >= _ALIGN.smallest:
         count += 1
     first = np.zeros(2) if origin is None else origin
     levels = [_level(p, first / 2**k) for k, p in enumerate(_pyramid(grey, count))]
@@ -136,23 +144,28 @@ def _level(picture: NDArray[np.float32], first: Array) -> _Level:
 def _rim(picture: NDArray[np.float32]) -> NDArray[np.bool_]:
     """Return the edge of a picture and the black bars about it, which no drift moves."""
     rim = np.ones(picture.shape, bool)
-    lines, files = (np.flatnonzero(picture.max(axis=a) > BLACK) for a in (1, 0))
+    lines, files = (np.flatnonzero(picture.max(axis=a) > _ALIGN.black) for a in (1, 0))
     if lines.size and files.size:
-        rim[lines[0] + EDGE : lines[-1] + 1 - EDGE, files[0] + EDGE : files[-1] + 1 - EDGE] = False
+        rim[
+            lines[0] + _ALIGN.border : lines[-1] + 1 - _ALIGN.border,
+            files[0] + _ALIGN.border : files[-1] + 1 - _ALIGN.border,
+        ] = False
     return rim
 
 
 def _steepest(slope: NDArray[np.float32]) -> NDArray[np.intp]:
     """Return row and column of the steepest pixels of each part of a picture, (pixel, 2)."""
     rows, columns = slope.shape
-    share, chosen = PIXELS // (2 * PARTS**2), []
-    for i in range(PARTS):
-        for j in range(PARTS):
-            top, left = i * rows // PARTS, j * columns // PARTS
-            part = slope[top : (i + 1) * rows // PARTS, left : (j + 1) * columns // PARTS]
+    share, chosen = _ALIGN.pixels // (2 * _ALIGN.parts**2), []
+    for i in range(_ALIGN.parts):
+        for j in range(_ALIGN.parts):
+            top, left = i * rows // _ALIGN.parts, j * columns // _ALIGN.parts
+            part = slope[
+                top : (i + 1) * rows // _ALIGN.parts, left : (j + 1) * columns // _ALIGN.parts
+            ]
             flat = part.ravel()
             kept = np.argpartition(-flat, min(share, flat.size - 1))[:share]
-            y, x = np.unravel_index(kept[flat[kept] > STEEPEST], part.shape)
+            y, x = np.unravel_index(kept[flat[kept] > _ALIGN.steepest], part.shape)
             chosen.append(np.stack([y + top, x + left], axis=1))
     return np.concatenate(chosen)
 
@@ -167,10 +180,10 @@ def _cost(level: _Level, picture: NDArray[np.float32], shift: Array) -> float:
     """Return how far edges lie from where they should, what moves on its own clipped [pixels]."""
     inside = _inside(level, picture, shift)
     if not inside.any():
-        return CLIPPED
+        return _ALIGN.clipped
     left = (_seen(level, picture, shift) - level.value)[inside]
-    off = np.minimum(np.abs(left - middle(left)) / level.slope[inside], CLIPPED).mean()
-    return float(off if inside.mean() > SHOWN else CLIPPED)
+    off = np.minimum(np.abs(left - upper_median(left)) / level.slope[inside], _ALIGN.clipped).mean()
+    return float(off if inside.mean() > _ALIGN.least_shown else _ALIGN.clipped)
 
 
 def _seen(level: _Level, picture: NDArray[np.float32], shift: Array) -> Array:
@@ -187,24 +200,26 @@ def _settled(level: _Level, picture: NDArray[np.float32], shift: Array) -> Array
     if level.x.size < 4:
         return shift
     gain, offset = 1.0, 0.0
-    for _ in range(STEPS):
+    for _ in range(_ALIGN.steps):
         inside = _inside(level, picture, shift)
         if not inside.any():
             break
         left = (_seen(level, picture, shift) - gain * level.value - offset) / level.slope
-        spread = max(LEAST_SPREAD, 1.4826 * float(middle(np.abs(left[inside]))))
-        weight = np.where(inside, np.maximum(0, 1 - (left / (TUKEY * spread)) ** 2) ** 2, 0.0)
+        spread = max(_ALIGN.least_spread, 1.4826 * float(upper_median(np.abs(left[inside]))))
+        weight = np.where(
+            inside, np.maximum(0, 1 - (left / (_ALIGN.tukey * spread)) ** 2) ** 2, 0.0
+        )
         weighted = level.design * weight[:, None]
         normal = weighted.T @ level.design
         most = float(np.trace(normal[:2, :2]))
-        if most < FEW:
+        if most < _ALIGN.fewest:
             break
-        normal[[0, 1], [0, 1]] += RIDGE * most
+        normal[[0, 1], [0, 1]] += _ALIGN.ridge * most
         normal[[2, 3], [2, 3]] += 1e-3
         step = np.linalg.solve(normal, weighted.T @ left)
         # a picture shifted by s has, at x + s, the value of x
         shift = shift - step[:2]
         gain, offset = gain + step[2], offset + step[3]
-        if np.hypot(*step[:2]) < SETTLED:
+        if np.hypot(*step[:2]) < _ALIGN.settled:
             break
     return shift

@@ -31,25 +31,32 @@ __all__ = [
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
-SEARCHED = 4e5  # pixels of the picture that is searched: larger ones are made smaller
-NO_DRIFT = 0.15  # pixels over a clip: a camera on a stand
-STILL = 0.05  # pixels searched: pictures laid upon one another as they are
-FASTEST = 0.025  # of the picture's longer side a frame: a camera turned after the ball
-HELD = 3.0  # pixels a frame of a camera held in a hand
-CODED_STILL = 6.0  # DN a pixel: H.264 keeps flatter edges in place while the camera drifts
-BACKGROUND_SPAN = 0.5  # of a side, that edges reach over to show a turn: a ball's alone do not
-ROUNDS = 2  # the samples are laid upon one of them, and then on the median of all
-FEWEST = 8  # samples that show which side of the background a ball is on
-SIDE = 0.25  # quantile, or its complement, at which the background of a slow ball lies
-TOUCHED = 8.0  # noises that a pixel's brightness varies by if the ball was there
-CLIPPED = 20  # DN: what is farther off the background moves on its own
-STAND = 0.98  # of its misfit: a camera on a stand is the simpler thing to say
-RESTLESS = 0.75  # quantile of the samples' differences: what a pixel does without a ball
-RESTLESS_MOST = 16  # DN: more may be a ball that stays
-BLOCK = 64  # rows at a time: a sorted stack of whole pictures would need the memory of them all
-GRID = 8  # every eighth pixel shows how bright the light is
-LIGHT = (255 * (np.arange(256) / 255) ** 2.2).astype(np.float32)  # of a grey value, 0 to 255
-GAINS = (0.7, 1.4)  # of the light, from frame to frame
+
+@dataclass(frozen=True, kw_only=True)
+class _StillSettings:
+    """How the still frame is found."""
+
+    searched: float = 4e5  # pixels of the picture that is searched: larger ones are made smaller
+    no_drift: float = 0.15  # pixels over a clip: a camera on a stand
+    no_shift: float = 0.05  # pixels searched: pictures laid upon one another as they are
+    turned: float = 0.025  # of the picture's longer side a frame: a camera turned after the ball
+    held: float = 3.0  # pixels a frame of a camera held in a hand
+    coded_still: float = 6.0  # DN/px: H.264 keeps flatter edges in place while the camera drifts
+    span: float = 0.5  # of a side, that edges reach over to show a turn: a ball's alone do not
+    rounds: int = 2  # the samples are laid upon one of them, and then on the median of all
+    fewest: int = 8  # samples that show which side of the background a ball is on
+    side: float = 0.25  # quantile, or its complement, at which the background of a slow ball lies
+    touched: float = 8.0  # noises that a pixel's brightness varies by if the ball was there
+    clipped: int = 20  # DN: what is farther off the background moves on its own
+    stand: float = 0.98  # of its misfit: a camera on a stand is the simpler explanation
+    restless: float = 0.75  # quantile of the samples' differences: what a pixel does without a ball
+    most_restless: int = 16  # DN: more may be a ball that stays
+    rows: int = 64  # at a time: a sorted stack of whole pictures would need the memory of them all
+    grid: int = 8  # every eighth pixel shows how bright the light is
+    gains: tuple[float, float] = (0.7, 1.4)  # of the light, from frame to frame
+
+
+_STILL = _StillSettings()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,7 +133,8 @@ def difference_of_light(part: Image, behind: Image) -> NDArray[np.float32]:
 
     if part.ndim == 2:
         return difference_of(part, behind)
-    return _strongest(cv2.absdiff(cv2.LUT(part, LIGHT), cv2.LUT(behind, LIGHT)))
+    light = (255 * (np.arange(256) / 255) ** 2.2).astype(np.float32)
+    return _strongest(cv2.absdiff(cv2.LUT(part, light), cv2.LUT(behind, light)))
 
 
 def still_of(
@@ -147,14 +155,16 @@ def still_of(
     """
     pictures = [eight_bits(each, depth) for each in samples]
     rows, columns = pictures[0].shape[:2]
-    halvings = max(0, int(np.ceil(np.log2(rows * columns / SEARCHED) / 2)))
+    halvings = max(0, int(np.ceil(np.log2(rows * columns / _STILL.searched) / 2)))
     shrink = 2**halvings
     small = [_shrunk(each, shrink) for each in pictures]
     greys = [_grey(each) for each in small]
     shifts = np.zeros((len(greys), 2))
     if not stands:
-        shifts = _laid(greys, FASTEST * max(rows, columns) * apart / shrink, HELD * apart / shrink)
-    drifts = bool(np.ptp(shifts * shrink, axis=0).max() > NO_DRIFT)
+        shifts = _laid(
+            greys, _STILL.turned * max(rows, columns) * apart / shrink, _STILL.held * apart / shrink
+        )
+    drifts = bool(np.ptp(shifts * shrink, axis=0).max() > _STILL.no_drift)
     if not drifts:
         shifts[:] = 0
     shifts *= shrink
@@ -173,13 +183,13 @@ def still_of(
         origin=(int(origin[0]), int(origin[1])),
         size=(columns, rows),
         small=behind,
-        restless=np.minimum(_quantile(off, RESTLESS), RESTLESS_MOST).astype(np.uint8),
+        restless=np.minimum(_quantile(off, _STILL.restless), _STILL.most_restless).astype(np.uint8),
         shrink=shrink,
         depth=depth,
         edges=edges,
         drifts=drifts,
-        fastest=FASTEST * max(rows, columns) if _spans(edges, behind) else HELD,
-        shows_drift=_spans(edges, behind, CODED_STILL),
+        fastest=_STILL.turned * max(rows, columns) if _spans(edges, behind) else _STILL.held,
+        shows_drift=_spans(edges, behind, _STILL.coded_still),
     )
 
 
@@ -193,17 +203,17 @@ def _laid(greys: Sequence[Image], most: float, held: float) -> Array:
     """
     # what moves faster from one to the next is no hand that holds a camera
     none = np.zeros((len(greys), 2))
-    best, least = none, STAND * _misfit(greys, none)
+    best, least = none, _STILL.stand * _misfit(greys, none)
     for first in sorted({0, len(greys) // 2, len(greys) - 1}):
         middle, shifts = greys[first], none.copy()
-        for _ in range(ROUNDS):
+        for _ in range(_STILL.rounds):
             edges = edges_of(middle)
             for side in (range(first, len(greys)), range(first, -1, -1)):
                 guess = np.zeros(2)
                 for k in side:
                     guess = shifts[k] = edges.shift(greys[k], guess)
             middle = _median(greys, shifts)
-        if np.abs(shifts).max() < STILL:
+        if np.abs(shifts).max() < _STILL.no_shift:
             return none
         steps = np.hypot(*np.diff(shifts, axis=0).T)
         limit = most if _spans(edges_of(middle), middle) else min(most, held)
@@ -216,14 +226,16 @@ def _laid(greys: Sequence[Image], most: float, held: float) -> Array:
 
 def _spans(edges: Edges, grey: Image, steeper: float = 0.0) -> bool:
     """Return whether edges reach over so much of a picture that they show a turning camera."""
-    return edges.span(grey.shape, steeper) > BACKGROUND_SPAN
+    return edges.span(grey.shape, steeper) > _STILL.span
 
 
 def _misfit(greys: Sequence[Image], shifts: Array) -> float:
     """Return the mean difference of pictures, each moved by its shift, from their median [DN]."""
     placed = [_placed(grey, shift) for grey, shift in zip(greys, shifts, strict=True)]
     behind = _median(placed)
-    return float(np.mean([np.minimum(_apart(each, behind), CLIPPED).mean() for each in placed]))
+    return float(
+        np.mean([np.minimum(_apart(each, behind), _STILL.clipped).mean() for each in placed])
+    )
 
 
 def eight_bits(frame: Frame, depth: int) -> Image:
@@ -261,14 +273,14 @@ def share_of(pictures: Sequence[Image]) -> float:
     of the time. Of most pixels that it touches it covers the lesser part: that shows whether it is
     lighter than what is behind it, and the background lies on the other side.
     """
-    if pictures[0].ndim == 3 or len(pictures) < FEWEST:
+    if pictures[0].ndim == 3 or len(pictures) < _STILL.fewest:
         return 0.5
     stack = np.stack([each[::2, ::2] for each in pictures])
     low, high = (each.astype(int) for each in (stack.min(axis=0), stack.max(axis=0)))
     reach = high - low
-    touched = reach > TOUCHED * max(float(np.median(reach)) / 4, 1.0)
+    touched = reach > _STILL.touched * max(float(np.median(reach)) / 4, 1.0)
     middle = ranked(stack, len(stack) // 2).astype(int)
-    return SIDE if (low + high - 2 * middle)[touched].sum() >= 0 else 1 - SIDE
+    return _STILL.side if (low + high - 2 * middle)[touched].sum() >= 0 else 1 - _STILL.side
 
 
 def _covered(
@@ -277,13 +289,13 @@ def _covered(
     """Return a quantile of drifted pictures where they reach; black where none does."""
     whole = np.zeros((*shape, *pictures[0].shape[2:]), np.uint8)
     rows, columns = pictures[0].shape[:2]
-    for top in range(0, shape[0], BLOCK):
-        block = whole[top : top + BLOCK]
+    for top in range(0, shape[0], _STILL.rows):
+        block = whole[top : top + _STILL.rows]
         stack = np.stack(
             [moved_back(p, s, (0, top), block) for p, s in zip(pictures, shifts, strict=True)]
         )
         if not shifts.any():
-            whole[top : top + BLOCK] = ranked(stack, round(share * (len(stack) - 1)))
+            whole[top : top + _STILL.rows] = ranked(stack, round(share * (len(stack) - 1)))
             continue
         y, x = np.ogrid[top : top + len(block), : shape[1]]
         count = np.zeros(block.shape[:2], np.uint8)
@@ -295,7 +307,7 @@ def _covered(
         if block.ndim == 3:
             count = count[..., None]
         rank = np.rint(share * (np.maximum(count, 1) - 1.0)).astype(np.uint8)
-        whole[top : top + BLOCK] = np.where(count > 0, ranked(stack, rank), 0)
+        whole[top : top + _STILL.rows] = np.where(count > 0, ranked(stack, rank), 0)
     return whole
 
 
@@ -349,12 +361,12 @@ def _apart(one: Image, other: Image) -> Image:
 
 def _level(here: Image, behind: Image) -> float:
     """Return how much brighter the light is than in the background; 1.0 within half a percent."""
-    some = behind[::GRID, ::GRID].astype(np.float32)
+    some = behind[:: _STILL.grid, :: _STILL.grid].astype(np.float32)
     lit = some > 16
     if not lit.any():
         return 1.0
-    level = float(np.median(here[::GRID, ::GRID][lit] / some[lit]))
-    return level if GAINS[0] < level < GAINS[1] and abs(level - 1) > 0.005 else 1.0
+    level = float(np.median(here[:: _STILL.grid, :: _STILL.grid][lit] / some[lit]))
+    return level if _STILL.gains[0] < level < _STILL.gains[1] and abs(level - 1) > 0.005 else 1.0
 
 
 def _median(pictures: Sequence[Image], shifts: Array | None = None) -> Image:

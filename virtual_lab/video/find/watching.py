@@ -16,13 +16,6 @@ __all__ = ["Watched", "repeats", "watch"]
 
 Array = NDArray[np.float64]
 
-CHANGED = 5  # pixels, a side: what changes over fewer is noise
-THUMBS = 1500  # frames of a clip: of a longer one no small pictures are kept
-QUALITY = 92  # of these, as JPEG: 30 kB each
-REPEATED = 0.3  # of the change of the frames beside it: the frame was stored twice
-LEAST_CHANGE = 8.0  # DN, beside it: where nothing moves all frames are alike
-BESIDE = 2  # frames on each side
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Watched:
@@ -32,7 +25,8 @@ class Watched:
     found: Blobs  # (blob,) of `find.blobs.BLOB`, frame by frame
     shifts: Array  # (frame, 2) of each picture from the still frame [pixels]
     change: Array  # (frame,) greatest from the frame before [DN]; NaN: not looked at
-    thumbs: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict)  # JPEG, as searched
+    # JPEG of 30 kB each, as searched; of 1500 frames at most
+    thumbs: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict)
 
 
 def watch(
@@ -67,7 +61,7 @@ def watch(
     shift = np.zeros(2)
     before: Image | None = None
     thumbs: dict[int, NDArray[np.uint8]] = {}
-    kept = clip.count <= THUMBS and clip.samples.dtype == np.uint8
+    kept = clip.count <= 1500 and clip.samples.dtype == np.uint8
     for number, frame in enumerate(clip.pictures()):
         if number > last:
             break
@@ -80,12 +74,12 @@ def watch(
         if number < first:
             continue  # its drift alone: that of the next one is near
         if before is not None:
-            changed = cv2.blur(cv2.absdiff(small, before), (CHANGED, CHANGED))
+            # what changes over fewer pixels is noise
+            changed = cv2.blur(cv2.absdiff(small, before), (5, 5))
             change[number] = float(np.max(changed))
         before = small
         if kept:
-            quality = [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
-            thumbs[number] = cv2.imencode(".jpg", small, quality)[1]
+            thumbs[number] = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 92])[1]
         found.append(blobs(number, picture, small, shift, still))
     whole = np.concatenate(found)
     if region:
@@ -95,16 +89,29 @@ def watch(
     return Watched(still=still, found=whole, shifts=shifts, change=change, thumbs=thumbs)
 
 
-def repeats(change: Array) -> NDArray[np.bool_]:
+def repeats(
+    change: Array, *, least_change: float = 8.0, share: float = 0.3, beside: int = 2
+) -> NDArray[np.bool_]:
     """Return which frames show the same as the one before, (frame,), by what changes around them.
 
     Both sides must show more change: a key frame or the end of a motion is on one side only.
+
+    Parameters
+    ----------
+    change
+        Of each frame from the one before [DN], (frame,).
+    least_change
+        Beside a repeat [DN]: where nothing moves all frames are alike.
+    share
+        Of the change beside it, at most that of a repeat.
+    beside
+        Frames on each side.
     """
     known = np.nan_to_num(change)
     same = np.zeros(len(known), bool)
     for k in range(1, len(known)):
-        left, right = known[max(0, k - BESIDE) : k], known[k + 1 : k + 1 + BESIDE]
+        left, right = known[max(0, k - beside) : k], known[k + 1 : k + 1 + beside]
         if left.size and right.size:
-            beside = min(float(left.max()), float(right.max()))
-            same[k] = beside > LEAST_CHANGE and known[k] < REPEATED * beside
+            most = min(float(left.max()), float(right.max()))
+            same[k] = most > least_change and known[k] < share * most
     return same & np.isfinite(change)
