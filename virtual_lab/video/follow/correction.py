@@ -39,9 +39,7 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
         if name not in head:
             raise InputError(str(path), "columns", ", ".join(map(str, head)), f"needs {name!r}")
     frames = _column(path, rows, "frame")
-    if (
-        bad := np.flatnonzero((frames != np.round(frames)) | (frames < 0) | (frames >= clip.count))
-    ).size:
+    if (bad := np.flatnonzero(~np.isin(frames, np.arange(clip.count)))).size:
         row, allowed = int(bad[0]), f"the clip has frames 0 to {clip.count - 1}"
         raise InputError(str(path), f"row {row + 2}: frame", rows[row]["frame"], allowed)
     numbers, counts = np.unique(frames, return_counts=True)
@@ -58,12 +56,9 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
         raise InputError(str(path), "radius_px", None, "at least one place needs it")
     found["radius"] = np.where(np.isnan(radius), np.nanmedian(radius), radius)
     found["length"], found["radius_u"] = found["radius"], 0.03 * found["radius"]
-    times = _column(path, rows, "time_s", np.nan)
+    times = _column(path, rows, "time_s", np.nan) / usual_step(clip.times)
     order = np.argsort(frames)
-    found, t = (
-        found[order],
-        np.where(np.isnan(times), frames, times / usual_step(clip.times))[order],
-    )
+    found, t = found[order], np.where(np.isnan(times), frames, times)[order]
     names = np.array([(row["flight"] or "").strip() for row in rows])[order]
     flights = [np.flatnonzero(names == name) for name in dict.fromkeys(names) if name]
     shifts = np.zeros((clip.count, 2))

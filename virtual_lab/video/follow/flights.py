@@ -66,9 +66,8 @@ FLIGHTS = FlightSearch()
 
 def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece], Fit | None]:
     """Return the flights among pieces, of one ball and one gravity, and their fit; or none."""
-    flights = _once(
-        _of_one_gravity(scene, [each for each in pieces if len(each.t) >= FLIGHTS.least_places - 1])
-    )
+    long = [each for each in pieces if len(each.t) >= FLIGHTS.least_places - 1]
+    flights = _once(_of_one_gravity(scene, long))
     if not flights:
         return [], None
     fitted = partial(fit_flights, scene, readout=readout_of(scene, flights, FLIGHTS.used_readout))

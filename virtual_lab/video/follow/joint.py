@@ -141,9 +141,8 @@ def fit_flights(
     before, u = np.zeros(len(vector)), np.full(len(vector), np.inf)
     before[k], u[k] = FIT.drag / radius, FIT.drag_u / radius
     u[k + 1 : k + 3] = FIT.tilt_u / max(scene.size)
-    held = np.zeros(len(vector), bool)
-    held[k], held[k + 1 : k + 3] = not drag, not tilted
-    free = np.flatnonzero(~held)
+    parts = [k, 1, 2, 4 * len(flights)]
+    free = np.flatnonzero(np.repeat([True, drag, tilted, True], parts))
     vector[k] = before[k] if drag else 0.0
     dragless = False
     for _ in range(FIT.rounds):

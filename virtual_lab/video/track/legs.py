@@ -144,19 +144,19 @@ def _pattern(
     excess = float(np.sum(residuals**2 - u[:, None] ** 2 * spare / count)) / (2 * spare)
     if excess <= 0 and pattern_u == 0:
         return np.zeros((2, 2))
-    seen, slow = [], []
+    shown, slow = [], []
     for lag in np.geomspace(*LEGS.lags, 24) * float(np.ptp(t)):
         like = np.exp(-0.5 * ((t[:, None] - t) / lag) ** 2)
         moved = solver @ like
         slow.append(moved @ solver.T)
         # the trace of (1 - design solver) like (1 - design solver)^T
         fitted = float(np.sum(design.T @ design * slow[-1])) - 2 * float(np.sum(moved * design.T))
-        seen.append((count + fitted) / spare)
+        shown.append((count + fitted) / spare)
     # what the residuals show beyond noise the pattern may have made, or something unknown
-    power = max(pattern_u**2, excess / seen[0])
+    power = max(pattern_u**2, excess / shown[0])
     # a slow pattern shows little in the residuals of one flight, by chance still less
     most = LEGS.pattern_odds * max(excess, float(np.mean(u**2)) / np.sqrt(spare))
-    possible = [each for each, part in zip(slow, seen, strict=True) if power * part <= most]
+    possible = [each for each, part in zip(slow, shown, strict=True) if power * part <= most]
     worst = max(possible or slow[:1], key=lambda each: float(each[1, 1]))
     if excess <= pattern_u**2:
         return np.asarray(power * worst)
