@@ -207,14 +207,7 @@ CV2: dict[str, Estimator] = {
 
 
 def _edge(given: EstimatorInput) -> Located:
-    return fit_edge(
-        given.seen.pixels,
-        given.seen.corners,
-        given.start,
-        noise=given.noise,
-        lens=given.lens,
-        background=given.seen.background.astype(float),
-    )
+    return fit_edge(given.seen, given.start, noise=given.noise, lens=given.lens)
 
 
 def _learnt(given: EstimatorInput) -> Located:

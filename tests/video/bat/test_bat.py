@@ -19,6 +19,7 @@ from virtual_lab.video.bat.outline import BatEdges, find_outline
 from virtual_lab.video.clips.calibration_file import BatPlace, CameraModel
 
 Array = NDArray[np.float64]
+NO_BALLS = np.full((32, 3), np.nan)
 
 
 def model_of(camera: Camera) -> CameraModel:
@@ -68,11 +69,12 @@ def test_angles_and_recoil_of_a_rendered_bat(filmed, pivoted: bool, least: float
     """Errors over their own u, frame by frame; the rate within 3 u, of 0.02 or 0.07 %."""
     _, _, outline, times, angles, frames = filmed
     assert min((outline.side == each).sum() for each in (1, -1)) > 80
-    found = bat_angles(zip(times, frames, strict=True), outline, pivoted=pivoted)
+    taken = zip(times, frames, strict=True)
+    found = bat_angles(taken, outline, NO_BALLS, pivoted=pivoted)
     off = found.angle - angles
     assert found.u.max() < least
     assert 0.55 < np.sqrt(np.mean((off / found.u) ** 2)) < 1.3
-    recoil = recoil_of(times, found, 0.0)
+    recoil = recoil_of(found, 0.0)
     assert abs(recoil.rate.value - 12) < 3 * recoil.rate.u < 12 * (8e-4 if pivoted else 3e-3)
     assert abs(recoil.contact.value) < 3 * recoil.contact.u < 1e-5
     assert recoil.chi_square < 1.8
@@ -85,8 +87,8 @@ def test_a_misplaced_pivot_hurts_only_who_trusts_it(filmed) -> None:
     rest = camera.empty(Streams(4), "empty", bat)
     wrong = outline_in(camera, rest, bat, off=0.01)
     taken = list(zip(times, frames, strict=True))
-    free = recoil_of(times, bat_angles(taken, wrong), 0.0)
-    held = recoil_of(times, bat_angles(taken, wrong, pivoted=True), 0.0)
+    free = recoil_of(bat_angles(taken, wrong, NO_BALLS), 0.0)
+    held = recoil_of(bat_angles(taken, wrong, NO_BALLS, pivoted=True), 0.0)
     assert abs(free.rate.value - 12) < 3 * free.rate.u
     # least squares of s ω = (s - 0.01) ω' over the visible s
     s = np.linspace(0.23, 0.75, 100)
@@ -122,7 +124,7 @@ def test_a_bar_that_turns() -> None:
     turns = np.linspace(0.0, 0.1, 15)
     for pivoted, shift in ((True, 0.0), (False, 2.5)):
         frames = [(k, bar(angle, shift * (k > 0))) for k, angle in enumerate(turns)]
-        found = bat_angles(frames, edges, pivoted=pivoted)
+        found = bat_angles(frames, edges, NO_BALLS, pivoted=pivoted)
         np.testing.assert_allclose(found.angle, turns, atol=2e-5)
 
 
@@ -151,11 +153,12 @@ def test_a_recoils_uncertainty_is_its_scatter() -> None:
     pulls = []
     for wrong, each in zip(known, noise, strict=True):
         found = BatAngles(
+            times=times,
             angle=1e-4 + 9.0 * np.maximum(times, 0.0) + each,
             u=u,
             points=np.full(20, 99),
         )
-        recoil = recoil_of(times, found, float(wrong))
+        recoil = recoil_of(found, float(wrong))
         rate, contact = recoil.rate, recoil.contact
         pulls.append([(rate.value - 9) / rate.u, contact.value / contact.u])
     # u is never below that of the frames' own, so pulls are a little smaller than 1
@@ -165,7 +168,7 @@ def test_a_recoils_uncertainty_is_its_scatter() -> None:
 
 def test_a_recoil_needs_frames_on_both_sides() -> None:
     times = np.arange(6.0)
-    found = BatAngles(angle=times, u=np.ones(6), points=np.full(6, 99))
+    found = BatAngles(times=times, angle=times, u=np.ones(6), points=np.full(6, 99))
     for contact, words in ((3.5, "frames after contact = 2"), (-0.5, "frames before contact = 0")):
         with pytest.raises(InputError, match=words):
-            recoil_of(times, found, contact)
+            recoil_of(found, contact)

@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from tests.video.scenes import write_video
 from virtual_lab.errors import InputError
 from virtual_lab.video.clips.calibration_file import ClipCalibration, read_calibration
-from virtual_lab.video.clips.clip import SAMPLES, open_clip
+from virtual_lab.video.clips.clip import MEMORY, open_clip
 from virtual_lab.video.clips.reading import open_source
 
 Frames = list[NDArray[np.generic]]
@@ -76,7 +77,7 @@ def test_one_look_tells_times_bits_and_samples(tmp_path: Path) -> None:
     clip = open_clip(array(tmp_path / "a.npy", frames), FAST)
     assert (clip.count, clip.shape, clip.full_scale) == (100, (40, 64), 4095.0)
     np.testing.assert_allclose(clip.times, np.arange(100) / 5000)
-    assert len(clip.samples) <= SAMPLES
+    assert len(clip.samples) <= MEMORY.samples
     np.testing.assert_array_equal(clip.samples, np.stack(frames)[clip.sampled])
     chosen = dict(clip.chosen(np.array([3, 97])))
     assert chosen.keys() == {3, 97}
@@ -246,7 +247,8 @@ def test_a_short_clip_is_decoded_once(tmp_path: Path, monkeypatch: pytest.Monkey
     path = tmp_path / "clip.npy"
     frames = np.arange(5 * 8 * 9, dtype=np.uint8).reshape(5, 8, 9)
     for kept, there in ((5 * 8 * 9, True), (5 * 8 * 9 - 1, False)):
-        monkeypatch.setattr("virtual_lab.video.clips.clip.KEPT", kept)
+        small = replace(MEMORY, clip_bytes=kept)
+        monkeypatch.setattr("virtual_lab.video.clips.clip.MEMORY", small)
         np.save(path, frames)
         clip = open_clip(path, FAST)
         path.unlink()

@@ -87,22 +87,35 @@ def test_frames_left_out_of_a_phone_s_file(name: str, seed: int, crf: int, tmp_p
     assert len(found.contacts) >= 2
 
 
-def test_a_hand_s_drift_before_a_plain_wall_is_covered(tmp_path: Path) -> None:
+@pytest.mark.parametrize("seed", [11, 19])
+def test_a_hand_s_drift_before_a_plain_wall_is_covered(seed: int, tmp_path: Path) -> None:
     """H.264 keeps plain plaster in place while the camera drifts: nothing shows the drift."""
     scene = SCENES["against-wall"]
-    made, found = run(replace(scene, codec="H264", crf=23, seed=scene.seed + 1900), tmp_path)
-    assert not found.watched.still.drifts
-    assert "DRIFT_UNSEEN" in found.flags
+    made, found = run(replace(scene, codec="H264", crf=24, seed=scene.seed + 100 * seed), tmp_path)
+    assert set(found.flags) == {"DRIFT_UNSEEN", "READOUT_UNKNOWN"}
     require_flights(made.truth, found)
-    by_hand, true = found.contacts[0].restitution, made.truth.contacts[0].restitution
-    stands = following(found.clip, found.watched, replace(found.known, stands=True))
-    on_tripod = stands.contacts[0].restitution
-    assert by_hand is not None
-    assert on_tripod is not None
+    restitution, true = found.contacts[0].restitution, made.truth.contacts[0].restitution
+    assert restitution is not None
+    assert abs(restitution.value - true) < 4 * restitution.u < 0.1
+
+
+def test_a_hand_s_drift_widens_u_along_the_normal(followed: Get) -> None:
+    _, found = followed("thrown-on-wall")
+    plain = replace(found.watched.still, drifts=False, shows_drift=False)
+    by_hand = following(found.clip, replace(found.watched, still=plain), found.known)
+    stands = following(
+        found.clip, replace(found.watched, still=plain), replace(found.known, stands=True)
+    )
+    assert "DRIFT_UNSEEN" in by_hand.flags
     assert "DRIFT_UNSEEN" not in stands.flags
-    assert by_hand.value == on_tripod.value
-    assert abs(by_hand.value - true) < 4 * by_hand.u < 0.1
-    assert abs(on_tripod.value - true) > 5 * on_tripod.u
+    for one, other in zip(by_hand.contacts, stands.contacts, strict=True):
+        assert one.restitution is not None
+        assert other.restitution is not None
+        # 2 % of 320 pixels a second, on both velocities along the floor's normal
+        fast = by_hand.flights[one.before].speed_out.value * 450 / 2.0
+        more = 0.02 * 320 * (1 + other.restitution.value) / fast
+        assert one.restitution.value == other.restitution.value
+        assert one.restitution.u == pytest.approx(np.hypot(other.restitution.u, more), rel=0.3)
 
 
 def test_a_wrong_frame_rate_is_told_by_gravity(followed: Get) -> None:

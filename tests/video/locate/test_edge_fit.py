@@ -1,27 +1,35 @@
 """The edge fit against rendered balls; its tables and solver against closed forms."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 from scipy.integrate import quad
 from scipy.special import ndtr
 
 from tests.video.plain import FIELD, Balls, balls
 from tests.video.spectrum import disc
 from tests.video.stitched import LENS, Array, Scene, scene
-from virtual_lab.video.locate import rim_profiles as at
-from virtual_lab.video.locate.edge_fit import covered, fit_edge, solve_ring
+from virtual_lab.video.locate.edge_fit import FIT, covered, fit_edge, solve_ring
 from virtual_lab.video.locate.edge_kernel import View
-from virtual_lab.video.locate.located import Located, PlaceFlag
+from virtual_lab.video.locate.located import Located, PlaceFlag, Regions
 from virtual_lab.video.locate.noise import Noise
-from virtual_lab.video.locate.rim_profiles import FIRST, PER, blurred_profiles
+from virtual_lab.video.locate.rim_profiles import AT, TABLE, blurred_profiles
 
 
-def fitted(seen: Scene, **known: object) -> Located:
+def fitted(seen: Scene, **known: Any) -> Located:
     """Return the fit of balls whose outlines are known to be circles, unless told otherwise."""
-    given = {"regions": seen.regions, "corners": seen.corners, "start": seen.start()}
-    return fit_edge(**(given | {"oval_u": 0.0} | known), noise=seen.noise, lens=LENS)
+    given = {"start": seen.start(), "oval_u": 0.0} | known
+    regions = given.pop("regions", seen.regions)
+    return fit_edge(regions_of(regions, 1.0), **given, noise=seen.noise, lens=LENS)
+
+
+def regions_of(pixels: Array, behind: ArrayLike) -> Regions:
+    """Return regions whose corners are the frame's, behind them a scene up to its level."""
+    background = np.broadcast_to(behind, pixels.shape).astype(np.float32)
+    return Regions(pixels=pixels, background=background, corners=np.zeros((len(pixels), 2)))
 
 
 def rms(values: Array) -> float:
@@ -67,14 +75,14 @@ def test_a_rim_that_is_not_seen_is_told(hidden: float) -> None:
     away = np.hypot(columns - middle, rows - middle)
     region = np.where((away < radius) & (back < 100), 190.0, back)
     noise = Noise(gain=0.0, read=4.0)
-    p = np.zeros(at.COUNT)
-    p[[at.X, at.Y, at.RADIUS, at.LEVEL]] = middle, middle, radius, 1.0
-    told = covered(View(region, back), p, np.zeros(2), noise)
+    p = np.zeros(len(AT))
+    p[[AT.x, AT.y, AT.radius, AT.level]] = middle, middle, radius, 1.0
+    told = covered(View(region, back, np.zeros(2)), p, noise)
     # the chord cuts the ring's middle, 3 pixels inside the rim, a little later
     ring = np.arccos(np.cos(np.pi * hidden) * radius / (radius - 3)) / np.pi if hidden else 0.0
     assert told == pytest.approx(ring, abs=0.01)
     dim = np.where(region > 180, 40.0 + 10 * 2, region)  # 10 sigma over what is behind
-    assert covered(View(dim, back), p, np.zeros(2), noise) == 0.0
+    assert covered(View(dim, back, np.zeros(2)), p, noise) == 0.0
 
 
 def test_a_plain_ball_costs_no_more_than_twice_its_bound() -> None:
@@ -127,15 +135,15 @@ def test_a_given_background() -> None:
         m = disc(FIELD, x + off, y + off, 30, 0.8, seen.blur)[off:-off, off:-off][:size, :size]
         mean = 44.0 * pattern * (1 - m) + 190 * m
         regions.append(mean + random.standard_normal(m.shape) * np.sqrt(seen.noise.variance(mean)))
-    found = plain(replace(seen, regions=np.array(regions)), background=40 * pattern[None])
+    found = plain(replace(seen, regions=np.array(regions)), behind=40 * pattern)
     assert not found.flags.any()
     assert rms(found.x - seen.x) < 0.006
 
 
-def plain(seen: Balls, **known: object) -> Located:
+def plain(seen: Balls, behind: ArrayLike = 1.0) -> Located:
     """Return the fit of plain balls."""
-    given = {"corners": np.zeros((len(seen.x), 2)), "noise": seen.noise, "lens": 0.8}
-    return fit_edge(seen.regions, start=seen.start(), **(given | known))
+    regions = regions_of(seen.regions, behind)
+    return fit_edge(regions, seen.start(), noise=seen.noise, lens=0.8)
 
 
 def test_outlines_that_are_ellipses() -> None:
@@ -146,8 +154,7 @@ def test_outlines_that_are_ellipses() -> None:
     assert max(map(rms, off)) < 0.010
     assert max(map(rms, errors(seen, fitted(seen, oval_u=0.02))[0])) < 0.016
     seen = scene("soft", stretch=1.01)
-    start = seen.start()
-    found = fit_edge(seen.regions, seen.corners, start, noise=seen.noise, lens=LENS)
+    found = fitted(seen, oval_u=FIT.oval_u)
     off, pulls = errors(seen, found)
     assert max(map(rms, off)) < 0.015
     assert rms(pulls) < 1.5
@@ -182,7 +189,7 @@ def test_tables_have_closed_forms() -> None:
     """A level's edge is the normal distribution, a level that falls with depth its integral."""
     radius, width = 20.0, 0.8
     table = blurred_profiles(radius, width, 6.0, 0.0).table
-    t = FIRST + np.arange(len(table)) / PER
+    t = TABLE.first + np.arange(len(table)) / TABLE.per_width
     density = np.exp(-(t**2) / 2) / np.sqrt(2 * np.pi)
     columns = table.shape[1] // 2
     near = t < 8

@@ -171,6 +171,18 @@ def test_a_poor_start_makes_no_poorer_place() -> None:
     assert np.sqrt(np.mean((found.y - seen.y) ** 2)) < 0.02
 
 
+def test_a_start_may_share_its_arrays() -> None:
+    """One array of NaN stands for all that a start does not know; it stays as it is."""
+    seen = scene("back", count=3)
+    nothing = np.full(3, np.nan)
+    bare = replace(seen.start(), x_u=nothing, y_u=nothing, chi_square=nothing)
+    known = {"noise": seen.noise, "lens": LENS, "middle": (0.0, 0.0)}
+    found = [place(seen_of(seen.regions, 155.0), each, **known) for each in (seen.start(), bare)]
+    for name in ("x", "x_u", "y_u", "chi_square", "pattern_u"):
+        np.testing.assert_array_equal(*(getattr(each, name) for each in found))
+    assert np.isnan(nothing).all()
+
+
 def test_a_shadow_needs_no_pattern() -> None:
     seen = scene("back", count=20)
     found = place(

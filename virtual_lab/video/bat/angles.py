@@ -23,20 +23,29 @@ __all__ = ["BatAngles", "Recoil", "bat_angles", "recoil_of"]
 
 Array = NDArray[np.float64]
 
-TURNS = 6  # repetitions of a frame's fit, at most
-SETTLED = 0.002  # pixels: a step of the farthest point smaller than that ends it
-CATCH = 4.0  # pixels: an edge that moved farther is not caught
-LEAST = 12  # points that a frame must show
-CLEAR = 4.0  # pixels kept between the ball and an edge's pixels
-WILD = 4.0  # robust standard deviations of the shifts
-CAUGHT = 0.5  # of the points a frame shows, at least
-FEW = 3  # frames of a recoil, at least
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TurnFit:
+    """Settings of the fit of a frame's turn, and what a frame must show."""
+
+    rounds: int = 6
+    last_step_px: float = 0.002  # a smaller step of the farthest point ends them
+    farthest_caught_px: float = 4.0  # an edge that moved farther is none
+    least_share_caught: float = 0.5  # of the points a frame shows, at least
+    least_points: int = 12
+    ball_margin_px: float = 4.0  # kept between the ball and an edge's pixels
+    wild_sigmas: float = 4.0  # robust standard deviations of the shifts
+    least_frames: int = 3  # of a recoil
+
+
+FIT = TurnFit()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatAngles:
     """How far a bat has turned since it was at rest, (frame,); NaN where it is not seen."""
 
+    times: Array  # [s]
     angle: Array  # from X toward Y [rad]
     u: Array  # of a frame's own noise; the outline's, about half of it, is common to all
     points: NDArray[np.intp]  # of its outline that a frame shows
@@ -55,44 +64,34 @@ class Recoil:
 def bat_angles(
     frames: Iterable[tuple[float, NDArray[Any]]],
     edges: BatEdges,
-    balls: Array | None = None,
+    balls: Array,
     *,
     pivoted: bool = False,
 ) -> BatAngles:
-    """Return a bat's angle in each frame.
+    """Return a bat's angle in each frame: time [s] and grey values (row, column), read once.
 
-    Parameters
-    ----------
-    frames
-        Time [s] and grey values (row, column) of whole frames, in order; read once.
-    edges
-        The bat's at rest.
-    balls
-        What hides the bat: x, y and radius [pixels], half the blur in it; NaN: nothing,
-        (frame, 3).
-    pivoted
-        Whether it turns about the axis's pivot, as exactly as that is known: a pivot one
-        per cent nearer makes angles one per cent larger. Otherwise it may move across, too, and
-        its edges must be long in the picture.
+    `balls` (frame, 3) hide the bat: x, y and radius [pixels], half the blur in it; NaN: nothing.
+    A `pivoted` bat turns about the axis's pivot, as exactly as that is known: a pivot one per cent
+    nearer makes angles one per cent larger. Another may move across, too, and its edges must be
+    long in the picture.
     """
-    found: list[tuple[float, float, int]] = []
+    found: list[tuple[float, float, float, int]] = []
     last: tuple[float, Array] | None = None
     rate = np.zeros(2)
     for number, (time, grey) in enumerate(frames):
-        ball = None if balls is None or not np.isfinite(balls[number]).all() else balls[number]
         start = last[1] + rate * (time - last[0]) if last else np.zeros(2)
-        pose, u, points = _pose(grey, edges, ball, start, pivoted)
-        found.append((float(pose[0]), u, points))
+        pose, u, points = _pose(grey, edges, balls[number], start, pivoted)
+        found.append((time, float(pose[0]), u, points))
         if points:
             if last and time > last[0]:
                 rate = (pose - last[1]) / (time - last[0])
             last = (time, pose)
-    angle, u_angle, points_seen = np.array(found, dtype=np.float64).reshape(-1, 3).T
-    return BatAngles(angle=angle, u=u_angle, points=points_seen.astype(np.intp))
+    times, angle, u_angle, seen = np.array(found, dtype=np.float64).T
+    return BatAngles(times=times, angle=angle, u=u_angle, points=seen.astype(np.intp))
 
 
 def _pose(
-    grey: NDArray[Any], edges: BatEdges, ball: Array | None, start: Array, pivoted: bool
+    grey: NDArray[Any], edges: BatEdges, ball: Array, start: Array, pivoted: bool
 ) -> tuple[Array, float, int]:
     """Return a frame's angle and shift, the angle's u, and how many points show them."""
     lost = (np.full(2, np.nan), np.nan, 0)
@@ -101,25 +100,25 @@ def _pose(
     # brighter one does [pixels]
     moves = np.stack([-edges.along, np.ones_like(edges.along)], axis=1) / edges.pixel
     moves = np.column_stack([moves[:, : 2 - pivoted], edges.side])
-    for _ in range(TURNS):
+    for _ in range(FIT.rounds):
         across = edges.pixels(*pose)
         ends = across[:, [0, -1]]
         used = np.asarray(((ends > 1) & (ends < size - 2)).all(axis=(1, 2)))
-        if ball is not None:
+        if np.isfinite(ball).all():
             away = np.hypot(*np.moveaxis(across - ball[:2], -1, 0)).min(axis=1)
-            used &= away > ball[2] + CLEAR
-        if used.sum() < LEAST:
+            used &= away > ball[2] + FIT.ball_margin_px
+        if used.sum() < FIT.least_points:
             return lost
         shift, weight = edges.shifts(values_at(grey, across[used]), used)
-        both = min((edges.side[used] == sign).sum() for sign in (1, -1)) >= LEAST
-        good = (weight > 0) & (np.abs(shift) < CATCH)
-        if good.sum() < max(LEAST, CAUGHT * used.sum()):
+        both = min((edges.side[used] == sign).sum() for sign in (1, -1)) >= FIT.least_points
+        good = (weight > 0) & (np.abs(shift) < FIT.farthest_caught_px)
+        if good.sum() < max(FIT.least_points, FIT.least_share_caught * used.sum()):
             return lost
         design = moves[used] if both else moves[used, :-1]
         step, variance, good = _solve(design, shift, weight, good)
         step = step[: 2 - pivoted]
         pose[: len(step)] += step
-        if np.abs(moves[used, : len(step)] @ step).max() < SETTLED:
+        if np.abs(moves[used, : len(step)] @ step).max() < FIT.last_step_px:
             return pose, float(np.sqrt(variance)), int(good.sum())
     return lost
 
@@ -135,48 +134,36 @@ def _solve(
         solved = inverse @ (whole.T @ (shift[good] * root))
         rest = (shift - design @ solved) * np.sqrt(weight)
         usual = 1.4826 * float(np.median(np.abs(rest[good])))
-        kept = good & (np.abs(rest) <= WILD * usual)
-        if kept.sum() < LEAST or np.array_equal(kept, good):
+        kept = good & (np.abs(rest) <= FIT.wild_sigmas * usual)
+        if kept.sum() < FIT.least_points or np.array_equal(kept, good):
             break
         good = kept
     variance = float((rest[good] ** 2).sum()) / (int(good.sum()) - design.shape[1])
     return np.asarray(solved, np.float64), variance * float(inverse[0, 0]), good
 
 
-def recoil_of(times: Array, found: BatAngles, contact: float, lasts: float = 0.0) -> Recoil:
+def recoil_of(found: BatAngles, contact: float, lasts: float = 0.0) -> Recoil:
     """Return how fast a bat turns after contact: at rest until it, at a constant rate from it on.
 
-    Parameters
-    ----------
-    times
-        Of the frames, (frame,) [s].
-    found
-        The bat's angles in them.
-    contact
-        When the turn begins, about [s]: the line after it decides.
-    lasts
-        Frames so near to the contact belong to neither side [s].
-
-    Raises
-    ------
-    InputError
-        Fewer than three frames show the bat after contact, or none before it.
+    `contact` is when the turn begins, about [s]: the line after it decides; frames within `lasts`
+    [s] of it belong to neither side. Raises `InputError` where fewer than three frames show the
+    bat after contact, or none before.
     """
-    seen = np.isfinite(found.angle) & (np.abs(times - contact) > lasts)
-    after, before = seen & (times > contact), seen & (times < contact)
-    for name, some, least in (("after", after, FEW), ("before", before, 1)):
+    since = found.times - contact
+    seen = np.isfinite(found.angle) & (np.abs(since) > lasts)
+    after, before = seen & (since > 0), seen & (since < 0)
+    for name, some, least in (("after", after, FIT.least_frames), ("before", before, 1)):
         if some.sum() < least:
             allowed = f"at least {least} must show the bat"
             raise InputError("", f"frames {name} contact", int(some.sum()), allowed)
-    t, angle, u = times[seen] - contact, found.angle[seen], found.u[seen]
+    t, angle, u = since[seen], found.angle[seen], found.u[seen]
     late = after[seen]
     # rest, rate, and rate times how late the turn began
     design = np.stack([np.ones_like(t), np.where(late, t, 0.0), np.where(late, -1.0, 0.0)], axis=1)
     whole, right = design / u[:, None], angle / u
     covariance = np.linalg.inv(whole.T @ whole)
     solved = covariance @ (whole.T @ right)
-    free = len(right) - 3
-    chi = float(((right - whole @ solved) ** 2).sum()) / free if free > 0 else 1.0
+    chi = float(((right - whole @ solved) ** 2).sum()) / (len(right) - 3)
     covariance = covariance * max(chi, 1.0)
     _, rate, late_by = map(float, solved)
     slope = np.array([-late_by / rate**2, 1 / rate])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -20,15 +21,13 @@ __all__ = ["BatSeen", "bat_document", "bat_text", "find_bat", "write_bat_table"]
 
 Array = NDArray[np.float64]
 
-LASTS = 1e-3  # s about the contact: the bat is being pushed
-MARGIN = 8.0  # pixels about the ball that show nothing of what is behind it
+PUSHED = 1e-3  # s about the contact: the bat is being pushed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatSeen:
-    """A bat through a clip; arrays over all its frames."""
+    """A bat through a clip."""
 
-    times: Array  # (frame,) [s]
     angles: BatAngles
     recoil: Recoil
 
@@ -36,25 +35,28 @@ class BatSeen:
 def find_bat(tracked: Tracked, calibration: ClipCalibration) -> BatSeen | None:
     """Return the bat that [bat] in a clip's calibration speaks of, None without.
 
-    Raises
-    ------
-    InputError
-        No bat where it should be, no contact in the clip, too few frames that show the bat.
+    Raises `InputError`: no bat where it should be, no contact, too few frames that show the bat.
     """
     place, camera = calibration.bat, calibration.camera
     if place is None or camera is None:
         return None
     contact = tracked.legs.flights[0].time
-    times, balls = tracked.clip.times, _balls(tracked)
-    rest = _at_rest(tracked, times < contact - max(LASTS, tracked.exposure), balls)
+    times, located = tracked.clip.times, tracked.located
+    reach = located.radius + np.hypot(located.blur_x, located.blur_y) / 2 + 1
+    balls = np.full((tracked.clip.count, 3), np.nan)  # x, y, reach [pixels], frame by frame
+    balls[tracked.frames] = np.stack([located.x, located.y, reach], axis=1)
+    before = np.flatnonzero(times < contact - max(PUSHED, tracked.exposure))
+    # the ball and 8 pixels about it show nothing of what is behind it
+    spots = [[(x, y, far + 8)] if isfinite(far) else [] for x, y, far in balls[before].tolist()]
+    quiet = (frame for _, frame in tracked.clip.chosen(before))
+    rest = uncovered_mean(quiet, tracked.background, spots)
     edges = find_outline(rest, place, camera)
     frames = zip(times.tolist(), tracked.clip.frames(), strict=True)
     angles = bat_angles(frames, edges, balls, pivoted=place.pivoted)
     if len(tracked.legs.flights) < 2:
         where = str(tracked.clip.source.path)
         raise InputError(where, "bat", None, "the ball is not seen to leave it: no recoil to read")
-    recoil = recoil_of(times, angles, contact, lasts=LASTS)
-    return BatSeen(times=times, angles=angles, recoil=recoil)
+    return BatSeen(angles=angles, recoil=recoil_of(angles, contact, lasts=PUSHED))
 
 
 def bat_document(found: BatSeen) -> dict[str, Any]:
@@ -78,27 +80,7 @@ def write_bat_table(found: BatSeen, path: Path) -> None:
     """Write the bat's angles as CSV, a row a frame that shows it."""
     angles = found.angles
     lines = [
-        f"{k},{float(found.times[k])!r},{angles.angle[k]:.9g},{angles.u[k]:.3g},{angles.points[k]}"
+        f"{k},{float(angles.times[k])!r},{angles.angle[k]:.9g},{angles.u[k]:.3g},{angles.points[k]}"
         for k in np.flatnonzero(np.isfinite(angles.angle))
     ]
     path.write_text("\n".join(["frame,time_s,angle_rad,u_rad,points", *lines, ""]))
-
-
-def _balls(tracked: Tracked) -> Array:
-    """Return the ball's place and reach in every frame of a clip, (frame, 3) [pixels]."""
-    located = tracked.located
-    reach = located.radius + np.hypot(located.blur_x, located.blur_y) / 2 + 1
-    balls = np.full((tracked.clip.count, 3), np.nan)
-    balls[tracked.frames] = np.stack([located.x, located.y, reach], axis=1)
-    return balls
-
-
-def _at_rest(tracked: Tracked, before: NDArray[np.bool_], balls: Array) -> NDArray[np.float32]:
-    """Return the mean of the frames before contact, the ball left out."""
-    numbers = np.flatnonzero(before)
-    spots = [
-        [(float(x), float(y), float(reach + MARGIN))] if np.isfinite(reach) else []
-        for x, y, reach in balls[numbers]
-    ]
-    frames = (frame for _, frame in tracked.clip.chosen(numbers))
-    return uncovered_mean(frames, tracked.background, spots)

@@ -20,17 +20,27 @@ __all__ = ["BatEdges", "find_outline", "values_at"]
 Array = NDArray[np.float64]
 
 ACROSS = np.arange(-6.0, 7.0)  # pixels across the bat, about an edge
-SOFTER = 0.7  # pixels: pictures are blurred by that before values between pixels are read off
-ROOM = 24  # pixels about the places that are asked for
-STEP = 3.0  # pixels along the bat: neighbours nearer share their noise
-FAR = 5000  # steps along the bat that are looked at, at most
-SMOOTH = 3.0  # half pixels, of slopes across the bat
-ALONG = 7  # neighbours each way that edges and profiles are smoothed over
-STRAY = 4.0  # half pixels: an edge this far off its neighbours is none
-SHOWN = 6.0  # times the noise of a slope: less is no edge
-FAINT = 0.3  # of the stronger edge's slope: less is left out, as what is behind would move it
-GONE = 0.2  # of the contrast at rest: less is no edge
-LEAST = 20  # points of an edge
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EdgeSearch:
+    """How the edges of a bat are looked for; slopes across it are taken every half pixel."""
+
+    blur_px: float = 0.7  # of a picture before values between pixels are read off
+    margin_px: int = 24  # about the places that are asked for
+    spacing_px: float = 3.0  # along the bat: neighbours nearer share their noise
+    most_points: int = 5000  # along the bat, at most
+    slope_blur_half_px: float = 3.0
+    neighbours: int = 7  # each way, that edges and profiles are smoothed over
+    stray_half_px: float = 4.0  # an edge this far off its neighbours is none
+    least_slope_over_noise: float = 6.0  # times its noise: less is no edge
+    # of the stronger edge's slope: less is left out, as what is behind would move it
+    least_slope_of_stronger: float = 0.3
+    least_contrast_of_rest: float = 0.2  # of the contrast at rest: less is no edge
+    least_points: int = 20
+
+
+SEARCH = EdgeSearch()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,7 +108,7 @@ class BatEdges:
         inverse = np.linalg.inv(normal + 1e-9 * scale * np.eye(3))
         right = (design * seen[..., None]).sum(axis=1)
         _, gain, moved = (inverse @ right[..., None])[..., 0].T
-        shown = gain > GONE
+        shown = gain > SEARCH.least_contrast_of_rest
         safe = np.where(shown, gain, 1.0)
         return np.asarray(moved / safe), np.where(shown, safe**2 / inverse[:, 2, 2], 0.0)
 
@@ -112,30 +122,19 @@ def values_at(picture: NDArray[Any], pixels: Array) -> Array:
     from scipy.ndimage import gaussian_filter, map_coordinates
 
     ends = pixels.reshape(-1, 2)
-    left, top = np.maximum(np.floor(ends.min(axis=0)) - ROOM, 0).astype(int)
-    right, low = np.ceil(ends.max(axis=0)).astype(int) + ROOM
+    left, top = np.maximum(np.floor(ends.min(axis=0)) - SEARCH.margin_px, 0).astype(int)
+    right, low = np.ceil(ends.max(axis=0)).astype(int) + SEARCH.margin_px
     part = np.asarray(picture[top:low, left:right], np.float64)
-    soft = gaussian_filter(part, SOFTER, mode="nearest")
+    soft = gaussian_filter(part, SEARCH.blur_px, mode="nearest")
     x, y = np.moveaxis(pixels - [left, top], -1, 0)
     return np.asarray(map_coordinates(soft, [y, x], mode="nearest"))
 
 
 def find_outline(rest: NDArray[Any], place: BatPlace, camera: CameraModel) -> BatEdges:
-    """Return the edges of a bat in a picture of it at rest.
+    """Return the edges of a bat in a picture (row, column) of it at rest, an average of frames.
 
-    Parameters
-    ----------
-    rest
-        Grey values of the whole frame, (row, column), as many frames averaged as there are.
-    place
-        Where it stands; its pivot may lie out of the picture.
-    camera
-        Whose `plane_height_m` is that of the bat's edges.
-
-    Raises
-    ------
-    InputError
-        No edge shows on either side.
+    The camera's `plane_height_m` is that of the edges; the pivot may lie out of the picture.
+    Raises `InputError` where no edge shows on either side.
     """
     from scipy.ndimage import uniform_filter1d
 
@@ -144,17 +143,17 @@ def find_outline(rest: NDArray[Any], place: BatPlace, camera: CameraModel) -> Ba
     axis = Axis(pivot=pivot, ahead=way / length, camera=camera)
     there = axis.pixels(length + np.array([0.0, 1e-3]), np.zeros(2))
     pixel = 1e-3 / float(np.hypot(*(there[1] - there[0])))
-    stations = np.arange(FAR, dtype=np.float64) * (STEP * pixel)
+    stations = np.arange(SEARCH.most_points, dtype=np.float64) * (SEARCH.spacing_px * pixel)
     reach = np.arange(-place.widest_m, place.widest_m, pixel / 2, dtype=np.float64)
     rows, columns = rest.shape
     border = ACROSS.max() + 2
     ends = axis.pixels(stations[:, None], place.widest_m * np.array([-1.0, 1.0]))
     seen = (ends > border) & (ends < np.array([columns, rows]) - 1 - border)
     stations = stations[seen.all(axis=(1, 2))]
-    if len(stations) < LEAST:
+    if len(stations) < SEARCH.least_points:
         raise InputError("", "bat", None, "its axis does not cross the picture")
     grey = values_at(rest, axis.pixels(stations[:, None], reach))
-    sides = []
+    sides, strength = [], []
     for sign in (1.0, -1.0):
         off, good = _edge(grey, stations, reach, sign)
         if good.any():
@@ -164,26 +163,17 @@ def find_outline(rest: NDArray[Any], place: BatPlace, camera: CameraModel) -> Ba
                 for h in (0.0, 0.5, -0.5)
             )
             profiles, slopes = (
-                uniform_filter1d(each, 2 * ALONG + 1, axis=0, mode="nearest")
+                uniform_filter1d(each, 2 * SEARCH.neighbours + 1, axis=0, mode="nearest")
                 for each in (here, more - less)
             )
             sides.append((along, left, np.full(len(left), sign), profiles, slopes))
+            strength.append(float(np.median((slopes**2).sum(axis=1))))
     if not sides:
         raise InputError("", "bat", None, "no edge of it shows in the picture at rest")
-    strength = [float(np.median((slopes**2).sum(axis=1))) for *_, slopes in sides]
-    kept = [
-        side for side, own in zip(sides, strength, strict=True) if own > FAINT**2 * max(strength)
-    ]
-    along, left, side, profiles, slopes = map(np.concatenate, zip(*kept, strict=True))
-    return BatEdges(
-        axis=axis,
-        pixel=pixel,
-        along=along,
-        left=left,
-        side=side,
-        profiles=profiles,
-        slopes=slopes,
-    )
+    kept = np.flatnonzero(np.array(strength) > SEARCH.least_slope_of_stronger**2 * max(strength))
+    shown = map(np.concatenate, zip(*(sides[k] for k in kept), strict=True))
+    names = ("along", "left", "side", "profiles", "slopes")
+    return BatEdges(axis=axis, pixel=pixel, **dict(zip(names, shown, strict=True)))
 
 
 def _edge(
@@ -193,13 +183,14 @@ def _edge(
     from scipy.ndimage import gaussian_filter, median_filter, uniform_filter1d
 
     step = float(reach[1] - reach[0])
-    slope = np.abs(gaussian_filter(grey, (3, SMOOTH), order=(0, 1)))
+    slope = np.abs(gaussian_filter(grey, (3, SEARCH.slope_blur_half_px), order=(0, 1)))
     noise = 1.4826 * float(np.median(slope)) + 1e-6 * float(np.abs(grey).max())
     own = np.where(sign * reach > 0, slope, 0.0)
     off = reach[own.argmax(axis=1)]
-    calm = median_filter(off, 2 * ALONG + 1, mode="nearest")
-    good = np.asarray((own.max(axis=1) > SHOWN * noise) & (np.abs(off - calm) < STRAY * step))
-    if good.sum() < LEAST:
+    calm = median_filter(off, 2 * SEARCH.neighbours + 1, mode="nearest")
+    near = np.abs(off - calm) < SEARCH.stray_half_px * step
+    good = np.asarray(near & (own.max(axis=1) > SEARCH.least_slope_over_noise * noise))
+    if good.sum() < SEARCH.least_points:
         return off, np.zeros_like(good)
     whole = np.interp(stations, stations[good], off[good])
-    return np.asarray(uniform_filter1d(whole, ALONG + 1, mode="nearest")), good
+    return np.asarray(uniform_filter1d(whole, SEARCH.neighbours + 1, mode="nearest")), good

@@ -14,14 +14,6 @@ __all__ = ["BoardView", "find_board"]
 
 Array = NDArray[np.float64]
 
-LEAST = 8  # corners that show where a board is
-BRIGHT = 99.9  # per cent of the pixels: what is brighter is a glint
-# pixels each way in which a corner's edges are followed: more leaves errors of .024 pixels no
-# smaller, markers and neighbours come in
-REACH = 2, 5
-BEND = 0.15  # of a square, from one to the next along a line: more is another board
-CLEAR = 1.0  # pixels kept from the markers
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoardView:
@@ -40,16 +32,19 @@ def find_board(picture: NDArray[Any], board: Board) -> BoardView | None:
     import cv2
 
     grey = picture.astype(np.float32)
-    dark, bright = float(grey.min()), float(np.percentile(grey, BRIGHT))
+    # what is brighter is a glint
+    dark, bright = float(grey.min()), float(np.percentile(grey, 99.9))
     if bright <= dark:
         return None
     plain = np.clip((grey - dark) * (255 / (bright - dark)), 0, 255).astype(np.uint8)
     ids, places = _charuco(plain, board) if board.marker else _chessboard(plain, board)
-    if len(ids) < LEAST:
+    if len(ids) < 8:
         return None
     side = float(np.median(np.hypot(*(places[1:] - places[:-1])[np.diff(ids) == 1].T)))
     clear = (1 - board.marker / board.square) / 2 if board.marker else 0.5
-    reach = int(np.clip(clear * side - CLEAR, *REACH))
+    # pixels each way in which a corner's edges are followed, one kept from the markers: more than
+    # five leave errors of .024 pixels no smaller, markers and neighbours come in
+    reach = int(np.clip(clear * side - 1.0, 2, 5))
     stop = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-4)
     start = places.astype(np.float32)
     placed = cv2.cornerSubPix(plain, start, (reach, reach), (-1, -1), stop)
@@ -65,8 +60,9 @@ def _chessboard(plain: NDArray[np.uint8], board: Board) -> tuple[NDArray[np.intp
         if found:
             lines = np.asarray(corners, np.float64).reshape(*board.shape[::-1], 2)
             bend = max(np.abs(np.diff(lines, 2, axis=axis)).max() for axis in (0, 1))
-            # of a board with a column less OpenCV adds one beside it, a quarter of a square off
-            if bend < BEND * np.hypot(*np.diff(lines, axis=1).reshape(-1, 2).T).mean():
+            # of a board with a column less OpenCV adds one beside it, a quarter of a square off:
+            # along a line neighbours differ less, from one to the next
+            if bend < 0.15 * np.hypot(*np.diff(lines, axis=1).reshape(-1, 2).T).mean():
                 return np.arange(lines.size // 2), lines.reshape(-1, 2)
     return np.empty(0, np.intp), np.empty((0, 2))
 

@@ -21,7 +21,6 @@ from virtual_lab.errors import InputError
 from virtual_lab.relations.board import Board
 from virtual_lab.units import DEGREE
 from virtual_lab.video.calibration.board_finding import BoardView, find_board
-from virtual_lab.video.calibration.camera_fit import Solved, solve
 from virtual_lab.video.calibration.plane import on_plane
 from virtual_lab.video.clips.calibration_file import CameraFit, CameraModel
 
@@ -29,13 +28,22 @@ __all__ = ["Calibrated", "Plan", "calibrate_camera", "lengths_of"]
 
 Array = NDArray[np.float64]
 
-VIEWS = 3  # with a board, at least
-MANY = 6  # of them leave little to chance
-ASKEW = 8 * DEGREE  # between two views at least: parallel boards do not show the focal length
-VAGUE = 0.02  # relative u of the focal length: more is no calibration
-ROUGH, POOR = 0.3, 1.5  # pixels rms: a warning, no calibration
-OFF = 3.0  # times the median of the views' rms: a view that does not fit
-COVERED = 0.4  # of the picture, within the outermost corners
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Demands:
+    """What pictures must show for a calibration, and what is warned of."""
+
+    least_views: int = 3  # with a board
+    views: int = 6  # leave little to chance
+    least_angle_rad: float = 8 * DEGREE  # of views: parallel ones do not show the focal length
+    greatest_focal_u: float = 0.02  # relative: more is no calibration
+    rough_rms_px: float = 0.3  # a warning
+    greatest_rms_px: float = 1.5  # no calibration
+    outlying_rms_over_usual: float = 3.0  # of a view that does not fit; usual is the median
+    least_covered: float = 0.4  # of the picture, within the outermost corners
+
+
+DEMANDS = Demands()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +55,36 @@ class Plan:
     height: float = 0.0  # of the ball's plane over the plane view's board, toward the camera [m]
     height_u: float = 0.0  # [m]
     plane: str | None = None  # name of the plane view; None: the first picture
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Solved:
+    """What fits all views; values are fx, fy, cx, cy, k1, k2, p1, p2 and, where it shows, k3."""
+
+    values: Array
+    rotations: Array  # (view, 3, 3) from the board's axes to the camera's
+    translations: Array  # (view, 3) [m]
+    covariance: Array  # of values, then turn [rad] and shift [m] of the plane view's pose
+    view: NDArray[np.intp]  # of each corner
+    places: Array  # (corner, 2) [pixels]
+    residuals: Array  # (corner, 2) [pixels]
+    left_out: NDArray[np.intp]  # corners, (view,)
+
+    @property
+    def u(self) -> Array:
+        """Standard uncertainties of what the covariance is of."""
+        return np.asarray(np.sqrt(np.diagonal(self.covariance)))
+
+    @property
+    def rms(self) -> float:
+        """Of the residuals, each way [pixels]."""
+        return float(np.sqrt(np.mean(self.residuals**2)))
+
+    @property
+    def view_rms(self) -> Array:
+        """Of each view's residuals, each way [pixels]."""
+        squares = (self.residuals**2).mean(axis=1)
+        return np.asarray(np.sqrt(np.bincount(self.view, squares) / np.bincount(self.view)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,31 +100,21 @@ class Calibrated:
 
 
 def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -> Calibrated:
-    """Return the camera that took some pictures.
+    """Return the camera that took some pictures: name and grey values (row, column), read once.
 
-    Parameters
-    ----------
-    pictures
-        Name and grey values (row, column) of each, all of one camera; read once.
-    plan
-        What is known of the board and of the plane.
-
-    Raises
-    ------
-    InputError
-        Pictures of several sizes, fewer than three with a board, none in the plane view, boards
-        all parallel, residuals that no lens leaves, a plane behind the camera.
+    Raises `InputError`: pictures of several sizes, fewer than three with a board, none in the
+    plane view, boards all parallel, residuals that no lens leaves, a plane behind the camera.
     """
     looked, size = _found(pictures, plan.board)
     names = tuple(name for name, found in looked if found)
     without = tuple(name for name, found in looked if not found)
     seen = [found for _, found in looked if found]
-    if len(seen) < VIEWS:
+    if len(seen) < DEMANDS.least_views:
         many = f"{plan.board.columns}x{plan.board.rows} squares, not inner corners"
-        allowed = f"at least {VIEWS} must show the board (is it {many}?)"
+        allowed = f"at least {DEMANDS.least_views} must show the board (is it {many}?)"
         raise InputError("", "pictures with a board", len(seen), allowed)
     plane = _plane_view(looked, plan)
-    solved = solve(plan.board.corners(), seen, size, plane)
+    solved = _solved(plan.board.corners(), seen, size, plane)
     _require_sound(solved)
     rotation, translation = _turned(solved.rotations[plane]), solved.translations[plane]
     if not plan.height < (far := float(translation[2])):
@@ -128,7 +156,7 @@ def _found(
             raise InputError(name, "size", f"{own[0]} x {own[1]}", allowed)
         looked.append((name, find_board(picture, board)))
     if size is None:
-        raise InputError("", "pictures", 0, f"at least {VIEWS} of a board")
+        raise InputError("", "pictures", 0, f"at least {DEMANDS.least_views} of a board")
     return looked, size
 
 
@@ -148,15 +176,16 @@ def _plane_view(looked: list[tuple[str, BoardView | None]], plan: Plan) -> int:
 def _require_sound(solved: Solved) -> None:
     normals = solved.rotations[:, :, 2]
     apart = float(np.arccos(np.clip(np.abs(normals @ normals.T), 0, 1)).max())
-    if apart < ASKEW:
-        allowed = f"hold it askew in some, by {ASKEW / DEGREE:g} deg at least, better 30"
+    if apart < DEMANDS.least_angle_rad:
+        least = f"{DEMANDS.least_angle_rad / DEGREE:g} deg"
+        allowed = f"hold it askew in some, by {least} at least, better 30"
         raise InputError("", "angle between boards", f"{apart / DEGREE:.2g} deg", allowed)
-    if solved.rms > POOR:
-        allowed = f"less than {POOR:g} (another board, or pictures of several cameras?)"
+    if solved.rms > (most := DEMANDS.greatest_rms_px):
+        allowed = f"less than {most:g} (another board, or pictures of several cameras?)"
         raise InputError("", "residuals, pixels", f"{solved.rms:.2g}", allowed)
     vague = float((solved.u[:2] / solved.values[:2]).max())
-    if not vague < VAGUE:
-        allowed = f"less than {VAGUE:g}: more pictures, more askew"
+    if not vague < DEMANDS.greatest_focal_u:
+        allowed = f"less than {DEMANDS.greatest_focal_u:g}: more pictures, more askew"
         raise InputError("", "relative u of the focal length", f"{vague:.2g}", allowed)
 
 
@@ -235,19 +264,19 @@ def _warnings(
     found = []
     if without:
         found.append(f"no board was found in {', '.join(without)}")
-    if len(seen) < MANY:
-        found.append(f"only {len(seen)} pictures show the board: {MANY} or more are better")
-    if solved.rms > ROUGH:
+    if len(seen) < (many := DEMANDS.views):
+        found.append(f"only {len(seen)} pictures show the board: {many} or more are better")
+    if solved.rms > DEMANDS.rough_rms_px:
         found.append(f"residuals of {solved.rms:.2g} pixels are large: is the board flat?")
     usual = float(np.median(solved.view_rms))
     for name, rms, lost in zip(names, solved.view_rms, solved.left_out, strict=True):
-        if rms > OFF * usual:
+        if rms > DEMANDS.outlying_rms_over_usual * usual:
             found.append(f"{name} does not fit the others: residuals of {rms:.2g} pixels")
         if lost:
             found.append(f"{name}: corners far off were left out, {lost} of them")
     hull = cv2.convexHull(np.concatenate([each.places for each in seen]).astype(np.float32))
     share = cv2.contourArea(hull) / (size[0] * size[1])
-    if share < COVERED:
+    if share < DEMANDS.least_covered:
         found.append(
             f"the boards reach over {100 * share:.0f} % of the picture: beyond them the lens's "
             "distortion is not known"
@@ -257,3 +286,98 @@ def _warnings(
     if plan.height_u == 0:
         found.append("the ball's plane is taken as exactly known: see --height-u")
     return tuple(found)
+
+
+def _solved(corners: Array, seen: list[BoardView], size: tuple[int, int], plane: int) -> Solved:
+    """Return lens and poses from a board's corners (corner, 3) [m] as they were seen in each view.
+
+    `size` is the pictures' width and height, `plane` the view whose pose is in the covariance.
+    Raises `InputError` where OpenCV finds no camera for them.
+    """
+    count = np.array([len(each.ids) for each in seen])
+    whole = _fit(corners, seen, size, plane)
+    for _ in range(8):
+        off = np.hypot(*whole.residuals.T)
+        usual = 1.4826 / 1.177 * float(np.median(off))  # Rayleigh's median
+        # one wild corner bends the lens for others: the worst leave first, those far off alone
+        wild = off > max(6 * usual, 0.5 * float(off.max()))
+        if not wild.any():
+            break
+        kept = np.split(~wild, np.cumsum([len(each.ids) for each in seen])[:-1])
+        seen = [
+            BoardView(ids=each.ids[good], places=each.places[good])
+            for each, good in zip(seen, kept, strict=True)
+        ]
+        if min(len(each.ids) for each in seen) < 6:
+            why = "one of the pictures fits no lens that fits the others"
+            raise InputError("", "camera", None, why)
+        whole = _fit(corners, seen, size, plane)
+    return replace(whole, left_out=count - np.array([len(each.ids) for each in seen]))
+
+
+def _fit(
+    corners: Array, seen: list[BoardView], size: tuple[int, int], plane: int, bent: int = 5
+) -> Solved:
+    """Return what fits; a sixth power of the radius of less than 3 u is left out."""
+    import cv2
+    from scipy.linalg import block_diag
+
+    flags = cv2.CALIB_FIX_K3 if bent == 4 else 0
+    known = [corners[each.ids] for each in seen]
+    try:
+        _, matrix, distortion, turns, shifts = cv2.calibrateCamera(
+            [each.astype(np.float32) for each in known],
+            [each.places.astype(np.float32) for each in seen],
+            size,
+            np.eye(3),
+            np.zeros(5),
+            flags=flags,
+            criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-12),
+        )
+    except cv2.error as fault:
+        why = "OpenCV finds none that fits: are the views all alike, or of another board?"
+        raise InputError("", "camera", None, why) from fault
+    lens, poses, rest = [], [], []
+    for view, (points, each) in enumerate(zip(known, seen, strict=True)):
+        drawn, slopes = cv2.projectPoints(points, turns[view], shifts[view], matrix, distortion)
+        slopes = _local(np.asarray(slopes, np.float64), np.asarray(turns[view], np.float64))
+        lens.append(slopes[:, 6 : 10 + bent])
+        poses.append(slopes[:, :6])
+        rest.append(each.places - drawn.reshape(-1, 2))
+    residuals = np.concatenate(rest)
+    slopes = np.hstack([np.concatenate(lens), block_diag(*poses)])
+    scale = np.linalg.norm(slopes, axis=0)
+    free = max(residuals.size - slopes.shape[1], 1)
+    normal = slopes / scale
+    inverse = np.linalg.pinv(normal.T @ normal, hermitian=True) / np.outer(scale, scale)
+    first = 4 + bent + 6 * plane
+    kept = np.r_[: 4 + bent, first : first + 6]
+    whole = Solved(
+        values=np.concatenate(
+            [matrix[[0, 1, 0, 1], [0, 1, 2, 2]], np.asarray(distortion).ravel()[:bent]]
+        ),
+        rotations=np.stack([cv2.Rodrigues(turn)[0] for turn in turns]),
+        translations=np.stack([np.asarray(shift).ravel() for shift in shifts]),
+        covariance=inverse[np.ix_(kept, kept)] * float((residuals**2).sum()) / free,
+        view=np.repeat(np.arange(len(seen)), [len(each.ids) for each in seen]),
+        places=np.concatenate([each.places for each in seen]),
+        residuals=residuals,
+        left_out=np.zeros(len(seen), np.intp),
+    )
+    if bent == 5 and not abs(whole.values[8]) > 3 * whole.u[8]:
+        return _fit(corners, seen, size, plane, bent=4)
+    return whole
+
+
+def _local(slopes: Array, turn: Array) -> Array:
+    """Return slopes by a small turn after the pose's own, in place of those by its vector."""
+    import cv2
+
+    rotation, by_vector = cv2.Rodrigues(turn)
+    # rows: the vector's three numbers; columns: the matrix's nine, row by row
+    change = np.asarray(by_vector).reshape(3, 3, 3) @ rotation.T
+    local = np.stack([change[:, 2, 1], change[:, 0, 2], change[:, 1, 0]], axis=1)  # (3, axis)
+    out = slopes.copy()
+    # d/dvector = local @ d/dturn
+    out[:, :3] = np.linalg.solve(local, slopes[:, :3].T).T
+    return np.asarray(out)

@@ -15,7 +15,6 @@ __all__ = ["RIM", "PixelScale", "Plane", "distance_of", "on_plane", "plane_of", 
 
 Array = NDArray[np.float64]
 
-RADIUS_U = 0.05  # pixels, of a plain ball's radius: the model of its edge
 RIM = 3.0  # a pattern's effect on the radius over that on the place: rims are darker all round
 
 
@@ -65,7 +64,8 @@ def plane_of(found: Located, calibration: ClipCalibration, where: str) -> Plane:
     elif diameter and whole.any():
         radius, source = float(np.median(found.radius[whole])), "ball"
         pattern = 0.0 if found.pattern_u is None else float(np.median(found.pattern_u[whole]))
-        scale, radius_u = diameter / (2 * radius), np.hypot(RADIUS_U, RIM * pattern)
+        # the model of a plain ball's edge leaves 0.05 pixels of its radius open
+        scale, radius_u = diameter / (2 * radius), np.hypot(0.05, RIM * pattern)
         relative = float(np.hypot(calibration.ball_diameter_m_u / diameter, radius_u / radius))
     else:
         allowed = "no frame shows the whole ball well, and nothing else sets the scale"

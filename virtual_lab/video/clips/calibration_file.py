@@ -16,7 +16,6 @@ from virtual_lab.files import read_toml
 
 __all__ = ["BatPlace", "CameraFit", "CameraModel", "ClipCalibration", "read_calibration"]
 
-GRAZING = 0.02  # cosine of the angle at which a camera looks along the plane, not at it
 Positive = Annotated[Real, Gt(0)]
 Uncertainty = Annotated[Real, Ge(0)]
 Place = Annotated[Real, Ge(-1000), Le(1000)]  # m
@@ -55,18 +54,17 @@ class CameraModel(Spec):
 
     def __post_init__(self) -> None:
         if len(self.distortion) not in {4, 5, 8, 12, 14}:
-            raise ValueError(
-                f"distortion has 4, 5, 8, 12 or 14 numbers, not {len(self.distortion)}"
-            )
+            count = len(self.distortion)
+            raise ValueError(f"distortion has 4, 5, 8, 12 or 14 numbers, not {count}")
         if min(self.matrix[0][0], self.matrix[1][1]) < 1 or self.matrix[2] != (0.0, 0.0, 1.0):
-            raise ValueError(
-                "matrix needs focal lengths of 1 pixel and more, and 0, 0, 1 at its end"
-            )
+            needed = "focal lengths of 1 pixel and more, and 0, 0, 1 at its end"
+            raise ValueError(f"matrix needs {needed}")
         import cv2
 
         turn = cv2.Rodrigues(np.array(self.rotation))[0]
         above = self.plane_height_m + float(turn[:, 2] @ self.translation_m)
-        if not above * turn[2, 2] > 0 or abs(turn[2, 2]) < GRAZING:
+        grazing = abs(turn[2, 2]) < 0.02  # it looks along the plane, not at it
+        if grazing or not above * turn[2, 2] > 0:
             raise ValueError("rotation and translation_m leave the ball's plane out of its sight")
 
 
@@ -84,9 +82,8 @@ class BatPlace(Spec):
 class ClipCalibration(Spec):
     """Keys of the file, SI; a key with _u is the standard uncertainty of the one without."""
 
-    metres_per_pixel: Annotated[Real, Ge(1e-7), Le(1)] | None = (
-        None  # in the plane the ball moves in
-    )
+    # in the plane the ball moves in
+    metres_per_pixel: Annotated[Real, Ge(1e-7), Le(1)] | None = None
     metres_per_pixel_u: Uncertainty = 0.0
     frames_per_second: Annotated[Real, Ge(1), Le(1e7)] | None = None
     frames_per_second_u: Uncertainty = 0.0
@@ -119,16 +116,10 @@ class ClipCalibration(Spec):
 def read_calibration(
     path: Path | None, *, ball_diameter: float | None = None, otherwise: bool = False
 ) -> ClipCalibration:
-    """Return the calibration in a file, `path` None: of an unknown camera.
+    """Return the calibration in a TOML file, None: of an unknown camera.
 
-    Parameters
-    ----------
-    path
-        TOML file; a relative name of `timestamps` counts from its folder.
-    ball_diameter
-        Diameter [m] that replaces the file's, with no uncertainty of its own.
-    otherwise
-        Whether something else sets the scale.
+    A relative name of `timestamps` counts from its folder. `ball_diameter` [m] replaces the
+    file's, with no uncertainty of its own; `otherwise`: something else sets the scale.
     """
     found = ClipCalibration()
     if path:

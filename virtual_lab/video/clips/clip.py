@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import TypeVar
 
@@ -18,12 +19,20 @@ from virtual_lab.video.clips.timing import frame_times
 
 __all__ = ["Clip", "ahead", "open_clip"]
 
-SAMPLES = 25  # frames kept to learn the background from
-FEWEST, ROOM = 9, 50e6  # of large ones fewer: as many as so many B hold
-KEPT = 60e6  # B: a shorter clip is decoded once and stays in memory
-
-
 Item = TypeVar("Item")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Memory:
+    """What of a clip stays in memory."""
+
+    samples: int = 25  # frames to learn the background from
+    samples_bytes: float = 50e6  # of large frames fewer, as many as it holds
+    least_samples: int = 9
+    clip_bytes: float = 60e6  # a shorter clip is decoded once and stays
+
+
+MEMORY = Memory()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,43 +52,35 @@ class Clip:
         """How many frames there are."""
         return len(self.times)
 
-    def grey_samples(self) -> Frame:
-        """Return the samples in grey, (sample, row, column)."""
-        return np.stack([grey_of(each, str(self.source.path)) for each in self.samples])
+    def grey_samples(self, every: int = 1) -> Frame:
+        """Return the samples in grey, (sample, row, column), of some rows and columns."""
+        some = self.samples[:, ::every, ::every]
+        return np.stack([grey_of(each, str(self.source.path)) for each in some])
 
     def pictures(self) -> Iterator[Frame]:
-        """Yield every frame as it is stored, grey or in colour."""
-        for picture, _ in ahead(self.source.pictures()):
-            yield picture
+        """Return every frame as it is stored, grey or in colour."""
+        return (picture for picture, _ in ahead(self.source.pictures()))
 
     def frames(self) -> Iterator[Frame]:
-        """Yield every frame, grey."""
-        for frame, _ in self.source.frames():
-            yield frame
+        """Return every frame, grey."""
+        return (frame for frame, _ in self.source.frames())
 
     def chosen(
         self, wanted: NDArray[np.intp], *, colour: bool = False
     ) -> Iterator[tuple[int, Frame]]:
         """Yield frames of some numbers, grey or as stored, in order; read none beyond the last."""
         left = set(map(int, wanted))
-        if not left:
-            return
-        last = max(left)
-        for number, frame in enumerate(self.pictures() if colour else self.frames()):
+        frames = enumerate(self.pictures() if colour else self.frames())
+        for number, frame in islice(frames, max(left, default=-1) + 1):
             if number in left:
                 yield number, frame
-            if number == last:
-                return
 
 
 def open_clip(path: Path, calibration: ClipCalibration) -> Clip:
     """Return a clip after reading it once.
 
-    Raises
-    ------
-    InputError
-        No clip, a file cut short, no frames, frames of several sizes, time stamps that do not
-        fit, or frames of another size than the calibrated camera's.
+    Raises `InputError`: no clip, a file cut short, no frames, frames of several sizes or another
+    than the calibrated camera's, time stamps that do not fit.
     """
     source = open_source(path)
     every = 1
@@ -90,15 +91,20 @@ def open_clip(path: Path, calibration: ClipCalibration) -> Clip:
     brightest = 0
     for number, (frame, stamp) in enumerate(source.pictures()):
         if number == 0:
-            _require_size(frame, path, calibration)
-            count = int(np.clip(ROOM / frame.nbytes, FEWEST, SAMPLES))
+            camera, size = calibration.camera, (frame.shape[1], frame.shape[0])
+            if camera and camera.image_size != size:
+                wide, high = camera.image_size
+                allowed = f"the calibrated camera's are {wide} x {high}: is it another camera's?"
+                raise InputError(str(path), "frames", f"{size[0]} x {size[1]}", allowed)
+            room = MEMORY.samples_bytes / frame.nbytes
+            count = int(np.clip(room, MEMORY.least_samples, MEMORY.samples))
             every = max(1, -(-source.declared // count))
             # filled in place: a list and its stack would take the memory twice
             samples = np.empty((-(-source.declared // every) + 1, *frame.shape), frame.dtype)
         if number % every == 0 and len(sampled) < len(samples):
             samples[len(sampled)] = frame
             sampled.append(number)
-        if source.declared * frame.nbytes <= KEPT:
+        if source.declared * frame.nbytes <= MEMORY.clip_bytes:
             kept.append((frame, stamp))
         if frame.dtype != np.uint8:
             brightest = max(brightest, int(frame.max()))
@@ -114,15 +120,6 @@ def open_clip(path: Path, calibration: ClipCalibration) -> Clip:
         sampled=np.array(sampled, np.intp),
         warnings=warnings,
     )
-
-
-def _require_size(frame: Frame, path: Path, calibration: ClipCalibration) -> None:
-    camera = calibration.camera
-    if camera and camera.image_size != (frame.shape[1], frame.shape[0]):
-        found = f"{frame.shape[1]} x {frame.shape[0]}"
-        wide, high = camera.image_size
-        allowed = f"the calibrated camera's are {wide} x {high}: is it another camera's?"
-        raise InputError(str(path), "frames", found, allowed)
 
 
 def ahead(items: Iterator[Item]) -> Iterator[Item]:

@@ -19,8 +19,6 @@ from virtual_lab.errors import InputError
 __all__ = ["HIGHSPEED", "Header", "cine", "mraw"]
 
 HIGHSPEED = (".cine", ".mraw", ".cihx", ".cih")
-RATES = (1.0, 1e7)  # frames a second
-
 Header = tuple[int, float | None, Any]  # frames, rate [1/s], what yields them
 
 
@@ -101,4 +99,4 @@ def _unreadable(path: Path, kind: str, fault: Exception) -> InputError:
 
 
 def _sane(rate: float) -> float | None:
-    return rate if RATES[0] <= rate <= RATES[1] else None
+    return rate if 1 <= rate <= 1e7 else None

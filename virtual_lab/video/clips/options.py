@@ -10,36 +10,29 @@ from virtual_lab.relations.board import length_of
 
 __all__ = ["ball_of", "frames_of", "place_of", "region_of", "scale_of", "seconds_of"]
 
-BALLS = (1e-3, 1.0)  # m, the diameter
-LENGTHS = (1e-3, 1000.0)  # m, between two points
-TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
-ASSUMED_U = 0.01  # of a ball's diameter: a baseball's may vary by 1.4 %, a tennis ball's by 2.4 %
-CLICKED = 1.0  # pixels, u of a point that a person gives
-
 
 def ball_of(text: str) -> tuple[float, float, bool]:
     """Return a ball's diameter, its u [m], and whether that was assumed: `73mm±0.5mm`."""
     size, sign, more = re.sub(r"\+/-|\+-", "±", text).partition("±")
-    diameter = length_of(size, "--ball", *BALLS)
-    if not sign:
-        return diameter, ASSUMED_U * diameter, True
+    diameter = length_of(size, "--ball", 1e-3, 1.0)
+    if not sign:  # a baseball's may vary by 1.4 %, a tennis ball's by 2.4 %
+        return diameter, 0.01 * diameter, True
     return diameter, length_of(more, "--ball", 0.0, diameter / 2), False
 
 
-def seconds_of(text: str, key: str, least: float = 0.0, most: float = 1.0) -> float:
+def seconds_of(text: str, key: str) -> float:
     """Return a time [s]: `8ms`, `0.008 s`, `1/120`."""
     found = re.fullmatch(r"\s*([0-9.]+(?:e-?\d+)?)\s*(?:/\s*([0-9.]+)\s*)?([a-zµ]*)\s*", text)
     try:
         assert found is not None
-        unit = found[3].replace("µ", "u")
-        value = float(found[1]) / float(found[2] or 1) * (TIMES[unit] if unit else 1.0)
-        assert unit or found[2]
+        assert found[2] or found[3]
+        unit = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}[found[3]]
+        value = float(found[1]) / float(found[2] or 1) * unit
     except (AssertionError, KeyError, ValueError, ZeroDivisionError) as fault:
-        raise InputError(
-            "", key, text, "expected a time with its unit, e.g. 8ms or 1/120"
-        ) from fault
-    if not least <= value <= most:
-        raise InputError("", key, text, f"allowed: {least:g} to {most:g} s")
+        form = "expected a time with its unit, e.g. 8ms or 1/120"
+        raise InputError("", key, text, form) from fault
+    if not value <= 1:
+        raise InputError("", key, text, "allowed: 0 to 1 s")
     return value
 
 
@@ -77,12 +70,13 @@ def scale_of(text: str) -> tuple[float, float]:
         raise InputError("", "--scale", text, f"expected {form}")
     one, other = (_numbers(each, 2, "--scale", form) for each in (first, second))
     apart = hypot(one[0] - other[0], one[1] - other[1])
-    if apart < 10 * CLICKED:
+    clicked = 1.0  # pixels, u of a point that a person gives
+    if apart < 10 * clicked:
         raise InputError("", "--scale", text, f"the points are {apart:.3g} pixels apart: too near")
     size, also, more = length.partition("±")
-    metres = length_of(size, "--scale", *LENGTHS)
+    metres = length_of(size, "--scale", 1e-3, 1000.0)
     metres_u = length_of(more, "--scale", 0.0, metres / 2) if also else 0.0
-    relative = hypot(metres_u / metres, hypot(CLICKED, CLICKED) / apart)
+    relative = hypot(metres_u / metres, hypot(clicked, clicked) / apart)
     return metres / apart, metres / apart * relative
 
 

@@ -6,8 +6,9 @@ Frames are read in order and never kept, so a clip may be longer than the memory
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,15 +20,12 @@ from virtual_lab.video.clips.highspeed import HIGHSPEED, cine, mraw
 
 if TYPE_CHECKING:
     import cv2
-from collections.abc import Iterable
 
-__all__ = ["IMAGES", "Frame", "Source", "grey_of", "image_files", "open_source", "read_pictures"]
+__all__ = ["Frame", "Source", "grey_of", "open_source", "read_pictures"]
 
 Frame = NDArray[Any]  # of 8 or 16 bits without sign
 
-SMALLEST = 8  # pixels, a side: less shows no ball
 IMAGES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
-GREY_FORMATS = ("Y800", "Y1\0\x10")  # FFmpeg's own grey of 8 and 16 bits
 KINDS = "a video (MP4, MOV, AVI, MKV, CINE, MRAW), a folder of images, a TIFF stack or a .npy array"
 
 
@@ -56,7 +54,7 @@ class Source:
         first: Frame | None = None
         count = 0
         for frame, stamp in self.read():
-            require_picture(frame, f"{self.path}: frame {count}")
+            _require_picture(frame, f"{self.path}: frame {count}")
             first = frame if first is None else first
             if (frame.shape[:2], frame.dtype) != (first.shape[:2], first.dtype):
                 allowed = f"the first is {_size(first)}: a clip has frames of one size and depth"
@@ -86,17 +84,22 @@ def open_source(path: Path) -> Source:
     return _stack(path) if path.suffix.lower() in (".tif", ".tiff") else _video(path)
 
 
-def image_files(path: Path) -> list[Path]:
+def _image_files(path: Path) -> list[Path]:
     """Return the images in a folder, image9 before image10; `InputError` where there are none."""
-    files = [each for each in path.iterdir() if each.suffix.lower() in IMAGES]
-    files = sorted((each for each in files if not each.name.startswith(".")), key=_natural)
+
+    def counted(file: Path) -> list[tuple[int, str]]:
+        parts = re.split(r"(\d+)", file.name.lower())
+        return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
+
+    shown = (each for each in path.iterdir() if not each.name.startswith("."))
+    files = sorted((each for each in shown if each.suffix.lower() in IMAGES), key=counted)
     if not files:
         raise InputError(str(path), "images", 0, f"a folder holds {', '.join(IMAGES)}")
     return files
 
 
 def _folder(path: Path) -> Source:
-    files = image_files(path)
+    files = _image_files(path)
     if len(kinds := sorted({each.suffix.lower() for each in files})) > 1:
         raise InputError(str(path), "images", ", ".join(kinds), "one kind of image in a folder")
 
@@ -169,7 +172,8 @@ def _video(path: Path) -> Source:
 
     def read() -> Iterator[tuple[Frame, float]]:
         capture = _open(path)
-        if _pixel_format(capture) in GREY_FORMATS:
+        pixels = int(capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)).to_bytes(4, "little")
+        if pixels in (b"Y800", b"Y1\0\x10"):  # FFmpeg's own grey of 8 and 16 bits
             capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)  # else 16 bits are cut to 8
         try:
             while True:
@@ -200,41 +204,27 @@ def _open(path: Path) -> cv2.VideoCapture:
     return capture
 
 
-def _pixel_format(capture: cv2.VideoCapture) -> str:
-    import cv2
-
-    code = int(capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT))
-    return code.to_bytes(4, "little").decode("latin-1")
-
-
-def require_picture(frame: Frame, where: str) -> None:
+def _require_picture(frame: Frame, where: str) -> None:
     """Raise `InputError` unless a frame is grey or of 3 or 4 channels, of 8 or 16 bits."""
     if frame.dtype not in (np.uint8, np.uint16):
         raise InputError(where, "depth", str(frame.dtype), "expected 8 or 16 bits without sign")
     if frame.ndim != 2 and (frame.ndim != 3 or frame.shape[2] not in {1, 3, 4}):
         raise InputError(where, "shape", str(frame.shape), "expected grey, 3 colours or 4 channels")
-    if min(frame.shape[:2]) < SMALLEST:
-        allowed = f"a frame has at least {SMALLEST} x {SMALLEST} pixels"
-        raise InputError(where, "shape", str(frame.shape), allowed)
+    if min(frame.shape[:2]) < 8:  # less shows no ball
+        raise InputError(where, "shape", str(frame.shape), "a frame has at least 8 x 8 pixels")
 
 
 def grey_of(frame: Frame, where: str) -> Frame:
     """Return a frame as grey of its own depth."""
     import cv2
 
-    require_picture(frame, where)
+    _require_picture(frame, where)
     if frame.ndim == 2:
         return frame
     if frame.shape[2] == 1:
         return frame[..., 0]
     code = cv2.COLOR_BGR2GRAY if frame.shape[2] == 3 else cv2.COLOR_BGRA2GRAY
     return cv2.cvtColor(frame, code)
-
-
-def _natural(path: Path) -> list[tuple[int, str]]:
-    """Return a key that sorts image9 before image10."""
-    parts = re.split(r"(\d+)", path.name.lower())
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
 
 
 def _size(frame: Frame) -> str:
@@ -244,28 +234,19 @@ def _size(frame: Frame) -> str:
 def read_pictures(paths: Iterable[Path]) -> Iterator[tuple[str, Frame]]:
     """Yield name and grey values (row, column) of every picture in some files and folders.
 
-    A picture out of a stack or a clip is named by its number, ``clip.mp4:12``.
-
-    Raises
-    ------
-    InputError
-        No such file, none that can be read, a folder without images.
+    A picture out of a stack or a clip is named by its number, ``clip.mp4:12``. Raises `InputError`
+    where there is no such file, none that can be read, or a folder without images.
     """
-    for path in paths:
-        for file in image_files(path) if path.is_dir() else (path,):
-            yield from _pictures(file)
-
-
-def _pictures(file: Path) -> Iterator[tuple[str, Frame]]:
     import cv2
 
-    if file.suffix.lower() in IMAGES and file.is_file():
-        pictures = cv2.imreadmulti(str(file), flags=cv2.IMREAD_UNCHANGED)[1]
-        if not pictures:
-            raise InputError(str(file), "image", None, "cannot be read (is it cut short?)")
-        for number, picture in enumerate(pictures):
-            name = str(file) if len(pictures) == 1 else f"{file}:{number}"
-            yield name, grey_of(picture, name)
-    else:
-        for number, (frame, _) in enumerate(open_source(file).frames()):
-            yield f"{file}:{number}", frame
+    for file in chain.from_iterable(_image_files(e) if e.is_dir() else (e,) for e in paths):
+        if file.suffix.lower() in IMAGES and file.is_file():
+            pictures = cv2.imreadmulti(str(file), flags=cv2.IMREAD_UNCHANGED)[1]
+            if not pictures:
+                raise InputError(str(file), "image", None, "cannot be read (is it cut short?)")
+            for number, picture in enumerate(pictures):
+                name = str(file) if len(pictures) == 1 else f"{file}:{number}"
+                yield name, grey_of(picture, name)
+        else:
+            for number, (frame, _) in enumerate(open_source(file).frames()):
+                yield f"{file}:{number}", frame

@@ -63,11 +63,8 @@ class Edges:
 
     levels: Sequence[_Level]
 
-    def span(self, shape: tuple[int, ...], steeper: float = 0.0) -> float:
-        """Return over how much of a picture's (rows, columns) they reach, of its wider way.
-
-        Those alone that are steeper than so much [DN/px].
-        """
+    def span(self, shape: tuple[int, ...], steeper: float) -> float:
+        """Return over how much of a picture's wider way those reach that are so steep [DN/px]."""
         level, sides = self.levels[-1], np.array(shape[1::-1], dtype=float)
         places = np.stack([level.x, level.y])[:, level.slope > steeper]
         places -= places.min(axis=1, keepdims=True, initial=np.inf)
@@ -93,6 +90,13 @@ class Edges:
         costs = [_cost(self.levels[-1], pictures[-1], each) for each in tried]
         costs[0] *= _ALIGN.stand
         return tried[int(np.argmin(costs))]
+
+    def cost(self, grey: Image, shift: Array) -> float:
+        """Return how far they lie from where a shift puts them in a picture, a mean [pixels].
+
+        What moves on its own is clipped.
+        """
+        return _cost(self.levels[-1], _pyramid(grey, 1)[0], shift)
 
 
 def upper_median(values: NDArray[np.floating]) -> NDArray[np.floating]:
@@ -182,7 +186,8 @@ def _cost(level: _Level, picture: NDArray[np.float32], shift: Array) -> float:
     if not inside.any():
         return _ALIGN.clipped
     left = (_seen(level, picture, shift) - level.value)[inside]
-    off = np.minimum(np.abs(left - upper_median(left)) / level.slope[inside], _ALIGN.clipped).mean()
+    slope = level.slope[inside]  # by which edges count: a codec keeps flat ones in place
+    off = np.minimum(np.abs(left - upper_median(left)), _ALIGN.clipped * slope).sum() / slope.sum()
     return float(off if inside.mean() > _ALIGN.least_shown else _ALIGN.clipped)
 
 

@@ -38,17 +38,19 @@ class _StillSettings:
 
     searched: float = 4e5  # pixels of the picture that is searched: larger ones are made smaller
     no_drift: float = 0.15  # pixels over a clip: a camera on a stand
+    held: float = 3.0  # pixels a frame of a camera held in a hand
     no_shift: float = 0.05  # pixels searched: pictures laid upon one another as they are
     turned: float = 0.025  # of the picture's longer side a frame: a camera turned after the ball
-    held: float = 3.0  # pixels a frame of a camera held in a hand
     coded_still: float = 6.0  # DN/px: H.264 keeps flatter edges in place while the camera drifts
     span: float = 0.5  # of a side, that edges reach over to show a turn: a ball's alone do not
     rounds: int = 2  # the samples are laid upon one of them, and then on the median of all
     fewest: int = 8  # samples that show which side of the background a ball is on
     side: float = 0.25  # quantile, or its complement, at which the background of a slow ball lies
     touched: float = 8.0  # noises that a pixel's brightness varies by if the ball was there
-    clipped: int = 20  # DN: what is farther off the background moves on its own
-    stand: float = 0.98  # of its misfit: a camera on a stand is the simpler explanation
+    # of the misfits without: cameras on a stand show 0.91 and 0.65 at least, in H.264 or not; of
+    # others, turning ones show 0.74 at most, those that drift before a plain wall 0.41
+    turns: float = 0.8
+    drifts: float = 0.5
     restless: float = 0.75  # quantile of the samples' differences: what a pixel does without a ball
     most_restless: int = 16  # DN: more may be a ball that stays
     rows: int = 64  # at a time: a sorted stack of whole pictures would need the memory of them all
@@ -75,18 +77,18 @@ class Still:
     depth: int  # bits that frames are cut to 8 from
     edges: Edges  # of `small`
     drifts: bool
-    fastest: float  # pixels a frame that it may drift by
     shows_drift: bool  # edges that no codec keeps still reach over the picture
 
-    def shift(self, small: Image, before: Array) -> Array:
-        """Return how far a small picture lies from the still frame, (2,) [full pixels].
+    @property
+    def fastest(self) -> float:
+        """How far it may drift [pixels a frame]."""
+        return _STILL.turned * max(self.size) if self.shows_drift else _STILL.held
 
-        `before`: where the picture before it lay, from which it cannot be far.
-        """
+    def shift(self, small: Image, guess: Array) -> Array:
+        """Return how far a small picture lies from the still frame, (2,) [full pixels]."""
         if not self.drifts:
             return np.zeros(2)
-        shift = self.shrink * self.edges.shift(_grey(small), before / self.shrink)
-        return np.asarray(shift if np.hypot(*(shift - before)) < self.fastest else before)
+        return np.asarray(self.shrink * self.edges.shift(_grey(small), guess / self.shrink))
 
     def shrunk(self, picture: Image) -> Image:
         """Return a picture in the size that is searched."""
@@ -161,9 +163,8 @@ def still_of(
     greys = [_grey(each) for each in small]
     shifts = np.zeros((len(greys), 2))
     if not stands:
-        shifts = _laid(
-            greys, _STILL.turned * max(rows, columns) * apart / shrink, _STILL.held * apart / shrink
-        )
+        limits = np.array([_STILL.turned * max(rows, columns), _STILL.held]) * apart / shrink
+        shifts = _laid(greys, *limits.tolist())
     drifts = bool(np.ptp(shifts * shrink, axis=0).max() > _STILL.no_drift)
     if not drifts:
         shifts[:] = 0
@@ -188,54 +189,55 @@ def still_of(
         depth=depth,
         edges=edges,
         drifts=drifts,
-        fastest=_STILL.turned * max(rows, columns) if _spans(edges, behind) else _STILL.held,
-        shows_drift=_spans(edges, behind, _STILL.coded_still),
+        shows_drift=_show_drift(edges, behind),
     )
 
 
 def _laid(greys: Sequence[Image], most: float, held: float) -> Array:
     """Return the shifts that lay pictures upon the first, (picture, 2) [pixels].
 
-    From one to the next at most `most`, where edges reach over the picture, else `held`.
-
-    Any one picture may show a hand more than anything that stands: several are tried to begin
-    with, and that none drifts.
+    From one to the next at most `most`, where edges show that, else `held`: what moves faster is no
+    hand that holds a camera. Each is laid upon the one before, and then upon the median of all.
     """
-    # what moves faster from one to the next is no hand that holds a camera
-    none = np.zeros((len(greys), 2))
-    best, least = none, _STILL.stand * _misfit(greys, none)
-    for first in sorted({0, len(greys) // 2, len(greys) - 1}):
-        middle, shifts = greys[first], none.copy()
-        for _ in range(_STILL.rounds):
-            edges = edges_of(middle)
-            for side in (range(first, len(greys)), range(first, -1, -1)):
-                guess = np.zeros(2)
-                for k in side:
-                    guess = shifts[k] = edges.shift(greys[k], guess)
-            middle = _median(greys, shifts)
+    edges = [edges_of(each) for each in greys]
+    chain, step = [np.zeros(2)], np.zeros(2)
+    for one, grey in zip(edges[:-1], greys[1:], strict=True):
+        step = one.shift(grey, step)
+        chain.append(chain[-1] + step)
+    best, least = np.zeros((len(greys), 2)), 1.0
+    stands = _misfits(edges, edges_of(_median(greys)), greys, best)
+    shifts = np.array(chain)
+    for _ in range(_STILL.rounds + 1):
         if np.abs(shifts).max() < _STILL.no_shift:
-            return none
+            break
+        middle = _median(greys, shifts)
+        whole = edges_of(middle)
         steps = np.hypot(*np.diff(shifts, axis=0).T)
-        limit = most if _spans(edges_of(middle), middle) else min(most, held)
-        if steps.size and steps.max() > limit:
-            continue
-        if (misfit := _misfit(greys, shifts)) < least:
+        one_by_one, together = _misfits(edges, whole, greys, shifts) / stands
+        limit = most if _show_drift(whole, middle) else min(most, held)
+        drifts = one_by_one < _STILL.turns or together < _STILL.drifts
+        # the median of pictures that hardly overlap shows nothing
+        misfit = one_by_one * min(1.0, together)
+        if drifts and steps.max(initial=0.0) <= limit and misfit < least:
             best, least = shifts, misfit
+        shifts = np.array([whole.shift(g, near) for g, near in zip(greys, shifts, strict=True)])
     return np.asarray(best - best[0])
 
 
-def _spans(edges: Edges, grey: Image, steeper: float = 0.0) -> bool:
-    """Return whether edges reach over so much of a picture that they show a turning camera."""
-    return edges.span(grey.shape, steeper) > _STILL.span
+def _show_drift(edges: Edges, grey: Image) -> bool:
+    """Return whether edges that no codec keeps in place reach over so much of a picture."""
+    return edges.span(grey.shape, _STILL.coded_still) >= _STILL.span
 
 
-def _misfit(greys: Sequence[Image], shifts: Array) -> float:
-    """Return the mean difference of pictures, each moved by its shift, from their median [DN]."""
-    placed = [_placed(grey, shift) for grey, shift in zip(greys, shifts, strict=True)]
-    behind = _median(placed)
-    return float(
-        np.mean([np.minimum(_apart(each, behind), _STILL.clipped).mean() for each in placed])
-    )
+def _misfits(edges: Sequence[Edges], whole: Edges, greys: Sequence[Image], shifts: Array) -> Array:
+    """Return how far edges lie off: those of pictures in the next ones, those of all in each, (2,).
+
+    A turning camera shows in the former alone, one that drifts before a plain wall in the latter.
+    """
+    pairs = zip(edges[:-1], greys[1:], np.diff(shifts, axis=0), strict=True)
+    one_by_one = [one.cost(grey, step) for one, grey, step in pairs]
+    together = [whole.cost(grey, shift) for grey, shift in zip(greys, shifts, strict=True)]
+    return np.array([np.mean(one_by_one or 0.0), np.mean(together)])
 
 
 def eight_bits(frame: Frame, depth: int) -> Image:

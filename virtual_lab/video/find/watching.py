@@ -58,7 +58,7 @@ def watch(
     first, last = frames or (0, clip.count - 1)
     shifts, change = np.zeros((clip.count, 2)), np.full(clip.count, np.nan)
     found: list[Blobs] = [np.zeros(0, BLOB)]
-    shift = np.zeros(2)
+    shift, ahead, since = np.zeros(2), np.zeros(2), 1
     before: Image | None = None
     thumbs: dict[int, NDArray[np.uint8]] = {}
     kept = clip.count <= 1500 and clip.samples.dtype == np.uint8
@@ -69,7 +69,11 @@ def watch(
             progress(f"frame {number} of {clip.count}")
         picture = eight_bits(frame, depth)
         small = still.shrunk(picture)
-        shift = still.shift(small, shift)
+        drifted = still.shift(small, shift + ahead) - shift
+        if np.hypot(*drifted) < still.fastest * since:
+            shift, ahead, since = shift + drifted, drifted / since, 1
+        else:
+            since += 1
         shifts[number] = shift
         if number < first:
             continue  # its drift alone: that of the next one is near

@@ -7,6 +7,7 @@ the pattern may shift the place by is distinguished from noise.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from math import exp, pi, sqrt
@@ -15,59 +16,72 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from virtual_lab.video.locate import rim_profiles as at
-from virtual_lab.video.locate.located import Located, PlaceFlag
+from virtual_lab.video.locate.located import Located, PlaceFlag, Regions
 from virtual_lab.video.locate.noise import Noise
-from virtual_lab.video.locate.rim_profiles import LIKE, blurred_profiles
+from virtual_lab.video.locate.rim_profiles import AT, TABLE, TALLY, Profiles, blurred_profiles
 
 if TYPE_CHECKING:
-    from virtual_lab.video.locate.edge_kernel import Rim, View
+    from virtual_lab.video.locate.edge_kernel import View
 
-__all__ = ["covered", "fit_edge", "solve_ring"]
+__all__ = ["FIT", "covered", "fit_edge", "solve_ring"]
 
 Array = NDArray[np.float64]
 Places = NDArray[np.int_]
 
-PIXEL = 1 / 12  # variance of a square pixel along any direction
-INSIDE = 3.0  # pixels of the ball that are looked at, blur apart
-ARC = 3.0  # pixels along the rim that one sector has
-SECTORS = (24, 96)
-MISFIT = 3.0  # chi^2 on the outline, of a pattern finer than a sector too
-SHARE = 0.02  # of the outline: more than this makes a flag
-SPARE = 0.12  # of the outline: a fit on less has lost the ball
-STRAY = 0.02  # share of pixels that fit nothing
-OVAL = 0.003  # of an outline, as far as nobody knows: a camera that looks at the ball squarely
-FAINT = 100.0  # standard uncertainties in the radius: with fewer there is no outline
-GENEROUS = 1.5  # seams are no random field: what hides at the rim shifts more than one would
-HIDDEN = 0.3  # of what a pattern at the rim would shift the place by, were it the outline
-COVERED = 0.27  # of the rim; the side that no light reaches may be as dark as what is behind
-RISE = 1e3  # DN over a region: a background's slope is less
-FAINTEST, STRONGEST = 0.004, 0.5  # of the ball's brightness, a pattern's standard deviation
-NOISY = 0.6  # of a pixel's noise: a fainter pattern would not be seen
-# of the ball's brightness, a pattern until the outline stands still, and when it first does: with
-# more, at first, it would explain an outline in a wrong place
-STIFF, ROUGH = 0.01, 0.06
-STILL, SETTLING = 0.2, 7  # pixels; repetitions at most
-ROUNDS, CLOSE = 4, 1.0  # repetitions after that at most; a step of so much of u ends them
-TURNS, SMALL = 12, 0.1  # solutions of each for the pattern's strength; likewise
-SHADE = 2.0  # of the ball's brightness: what shading may be
-HELD = 1e12
-# how much of the rim is hidden: where the picture shows the background in its place
-RING = 1.5, 4.5  # pixels inside the outline that are looked at, wherever the ball is
-ALIKE = 3.0  # standard deviations of noise: the background and nothing else
-CLEAR = 12.0  # of them that ball and background are apart: with less they are alike
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EdgeFit:
+    """Settings of the fit, and what a fit must show; shares are of the outline."""
+
+    depth_px: float = 3.0  # of the ball that is looked at, blur apart
+    sector_length_px: float = 3.0  # along the rim
+    sectors: tuple[int, int] = (24, 96)
+    oval_u: float = 0.003  # as far as nobody knows: a camera that looks at the ball squarely
+    greatest_slope_dn: float = 1e3  # over a region: a background's is less
+    greatest_shading: float = 2.0  # of the ball's brightness: what it may be
+    held_weight: float = 1e12  # of a parameter that stays as it is
+
+    # standard deviations of a pattern, of the ball's brightness
+    faintest_pattern: float = 0.004
+    strongest_pattern: float = 0.5
+    unseen_pattern: float = 0.6  # of a pixel's noise: a fainter pattern would not be seen
+    settling_pattern: float = 0.01  # until the outline stands still
+    # when it first does: with more it would explain an outline in a wrong place
+    first_pattern: float = 0.06
+
+    settling_step_px: float = 0.2  # with less the outline stands still
+    settling_rounds: int = 7
+    rounds: int = 4  # after that
+    last_step_over_u: float = 1.0  # a smaller one ends them
+    strength_rounds: int = 12  # of a solution for the pattern's strength
+    strength_step_over_u: float = 0.1
+
+    pattern_factor: float = 1.5  # seams are no random field: what hides at the rim shifts more
+    sway_share: float = 0.3  # of what a pattern would shift the place by, were it the outline
+    least_seen: float = 0.12  # a fit on less has lost the ball
+    least_radius_over_u: float = 100.0  # with less it is no outline
+    greatest_misfit: float = 3.0  # chi^2 on the outline, of a pattern finer than a sector too
+    flagged_share: float = 0.02  # at full scale or out of the picture
+    stray_share: float = 0.02  # of the pixels: what fits nothing
+
+    # how much of the rim is hidden: where the picture shows the background in its place
+    ring_depth_px: tuple[float, float] = (1.5, 4.5)  # inside the outline, wherever the ball is
+    alike_sigmas: float = 3.0  # standard deviations of noise: the background and nothing else
+    apart_sigmas: float = 12.0  # of them that ball and background are apart, else they are alike
+    covered_share: float = 0.27  # a side that no light reaches may be as dark as the background
+
+
+FIT = EdgeFit()
 
 
 def fit_edge(
-    regions: NDArray[np.generic],
-    corners: Array,
+    seen: Regions,
     start: Located,
     *,
     noise: Noise,
-    lens: float = 0.7,
-    background: Array | None = None,
+    lens: float,
     oval: ArrayLike = 0.0,
-    oval_u: float = OVAL,
+    oval_u: float = FIT.oval_u,
 ) -> Located:
     """Return the balls of a batch of regions by their outlines.
 
@@ -75,64 +89,47 @@ def fit_edge(
 
     Parameters
     ----------
-    regions
-        Grey values, (region, row, col) [DN]: the ball, its blur and some pixels around.
-    corners
-        Place of each region's first pixel in the frame, (region, 2): x, y.
+    seen
+        Regions with the ball, its blur and some pixels around; the background's level is fitted.
     start
         Where the ball is to a pixel or so, how large, and how blurred it is: the blur is held.
-    noise
-        The camera's noise; its black shows how bright the ball is.
-    lens
-        Standard deviation of the lens's blur [pixel].
-    background
-        The scene without the ball, (region, row, col) or (1, row, col); its level is fitted,
-        with a slope. Without it, the background is a level and a slope.
-    oval
+    noise, lens
+        The camera's noise, and the standard deviation of its lens's blur [pixel].
+    oval, oval_u
         What is known of outlines that are no circles, r = R (1 + c cos 2a + s sin 2a): c and s,
-        (region, 2) or less. A sphere off a camera's axis by the angle b has an outline that is
-        longer by 1 / cos b along the way from the axis.
-    oval_u
-        Standard uncertainty of c and s; 0 only where they are known to 0.0005: what is left of
-        an ellipse would be taken for a pattern, and the place with it.
+        (region, 2) or less, and their u; 0 only where they are known to 0.0005: what is left of
+        an ellipse would be taken for a pattern. A sphere off a camera's axis by the angle b has
+        an outline that is longer by 1 / cos b along the way from the axis.
     """
-    from virtual_lab.video.locate.edge_kernel import Rim, View
+    from virtual_lab.video.locate.edge_kernel import View
 
-    pixels = np.ascontiguousarray(regions, float)
-    behind = np.ones((1, *pixels.shape[1:]))
-    if background is not None:
-        behind = np.ascontiguousarray(background, float)
-    count = len(pixels)
+    pixels, behind = (np.ascontiguousarray(e, float) for e in (seen.pixels, seen.background))
     ways = np.stack([start.blur_x, start.blur_y], axis=1)
-    p = np.zeros((count, at.COUNT))
-    p[:, at.X], p[:, at.Y] = (np.stack([start.x, start.y], axis=1) - corners).T
-    p[:, at.RADIUS] = start.radius
-    p[:, [at.OVAL_C, at.OVAL_S]] = oval
-    found: list[Outline | None] = [None] * count
+    p = np.zeros((len(pixels), len(AT)))
+    p[:, AT.x], p[:, AT.y] = (np.stack([start.x, start.y], axis=1) - seen.corners).T
+    p[:, AT.radius] = start.radius
+    p[:, [AT.oval_c, AT.oval_s]] = oval
+    prior = np.zeros(len(AT))
+    prior[[AT.oval_c, AT.oval_s]] = 1 / oval_u**2 if oval_u else FIT.held_weight
+    prior[[AT.level, AT.slope_x, AT.slope_y]] = 1e-12, *[1 / FIT.greatest_slope_dn**2] * 2
+    none = np.full(3, np.nan)
+    lost = Outline(p[0] * np.nan, np.diag(none), none, np.full(len(TALLY), np.nan), 0.0, 0.0)
+    found = [lost] * len(pixels)
     usable = np.isfinite(p).all(axis=1) & np.isfinite(ways).all(axis=1)
     if usable.any():
-        width = sqrt(lens**2 + PIXEL)
-        radius = float(np.median(p[usable, at.RADIUS]))
-        known = blurred_profiles(radius, width, INSIDE, float(np.hypot(*ways[usable].T).max()))
-        sectors = int(np.clip(round(2 * pi * radius / ARC), *SECTORS))
-        prior = _prior(oval_u)
+        width = sqrt(lens**2 + 1 / 12)  # a square pixel's variance is 1/12 along any direction
+        radius = float(np.median(p[usable, AT.radius]))
+        blur = float(np.hypot(*ways[usable].T).max())
+        rim = blurred_profiles(radius, width, FIT.depth_px, blur)
+        sectors = int(np.clip(round(2 * pi * radius / FIT.sector_length_px), *FIT.sectors))
         for k in np.flatnonzero(usable):
-            rim = Rim(known.table, known.stiffness, known.hides, width, INSIDE, ways[k])
-            view = View(pixels[k], behind[k % len(behind)])
-            found[k] = _outline(view, rim, noise, prior, sectors, p[k])
-    return _judged(found, start, corners, pixels.shape[1:])
+            view = View(pixels[k], behind[k], ways[k])
+            with suppress(np.linalg.LinAlgError):
+                found[k] = _outline(view, rim, noise, prior, sectors, p[k])
+    return _judged(found, start, seen)
 
 
-def _prior(oval_u: float) -> Array:
-    """Return the weights of what was known before."""
-    prior = np.zeros(at.COUNT)
-    prior[[at.OVAL_C, at.OVAL_S]] = 1 / oval_u**2 if oval_u else HELD
-    prior[[at.LEVEL, at.SLOPE_X, at.SLOPE_Y]] = 1e-12, 1 / RISE**2, 1 / RISE**2
-    return prior
-
-
-@dataclass(frozen=True, slots=True)
-class Outline:
+class Outline(NamedTuple):
     """What fits one region."""
 
     p: Array  # the kernel's shared parameters
@@ -144,59 +141,60 @@ class Outline:
 
 
 def _outline(
-    view: View, rim: Rim, noise: Noise, prior: Array, sectors: int, start: Array
-) -> Outline | None:
-    """Fit one region by Gauss and Newton; None: nothing fits."""
+    view: View, rim: Profiles, noise: Noise, prior: Array, sectors: int, start: Array
+) -> Outline:
+    """Fit one region by Gauss and Newton; raise `LinAlgError` where nothing fits."""
     from virtual_lab.video.locate.edge_kernel import sector_sums
 
     p, knots = start.copy(), len(rim.stiffness)
     bright = _brightness(view.pixels, p, noise)
-    faintest = NOISY * sqrt(float(noise.variance(noise.black + bright))) / bright
-    pattern, amplitude = np.zeros((sectors, knots)), np.full(sectors, STIFF)
-    sums = np.empty((sectors + 1, *[at.COUNT + 2 * knots + 1] * 2))
+    faintest = FIT.unseen_pattern * sqrt(float(noise.variance(noise.black + bright))) / bright
+    pattern, amplitude = np.zeros((sectors, knots)), np.full(sectors, FIT.settling_pattern)
+    sums = np.empty((sectors + 1, *[len(AT) + 2 * knots + 1] * 2))
     change, settling, rounds = pattern, True, 0
-    for turn in range(SETTLING + ROUNDS):
+    for turn in range(FIT.settling_rounds + FIT.rounds):
         tally = sector_sums(view, rim, noise.figures, p, pattern, settling, sums)
-        if tally[at.PIXELS] < 4 * at.COUNT:
-            return None
+        if tally[TALLY.pixels] < 4 * len(AT):
+            raise np.linalg.LinAlgError("too few pixels")
         weight = prior.copy()
-        weight[: at.LEVEL] = prior[: at.LEVEL] if turn else HELD
-        weight[at.PLAIN :] = 1.0 / (SHADE * bright) ** 2
+        if not turn:
+            weight[: AT.level] = FIT.held_weight
+        weight[AT.plain :] = 1.0 / (FIT.greatest_shading * bright) ** 2
         equations = _equations(sums, knots)
         equations.shared[:, :-1] += np.diag(weight)
         equations.shared[:, -1] += weight * (start - p)
         last = np.full(2, np.inf)
-        for again in range(1 if settling else TURNS):
+        for again in range(1 if settling else FIT.strength_rounds):
             if again:
                 power = np.mean(((pattern + change) / bright) ** 2, axis=1)
                 power = np.maximum(power, np.maximum(_before(power), _next(power)))
-                amplitude = np.sqrt(max(FAINTEST, faintest) ** 2 + power).clip(max=STRONGEST)
-            solved = _solved(equations, pattern, amplitude * bright, rim.stiffness)
-            if solved is None:
-                return None
+                amplitude = np.sqrt(max(FIT.faintest_pattern, faintest) ** 2 + power)
+                amplitude = amplitude.clip(max=FIT.strongest_pattern)
+            spread = amplitude * bright
+            solved = _solved(equations, pattern, spread, rim.stiffness)
             step, change, covariance, by_pattern = solved
             u = sqrt(covariance[0, 0])
-            if np.abs(step[:2] - last).max() < SMALL * u:
+            if np.abs(step[:2] - last).max() < FIT.strength_step_over_u * u:
                 break
             last = step[:2]
         far = float(np.abs(step[:3]).max())
-        if not far < 0.5 * start[at.RADIUS]:
-            return None
-        p[: at.LEVEL] += min(1.0, 1.0 / max(far, 1e-9)) * step[: at.LEVEL]
-        p[at.LEVEL :] += step[at.LEVEL :]
+        if not far < 0.5 * start[AT.radius]:
+            raise np.linalg.LinAlgError("the fit runs away")
+        p[: AT.level] += min(1.0, 1.0 / max(far, 1e-9)) * step[: AT.level]
+        p[AT.level :] += step[AT.level :]
         pattern += change
         rounds += not settling
-        if rounds == ROUNDS or (rounds > 1 and far < CLOSE * u):
+        if rounds == FIT.rounds or (rounds > 1 and far < FIT.last_step_over_u * u):
             break
-        if settling and ((far <= STILL and turn) or turn + 1 == SETTLING):
-            settling, amplitude = False, np.full(sectors, ROUGH)
+        if settling and ((far <= FIT.settling_step_px and turn) or turn + 1 == FIT.settling_rounds):
+            settling, amplitude = False, np.full(sectors, FIT.first_pattern)
     return Outline(
         p=p,
         covariance=covariance,
         shifts=_shifts(by_pattern / (amplitude * bright)[:, None, None], rim.stiffness),
         tally=tally,
         sway=_sway(pattern, rim.hides, view, p, noise.black + bright),
-        covered=covered(view, p, rim.way, noise),
+        covered=covered(view, p, noise),
     )
 
 
@@ -211,7 +209,7 @@ class Equations(NamedTuple):
 
 def _equations(sums: Array, knots: int) -> Equations:
     """Return the equations of the kernel's sums."""
-    count = sums.shape[1] - 2 * knots - 1
+    count = len(AT)
     begin, end = np.s_[count : count + knots], np.s_[count + knots : -1]
     rest = np.r_[:count, -1]
     ring = sums[:-1]
@@ -225,12 +223,12 @@ def _equations(sums: Array, knots: int) -> Equations:
 
 def _solved(
     equations: Equations, pattern: Array, spread: Array, stiffness: Array
-) -> tuple[Array, Array, Array, Array] | None:
+) -> tuple[Array, Array, Array, Array]:
     """Return steps of shared parameters and pattern, with what they are known to.
 
-    The pattern is believed to be alike over LIKE along the rim, of a standard deviation `spread`
-    (sector,). Then come the covariance of x, y and radius, and theirs with the pattern,
-    (sector, knot, 3).
+    The pattern is believed to be alike over some way along the rim, of a standard deviation
+    `spread` (sector,). Then come the covariance of x, y and radius, and theirs with the pattern,
+    (sector, knot, 3). Raises `LinAlgError` where nothing solves them.
     """
     blocks, links, border, shared = equations
     like = _like(len(pattern))
@@ -242,12 +240,9 @@ def _solved(
     right[..., -1] -= pull @ stiffness
     blocks = blocks + own[:, None, None] * stiffness
     links = links + next_to[:, None, None] * stiffness
-    try:
-        ring = solve_ring(blocks, links, right)
-        left = shared - np.tensordot(border[..., :-1], ring, ((0, 1), (0, 1)))
-        covariance = np.linalg.inv(left[:, :-1])
-    except np.linalg.LinAlgError:
-        return None
+    ring = solve_ring(blocks, links, right)
+    left = shared - np.tensordot(border[..., :-1], ring, ((0, 1), (0, 1)))
+    covariance = np.linalg.inv(left[:, :-1])
     step = covariance @ left[:, -1]
     change = ring[..., -1] - ring[..., :-1] @ step
     by_pattern = -ring[..., :-1] @ covariance[:, :3]
@@ -256,7 +251,7 @@ def _solved(
 
 def _like(sectors: int) -> float:
     """Return the correlation of a pattern from one sector to the next."""
-    return exp(-2 * pi / sectors / LIKE)
+    return exp(-2 * pi / sectors / TABLE.alike)
 
 
 def solve_ring(blocks: Array, links: Array, right: Array) -> Array:
@@ -313,69 +308,60 @@ def _shifts(by_pattern: Array, stiffness: Array) -> Array:
 def _brightness(region: Array, p: Array, noise: Noise) -> float:
     """Return the root mean square of the ball's grey values over the black."""
     row, col = np.ogrid[: region.shape[0], : region.shape[1]]
-    ball = np.hypot(row - p[at.Y], col - p[at.X]) < 0.9 * p[at.RADIUS]
+    ball = np.hypot(row - p[AT.y], col - p[AT.x]) < 0.9 * p[AT.radius]
     return max(1.0, sqrt(float(np.mean((region[ball] - noise.black) ** 2)))) if ball.any() else 1.0
 
 
 def _sway(pattern: Array, hides: Array, view: View, p: Array, light: float) -> float:
     """Return how far the place would be off were the pattern taken for the outline [pixel]."""
-    contrast = max(abs(light - p[at.LEVEL] * view.background.mean()), 1.0)
+    contrast = max(abs(light - p[AT.level] * view.background.mean()), 1.0)
     turn = np.exp(2j * pi * np.arange(len(pattern)) / len(pattern))
     return float(2.0 * abs(turn @ (pattern @ hides)) / (len(pattern) * contrast))
 
 
-def covered(view: View, p: Array, way: Array, noise: Noise) -> float:
+def covered(view: View, p: Array, noise: Noise) -> float:
     """Return the share of the rim's pixels that are as bright as their background, alone.
 
     What stands before the ball stood there before it came: a bat, a cable, the sabot's catcher.
     """
     row, col = np.ogrid[: view.pixels.shape[0], : view.pixels.shape[1]]
-    u, v = col - p[at.X], row - p[at.Y]
-    ends = [np.hypot(u + side * way[0], v + side * way[1]) for side in (-0.5, 0.5)]
-    far = np.maximum(*ends)
-    rim = (far > p[at.RADIUS] - RING[1]) & (far < p[at.RADIUS] - RING[0])
+    u, v = col - p[AT.x], row - p[AT.y]
+    ends = [np.hypot(u + side * view.way[0], v + side * view.way[1]) for side in (-0.5, 0.5)]
+    far, radius = np.maximum(*ends), p[AT.radius]
+    rim = (far > radius - FIT.ring_depth_px[1]) & (far < radius - FIT.ring_depth_px[0])
     if not rim.any():
         return 0.0
-    seen, expected = view.pixels[rim], p[at.LEVEL] * view.background[rim]
-    if (seen - expected).mean() ** 2 < CLEAR**2 * noise.variance(expected.mean()):
+    seen, expected = view.pixels[rim], p[AT.level] * view.background[rim]
+    if (seen - expected).mean() ** 2 < FIT.apart_sigmas**2 * noise.variance(expected.mean()):
         return 0.0
-    return float(((seen - expected) ** 2 < ALIKE**2 * noise.variance(expected)).mean())
+    return float(((seen - expected) ** 2 < FIT.alike_sigmas**2 * noise.variance(expected)).mean())
 
 
-def _judged(
-    outlines: list[Outline | None], start: Located, corners: Array, shape: tuple[int, ...]
-) -> Located:
+def _judged(found: list[Outline], start: Located, seen: Regions) -> Located:
     """Return what was found, with what is to be said against it."""
-    lost_p, lost_tally = np.full(at.COUNT, np.nan), np.full(at.TALLY, np.nan)
-    none = Outline(lost_p, np.full((3, 3), np.nan), np.full(3, np.nan), lost_tally, 0.0, 0.0)
-    found = [each or none for each in outlines]
-    p, covariance, shifts, tally = (
-        np.array([getattr(each, name) for each in found])
-        for name in ("p", "covariance", "shifts", "tally")
-    )
-    sway, hidden = np.array([(each.sway, each.covered) for each in found]).reshape(-1, 2).T
-    misfit = tally[:, at.NEAR] / np.maximum(tally[:, at.AROUND] - at.COUNT, 1.0)
+    p, covariance, shifts, tally, sway, hidden = map(np.array, zip(*found, strict=True))
+    pixels, near, around, shown, full, stray = tally.T
+    misfit = near / np.maximum(around - len(AT), 1.0)
     grown = np.maximum(misfit, 1.0)[:, None]  # misfit counts as noise
     total = np.diagonal(covariance, axis1=1, axis2=2)
     own = np.sqrt(np.maximum(total - shifts, 0.0) * grown)
-    pattern = GENEROUS * np.sqrt(np.maximum(shifts, 0.0) * grown)
+    pattern = FIT.pattern_factor * np.sqrt(np.maximum(shifts, 0.0) * grown)
     whole = np.hypot(own, pattern)
-    pattern[:, :2] = np.hypot(pattern[:, :2], HIDDEN * sway[:, None])
-    around = 2 * pi * p[:, at.RADIUS]
-    seen, full = tally[:, at.SEEN] / around, tally[:, at.FULL] / around
-    stray = tally[:, at.STRAY] / np.maximum(tally[:, at.PIXELS], 1.0)
+    pattern[:, :2] = np.hypot(pattern[:, :2], FIT.sway_share * sway[:, None])
+    radius = p[:, AT.radius]
+    shown, full = shown / (2 * pi * radius), full / (2 * pi * radius)
     with np.errstate(invalid="ignore"):
         lost = ~np.isfinite(np.column_stack([p, whole])).all(axis=1)
-        lost |= seen < SPARE
-        lost |= whole.max(axis=1) * FAINT > p[:, at.RADIUS]
-        for place, side in ((at.X, shape[1]), (at.Y, shape[0])):
-            reach = 0.5 * p[:, at.RADIUS]
-            lost |= (p[:, place] < -reach) | (p[:, place] > side - 1 + reach)
+        lost |= shown < FIT.least_seen
+        lost |= whole.max(axis=1) * FIT.least_radius_over_u > radius
+        for place, side in zip(p[:, [AT.x, AT.y]].T, seen.pixels.shape[:0:-1], strict=True):
+            lost |= (place < -0.5 * radius) | (place > side - 1 + 0.5 * radius)
+        stray = stray / np.maximum(pixels, 1.0) > FIT.stray_share
         tests = {
-            PlaceFlag.SATURATED: full > SHARE,
-            PlaceFlag.CLIPPED: 1 - seen > SHARE,
-            PlaceFlag.OVERLAP: hidden > COVERED,
-            PlaceFlag.POOR_FIT: (misfit > MISFIT) | (stray > STRAY),
+            PlaceFlag.SATURATED: full > FIT.flagged_share,
+            PlaceFlag.CLIPPED: 1 - shown > FIT.flagged_share,
+            PlaceFlag.OVERLAP: hidden > FIT.covered_share,
+            PlaceFlag.POOR_FIT: (misfit > FIT.greatest_misfit) | stray,
         }
     flags = np.zeros(len(p), np.uint16)
     for flag, raised in tests.items():
@@ -383,9 +369,9 @@ def _judged(
     flags[lost] = PlaceFlag.NOT_FOUND
     p[lost], own[lost], pattern[lost] = np.nan, np.nan, np.nan
     return Located(
-        x=p[:, at.X] + corners[:, 0],
-        y=p[:, at.Y] + corners[:, 1],
-        radius=p[:, at.RADIUS],
+        x=p[:, AT.x] + seen.corners[:, 0],
+        y=p[:, AT.y] + seen.corners[:, 1],
+        radius=p[:, AT.radius],
         x_u=own[:, 0],
         y_u=own[:, 1],
         blur_x=start.blur_x,

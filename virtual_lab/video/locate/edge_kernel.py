@@ -9,159 +9,127 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from virtual_lab.video.locate.rim_profiles import (
-    AROUND,
-    COUNT,
-    FACE,
-    FIRST,
-    FULL,
-    LEVEL,
-    NEAR,
-    OVAL_C,
-    OVAL_S,
-    PER,
-    PIXELS,
-    PLAIN,
-    RADIUS,
-    SEEN,
-    SHADES,
-    SIDE_X,
-    SIDE_Y,
-    SLOPE_X,
-    SLOPE_Y,
-    STRAY,
-    TALLY,
-    X,
-    Y,
-)
+from virtual_lab.video.locate.rim_profiles import AT, TABLE, TALLY, Profiles
 
-__all__ = ["Rim", "View", "sector_sums"]
-
-OPTIONS: dict[str, Any] = {
-    "error_model": "numpy",
-    "cache": True,
-    "nogil": True,
-    "fastmath": True,
-}
-GAIN, READ, BLACK, PRNU, TOP = range(5)  # of `Noise.figures`
+__all__ = ["View", "sector_sums"]
 
 Floats = NDArray[np.float64]
-
-COARSE = 3  # rows from one to the next until the fit settles
-REACH = 4.6  # widths from the edge beyond which a pixel is all ball or all background
-MOST = 32  # Gauss-Legendre nodes of the way
-OUTSIDE = 4.0  # pixels of background beyond the edge
-LOOSE = 5.0  # sigmas beyond which a residual weighs less
-ODD = 36.0  # squares of sigmas: such a pixel fits nothing
-NODES = np.zeros((MOST + 1, MOST, 2))
-for _n in range(1, MOST + 1):
+Noises = tuple[float, float, float, float, float]  # `Noise.figures`
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "cache": True, "nogil": True, "fastmath": True}
+NODES = np.zeros((33, 32, 2))  # Gauss-Legendre's on a way, by how many there are
+for _n in range(1, len(NODES)):
     NODES[_n, :_n] = np.stack(np.polynomial.legendre.leggauss(_n), axis=1)
 
 
+class Summing(NamedTuple):
+    """Which pixels about an outline are summed, and how they weigh."""
+
+    coarse_rows: int = 3  # from one to the next until the fit settles
+    blurred_widths: float = 4.6  # from the edge: farther off a pixel is all ball or background
+    outside_px: float = 4.0  # of background beyond the edge
+    loose_sigmas: float = 5.0  # beyond which a residual weighs less
+    stray_variances: float = 36.0  # a residual's square: such a pixel fits nothing
+
+
+SUM = Summing()
+
+
 class View(NamedTuple):
-    """A region, (row, column)."""
+    """A region, (row, column), and how its ball moved."""
 
     pixels: Floats  # [DN]
     background: Floats  # [DN]
-
-
-class Rim(NamedTuple):
-    """How a ball's rim looks: what `rim_profiles` knows of it, and how it is blurred."""
-
-    table: Floats  # (entry, 2 column)
-    stiffness: Floats  # (knot, knot)
-    hides: Floats  # (knot,) [pixel]
-    width: float  # standard deviation of lens and pixel [pixel]
-    inside: float  # pixels of the ball that are looked at
     way: Floats  # (2,) the ball's shift during the exposure [pixel]
 
 
 @njit(**OPTIONS)
 def _fill(
-    x: float, y: float, behind: float, p: Floats, rim: Rim, light: Floats, row: Floats
+    x: float,
+    y: float,
+    behind: float,
+    p: Floats,
+    way: Floats,
+    rim: Profiles,
+    light: Floats,
+    row: Floats,
 ) -> tuple[float, float]:
     """Fill a pixel's derivatives by outline, shading and pattern; return its mean and outline.
 
     (x, y) is from the centre at mid exposure; `light` is the brightness over the table's columns.
     """
-    table, way, s = rim.table, rim.way, rim.width
+    table, s = rim.table, rim.width
     columns = light.size
     r = sqrt(x * x + y * y)
     change = abs(way[0] * x + way[1] * y) / r
     along = sqrt(way[0] * way[0] + way[1] * way[1])
-    change = max(change, along * along / (4.0 * p[RADIUS]))
-    count = min(MOST, int(0.9 * change / s) + 2) if along > 0.0 else 1
-    mean, outline, bend = behind, 0.0, 0.5 * s / p[RADIUS]
+    change = max(change, along * along / (4.0 * p[AT.radius]))
+    count = min(NODES.shape[1], int(0.9 * change / s) + 2) if along > 0.0 else 1
+    mean, outline, bend = behind, 0.0, 0.5 * s / p[AT.radius]
     for n in range(count):
         place, weight = 0.5 * NODES[count, n, 0], 0.5 * NODES[count, n, 1]
         u, v = x - place * way[0], y - place * way[1]
         r = sqrt(u * u + v * v)
         u, v = u / r, v / r
         cos2, sin2 = u * u - v * v, 2.0 * u * v
-        edge = p[RADIUS] * (1.0 + p[OVAL_C] * cos2 + p[OVAL_S] * sin2)
-        entry = ((edge - r) / s - bend - FIRST) * PER
+        edge = p[AT.radius] * (1.0 + p[AT.oval_c] * cos2 + p[AT.oval_s] * sin2)
+        entry = ((edge - r) / s - bend - TABLE.first) * TABLE.per_width
         if entry <= 0.0:
             continue
         i = min(int(entry), table.shape[0] - 2)
         part = min(entry - i, 1.0)
         low, high = weight * (1.0 - part), weight * part
-        light[1] = p[SIDE_X] * u + p[SIDE_Y] * v
+        light[1] = p[AT.side_x] * u + p[AT.side_y] * v
         rise = 0.0
         for c in range(columns):
             value = low * table[i, c] + high * table[i + 1, c]
             mean += light[c] * value
             rise += light[c] * (low * table[i, columns + c] + high * table[i + 1, columns + c])
             if c == 1:
-                row[SIDE_X] += u * value
-                row[SIDE_Y] += v * value
+                row[AT.side_x] += u * value
+                row[AT.side_y] += v * value
             else:
-                row[PLAIN if c == 0 else FACE if c == 2 else COUNT + c - SHADES] += value
+                row[AT.plain if c == 0 else len(AT) + c - TABLE.shades] += value
         outline += low * table[i, columns] + high * table[i + 1, columns]
         rise /= s
-        row[X] += rise * u
-        row[Y] += rise * v
-        row[RADIUS] += rise
-        row[OVAL_C] += rise * p[RADIUS] * cos2
-        row[OVAL_S] += rise * p[RADIUS] * sin2
+        row[AT.x] += rise * u
+        row[AT.y] += rise * v
+        row[AT.radius] += rise
+        row[AT.oval_c] += rise * p[AT.radius] * cos2
+        row[AT.oval_s] += rise * p[AT.radius] * sin2
     return mean, outline / s
 
 
 @njit(**OPTIONS)
 def _weigh(
-    value: float,
-    mean: float,
-    ball: float,
-    outline: float,
-    first: bool,
-    noise: Floats,
-    tally: Floats,
+    value: float, mean: float, ball: float, edge: float, first: bool, noise: Noises, tally: Floats
 ) -> float:
     """Return a pixel's weight, and tally it.
 
-    It is 0 where full scale hides what the pixel would have said, and where what is behind the
-    ball has moved: a bat that recoils. `ball` is the ball's share of the pixel.
+    It is 0 where full scale hides what the pixel would have shown, and where what is behind the
+    ball has moved: a bat that recoils. `ball` and `edge`: the ball's and its outline's share of it.
     """
-    light = max((value if first else mean) - noise[BLACK], 0.0)
-    v = noise[READ] + light * (noise[GAIN] + noise[PRNU] * noise[PRNU] * light)
-    tally[SEEN] += outline
-    room = noise[TOP] - (value if first else mean)
-    if room * room < 9.0 * v or (room < 0.0 and value >= noise[TOP]):
-        tally[FULL] += outline
+    gain, read, black, prnu, top = noise
+    light = max((value if first else mean) - black, 0.0)
+    v = read + light * (gain + prnu * prnu * light)
+    tally[TALLY.seen] += edge
+    room = top - (value if first else mean)
+    if room * room < 9.0 * v or (room < 0.0 and value >= top):
+        tally[TALLY.full] += edge
         return 0.0
     misfit = (value - mean) * (value - mean) / v
-    tally[PIXELS] += 1.0
-    tally[STRAY] += misfit > ODD
-    if outline > 0.02:
-        tally[NEAR] += min(misfit, ODD)
-        tally[AROUND] += 1.0
-    elif misfit > ODD and ball < 0.02:
+    tally[TALLY.pixels] += 1.0
+    tally[TALLY.stray] += misfit > SUM.stray_variances
+    if edge > 0.02:
+        tally[TALLY.near] += min(misfit, SUM.stray_variances)
+        tally[TALLY.around] += 1.0
+    elif misfit > SUM.stray_variances and ball < 0.02:
         return 0.0
-    return float((1.0 if first else min(1.0, LOOSE / sqrt(misfit + 1e-30))) / v)
+    return float((1.0 if first else min(1.0, SUM.loose_sigmas / sqrt(misfit + 1e-30))) / v)
 
 
 @njit(**OPTIONS)
 def sector_sums(
-    view: View, rim: Rim, noise: Floats, p: Floats, pattern: Floats, first: bool, sums: Floats
+    view: View, rim: Profiles, noise: Noises, p: Floats, pattern: Floats, first: bool, sums: Floats
 ) -> Floats:
     """Add up a region's normal equations by sector of the rim, and return the tally.
 
@@ -170,48 +138,47 @@ def sector_sums(
     is left of a pixel. `first`: the model is not yet one whose means could show the pixels' noise,
     and some of the rows do.
     """
-    region, back, way = view.pixels, view.background, rim.way
+    region, back, way = view
     rows, cols = region.shape
     sectors, knots = pattern.shape
-    n = COUNT + 2 * knots + 1
+    n = len(AT) + 2 * knots + 1
     sums[:] = 0.0
-    tally, row, light = np.zeros(TALLY), np.empty(n), np.empty(SHADES + knots)
+    tally, row, light = np.zeros(len(TALLY)), np.empty(n), np.empty(TABLE.shades + knots)
     along = sqrt(way[0] * way[0] + way[1] * way[1])
-    oval = p[RADIUS] * (abs(p[OVAL_C]) + abs(p[OVAL_S]))
-    blurred = REACH * rim.width + oval
-    most = p[RADIUS] + 0.5 * along + blurred + OUTSIDE
-    for i in range(
-        max(0, int(p[Y] - most)), min(rows, int(p[Y] + most) + 2), COARSE if first else 1
-    ):
-        y, slope_y = i - p[Y], (i - 0.5 * rows) * 2.0 / cols
+    oval = p[AT.radius] * (abs(p[AT.oval_c]) + abs(p[AT.oval_s]))
+    blurred = SUM.blurred_widths * rim.width + oval
+    most = p[AT.radius] + 0.5 * along + blurred + SUM.outside_px
+    top, low = max(0, int(p[AT.y] - most)), min(rows, int(p[AT.y] + most) + 2)
+    for i in range(top, low, SUM.coarse_rows if first else 1):
+        y, slope_y = i - p[AT.y], (i - 0.5 * rows) * 2.0 / cols
         rest = sqrt(max(most * most - y * y, 0.0))
-        for j in range(max(0, int(p[X] - rest) + 1), min(cols, int(p[X] + rest) + 1)):
-            x, slope_x = j - p[X], (j - 0.5 * cols) * 2.0 / cols
+        for j in range(max(0, int(p[AT.x] - rest) + 1), min(cols, int(p[AT.x] + rest) + 1)):
+            x, slope_x = j - p[AT.x], (j - 0.5 * cols) * 2.0 / cols
             r = sqrt(x * x + y * y)
             half = 0.5 * abs(way[0] * x + way[1] * y) / max(r, 1e-9)
-            out = r - p[RADIUS] - half
-            if r < 1.0 or out < -(2.0 * half + rim.inside + oval) or out > blurred + OUTSIDE:
+            out = r - p[AT.radius] - half
+            if r < 1.0 or out < -(2.0 * half + rim.inside + oval) or out > blurred + SUM.outside_px:
                 continue
-            behind = p[LEVEL] * back[i, j] + p[SLOPE_X] * slope_x + p[SLOPE_Y] * slope_y
+            behind = p[AT.level] * back[i, j] + p[AT.slope_x] * slope_x + p[AT.slope_y] * slope_y
             row[:] = 0.0
             mean, outline, k = behind, 0.0, sectors
             if out < blurred:
                 turn = (atan2(y, x) / (2.0 * pi) + 1.0) * sectors
                 share = turn - int(turn)
                 k = int(turn) % sectors
-                light[0], light[2] = p[PLAIN] - behind, p[FACE]
+                light[0], light[2] = p[AT.plain] - behind, p[AT.face]
                 for c in range(knots):
                     end = pattern[(k + 1) % sectors, c]
-                    light[SHADES + c] = (1.0 - share) * pattern[k, c] + share * end
-                mean, outline = _fill(x, y, behind, p, rim, light, row)
-                for c in range(COUNT, COUNT + knots):
+                    light[TABLE.shades + c] = (1.0 - share) * pattern[k, c] + share * end
+                mean, outline = _fill(x, y, behind, p, way, rim, light, row)
+                for c in range(len(AT), len(AT) + knots):
                     row[c + knots] = share * row[c]
                     row[c] *= 1.0 - share
-            clear = 1.0 - row[PLAIN]
-            row[LEVEL] = clear * back[i, j]
-            row[SLOPE_X], row[SLOPE_Y] = clear * slope_x, clear * slope_y
+            clear = 1.0 - row[AT.plain]
+            row[AT.level] = clear * back[i, j]
+            row[AT.slope_x], row[AT.slope_y] = clear * slope_x, clear * slope_y
             row[n - 1] = region[i, j] - mean
-            weight = _weigh(region[i, j], mean, row[PLAIN], outline, first, noise, tally)
+            weight = _weigh(region[i, j], mean, row[AT.plain], outline, first, noise, tally)
             own = sums[k]
             for a in range(n):
                 part = weight * row[a]

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from enum import IntFlag
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.video.clips.reading import Frame
 
-__all__ = ["Located", "PlaceFlag", "Regions", "Square", "part_of", "put", "squares"]
+__all__ = ["Located", "PlaceFlag", "Regions", "part_of", "squares"]
 
 Array = NDArray[np.float64]
-
-
-Square = tuple[slice, slice]  # rows, columns
-
 MARGIN = 16.0  # pixels of background about the ball
 
 
@@ -53,24 +49,6 @@ class Located:
     pattern_u: Array | None = None
 
 
-def part_of(all_: Located, which: NDArray[np.intp] | slice) -> Located:
-    """Return some of the regions."""
-    given: dict[str, Any] = {}
-    for each in fields(Located):
-        values = getattr(all_, each.name)
-        given[each.name] = None if values is None else values[which]
-    return Located(**given)
-
-
-def put(some: Located, where: NDArray[np.intp], all_: Located) -> Located:
-    """Return all regions with some of them replaced."""
-    whole = part_of(all_, np.arange(len(all_.x)))
-    for each in fields(Located):
-        if (values := getattr(whole, each.name)) is not None:
-            values[where] = getattr(some, each.name)
-    return whole
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Regions:
     """Pictures of the ball and of what is behind it, both (region, row, col) [DN]."""
@@ -79,17 +57,19 @@ class Regions:
     background: NDArray[np.float32]
     corners: Array  # (region, 2): x, y of each first pixel in the frame
 
-    def part(self, which: NDArray[np.intp]) -> Regions:
-        """Return some of the regions."""
-        return Regions(
-            pixels=self.pixels[which],
-            background=self.background[which],
-            corners=self.corners[which],
-        )
+
+Parts = TypeVar("Parts", Located, Regions)
 
 
-def squares(start: Located, shape: tuple[int, int]) -> list[Square]:
-    """Return where to cut one square region about the ball of each frame.
+def part_of(whole: Parts, which: NDArray[np.intp] | slice) -> Parts:
+    """Return some of the regions."""
+    every = {each.name: getattr(whole, each.name) for each in fields(whole)}
+    part: dict[str, Any] = {n: None if v is None else v[which] for n, v in every.items()}
+    return replace(whole, **part)
+
+
+def squares(start: Located, shape: tuple[int, int]) -> list[tuple[slice, slice]]:
+    """Return rows and columns of one square region about the ball of each frame.
 
     A region that would leave the frame is moved back into it: the frame's edge cuts the ball.
     """

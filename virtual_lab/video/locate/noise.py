@@ -18,7 +18,6 @@ __all__ = ["ROUNDING", "Noise"]
 
 Array = NDArray[np.float64]
 ROUNDING = 1 / 12  # DN^2, of whole grey values
-STEPS = 24  # bins of brightness in which a camera's noise is found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,9 +46,9 @@ class Noise:
             raise InputError("noise", "black", self.black, "allowed: below full_scale")
 
     @property
-    def figures(self) -> Array:
-        """The figures in the kernels' order, (5,)."""
-        return np.array([self.gain, self.read, self.black, self.prnu, self.full_scale])
+    def figures(self) -> tuple[float, ...]:
+        """The figures in the kernels' order."""
+        return tuple(map(float, (self.gain, self.read, self.black, self.prnu, self.full_scale)))
 
     def variance(self, mean: ArrayLike) -> Array:
         """Return the variance of pixels of some mean grey values, same shape [DN^2]."""
@@ -57,47 +56,27 @@ class Noise:
         return self.gain * light + (self.prnu * light) ** 2 + self.read
 
     @classmethod
-    def measured(
-        cls, frames: NDArray[np.generic], *, black: float = 0.0, full_scale: float | None = None
-    ) -> Self:
+    def measured(cls, frames: NDArray[np.generic], full_scale: float) -> Self:
         """Return the noise of frames of a still scene, by the photon-transfer method.
 
-        Parameters
-        ----------
-        frames
-            (frame, row, col), two or more, of one scene without the ball.
-        black
-            Grey value of no light [DN].
-        full_scale
-            Highest grey value [DN]; taken from the type of integer frames.
-
-        Differences of successive frames show the noise in time alone: `prnu` is 0. What moves in
-        a few pixels, and flicker, which moves all alike, are left out.
-
-        Raises
-        ------
-        InputError
-            Fewer than two frames.
+        `frames` (frame, row, col) are two or more, without the ball; no light is a grey value of
+        0. Differences of successive frames show the noise in time alone: `prnu` is 0. What moves
+        in a few pixels, and flicker, which moves all alike, are left out.
         """
-        if frames.ndim != 3 or frames.shape[0] < 2:
-            raise InputError("noise", "frames", frames.shape, "allowed: (frame, row, col), >= 2")
-        if full_scale is None:
-            bits = 8 * frames.dtype.itemsize
-            full_scale = 2.0**bits - 1 if frames.dtype.kind == "u" else np.inf
         first, second = frames[:-1].astype(float), frames[1:].astype(float)
         mean = ((first + second) / 2).ravel()
         change = second - first
         change = (change - np.median(change, axis=(1, 2), keepdims=True)).ravel()
         kept = mean < 0.97 * full_scale
-        mean, change = mean[kept] - black, change[kept]
+        mean, change = mean[kept], change[kept]
         order = np.argsort(mean, kind="stable")
         levels, variances = [], []
-        for bin_ in np.array_split(order, min(STEPS, max(1, order.size // 400))):
+        for bin_ in np.array_split(order, min(24, max(1, order.size // 400))):
             spread = _spread(change[bin_])
             levels.append(mean[bin_].mean())
             variances.append(max(spread**2 / 2, ROUNDING))
         gain, read = _line(np.array(levels), np.array(variances))
-        return cls(gain=gain, read=read, black=black, full_scale=full_scale)
+        return cls(gain=gain, read=read, full_scale=full_scale)
 
 
 def _spread(change: Array) -> float:

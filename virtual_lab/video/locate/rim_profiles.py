@@ -7,67 +7,68 @@ is linear in it, and a pattern has the same scale there all round.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import namedtuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-__all__ = ["FIRST", "LIKE", "PER", "SHADES", "Profiles", "blurred_profiles"]
+__all__ = ["AT", "TABLE", "TALLY", "Profiles", "blurred_profiles"]
 
 Array = NDArray[np.float64]
 
 # parameters that all sectors share: centre, radius, the outline's oval (cos 2a, sin 2a), the
 # background's level and slopes, and the ball's shading: a level and how brightness rises with the
 # surface's normal along x, along y and toward the camera
-COUNT = 12
-X, Y, RADIUS, OVAL_C, OVAL_S, LEVEL, SLOPE_X, SLOPE_Y, PLAIN, SIDE_X, SIDE_Y, FACE = range(COUNT)
+Shared = namedtuple(
+    "Shared", "x y radius oval_c oval_s level slope_x slope_y plain side_x side_y face"
+)
+AT = Shared(*range(12))
 # and what is counted over the pixels
-TALLY = 6
-PIXELS, NEAR, AROUND, SEEN, FULL, STRAY = range(TALLY)
-
-FIRST, PER = -5.0, 32  # where tables begin, widths inside the edge; entries a width
-SHADES = 3  # columns before the pattern's: a level, the way to the side, the facing
-FINE = 900  # depths of a quadrature
-KNOTS = 0.11  # of the facing, between a pattern's knots
-DEEPEST = 0.9  # facing beyond which a pattern goes on as it is
-HIDING = 0.15  # of the blur: what is so near the outline is easily taken for it
-LIKE = 0.3  # rad over which a pattern's brightness is alike, about
+Tally = namedtuple("Tally", "pixels near around seen full stray")
+TALLY = Tally(*range(6))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Profiles:
+class Table(NamedTuple):
+    """How the tables are laid out, and what is believed of a pattern."""
+
+    first: float = -5.0  # where they begin, widths inside the edge
+    per_width: int = 32  # entries
+    shades: int = 3  # columns before the pattern's: a level, the way to the side, the facing
+    depths: int = 900  # of the quadrature
+    knot_spacing: float = 0.11  # of the facing, between a pattern's knots
+    deepest_knot: float = 0.9  # facing beyond which a pattern goes on as it is
+    hiding_blur: float = 0.15  # share: what is so near the outline is easily taken for it
+    alike: float = 0.3  # rad over which a pattern's brightness is alike, about
+
+
+TABLE = Table()
+
+
+class Profiles(NamedTuple):
     """Blurred brightness over the depth, and how a pattern is likely to vary along it."""
 
     table: Array  # (entry, 2 column): columns, then their derivatives by the depth in widths
     stiffness: Array  # (knot, knot): inverse covariance of a pattern's knots, variance 1
     hides: Array  # (knot,) [pixel]: an outline that far inward would look much like the knot
+    width: float  # standard deviation of lens and pixel [pixel]
+    inside: float  # how far inside the outline pixels are looked at, blur apart [pixel]
 
 
 def blurred_profiles(radius: float, width: float, inside: float, blur: float) -> Profiles:
-    """Return tables for balls of about a radius [pixel].
-
-    Parameters
-    ----------
-    radius
-        Of the outline [pixel].
-    width
-        Standard deviation of lens and pixel [pixel].
-    inside
-        How far inside the outline pixels are looked at, blur apart [pixel].
-    blur
-        How far the ball moves in an exposure [pixel].
-    """
+    """Return tables for balls of about a radius that move by `blur` in an exposure [pixel]."""
     depth = min(inside + blur, radius)
-    deepest = min(float(_facing(np.array(depth), radius)), DEEPEST)
-    facings = np.linspace(0.0, deepest, max(3, 1 + round(deepest / KNOTS)))
+    deepest = min(float(_facing(np.array(depth), radius)), TABLE.deepest_knot)
+    facings = np.linspace(0.0, deepest, max(3, 1 + round(deepest / TABLE.knot_spacing)))
     reach = 6.0 * width + depth
-    ends = min(reach, radius) * np.linspace(0.0, 1.0, FINE + 1) ** 2
+    ends = min(reach, radius) * np.linspace(0.0, 1.0, TABLE.depths + 1) ** 2
     middles, steps = (ends[1:] + ends[:-1]) / 2, np.diff(ends)
     facing = _facing(middles, radius)
     hats = [np.interp(facing, facings, one) for one in np.eye(facings.size)]
-    columns = np.stack([np.ones(FINE), 1 - middles / radius, facing, *hats], axis=1)
-    t = FIRST + np.arange(int(np.ceil((reach / width - FIRST) * PER)) + 1) / PER
+    columns = np.stack([np.ones(TABLE.depths), 1 - middles / radius, facing, *hats], axis=1)
+    entries = int(np.ceil((reach / width - TABLE.first) * TABLE.per_width)) + 1
+    t = TABLE.first + np.arange(entries) / TABLE.per_width
     away = t[:, None] - middles / width
     weight = np.exp(-(away**2) / 2) / np.sqrt(2 * np.pi) * steps / width
     # beyond the last depth brightness goes on as it is there
@@ -76,11 +77,14 @@ def blurred_profiles(radius: float, width: float, inside: float, blur: float) ->
     values = weight @ columns + beyond * columns[-1]
     slopes = (-weight * away) @ columns + at_last * columns[-1]
     angles = np.arcsin(facings)
-    like = np.exp(-np.abs(angles[:, None] - angles) / LIKE)
+    like = np.exp(-np.abs(angles[:, None] - angles) / TABLE.alike)
+    hidden = steps * np.exp(-middles / (width + TABLE.hiding_blur * blur))
     return Profiles(
         table=np.ascontiguousarray(np.concatenate([values, slopes], axis=1)),
         stiffness=np.linalg.inv(like),
-        hides=columns[:, SHADES:].T @ (steps * np.exp(-middles / (width + HIDING * blur))),
+        hides=columns[:, TABLE.shades :].T @ hidden,
+        width=width,
+        inside=inside,
     )
 
 

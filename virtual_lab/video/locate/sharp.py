@@ -6,48 +6,52 @@ regions, where the camera is not known.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.video.clips.clip import Clip
-from virtual_lab.video.clips.reading import grey_of
-from virtual_lab.video.locate.edge_fit import OVAL, fit_edge
-from virtual_lab.video.locate.located import Located, Regions, part_of, put
+from virtual_lab.video.locate.edge_fit import FIT, fit_edge
+from virtual_lab.video.locate.located import Located, Regions, part_of
 from virtual_lab.video.locate.noise import Noise
 
 __all__ = ["Sharp", "lens_of", "noise_of_ball", "noise_of_clip", "on_the_limb", "place"]
 
-
-PIXELS = 5e5  # of the frames sampled: enough for their noise
-CORE = 0.6  # of the radius: well inside the ball
-ROUND = 1e-3  # of an outline near the middle: its oval
-LENS_TRIED = 6  # regions on which the lens is found
-LENSES = (0.45, 0.6, 0.8, 1.1, 1.5, 2.2, 3.2)  # pixels: a wrong one may be the best about it
-NEXT, CLOSE = 0.3, 0.06  # relative: from one of them to the next, and how close one is found
-WORST = 50.0  # of a score
-
-
 Array = NDArray[np.float64]
 
-TRIED = 16  # regions in which it is looked for what all share
-LIT = 0.93  # of the ball: less of it is light, the rest in the dark
-AGAIN = 0.3  # pixels, from start to end: by then the fit may have taken outline for pattern
-ROUNDS = 4
-HALF = 0.5  # of the light's contrast: its outline
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Learning:
+    """How a clip shows its camera, and how often a ball is fitted."""
+
+    noise_sample_px: float = 5e5  # of the frames sampled: enough for their noise
+    regions: int = 16  # in which it is looked for what all share
+    core_share: float = 0.6  # of the radius: well inside the ball
+    lens_regions: int = 6  # in which the lens is found
+    round_u: float = 1e-3  # of an outline near the middle: its oval
+    # pixels, from which to start: a wrong one may be the best about it
+    lenses_px: tuple[float, ...] = (0.45, 0.6, 0.8, 1.1, 1.5, 2.2, 3.2)
+    lens_log_step: float = 0.3  # relative, from one to the next
+    lens_log_tolerance: float = 0.06  # relative, to which one is found
+    worst_score: float = 50.0  # of a lens by which a ball is lost
+    lit_share: float = 0.93  # of the ball's radius: less of it is light, the rest in the dark
+    light_edge: float = 0.5  # of the light's contrast: its outline
+    # from start to end: more, and the fit may have taken outline for pattern
+    refit_shift_px: float = 0.3
+    rounds: int = 4
+
+
+LEARN = Learning()
 
 
 def noise_of_clip(clip: Clip) -> Noise:
     """Return the noise in time of a clip's pixels, from the frames sampled for its background."""
-    samples = clip.samples
-    every = max(1, int(np.sqrt(samples.size / PIXELS)))
-    samples = samples[:, ::every, ::every]
-    if len(samples) < 2:
+    if len(clip.samples) < 2:
         return Noise(gain=0.0, read=1.0, full_scale=clip.full_scale)
-    grey = np.stack([grey_of(each, str(clip.source.path)) for each in samples])
-    return Noise.measured(grey, full_scale=clip.full_scale)
+    every = max(1, int(np.sqrt(clip.samples.size / LEARN.noise_sample_px)))
+    return Noise.measured(clip.grey_samples(every), clip.full_scale)
 
 
 def noise_of_ball(noise: Noise, seen: Regions, start: Located) -> Noise:
@@ -62,7 +66,7 @@ def noise_of_ball(noise: Noise, seen: Regions, start: Located) -> Noise:
     found = []
     for k in range(count):
         image = seen.pixels[k].astype(float)
-        inside = np.hypot(column - x[k], row - y[k]) < CORE * start.radius[k]
+        inside = np.hypot(column - x[k], row - y[k]) < LEARN.core_share * start.radius[k]
         # across two pixels and back: neither shading nor a slope counts
         bent = (image[:, 2:] - 2 * image[:, 1:-1] + image[:, :-2])[inside[:, 1:-1]]
         mean = float(np.median(image[inside])) - noise.black if inside.any() else 0.0
@@ -89,30 +93,21 @@ def lens_of(seen: Regions, start: Located, noise: Noise, middle: tuple[float, fl
     order = np.argsort(np.hypot(start.x - middle[0], start.y - middle[1]), kind="stable")
 
     def misfit(log: float, tried: NDArray[np.int_]) -> float:
-        found = fit_edge(
-            seen.pixels[tried],
-            seen.corners[tried],
-            part_of(start, tried),
-            noise=noise,
-            lens=float(np.exp(log)),
-            background=seen.background[tried].astype(float),
-            oval_u=ROUND,
-        )
-        return _score(found)
+        # a wrong one misfits, or is mended by much of a pattern
+        some, begin, lens = part_of(seen, tried), part_of(start, tried), float(np.exp(log))
+        found = fit_edge(some, begin, noise=noise, lens=lens, oval_u=LEARN.round_u)
+        assert found.pattern_u is not None
+        u = found.x_u**2 + found.y_u**2 + 2 * found.pattern_u**2
+        each = np.log(found.chi_square * u)
+        return float(np.median(np.where(np.isfinite(each), each, LEARN.worst_score)))
 
-    tried = np.sort(order[:LENS_TRIED])
-    about = min(np.log(LENSES).tolist(), key=lambda log: misfit(log, tried[::3]))
-    near = about - NEXT, about + NEXT
-    best = minimize_scalar(misfit, bounds=near, args=(tried,), options={"xatol": CLOSE})
+    tried = np.sort(order[: LEARN.lens_regions])
+    about = min(np.log(LEARN.lenses_px).tolist(), key=lambda log: misfit(log, tried[::3]))
+    near = about - LEARN.lens_log_step, about + LEARN.lens_log_step
+    best = minimize_scalar(
+        misfit, bounds=near, args=(tried,), options={"xatol": LEARN.lens_log_tolerance}
+    )
     return float(np.exp(best.x))
-
-
-def _score(found: Located) -> float:
-    """Return how badly a lens does: a wrong one misfits, or is mended by much of a pattern."""
-    assert found.pattern_u is not None
-    u = found.x_u**2 + found.y_u**2 + 2 * found.pattern_u**2
-    each = np.log(found.chi_square * u)
-    return float(np.median(np.where(np.isfinite(each), each, WORST)))
 
 
 @dataclass(slots=True)
@@ -124,13 +119,14 @@ class Sharp:
 
     def __call__(self, clip: Clip, seen: Regions, start: Located) -> Located:
         """Return the ball's places in the full frame."""
-        if self.ball_radius and float(np.median(start.radius)) < LIT * self.ball_radius:
+        if self.ball_radius and float(np.median(start.radius)) < LEARN.lit_share * self.ball_radius:
             whole = np.full(len(start.x), self.ball_radius)
             start = on_the_limb(seen, replace(start, radius=whole))
         middle = ((clip.shape[1] - 1) / 2, (clip.shape[0] - 1) / 2)
         if not self.known:
-            tried = _spread(len(start.x))
-            first, begin = seen.part(tried), part_of(start, tried)
+            last = len(start.x) - 1
+            tried = np.unique(np.linspace(0, last, min(last + 1, LEARN.regions)).astype(int))
+            first, begin = part_of(seen, tried), part_of(start, tried)
             noise = noise_of_ball(noise_of_clip(clip), first, begin)
             self.known = {"noise": noise, "lens": lens_of(first, begin, noise, middle)}
         return place(seen, start, middle=middle, **self.known)
@@ -143,54 +139,28 @@ def place(
     noise: Noise,
     lens: float,
     middle: tuple[float, float],
-    oval: tuple[float, float] = (0.0, OVAL),
+    oval: tuple[float, float] = (0.0, FIT.oval_u),
 ) -> Located:
-    """Return the ball's places in the full frame.
+    """Return the ball's places in the full frame; `start` knows them to a pixel or so.
 
-    Parameters
-    ----------
-    seen
-        Regions that show a ball.
-    start
-        Where it is to a pixel or so.
-    noise, lens
-        Of the camera: its noise, the standard deviation of its lens's blur [pixel].
-    middle
-        Pixel that the camera's axis meets.
-    oval
-        k, a sphere at d from the middle having the outline r = R (1 + k d² cos 2(a - a_d)) [1/px²],
-        and the standard uncertainty of what is beside the 1.
+    `lens` is the standard deviation of its blur [pixel], `middle` the pixel that the camera's axis
+    meets. `oval` is k, a sphere at d from the middle having the outline
+    r = R (1 + k d² cos 2(a - a_d)) [1/px²], and the standard uncertainty of what is beside the 1.
     """
-
-    def outlined(which: NDArray[np.intp], start: Located, **known: Any) -> Located:
-        return fit_edge(
-            seen.pixels[which],
-            seen.corners[which],
-            start,
-            noise=noise,
-            lens=lens,
-            background=seen.background[which].astype(float),
-            **known,
-        )
-
-    axis = np.array(middle)
-    off = _stretched(_places(start), axis)
+    off = _stretched(_places(start), np.array(middle))
     k, oval_u = oval
-    found, left = replace(start, pattern_u=np.full(len(off), np.nan)), np.arange(len(off))
-    for _ in range(ROUNDS):
-        begin = part_of(found, left)
-        fitted = outlined(left, begin, oval=k * off[left], oval_u=oval_u)
-        found = put(fitted, left, found)
+    left = np.arange(len(off))
+    found = part_of(replace(start, pattern_u=np.full(len(off), np.nan)), left)  # a copy
+    for _ in range(LEARN.rounds):
+        some, begin = part_of(seen, left), part_of(found, left)
+        fitted = fit_edge(some, begin, noise=noise, lens=lens, oval=k * off[left], oval_u=oval_u)
+        for each in fields(Located):
+            getattr(found, each.name)[left] = getattr(fitted, each.name)
         moved = np.hypot(*(_places(fitted) - _places(begin)).T)
-        left = left[np.fmax(moved, np.abs(fitted.radius - begin.radius)) > AGAIN]
+        left = left[np.fmax(moved, np.abs(fitted.radius - begin.radius)) > LEARN.refit_shift_px]
         if not left.size:
             break
     return found
-
-
-def _spread(count: int) -> NDArray[np.intp]:
-    """Return some of so many regions."""
-    return np.unique(np.linspace(0, count - 1, min(count, TRIED)).astype(int))
 
 
 def _stretched(places: Array, middle: Array) -> Array:
@@ -208,14 +178,8 @@ def on_the_limb(seen: Regions, start: Located) -> Located:
 
     A lamp from the side lights a part of a ball alone: limb on one side of the light, on the other
     the line between light and shade. Of all circles of the ball's size, that on which most of the
-    light's outline lies is the ball's.
-
-    Parameters
-    ----------
-    seen
-        Regions that show one ball, whose motion in an exposure is short against its radius.
-    start
-        Where it is, roughly; its radius is that of the ball, to 3 %.
+    light's outline lies is the ball's: one that moves little in an exposure, against its radius,
+    which the start knows to 3 %.
     """
     import cv2
 
@@ -223,7 +187,7 @@ def on_the_limb(seen: Regions, start: Located) -> Located:
     for k, (left, top) in enumerate(seen.corners):
         off = np.abs(seen.pixels[k].astype(np.float32) - seen.background[k])
         smooth = cv2.GaussianBlur(off, (0, 0), 1.0)
-        bright = (smooth > HALF * np.percentile(smooth, 90)).astype(np.uint8)
+        bright = (smooth > LEARN.light_edge * np.percentile(smooth, 90)).astype(np.uint8)
         contours, _ = cv2.findContours(bright, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         largest = max(contours, key=cv2.contourArea, default=None)
         if largest is None or len(largest) < start.radius[k]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import asdict
 from math import floor, log10
 from pathlib import Path
@@ -32,18 +33,15 @@ HEAD = """\
 
 [camera]
 """
-
-
-ARROW = 0.02  # of the picture's width: how long the rms residual is drawn
-INK, PLANE = "#0072b2", "#d55e00"
+COLOURS = {"other views": "#0072b2", "plane view": "#d55e00"}
 
 
 def calibration_toml(found: Calibrated) -> str:
     """Return the calibration file."""
     known = asdict(found.model)
     fit = known.pop("fit")
-    lines = [_entry(key, value) for key, value in known.items()]
-    lines += ["", "[camera.fit]", *(_entry(key, value) for key, value in fit.items())]
+    lines = [*map(_entry, known, known.values()), "", "[camera.fit]"]
+    lines += map(_entry, fit, fit.values())
     return HEAD + "\n".join(lines) + "\n"
 
 
@@ -66,24 +64,13 @@ def calibration_text(found: Calibrated) -> str:
     assert fit is not None
     (fx, _, cx), (_, fy, cy), _ = model.matrix
     across, down = 1e3 * lengths_of(model) / (np.array(model.image_size) / 2)
-    k1, k2, p1, p2, k3 = (
-        with_uncertainty(value, u)
-        for value, u in zip(model.distortion, fit.distortion_u, strict=True)
-    )
+    k1, k2, p1, p2, k3 = map(with_uncertainty, model.distortion, fit.distortion_u)
     far = float(np.linalg.norm(model.translation_m))
     lines = [
         f"{fit.board}: {fit.views} pictures, {fit.corners} corners, residuals "
         f"{fit.rms_px:.2g} pixels rms",
-        _line(
-            "focal length, pixels",
-            with_uncertainty(fx, fit.focal_u_px[0]),
-            with_uncertainty(fy, fit.focal_u_px[1]),
-        ),
-        _line(
-            "centre, pixels",
-            with_uncertainty(cx, fit.centre_u_px[0]),
-            with_uncertainty(cy, fit.centre_u_px[1]),
-        ),
+        _line("focal length, pixels", *map(with_uncertainty, (fx, fy), fit.focal_u_px)),
+        _line("centre, pixels", *map(with_uncertainty, (cx, cy), fit.centre_u_px)),
         _line("k1, k2", k1, k2),
         _line("p1, p2", p1, p2),
         *([_line("k3", k3)] if fit.distortion_u[4] else []),
@@ -93,7 +80,7 @@ def calibration_text(found: Calibrated) -> str:
         _line("camera to board, m", with_uncertainty(far, fit.translation_u_m[2])),
         _line("plane view", Path(found.views[found.plane]).name),
     ]
-    return "\n".join(lines + [f"  warning: {each}" for each in found.warnings])
+    return "\n".join([*lines, *(f"  warning: {each}" for each in found.warnings)])
 
 
 def _line(name: str, *values: str) -> str:
@@ -102,13 +89,7 @@ def _line(name: str, *values: str) -> str:
 
 def _entry(key: str, value: Any) -> str:
     note = f"  # {NOTES[key]}" if key in NOTES else ""
-    return f"{key} = {_toml(value)}{note}"
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, tuple):
-        return f"[{', '.join(map(_toml, value))}]"
-    return f'"{value}"' if isinstance(value, str) else repr(value)
+    return f"{key} = {json.dumps(value)}{note}"  # as TOML has numbers, words and lists
 
 
 def draw_calibration(found: Calibrated, path: Path) -> None:
@@ -129,24 +110,16 @@ def draw_calibration(found: Calibrated, path: Path) -> None:
 def _over_picture(axes: Axes, found: Calibrated) -> None:
     solved = found.solved
     wide, high = found.model.image_size
-    times = _round(ARROW * wide / solved.rms) if solved.rms else 1.0
+    # the rms residual is some 2 % of the picture's width
+    times = _round(0.02 * wide / solved.rms) if solved.rms else 1.0
     x, y = solved.places.T
     right, down = times * solved.residuals.T
     own = solved.view == found.plane
-    for some, colour, name in ((~own, INK, "other views"), (own, PLANE, "plane view")):
-        axes.quiver(
-            x[some],
-            y[some],
-            right[some],
-            down[some],
-            color=colour,
-            angles="xy",
-            scale_units="xy",
-            scale=1,
-            width=0.0012,
-            headwidth=4,
-            label=name,
-        )
+    drawn: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1}
+    drawn |= {"width": 0.0012, "headwidth": 4}
+    for some, (name, colour) in zip((~own, own), COLOURS.items(), strict=True):
+        arrows = x[some], y[some], right[some], down[some]
+        axes.quiver(*arrows, color=colour, label=name, **drawn)
     axes.set(xlim=(-0.5, wide - 0.5), ylim=(high - 0.5, -0.5), aspect="equal")
     axes.set(xlabel="x, pixels", ylabel="y, pixels")
     axes.set_title(f"what the lens leaves of each corner, drawn {times:.0f} times as long", pad=16)
@@ -162,7 +135,8 @@ def _round(number: float) -> float:
 def _by_view(axes: Axes, found: Calibrated) -> None:
     rms = found.solved.view_rms
     number = np.arange(len(rms))
-    axes.bar(number, rms, color=[PLANE if n == found.plane else INK for n in number], width=0.7)
+    other, plane = COLOURS.values()
+    axes.bar(number, rms, color=[plane if n == found.plane else other for n in number], width=0.7)
     axes.axhline(found.solved.rms, color="0.3", linewidth=0.8, linestyle="--")
     axes.set(xlabel="picture", ylabel="rms each way, pixels")
     axes.set_xticks(number)

@@ -30,22 +30,9 @@ __all__ = [
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-SOME = 12  # frames shown where there is no ball
 COLUMNS = (
-    "frame",
-    "time_s",
-    "x_px",
-    "y_px",
-    "x_u_px",
-    "y_u_px",
-    "radius_px",
-    "x_m",
-    "y_m",
-    "chi_square",
-    "flight",
-    "flags",
-    "drift_x_px",
-    "drift_y_px",
+    *("frame", "time_s", "x_px", "y_px", "x_u_px", "y_u_px", "radius_px", "x_m", "y_m"),
+    *("chi_square", "flight", "flags", "drift_x_px", "drift_y_px"),
 )
 
 
@@ -99,9 +86,7 @@ def course_of_tracked(tracked: Tracked, found: FollowedClip) -> BallCourse:
         metres=tracked.plane.places,
         chi_square=located.chi_square,
         flight=flight.tolist(),
-        flags=[
-            "|".join(flag.name or "" for flag in PlaceFlag(int(each))) for each in located.flags
-        ],
+        flags=["|".join(str(e.name) for e in PlaceFlag(int(own))) for own in located.flags],
         residuals=residuals,
         contacts=_contacts(found),
     )
@@ -119,7 +104,7 @@ def course_of_followed(found: FollowedClip) -> BallCourse:
         some = found.watched.found[np.concatenate([way.blobs for way in ways])]
         times = found.seconds * np.concatenate([way.t for way in ways])
     else:  # some frames, to look at
-        frames = np.unique(np.linspace(0, clip.count - 1, SOME).astype(np.intp))
+        frames = np.unique(np.linspace(0, clip.count - 1, 12).astype(np.intp))
         names = ("x", "y", "picture_x", "picture_y", "radius", "length")
         some = np.full(len(frames), np.nan, [(name, float) for name in names])
         times = clip.times[frames]
@@ -161,15 +146,9 @@ def rows_of(course: BallCourse) -> Iterator[tuple[Any, ...]]:
     for k, frame in enumerate(course.frames):
         if np.isnan(course.xy[k]).all() and not course.flags[k]:
             continue
-        numbers = (
-            *course.xy[k],
-            *course.u[k],
-            course.radius[k],
-            *course.metres[k],
-            course.chi_square[k],
-        )
-        words = (course.flight[k], course.flags[k])
-        yield (int(frame), float(course.times[k]), *map(float, numbers), *words, *course.drift[k])
+        places = (*course.xy[k], *course.u[k], course.radius[k], *course.metres[k])
+        numbers = map(float, (course.times[k], *places, course.chi_square[k]))
+        yield (int(frame), *numbers, course.flight[k], course.flags[k], *course.drift[k])
 
 
 def write_table(course: BallCourse, path: Path) -> None:
@@ -178,11 +157,8 @@ def write_table(course: BallCourse, path: Path) -> None:
         writer = csv.writer(file)
         writer.writerow(COLUMNS)
         for frame, time, *cells in rows_of(course):
-            told = [
-                each if isinstance(each, str) else "" if np.isnan(each) else f"{each:.7g}"
-                for each in cells
-            ]
-            writer.writerow([frame, repr(time), *told])
+            words = [e if isinstance(e, str) else "" if np.isnan(e) else f"{e:.7g}" for e in cells]
+            writer.writerow([frame, repr(time), *words])
 
 
 def _turned(left: Array, velocity: Array) -> Array:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,35 +12,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.output.style import STYLE
+from virtual_lab.video.clips.reading import Frame
 from virtual_lab.video.show.course import BallCourse
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-from collections.abc import Mapping
-from dataclasses import dataclass
-from itertools import chain
 
-from virtual_lab.video.clips.reading import Frame
-
-__all__ = ["Pictures", "draw_track", "pictures_of", "strobe", "write_film", "write_sheet"]
+__all__ = ["Pictures", "draw_track", "pictures_of", "write_film", "write_sheet"]
 
 Image = NDArray[np.uint8]
-
-TILES = 24  # of the sheet, at most
-SHEET = 3.6e6  # pixels of it
-TILE = 400  # pixels, the width of one, at most
-FILM = 2.4e5  # pixels of a picture of the film
-FRAMES = 80  # of the film, at most
-STRIP = 20  # pixels above a picture, for its frame and time
-SHIFT = 4  # binary places below a pixel
-PLAYED = 60  # ms a frame
-COLOURS = ((178, 114, 0), (0, 94, 213), (115, 158, 0), (167, 121, 204), (0, 159, 230))
-LEFT = (150, 150, 150)
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")  # of flights
 
 
-HEX = tuple(f"#{red:02x}{green:02x}{blue:02x}" for blue, green, red in COLOURS)
-OTHERS = "0.45"
-BALLS = 14  # drawn into one picture, about
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """How large pictures are, and how many."""
+
+    tiles: int = 24  # of the sheet, at most
+    sheet_px: float = 3.6e6  # all of it
+    tile_width_px: int = 400  # at most
+    film_px: float = 2.4e5  # a picture of it
+    film_frames: int = 80  # at most
+    frame_ms: int = 60
+    strip_px: int = 20  # above a picture, for its frame and time
+    fine_bits: int = 4  # binary places below a pixel
+    balls: int = 14  # drawn into one picture, about
+
+
+LAYOUT = Layout()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,19 +56,19 @@ def pictures_of(course: BallCourse, thumbs: Mapping[int, Image]) -> Pictures:
     """Return the frames that sheet and film show, out of small JPEGs; others are read."""
     import cv2
 
-    sheet, film = _for_sheet(course), _spread(len(course.frames), FRAMES)
+    sheet, film = _for_sheet(course), _spread(len(course.frames), LAYOUT.film_frames)
     rows, columns = course.clip.shape
-    tiles = max(len(sheet), 1)
-    scale = min(TILE / columns, np.sqrt(SHEET / tiles / (rows * columns)))
+    tile_px = LAYOUT.sheet_px / len(sheet)
+    scale = min(LAYOUT.tile_width_px / columns, np.sqrt(tile_px / (rows * columns)))
     wanted = np.unique(course.frames[sorted({*sheet, *film})])
-    darkest, brightest = _range(course)
+    low, high = _range(course)
     size = (max(1, round(columns * scale)), max(1, round(rows * scale)))
     way = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
     kept = [int(each) for each in wanted if each in thumbs]
     small = {k: np.asarray(cv2.imdecode(thumbs[k], cv2.IMREAD_UNCHANGED)) for k in kept}
     left = np.array([each for each in wanted if each not in small], np.intp)
     frames = {
-        number: _resized(_shown(frame, darkest, brightest), size, way)
+        number: np.asarray(cv2.resize(_shown(frame, low, high), size, interpolation=way), np.uint8)
         for number, frame in chain(small.items(), course.clip.chosen(left, colour=True))
     }
     return Pictures(frames=frames, scale=float(scale), sheet=sheet, film=film)
@@ -77,8 +79,6 @@ def write_sheet(course: BallCourse, pictures: Pictures, path: Path) -> None:
     import cv2
 
     tiles = [_one(course, pictures, k, pictures.scale) for k in pictures.sheet]
-    if not tiles:
-        return
     rows, columns = tiles[0].shape[:2]
     across = int(np.clip(round(np.sqrt(1.4 * len(tiles) * rows / columns)), 1, len(tiles)))
     blank = np.full_like(tiles[0], 255)
@@ -93,13 +93,11 @@ def write_film(course: BallCourse, pictures: Pictures, path: Path) -> None:
     """Write the frames that show the ball as an animated WebP."""
     import cv2
 
-    if not pictures.film:
-        return
     rows, columns = course.clip.shape
-    scale = min(pictures.scale, float(np.sqrt(FILM / (rows * columns))))
+    scale = min(pictures.scale, float(np.sqrt(LAYOUT.film_px / (rows * columns))))
     animation = cv2.Animation()
     animation.frames = [_one(course, pictures, k, scale) for k in pictures.film]
-    animation.durations = [PLAYED] * len(animation.frames)
+    animation.durations = [LAYOUT.frame_ms] * len(animation.frames)
     cv2.imwriteanimation(str(path), animation, [cv2.IMWRITE_WEBP_QUALITY, 75])
 
 
@@ -114,7 +112,7 @@ def _for_sheet(course: BallCourse) -> list[int]:
         own = np.flatnonzero(course.of(name))
         chosen += [int(own[0]), int(own[len(own) // 2]), int(own[-1])]
     chosen = list(dict.fromkeys(chosen))
-    for count in (12, 16, TILES):
+    for count in (12, 16, LAYOUT.tiles):
         if len(chosen) < count // 2 + 6:
             break
     chosen = list(dict.fromkeys(chosen + _spread(last + 1, count)))[:count]
@@ -123,8 +121,6 @@ def _for_sheet(course: BallCourse) -> list[int]:
 
 def _spread(places: int, count: int) -> list[int]:
     """Return up to so many of the places, spread evenly, in order."""
-    if not places:
-        return []
     chosen = np.linspace(0, places - 1, min(count, places)).round()
     return [int(each) for each in np.unique(chosen)]
 
@@ -135,18 +131,17 @@ def _one(course: BallCourse, pictures: Pictures, k: int, scale: float) -> Image:
     image = pictures.frames[int(course.frames[k])]
     if scale != pictures.scale:
         high, wide = (max(1, round(side * scale)) for side in course.clip.shape)
-        image = _resized(image, (wide, high), cv2.INTER_AREA)
+        image = np.asarray(cv2.resize(image, (wide, high), interpolation=cv2.INTER_AREA), np.uint8)
     image = image.copy()
-    names = course.flights
-    for j in range(k + 1):
-        if np.isfinite(course.xy[j]).all():
-            # earlier places lie where the still frame has them in this picture
-            at = _fine(scale, *(course.xy[j] + course.drift[k]))
-            cv2.circle(image, at, 24, _colour(course, names, j), -1, cv2.LINE_AA, SHIFT)
+    names, fine = course.flights, 2**LAYOUT.fine_bits
+    circles = [(j, 24, -1) for j in range(k + 1) if np.isfinite(course.xy[j]).all()]
     if np.isfinite(course.radius[k]):
-        radius = round(course.radius[k] * scale * 2**SHIFT)
-        at = _fine(scale, *(course.xy[k] + course.drift[k]))
-        cv2.circle(image, at, radius, _colour(course, names, k), 1, cv2.LINE_AA, SHIFT)
+        circles.append((k, round(course.radius[k] * scale * fine), 1))
+    for j, radius, line in circles:
+        # earlier places lie where the still frame has them in this picture
+        u, v = ((course.xy[j] + course.drift[k] + 0.5) * scale - 0.5) * fine
+        at, colour = (round(u), round(v)), _colour(course, names, j)
+        cv2.circle(image, at, radius, colour, line, cv2.LINE_AA, LAYOUT.fine_bits)
     return np.vstack([_label(f"{int(course.frames[k])}: {course.times[k]:.4g} s", image), image])
 
 
@@ -154,28 +149,19 @@ def _label(words: str, image: Image) -> Image:
     """Return a strip as wide as an image with words that fit into it."""
     import cv2
 
-    strip = np.full((STRIP, image.shape[1], 3), 255, np.uint8)
+    strip = np.full((LAYOUT.strip_px, image.shape[1], 3), 255, np.uint8)
     face, letters = cv2.FONT_HERSHEY_SIMPLEX, 0.5
     wide = cv2.getTextSize(words, face, letters, 1)[0][0]
     letters *= min(1.0, (strip.shape[1] - 8) / wide)
-    cv2.putText(strip, words, (4, STRIP - 6), face, letters, (0, 0, 0), 1, cv2.LINE_AA)
+    cv2.putText(strip, words, (4, LAYOUT.strip_px - 6), face, letters, (0, 0, 0), 1, cv2.LINE_AA)
     return strip
 
 
-def _resized(image: Image, size: tuple[int, int], way: int) -> Image:
-    import cv2
-
-    return np.asarray(cv2.resize(image, size, interpolation=way), np.uint8)
-
-
-def _colour(course: BallCourse, names: list[str], k: int) -> tuple[int, int, int]:
-    name = course.flight[k]
-    return COLOURS[names.index(name) % len(COLOURS)] if name else LEFT
-
-
-def _fine(scale: float, x: float, y: float) -> tuple[int, int]:
-    """Return a place of the full frame in a scaled one, as fixed-point numbers."""
-    return round(((x + 0.5) * scale - 0.5) * 2**SHIFT), round(((y + 0.5) * scale - 0.5) * 2**SHIFT)
+def _colour(course: BallCourse, names: list[str], k: int) -> tuple[int, ...]:
+    """Return the colour of a place as OpenCV has it, blue first."""
+    if not (name := course.flight[k]):
+        return 150, 150, 150
+    return tuple(bytes.fromhex(COLOURS[names.index(name) % len(COLOURS)][1:]))[::-1]
 
 
 def _range(course: BallCourse) -> tuple[float, float]:
@@ -219,7 +205,7 @@ def strobe(course: BallCourse, pictures: Pictures) -> NDArray[np.uint8]:
     """Return one picture that shows the ball at several of its places, as small as they are."""
     shown = [k for k in range(len(course.frames)) if int(course.frames[k]) in pictures.frames]
     seen = [k for k in shown if np.isfinite(course.radius[k])]
-    chosen = seen[:: max(1, len(seen) // BALLS)]
+    chosen = seen[:: max(1, len(seen) // LAYOUT.balls)]
     scale = pictures.scale
     # what stands about, a bat too, is shown as it is at a contact
     time = course.contacts[0][0] if course.contacts else float(course.times[0])
@@ -255,7 +241,7 @@ def _picture(axes: Axes, course: BallCourse, pictures: Pictures) -> None:
     for k, name in enumerate([*names, ""]):
         used = course.of(name)
         if used.any():
-            colour = HEX[k % len(COLOURS)] if name else OTHERS
+            colour = COLOURS[k % len(COLOURS)] if name else "0.45"
             label = name or ("left out" if names else "seen")
             axes.plot(*course.xy[used].T, ".", color=colour, markersize=3, label=label)
     for k, (_, x, y) in enumerate(course.contacts):
@@ -282,7 +268,7 @@ def _residuals(along: Axes, across: Axes, course: BallCourse) -> None:
         t = 1e3 * (course.times[used] - origin)
         noise = course.u[used].mean(axis=1)
         for axes, off in zip((along, across), course.residuals[used].T, strict=True):
-            colour = HEX[k % len(COLOURS)]
+            colour = COLOURS[k % len(COLOURS)]
             axes.errorbar(t, off, noise, fmt=".", color=colour, markersize=4, linewidth=0.6)
     for axes, name in ((along, "along"), (across, "across")):
         axes.axhline(0, color="0.6", linewidth=0.6, zorder=0)

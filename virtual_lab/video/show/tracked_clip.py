@@ -10,21 +10,15 @@ import json
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder
+from virtual_lab.video.clips import options
 from virtual_lab.video.clips.calibration_file import ClipCalibration, read_calibration
 from virtual_lab.video.clips.clip import Clip, open_clip
-from virtual_lab.video.clips.options import (
-    ball_of,
-    frames_of,
-    place_of,
-    region_of,
-    scale_of,
-    seconds_of,
-)
 from virtual_lab.video.clips.reading import open_source
 from virtual_lab.video.follow.correction import read_track
 from virtual_lab.video.follow.following import FollowedClip, Known, follow, following, known_of
@@ -38,11 +32,8 @@ from virtual_lab.video.show.track_text import track_document, track_text, track_
 
 if TYPE_CHECKING:
     from virtual_lab.video.bat.clip import BatSeen
-    from virtual_lab.video.track.tracking import Tracked
 
 __all__ = ["Asked", "TrackedClip", "track_clip"]
-
-CONSUMER = 480.0  # frames a second of a file: a faster one is of a laboratory's camera
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +64,6 @@ class TrackedClip:
     document: dict[str, Any]
     text: str
     title: str
-    tracked: Tracked | None = None  # located sharply
     bat: BatSeen | None = None
     progress: Callable[[str], None] = field(default=lambda _: None)
 
@@ -83,22 +73,17 @@ class TrackedClip:
         Raises `InputError` where the folder is not empty or cannot be written.
         """
         from virtual_lab.video.bat.clip import write_bat_table
-        from virtual_lab.video.show.pictures import (
-            draw_track,
-            pictures_of,
-            write_film,
-            write_sheet,
-        )
+        from virtual_lab.video.show import pictures as drawn
 
         self.progress("drawing")
-        pictures = pictures_of(self.course, self.followed.watched.thumbs)
+        pictures = drawn.pictures_of(self.course, self.followed.watched.thumbs)
         with new_folder(folder) as draft, ThreadPoolExecutor(1) as beside:
-            film = beside.submit(write_film, self.course, pictures, draft / "track.webp")
+            film = beside.submit(drawn.write_film, self.course, pictures, draft / "track.webp")
             write_table(self.course, draft / "track.csv")
             text = json.dumps(self.document, indent=2, allow_nan=False)
             (draft / "result.json").write_text(text + "\n", encoding="utf-8")
-            draw_track(self.course, pictures, self.title, draft / "track.png")
-            write_sheet(self.course, pictures, draft / "sheet.png")
+            drawn.draw_track(self.course, pictures, self.title, draft / "track.png")
+            drawn.write_sheet(self.course, pictures, draft / "sheet.png")
             film.result()
             if self.bat:
                 write_bat_table(self.bat, draft / "bat.csv")
@@ -109,10 +94,7 @@ def track_clip(
 ) -> TrackedClip:
     """Return the ball's way through a clip.
 
-    Raises
-    ------
-    InputError
-        A clip or file that cannot be read, words of another form, or no length known.
+    Raises `InputError`: what cannot be read, words of another form, or no length known.
     """
     open_source(path)  # what is no clip needs no scale
     calibration, said, notes = _known(path, asked)
@@ -145,7 +127,6 @@ def track_clip(
         document=track_document(found, tracked) | extra,
         text="\n".join([track_text(found), *lines]),
         title=track_title(found),
-        tracked=tracked,
         bat=bat,
         progress=progress,
     )
@@ -157,22 +138,23 @@ def _known(path: Path, asked: Asked) -> tuple[ClipCalibration, dict[str, Any], l
     notes: list[str] = []
     ball = None
     if asked.ball is not None:
-        ball, ball_u, assumed = ball_of(asked.ball)
+        ball, ball_u, assumed = options.ball_of(asked.ball)
         said |= {"ball": ball, "ball_u": ball_u}
         if assumed and asked.calibration is None:
             notes.append(f"no u of the ball's diameter is given: {1e3 * ball_u:.2g} mm was assumed")
     if asked.scale is not None:
-        scale, scale_u = scale_of(asked.scale)
+        scale, scale_u = options.scale_of(asked.scale)
         said |= {"metres_per_pixel": scale, "metres_per_pixel_u": scale_u}
     forms: dict[str, Callable[[str], Any]] = {
-        "exposure": lambda text: seconds_of(text, "--exposure"),
-        "readout": lambda text: seconds_of(text, "--readout"),
-        "frames": frames_of,
-        "region": region_of,
-        "ball_at": place_of,
+        "exposure": partial(options.seconds_of, key="--exposure"),
+        "readout": partial(options.seconds_of, key="--readout"),
+        "frames": options.frames_of,
+        "region": options.region_of,
+        "ball_at": options.place_of,
     }
-    words = {name: getattr(asked, name) for name in forms}
-    said |= {name: forms[name](text) for name, text in words.items() if text is not None}
+    for name, form in forms.items():
+        if (text := getattr(asked, name)) is not None:
+            said[name] = form(text)
     if asked.gravity is not None:
         if not 0.1 <= asked.gravity <= 100:
             raise InputError("", "--gravity", asked.gravity, "allowed: 0.1 to 100 m/s²")
@@ -195,29 +177,23 @@ def _for_clip(
     clip: Clip, calibration: ClipCalibration, said: dict[str, Any], asked: Asked
 ) -> Known:
     """Return what is known of a clip that has been opened."""
-    known = replace(
-        known_of(clip, calibration), stands=asked.tripod or asked.calibration is not None
-    )
-    known = replace(known, **said)
+    axes = {90: (0, -1), 180: (1, -1), 270: (0, 1)}
+    said = {"readout_axis": axes.get(clip.source.rotation, (1, 1))} | said
+    said["stands"] = asked.tripod or asked.calibration is not None
     if "readout" not in said and asked.calibration is None:
+        # a faster one is of a laboratory's camera
         rate = clip.source.rate
-        file = clip.source.path.is_file() and rate is not None and rate <= CONSUMER
-        known = replace(known, readout=None if file else 0.0)
-    turn = clip.source.rotation
-    axes = {0: (1, 1), 90: (0, -1), 180: (1, -1), 270: (0, 1)}
-    known = replace(known, readout_axis=axes.get(turn, (1, 1)))
-    where = str(clip.source.path)
+        file = clip.source.path.is_file() and rate is not None and rate <= 480
+        said["readout"] = None if file else 0.0
+    known, where = replace(known_of(clip, calibration), **said), str(clip.source.path)
     rows, columns = clip.shape
     if known.frames and known.frames[0] >= clip.count - 1:
         allowed = f"the clip has {clip.count} frames, 0 to {clip.count - 1}"
         raise InputError(where, "--frames", asked.frames, allowed)
     if known.region and (known.region[0] >= columns or known.region[1] >= rows):
         raise InputError(where, "--region", asked.region, f"a picture is {columns} x {rows} pixels")
-    if known.ball_at and not (
-        0 <= known.ball_at[0] < columns
-        and 0 <= known.ball_at[1] < rows
-        and known.ball_at[2] < clip.count
-    ):
+    x, y, frame = known.ball_at or (0, 0, 0)
+    if not (0 <= x < columns and 0 <= y < rows and frame < clip.count):
         allowed = f"a picture is {columns} x {rows} pixels, the last frame {clip.count - 1}"
         raise InputError(where, "--ball-at", asked.ball_at, allowed)
     return known
