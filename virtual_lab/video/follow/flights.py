@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.video.follow.joint import FIT, Fit, fit_flights
+from virtual_lab.video.follow.joint import FLIGHT_FIT, Fit, fit_flights
 from virtual_lab.video.follow.pieces import GROWTH, Piece, parabola
 from virtual_lab.video.follow.scene import FlightScene
 
@@ -194,7 +194,11 @@ def _of_one_gravity(scene: FlightScene, pieces: list[Piece]) -> list[Piece]:
         shows = size > _chance(piece, u)
         for other, own, own_u, _ in bends:
             chance = _chance(other, own_u)
-            slowed = (FIT.drag + FIT.drag_u) / piece.radius * max(_fast(piece), _fast(other)) ** 2
+            slowed = (
+                (FLIGHT_FIT.drag + FLIGHT_FIT.drag_u)
+                / piece.radius
+                * max(_fast(piece), _fast(other)) ** 2
+            )
             room = max(chance, slowed, FLIGHTS.pull_share * size)
             ratio = max(other.radius, piece.radius) / min(other.radius, piece.radius)
             colour = np.abs(_colour(scene, other) - _colour(scene, piece)).max() < FLIGHTS.colour

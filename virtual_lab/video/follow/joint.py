@@ -19,14 +19,14 @@ from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.scene import FlightScene
 
-__all__ = ["FIT", "Fit", "estimate_of", "fit_flights"]
+__all__ = ["FLIGHT_FIT", "Fit", "estimate_of", "fit_flights"]
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FitSettings:
+class FlightFit:
     """What the fit takes for granted, and when it ends."""
 
     drag: float = 0.003  # k r before the clip says anything
@@ -41,7 +41,7 @@ class FitSettings:
     correlation: float = 0.8  # of neighbouring residuals, at most
 
 
-FIT = FitSettings()
+FLIGHT_FIT = FlightFit()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,17 +139,17 @@ def fit_flights(
     vector = model.start(xy, shared=shared)
     k = len(vector) - 4 * len(flights) - 3  # drag's place in the vector, before the tilt's
     before, u = np.zeros(len(vector)), np.full(len(vector), np.inf)
-    before[k], u[k] = FIT.drag / radius, FIT.drag_u / radius
-    u[k + 1 : k + 3] = FIT.tilt_u / max(scene.size)
+    before[k], u[k] = FLIGHT_FIT.drag / radius, FLIGHT_FIT.drag_u / radius
+    u[k + 1 : k + 3] = FLIGHT_FIT.tilt_u / max(scene.size)
     parts = [k, 1, 2, 4 * len(flights)]
     free = np.flatnonzero(np.repeat([True, drag, tilted, True], parts))
     vector[k] = before[k] if drag else 0.0
     dragless = False
-    for _ in range(FIT.rounds):
+    for _ in range(FLIGHT_FIT.rounds):
         left = xy - model.places(vector)
         off = np.hypot(*left.T)
-        spread = max(FIT.least_spread, float(np.median(off)) / 1.1774)
-        room = max(FIT.outlier_spreads * spread, FIT.outlier_radii * radius)
+        spread = max(FLIGHT_FIT.least_spread, float(np.median(off)) / 1.1774)
+        room = max(FLIGHT_FIT.outlier_spreads * spread, FLIGHT_FIT.outlier_radii * radius)
         jacobian = model.jacobian(vector, free)
         weighted = jacobian * (1 / np.sqrt(1 + (off / room) ** 2))[:, None, None]
         normal = np.einsum("rci,rcj->ij", weighted, jacobian) / spread**2
@@ -167,12 +167,12 @@ def fit_flights(
         vector[free] += step
         if vector[k] < 0:
             vector[k], dragless = 0.0, True
-        elif np.abs(step * scale).max() < FIT.settled_u:
+        elif np.abs(step * scale).max() < FLIGHT_FIT.settled_u:
             break
     left = xy - model.places(vector)
     clipped = np.minimum(np.hypot(*left.T), room) ** 2
     scatter = float(np.sqrt(clipped.sum() / max(1.0, 2 * len(xy) - len(free))))
-    scatter = max(FIT.least_spread, scatter)
+    scatter = max(FLIGHT_FIT.least_spread, scatter)
     covariance = np.zeros((len(vector), len(vector)))
     covariance[np.ix_(free, free)] = inverse * ((scatter / spread) ** 2 * _alike(left, of))
     return Fit(
@@ -260,7 +260,7 @@ def _alike(left: Array, of: Ints) -> float:
     if power == 0:
         return 1.0
     alike = float((left[1:] * left[:-1])[same].mean()) / power
-    alike = min(max(alike, 0.0), FIT.correlation)
+    alike = min(max(alike, 0.0), FLIGHT_FIT.correlation)
     return (1 + alike) / (1 - alike)
 
 
@@ -277,8 +277,8 @@ def _flown(states: Array, pull: Array, drag: float, dt: Array) -> Array:
         changed[:, 2:] = pull - drag * np.hypot(s[:, 2], s[:, 3])[:, None] * s[:, 2:]
         return changed
 
-    step = later / FIT.runge_kutta_steps
-    for _ in range(FIT.runge_kutta_steps):
+    step = later / FLIGHT_FIT.runge_kutta_steps
+    for _ in range(FLIGHT_FIT.runge_kutta_steps):
         one = rate(states)
         two = rate(states + step / 2 * one)
         three = rate(states + step / 2 * two)
