@@ -28,8 +28,8 @@ def main(folder: Path) -> None:
     import cv2
 
     from tests.benchmarks.memory import _status
+    from tests.video.track.test_tracking import track_hit
     from virtual_lab.video.clips.calibration_file import ClipCalibration
-    from virtual_lab.video.track.tracking import track_hit
 
     cv2.setNumThreads(1)
     path = folder / "clip.mp4"

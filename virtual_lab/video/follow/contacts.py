@@ -8,22 +8,31 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DEGREE
-from virtual_lab.video.follow.flights import SAG, SIDE, FlightScene, meetings
-from virtual_lab.video.follow.joint import Fit
+from virtual_lab.video.follow.flights import FLIGHTS, meetings
+from virtual_lab.video.follow.joint import Fit, estimate_of
 from virtual_lab.video.follow.pieces import Piece
-from virtual_lab.video.follow.said import Said, from_fit, widened
+from virtual_lab.video.follow.scene import FlightScene
 
-__all__ = ["COVERAGE", "Contact", "Note", "contacts_of", "excessive"]
+__all__ = ["CONTACTS", "Contact", "Note", "contacts_of", "excessive"]
 
 Array = NDArray[np.float64]
 Note = tuple[str, str]  # a flag in capitals, "" where none need be raised, and a sentence
 
-SQUARE = np.cos(35 * DEGREE)  # a change of velocity nearer than this to a normal is along it
-COVERAGE = 2.0  # u: what lies beyond is no chance
-CHANGED = 0.2  # of the speed: a smaller change is no contact
-SLANT = 0.5 * DEGREE  # of a floor or a wall off g, and of g as the camera sees it
-COARSE = 0.25  # u of a restitution that says nothing
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContactSettings:
+    """What is a contact, with what, and when its restitution is stated."""
+
+    least_change: float = 0.2  # of the speed: a smaller change is no contact
+    off_normal: float = 35 * DEGREE  # that a change of velocity may be, to be along it
+    slant_u: float = 0.5 * DEGREE  # of a floor or a wall off g, and of g as the camera sees it
+    vague_u: float = 0.25  # of a restitution that says nothing
+    coverage: float = 2.0  # u: what lies beyond is no chance
+
+
+CONTACTS = ContactSettings()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,9 +43,9 @@ class Contact:
     after: int
     t: float  # [steps]
     frame: float  # between stored frames
-    time: Said  # [s]
+    time: Estimate  # [s]
     kind: str  # floor | wall | struck
-    restitution: Said | None
+    restitution: Estimate | None
     place: Array  # (2,) still frame [pixels]
     metres: Array  # the same [m]
     metres_u: float
@@ -50,7 +59,7 @@ def contacts_of(
     step: float,
     unit: float,
 ) -> tuple[list[Contact], list[Note]]:
-    """Return the contacts, and what is to be said of them.
+    """Return the contacts, and what speaks against them.
 
     Parameters
     ----------
@@ -66,32 +75,31 @@ def contacts_of(
     """
     notes: list[Note] = []
     found = []
-    for met in meetings(ways, fit):
-        one, other = ways[met.first], ways[met.first + 1]
-        change = met.after - met.before
-        fast = float(np.hypot(*met.before))
-        if np.hypot(*change) < CHANGED * fast:
+    for k, t in meetings(ways, fit):
+        one, other = ways[k], ways[k + 1]
+        into, out = fit.at(k, t)[0, 2:], fit.at(k + 1, t)[0, 2:]
+        if np.hypot(*(out - into)) < CONTACTS.least_change * np.hypot(*into):
             continue
-        normal, kind = _normal(fit.pull[0], change, ways)
-        frame = _frame(scene, one, other, met.t)
-        late = fit.readout * float(np.median(scene.late(one.blobs[-2:]))) if fit.readout else 0.0
-        time = from_fit(fit, lambda f: _closest(f, met.first, met.t)[0])  # noqa: B023
-        value = None
-        if min(len(one.t), len(other.t)) >= SIDE and kind != "other":
-            value, flag, why = _restitution(fit, others, met.first, met.t, normal, kind)
+        normal, kind = _normal(fit.pull[0], out - into, ways)
+        frame, place = _frame(scene, one, other, t), fit.pictured(k, t) + fit.pictured(k + 1, t)
+        late = fit.readout * float(np.median(scene.late(one.blobs[-2:])))
+        time = estimate_of(lambda f: _closest(f, k, t)[0], fit, unit=step)  # noqa: B023
+        ratio = None
+        if min(len(one.t), len(other.t)) >= FLIGHTS.side_places and kind != "other":
+            ratio, flag, why = _restitution(fit, others, k, t, normal, kind)
             if flag:
                 notes.append((flag, f"contact at frame {frame:.1f}: {why}"))
         found.append(
             Contact(
-                before=met.first,
-                after=met.first + 1,
-                t=met.t - late,
+                before=k,
+                after=k + 1,
+                t=t - late,
                 frame=frame - late,
-                time=replace(time, value=met.t - late).times(step),
+                time=replace(time, value=step * (t - late)),
                 kind="struck" if kind == "other" else kind,
-                restitution=value,
-                place=met.place,
-                metres=unit * met.place,
+                restitution=ratio,
+                place=place[0] / 2,
+                metres=unit * place[0] / 2,
                 metres_u=unit * fit.spread,
             )
         )
@@ -109,18 +117,15 @@ def _frame(scene: FlightScene, one: Piece, other: Piece, t: float) -> float:
 
 def _normal(pull: Array, change: Array, ways: list[Piece]) -> tuple[Array | None, str]:
     """Return the normal of what was struck, None where speeds are all there is, and its kind."""
-    along = change / np.hypot(*change)
-    size = float(np.hypot(*pull))
+    along, size = change / np.hypot(*change), float(np.hypot(*pull))
     longest = max(float(np.ptp(each.t)) for each in ways)
-    if size * longest**2 / 8 < SAG * ways[0].radius:
+    if size * longest**2 / 8 < FLIGHTS.sag * ways[0].radius:
         return None, "struck"
     up = -pull / size
-    if along @ up > SQUARE:
-        return up, "floor"
     side = np.array([-up[1], up[0]])
-    side = side if along @ side > 0 else -side
-    if along @ side > SQUARE:
-        return side, "wall"
+    for normal, kind in ((up, "floor"), (side, "wall"), (-side, "wall")):
+        if along @ normal > np.cos(CONTACTS.off_normal):
+            return normal, kind
     return None, "other"
 
 
@@ -143,36 +148,33 @@ def _restitution(
     t: float,
     normal: Array | None,
     kind: str,
-) -> tuple[Said | None, str, str]:
+) -> tuple[Estimate | None, str, str]:
     """Return the restitution, or None with a flag and why."""
 
-    def ratio(some: Fit) -> float:
+    def ratio_of(some: Fit) -> float:
         _, before, after = _closest(some, first, t)
         if normal is None:
             return float(np.hypot(*after) / np.hypot(*before))
         return float(-(after @ normal) / (before @ normal))
 
-    said = from_fit(fit, ratio)
-    more = [share * (said.value - ratio(other)) for other, share in others]
+    ratio = estimate_of(ratio_of, fit, others)
     if normal is not None:  # a floor is level, a wall upright, but for so much
         _, before, after = _closest(fit, first, t)
         side = np.array([-normal[1], normal[0]])
-        more.append(
-            SLANT * float(after @ side + said.value * before @ side) / float(before @ normal)
-        )
-    said = widened(said, *more)
-    if why := excessive(said):
+        slope = float((after + ratio.value * before) @ side / (before @ normal))
+        ratio = replace(ratio, u=float(np.hypot(ratio.u, CONTACTS.slant_u * slope)))
+    if why := excessive(ratio):
         return None, "ABOVE_ONE", why
-    if said.value <= 0:
+    if ratio.value <= 0:
         return None, "CONTACT_UNCLEAR", f"the ball goes on through the {kind}; none is given"
-    if said.u > COARSE:
+    if ratio.u > CONTACTS.vague_u:
         return None, "CONTACT_UNCLEAR", "the flights say too little of it; no restitution is given"
-    return said, "", ""
+    return ratio, "", ""
 
 
-def excessive(ratio: Said) -> str:
+def excessive(ratio: Estimate) -> str:
     """Return what speaks against a ratio of speeds as a restitution, "" where nothing does."""
-    if ratio.value - COVERAGE * ratio.u <= 1:
+    if ratio.value - CONTACTS.coverage * ratio.u <= 1:
         return ""
     return (
         f"the speeds have the ratio {ratio.value:.3g}, and nothing at rest gives back more than it "

@@ -1,61 +1,57 @@
-"""A clip to flights and contacts: what `virtual-lab track` says of any clip."""
+"""A clip to flights and contacts: what `virtual-lab track` finds in any clip."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.units import STANDARD_GRAVITY
 from virtual_lab.video.calibration.plane import PixelScale, distance_of
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.timing import UNEVEN, usual_step
 from virtual_lab.video.find.watching import Watched, repeats, watch
 from virtual_lab.video.follow.contacts import Contact, Note, contacts_of
-from virtual_lab.video.follow.flights import FlightScene, beside, flights_of, joint_fit, readout_of
-from virtual_lab.video.follow.joint import Fit
+from virtual_lab.video.follow.flights import beside, flights_of, readout_of
+from virtual_lab.video.follow.joint import Fit, estimate_of, fit_flights
 from virtual_lab.video.follow.kinds import MotionKind, motion_of
 from virtual_lab.video.follow.pieces import Piece, pieces
-from virtual_lab.video.follow.said import Said, from_fit, widened
+from virtual_lab.video.follow.scene import FlightScene
 
-__all__ = [
-    "FlightSeen",
-    "FollowedClip",
-    "Known",
-    "follow",
-    "following",
-    "known_of",
-]
+__all__ = ["FollowedClip", "Known", "MeasuredFlight", "follow", "following", "known_of"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-GRAVITY = 9.80665  # m/s², CGPM 1901
-ROUNDEST = 0.34  # of the places: those with the least blur show the ball's size
-TOLD = 3.0  # u of the acceleration that it may be off g by, and a share of it
-NEAR_G = 0.04
-ALONE, FAR_G = 5.0, 0.1  # the same of a single flight
-TILTED, TILTED_OFF = (
-    0.6,
-    0.03,
-)  # factor that a perspective shrinks the misfit by, and how large it is
-RECONCILED = 0.7  # of what flights' own accelerations differ by, if a perspective explains it
-HAND_DRIFT = 0.02  # of the longer side a second, each way: 0.005 to 0.03 in real clips held by hand
-DRIFT_MATTERS = 0.002  # of a flight's speed
-NO_EDGES = (
-    "the background has too few edges to show whether the camera moves: the u of speeds and "
-    "restitutions covers a hand's usual drift; --tripod says that the camera stands"
-)
-BEHIND = 0.35  # of the difference between fits with and without drag, as u
-MOVED = 0.1  # radii a frame: a ball that moves less may well look the same
-LEAST_PERIOD, MOST_PERIOD = 3, 10  # frames, of those left out of 30 a second to make 25 or 24
-ALTERNATE = 0.4  # of the frames that are repeats: every frame was stored twice
-GROWN = 4  # times that pieces grow at most
-SAME = 0.01  # of gravity: nothing new will be found by it
-AT_ONCE = 2  # repeats among the frames of flights, to ask whether they stand for time that passed
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClipSettings:
+    """How a clip's scale, time and motion are judged."""
+
+    roundest: float = 0.34  # of the places: those with the least blur show the ball's size
+    rounds: int = 4  # that pieces grow in, each knowing the gravity that the last one found
+    same_pull: float = 0.01  # of gravity: nothing new will be found by it
+    # u of the acceleration that it may be off g by, and a share of it; of all flights, and of one
+    off_gravity: tuple[float, float] = (3.0, 0.04)
+    off_gravity_alone: tuple[float, float] = (5.0, 0.1)
+    tilted_misfit: float = 0.6  # what a perspective shrinks it to, to be believed
+    tilt: float = 0.03  # over the places' extent, likewise
+    reconciled: float = 0.7  # of what flights' accelerations differ by, if that explains it
+    drag_u: float = 0.35  # of the difference between fits with and without drag
+    hand_drift: float = 0.02  # of the longer side a second, each way: 0.005 to 0.03 in real clips
+    drift_matters: float = 0.002  # of a flight's speed
+    moved: float = 0.1  # radii a frame: a ball that moves less may well look the same
+    least_repeats: int = 2  # among the frames of flights, to ask whether they stand for time
+    every_other: float = 0.4  # of the frames that are repeats: every frame was stored twice
+    thinned_periods: range = range(3, 11)  # frames, of those left out of 30 a second to make 25
+
+
+CLIP = ClipSettings()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +64,7 @@ class Known:
     metres_per_pixel: float | None = None
     metres_per_pixel_u: float = 0.0
     exposure: float | None = None  # [s]
-    gravity: float = GRAVITY
+    gravity: float = STANDARD_GRAVITY
     stands: bool = False  # the camera is known to
     readout: float | None = None  # [s]; None: unknown, up to a frame
     readout_axis: tuple[int, int] = (1, 1)
@@ -78,17 +74,17 @@ class Known:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FlightSeen:
+class MeasuredFlight:
     """A flight in metres and seconds."""
 
     first_frame: int
     last_frame: int
     places: int
-    speed_in: Said  # where it begins: at the contact before, else at its first place
-    speed_out: Said
-    angle_in: Said  # of the velocity, from the picture's right, anticlockwise as seen [rad]
-    angle_out: Said
-    acceleration: Said  # its own, without drag
+    speed_in: Estimate  # where it begins: at the contact before, else at its first place
+    speed_out: Estimate
+    angle_in: Estimate  # of the velocity, from the picture's right, anticlockwise as seen [rad]
+    angle_out: Estimate
+    acceleration: Estimate  # its own, without drag
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,20 +97,16 @@ class FollowedClip:
     scene: FlightScene
     pieces: list[Piece]
     ways: list[Piece]  # of the flights
+    seconds: float  # of one step of `t`
     fit: Fit | None
-    flights: list[FlightSeen]
+    flights: list[MeasuredFlight]
     contacts: list[Contact]
     motion: MotionKind
     scale: PixelScale | None
-    gravity: Said | None  # that the flights share [m/s²]
+    gravity: Estimate | None  # that the flights share [m/s²]
     drag_per_m: float | None
     repeated: Mask  # (frame,)
     notes: tuple[Note, ...]
-
-    @property
-    def seconds(self) -> float:
-        """Of one step of `t`."""
-        return _step(self.known, self.scene, self.ways) * _thinned(self.scene, self.ways)
 
     @property
     def lost(self) -> dict[int, int]:
@@ -147,7 +139,7 @@ def known_of(clip: Clip, calibration: ClipCalibration) -> Known:
         metres_per_pixel=scale,
         metres_per_pixel_u=calibration.metres_per_pixel_u,
         exposure=calibration.exposure_s,
-        gravity=float(np.hypot(*calibration.gravity_mps2)) or GRAVITY,
+        gravity=float(np.hypot(*calibration.gravity_mps2)) or STANDARD_GRAVITY,
         readout=0.0,
         stands=True,
     )
@@ -159,85 +151,68 @@ def follow(
     """Return what moves in a clip and how."""
     progress("looking for the ball")
     watched = watch(
-        clip,
-        frames=known.frames,
-        region=known.region,
-        stands=known.stands,
-        progress=progress,
+        clip, frames=known.frames, region=known.region, stands=known.stands, progress=progress
     )
     return following(clip, watched, known)
 
 
 def following(
-    clip: Clip, watched: Watched, known: Known, given: Sequence[Piece] | None = None
+    clip: Clip, watched: Watched, known: Known, given: list[Piece] | None = None
 ) -> FollowedClip:
     """Return the same of a clip that was watched; `given`: ways corrected by hand."""
     same = repeats(watched.change)
-    tries = [_flown(clip, watched, known, same, given, squeezed=False)]
-    alternate = float(same.mean()) > ALTERNATE
-    if same.sum() >= AT_ONCE and not alternate and given is None:
-        tries.append(_flown(clip, watched, known, same, given, squeezed=True))
-    _, scene, found, ways = max(tries, key=lambda each: each[0])
-    return _said(clip, watched, known, scene, found, ways, same)
-
-
-def _flown(
-    clip: Clip,
-    watched: Watched,
-    known: Known,
-    same: Mask,
-    given: Sequence[Piece] | None,
-    *,
-    squeezed: bool,
-) -> tuple[float, FlightScene, list[Piece], list[Piece]]:
-    """Return support, scene, all pieces and the flights; squeezed: a repeat takes no time."""
-    stamped = _times(clip)
-    time = np.where(same, np.nan, stamped - np.cumsum(same) if squeezed else stamped)
-    scene = _scene(clip, watched, known, time)
-    scene = replace(scene, stamped=stamped, doubled=float(same.mean()) > ALTERNATE)
+    scene = _scene(clip, watched, known, same, squeezed=False)
     if given is not None:
-        return 0.0, scene, list(given), list(given)
-    best: tuple[float, list[Piece], list[Piece]] = (-1.0, [], [])
-    pull = None
-    for _ in range(GROWN):  # again where gravity is known: through frames that are missing
-        found = pieces(watched.found, time, pull)
-        found = [p for p in found if not known.ball_at or _passes(watched, p, known.ball_at)]
-        ways, fit = flights_of(scene, found)
-        if (support := _support(scene, ways, fit) if fit else 0.0) > best[0]:
-            best = support, found, ways
-        before, pull = pull, fit.pull[0] if fit else None
-        if pull is None or (
-            before is not None and np.hypot(*(pull - before)) < SAME * np.hypot(*pull)
-        ):
-            break
-    return best[0], scene, *best[1:]
+        return _measured(clip, watched, known, scene, given, given, same)
+    tries = [_searched(watched, known, scene)]
+    if same.sum() >= CLIP.least_repeats and not scene.doubled:
+        squeezed = _scene(clip, watched, known, same, squeezed=True)
+        tries.append(_searched(watched, known, squeezed))
+    _, scene, found, ways = max(tries, key=lambda each: each[0])
+    return _measured(clip, watched, known, scene, found, ways, same)
 
 
-def _times(clip: Clip) -> Array:
-    """Return the time of each frame in steps; uneven time stamps of the file count."""
-    steps = np.diff(clip.times)
+def _scene(
+    clip: Clip, watched: Watched, known: Known, same: Mask, *, squeezed: bool
+) -> FlightScene:
+    """Return what is known before the search; squeezed: a repeat takes no time."""
+    stamped, steps = np.arange(clip.count, dtype=float), np.diff(clip.times)
     if len(steps) and steps.max() > UNEVEN * float(np.median(steps)):
-        return np.asarray((clip.times - clip.times[0]) / usual_step(clip.times))
-    return np.arange(clip.count, dtype=float)
-
-
-def _scene(clip: Clip, watched: Watched, known: Known, time: Array) -> FlightScene:
-    fall = None
-    if known.metres_per_pixel:
-        fall = known.gravity / known.metres_per_pixel / known.rate**2
-    elif known.ball:
-        fall = known.gravity / (known.ball / 2) / known.rate**2
+        stamped = (clip.times - clip.times[0]) / usual_step(clip.times)
+    length = known.metres_per_pixel or (known.ball and known.ball / 2)
     return FlightScene(
         found=watched.found,
-        time=time,
-        stamped=time,
+        time=np.where(same, np.nan, stamped - np.cumsum(same) if squeezed else stamped),
+        stamped=stamped,
         size=(clip.shape[1], clip.shape[0]),
-        exposure=None if known.exposure is None else known.exposure * known.rate,
-        fall=fall,
+        exposure=known.exposure and known.exposure * known.rate,
+        fall=known.gravity / length / known.rate**2 if length else None,
         fall_in_radii=known.metres_per_pixel is None,
-        readout=None if known.readout is None else known.readout * known.rate,
+        readout=known.readout and known.readout * known.rate,
+        doubled=float(same.mean()) > CLIP.every_other,
         readout_axis=known.readout_axis,
     )
+
+
+def _searched(
+    watched: Watched, known: Known, scene: FlightScene
+) -> tuple[float, FlightScene, list[Piece], list[Piece]]:
+    """Return support, scene, all pieces and the flights."""
+    best: tuple[float, list[Piece], list[Piece]] = (-1.0, [], [])
+    pull = None
+    for _ in range(CLIP.rounds):  # where gravity is known also through frames that are missing
+        found = pieces(watched.found, scene.time, pull)
+        found = [p for p in found if not known.ball_at or _passes(watched, p, known.ball_at)]
+        ways, fit = flights_of(scene, found)
+        support = _support(scene, ways, fit) if fit else 0.0
+        if support > best[0]:
+            best = support, found, ways
+        before, pull = pull, fit.pull[0] if fit else None
+        if pull is None:
+            break
+        if before is not None and np.hypot(*(pull - before)) < CLIP.same_pull * np.hypot(*pull):
+            break
+    return best[0], scene, *best[1:]
 
 
 def _passes(watched: Watched, piece: Piece, at: tuple[float, float, int]) -> bool:
@@ -250,9 +225,8 @@ def _passes(watched: Watched, piece: Piece, at: tuple[float, float, int]) -> boo
     if not len(some):
         return True
     one = some[int(np.argmin(np.hypot(some["x"] - x, some["y"] - y)))]
-    ratio = piece.radius / one["radius"]
     colour = np.median(watched.found["colour"][piece.blobs], axis=0) - one["colour"]
-    return bool(0.6 < ratio < 1.6 and np.abs(colour).max() < 60)
+    return bool(0.6 < piece.radius / one["radius"] < 1.6 and np.abs(colour).max() < 60)
 
 
 def _support(scene: FlightScene, ways: list[Piece], fit: Fit) -> float:
@@ -272,8 +246,9 @@ def _step(known: Known, scene: FlightScene, ways: Sequence[Piece]) -> float:
         counted = np.sort(np.concatenate([way.frames for way in ways]))
     if len(counted) < 2:
         return 1 / known.rate
-    taken = scene.stamped[counted[-1]] - scene.stamped[counted[0]]
-    return float(taken / (scene.time[counted[-1]] - scene.time[counted[0]]) / known.rate)
+    first, last = counted[0], counted[-1]
+    steps = (scene.stamped[last] - scene.stamped[first]) / (scene.time[last] - scene.time[first])
+    return float(steps * _thinned(scene, ways) / known.rate)
 
 
 def _thinned(scene: FlightScene, ways: Sequence[Piece]) -> float:
@@ -282,12 +257,12 @@ def _thinned(scene: FlightScene, ways: Sequence[Piece]) -> float:
     Where every so manieth frame was left out the file's rate is that of what is left: a step is
     shorter. Frames that are lost here and there leave the rate as it was.
     """
-    if sum(scene.lost(ways).values()) < AT_ONCE:
+    if sum(scene.lost(ways).values()) < CLIP.least_repeats:
         return 1.0
-    frames = [np.stack([way.frames[:-1], way.frames[1:]]) for way in ways]
+    first = np.concatenate([way.frames[:-1] for way in ways])
+    last = np.concatenate([way.frames[1:] for way in ways])
     lost = np.concatenate([np.diff(w.t) - np.diff(scene.time[w.frames]) for w in ways])
-    first, last = np.concatenate(frames, axis=1)
-    for period in range(LEAST_PERIOD, MOST_PERIOD + 1):
+    for period in CLIP.thinned_periods:
         for phase in range(period):
             left_out = (last - phase) // period - (first - phase) // period
             if (left_out == np.rint(lost)).all():
@@ -295,7 +270,7 @@ def _thinned(scene: FlightScene, ways: Sequence[Piece]) -> float:
     return 1.0
 
 
-def _said(
+def _measured(
     clip: Clip,
     watched: Watched,
     known: Known,
@@ -304,53 +279,51 @@ def _said(
     ways: list[Piece],
     same: Mask,
 ) -> FollowedClip:
+    """Return flights, contacts and scale in SI, and what speaks against them."""
     notes: list[Note] = [("", words) for words in clip.warnings]
-    lost = scene.lost(ways)
-    step = _step(known, scene, ways) * _thinned(scene, ways)
-    motion = motion_of(scene, found, ways, step)
-    flights: list[FlightSeen] = []
+    step = _step(known, scene, ways)
+    flights: list[MeasuredFlight] = []
     contacts: list[Contact] = []
-    fit = other = scale = gravity = None
+    fit = other = gravity = None
     if ways:
-        readout = readout_of(scene, ways)
-        fit = joint_fit(scene, ways, readout=readout)
-        skewed = joint_fit(scene, ways, readout=readout, tilted=True)
-        turned = float(np.hypot(*skewed.tilt)) * _extent(ways)
-        if skewed.cost < TILTED * fit.cost and turned > TILTED_OFF:
-            other = skewed
-            if _apart(scene, ways, readout, tilted=True) < RECONCILED * _apart(
-                scene, ways, readout
-            ):
-                fit, other = skewed, fit
-            words = (
-                "the acceleration changes over the picture as before a tilted camera: scale and "
-                "speeds are those of its middle, by a fitted perspective where flights agree by "
-                "that, and their u and the restitution's cover it"
-            )
-            notes.append(("TILTED", words))
-    scale = scale_by_ball(watched, known, ways or found, fit)
+        fit, other = _fits(scene, ways)
+    if other:
+        words = (
+            "the acceleration changes over the picture as before a tilted camera: scale and "
+            "speeds are those of its middle, by a fitted perspective where flights agree by "
+            "that, and their u and the restitution's cover it"
+        )
+        notes.append(("TILTED", words))
+    scale = _scale(watched, known, ways or found, fit)
     if fit and scale:
-        if readout and scene.readout is None:
+        if fit.readout and scene.readout is None:
             words = (
-                f"the shutter rolls: the flights fit a readout of about {readout:.2g} of a frame; "
-                "give --readout to say how long it is"
+                f"the shutter rolls: the flights fit a readout of about {fit.readout:.2g} of a "
+                "frame; give --readout to say how long it is"
             )
             notes.append(("ROLLING_SHUTTER", words))
-        free = joint_fit(
-            scene, ways, readout=readout, drag=False, shared=False, tilted=bool(fit.tilt.any())
+        tilted = bool(fit.tilt.any())
+        free = fit_flights(
+            scene, ways, readout=fit.readout, drag=False, shared=False, tilted=tilted
         )
-        others = [(free, BEHIND), *([(other, 1.0)] if other else [])]
+        others = [(free, CLIP.drag_u), *([(other, 1.0)] if other else [])]
         if not (known.stands or watched.still.shows_drift):
-            hand = HAND_DRIFT * max(scene.size) * step
+            hand = CLIP.hand_drift * max(scene.size) * step
             others += [(fit.drifting(each), 1.0) for each in hand * np.eye(2)]
-            if hand > DRIFT_MATTERS * min(float(np.hypot(*v)) for v in fit.states[:, 2:]):
-                notes.append(("DRIFT_UNSEEN", NO_EDGES))
-        contacts, said = contacts_of(scene, ways, fit, others, step, scale.metres_per_pixel)
-        notes += said
+            if hand > CLIP.drift_matters * np.hypot(*fit.states[:, 2:].T).min():
+                words = (
+                    "the background has too few edges to show whether the camera moves: the u of "
+                    "speeds and restitutions covers a hand's usual drift; --tripod says that the "
+                    "camera stands"
+                )
+                notes.append(("DRIFT_UNSEEN", words))
+        unit = scale.metres_per_pixel
+        contacts, against = contacts_of(scene, ways, fit, others, step, unit)
         flights = _flights(scene, ways, fit, others, contacts, scale, step)
-        unit = scale.metres_per_pixel / step**2
-        gravity = _told(partial(_pull, 0), fit, [], scale).times(unit)
-        notes += _against(known, ways, flights, scale, step)
+        gravity = estimate_of(
+            partial(_pull, 0), fit, unit=unit / step**2, relative_u=scale.relative_u
+        )
+        notes += against + _doubts(known, ways, flights, unit, step)
     if ways and (more := beside(scene, ways, found)):
         first = min(int(each.frames[0]) for each in more)
         words = (
@@ -358,7 +331,7 @@ def _said(
             "which is meant; where they are alike flights may be mixed up"
         )
         notes.append(("SECOND_BALL", words))
-    if lost:
+    if lost := scene.lost(ways):
         where = ", ".join(f"{n} before frame {frame}" for frame, n in sorted(lost.items())[:6])
         words = f"frames are missing though time stamps are even ({where}): time was mended"
         notes.append(("LOST_FRAMES", words))
@@ -373,10 +346,11 @@ def _said(
         scene=scene,
         pieces=found,
         ways=ways,
+        seconds=step,
         fit=fit,
         flights=flights,
         contacts=contacts,
-        motion=motion,
+        motion=motion_of(scene, found, ways, step),
         scale=scale,
         gravity=gravity,
         drag_per_m=fit.drag / scale.metres_per_pixel if fit and scale else None,
@@ -385,27 +359,43 @@ def _said(
     )
 
 
+def _fits(scene: FlightScene, ways: list[Piece]) -> tuple[Fit, Fit | None]:
+    """Return the fit, and with or without a perspective another one where that matters."""
+    readout = readout_of(scene, ways)
+    flat, tilted = (
+        fit_flights(scene, ways, readout=readout, tilted=each) for each in (False, True)
+    )
+    extent = np.ptp(np.concatenate([each.xy for each in ways]), axis=0).max()
+    turned = np.hypot(*tilted.tilt) * extent > CLIP.tilt
+    if tilted.cost >= CLIP.tilted_misfit * flat.cost or not turned:
+        return flat, None
+    apart = []
+    for each in (False, True):
+        own = fit_flights(scene, ways, readout=readout, shared=False, tilted=each)
+        apart.append(np.ptp(np.hypot(*own.pull.T)))
+    return (tilted, flat) if apart[1] < CLIP.reconciled * apart[0] else (flat, tilted)
+
+
 def _while_moving(same: Mask, ways: Sequence[Piece]) -> Mask:
     """Return which repeats stand while a ball moves: elsewhere frames may well show the same."""
     counted = np.zeros(len(same), bool)
     for way in ways:
         t, steps = way.frames, np.hypot(*np.diff(way.xy, axis=0).T) / np.diff(way.frames)
-        for frame in np.flatnonzero(same[t[0] : t[-1] + 1]) + t[0]:
-            k = int(np.searchsorted(t, frame))
-            if 0 < k < len(t):
-                counted[frame] = steps[k - 1] > MOVED * way.radius
-    return counted if counted.sum() >= AT_ONCE else np.zeros(len(same), bool)
+        for k in np.flatnonzero(steps > CLIP.moved * way.radius):
+            counted[t[k] + 1 : t[k + 1] + 1] = True
+    counted &= same
+    return counted if counted.sum() >= CLIP.least_repeats else np.zeros_like(counted)
 
 
-def _extent(ways: Sequence[Piece]) -> float:
-    together = np.concatenate([each.xy for each in ways])
-    return float(np.ptp(together, axis=0).max())
-
-
-def scale_by_ball(
+def _scale(
     watched: Watched, known: Known, ways: Sequence[Piece], fit: Fit | None
 ) -> PixelScale | None:
-    """Return the scale: given, or by the ball's size in the pictures that blur it least."""
+    """Return the scale: given, or by the ball's size in its roundest pictures.
+
+    Blur draws an outline out by as much as it narrows it at half of the contrast, or little more,
+    and so does shading: the mean of the axes is not biased. A perspective makes balls larger or
+    smaller than in the middle of the picture, where the scale is taken.
+    """
     if known.metres_per_pixel:
         relative = known.metres_per_pixel_u / known.metres_per_pixel
         return PixelScale(
@@ -413,32 +403,18 @@ def scale_by_ball(
         )
     if not known.ball or not ways:
         return None
-    radius, radius_u = size_of(watched, np.concatenate([each.blobs for each in ways]), fit)
-    relative = float(np.hypot(known.ball_u / known.ball, radius_u / radius))
-    return PixelScale(
-        metres_per_pixel=known.ball / (2 * radius), relative_u=relative, source="ball"
-    )
-
-
-def size_of(watched: Watched, blobs: NDArray[np.intp], fit: Fit | None) -> tuple[float, float]:
-    """Return the radius of a ball and its u [pixels] by its roundest pictures.
-
-    Blur draws an outline out by as much as it narrows it at half of the contrast, or little more,
-    and so does shading: the mean of the axes is not biased. A perspective makes balls larger or
-    smaller than in the middle of the picture, where the scale is taken.
-    """
-    some = watched.found[blobs[blobs >= 0]]
-    ratio = some["length"] / some["radius"]
-    size = (some["radius"] + some["length"]) / 2
+    some = watched.found[np.concatenate([each.blobs for each in ways])]
+    ratio, size = some["length"] / some["radius"], (some["radius"] + some["length"]) / 2
     if fit:
-        off = np.stack([some["x"], some["y"]], axis=1) - fit.centre
-        size = size / (1 - off @ fit.tilt)
-    least = ratio <= np.quantile(ratio, ROUNDEST)
-    size = size[least]
-    radius = float(np.median(size))
-    scatter = 1.4826 * float(np.median(np.abs(size - radius)))
-    edge = float(np.median(some["radius_u"][least]))
-    return radius, float(np.hypot(edge, 0.5 * scatter))
+        size = size / (1 - (np.stack([some["x"], some["y"]], axis=1) - fit.centre) @ fit.tilt)
+    round_ = ratio <= np.quantile(ratio, CLIP.roundest)
+    radius = float(np.median(size[round_]))
+    scatter = 1.4826 * float(np.median(np.abs(size[round_] - radius)))
+    edge = float(np.median(some["radius_u"][round_]))
+    relative_u = np.linalg.norm([known.ball_u / known.ball, edge / radius, 0.5 * scatter / radius])
+    return PixelScale(
+        metres_per_pixel=known.ball / (2 * radius), relative_u=float(relative_u), source="ball"
+    )
 
 
 def _flights(
@@ -449,57 +425,46 @@ def _flights(
     contacts: list[Contact],
     scale: PixelScale,
     step: float,
-) -> list[FlightSeen]:
+) -> list[MeasuredFlight]:
     """Return the flights; `others`: fits by other models, and their differences' share of u."""
-    ways_of = {"shared": False, "tilted": bool(fit.tilt.any())}
-    own = joint_fit(scene, ways, readout=fit.readout, **ways_of)
-    tilted = any(each.tilt.any() for each, _ in others)
-    owns = [(fit, 1.0)] if tilted and not fit.tilt.any() else []
+    tilted = bool(fit.tilt.any())
+    own = fit_flights(scene, ways, readout=fit.readout, shared=False, tilted=tilted)
+    owns = [(fit, 1.0)] if not tilted and any(each.tilt.any() for each, _ in others) else []
     if scene.readout is None:  # any readout up to a frame is as likely
-        rolled = joint_fit(scene, ways, readout=1.0, tilted=ways_of["tilted"])
-        others = [*others, (rolled, 1 / np.sqrt(3))]
-        owns.append((joint_fit(scene, ways, readout=1.0, **ways_of), 1 / np.sqrt(3)))
+        share = 1 / np.sqrt(3)
+        others = [*others, (fit_flights(scene, ways, readout=1.0, tilted=tilted), share)]
+        rolled = fit_flights(scene, ways, readout=1.0, shared=False, tilted=tilted)
+        owns.append((rolled, share))
     unit = scale.metres_per_pixel / step
     before = {each.after: each.t for each in contacts}
     after = {each.before: each.t for each in contacts}
     found = []
     for k, way in enumerate(ways):
         late = float(np.median(scene.late(way.blobs)))
-        ends = (before.get(k, float(way.t[0])), after.get(k, float(way.t[-1])))
-        speeds = [_told(partial(_speed, k, t, late), fit, others, scale) for t in ends]
-        ways_out = [fit.at(k, t + fit.readout * late)[0, 2:] for t in ends]
-        angles = [
-            Said(value=float(np.arctan2(-down, right)), u=speed.u / speed.value)
-            for speed, (right, down) in zip(speeds, ways_out, strict=True)
-        ]
+        ends = []
+        for t in (before.get(k, float(way.t[0])), after.get(k, float(way.t[-1]))):
+            speed_at = partial(_speed, k, t, late)
+            speed = estimate_of(speed_at, fit, others, unit=unit, relative_u=scale.relative_u)
+            right, down = fit.at(k, t + fit.readout * late)[0, 2:]
+            angle = Estimate(value=float(np.arctan2(-down, right)), u=speed.u / speed.value)
+            ends.append((speed, angle))
+        (speed_in, angle_in), (speed_out, angle_out) = ends
+        pull = estimate_of(
+            partial(_pull, k), own, owns, unit=unit / step, relative_u=scale.relative_u
+        )
         found.append(
-            FlightSeen(
+            MeasuredFlight(
                 first_frame=int(way.frames[0]),
                 last_frame=int(way.frames[-1]),
                 places=len(way.t),
-                speed_in=speeds[0].times(unit),
-                speed_out=speeds[1].times(unit),
-                angle_in=angles[0],
-                angle_out=angles[1],
-                acceleration=_told(partial(_pull, k), own, owns, scale).times(unit / step),
+                speed_in=speed_in,
+                speed_out=speed_out,
+                angle_in=angle_in,
+                angle_out=angle_out,
+                acceleration=pull,
             )
         )
     return found
-
-
-def _told(
-    quantity: Callable[[Fit], float], fit: Fit, others: list[tuple[Fit, float]], scale: PixelScale
-) -> Said:
-    """Return what follows from a fit [pixels], its u with what other models say and the scale's."""
-    said = from_fit(fit, quantity)
-    off = (share * (said.value - quantity(other)) for other, share in others)
-    return widened(said, *off, said.value * scale.relative_u)
-
-
-def _apart(scene: FlightScene, ways: list[Piece], readout: float, *, tilted: bool = False) -> float:
-    """Return by how much the flights' own accelerations differ."""
-    own = joint_fit(scene, ways, readout=readout, shared=False, tilted=tilted)
-    return float(np.ptp(np.hypot(*own.pull.T)))
 
 
 def _pull(flight: int, fit: Fit) -> float:
@@ -511,34 +476,33 @@ def _speed(flight: int, t: float, late: float, fit: Fit) -> float:
     return float(np.hypot(*fit.at(flight, t + fit.readout * late)[0, 2:]))
 
 
-def _against(
-    known: Known, ways: list[Piece], flights: list[FlightSeen], scale: PixelScale, step: float
+def _doubts(
+    known: Known, ways: list[Piece], flights: list[MeasuredFlight], unit: float, step: float
 ) -> list[Note]:
     """Return what speaks against scale, ball, frame rate and shutter."""
     notes = []
-    bends = [
-        each
+    pulls = [
+        each.acceleration
         for way, each in zip(ways, flights, strict=True)
         if max(known.gravity, each.acceleration.value) * (step * np.ptp(way.t)) ** 2 / 8
-        > scale.metres_per_pixel * way.radius
+        > unit * way.radius
     ]
-    if bends:
-        weight = np.array([1 / max(each.acceleration.u, 1e-9) ** 2 for each in bends])
-        value = float(np.average([each.acceleration.value for each in bends], weights=weight))
-        u = float(np.min([each.acceleration.u for each in bends]))
-        told = [(value, u, TOLD, NEAR_G)]
-        told += [(each.acceleration.value, each.acceleration.u, ALONE, FAR_G) for each in bends]
-        wrong = [
-            v for v, u, k, part in told if abs(v - known.gravity) > max(k * u, part * known.gravity)
-        ]
-        if wrong:
-            value = wrong[0]
-            words = (
-                f"the ball falls with {value:.3g} m/s², not {known.gravity:.3g}: the scale, the "
-                "ball's diameter or the frame rate is wrong (slow motion declares the rate it "
-                "plays at: --fps), and every speed with it"
-            )
-            notes.append(("GRAVITY", words))
+    if pulls:
+        weights = [1 / max(each.u, 1e-9) ** 2 for each in pulls]
+        mean = float(np.average([each.value for each in pulls], weights=weights))
+        together = Estimate(value=mean, u=min(each.u for each in pulls))
+        judged = [(together, *CLIP.off_gravity)]
+        judged += [(each, *CLIP.off_gravity_alone) for each in pulls]
+        for each, coverage, share in judged:
+            most = max(coverage * each.u, share * known.gravity)
+            if abs(each.value - known.gravity) > most:
+                words = (
+                    f"the ball falls with {each.value:.3g} m/s², not {known.gravity:.3g}: the "
+                    "scale, the ball's diameter or the frame rate is wrong (slow motion declares "
+                    "the rate it plays at: --fps), and every speed with it"
+                )
+                notes.append(("GRAVITY", words))
+                break
     if known.readout is None and flights:
         words = (
             "neither --readout nor --global-shutter is given: a shutter may roll for up to a "

@@ -6,44 +6,64 @@ out of the file though its time stamps are even: the ball is then ahead by as ma
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.video.find.blobs import Blobs
 
-__all__ = ["Piece", "parabola", "pieces"]
+__all__ = ["GROWTH", "Piece", "parabola", "pieces"]
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
-GAP = 4  # frames in a row that need not show the ball
-LOST = 3  # frames that may have been left out at one place
-SURE = 4  # places before a step may be read as lost frames
-STEP = 0.25  # radii of it, at least
-EXACT = 0.1  # of it, that a place may be off if it is less than twice that
-LEAST = 5  # places of a piece
-TRAVEL = 1.0  # radii it covers
-SHORT, STEADY = 0.5, 0.01  # radii, if it strays off a parabola by so little: no noise does
-RECENT = 6  # places that show where the next one is
-NEW = (0.9, 0.35)  # radii and steps that the third place may be off a line
-SEEN = (0.4, 0.1)  # the same where gravity is known, off its parabola
-NEXT = (0.25, 0.12)  # radii and steps that any later one may be off a parabola
-FASTEST = 9.0  # radii a frame
-SLOWEST = 0.01
-SIZE = 1.6  # ratio of the radii of one ball's blobs
-COLOUR = 70.0  # DN between its blobs
-SEEDS = 4  # triples tried from a blob
-DIRTY = 0.35  # of the ring: more is a hand, or the ball on something
-BREAK = 0.22  # of the speed that it must change by for a contact
-BREAK_PULL = 3.0  # of what gravity adds in a frame: less than that leaves no flight behind it
-BENT = 0.1  # radii, rms off a parabola: no flight, or not all of it
-BREAK_U = 6.0  # standard uncertainties, likewise
-BETTER, CLEARLY = 0.5, 0.3  # share of the misfit, and radii it shrinks by: times are mended
-STRAY, FEW = 0.15, 0.15  # radii off the others' parabola, of so small a share of the places
-ENDS = 4.0  # scatters that the first or last place may be off the others' parabola
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PieceGrowth:
+    """Which blobs make a piece."""
+
+    gap_frames: int = 4  # in a row that need not show the ball
+    lost_frames: int = 3  # that may have been left out at one place
+    sure_places: int = 4  # before a step may be read as lost frames
+    least_step: float = 0.25  # radii of it
+    slow_step: float = 0.1  # of a step less than twice that, that a place may be off
+    least_places: int = 5
+    travel: float = 1.0  # radii it covers
+    short_travel: float = 0.5  # radii, if it strays off a parabola by so little: no noise does
+    short_stray: float = 0.01  # radii
+    recent_places: int = 6  # that show where the next one is
+    seeds: int = 4  # triples tried from a blob
+    slowest: float = 0.01  # radii a frame
+    fastest: float = 9.0
+    third_room: tuple[float, float] = (0.9, 0.35)  # radii and steps that it may be off a line
+    falling_third_room: tuple[float, float] = (0.4, 0.1)  # where g is known: off its parabola
+    fourth_room: tuple[float, float] = (0.5, 0.2)  # radii and steps off a parabola
+    later_room: tuple[float, float] = (0.25, 0.12)  # of any place where g is known
+    size_ratio: float = 1.6  # of the radii of one ball's blobs
+    colour: float = 70.0  # DN between its blobs
+    dirty: float = 0.35  # of the ring: more is a hand, or the ball on something
+    # a piece is given other times where they shrink its misfit
+    mended_share: float = 0.5  # to this share
+    mended_radii: float = 0.3  # by so many radii for each change
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PieceCuts:
+    """Where a grown piece ends after all."""
+
+    turn: float = 0.22  # of the speed that it must change by for a contact
+    turn_u: float = 6.0  # standard uncertainties, likewise
+    turn_pull: float = 3.0  # of what gravity adds in a frame: less leaves no flight behind it
+    bent: float = 0.1  # radii, rms off a parabola: no flight, or not all of it
+    stray: float = 0.15  # radii off the others' parabola
+    stray_share: float = 0.15  # of the places that may be so far off and be left out
+    scatters: float = 4.0  # that a place may be off the others' parabola
+
+
+GROWTH = PieceGrowth()
+CUTS = PieceCuts()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,22 +90,17 @@ class Piece:
 
     def part(self, which: NDArray[np.bool_] | slice) -> Piece:
         """Return some of the places."""
-        return Piece(
-            blobs=self.blobs[which],
-            frames=self.frames[which],
-            t=self.t[which],
-            xy=self.xy[which],
-            radius=self.radius,
-        )
+        names = ("blobs", "frames", "t", "xy")
+        return replace(self, **{name: getattr(self, name)[which] for name in names})
 
 
-def parabola(t: Array, xy: Array) -> tuple[Array, Array, float]:
-    """Return acceleration, its u (one number) and the rms residual of constant acceleration."""
-    solved, solver, rms = _smooth(t - t.mean(), xy, 2)
-    return 2 * solved[2], np.full(2, 2 * rms * np.linalg.norm(solver[2])), rms
+def parabola(t: Array, xy: Array) -> tuple[Array, float, float]:
+    """Return acceleration (2,), the u of each part, and the rms residual of a parabola."""
+    solved, solver, rms = _polynomial(t - t.mean(), xy, 2)
+    return 2 * solved[2], 2 * rms * float(np.linalg.norm(solver[2])), rms
 
 
-def _smooth(t: Array, xy: Array, degree: int) -> tuple[Array, Array, float]:
+def _polynomial(t: Array, xy: Array, degree: int) -> tuple[Array, Array, float]:
     """Return a polynomial's coefficients, what takes places to them, and the rms residual."""
     design = np.vander(t, degree + 1, increasing=True)
     solver = np.asarray(np.linalg.pinv(design), np.float64)
@@ -108,14 +123,15 @@ def pieces(found: Blobs, time: Array, pull: Array | None = None) -> list[Piece]:
     grown = _Growth(found, time, pull).all()
     if pull is not None:
         grown = [_retimed(each, time, pull) for each in grown]
-    whole = [each for one in grown for each in _broken(one)]
-    whole = [each for each in map(_trimmed, map(_cleaned, whole)) if len(each.t) >= LEAST]
+    whole = [_trimmed(_cleaned(each)) for one in grown for each in _broken(one)]
+    whole = [each for each in whole if len(each.t) >= GROWTH.least_places]
     return sorted(whole, key=lambda each: each.frames[0])
 
 
 class _Growth:
     def __init__(self, found: Blobs, time: Array, pull: Array | None) -> None:
-        usable = (found["dirty"] < DIRTY) & ~found["cut"] & np.isfinite(time[found["frame"]])
+        usable = (found["dirty"] < GROWTH.dirty) & ~found["cut"]
+        usable &= np.isfinite(time[found["frame"]])
         self.found, self.index, self.pull = found, np.flatnonzero(usable), pull
         some = found[usable]
         self.frame = some["frame"].astype(np.intp)
@@ -132,77 +148,68 @@ class _Growth:
             if self.used[start]:
                 continue
             grown = [self._grown(seed) for seed in self._seeds(start)]
-            best = max(grown, key=lambda each: len(each[0]), default=None)
-            if best is None or len(best[0]) < LEAST:
+            places, t = max(grown, key=lambda each: len(each[0]), default=([], []))
+            if len(places) < GROWTH.least_places:
                 continue
-            places, t = best
             way, radius = self.xy[places], float(np.median(self.radius[places]))
             travel = np.ptp(way, axis=0).max() / radius
-            stray = parabola(np.array(t), way)[2] / radius
-            if travel < TRAVEL and (travel < SHORT or stray > STEADY):
+            steady = parabola(np.array(t), way)[2] <= GROWTH.short_stray * radius
+            if travel < (GROWTH.short_travel if steady else GROWTH.travel):
                 continue
             self.used[places] = True
             found.append(Piece.of(self.found, self.index[places], np.array(t)))
         return found
 
-    def _in(self, frame: int) -> Ints:
-        there = np.arange(self.first[frame], self.first[frame + 1])
-        return np.asarray(there[~self.used[there]])
-
-    def _like(self, one: int, others: Ints, radius: float) -> Ints:
+    def _like(self, one: int, frame: int, radius: float) -> Ints:
+        """Return the unused blobs of a frame that look like one."""
+        others = np.arange(self.first[frame], self.first[frame + 1])
         ratio = self.radius[others] / radius
-        near = (ratio < SIZE) & (ratio > 1 / SIZE)
-        near &= np.abs(self.colour[others] - self.colour[one]).max(axis=1) < COLOUR
+        near = ~self.used[others] & (ratio < GROWTH.size_ratio) & (ratio > 1 / GROWTH.size_ratio)
+        near &= np.abs(self.colour[others] - self.colour[one]).max(axis=1) < GROWTH.colour
         return np.asarray(others[near])
 
-    def _seeds(self, a: int) -> Iterator[tuple[int, int, int]]:
-        """Yield the triples from a blob that are nearest to a line."""
+    def _seeds(self, a: int) -> list[tuple[int, int, int]]:
+        """Return the triples from a blob that are nearest to a line."""
         radius, here = float(self.radius[a]), self.place[int(self.frame[a])]
         tried: list[tuple[float, tuple[int, int, int]]] = []
-        frames = [int(each) for each in self.counted[here + 1 : here + 4]]
-        for i, j in ((0, 1), (0, 2), (1, 2)):
-            if j >= len(frames):
-                continue
-            second = self._like(a, self._in(frames[i]), radius)
-            third = self._like(a, self._in(frames[j]), radius)
+        for one, other in combinations(self.counted[here + 1 : here + 4].tolist(), 2):
+            second, third = self._like(a, one, radius), self._like(a, other, radius)
             if not second.size or not third.size:
                 continue
-            t0, t1, t2 = (self.time[k] for k in (self.frame[a], frames[i], frames[j]))
+            t0, t1, t2 = (self.time[k] for k in (self.frame[a], one, other))
             speed = (self.xy[second] - self.xy[a]) / (t1 - t0)
             fast = np.hypot(*speed.T)
-            good = (fast < FASTEST * radius) & (fast > SLOWEST * radius)
+            good = (fast < GROWTH.fastest * radius) & (fast > GROWTH.slowest * radius)
             expected = self.xy[second] + speed * (t2 - t1)
+            room = GROWTH.third_room
             if self.pull is not None:
                 expected += self.pull * (t2 - t0) * (t2 - t1) / 2
+                room = GROWTH.falling_third_room
             off = np.linalg.norm(self.xy[third][None] - expected[:, None], axis=2)
-            room = NEW if self.pull is None else SEEN
             most = (room[0] * radius + room[1] * fast) * (t2 - t1)
             off[(off > most[:, None]) | ~good[:, None]] = np.inf
-            for k in np.argsort(off, axis=None)[:SEEDS]:
+            for k in np.argsort(off, axis=None)[: GROWTH.seeds]:
                 m, n = np.unravel_index(k, off.shape)
                 if np.isfinite(off[m, n]):
                     tried.append((float(off[m, n]), (a, int(second[m]), int(third[n]))))
-        tried.sort()
-        return (each for _, each in tried[:SEEDS])
+        return [each for _, each in sorted(tried)[: GROWTH.seeds]]
 
     def _grown(self, seed: tuple[int, int, int]) -> tuple[list[int], list[float]]:
         places, t = list(seed), [float(self.time[self.frame[k]]) for k in seed]
         ahead = 0.0  # lost so far
-        k = self.place[int(self.frame[seed[-1]])] + 1
         radius = float(np.median(self.radius[places]))
-        while k < len(self.counted) and self.counted[k] - self.frame[places[-1]] <= GAP + 1:
-            frame = int(self.counted[k])
-            there = self._like(places[-1], self._in(frame), radius)
-            k += 1
-            if not there.size:
+        for frame in self.counted[self.place[int(self.frame[seed[-1]])] + 1 :].tolist():
+            if frame - self.frame[places[-1]] > GROWTH.gap_frames + 1:
+                break
+            there = self._like(places[-1], frame, radius)
+            time = float(self.time[frame]) + ahead
+            following = self._next(places, t, there, time, radius) if there.size else None
+            if following is None:
                 continue
-            best = self._next(places, t, there, float(self.time[frame]) + ahead, radius)
-            if best is None:
-                continue
-            which, lost = best
+            which, lost = following
             ahead += lost
             places.append(which)
-            t.append(float(self.time[frame]) + ahead)
+            t.append(time + lost)
             if len(places) % 4 == 0:
                 radius = float(np.median(self.radius[places]))
         return places, t
@@ -210,26 +217,28 @@ class _Growth:
     def _next(
         self, places: list[int], t: list[float], there: Ints, time: float, radius: float
     ) -> tuple[int, int] | None:
-        recent = np.array(t[-RECENT:])
-        xy = self.xy[places[-RECENT:]]
+        """Return the blob that goes on, and how many frames were left out before it."""
+        recent, known = np.array(t[-GROWTH.recent_places :]), self.pull is not None
+        xy = self.xy[places[-GROWTH.recent_places :]]
         s = recent - recent[-1]
         if self.pull is None:
-            solved, *_ = _smooth(s, xy, 2)
+            solved = _polynomial(s, xy, 2)[0]
         else:
             fallen = s[:, None] ** 2 * self.pull / 2
-            solved = np.vstack([_smooth(s, xy - fallen, 1)[0], self.pull / 2])
+            solved = np.vstack([_polynomial(s, xy - fallen, 1)[0], self.pull / 2])
         speed = float(np.hypot(*(xy[-1] - xy[-2]))) / (recent[-1] - recent[-2])
-        room = NEXT if len(places) > 3 or self.pull is not None else (0.5, 0.2)
+        room = GROWTH.later_room if len(places) > 3 or known else GROWTH.fourth_room
         later = time - recent[-1]
         most = (room[0] * radius + room[1] * speed) * (1 + 0.5 * (later - 1))
-        stray = 0.7 * most if speed > 2 * STEP * radius else EXACT * speed
-        sure = len(places) >= (SURE if self.pull is None else SURE - 1)
-        for lost in range(LOST + 1 if sure and speed > STEP * radius else 1):
+        fast = speed > 2 * GROWTH.least_step * radius
+        stray = 0.7 * most if fast else GROWTH.slow_step * speed
+        sure = len(places) >= GROWTH.sure_places - known and speed > GROWTH.least_step * radius
+        for lost in range(GROWTH.lost_frames + 1 if sure else 1):
             ahead = later + lost
             expected = np.array([1.0, ahead, ahead**2]) @ solved
             off = np.hypot(*(self.xy[there] - expected).T)
             k = int(np.argmin(off))
-            if off[k] < (most if lost == 0 else stray):
+            if off[k] < (stray if lost else most):
                 return int(there[k]), lost
         return None
 
@@ -242,18 +251,19 @@ def _retimed(piece: Piece, time: Array, pull: Array) -> Piece:
     count, even = len(piece.t), time[piece.frames]
     later = np.arange(count) >= np.arange(1, count)[:, None]
     moved = np.concatenate([later, np.eye(count, dtype=bool)])
-    tried = [n * moved for n in range(-LOST, LOST + 1)]
-    fast = np.hypot(*np.gradient(piece.xy, piece.t, axis=0).T) > STEP * piece.radius
-    least, start = (CLEARLY * piece.radius) ** 2, np.stack([piece.t, even])
-    before, plain = _off_parabola(start, piece.xy, pull).tolist()
+    lost = np.arange(-GROWTH.lost_frames, GROWTH.lost_frames + 1)
+    steps = (lost[:, None, None] * moved).reshape(-1, count)
+    fast = np.hypot(*np.gradient(piece.xy, piece.t, axis=0).T) > GROWTH.least_step * piece.radius
+    steps = steps[((steps != 0) & fast).any(axis=1)]
+    least = (GROWTH.mended_radii * piece.radius) ** 2
+    before, plain = _off_parabola(np.stack([piece.t, even]), piece.xy, pull).tolist()
     # frames are left out only where that explains clearly more
-    t, cost = (even, plain) if plain < before + least else (piece.t, before)
+    start = (even, plain) if plain < before + least else (piece.t, before)
+    t, cost = start
     while True:
-        steps = np.concatenate(tried)
         times = t + steps
         lost = np.diff(times - even, axis=1)
-        good = (lost > -0.5).all(axis=1) & (lost < LOST + 0.5).all(axis=1)
-        good &= ((steps != 0) & fast).any(axis=1)
+        good = ((lost > -0.5) & (lost < GROWTH.lost_frames + 0.5)).all(axis=1)
         if not good.any():
             break
         costs = _off_parabola(times[good], piece.xy, pull)
@@ -261,9 +271,8 @@ def _retimed(piece: Piece, time: Array, pull: Array) -> Piece:
         if costs[best] > cost - least:
             break
         t, cost = times[good][best], float(costs[best])
-    if cost > BETTER * min(plain, before):
-        t = even if plain < before + least else piece.t
-    return replace(piece, t=t)
+    mended = cost <= GROWTH.mended_share * min(plain, before)
+    return replace(piece, t=t if mended else start[0])
 
 
 def _off_parabola(t: Array, xy: Array, pull: Array) -> Array:
@@ -277,65 +286,54 @@ def _off_parabola(t: Array, xy: Array, pull: Array) -> Array:
 
 def _broken(piece: Piece) -> list[Piece]:
     """Return a piece cut where its velocity changes at once: a contact that growth went through."""
-    count = len(piece.t)
-    best: tuple[float, int] | None = None
+    count, cut = len(piece.t), 0
     pull, _, whole = parabola(piece.t, piece.xy)
-    least = BREAK_PULL * float(np.hypot(*pull))
+    least = 0.5 * whole
     for k in range(4, count - 3):
-        first, second = (_ending(piece.part(part)) for part in (slice(k), slice(k, count)))
         moment = (piece.t[k - 1] + piece.t[k]) / 2
-        before, u_before, rms_before = first(moment)
-        after, u_after, rms_after = second(moment)
-        change = float(np.hypot(*(after - before)))
-        fast = max(np.hypot(*before), np.hypot(*after))
+        before, u_before, rms_before = _velocity(piece.part(slice(k)), moment)
+        after, u_after, rms_after = _velocity(piece.part(slice(k, count)), moment)
+        turn = max(
+            CUTS.turn * max(np.hypot(*before), np.hypot(*after)),
+            CUTS.turn_u * np.hypot(u_before, u_after),
+            CUTS.turn_pull * np.hypot(*pull),
+        )
         rms = float(np.sqrt((k * rms_before**2 + (count - k) * rms_after**2) / count))
-        struck = change > max(BREAK * fast, BREAK_U * np.hypot(u_before, u_after), least)
-        if not struck and whole < BENT * piece.radius:
-            continue
-        if rms < 0.5 * whole and (best is None or rms < best[0]):
-            best = (rms, k)
-    if best is None:
+        turned = np.hypot(*(after - before)) > turn or whole >= CUTS.bent * piece.radius
+        if turned and rms < least:
+            least, cut = rms, k
+    if not cut:
         return [piece]
-    return [*_broken(piece.part(slice(best[1]))), *_broken(piece.part(slice(best[1], count)))]
+    return [*_broken(piece.part(slice(cut))), *_broken(piece.part(slice(cut, count)))]
 
 
-def _ending(piece: Piece) -> Callable[[float], tuple[Array, float, float]]:
-    """Return a function that shows velocity, its u and the rms at a moment."""
-    degree = 2 if len(piece.t) > 4 else 1
-    middle = piece.t.mean()
-    solved, solver, rms = _smooth(piece.t - middle, piece.xy, degree)
-
-    def at(moment: float) -> tuple[Array, float, float]:
-        s = moment - middle
-        slope = np.array([k * s ** (k - 1) if k else 0.0 for k in range(degree + 1)])
-        return slope @ solved, rms * float(np.linalg.norm(slope @ solver)), rms
-
-    return at
+def _velocity(piece: Piece, moment: float) -> tuple[Array, float, float]:
+    """Return velocity at a moment, its u and the rms residual."""
+    solved, solver, rms = _polynomial(piece.t - moment, piece.xy, 2 if len(piece.t) > 4 else 1)
+    return solved[1], rms * float(np.linalg.norm(solver[1])), rms
 
 
 def _cleaned(piece: Piece) -> Piece:
     """Return a piece without single places that the others' parabola denies."""
     s = piece.t - piece.t.mean()
     off = np.hypot(*(piece.xy - np.vander(s, 3) @ np.polyfit(s, piece.xy, 2)).T)
-    wild = off > max(ENDS * float(np.median(off)), STRAY * piece.radius)
-    return piece.part(~wild) if wild.mean() < FEW else piece
+    wild = off > max(CUTS.scatters * float(np.median(off)), CUTS.stray * piece.radius)
+    return piece.part(~wild) if wild.mean() < CUTS.stray_share else piece
 
 
 def _trimmed(piece: Piece) -> Piece:
     """Return a piece without ends that its other places' parabola denies."""
-    while len(piece.t) > LEAST:
-        count = len(piece.t)
-        off = []
-        for end, rest in ((0, slice(1, None)), (count - 1, slice(count - 1))):
-            others = piece.part(rest)
-            s = others.t - piece.t[end]
+    while (count := len(piece.t)) > GROWTH.least_places:
+        rests, off = (slice(1, None), slice(count - 1)), []
+        for end, rest in zip((0, -1), rests, strict=True):
+            s = piece.t[rest] - piece.t[end]
             near = np.argsort(np.abs(s), kind="stable")[:8]
             degree = 2 if len(near) > 4 else 1
-            solved, solver, rms = _smooth(s[near], others.xy[near], degree)
+            solved, solver, rms = _polynomial(s[near], piece.xy[rest][near], degree)
             own = max(rms, 0.02 * piece.radius) * np.hypot(1, np.linalg.norm(solver[0]))
             off.append(float(np.hypot(*(piece.xy[end] - solved[0]))) / own)
         worst = int(np.argmax(off))
-        if off[worst] < ENDS:
+        if off[worst] < CUTS.scatters:
             break
-        piece = piece.part(slice(1, None) if worst == 0 else slice(count - 1))
+        piece = piece.part(rests[worst])
     return piece

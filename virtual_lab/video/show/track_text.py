@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from virtual_lab.output.rounding import decimals, with_uncertainty
+from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DEGREE, miles_per_hour
-from virtual_lab.video.follow.following import FlightSeen, FollowedClip
-from virtual_lab.video.follow.said import Said, or_none
+from virtual_lab.video.follow.following import FollowedClip, MeasuredFlight
 from virtual_lab.video.locate.located import PlaceFlag
 
 if TYPE_CHECKING:
@@ -27,15 +27,15 @@ def track_document(found: FollowedClip, tracked: Tracked | None = None) -> dict[
     return {
         "clip": found.clip.source.path.name,
         "motion": motion.kind,
-        "period_s": or_none(motion.period),
+        "period_s": _value_and_u(motion.period),
         "flights": [
             {
                 "first_frame": each.first_frame,
                 "last_frame": each.last_frame,
                 "places": each.places,
-                "speed_in_mps": each.speed_in.document(),
-                "speed_out_mps": each.speed_out.document(),
-                "acceleration_mps2": each.acceleration.document(),
+                "speed_in_mps": _value_and_u(each.speed_in),
+                "speed_out_mps": _value_and_u(each.speed_out),
+                "acceleration_mps2": _value_and_u(each.acceleration),
             }
             for each in found.flights
         ],
@@ -44,21 +44,21 @@ def track_document(found: FollowedClip, tracked: Tracked | None = None) -> dict[
                 "time_s": each.time.value,
                 "frame": each.frame,  # between stored ones
                 "kind": each.kind,
-                "restitution": or_none(each.restitution),
+                "restitution": _value_and_u(each.restitution),
             }
             for each in found.contacts
         ],
-        "gravity_mps2": or_none(found.gravity),
-        "speed_in_mps": or_none(before.speed_out if before else None),
-        "speed_out_mps": or_none(after.speed_in if after else None),
-        "restitution": or_none(one.restitution if one else None),
+        "gravity_mps2": _value_and_u(found.gravity),
+        "speed_in_mps": _value_and_u(before.speed_out if before else None),
+        "speed_out_mps": _value_and_u(after.speed_in if after else None),
+        "restitution": _value_and_u(one.restitution if one else None),
         "restitution_of": RATIOS.get(one.kind, "speeds") if one and one.restitution else None,
-        "angle_in_deg": or_none(before.angle_out.times(1 / DEGREE) if before else None),
-        "angle_out_deg": or_none(after.angle_in.times(1 / DEGREE) if after else None),
+        "angle_in_deg": _value_and_u(before.angle_out if before else None, DEGREE),
+        "angle_out_deg": _value_and_u(after.angle_in if after else None, DEGREE),
         "contact": None
         if one is None
         else {
-            "time_s": one.time.document(),
+            "time_s": _value_and_u(one.time),
             "x_m": float(one.metres[0]),
             "y_m": float(one.metres[1]),
             "u_m": one.metres_u,
@@ -88,13 +88,17 @@ def track_document(found: FollowedClip, tracked: Tracked | None = None) -> dict[
 
 def _hit(
     found: FollowedClip, tracked: Tracked | None
-) -> tuple[FlightSeen | None, FlightSeen | None]:
+) -> tuple[MeasuredFlight | None, MeasuredFlight | None]:
     """Return the flights before and after one contact, or the only one."""
     if len(found.contacts) == 1:
         return found.flights[found.contacts[0].before], found.flights[found.contacts[0].after]
     if len(found.flights) == 1:
         return found.flights[0], None
     return (found.flights[0], found.flights[1]) if tracked else (None, None)
+
+
+def _value_and_u(result: Estimate | None, unit: float = 1.0) -> dict[str, float] | None:
+    return {"value": result.value / unit, "u": result.u / unit} if result else None
 
 
 def _frame_flags(tracked: Tracked) -> dict[str, int]:
@@ -145,11 +149,11 @@ def track_title(found: FollowedClip) -> str:
     return f"{found.clip.source.path.name}: {'; '.join(parts)}"
 
 
-def _plus_minus(said: Said) -> str:
+def _plus_minus(ratio: Estimate) -> str:
     """Return ``0.9470 ± 0.0096``, with twice the standard uncertainty."""
-    places = decimals(2 * said.u)
-    return f"{said.value:.{places}f} ± {2 * said.u:.{places}f}"
+    places = decimals(2 * ratio.u)
+    return f"{ratio.value:.{places}f} ± {2 * ratio.u:.{places}f}"
 
 
-def _rounded(said: Said) -> str:
-    return with_uncertainty(said.value, said.u)
+def _rounded(result: Estimate) -> str:
+    return with_uncertainty(result.value, result.u)

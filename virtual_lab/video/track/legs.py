@@ -7,7 +7,7 @@ shows the ball pressed against what it struck, which its neighbours' line shows.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,22 +16,28 @@ from virtual_lab.relations.flight import distance_after
 
 __all__ = ["AirOnFlight", "Legs", "Places", "StraightFlight", "fit_flight", "legs_of"]
 
-
-LAGS = np.geomspace(0.02, 30, 24)  # of the time a flight is seen: how slow a pattern may be
-ODDS = 10.0  # residuals that show this much less than a pattern should are still its own
-NORMAL_95 = 1.959964
-
-
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-LEAST = 3  # frames of a flight
-WILD = 8.0  # robust standard deviations of the residuals: a frame this far off is left out
-STRUCK = 4.0  # standard uncertainties: a frame next to the contact this far off is in it
-TOUCHED = 0.34  # of a flight's frames: no contact is seen in more
-ROUNDS = 3
-TURNED = 6.0  # standard uncertainties that the velocity must change by for a contact
-CHANGED = 0.03  # of the speed, likewise
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LegSettings:
+    """Which frames are of a flight, and how slow the ball's own pattern may be."""
+
+    least_frames: int = 3  # of a flight
+    rounds: int = 3
+    outlier_spreads: float = 8.0  # robust standard deviations: a frame this far off is left out
+    contact_u: float = (
+        4.0  # standard uncertainties: a frame next to the contact this far off: in it
+    )
+    contact_share: float = 0.34  # of a flight's frames: no contact is seen in more
+    turn_u: float = 6.0  # standard uncertainties that the velocity changes by at a contact
+    turn: float = 0.03  # of the speed, likewise
+    lags: tuple[float, float] = (0.02, 30.0)  # of a pattern, in times that the flight is seen
+    pattern_odds: float = 10.0  # residuals that show so much less than it should are still its own
+
+
+LEGS = LegSettings()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +60,6 @@ class StraightFlight:
     drag_u: float  # relative uncertainty of the speed from the drag's
     residuals: Array  # (frame, 2) of the frames used
     chi_square: float  # per degree of freedom, of noise alone
-    count: int
 
     @property
     def speed(self) -> float:
@@ -78,9 +83,9 @@ def fit_flight(
 ) -> StraightFlight:
     """Return the straight flight through places, given for a moment: drag and gravity known.
 
-    The uncertainty knows two kinds of error. Noise is new in every frame. The ball's own pattern
-    moves its apparent centre slowly, as it turns: neighbouring frames err alike, residuals hide it,
-    and the slope takes it all. How large it is comes from the pictures; how slow, from residuals.
+    Noise is new in every frame. The ball's own pattern moves its apparent centre slowly, as it
+    turns: neighbouring frames err alike, residuals hide it, and the slope takes it all. How large
+    it is comes from the pictures; how slow, from residuals.
 
     Parameters
     ----------
@@ -97,20 +102,17 @@ def fit_flight(
     rough
         The uncertainty is that of the residuals' scatter alone: quick, for a search.
     """
-    tau = t - moment
+    tau, velocity = t - moment, np.zeros(2)
     level = places - 0.5 * np.outer(tau**2, air.gravity)  # without gravity: a straight line's
-    weight = 1 / u
-    velocity = np.zeros(2)
     for _ in range(4):  # the way depends on the speed, by the drag, a little
         speed = float(np.hypot(*velocity))
         way = distance_after(tau, speed, air.drag) / speed if speed else tau
         design = np.stack([np.ones_like(way), way], axis=1)
-        solver = np.linalg.pinv(design * weight[:, None]) * weight
+        solver = np.linalg.pinv(design / u[:, None]) / u
         place, velocity = solver @ level
     residuals = level - design @ np.stack([place, velocity])
     noise = (solver * u**2) @ solver.T
-    spare = max(len(t) - 2, 1)
-    chi_square = float(np.sum((residuals / u[:, None]) ** 2)) / (2 * spare)
+    chi_square = float(np.sum((residuals / u[:, None]) ** 2)) / (2 * max(len(t) - 2, 1))
     covariance = noise * max(1.0, chi_square)
     if not rough:
         covariance = noise + _pattern(t, residuals, u, pattern_u, design, solver, noise)
@@ -123,7 +125,6 @@ def fit_flight(
         drag_u=air.drag_u * distance,
         residuals=residuals,
         chi_square=chi_square,
-        count=len(t),
     )
 
 
@@ -143,26 +144,26 @@ def _pattern(
     excess = float(np.sum(residuals**2 - u[:, None] ** 2 * spare / count)) / (2 * spare)
     if excess <= 0 and pattern_u == 0:
         return np.zeros((2, 2))
-    seen, slow = [], []
-    for lag in LAGS * float(np.ptp(t)):
+    shown, slow = [], []
+    for lag in np.geomspace(*LEGS.lags, 24) * float(np.ptp(t)):
         like = np.exp(-0.5 * ((t[:, None] - t) / lag) ** 2)
-        told = solver @ like
-        slow.append(told @ solver.T)
+        moved = solver @ like
+        slow.append(moved @ solver.T)
         # the trace of (1 - design solver) like (1 - design solver)^T
-        fitted = float(np.sum(design.T @ design * slow[-1])) - 2 * float(np.sum(told * design.T))
-        seen.append((count + fitted) / spare)
+        fitted = float(np.sum(design.T @ design * slow[-1])) - 2 * float(np.sum(moved * design.T))
+        shown.append((count + fitted) / spare)
     # what the residuals show beyond noise the pattern may have made, or something unknown
-    power = max(pattern_u**2, excess / seen[0])
+    power = max(pattern_u**2, excess / shown[0])
     # a slow pattern shows little in the residuals of one flight, by chance still less
-    most = ODDS * max(excess, float(np.mean(u**2)) / np.sqrt(spare))
-    possible = [each for each, part in zip(slow, seen, strict=True) if power * part <= most]
+    most = LEGS.pattern_odds * max(excess, float(np.mean(u**2)) / np.sqrt(spare))
+    possible = [each for each, part in zip(slow, shown, strict=True) if power * part <= most]
     worst = max(possible or slow[:1], key=lambda each: float(each[1, 1]))
     if excess <= pattern_u**2:
         return np.asarray(power * worst)
     # known by few residuals, and by nothing else
     from scipy.special import stdtrit
 
-    wide = (float(stdtrit(2 * spare, 0.975)) / NORMAL_95) ** 2
+    wide = (float(stdtrit(2 * spare, 0.975)) / 1.959964) ** 2
     return np.asarray(wide * (noise + power * worst) - noise)
 
 
@@ -171,14 +172,23 @@ class Places:
     """Where the ball was, frame by frame, in metres."""
 
     t: Array  # (frame,) [s]
-    places: Array  # (frame, 2)
+    places: Array  # (frame, 2), NaN where it was not found
     u: Array  # (frame,) from noise
     pattern_u: float
     exposure: float  # [s]
+    air: AirOnFlight
 
-    def of(self, used: Mask) -> Places:
-        """Return some of the frames."""
-        return replace(self, t=self.t[used], places=self.places[used], u=self.u[used])
+    def flight(self, used: Mask, moment: float, *, rough: bool = True) -> StraightFlight:
+        """Return the flight through some of the frames."""
+        return fit_flight(
+            self.t[used],
+            self.places[used],
+            self.u[used],
+            self.pattern_u,
+            self.air,
+            moment,
+            rough=rough,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -191,93 +201,75 @@ class Legs:
     struck: Mask  # in contact
 
 
-def legs_of(seen: Places, ways: Sequence[Mask], air: AirOnFlight) -> Legs:
+def legs_of(ball: Places, ways: Sequence[Mask]) -> Legs:
     """Return the straight flights of one way or two, without frames that belong to neither.
 
-    Parameters
-    ----------
-    seen
-        Where the ball was; NaN where it was not found.
-    ways
-        Which frames are of the first flight and of the second, (frame,), three or more of each.
-    air
-        Drag and gravity.
+    `ways`: which frames are of the first and of the second, (frame,), three or more of each.
     """
-    usable = np.isfinite(seen.places).all(axis=1) & np.isfinite(seen.u)
+    usable = np.isfinite(ball.places).all(axis=1) & np.isfinite(ball.u)
     wild = np.zeros_like(usable)
-    for _ in range(ROUNDS):
+    for _ in range(LEGS.rounds):
         for way in ways:
-            wild |= _far(seen, air, way & usable & ~wild)
+            wild |= _far(ball, way & usable & ~wild)
     used = [way & usable & ~wild for way in ways]
-    used = [each for each in used if each.sum() >= LEAST]
-    if len(used) != 2 or not _turns(seen, air, *used):
+    used = [each for each in used if each.sum() >= LEGS.least_frames]
+    if len(used) != 2 or not _turns(ball, *used):
         whole = np.logical_or.reduce(used)
-        flight = _fit(seen, air, whole, float(seen.t[whole].max()), rough=False)
+        flight = ball.flight(whole, float(ball.t[whole].max()), rough=False)
         return Legs(flights=[flight], used=[whole], wild=wild, struck=np.zeros_like(wild))
-    for _ in range(ROUNDS):
-        start = float(seen.t[used[1]].min())
-        moment = _meeting(*(_fit(seen, air, each, start) for each in used))
-        during = np.abs(seen.t - moment) <= seen.exposure / 2
-        used = [_clear(seen, air, each & ~during, moment) for each in used]
-    between = (seen.t > seen.t[used[0]].max()) & (seen.t < seen.t[used[1]].min())
+    for _ in range(LEGS.rounds):
+        start = float(ball.t[used[1]].min())
+        before, after = (ball.flight(each, start) for each in used)
+        apart, change = after.place - before.place, after.velocity - before.velocity
+        moment = start - float(apart @ change) / float(change @ change)  # they are nearest
+        during = np.abs(ball.t - moment) <= ball.exposure / 2
+        used = [_clear(ball, each & ~during, moment) for each in used]
+    between = (ball.t > ball.t[used[0]].max()) & (ball.t < ball.t[used[1]].min())
     return Legs(
-        flights=[_fit(seen, air, each, moment, rough=False) for each in used],
+        flights=[ball.flight(each, moment, rough=False) for each in used],
         used=used,
         wild=wild & ~between,
         struck=usable & between,
     )
 
 
-def _turns(seen: Places, air: AirOnFlight, first: Mask, second: Mask) -> bool:
+def _turns(ball: Places, first: Mask, second: Mask) -> bool:
     """Return whether the velocity changes by more than its uncertainty."""
-    moment = float(seen.t[second].min())
-    before, after = (_fit(seen, air, each, moment) for each in (first, second))
+    moment = float(ball.t[second].min())
+    before, after = (ball.flight(each, moment) for each in (first, second))
     change = float(np.hypot(*(after.velocity - before.velocity)))
     u = float(np.hypot(before.speed_u, after.speed_u))
-    return change > max(TURNED * u, CHANGED * before.speed)
+    return change > max(LEGS.turn_u * u, LEGS.turn * before.speed)
 
 
-def _far(seen: Places, air: AirOnFlight, used: Mask) -> Mask:
+def _far(ball: Places, used: Mask) -> Mask:
     """Return the frames far off the line through them: at most a quarter, the farthest."""
     wild = np.zeros_like(used)
-    if used.sum() < 2 * LEAST:
+    if used.sum() < 2 * LEGS.least_frames:
         return wild
-    flight = _fit(seen, air, used, float(seen.t[used].max()))
+    flight = ball.flight(used, float(ball.t[used].max()))
     off = np.hypot(*flight.residuals.T)
-    usual = max(float(np.median(off)), float(np.median(seen.u[used])), seen.pattern_u)
+    usual = max(float(np.median(off)), float(np.median(ball.u[used])), ball.pattern_u)
     worst = np.argsort(-off, kind="stable")[: int(used.sum()) // 4]
     frames = np.flatnonzero(used)[worst]
-    wild[frames[off[worst] > WILD * usual]] = True
+    wild[frames[off[worst] > LEGS.outlier_spreads * usual]] = True
     return wild
 
 
-def _meeting(before: StraightFlight, after: StraightFlight) -> float:
-    """Return when two flights given for one moment are nearest to each other [s]."""
-    apart, change = after.place - before.place, after.velocity - before.velocity
-    return before.time - float(apart @ change) / float(change @ change)
-
-
-def _clear(seen: Places, air: AirOnFlight, used: Mask, moment: float) -> Mask:
+def _clear(ball: Places, used: Mask, moment: float) -> Mask:
     """Return the frames of a flight without those next to the contact that its line denies."""
     used = used.copy()
-    kept = max(LEAST, (1 - TOUCHED) * used.sum())
+    kept = max(LEGS.least_frames, (1 - LEGS.contact_share) * used.sum())
     while used.sum() > kept:
         frames = np.flatnonzero(used)
-        next_to = frames[np.argmin(np.abs(seen.t[frames] - moment))]
+        next_to = frames[np.argmin(np.abs(ball.t[frames] - moment))]
         others = used.copy()
         others[next_to] = False
-        flight = _fit(seen, air, others, float(seen.t[next_to]))
-        off = float(np.hypot(*(seen.places[next_to] - flight.place)))
+        flight = ball.flight(others, float(ball.t[next_to]))
+        off = float(np.hypot(*(ball.places[next_to] - flight.place)))
         scatter = float(np.sqrt(np.mean(flight.residuals**2)))
-        own = max(float(seen.u[next_to]), seen.pattern_u, scatter)
-        if off <= STRUCK * np.hypot(own, np.sqrt(flight.covariance[0, 0])):
+        own = max(float(ball.u[next_to]), ball.pattern_u, scatter)
+        if off <= LEGS.contact_u * np.hypot(own, np.sqrt(flight.covariance[0, 0])):
             break
         used = others
     return used
-
-
-def _fit(
-    seen: Places, air: AirOnFlight, used: Mask, moment: float, *, rough: bool = True
-) -> StraightFlight:
-    part = seen.of(used)
-    return fit_flight(part.t, part.places, part.u, part.pattern_u, air, moment, rough=rough)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DEGREE
 from virtual_lab.video.calibration.plane import RIM
 from virtual_lab.video.clips.calibration_file import ClipCalibration
-from virtual_lab.video.follow.contacts import COVERAGE, Contact, Note, excessive
+from virtual_lab.video.follow.contacts import CONTACTS, Contact, Note, excessive
 from virtual_lab.video.follow.following import FollowedClip
-from virtual_lab.video.follow.said import Said, widened
 from virtual_lab.video.track.legs import StraightFlight
 from virtual_lab.video.track.tracking import Tracked
 
@@ -20,14 +20,20 @@ __all__ = ["nearing", "with_speeds"]
 
 Array = NDArray[np.float64]
 
-UP = np.cos(30 * DEGREE)  # a change of velocity nearer to straight up than this is a floor's
-CROOKED = 3.0  # u of a place that the residuals may scatter by, noise and pattern together
-FEW = 5  # frames of a flight: fewer show little of their own scatter
-OF_CONTACT = {"ABOVE_ONE", "CONTACT_UNCLEAR"}  # flags of what is found again here
 
-GROWN = 0.004  # of the radius through a flight: less is no matter, nor what a pattern may make
-SURE = 6.0  # standard uncertainties
-TREND = 8  # frames: fewer show no trend
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpeedSettings:
+    """What speaks against the speeds of a hit."""
+
+    off_upward: float = 30 * DEGREE  # that a change of velocity may be, to be a floor's
+    crooked_u: float = 3.0  # of a place, noise and pattern together, that residuals scatter by
+    least_frames: int = 5  # of a flight: fewer show little of their own scatter
+    trend_frames: int = 8  # fewer show no trend of the radius
+    trend: float = 0.004  # of the radius through a flight: less is no matter
+    trend_u: float = 6.0  # standard uncertainties of it
+
+
+SPEEDS = SpeedSettings()
 
 
 def with_speeds(
@@ -42,18 +48,18 @@ def with_speeds(
     clock_u = calibration.frames_per_second_u / (calibration.frames_per_second or 1.0)
     shared = float(np.hypot(plane.relative_u, clock_u))
     flights, off = [], []
-    for used, flight, rough in zip(legs.used, legs.flights, found.flights, strict=False):
+    for used, flight, followed in zip(legs.used, legs.flights, found.flights, strict=False):
         off.append(nearing(tracked, used, flight))
         u = (flight.speed_u, flight.speed * shared, off[-1])
-        speed = Said(value=flight.speed, u=float(np.linalg.norm(u)))
-        angle = Said(
+        speed = Estimate(value=flight.speed, u=float(np.linalg.norm(u)))
+        angle = Estimate(
             value=float(np.arctan2(-plane.sense * flight.velocity[1], flight.velocity[0])),
             u=float(np.sqrt(flight.covariance[1, 1])) / flight.speed,
         )
         frames = tracked.frames[used]
         flights.append(
             replace(
-                rough,
+                followed,
                 first_frame=int(frames[0]),
                 last_frame=int(frames[-1]),
                 places=len(frames),
@@ -64,7 +70,7 @@ def with_speeds(
             )
         )
     contacts, notes = _contact(tracked, calibration, off)
-    kept = [each for each in found.notes if each[0] not in OF_CONTACT]
+    kept = [each for each in found.notes if each[0] not in {"ABOVE_ONE", "CONTACT_UNCLEAR"}]
     return replace(
         found,
         flights=flights,
@@ -85,10 +91,10 @@ def _contact(
     before, after = legs.flights
     change = float(np.hypot(*(after.velocity - before.velocity)))
     both = float(np.sqrt(before.covariance[0, 0] + after.covariance[0, 0]))
-    time = Said(value=before.time, u=both / change)
+    time = Estimate(value=before.time, u=both / change)
     # it lies between the last frame of the flight in and the first of the flight out
     first, last = times[legs.used[0]].max(), times[legs.used[1]].min()
-    room = COVERAGE * time.u + tracked.exposure / 2
+    room = CONTACTS.coverage * time.u + tracked.exposure / 2
     if not first - room <= time.value <= last + room:
         words = (
             f"the flights are nearest to each other at {1e3 * time.value:.4g} ms, not between "
@@ -96,13 +102,8 @@ def _contact(
             "are not those of one contact; no contact and no restitution are given"
         )
         return [], [("CONTACT_OUTSIDE", words)]
-    restitution, kind = _restitution(before, after, calibration)
-    shares = (off[0] / before.speed, off[1] / after.speed)
-    restitution = widened(restitution, *(restitution.value * each for each in shares))
-    notes: list[Note] = []
-    value: Said | None = restitution
-    if why := excessive(restitution):
-        value, notes = None, [("ABOVE_ONE", why)]
+    restitution, kind = _restitution(before, after, calibration, off)
+    why = excessive(restitution)
     place = (before.place + after.place) / 2
     start, step = float(tracked.clip.times[0]), float(np.median(np.diff(tracked.clip.times)))
     contact = Contact(
@@ -112,28 +113,29 @@ def _contact(
         frame=float(np.interp(time.value, times, tracked.frames)),
         time=time,
         kind=kind,
-        restitution=value,
+        restitution=None if why else restitution,
         place=tracked.pixels(place, time.value),
         metres=place,
         metres_u=float(np.hypot(both / 2, tracked.plane.relative_u * np.hypot(*place))),
     )
-    return [contact], notes
+    return [contact], [("ABOVE_ONE", why)] if why else []
 
 
 def _restitution(
-    before: StraightFlight, after: StraightFlight, calibration: ClipCalibration
-) -> tuple[Said, str]:
+    before: StraightFlight, after: StraightFlight, calibration: ClipCalibration, off: list[float]
+) -> tuple[Estimate, str]:
     """Return the restitution and the kind of contact."""
     into, out, kind = before.speed, after.speed, "struck"
-    gravity = np.array(calibration.gravity_mps2)
+    down = np.array(calibration.gravity_mps2)
+    down = down / (np.hypot(*down) or 1.0)
     change = after.velocity - before.velocity
-    if (pull := float(np.hypot(*gravity))) and -change @ gravity > UP * pull * np.hypot(*change):
-        down = gravity / pull
+    if -change @ down > np.cos(SPEEDS.off_upward) * np.hypot(*change):
         into, out = abs(float(before.velocity @ down)), abs(float(after.velocity @ down))
         kind = "floor"
     own = [np.sqrt(f.covariance[1, 1]) / v for f, v in ((before, into), (after, out))]
+    own += [each / f.speed for f, each in ((before, off[0]), (after, off[1]))]
     relative = np.linalg.norm([*own, before.drag_u + after.drag_u])  # one drag takes from both
-    return Said(value=out / into, u=float(out / into * relative)), kind
+    return Estimate(value=out / into, u=float(out / into * relative)), kind
 
 
 def _against(tracked: Tracked, calibration: ClipCalibration, off: list[float]) -> list[Note]:
@@ -148,19 +150,18 @@ def _against(tracked: Tracked, calibration: ClipCalibration, off: list[float]) -
             "say: a wrong one, or something else that was followed"
         )
         notes.append(("STEP", words))
-    noise = tracked.plane.metres_per_pixel * np.nanmedian(tracked.located.x_u)
-    pattern = tracked.located.pattern_u
-    if pattern is not None:
-        noise = np.hypot(noise, tracked.plane.metres_per_pixel * np.nanmedian(pattern))
+    located, scale = tracked.located, tracked.plane.metres_per_pixel
+    pattern = 0.0 if located.pattern_u is None else np.nanmedian(located.pattern_u)
+    noise = scale * np.hypot(np.nanmedian(located.x_u), pattern)
     for name, flight, away in zip(("in", "out"), legs.flights, off, strict=False):
-        if float(np.sqrt(np.mean(flight.residuals**2))) > CROOKED * noise:
+        if float(np.sqrt(np.mean(flight.residuals**2))) > SPEEDS.crooked_u * noise:
             words = (
                 f"the flight {name} is no straight line: give gravity_mps2 or drag_per_m, or the "
                 "ball was touched"
             )
             notes.append(("CROOKED", words))
-        if flight.count < FEW:
-            notes.append(("FEW_FRAMES", f"only {flight.count} frames show the flight {name}"))
+        if (count := len(flight.residuals)) < SPEEDS.least_frames:
+            notes.append(("FEW_FRAMES", f"only {count} frames show the flight {name}"))
         if away:
             words = (
                 f"the ball changes its size in the flight {name}: it leaves the plane, which makes "
@@ -176,18 +177,11 @@ def _against(tracked: Tracked, calibration: ClipCalibration, off: list[float]) -
 def nearing(tracked: Tracked, used: NDArray[np.bool_], flight: StraightFlight) -> float:
     """Return what a ball that comes nearer adds to its speed [m/s], 0 where none is seen to.
 
-    Parameters
-    ----------
-    tracked
-        The clip.
-    used
-        Frames of the flight, (frame,).
-    flight
-        Its line.
+    `used`: frames of the flight, (frame,).
     """
     located = tracked.located
     good = used & np.isfinite(located.radius) & (located.flags == 0)
-    if good.sum() < TREND:
+    if good.sum() < SPEEDS.trend_frames:
         return 0.0
     t = tracked.times[good] - tracked.times[good].mean()
     size = np.log(located.radius[good] / tracked.plane.sizes[good])
@@ -196,15 +190,11 @@ def nearing(tracked: Tracked, used: NDArray[np.bool_], flight: StraightFlight) -
     u = float(np.sqrt((rest @ rest) / (len(t) - 2) / (t @ t)))
     grown = rate * float(np.ptp(t))
     pattern = 0.0 if located.pattern_u is None else float(np.median(located.pattern_u[good]))
-    least = max(GROWN, 2 * RIM * pattern / float(np.median(located.radius[good])))
-    if abs(grown) < least or abs(rate) < SURE * u:
+    least = max(SPEEDS.trend, 2 * RIM * pattern / float(np.median(located.radius[good])))
+    if abs(grown) < least or abs(rate) < SPEEDS.trend_u * u:
         return 0.0
     rows, columns = tracked.clip.shape
-    away = np.array(
-        [
-            np.mean(located.x[good]) - (columns - 1) / 2,
-            tracked.plane.sense * (np.mean(located.y[good]) - (rows - 1) / 2),
-        ]
-    )
-    moved = rate * tracked.plane.metres_per_pixel * away
+    right = np.mean(located.x[good]) - (columns - 1) / 2
+    along_y = tracked.plane.sense * (np.mean(located.y[good]) - (rows - 1) / 2)
+    moved = rate * tracked.plane.metres_per_pixel * np.array([right, along_y])
     return float(moved @ flight.velocity) / flight.speed

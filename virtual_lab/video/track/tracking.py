@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,30 +12,35 @@ from numpy.typing import NDArray
 from virtual_lab.errors import InputError
 from virtual_lab.video.calibration.plane import Plane, plane_of
 from virtual_lab.video.clips.calibration_file import ClipCalibration
-from virtual_lab.video.clips.clip import Clip, open_clip
+from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.reading import Frame
 from virtual_lab.video.clips.timing import usual_step
-from virtual_lab.video.follow.following import FollowedClip, follow, known_of
-from virtual_lab.video.follow.pieces import GAP
+from virtual_lab.video.follow.following import FollowedClip
+from virtual_lab.video.follow.pieces import GROWTH
 from virtual_lab.video.locate.located import Located, PlaceFlag, Regions, part_of, squares
 from virtual_lab.video.locate.sharp import Sharp
 from virtual_lab.video.track.legs import AirOnFlight, Legs, Places, legs_of
 
-__all__ = ["Tracked", "middle_of", "sharpened", "track_hit", "uncovered_mean"]
+__all__ = ["Tracked", "middle_of", "sharpened", "uncovered_mean"]
 
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 
-NAMES = tuple(field.name for field in fields(Located))
-AT_ONCE = 32  # frames whose regions are located together
-LEAST = 3  # frames that locate the ball
-NEAR_SIZE = 1.45  # ratio to the radius expected: what is farther off is not the ball
-REACH = 1.5  # steps that a ball moves at most from where it was before
-USELESS = PlaceFlag.NOT_FOUND | PlaceFlag.CLIPPED | PlaceFlag.OVERLAP | PlaceFlag.POOR_FIT
-TRIED = 8  # frames from which an exposure is read
-FAINT = 0.1  # of the ball's brightness: less is noise
-ROWS = 64  # at a time: a sorted stack of whole frames would need the memory of them all
-ENOUGH = 3  # frames that must show a pixel's background for their mean to be taken
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackSettings:
+    """Which blobs are the ball, and how its background and exposure are read."""
+
+    together: int = 32  # frames whose regions are located at once
+    least_frames: int = 3  # of each flight, that locate the ball
+    size_ratio: float = 1.45  # to the radius expected: what is farther off is not the ball
+    reach_steps: float = 1.5  # that a ball moves at most from where it was before
+    exposure_frames: int = 8  # from which an exposure is read
+    faint: float = 0.1  # of the ball's brightness: less is noise
+    shown: int = 3  # frames that must show a pixel's background for their mean to be taken
+
+
+TRACK = TrackSettings()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,25 +67,6 @@ class Tracked:
         return np.asarray(here + off * [1, self.plane.sense])
 
 
-def track_hit(
-    path: Path,
-    calibration: ClipCalibration,
-    *,
-    progress: Callable[[str], None] = lambda _: None,
-) -> tuple[FollowedClip, Tracked]:
-    """Return the ball followed through a clip of a camera that stands still, and its sharp places.
-
-    Raises
-    ------
-    InputError
-        A clip that cannot be read, no ball, too few frames of it.
-    """
-    progress(f"reading {path}")
-    clip = open_clip(path, calibration)
-    found = follow(clip, known_of(clip, calibration), progress=progress)
-    return found, sharpened(found, calibration, progress=progress)
-
-
 def sharpened(
     found: FollowedClip,
     calibration: ClipCalibration,
@@ -99,7 +84,9 @@ def sharpened(
     known, expected = found.known, None
     if known.ball and known.metres_per_pixel:
         expected = known.ball / 2 / known.metres_per_pixel
-    if not found.ways or found.fit is None or not _sized(found, expected):
+    longest = max(found.ways, key=lambda each: len(each.t), default=None)
+    ratio = longest.radius / expected if longest and expected else 1.0
+    if found.fit is None or not 1 / TRACK.size_ratio < ratio < TRACK.size_ratio:
         size = f" with a radius near {expected:.3g} pixels" if expected else ""
         allowed = f"not found: nothing round{size} was seen to fly through six frames or more"
         raise InputError(where, "ball", None, allowed)
@@ -114,10 +101,13 @@ def sharpened(
     )
     progress(f"locating the ball in {len(frames)} frames (its loops are compiled at the first use)")
     located = _located(clip, frames, background, start, Sharp(ball_radius=expected))
-    good = (located.flags & np.uint16(USELESS)) == 0
+    useless = PlaceFlag.NOT_FOUND | PlaceFlag.CLIPPED | PlaceFlag.OVERLAP | PlaceFlag.POOR_FIT
+    good = (located.flags & np.uint16(useless)) == 0
     flown = [np.isin(frames, way.frames) for way in found.ways]
-    if min((good & each).sum() for each in flown) < LEAST:
-        allowed = f"at least {LEAST} frames of each flight must show it whole and round"
+    if min((good & each).sum() for each in flown) < TRACK.least_frames:
+        allowed = (
+            f"at least {TRACK.least_frames} frames of each flight must show it whole and round"
+        )
         raise InputError(where, "frames that locate the ball", int(good.sum()), allowed)
     plane = plane_of(located, calibration, where)
     scale = plane.metres_per_pixel
@@ -129,13 +119,13 @@ def sharpened(
             u=scale * np.hypot(located.x_u, located.y_u) / np.sqrt(2),
             pattern_u=scale * pattern,
             exposure=exposure,
+            air=AirOnFlight(
+                drag=calibration.drag_per_m,
+                drag_u=calibration.drag_per_m_u,
+                gravity=calibration.gravity_mps2,
+            ),
         ),
         flown,
-        AirOnFlight(
-            drag=calibration.drag_per_m,
-            drag_u=calibration.drag_per_m_u,
-            gravity=calibration.gravity_mps2,
-        ),
     )
     flags = located.flags.copy()
     flags[legs.wild | np.isin(frames, stepped)] |= np.uint16(PlaceFlag.JUMP)
@@ -153,31 +143,25 @@ def sharpened(
     )
 
 
-def _sized(found: FollowedClip, expected: float | None) -> bool:
-    """Return whether the ball is as large as the calibration lets it be."""
-    longest = max(found.ways, key=lambda each: len(each.t))
-    return expected is None or 1 / NEAR_SIZE < longest.radius / expected < NEAR_SIZE
-
-
 def _ball(found: FollowedClip) -> NDArray[np.void]:
     """Return the ball's blob in each frame that shows it: along its flights, between and beside."""
     blobs, ways = found.watched.found, found.ways
-    known = {int(f): int(b) for way in ways for f, b in zip(way.frames, way.blobs, strict=True)}
-    flown = np.array(sorted(known))
-    radius = max(each.radius for each in ways)
+    flown = np.concatenate([way.frames for way in ways])
+    known = dict(zip(flown.tolist(), np.concatenate([way.blobs for way in ways]), strict=True))
+    radius, gap = max(each.radius for each in ways), GROWTH.gap_frames
     speed = max(float(np.hypot(*np.diff(way.xy, axis=0).T).max()) for way in ways)
     chosen = dict(known)
-    for frame in range(flown[0] - GAP, flown[-1] + GAP + 1):
+    for frame in range(flown.min() - gap, flown.max() + gap + 1):
         near = int(flown[np.argmin(np.abs(flown - frame))])
         there = np.flatnonzero(blobs["frame"] == frame)
         size = blobs["radius"][there]
         there = there[(size > 0.5 * radius) & (size < 1.6 * radius)]
-        if frame in known or abs(near - frame) > GAP or not there.size:
+        if frame in known or abs(near - frame) > gap or not there.size:
             continue
         last = blobs[known[near]]
         away = np.hypot(blobs["x"][there] - last["x"], blobs["y"][there] - last["y"])
-        if away.min() < REACH * speed * abs(near - frame) + 0.5 * radius:
-            chosen[frame] = int(there[np.argmin(away)])
+        if away.min() < TRACK.reach_steps * speed * abs(near - frame) + 0.5 * radius:
+            chosen[frame] = there[np.argmin(away)]
     return blobs[[chosen[frame] for frame in sorted(chosen)]]
 
 
@@ -194,34 +178,25 @@ def _times(
 
 
 def _located(
-    clip: Clip,
-    frames: NDArray[np.intp],
-    background: Image,
-    start: Located,
-    locator: Sharp,
+    clip: Clip, frames: NDArray[np.intp], background: Image, start: Located, locator: Sharp
 ) -> Located:
     """Return the ball's places in some frames of a clip, region by region, so many at a time."""
     parts: list[Located] = []
     stream = clip.chosen(frames)
-    for first in range(0, len(frames), AT_ONCE):
-        some = part_of(start, np.arange(first, min(first + AT_ONCE, len(frames))))
+    for first in range(0, len(frames), TRACK.together):
+        some = part_of(start, np.arange(first, min(first + TRACK.together, len(frames))))
         cuts = squares(some, clip.shape)
-        pixels: list[Frame] = []
-        for cut, (_, frame) in zip(cuts, stream, strict=False):
-            pixels.append(frame[cut].copy())  # a view would keep its whole frame
-        regions = Regions(
-            pixels=np.stack(pixels),
+        regions = Regions(  # copies: a view would keep its whole frame
+            pixels=np.stack([f[cut].copy() for cut, (_, f) in zip(cuts, stream, strict=False)]),
             background=np.stack([background[cut] for cut in cuts]),
             corners=np.array([[cut[1].start, cut[0].start] for cut in cuts], float),
         )
         parts.append(locator(clip, regions, some))
-    whole: dict[str, Any] = {name: _together(parts, name) for name in NAMES}
+    whole: dict[str, Any] = {}
+    for field in fields(Located):
+        values = [getattr(part, field.name) for part in parts]
+        whole[field.name] = None if values[0] is None else np.concatenate(values)
     return Located(**whole)
-
-
-def _together(parts: list[Located], name: str) -> Any:
-    values = [getattr(part, name) for part in parts]
-    return None if values[0] is None else np.concatenate(values)
 
 
 def _bare(found: FollowedClip) -> Image:
@@ -268,9 +243,8 @@ def _start(
     if exposure is None:
         frames = ball["frame"].astype(np.intp)
         exposure = _exposure(clip, background, start, frames, velocity)
-    return replace(
-        start, blur_x=velocity[:, 0] * exposure, blur_y=velocity[:, 1] * exposure
-    ), exposure
+    blur_x, blur_y = exposure * velocity.T
+    return replace(start, blur_x=blur_x, blur_y=blur_y), exposure
 
 
 def _exposure(
@@ -288,7 +262,8 @@ def _exposure(
     fast = np.flatnonzero(inside & (speed > 0.5 * speed.max()))
     if not fast.size:
         return 0.0
-    tried = fast[np.unique(np.linspace(0, fast.size - 1, min(fast.size, TRIED)).astype(int))]
+    count = min(fast.size, TRACK.exposure_frames)
+    tried = fast[np.linspace(0, fast.size - 1, count).astype(int)]
     squares = []
     for k, (_, frame) in zip(tried, clip.chosen(frames[tried]), strict=True):
         squares.append(12 * _longer(frame, background, start, int(k), velocity[k] / speed[k]))
@@ -307,7 +282,7 @@ def _longer(frame: Frame, background: Image, start: Located, k: int, along: Arra
     off = frame[place] - background[place]
     light = float(np.median(off[away < 0.5 * radius]))
     share = np.clip(np.where(away < reach, off / light, 0.0), 0.0, 1.0) if light else off * 0.0
-    share[share < FAINT] = 0.0
+    share[share < TRACK.faint] = 0.0
     total = max(float(share.sum()), 1.0)
     mean_x, mean_y = (share * columns).sum() / total, (share * rows).sum() / total
     u = (columns - mean_x) * along[0] + (rows - mean_y) * along[1]
@@ -317,9 +292,9 @@ def _longer(frame: Frame, background: Image, start: Located, k: int, along: Arra
 
 def middle_of(samples: Frame) -> Image:
     """Return the median of samples, (row, column)."""
-    tops = range(0, samples.shape[1], ROWS)
-    blocks = [np.median(samples[:, top : top + ROWS], axis=0) for top in tops]
-    return np.concatenate(blocks).astype(np.float32)
+    # in parts: a sorted stack of whole frames would need the memory of them all
+    parts = np.array_split(samples, max(1, samples.shape[1] // 64), axis=1)
+    return np.concatenate([np.median(part, axis=0) for part in parts]).astype(np.float32)
 
 
 def uncovered_mean(
@@ -338,12 +313,11 @@ def uncovered_mean(
     """
     import cv2
 
-    total = np.zeros(first.shape, np.float32)
-    count = np.zeros(first.shape, np.float32)
+    total, count = np.zeros((2, *first.shape), np.float32)
     for sample, spots in zip(samples, covered, strict=True):
         free = np.ones(first.shape, np.uint8)
         for x, y, reach in spots:
             cv2.circle(free, (round(x), round(y)), int(np.ceil(reach)) + 1, 0, -1)
         total += free * sample
         count += free
-    return np.where(count >= ENOUGH, total / np.maximum(count, 1), first).astype(np.float32)
+    return np.where(count >= TRACK.shown, total / np.maximum(count, 1), first).astype(np.float32)

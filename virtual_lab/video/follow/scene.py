@@ -1,0 +1,60 @@
+"""What is known of a clip before its flights are, in pixels and frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.video.find.blobs import Blobs
+from virtual_lab.video.follow.pieces import Piece
+
+__all__ = ["FlightScene"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightScene:
+    """Blobs, times and what a person knows of camera and scale."""
+
+    found: Blobs
+    time: Array  # of each frame [frames], NaN: a repeat
+    stamped: Array  # the same by the time stamps, repeats counted
+    size: tuple[int, int]  # columns, rows
+    exposure: float | None  # [frames]
+    fall: float | None = None  # g, in radii a frame² by the ball's size or in px/frame²
+    fall_in_radii: bool = True
+    readout: float | None = 0.0  # [frames]; None: unknown, up to one
+    doubled: bool = False  # every frame is stored twice
+    readout_axis: tuple[int, int] = (1, 1)  # axis of the picture (0: x), and its sense
+
+    def expected(self, radius: float) -> float | None:
+        """Return g [px/frame²] where scale and rate are known, for a ball of a radius [pixels]."""
+        return self.fall and self.fall * (radius if self.fall_in_radii else 1.0)
+
+    def lost(self, flights: Sequence[Piece]) -> dict[int, int]:
+        """Return how many frames were left out before some frames of flights."""
+        found: dict[int, int] = {}
+        for each in flights:
+            more = np.diff(each.t) - np.diff(self.time[each.frames])
+            found |= {int(each.frames[k + 1]): round(more[k]) for k in np.flatnonzero(more > 0.5)}
+        for one, other in pairwise(flights):
+            if (between := self.ahead(one, other)) > 0.5:
+                found[int(other.frames[0])] = round(between)
+        return found
+
+    def ahead(self, one: Piece, other: Piece) -> float:
+        """Return how many frames were left out between two flights."""
+        passed = self.time[other.frames[0]] - self.time[one.frames[-1]]
+        return float(other.t[0] - one.t[-1] - passed)
+
+    def late(self, blobs: NDArray[np.intp]) -> Array:
+        """Return the share of the readout at which blobs were read."""
+        axis, sense = self.readout_axis
+        at = self.found["picture_x" if axis == 0 else "picture_y"][blobs]
+        share = np.clip(at / (self.size[axis] - 1), 0, 1)
+        return np.asarray(share if sense > 0 else 1 - share)
