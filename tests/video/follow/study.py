@@ -10,12 +10,13 @@ the tracker by what a person sees and it misses, by a contact that is none, by a
 
 import argparse
 import tempfile
-from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
 import numpy as np
+import pandas as pd
 
 from tests.video.follow.twins import run
 from tests.video.scenery.scene import BallTruth, Made, Scene
@@ -50,6 +51,11 @@ class Score:
     far: float  # greatest error [u]
     what: str  # of it
     flags: tuple[str, ...]
+
+    @property
+    def few(self) -> bool:
+        """Whether places were left out."""
+        return self.placed < 0.9 * self.readable
 
     @property
     def wrong(self) -> bool:
@@ -145,8 +151,24 @@ def _on(truth: BallTruth, way) -> np.ndarray:
     return np.nan_to_num(off, nan=np.inf) < 0.5 * way.radius
 
 
+def row_of(name: str, scores: Sequence[Score]) -> dict[str, object]:
+    """Return a scene's line of the table."""
+    placed, readable = (sum(getattr(s, key) for s in scores) for key in ("placed", "readable"))
+    return {
+        "scene": name,
+        "clips": len(scores),
+        "kind wrong": sum(bool(each.kind) for each in scores),
+        "flights missed": sum(len(each.missed) for each in scores),
+        "false contacts": sum(len(each.false) for each in scores),
+        "beyond 5 u": sum(each.far > FAR for each in scores),
+        "unflagged": sum(each.wrong for each in scores),
+        "below 90 %": sum(each.few for each in scores),
+        "placed %": round(100 * placed / readable, 1) if readable else "",
+    }
+
+
 def main() -> None:
-    """Print what is wrong clip by clip, then a line a kind."""
+    """Print what is wrong clip by clip, then a line a scene."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*")
     parser.add_argument("--seeds", type=int, default=20)
@@ -154,35 +176,26 @@ def main() -> None:
     parser.add_argument("--as-named", action="store_true")
     asked = parser.parse_args()
     cv2.setNumThreads(1)
-    scores = defaultdict(list)
+    rows = []
     for name in asked.names or [*SCENES, *UNSEEN]:
+        scene, scores = (SCENES | UNSEEN)[name], []
         for seed in range(asked.first, asked.first + asked.seeds):
-            scene = (SCENES | UNSEEN)[name]
             changed = replace(scene, seed=scene.seed + 100 * seed)
             with tempfile.TemporaryDirectory() as folder:
                 made, found = run(
                     changed if asked.as_named else phone_of(scene, seed), Path(folder)
                 )
             score = score_of(made, found)
-            scores[name].append(score)
-            few = score.placed < 0.9 * score.readable
-            if score.kind or score.missed or score.false or score.far > FAR or few:
+            scores.append(score)
+            if score.kind or score.missed or score.false or score.far > FAR or score.few:
                 print(
                     f"  {name} {seed} crf {made.scene.crf}: {score.kind or 'right'}; "
                     f"missed {score.missed}; false {score.false}; {score.placed} of "
                     f"{score.readable}; {score.what} {score.far:.1f} u; {', '.join(score.flags)}",
                     flush=True,
                 )
-        some = scores[name]
-        readable = max(1, sum(each.readable for each in some))
-        print(
-            f"{name},{len(some)},{sum(bool(each.kind) for each in some)},"
-            f"{sum(len(each.missed) for each in some)},{sum(len(each.false) for each in some)},"
-            f"{sum(each.wrong for each in some)},{sum(each.far > FAR for each in some)},"
-            f"{sum(each.placed < 0.9 * each.readable for each in some)},"
-            f"{sum(each.placed for each in some) / readable:.3f}",
-            flush=True,
-        )
+        rows.append(row_of(name, scores))
+    print(pd.DataFrame(rows).to_string(index=False))
 
 
 if __name__ == "__main__":

@@ -117,6 +117,15 @@ def test_a_hand_s_drift_widens_u_along_the_normal(followed: Get) -> None:
         assert one.restitution.u == pytest.approx(np.hypot(other.restitution.u, more), rel=0.3)
 
 
+def test_a_ball_that_leaves_the_picture_and_comes_back_flies_once(tmp_path: Path) -> None:
+    scene = UNSEEN["lobbed"]
+    made, found = run(replace(scene, crf=25, seed=scene.seed + 300), tmp_path)
+    assert [len(made.truth.flights), len(found.flights)] == [2, 2]
+    require_flights(made.truth, found)
+    require_contacts(made.truth, found)
+    assert np.diff(found.ways[0].frames).max() > 10
+
+
 def test_a_wrong_frame_rate_is_told_by_gravity(followed: Get) -> None:
     _, found = followed("thrown-on-wall")
     wrong = following(found.clip, found.watched, replace(found.known, rate=120.0))

@@ -1,7 +1,8 @@
 """Clips of known truth through the whole tracker; what must not give a number gives none."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +53,9 @@ def run(
     return hit(at / "clip.npy", known)
 
 
+Flown = Callable[[Film], tuple[Tracked, Hit]]
+
+
 def track_hit(path: Path, known: ClipCalibration) -> tuple[FollowedClip, Tracked]:
     """Return a ball followed through a clip of a camera that stands still, and its sharp places."""
     clip = open_clip(path, known)
@@ -62,6 +66,18 @@ def track_hit(path: Path, known: ClipCalibration) -> tuple[FollowedClip, Tracked
 def hit(path: Path, known: ClipCalibration) -> tuple[Tracked, Hit]:
     found, tracked = track_hit(path, known)
     return tracked, Hit(with_speeds(found, tracked, known), tracked)
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Flown:
+    """Return what films a ball and tracks it, once."""
+
+    @cache
+    def get(film: Film) -> tuple[Tracked, Hit]:
+        known = replace(KNOWN, exposure_s=film.shutter / RATE)
+        return run(film.frames(), tmp_path_factory.mktemp("film"), known)
+
+    return get
 
 
 def require(film: Film, found: Hit) -> None:
@@ -89,10 +105,9 @@ SCENES = {
 
 
 @pytest.mark.parametrize("scene", SCENES)
-def test_speeds_are_right_to_their_uncertainty(scene: str, tmp_path: Path) -> None:
+def test_speeds_are_right_to_their_uncertainty(scene: str, flown: Flown) -> None:
     film = SCENES[scene]
-    known = replace(KNOWN, exposure_s=film.shutter / RATE)
-    tracked, found = run(film.frames(), tmp_path, known)
+    tracked, found = flown(film)
     require(film, found)
     assert found.flags == ()
     assert found.contact_time is not None
@@ -298,7 +313,7 @@ def test_a_ball_of_another_size_is_not_the_ball(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("sense", "turn"), [(1.0, (0.0, 0.0, 0.0)), (-1.0, (np.pi, 0.0, 0.0))])
 def test_angles_are_as_seen_whichever_way_the_cameras_axes_run(
-    sense: float, turn: tuple[float, float, float], tmp_path: Path
+    sense: float, turn: tuple[float, float, float], flown: Flown, tmp_path: Path
 ) -> None:
     """A camera 1 m off, of a pixel a millimetre: Y down the picture, or up as on a rig."""
     film = SCENES["steep"]
@@ -310,7 +325,7 @@ def test_angles_are_as_seen_whichever_way_the_cameras_axes_run(
         rotation=turn,
         translation_m=(0.0, 0.0, 1.0),
     )
-    plain, flat = run(film.frames(), tmp_path)
+    plain, flat = flown(film)
     tracked, seen = run(
         film.frames(), tmp_path, replace(KNOWN, metres_per_pixel=None, camera=camera)
     )
@@ -325,10 +340,10 @@ def test_angles_are_as_seen_whichever_way_the_cameras_axes_run(
     assert np.sign(tracked.legs.flights[0].velocity[1]) == sense
 
 
-def test_a_ball_that_leaves_the_plane_is_told_by_its_size(tmp_path: Path) -> None:
+def test_a_ball_that_leaves_the_plane_is_told_by_its_size(flown: Flown) -> None:
     """Radius f r / Z, place f X / Z: nearer at w m/s, the picture gains X w / Z m/s."""
     film = Film()
-    tracked, flat = run(film.frames(), tmp_path)
+    tracked, flat = flown(film)
     assert "OFF_PLANE" not in flat.flags
     out, rate = tracked.legs.used[1], 3.0  # w / Z [1/s]
     since = tracked.times - tracked.times[out].mean()

@@ -47,10 +47,10 @@ class _StillSettings:
     fewest: int = 8  # samples that show which side of the background a ball is on
     side: float = 0.25  # quantile, or its complement, at which the background of a slow ball lies
     touched: float = 8.0  # noises that a pixel's brightness varies by if the ball was there
-    # of the misfits without: cameras on a stand show 0.91 and 0.65 at least, in H.264 or not; of
-    # others, turning ones show 0.74 at most, those that drift before a plain wall 0.41
+    # of the misfits without: cameras on a stand show 0.91 at least, and 0.61 times that of all; of
+    # others, turning ones show 0.74 at most, those held by hand 0.53 so multiplied
     turns: float = 0.8
-    drifts: float = 0.5
+    drifts: float = 0.57
     restless: float = 0.75  # quantile of the samples' differences: what a pixel does without a ball
     most_restless: int = 16  # DN: more may be a ball that stays
     rows: int = 64  # at a time: a sorted stack of whole pictures would need the memory of them all
@@ -215,9 +215,9 @@ def _laid(greys: Sequence[Image], most: float, held: float) -> Array:
         steps = np.hypot(*np.diff(shifts, axis=0).T)
         one_by_one, together = _misfits(edges, whole, greys, shifts) / stands
         limit = most if _show_drift(whole, middle) else min(most, held)
-        drifts = one_by_one < _STILL.turns or together < _STILL.drifts
         # the median of pictures that hardly overlap shows nothing
         misfit = one_by_one * min(1.0, together)
+        drifts = one_by_one < _STILL.turns or misfit < _STILL.drifts
         if drifts and steps.max(initial=0.0) <= limit and misfit < least:
             best, least = shifts, misfit
         shifts = np.array([whole.shift(g, near) for g, near in zip(greys, shifts, strict=True)])

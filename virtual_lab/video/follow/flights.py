@@ -343,7 +343,8 @@ def _refilled(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]
                 t = float(scene.time[frame]) + shift
                 gap = frame - before if frame < piece.frames[0] else after - frame
                 blob = _nearest(scene, piece, fit, k, frame, t, gap <= FLIGHTS.contact_frames)
-                missed = missed + 1 if blob is None else 0
+                own = piece.frames[0] <= frame <= piece.frames[-1]  # it may leave the picture there
+                missed = 0 if own or blob is not None else missed + 1
                 if blob is not None:
                     places.append((frame, blob, t))
         if len(places) >= FLIGHTS.side_places:
