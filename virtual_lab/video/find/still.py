@@ -43,7 +43,7 @@ class _StillSettings:
     turned: float = 0.025  # of the picture's longer side a frame: a camera turned after the ball
     coded_still: float = 6.0  # DN/px: H.264 keeps flatter edges in place while the camera drifts
     span: float = 0.5  # of a side, that edges reach over to show a turn: a ball's alone do not
-    rounds: int = 2  # the samples are laid upon one of them, and then on the median of all
+    rounds: int = 2  # times that the samples are laid upon their median
     fewest: int = 8  # samples that show which side of the background a ball is on
     side: float = 0.25  # quantile, or its complement, at which the background of a slow ball lies
     touched: float = 8.0  # noises that a pixel's brightness varies by if the ball was there
