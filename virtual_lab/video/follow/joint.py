@@ -93,14 +93,16 @@ def estimate_of(
 ) -> Estimate:
     """Return what follows from a fit, in units with a relative u.
 
-    The fit is moved by one standard uncertainty along each axis of its covariance; of the
-    difference to each other fit its share is u.
+    The fit is moved by one standard uncertainty either way along each axis of its covariance, and
+    the greater change counts: drag cannot fall below 0. Of the difference to each other fit its
+    share is u.
     """
     value = quantity(fit)
     powers, axes = np.linalg.eigh(fit.covariance)
     kept = powers > 1e-15 * powers.max()
     moves = (axes[:, kept] * np.sqrt(powers[kept])).T
-    off = [quantity(fit.with_vector(fit.vector + move)) - value for move in moves]
+    both = [[quantity(fit.with_vector(fit.vector + s * m)) for s in (1, -1)] for m in moves]
+    off = [float(np.abs(np.subtract(each, value)).max()) for each in both]
     off += [share * (value - quantity(other)) for other, share in others]
     u = float(np.linalg.norm([*off, value * relative_u]))
     return Estimate(value=unit * value, u=unit * u)
