@@ -11,7 +11,7 @@ import pytest
 from tests.video.spectrum import disc
 from virtual_lab.fidelity.camera_errors import score_places
 from virtual_lab.fidelity.camera_estimators import CV2, EDGE, OURS
-from virtual_lab.fidelity.camera_pictures import FILMED, pictures
+from virtual_lab.fidelity.camera_pictures import CASE, pictures
 from virtual_lab.fidelity.camera_scenes import FULL_SCALE, Case
 
 FEW = Case(phases=4, repeats=10)
@@ -29,7 +29,7 @@ def test_a_quiet_picture_is_the_exact_one(light: Literal["even", "back"]) -> Non
         x, y = np.array([x, y]) - batch.given.seen.corners[k]
         off = (size - case.side) // 2
         inside = slice(off, off + case.side)
-        m = disc(size, x + off, y + off, 15, FILMED.lens, case.way)[inside, inside]
+        m = disc(size, x + off, y + off, 15, CASE.lens, case.way)[inside, inside]
         exact = behind * (1 - m) + ball * m
         assert np.abs(batch.given.seen.pixels[k] - exact).max() < 1e-3 * 150
 
@@ -61,11 +61,11 @@ def test_what_hides_the_ball() -> None:
     gone = pictures(replace(FEW, cut=0.25)).given
     side = gone.seen.pixels.shape[2]
     right = gone.seen.corners[:, 0] + side - 1
-    assert (right == FILMED.frame[1] - 1).all()
+    assert (right == CASE.frame[1] - 1).all()
     away = right + 0.5 - pictures(replace(FEW, cut=0.25)).x
     assert away == pytest.approx(np.full(away.size, 15.0), abs=1.0)
     behind = pictures(replace(FEW, covered=0.25)).given
-    assert abs(behind.seen.pixels[..., -5:].mean() - FILMED.bat) < 0.5
+    assert abs(behind.seen.pixels[..., -5:].mean() - CASE.bat) < 0.5
     hot = pictures(replace(FEW, hot=50)).given.seen.pixels
     assert 30 < (hot == FULL_SCALE).sum(axis=(1, 2)).mean() <= 50
 

@@ -13,7 +13,7 @@ __all__ = ["Seen", "draw_maps"]
 
 
 class Seen(CellState):
-    """What the pictures of a cell come to."""
+    """Result of the pictures of a cell."""
 
     GOOD = "good", ".", "#6baed6"
     INACCURATE = "inaccurate, and says so", "o", "#fee391"
@@ -46,7 +46,7 @@ def draw_maps(rows: list[dict[str, Any]], summary: str, *, abreast: int = 4) -> 
     keys = [Patch(color=state.colour, label=state) for state in Seen]
     figure.legend(handles=keys, loc="outside lower center", ncols=len(keys), frameon=False)
     figure.suptitle(
-        "Locating the ball: what each picture comes to; numbers: pictures of a cell wrong and "
+        "Locating the ball: result of each picture; numbers: pictures of a cell wrong and "
         f"unsaid\n{summary}",
         fontsize=11,
     )

@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Filmed:
+class CaseSettings:
     """What all cases have alike."""
 
     frame: tuple[int, int] = (800, 1280)  # rows, columns
@@ -40,7 +40,7 @@ class Filmed:
     empty: int = 32  # frames the background is known from
 
 
-FILMED = Filmed()
+CASE = CaseSettings()
 
 
 def pictures(case: Case, seed: int = 1, block: int = 0) -> Batch:
@@ -69,9 +69,9 @@ def pictures(case: Case, seed: int = 1, block: int = 0) -> Batch:
         seen=seen,
         start=_start(case, x, y, draws, slots),
         noise=case.noise,
-        lens=FILMED.lens,
+        lens=CASE.lens,
     )
-    return Batch(given=given, x=x, y=y, limit=case.limit(FILMED.lens))
+    return Batch(given=given, x=x, y=y, limit=case.limit(CASE.lens))
 
 
 def _means(case: Case, own: Array, draws: Streams, slots: Slots) -> tuple[Array, Array]:
@@ -83,20 +83,20 @@ def _means(case: Case, own: Array, draws: Streams, slots: Slots) -> tuple[Array,
         case.radius,
         np.zeros((count, 2)),
         (side, side),
-        sigma=FILMED.lens,
-        look=BallLook(albedo=FILMED.albedo, seam_contrast=FILMED.seam if case.stitched else 0.0),
+        sigma=CASE.lens,
+        look=BallLook(albedo=CASE.albedo, seam_contrast=CASE.seam if case.stitched else 0.0),
         light=_light(case.light),
         orientation=axes_of(2 * draws.normal("axes", 3, slots)),
-        turn=FILMED.turn,
+        turn=CASE.turn,
     )
     ball, level = case.levels
     behind = np.broadcast_to(level + case.slope * (np.arange(side) - middle), (side, side))
-    mean = np.asarray(seen.over(behind, ball / FILMED.albedo), np.float64)
+    mean = np.asarray(seen.over(behind, ball / CASE.albedo), np.float64)
     if not case.covered:
         return mean, behind
     edge = middle + case.radius * (1 - 2 * case.covered)
-    share = ndtr((np.arange(side) - edge) / sqrt(FILMED.lens**2 + 1 / 12))
-    return mean + share * (FILMED.bat - mean), behind + share * (FILMED.bat - behind)
+    share = ndtr((np.arange(side) - edge) / sqrt(CASE.lens**2 + 1 / 12))
+    return mean + share * (CASE.bat - mean), behind + share * (CASE.bat - behind)
 
 
 def _light(name: str) -> Light:
@@ -137,7 +137,7 @@ def _exposed(
         seen = sensor.expose(mean / noise.gain, corners, draws, name, slots)
         return np.asarray(seen, np.uint8)
 
-    empty = block * FILMED.empty + np.arange(FILMED.empty)
+    empty = block * CASE.empty + np.arange(CASE.empty)
     samples = grey(np.broadcast_to(behind, (len(empty), side, side)), "samples", empty)
     if case.quiet:
         return mean, samples, np.broadcast_to(behind, mean.shape)
@@ -151,7 +151,7 @@ def _exposed(
 
 def _corners(case: Case, draws: Streams, shape: tuple[int, int], slots: Slots) -> Array:
     """Return where regions begin in the frame; those of a ball that is cut end with it."""
-    room = np.array([FILMED.frame[1] - shape[1], FILMED.frame[0] - shape[0]])
+    room = np.array([CASE.frame[1] - shape[1], CASE.frame[0] - shape[0]])
     share = draws.uniform("corners", 2, slots) + 0.5
     corners: Array = np.floor(share * (room + 1))
     if case.cut:
@@ -180,7 +180,7 @@ def _clip(samples: NDArray[np.uint8]) -> Clip:
     return Clip(
         source=Source(path=Path("made"), declared=0, read=lambda: iter(())),
         times=np.zeros(0),
-        shape=FILMED.frame,
+        shape=CASE.frame,
         full_scale=FULL_SCALE,
         samples=samples,
         sampled=np.arange(len(samples)),

@@ -18,7 +18,7 @@ Row = dict[str, Any]
 
 
 class CellState(StrEnum):
-    """What a cell of a map comes to: words, letter in a terminal, colour in a picture."""
+    """Result in a cell of a map: words, letter in a terminal, colour in a picture."""
 
     mark: str
     colour: str
@@ -30,7 +30,7 @@ class CellState(StrEnum):
 
 
 class State(CellState):
-    """What a cell comes to where steps are tried."""
+    """Result in a cell where steps are tried."""
 
     GOOD = "good", ".", "#6baed6"
     NOTICED = "inaccurate, and the pass doubts it", "?", "#fee391"

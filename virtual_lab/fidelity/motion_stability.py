@@ -90,7 +90,7 @@ def motion_cells(progress: Progress = quiet) -> list[Row]:
 
 
 def _cell(axis: MotionAxis, method: Carrier, step: float, value: float) -> Row:
-    """Return what the shots of a cell come to."""
+    """Return the result of the shots of a cell."""
     speed = (value if axis is MotionAxis.SPEED else 60.0) * MPH
     # iterations show where the joint works hard: by the grip
     place = 20 * INCH if axis is MotionAxis.ITERATIONS else 6 * INCH

@@ -26,7 +26,7 @@ class Mark(NamedTuple):
     ink: str  # of the number
 
 
-class Layout(NamedTuple):
+class PageLayout(NamedTuple):
     """Lengths of the page, in."""
 
     cell: float = 0.32
@@ -49,7 +49,7 @@ MARKS = {
     "tie": Mark("no order in the field", "_", 8, "0.5", "0.5", "0.5"),
     "no result": Mark("gives no result", "x", 8, "0.5", "0.5", "0.5"),
 }
-PAGE = Layout()
+PAGE = PageLayout()
 
 
 def draw_critique(pairs: Sequence[Pair], path: Path) -> None:

@@ -77,10 +77,10 @@ def test_a_rim_that_is_not_seen_is_told(hidden: float) -> None:
     noise = Noise(gain=0.0, read=4.0)
     p = np.zeros(len(AT))
     p[[AT.x, AT.y, AT.radius, AT.level]] = middle, middle, radius, 1.0
-    told = covered(View(region, back, np.zeros(2)), p, noise)
+    found = covered(View(region, back, np.zeros(2)), p, noise)
     # the chord cuts the ring's middle, 3 pixels inside the rim, a little later
     ring = np.arccos(np.cos(np.pi * hidden) * radius / (radius - 3)) / np.pi if hidden else 0.0
-    assert told == pytest.approx(ring, abs=0.01)
+    assert found == pytest.approx(ring, abs=0.01)
     dim = np.where(region > 180, 40.0 + 10 * 2, region)  # 10 sigma over what is behind
     assert covered(View(dim, back, np.zeros(2)), p, noise) == 0.0
 

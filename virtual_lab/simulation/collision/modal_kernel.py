@@ -42,7 +42,7 @@ KICKS, DRIFTS = SRKN_11.kicks, SRKN_11.drifts
 FAST = {"reassoc", "contract", "nsz"}
 
 
-class Event(IntEnum):
+class StepEnd(IntEnum):
     """What a step ends on."""
 
     TURN = 0  # x' = 0
@@ -113,9 +113,9 @@ def _miss(event: int, bat: Bat, law: Law, state: State, peak: float) -> tuple[fl
     c, g, w2 = bat
     p, v, r = state
     x, rate = _approach(r[0], g, p), _approach(r[1], g, v)
-    if event == Event.RELEASE:
+    if event == StepEnd.RELEASE:
         return x, rate
-    if event == Event.FULL:
+    if event == StepEnd.FULL:
         return x - peak, rate
     force, _ = _force(x, law)
     bend = -c * force
@@ -172,7 +172,7 @@ def _contact(
         before, rate = rate, _approach(r[1], g, v)
         turned = before * rate < 0.0
         if turned:  # or a step could hide that x was out of its branch for a moment
-            span = _step_to(Event.TURN, span, bat, law, state, peak, y, old)
+            span = _step_to(StepEnd.TURN, span, bat, law, state, peak, y, old)
             rate = 0.0
         x = _approach(r[0], g, p)
         if loading and turned:
@@ -180,11 +180,11 @@ def _contact(
             force, u_max = _force(peak, law)
             loading, law = False, (force, u_max, b, compliance)
         elif not loading and x > peak:
-            span = _step_to(Event.FULL, span, bat, law, state, peak, y, old)
+            span = _step_to(StepEnd.FULL, span, bat, law, state, peak, y, old)
             rate = _approach(r[1], g, v)
             loading, law = True, first
         elif x <= 0.0:
-            return t + _step_to(Event.RELEASE, span, bat, law, state, peak, y, old), u_max, turns
+            return t + _step_to(StepEnd.RELEASE, span, bat, law, state, peak, y, old), u_max, turns
         elif turned and before < 0.0:
             turns += 1
         t += span

@@ -39,7 +39,7 @@ class FlightSearch:
     colour: float = 60.0  # DN between them
     # a flight's own scatter, rms
     smooth_radii: float = 0.12
-    smooth_pixels: float = 0.7  # likewise, of a small ball
+    smooth_pixels: float = 0.7  # of a small ball
     sharp_radii: float = 0.04  # where the acceleration is far from g: no hand draws so clean a
     sharp_share: float = 0.015  # parabola, nor one that scatters by this share of its sag
     deep_sag: float = 3.0  # radii of it

@@ -40,7 +40,7 @@ class ClipSettings:
     off_gravity: tuple[float, float] = (3.0, 0.04)
     off_gravity_alone: tuple[float, float] = (5.0, 0.1)
     tilted_misfit: float = 0.6  # what a perspective shrinks it to, to be believed
-    tilt: float = 0.03  # over the places' extent, likewise
+    tilt: float = 0.03  # over the extent of the places, to be believed
     reconciled: float = 0.7  # of what flights' accelerations differ by, if that explains it
     drag_u: float = 0.35  # of the difference between fits with and without drag
     hand_drift: float = 0.02  # of the longer side a second, each way: 0.005 to 0.03 in real clips

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionSettings:
-    """What tells the kinds apart."""
+    """How the kinds of motion differ."""
 
     straight: float = 0.15  # radii, rms off a straight line, of a ball that rolls
     level: float = 1.1  # radians that a rolling ball's way may be off the picture's rows

@@ -54,7 +54,7 @@ class PieceCuts:
     """Where a grown piece ends after all."""
 
     turn: float = 0.22  # of the speed that it must change by for a contact
-    turn_u: float = 6.0  # standard uncertainties, likewise
+    turn_u: float = 6.0  # standard uncertainties of that change
     turn_pull: float = 3.0  # of what gravity adds in a frame: less leaves no flight behind it
     bent: float = 0.1  # radii, rms off a parabola: no flight, or not all of it
     stray: float = 0.15  # radii off the others' parabola

@@ -27,12 +27,10 @@ class LegSettings:
     least_frames: int = 3  # of a flight
     rounds: int = 3
     outlier_spreads: float = 8.0  # robust standard deviations: a frame this far off is left out
-    contact_u: float = (
-        4.0  # standard uncertainties: a frame next to the contact this far off: in it
-    )
+    contact_u: float = 4.0  # standard uncertainties that a frame lies off, to span the contact
     contact_share: float = 0.34  # of a flight's frames: no contact is seen in more
     turn_u: float = 6.0  # standard uncertainties that the velocity changes by at a contact
-    turn: float = 0.03  # of the speed, likewise
+    turn: float = 0.03  # of the speed, that it changes by there
     lags: tuple[float, float] = (0.02, 30.0)  # of a pattern, in times that the flight is seen
     pattern_odds: float = 10.0  # residuals that show so much less than it should are still its own
 
