@@ -97,8 +97,8 @@ def fit_edge(
         The camera's noise, and the standard deviation of its lens's blur [pixel].
     oval, oval_u
         What is known of outlines that are no circles, r = R (1 + c cos 2a + s sin 2a): c and s,
-        (region, 2) or less, and their u; 0 only where they are known to 0.0005: what is left of
-        an ellipse would be taken for a pattern. A sphere off a camera's axis by the angle b has
+        (region, 2) or less, and their u; 0 only where they are known to 0.0005: the rest of an
+        ellipse would be taken for a pattern. A sphere off a camera's axis by the angle b has
         an outline that is longer by 1 / cos b along the way from the axis.
     """
     from virtual_lab.video.locate.edge_kernel import View
