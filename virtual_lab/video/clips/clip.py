@@ -83,36 +83,38 @@ def open_clip(path: Path, calibration: ClipCalibration) -> Clip:
     than the calibrated camera's, time stamps that do not fit.
     """
     source = open_source(path)
-    every = 1
+    first, _ = next(source.pictures())
+    camera, size = calibration.camera, (first.shape[1], first.shape[0])
+    if camera and camera.image_size != size:
+        wide, high = camera.image_size
+        allowed = f"the calibrated camera's are {wide} x {high}: is it another camera's?"
+        raise InputError(str(path), "frames", f"{size[0]} x {size[1]}", allowed)
+    room = MEMORY.samples_bytes / first.nbytes
+    count = int(np.clip(room, MEMORY.least_samples, MEMORY.samples))
+    every = max(1, -(-source.declared // count))
+    # filled in place: a list and its stack would take the memory twice
+    samples = np.empty((-(-source.declared // every) + 1, *first.shape), first.dtype)
     stamps: list[float] = []
     sampled: list[int] = []
-    samples: Frame = np.zeros(0)
     kept: list[tuple[Frame, float]] = []
     brightest = 0
-    for number, (frame, stamp) in enumerate(source.pictures()):
-        if number == 0:
-            camera, size = calibration.camera, (frame.shape[1], frame.shape[0])
-            if camera and camera.image_size != size:
-                wide, high = camera.image_size
-                allowed = f"the calibrated camera's are {wide} x {high}: is it another camera's?"
-                raise InputError(str(path), "frames", f"{size[0]} x {size[1]}", allowed)
-            room = MEMORY.samples_bytes / frame.nbytes
-            count = int(np.clip(room, MEMORY.least_samples, MEMORY.samples))
-            every = max(1, -(-source.declared // count))
-            # filled in place: a list and its stack would take the memory twice
-            samples = np.empty((-(-source.declared // every) + 1, *frame.shape), frame.dtype)
+    stays = source.declared * first.nbytes <= MEMORY.clip_bytes
+    whole = stays or first.dtype != np.uint8
+    for number, (frame, stamp) in enumerate(source.skimmed(1 if whole else every)):
+        stamps.append(stamp)
+        if frame is None:
+            continue
         if number % every == 0 and len(sampled) < len(samples):
             samples[len(sampled)] = frame
             sampled.append(number)
-        if source.declared * frame.nbytes <= MEMORY.clip_bytes:
+        if stays:
             kept.append((frame, stamp))
         if frame.dtype != np.uint8:
             brightest = max(brightest, int(frame.max()))
-        stamps.append(stamp)
     times, warnings = frame_times(source, np.array(stamps), calibration)
     bits = max(8, brightest.bit_length())
     return Clip(
-        source=replace(source, read=lambda: iter(kept)) if kept else source,
+        source=replace(source, read=lambda _: iter(kept)) if kept else source,
         times=times,
         shape=(samples.shape[1], samples.shape[2]),
         full_scale=float(2**bits - 1),

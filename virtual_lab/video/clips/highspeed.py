@@ -32,7 +32,7 @@ def cine(path: Path) -> Header:
     except Exception as fault:
         raise _unreadable(path, ".cine", fault) from fault
 
-    def read() -> Iterator[tuple[NDArray[Any], float]]:
+    def read(_: int) -> Iterator[tuple[NDArray[Any], float]]:
         for number in range(first, first + count):
             try:
                 image = np.asarray(reader.read_image(head, str(path), number))
@@ -63,7 +63,7 @@ def mraw(path: Path) -> Header:
         raise InputError(str(path), ".mraw", f"{bits} bits", "allowed: grey of 8, 12 or 16 bits")
     size = rows * columns * bits // 8
 
-    def read() -> Iterator[tuple[NDArray[Any], float]]:
+    def read(_: int) -> Iterator[tuple[NDArray[Any], float]]:
         with data.open("rb") as file:
             for _ in range(count):
                 raw = np.frombuffer(file.read(size), np.uint8)

@@ -38,7 +38,8 @@ class Source:
     estimated: bool = False  # estimated from the duration, not counted
     rate: float | None = None  # frames a second the file says
     rotation: int = 0  # degrees clockwise that frames were turned as the file asks for
-    read: Callable[[], Iterator[tuple[Frame, float]]]  # each with its own time [s], NaN: none
+    # every so manieth picture at least, others may be None; each with its time [s], NaN: none
+    read: Callable[[int], Iterator[tuple[Frame | None, float]]]
 
     def frames(self) -> Iterator[tuple[Frame, float]]:
         """Yield each frame, grey, as `pictures` does."""
@@ -48,17 +49,25 @@ class Source:
     def pictures(self) -> Iterator[tuple[Frame, float]]:
         """Yield each frame, grey or in colour, with its own time stamp [s] (NaN: it has none).
 
+        Raises as `skimmed` does.
+        """
+        return ((frame, stamp) for frame, stamp in self.skimmed(1) if frame is not None)
+
+    def skimmed(self, every: int) -> Iterator[tuple[Frame | None, float]]:
+        """Yield the same, of which every so manieth at least is a picture, others may be None.
+
         Raises `InputError` where a frame has another size or depth than the first, where
         fewer can be read than the file says it holds, or where there is none.
         """
         first: Frame | None = None
         count = 0
-        for frame, stamp in self.read():
-            _require_picture(frame, f"{self.path}: frame {count}")
-            first = frame if first is None else first
-            if (frame.shape[:2], frame.dtype) != (first.shape[:2], first.dtype):
-                allowed = f"the first is {_size(first)}: a clip has frames of one size and depth"
-                raise InputError(str(self.path), f"frame {count}", _size(frame), allowed)
+        for frame, stamp in self.read(every):
+            if frame is not None:
+                _require_picture(frame, f"{self.path}: frame {count}")
+                first = frame if first is None else first
+                if (frame.shape[:2], frame.dtype) != (first.shape[:2], first.dtype):
+                    allowed = f"the first is {_size(first)}: all have one size and depth"
+                    raise InputError(str(self.path), f"frame {count}", _size(frame), allowed)
             count += 1
             yield frame, stamp
         if count == 0:
@@ -103,7 +112,7 @@ def _folder(path: Path) -> Source:
     if len(kinds := sorted({each.suffix.lower() for each in files})) > 1:
         raise InputError(str(path), "images", ", ".join(kinds), "one kind of image in a folder")
 
-    def read() -> Iterator[tuple[Frame, float]]:
+    def read(_: int) -> Iterator[tuple[Frame, float]]:
         import cv2
 
         for file in files:
@@ -122,7 +131,7 @@ def _stack(path: Path) -> Source:
     if pages == 0:
         raise InputError(str(path), "TIFF", None, "cannot be read as a stack of images")
 
-    def read(at_once: int = 8) -> Iterator[tuple[Frame, float]]:
+    def read(_: int, at_once: int = 8) -> Iterator[tuple[Frame, float]]:
         for start in range(0, pages, at_once):
             count = min(at_once, pages - start)
             _, images = cv2.imreadmulti(
@@ -150,7 +159,7 @@ def _array(path: Path) -> Source:
     del whole
     size = int(np.prod(shape[1:]))
 
-    def read() -> Iterator[tuple[Frame, float]]:
+    def read(_: int) -> Iterator[tuple[Frame, float]]:
         # pages of a mapped file would count as memory of this process
         for index in range(shape[0]):
             start = offset + index * size * dtype.itemsize
@@ -170,17 +179,17 @@ def _video(path: Path) -> Source:
     if declared == 0:
         raise InputError(str(path), "frames", 0, "no frame in it can be read")
 
-    def read() -> Iterator[tuple[Frame, float]]:
+    def read(every: int) -> Iterator[tuple[Frame | None, float]]:
         capture = _open(path)
         pixels = int(capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)).to_bytes(4, "little")
         if pixels in (b"Y800", b"Y1\0\x10"):  # FFmpeg's own grey of 8 and 16 bits
             capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)  # else 16 bits are cut to 8
         try:
-            while True:
-                good, frame = capture.read()
-                if not good:
-                    return
+            number = 0
+            while capture.grab():
+                frame = None if number % every else capture.retrieve()[1]
                 yield frame, capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
+                number += 1
         finally:
             capture.release()
 

@@ -170,8 +170,8 @@ def _steepest(slope: NDArray[np.float32]) -> NDArray[np.intp]:
             flat = part.ravel()
             kept = np.argpartition(-flat, min(share, flat.size - 1))[:share]
             y, x = np.unravel_index(kept[flat[kept] > _ALIGN.steepest], part.shape)
-            chosen.append(np.stack([y + top, x + left], axis=1))
-    return np.concatenate(chosen)
+            chosen.append((y + top, x + left))
+    return np.concatenate(chosen, axis=1).T
 
 
 def _inside(level: _Level, picture: NDArray[np.float32], shift: Array) -> NDArray[np.bool_]:

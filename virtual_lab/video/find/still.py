@@ -101,12 +101,12 @@ class Still:
         """
         import cv2
 
-        way = (shift + self.origin) / self.shrink
-        level = _level(moved_back(small, way, (0, 0), self.small), self.small)
-        behind = self.small
-        if level != 1.0:
+        way, behind = (shift + self.origin) / self.shrink, self.small
+        here = moved_back(small, way, (0, 0), behind)
+        if (level := _level(here, behind)) != 1.0:
             behind = np.asarray(cv2.convertScaleAbs(behind, alpha=level), np.uint8)
-        apart = _strongest(_apart(moved_back(small, way, (0, 0), behind), behind))
+            here = moved_back(small, way, (0, 0), behind)
+        apart = _strongest(_apart(here, behind))
         return np.asarray(cv2.subtract(apart, self.restless), np.uint8)
 
     def cut(
@@ -318,7 +318,7 @@ def ranked(stack: NDArray[np.uint8], rank: int | NDArray[np.uint8]) -> Image:
     found = np.zeros(stack.shape[1:], np.uint8)
     for bit in (128, 64, 32, 16, 8, 4, 2, 1):
         below = (stack < found + np.uint8(bit)).sum(axis=0, dtype=np.uint8)
-        found += np.where(below <= rank, np.uint8(bit), np.uint8(0))
+        found += np.uint8(bit) * (below <= rank)  # much quicker than `where`
     return found
 
 

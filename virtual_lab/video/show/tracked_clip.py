@@ -72,7 +72,6 @@ class TrackedClip:
 
         Raises `InputError` where the folder is not empty or cannot be written.
         """
-        from virtual_lab.video.bat.clip import write_bat_table
         from virtual_lab.video.show import pictures as drawn
 
         self.progress("drawing")
@@ -86,6 +85,8 @@ class TrackedClip:
             drawn.write_sheet(self.course, pictures, draft / "sheet.png")
             film.result()
             if self.bat:
+                from virtual_lab.video.bat.clip import write_bat_table
+
                 write_bat_table(self.bat, draft / "bat.csv")
 
 
