@@ -18,7 +18,6 @@ from annotated_types import Ge, Gt
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BatBody, Dimension
 from virtual_lab.records import AimMarks, EncoderRecord, GateRecord, Record, ShotLog
-from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.cannon_station import (
     BallFlights,
     RestingBatSpec,
@@ -37,8 +36,7 @@ from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.physics.coasting import coasting, ringing
 from virtual_lab.simulation.rig import MotionRung, RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws
-
-__all__ = ["RIG", "AstmPivot"]
+from virtual_lab.units import Array
 
 GAP = 2.3e-3  # s, a recorder that sums up leaves out after contact: the blow's own shudder
 

@@ -20,8 +20,6 @@ from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoa
 from virtual_lab.simulation.rig import MotionRung, Stage
 from virtual_lab.streams import Draws
 
-__all__ = ["RIG", "BallCannon", "BallCannonSpec", "BallCannonStation", "parts"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BallCannonSpec(RestingBatSpec):

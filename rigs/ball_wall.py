@@ -12,7 +12,6 @@ from annotated_types import Ge, Gt, Le
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import GateRecord, Record, ShotLog
-from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.cannon_station import CannonRigSpec, fitted
 from virtual_lab.simulation.instruments import (
     FittedStation,
@@ -28,8 +27,7 @@ from virtual_lab.simulation.physics.ageing import loss_of_restitution
 from virtual_lab.simulation.physics.ball import wall_contact
 from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws
-
-__all__ = ["RIG", "BallWall"]
+from virtual_lab.units import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

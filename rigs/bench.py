@@ -21,8 +21,6 @@ from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws
 from virtual_lab.units import INCH
 
-__all__ = ["RIG", "Bench"]
-
 SWEET_SPOT = np.array(6 * INCH)  # where the barrel's radius is taken, from the tip
 Repeats = Annotated[int, Gt(1), Dimension("number")]
 

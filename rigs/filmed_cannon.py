@@ -32,8 +32,6 @@ from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["RIG", "FilmedCannon", "FilmedCannonStation"]
-
 CLIP = "filmed-cannon.clip"
 STATIONS = 80  # of the bat's outline
 Spin = Annotated[float, Ge(0), Dimension("angular speed")]

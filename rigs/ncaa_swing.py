@@ -18,7 +18,6 @@ from annotated_types import Ge, Gt
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import AimMarks, BoardRecord, EncoderRecord, Record, ShotLog
-from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.cannon_station import CannonRigSpec, CannonStation, fitted
 from virtual_lab.simulation.impact import contact_angle, thrown_back
 from virtual_lab.simulation.instruments import Instrument, InstrumentFactory, RecordDetail
@@ -29,8 +28,7 @@ from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoa
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws
-
-__all__ = ["RIG", "NcaaSwing"]
+from virtual_lab.units import Array
 
 GAP = 1e-3  # s, a recorder that sums up leaves out before contact, which may come early
 

@@ -8,8 +8,6 @@ from contextlib import suppress
 
 from virtual_lab.files.drafts import remove_drafts
 
-__all__ = ["main"]
-
 STOPS = ("SIGINT", "SIGTERM", "SIGHUP")  # Ctrl-C, kill, a closed terminal
 
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
-__all__ = ["InputError", "nearest"]
-
 
 class InputError(ValueError):
     """Input that cannot be used; the text is one line that says how to correct it."""

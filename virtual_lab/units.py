@@ -9,6 +9,12 @@ from __future__ import annotations
 
 from math import pi
 
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]  # in SI; docstrings give shapes
+Mask = NDArray[np.bool_]
+
 INCH = 0.0254  # m
 POUND = 0.45359237  # kg
 OUNCE = POUND / 16  # kg

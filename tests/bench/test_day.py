@@ -12,8 +12,8 @@ import pytest
 
 from tests.bench.days import PLAIN, asked
 from virtual_lab.bench.actions import ARGUMENTS, action_of
-from virtual_lab.bench.keeping import LOG, SECRET, KeptDay
-from virtual_lab.bench.log import DayLog, SequenceError
+from virtual_lab.bench.keeping import SECRET, KeptDay
+from virtual_lab.bench.log import LOG, DayLog, SequenceError
 from virtual_lab.bench.scenario import load_scenario
 from virtual_lab.bench.table import action_table
 from virtual_lab.errors import InputError

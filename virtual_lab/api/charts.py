@@ -11,8 +11,6 @@ from virtual_lab.output.progress import Progress, quiet
 if TYPE_CHECKING:
     from virtual_lab.fidelity.results import SpeedChart, StabilityMap
 
-__all__ = ["chart", "stability"]
-
 PARTS = ("collision", "motion", "camera")
 
 

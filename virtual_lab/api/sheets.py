@@ -22,8 +22,6 @@ from virtual_lab.files import parse_toml
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Sheet", "with_sheets"]
-
 T = TypeVar("T")
 NAMED = ("bats", "balls", "procedures")  # kinds whose changed sheets take another name
 NUMBER = re.compile(r"\s*([-+.\d][-+.\deE]*)\s+(\S.*?)\s*")  # a number and its unit

@@ -14,8 +14,6 @@ from virtual_lab.bench.table import MAKE_READY, PREPARING, action_table
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.units import DIMENSIONS, INCH, OUNCE
 
-__all__ = ["ARGUMENTS", "LENGTHS", "MASSES", "OWN_RESULTS", "Action", "Argument", "action_of"]
-
 Value = str | float | int
 LENGTHS = MappingProxyType({"mm": 1e-3, "cm": 1e-2, "in": INCH})
 MASSES = MappingProxyType({"g": 1e-3, "oz": OUNCE})

@@ -15,7 +15,6 @@ from math import sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.bench.actions import LENGTHS, MASSES, Action
 from virtual_lab.bench.checks import CheckStandards, Shown, speed_ratio
@@ -35,11 +34,8 @@ from virtual_lab.simulation.physics.beam import Free
 from virtual_lab.simulation.physics.modes import modes_of
 from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage, Station
 from virtual_lab.uncertainty.estimate import Estimate
-from virtual_lab.units import DEGREE
+from virtual_lab.units import DEGREE, Array
 
-__all__ = ["Apparatus", "Reading"]
-
-Array = NDArray[np.float64]
 MILLIMETRE, GRAM = 1e-3, 1e-3
 CHANNELS = {  # action: channel of the bench
     "weigh-bat": "bat-mass",

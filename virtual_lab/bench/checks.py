@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab import catalog
 from virtual_lab.bench.inspection import CLOCK
@@ -24,11 +23,8 @@ from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.faults.fault import instrument_of
 from virtual_lab.simulation.rig import ShotPlan, Specimen, Stage
 from virtual_lab.simulation.truth import draw_balls, made_bat
-from virtual_lab.units import MPH
+from virtual_lab.units import MPH, Array
 
-__all__ = ["CheckStandards", "Shown", "speed_ratio"]
-
-Array = NDArray[np.float64]
 Shown = tuple[tuple[str, float | str, str], ...]  # what, value, unit
 DAYS = 12  # mornings that stand on the chart
 FIRST_SLOT = 1_000_000  # of their shots, beyond any of the day's

@@ -15,8 +15,6 @@ from virtual_lab.bench.table import MAKE_READY, action_table
 from virtual_lab.errors import InputError
 from virtual_lab.records.session import Session
 
-__all__ = ["Day", "DayEvent", "Decision", "decide", "evolve", "offered", "replayed"]
-
 AFTER_REDUCTION = frozenset(
     {"end-checklist", "note-doubt", "note-deviation", "give-verdict", "hand-in"}
 )

@@ -35,18 +35,6 @@ from virtual_lab.errors import InputError
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.template import page_template
 
-__all__ = [
-    "CostlyDecision",
-    "DayScore",
-    "Debrief",
-    "ExpertDay",
-    "FaultReview",
-    "StepReview",
-    "debrief",
-    "debrief_page",
-    "debriefed",
-]
-
 SLIPS = {  # argument: why its default is right
     "entered_as": "the display's own unit",
     "end": "from the tip",

@@ -11,7 +11,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.bench.actions import OWN_RESULTS
 from virtual_lab.bench.day import Day, DayEvent, evolve
@@ -28,9 +27,6 @@ if TYPE_CHECKING:  # the reduction takes a second to load, and a first page must
     from virtual_lab.measurement.reduction.shot_algebra import ShotResults
     from virtual_lab.measurement.session_reduction import Preparation, Reduced
 
-__all__ = ["UNDECIDED", "DecidedHit", "Desk", "OwnResult", "session_of"]
-
-Array = NDArray[np.float64]
 UNDECIDED = "undecided"
 STAGES = {  # action: the stage whose records it writes
     "weigh-bat": "bench",

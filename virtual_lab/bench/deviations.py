@@ -19,8 +19,6 @@ from virtual_lab.bench.protocol import left_out
 from virtual_lab.bench.table import PREPARING, action_table
 from virtual_lab.records import GateRecord
 
-__all__ = ["DENIED", "JUSTIFIED", "OPEN", "Deviation", "deviations", "needless_seconds", "oddity"]
-
 JUSTIFIED, DENIED, OPEN = "justified", "not borne out", "for the trainer to judge"
 SEEN = {
     "bat again": "bat and ball met again",

@@ -12,15 +12,6 @@ from virtual_lab.records import RECORD_TYPES, Record
 from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = [
-    "constant_of_entry",
-    "entry_of_constant",
-    "entry_of_record",
-    "entry_of_session",
-    "record_of",
-    "session_of_entry",
-]
-
 KINDS = {kind: name for name, kind in RECORD_TYPES.items()}
 
 

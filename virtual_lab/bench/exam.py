@@ -18,8 +18,6 @@ from virtual_lab.catalog.specs import Name, Spec, Title
 from virtual_lab.errors import InputError
 from virtual_lab.files import read_text
 
-__all__ = ["ClassSheet", "Hall", "TraineeShown", "load_class"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClassSheet(Spec):

@@ -7,7 +7,6 @@ from math import tau
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.bench.day import Day, evolve
 from virtual_lab.bench.desk import Desk
@@ -19,9 +18,6 @@ from virtual_lab.simulation.faults.fault import fitted_with, instrument_of, othe
 from virtual_lab.simulation.rig import FilmingStation, RigOutput, ShotPlan, Stage, Station
 from virtual_lab.simulation.truth import TrueBalls
 
-__all__ = ["Firing", "ShotConditions", "altered"]
-
-Array = NDArray[np.float64]
 AGAIN = 2_000_000  # beyond the hits of any test of the lot, and of the check ball
 
 

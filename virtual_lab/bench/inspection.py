@@ -24,19 +24,6 @@ from virtual_lab.bench.table import action_table
 from virtual_lab.catalog.faults import FaultSheet
 from virtual_lab.records import GateRecord
 
-__all__ = [
-    "CLOCK",
-    "Doubt",
-    "Sign",
-    "detectable",
-    "doubts",
-    "fault_sheets",
-    "known_doubts",
-    "remedied_by_gauge",
-    "signs",
-    "signs_of_edges",
-]
-
 CLOCK = "clock of the gates, fast"  # as compare-clock shows it
 
 

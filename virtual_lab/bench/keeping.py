@@ -36,8 +36,6 @@ from virtual_lab.lab import Laboratory, TestSetup
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.streams import commitment
 
-__all__ = ["LOG", "SECRET", "KeptDay", "done", "laboratory_of", "morning_of", "played", "taken"]
-
 SECRET = "sealed.json"
 
 

@@ -19,8 +19,6 @@ from virtual_lab.catalog import read
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import Procedure
 
-__all__ = ["LOG", "DayLog", "SequenceError", "entry_document"]
-
 LOG = "day.sqlite"  # its name in the folder of a day
 SCHEMA = 1
 TABLE = """

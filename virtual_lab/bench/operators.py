@@ -20,8 +20,6 @@ from virtual_lab.bench.table import MAKE_READY
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.streams import Streams
 
-__all__ = ["HABITS", "PREPARATION", "Look", "Operator", "by_script", "operator_of"]
-
 Look = Callable[[], Desk]
 Operator = Callable[[Look], Iterator[Action]]
 PREPARATION = (

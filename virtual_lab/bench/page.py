@@ -25,16 +25,6 @@ from virtual_lab.output.template import page_template
 if TYPE_CHECKING:
     from virtual_lab.bench.exam import Hall
 
-__all__ = [
-    "Refusal",
-    "day_page",
-    "hall_page",
-    "notebook_page",
-    "notebook_table",
-    "plain_page",
-    "replay_page",
-]
-
 PACKAGE = "virtual_lab.bench"
 PARTS = {
     "bench": "Bench",

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from virtual_lab.bench.day import Day
 from virtual_lab.bench.table import MAKE_READY, PREPARING, action_table
 
-__all__ = ["StepDue", "checklist", "excused", "left_out", "remarks", "steps_due"]
-
 Shown = tuple[tuple[str, float | str, str], ...]  # what, value, unit
 
 

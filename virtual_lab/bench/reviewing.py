@@ -10,8 +10,8 @@ from typing import Any
 from virtual_lab.bench.actions import Action
 from virtual_lab.bench.day import evolve
 from virtual_lab.bench.debrief import debriefed
-from virtual_lab.bench.keeping import LOG, KeptDay, done
-from virtual_lab.bench.log import DayLog, entry_document
+from virtual_lab.bench.keeping import KeptDay, done
+from virtual_lab.bench.log import LOG, DayLog, entry_document
 from virtual_lab.bench.operators import operator_of
 from virtual_lab.bench.running import save_debrief
 from virtual_lab.bench.scenario import SCORES, Scenario, load_scenario
@@ -20,16 +20,6 @@ from virtual_lab.errors import InputError
 from virtual_lab.files import read_json
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column, quoted
-
-__all__ = [
-    "ClassDay",
-    "PlayedEntry",
-    "TriedDay",
-    "check_scenario",
-    "played_folder",
-    "replay",
-    "summary",
-]
 
 TRIED = (1, 2, 3)  # seeds that a scenario is tried with
 

@@ -10,12 +10,11 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from virtual_lab.bench.debrief import Debrief, debrief_page, debriefed
-from virtual_lab.bench.keeping import LOG, SECRET, KeptDay
+from virtual_lab.bench.keeping import SECRET, KeptDay
+from virtual_lab.bench.log import LOG
 from virtual_lab.bench.operators import Operator, by_script, operator_of
 from virtual_lab.bench.scenario import load_scenario
 from virtual_lab.files import new_folder, read_json
-
-__all__ = ["RehearsedDay", "rehearse", "save_debrief"]
 
 
 @dataclass(frozen=True, kw_only=True)

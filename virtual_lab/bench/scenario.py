@@ -15,8 +15,6 @@ from virtual_lab.catalog.faults import FaultSheet
 from virtual_lab.catalog.specs import Dimension, Name, Real, Spec, Title, YesNo
 from virtual_lab.units import INCH, MPH
 
-__all__ = ["SCORES", "UNITS", "Scenario", "load_scenario", "scenario_names"]
-
 UNITS = MappingProxyType(  # a length and a speed in print: unit, and how much of SI it is
     {
         "SI": (("mm", 1e-3), ("m/s", 1.0)),

@@ -35,8 +35,6 @@ from virtual_lab.records.session import Session
 if TYPE_CHECKING:
     from virtual_lab.bench.keeping import KeptDay
 
-__all__ = ["LOOPBACK", "ServedDay", "serve"]
-
 LOOPBACK = "127.0.0.1"
 MOST_TRAINEES = 50
 FILM_MAKER = ThreadPoolExecutor(1, "film")  # one core is left to the answers

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.bench.day import Day, DayEvent
 from virtual_lab.bench.firing import Firing, ShotConditions
@@ -32,18 +31,7 @@ from virtual_lab.simulation.physics.beam import Support, beam_of
 from virtual_lab.simulation.rig import FilmingStation, ShotPlan, Specimen, Stage, find_rig
 from virtual_lab.simulation.truth import draw_balls, made_bat
 from virtual_lab.streams import Quiet
-
-__all__ = [
-    "blurred",
-    "film_as_seen",
-    "has_camera",
-    "plan_of_shot",
-    "sketch_of",
-    "true_film",
-    "true_motion",
-]
-
-Array = NDArray[np.float64]
+from virtual_lab.units import Array
 
 FRAMES = 6  # of a camera's film of a shot
 

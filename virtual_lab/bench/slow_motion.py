@@ -24,16 +24,6 @@ if TYPE_CHECKING:
     from virtual_lab.bench.day import Day, DayEvent
     from virtual_lab.measurement.procedure import Procedure
 
-__all__ = [
-    "FILM",
-    "Motion",
-    "SlowMotion",
-    "clear_rebound",
-    "contact_words",
-    "sketched",
-    "slow_motion",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class Film:

@@ -12,16 +12,6 @@ from annotated_types import Ge, Gt, Le
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Dimension, Spec, Title, YesNo
 
-__all__ = [
-    "MAKE_READY",
-    "PREPARING",
-    "ActionSheet",
-    "ActionTable",
-    "Consequences",
-    "Part",
-    "action_table",
-]
-
 PREPARING = {"tare": "weigh-bat", "level-stand": "measure-balance", "fit-clamp": "swing"}
 MAKE_READY = ("zero-encoder", "clear-scrap", "wait-pressure", "wait-rest")  # for a shot
 Part = Literal["bench", "wall", "rig", "hits", "notebook", "result"]

@@ -8,13 +8,9 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.output.svg import Panel
-
-__all__ = ["Passing", "Traces", "traces_of"]
-
-Array = NDArray[np.float64]
+from virtual_lab.units import Array
 
 
 class Passing(NamedTuple):

@@ -43,8 +43,6 @@ if TYPE_CHECKING:
     from virtual_lab.bench.desk import Desk
     from virtual_lab.bench.exam import Hall
 
-__all__ = ["Room", "application"]
-
 LARGEST_BODY = 64 * 1024  # B
 MOST_A_SECOND = 20  # requests of a session
 KEPT = {"Cache-Control": "private, max-age=600"}  # what does not change

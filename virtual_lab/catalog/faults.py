@@ -9,8 +9,6 @@ from annotated_types import Ge, Gt, Le, MinLen
 
 from virtual_lab.catalog.specs import Dimension, Spec
 
-__all__ = ["FaultSheet", "FoundBy", "Prediction"]
-
 Number = Annotated[float | None, Dimension("number")]
 
 

@@ -31,24 +31,6 @@ from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.files import parse_toml, read_text
 
-__all__ = [
-    "KINDS",
-    "Datum",
-    "Entry",
-    "datums",
-    "find",
-    "load",
-    "load_bat",
-    "names",
-    "sheet",
-    "sheets_in_place",
-    "source",
-    "text",
-    "title",
-    "unverified",
-    "validate",
-]
-
 DATA = Path(str(files("virtual_lab.data")))
 KINDS = ("bats", "balls", "procedures", "instruments", "rigs", "conditions", "faults")
 T = TypeVar("T")

@@ -23,32 +23,6 @@ if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler
     from pydantic_core import CoreSchema
 
-__all__ = [
-    "CHECK_STANDARD",
-    "BallAgeing",
-    "BallSpec",
-    "BallSpread",
-    "BatBody",
-    "BatSpec",
-    "BatSport",
-    "BatSpread",
-    "Dimension",
-    "Exact",
-    "HoopMode",
-    "Lump",
-    "Material",
-    "Name",
-    "Profile",
-    "PublishedBat",
-    "Real",
-    "RestitutionLine",
-    "Spec",
-    "Sport",
-    "Title",
-    "Whole",
-    "YesNo",
-]
-
 QUANTITY_KEYS = ("value", "unit", "source", "verified", "note")
 LARGEST = 1e18  # of any quantity, SI: products of such numbers stay finite
 

@@ -9,8 +9,6 @@ from typing import Any, TypeVar, cast, get_args, get_type_hints
 
 from virtual_lab.errors import InputError, nearest
 
-__all__ = ["validate"]
-
 T = TypeVar("T")
 WORDS = {  # of the validator's messages, for people who read no Python
     "Input should": "must",

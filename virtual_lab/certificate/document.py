@@ -17,24 +17,6 @@ from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError
 from virtual_lab.files import read_json
 
-__all__ = [
-    "BatAsMeasured",
-    "BudgetLine",
-    "CameraWord",
-    "CertificateDocument",
-    "ComparedResult",
-    "EncoderTrace",
-    "MetricStated",
-    "ReboundCheck",
-    "ShotRow",
-    "Stated",
-    "SwingRow",
-    "WidthStated",
-    "document_of",
-    "json_schema",
-    "read_document",
-]
-
 SCHEMA = 2
 OPTIONAL = (  # not stated where the metric is the same quantity
     "bat_performance_factor",

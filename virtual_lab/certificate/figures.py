@@ -11,8 +11,6 @@ from virtual_lab.certificate.document import CertificateDocument, EncoderTrace, 
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.svg import DASHED, PAGE_WIDTH, Panel, figure
 
-__all__ = ["encoder_figure", "hits_figure", "swings_figure"]
-
 LEFT, RIGHT, TOP = 46.0, PAGE_WIDTH - 4, 30.0  # pt
 X_LABEL_ROOM = 32.0  # pt, below the axes
 Points = list[tuple[float, float]]

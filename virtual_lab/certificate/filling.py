@@ -7,7 +7,6 @@ from importlib.metadata import version
 from math import isfinite, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.certificate.document import (
     SCHEMA,
@@ -44,16 +43,13 @@ from virtual_lab.measurement.certification import Certification
 from virtual_lab.measurement.model import CONTROL, QUANTITIES
 from virtual_lab.measurement.procedure import CHOICE, Procedure
 from virtual_lab.measurement.procedure.peak_width import Width
-from virtual_lab.measurement.reduction.recoil import FIT
+from virtual_lab.measurement.reduction.recoil import RECOIL
 from virtual_lab.measurement.swing_range import SwingResult
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.records import EncoderRecord
 from virtual_lab.uncertainty.budget import Budget
-from virtual_lab.units import INCH, MPH
+from virtual_lab.units import INCH, MPH, Array
 
-__all__ = ["budget_lines", "certificate"]
-
-Array = NDArray[np.float64]
 SIMULATED = "SIMULATED: no real bat was tested and no accredited laboratory issued this."
 
 
@@ -360,7 +356,7 @@ def _encoder(certification: Certification) -> EncoderTrace | None:
     shown = (after >= 0) & (after <= 20e-3)  # the slowest ring turns a few times
     return EncoderTrace(
         shot=shot,
-        settled_ms=FIT.settling_time * 1e3,
+        settled_ms=RECOIL.settling_time * 1e3,
         turn=_trace(*(each[::8] for each in (after, angle, turn))),
         ring=_trace(after[shown], (angle - turn)[shown], ring[shown]),
     )
@@ -390,13 +386,13 @@ def _turn_and_ring(
     after: Array, angle: Array, frequency: Array, decay: Array
 ) -> tuple[Array, Array]:
     """Return fitted rotation and vibration, (sample,), for known frequencies and decays."""
-    fitted = after > FIT.settling_time
-    columns = [(after / after[-1]) ** power for power in range(FIT.polynomial_order + 1)]
+    fitted = after > RECOIL.settling_time
+    columns = [(after / after[-1]) ** power for power in range(RECOIL.polynomial_order + 1)]
     for pitch, loss in zip(frequency, decay, strict=True):
         # before contact there is no ring, and an envelope run backwards would overflow
         envelope, phase = np.exp(-loss * np.maximum(after, 0)), 2 * np.pi * pitch * after
         columns += [envelope * np.cos(phase), envelope * np.sin(phase)]
     basis = np.stack(columns, axis=1)
     weights = np.linalg.lstsq(basis[fitted], angle[fitted], rcond=None)[0]
-    turns = FIT.polynomial_order + 1
+    turns = RECOIL.polynomial_order + 1
     return basis[:, :turns] @ weights[:turns], basis[:, turns:] @ weights[turns:]

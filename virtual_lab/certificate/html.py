@@ -28,8 +28,6 @@ from virtual_lab.output.template import page_template
 from virtual_lab.records.constants import constant_of
 from virtual_lab.units import INCH, OUNCE, OZ_IN2
 
-__all__ = ["certificate_page", "notebook_card"]
-
 PACKAGE = "virtual_lab.certificate"
 NONE = "–"
 PLACES = 7  # decimals at most; what needs more is the computer's own arithmetic

@@ -16,8 +16,6 @@ from virtual_lab.units import DEGREE, INCH, MPH, OUNCE
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["budget_table", "shot_table"]
-
 
 def shot_table(certification: Certification) -> pd.DataFrame:
     """Return one row per shot: instrument readings and reduced results."""

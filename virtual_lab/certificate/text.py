@@ -19,8 +19,6 @@ from virtual_lab.output.rounding import with_uncertainty
 from virtual_lab.output.tables import table_text
 from virtual_lab.units import INCH
 
-__all__ = ["certificate_text"]
-
 SYMBOLS = {
     "bat_performance_factor": "BPF",
     "collision_efficiency": "e_A",

@@ -23,8 +23,6 @@ from virtual_lab.errors import InputError
 if TYPE_CHECKING:
     from virtual_lab.output.progress import Progress
 
-__all__ = ["fit_bat", "list_", "percussion", "profile", "sensitivity", "show", "slope"]
-
 KINDS = ("bats", "balls", "procedures", "instruments", "rigs", "conditions", "faults")
 
 

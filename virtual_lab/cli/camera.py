@@ -18,8 +18,6 @@ from virtual_lab.errors import InputError
 if TYPE_CHECKING:
     from virtual_lab.output.progress import Progress
 
-__all__ = ["board", "calibrate", "track"]
-
 board_option = click.option(
     "--board",
     "board",

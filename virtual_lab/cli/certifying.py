@@ -22,8 +22,6 @@ from virtual_lab.cli.plumbing import (
 if TYPE_CHECKING:
     from virtual_lab.output.progress import Progress
 
-__all__ = ["certify", "reduce", "score", "template"]
-
 ALTERED = 3  # exit code
 
 

@@ -12,8 +12,6 @@ from virtual_lab.cli.plumbing import command, names
 if TYPE_CHECKING:
     from virtual_lab.output.progress import Progress
 
-__all__ = ["chart", "convergence", "stability"]
-
 
 @click.group()
 def chart() -> None:

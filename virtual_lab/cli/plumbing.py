@@ -23,22 +23,6 @@ from virtual_lab.errors import InputError
 from virtual_lab.files import check_new_folder, first_free, new_files
 from virtual_lab.output.progress import shown
 
-__all__ = [
-    "Answer",
-    "Sections",
-    "ball_option",
-    "command",
-    "fault_option",
-    "inertia_option",
-    "laboratories_option",
-    "law_option",
-    "names",
-    "procedure_option",
-    "rigs",
-    "seed_option",
-    "usage",
-]
-
 Function = Callable[..., Any]
 HELP_WIDTH = 1000  # characters: no sentence of ours is cut short
 LONGEST_NAME = 60  # of a part of a folder's name

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from virtual_lab.bench.running import RehearsedDay
     from virtual_lab.output.result import StudyResult
 
-__all__ = ["rehearse"]
-
 
 @command("rehearse", keeps=True)
 @click.option(

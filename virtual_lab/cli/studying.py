@@ -23,8 +23,6 @@ from virtual_lab.cli.plumbing import (
 if TYPE_CHECKING:
     from virtual_lab.output.progress import Progress
 
-__all__ = ["bias", "coverage", "critique", "daily", "faults", "paper"]
-
 FIRST = "; of the first laboratory, the others follow"
 
 

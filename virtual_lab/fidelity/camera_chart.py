@@ -23,8 +23,6 @@ from virtual_lab.output.progress import Progress, quiet
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["camera_chart"]
-
 Row = dict[str, Any]
 SCENES: dict[tuple[str, str], Case] = {
     ("plain ball", "flat background"): Case(),

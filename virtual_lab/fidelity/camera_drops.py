@@ -6,20 +6,16 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.fidelity.camera_errors import BEYOND
 from virtual_lab.fidelity.camera_map import Seen
 from virtual_lab.streams import Streams
+from virtual_lab.units import Array
 from virtual_lab.video.find.blobs import BLOB
 from virtual_lab.video.follow.flights import flights_of
 from virtual_lab.video.follow.pieces import Piece, pieces
 from virtual_lab.video.follow.scene import FlightScene
 from virtual_lab.video.track.legs import AirOnFlight, fit_flight
-
-__all__ = ["dropped_frames"]
-
-Array = NDArray[np.float64]
 
 
 def dropped_frames(

@@ -12,8 +12,6 @@ from virtual_lab.fidelity.camera_estimators import Estimator
 from virtual_lab.fidelity.camera_scenes import Batch, EstimatorInput
 from virtual_lab.video.locate.located import Located
 
-__all__ = ["BEYOND", "PlaceScore", "score_places", "seconds_a_picture", "wrong_unsaid"]
-
 BEYOND = 5.0  # standard uncertainties: no error of a sound picture is as large
 
 

@@ -19,17 +19,6 @@ from virtual_lab.video.locate.edge_fit import fit_edge
 from virtual_lab.video.locate.located import Located, PlaceFlag
 from virtual_lab.video.locate.sharp import Sharp
 
-__all__ = [
-    "CV2",
-    "EDGE",
-    "ESTIMATORS",
-    "OURS",
-    "Estimator",
-    "Picture",
-    "Place",
-    "by_picture",
-]
-
 Image = NDArray[np.float32]
 Place = tuple[float, float]
 

@@ -9,8 +9,6 @@ from virtual_lab.fidelity.drawing import CellState
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Seen", "draw_maps"]
-
 
 class Seen(CellState):
     """Result of the pictures of a cell."""

@@ -17,14 +17,11 @@ from virtual_lab.simulation.instruments.camera.ball import Light, axes_of, rende
 from virtual_lab.simulation.instruments.camera.sensor import Sensor
 from virtual_lab.simulation.instruments.camera.spec import BallLook, CameraSpec, SensorSpec
 from virtual_lab.streams import Slots, Streams
+from virtual_lab.units import Array
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.reading import Source
 from virtual_lab.video.locate.located import Located, Regions
 from virtual_lab.video.locate.noise import ROUNDING
-
-__all__ = ["pictures"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,15 +12,12 @@ from math import ceil, cos, pi, sin, sqrt
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from virtual_lab.units import Array
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.locate.located import MARGIN, Located, Regions
 from virtual_lab.video.locate.noise import ROUNDING, Noise
 
-__all__ = ["FULL_SCALE", "Batch", "Case", "EstimatorInput"]
-
-Array = NDArray[np.float64]
 FULL_SCALE = 255.0  # DN
 
 

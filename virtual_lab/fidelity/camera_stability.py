@@ -26,8 +26,6 @@ from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.tables import table_text
 from virtual_lab.video.locate.located import Located
 
-__all__ = ["AXES", "camera_stability", "unsaid_share"]
-
 Row = dict[str, Any]
 BALLS: dict[str, Case] = {
     "plain": Case(),

@@ -16,7 +16,6 @@ from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec, BatBody
@@ -35,14 +34,11 @@ from virtual_lab.simulation.collision.surrogate import Box, Surrogate
 from virtual_lab.simulation.physics.beam import Free
 from virtual_lab.simulation.physics.modes import modes_of
 from virtual_lab.streams import Streams
-from virtual_lab.units import INCH, MPH
+from virtual_lab.units import INCH, MPH, Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Extent", "Question", "Series", "collision_chart", "draw_collision", "usual_ball"]
-
-Array = NDArray[np.float64]
 Row = dict[str, Any]
 Efficiency = Callable[[Scenes], Array]
 Ends = tuple[float, float]

@@ -39,12 +39,8 @@ from virtual_lab.simulation.collision.stepping import (
 )
 from virtual_lab.simulation.physics.beam import Clamped, Free, Pinned, Support
 from virtual_lab.streams import Streams
-from virtual_lab.units import INCH, MPH
+from virtual_lab.units import INCH, MPH, Array, Mask
 
-__all__ = ["collision_stability"]
-
-Array = NDArray[np.float64]
-Marked = NDArray[np.bool_]
 Column = list[tuple[ModalModel, Scenes]]  # a batch of `collide_bats`
 FACTORS = (0.25, 0.5, 0.7, 0.85, 1.0, 1.15, 1.3, 1.5, 2.0, 3.0, 3.5, 4.0)
 SHIPPED = "as shipped"  # in place of a factor
@@ -113,8 +109,8 @@ class ColumnOutcome:
 
     efficiency: Array
     leak: Array  # share of the energy that does not close
-    doubted: Marked  # that the default steps again
-    given_up: Marked  # before the first release
+    doubted: Mask  # that the default steps again
+    given_up: Mask  # before the first release
 
     @classmethod
     def of(cls, parts: list[Collisions]) -> ColumnOutcome:

@@ -12,8 +12,6 @@ import numpy as np
 
 from virtual_lab.output.tables import table_text
 
-__all__ = ["CellState", "State", "draw_stability", "error_axes", "label_points", "maps_text"]
-
 Row = dict[str, Any]
 
 

@@ -24,8 +24,6 @@ from virtual_lab.simulation.physics.beam import Free
 from virtual_lab.simulation.physics.modes import modes_of
 from virtual_lab.units import INCH, MPH
 
-__all__ = ["convergence"]
-
 
 def convergence(bats: Sequence[str] = (), *, progress: Progress = quiet) -> Rows[dict[str, Any]]:
     """Return a row for each bat (all of the catalog by default), contact and remedy.

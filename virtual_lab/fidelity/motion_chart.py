@@ -13,7 +13,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from virtual_lab.errors import InputError
@@ -32,14 +31,11 @@ from virtual_lab.simulation.motion import play
 from virtual_lab.simulation.motion.played import PlayedShots, Target
 from virtual_lab.simulation.motion.pymunk_scene import PymunkSettings
 from virtual_lab.simulation.motion.scene import ShotScene
-from virtual_lab.units import INCH
+from virtual_lab.units import INCH, Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["motion_chart"]
-
-Array = NDArray[np.float64]
 Row = dict[str, Any]
 
 

@@ -13,7 +13,6 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.fidelity.drawing import State, draw_stability, maps_text
@@ -27,9 +26,6 @@ from virtual_lab.simulation.motion.pymunk_scene import PymunkSettings, carry
 from virtual_lab.simulation.motion.scene import ShotScene
 from virtual_lab.units import INCH, MPH
 
-__all__ = ["motion_stability"]
-
-Array = NDArray[np.float64]
 Row = dict[str, Any]
 STEPS = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5)
 BOUNDS = {  # of the error: good as of e_A; a ball is off by half that jumped the bat or gained

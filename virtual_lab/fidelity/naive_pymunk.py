@@ -14,7 +14,6 @@ from math import cos, inf, sin
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec, Profile
@@ -22,11 +21,8 @@ from virtual_lab.simulation.motion import play
 from virtual_lab.simulation.motion.played import Target
 from virtual_lab.simulation.motion.scene import PivotedBat, ShotScene, ShotState
 from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.units import INCH
+from virtual_lab.units import INCH, Array
 
-__all__ = ["Rod", "energy_lost", "missed", "naive_errors", "rod", "rod_scene"]
-
-Array = NDArray[np.float64]
 # The bat from above, where it is struck on its straight side; the same with a half circle for a
 # tip; and its barrel as a disc, seen along the bat, of the mass that it opposes 6 in from its tip.
 Shape = Literal["side", "round tip", "section"]

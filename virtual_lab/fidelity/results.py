@@ -15,8 +15,6 @@ from virtual_lab.output.tables import Column, table_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["SpeedChart", "StabilityMap", "least_time"]
-
 Row = dict[str, Any]
 T = TypeVar("T")
 COLUMNS = {  # of all charts, by key; one that is not here stands under its own name

@@ -22,21 +22,6 @@ from virtual_lab.files.drafts import draft_in
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = [
-    "check_new_folder",
-    "first_free",
-    "inside",
-    "new_files",
-    "new_folder",
-    "parse_table",
-    "parse_toml",
-    "read_bytes",
-    "read_json",
-    "read_table",
-    "read_text",
-    "read_toml",
-]
-
 DEEPEST = 32  # levels of a document; ours have six
 # a key of a key of a key …
 DOTTED = re.compile(rf"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){{{DEEPEST}}}")

@@ -14,8 +14,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-__all__ = ["draft_in", "remove_drafts"]
-
 PREFIX, RANDOM_BYTES = ".virtual-lab-draft-", 8
 own: set[Path] = set()  # drafts of this process, for who must end it at once
 

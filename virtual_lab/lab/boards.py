@@ -16,8 +16,6 @@ from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.simulation.instruments.camera.views import board_views
 from virtual_lab.streams import Streams
 
-__all__ = ["film_board"]
-
 
 def film_board(
     camera: str, board: Board, folder: Path, *, views: int = 10, seed: int | None = None

@@ -24,8 +24,6 @@ from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.collision.surrogate import Box
 from virtual_lab.simulation.instruments import RecordDetail
 
-__all__ = ["Campaign", "box_of"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Campaign:

@@ -15,8 +15,6 @@ from virtual_lab.records.session import Session
 from virtual_lab.simulation.truth import made_bat
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["certify_bat"]
-
 
 def certify_bat(setup: TestSetup, progress: Progress = quiet) -> Tested:
     """Take a bat through a procedure.

@@ -7,8 +7,6 @@ import numpy as np
 from virtual_lab.lab.laboratory import Laboratory
 from virtual_lab.lab.measurand import true_curve
 
-__all__ = ["curvatures"]
-
 
 def curvatures(laboratory: Laboratory, place: float) -> dict[str, float]:
     """Return d²/dz² [1/m²] of the metric (as ``metric``) and of the quantities at a place [m]."""

@@ -15,8 +15,6 @@ from virtual_lab.simulation.rig import FilmingStation, ShotPlan, Specimen
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["film_of"]
-
 CALIBRATION = """\
 # What the laboratory knows of its camera and of this shot. Axes of the rig: X along the flight,
 # Y along the bat to its tip, Z up.

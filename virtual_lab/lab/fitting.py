@@ -12,16 +12,6 @@ from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.rig import MotionRung, Rig, Stage, installed_rigs
 from virtual_lab.units import INCH, OUNCE
 
-__all__ = [
-    "nominal_places",
-    "require_ball",
-    "require_camera",
-    "require_motion",
-    "require_places",
-    "require_rig",
-    "unverified_rigs",
-]
-
 
 def nominal_places(procedure: Procedure, bat: BatSpec) -> tuple[float, float]:
     """Return the range of places where the nominal bat will be hit [m from the tip]."""

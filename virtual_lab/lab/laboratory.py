@@ -8,9 +8,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import cast
 
-import numpy as np
-from numpy.typing import NDArray
-
 from virtual_lab.catalog import Entry
 from virtual_lab.lab.fitting import (
     nominal_places,
@@ -38,9 +35,6 @@ from virtual_lab.simulation.rig import (
 from virtual_lab.simulation.truth import draw_balls, made_bat
 from virtual_lab.streams import Draws, Quiet, commitment
 
-__all__ = ["Laboratory"]
-
-Array = NDArray[np.float64]
 SEED_BITS = 128  # of a seed that is drawn: too many to try
 EFFICIENCY_U = 2e-3  # standard uncertainty of e_A that six valid hits reach (README, coverage)
 

@@ -8,7 +8,6 @@ asks for it, the width of the curve near its maximum.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from virtual_lab.lab.true_metric import TrueCurve, scan_result
@@ -16,10 +15,8 @@ from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.session_reduction import Reduced
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.rig import ImpactStation, ShotPlan, Specimen
+from virtual_lab.units import Array
 
-__all__ = ["CONTINUOUS", "WIDTH_KEY", "measurand", "true_curve"]
-
-Array = NDArray[np.float64]
 CONTINUOUS = "metric_of_continuous_curve"
 WIDTH_KEY = "width_m"
 

@@ -10,8 +10,6 @@ from virtual_lab.records.session import Session
 from virtual_lab.simulation.rig import RigOutput, Stage
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["constant_name", "lot_constants", "with_records"]
-
 
 def constant_name(stage: Stage, name: str) -> str:
     """Return a constant's name in a session; rigs in one hall share air and gravity."""

@@ -14,7 +14,6 @@ from math import sqrt
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from virtual_lab.lab.laboratory import Laboratory
@@ -35,10 +34,7 @@ from virtual_lab.measurement.procedure import (
 from virtual_lab.measurement.reduction.kinematics import restitution_from_efficiency
 from virtual_lab.measurement.reduction.shot_algebra import BatProperties
 from virtual_lab.streams import Draws
-
-__all__ = ["Rehearsal", "Straying"]
-
-Array = NDArray[np.float64]
+from virtual_lab.units import Array
 
 
 class Straying(NamedTuple):

@@ -18,8 +18,6 @@ from typing import Any
 from virtual_lab.errors import InputError
 from virtual_lab.files import read_json, read_toml
 
-__all__ = ["SEAL", "TRUTH", "Alteration", "alterations", "write_seal"]
-
 TRUTH, SEAL = "truth/truth.json", "truth/seal.json"
 
 

@@ -17,8 +17,6 @@ from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import MotionRung, Reality, Stage
 
-__all__ = ["TestSetup"]
-
 NO_FAULTS = FaultSet()
 METHODS = ("ratio", "trampoline")  # of converting a result to a standard ball
 

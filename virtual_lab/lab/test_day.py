@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.lab.filming import film_of
 from virtual_lab.lab.laboratory import Laboratory
@@ -36,11 +35,8 @@ from virtual_lab.simulation.rig import (
     Stage,
 )
 from virtual_lab.simulation.truth import Sealed
-from virtual_lab.units import INCH
+from virtual_lab.units import INCH, Array
 
-__all__ = ["TestDay", "Tested", "by_the_book", "prepared"]
-
-Array = NDArray[np.float64]
 SWUNG = frozenset({"pendulum"})  # the bench's channels that swing the bat; the others measure it
 
 

@@ -15,10 +15,7 @@ from scipy.optimize import brentq
 
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.simulation.physics.beam import Beam
-
-__all__ = ["TrueCurve", "scan_result"]
-
-Array = NDArray[np.float64]
+from virtual_lab.units import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

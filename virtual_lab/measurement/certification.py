@@ -10,7 +10,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.catalog import Datum
 from virtual_lab.measurement.camera.comparison import CameraComparison, compare_camera
@@ -36,14 +35,7 @@ from virtual_lab.measurement.swing_range import SwingResult, swing_range
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.budget import Budget, Propagator, Variants, mean_of_hits
-
-__all__ = [
-    "Certification",
-    "certify_session",
-    "evaluate",
-]
-
-Array = NDArray[np.float64]
+from virtual_lab.units import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,9 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from virtual_lab.measurement.procedure import Curve, Lot, Procedure, metric_of
 from virtual_lab.measurement.reduction.flights import Flown
 from virtual_lab.measurement.reduction.observations import BallReadings, ImpactReadings
@@ -17,10 +14,8 @@ from virtual_lab.measurement.reduction.shot_algebra import (
     measured_balls,
     shot_results,
 )
+from virtual_lab.units import Array
 
-__all__ = ["CONTROL", "QUANTITIES", "MeasurementModel"]
-
-Array = NDArray[np.float64]
 CONTROL = "control.restitution_ratio"
 
 QUANTITIES: Mapping[str, str] = {  # name in a certificate: the shots' field it is the mean of

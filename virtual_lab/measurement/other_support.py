@@ -10,8 +10,6 @@ from virtual_lab.measurement.procedure import HitWeights, Procedure
 from virtual_lab.measurement.reduction.kinematics import restitution_from_efficiency
 from virtual_lab.measurement.reduction.shot_algebra import BatProperties, ShotResults, recoil_factor
 
-__all__ = ["OtherSupport", "other_support"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherSupport:

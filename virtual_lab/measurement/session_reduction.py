@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.catalog import Entry, read
 from virtual_lab.errors import InputError
@@ -46,18 +45,7 @@ from virtual_lab.measurement.reduction.shot_algebra import (
 from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.budget import Budget, combine, propagate
 from virtual_lab.uncertainty.estimate import Estimate
-
-__all__ = [
-    "Preparation",
-    "Reduced",
-    "best_values",
-    "constants_known",
-    "prepare",
-    "reduce_hits",
-    "reduce_session",
-]
-
-Array = NDArray[np.float64]
+from virtual_lab.units import Array
 
 AIM_ALONG = "impact.cannon.along"
 

@@ -11,8 +11,6 @@ from virtual_lab.measurement.reduction.shot_algebra import bat_properties
 from virtual_lab.measurement.session_reduction import Reduced
 from virtual_lab.uncertainty.budget import Budget, Propagator, Variants, mean_of_hits
 
-__all__ = ["SwingResult", "swing_range"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SwingResult:

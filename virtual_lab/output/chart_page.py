@@ -11,8 +11,6 @@ from virtual_lab.output.template import page_template
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["chart_page"]
-
 
 def chart_page(title: str, words: str, figure: Figure, rows: Sequence[Mapping[str, Any]]) -> str:
     """Return the page.

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from virtual_lab.units import MPH
 
-__all__ = ["METRICS", "Printed"]
-
 
 @dataclass(frozen=True, slots=True)
 class Printed:

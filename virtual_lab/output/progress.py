@@ -14,8 +14,6 @@ from contextlib import contextmanager
 from shutil import get_terminal_size
 from typing import Protocol, TextIO
 
-__all__ = ["Progress", "quiet", "shown"]
-
 PATIENCE = 2.0  # s, before the first word on a terminal
 TERMINAL_STEP, PIPE_STEP = 0.2, 10.0  # s, between two lines
 CLEAR_LINE = "\r\x1b[K"

@@ -15,8 +15,6 @@ from virtual_lab.output.tables import Column, record, table_text
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Json", "Rows", "StudyResult"]
-
 Row = TypeVar("Row")
 Json = dict[str, Any]  # a document
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from math import floor, log10
 
-__all__ = ["decimals", "with_uncertainty"]
-
 
 def decimals(u: float) -> int:
     """Return the decimal places that leave `u` two significant digits; 6 where u is 0."""

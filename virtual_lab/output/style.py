@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["INTERVAL_GREY", "PAGE_WIDTH_IN", "STYLE"]
-
 PAGE_WIDTH_IN = 6.9  # in, the text width of an A4 page
 STYLE: dict[str, Any] = {
     "svg.fonttype": "none",

@@ -11,8 +11,6 @@ from dataclasses import dataclass, field
 from html import escape
 from math import ceil, floor, isfinite, log10
 
-__all__ = ["BAND", "PAGE_WIDTH", "Panel", "figure", "symbol_markup"]
-
 PAGE_WIDTH = 497.0  # pt, the text width of an A4 page
 BAND = "#d9d9d9"  # an interval: light enough that markers stand out on a grey printer
 DASHED = "5 2.5"

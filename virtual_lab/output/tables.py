@@ -6,17 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, fields, is_dataclass
 from typing import Any, NamedTuple
 
-__all__ = [
-    "Column",
-    "column",
-    "columns_of",
-    "inline",
-    "number",
-    "quoted",
-    "record",
-    "table_text",
-]
-
 INLINE = "inline"
 
 

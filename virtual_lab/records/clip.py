@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.records.record import Order, Record, RecordColumn
+from virtual_lab.units import Array
 
-__all__ = ["ClipRecord", "TrackRecord"]
-
-Array = NDArray[np.float64]
 FRAMES = ("shot", "frame")
 
 

@@ -9,8 +9,6 @@ from virtual_lab.errors import InputError
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DIMENSIONS
 
-__all__ = ["GREATEST", "Constant", "constant_of", "require_plausible"]
-
 GREATEST = 1e18  # of any constant, SI: products of such numbers stay finite
 
 

@@ -7,26 +7,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.records.clip import ClipRecord, TrackRecord
 from virtual_lab.records.record import Order, Record, RecordColumn
-
-__all__ = [
-    "RECORD_TYPES",
-    "AimMarks",
-    "BoardRecord",
-    "EncoderRecord",
-    "GateRecord",
-    "LengthReadings",
-    "MassReadings",
-    "PassageRecord",
-    "PendulumRecord",
-    "RateRecord",
-    "ShotLog",
-]
-
-Array = NDArray[np.float64]
+from virtual_lab.units import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

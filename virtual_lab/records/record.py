@@ -11,13 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
+from virtual_lab.units import Array
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Order", "Record", "RecordColumn", "join", "require_numbers"]
-
-Array = NDArray[np.float64]
 LARGEST = 1e18  # that a recorder shows: products of such numbers stay finite
 PAIRS = {"way": "in and back", "edge": "broke and cleared"}  # axes that are two by nature
 

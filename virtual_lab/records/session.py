@@ -26,8 +26,6 @@ from virtual_lab.records import RECORD_TYPES, Record
 from virtual_lab.records.constants import require_plausible
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["SCHEMA", "SESSION", "Session", "load_session", "require_channel", "save_session"]
-
 SCHEMA = 1
 SESSION = "session.json"
 OPTIONAL = (  # left out where the records do not say

@@ -13,11 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
-from virtual_lab.units import to_si
+from virtual_lab.units import Array, to_si
 
-__all__ = ["Board", "board_of", "length_of"]
-
-Array = NDArray[np.float64]
 LENGTHS = ("mm", "cm", "m", "in", "um")
 SQUARE = (1e-3, 1.0)  # m, the side of a square
 

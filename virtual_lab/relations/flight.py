@@ -10,20 +10,10 @@ from __future__ import annotations
 from math import factorial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from virtual_lab.units import STANDARD_GRAVITY
+from virtual_lab.units import STANDARD_GRAVITY, Array
 
-__all__ = [
-    "distance_after",
-    "drag_rate",
-    "slowest_within",
-    "speed_after",
-    "time_after",
-    "time_before",
-]
-
-Array = NDArray[np.float64]
 SERIES_BELOW = 0.03  # below it what the series leaves out is less than rounding
 SERIES = tuple(1 / factorial(n + 1) for n in reversed(range(8)))
 

@@ -7,21 +7,17 @@ from __future__ import annotations
 
 from math import expm1
 
-import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from virtual_lab.relations.flight import SERIES, SERIES_BELOW
+from virtual_lab.units import Array
 
-__all__ = ["BLOCK", "FAST", "time_over"]
-
-Floats = NDArray[np.float64]
 BLOCK = 256
 FAST = {"reassoc", "contract", "nsz"}  # NaN stays NaN
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
-def time_over(way: Floats, pace: Floats, drag: Floats, out: Floats) -> None:
+def time_over(way: Array, pace: Array, drag: Array, out: Array) -> None:
     """Fill `out` with the time [s] over a `way` [m] from where a ball's pace is known, (shot,).
 
     `pace` is 1/speed [s/m]; `drag` is κ [1/m] of a way ahead, -κ of a way flown already.

@@ -5,12 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-__all__ = ["Peak", "Span", "level_span", "peak", "width_below"]
-
-Array = NDArray[np.float64]
+from virtual_lab.units import Array
 
 
 class Peak(NamedTuple):

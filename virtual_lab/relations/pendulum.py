@@ -6,11 +6,9 @@ T/T₀ = 2 K(sin(θ/2))/π of an amplitude θ: L. D. Landau and E. M. Lifshitz, 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-__all__ = ["amplitude_factor", "inertia_from_period", "mean_amplitude_factor", "small_period"]
-
-Array = NDArray[np.float64]
+from virtual_lab.units import Array
 
 
 def small_period(inertia: ArrayLike, moment: ArrayLike, gravity: ArrayLike) -> Array:

@@ -8,11 +8,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-__all__ = ["DOWN", "distorted", "looking_down", "projected", "rotation", "undistorted"]
+from virtual_lab.units import Array
 
-Array = NDArray[np.float64]
 DOWN = np.diag([1.0, -1.0, -1.0])  # axes of a camera that looks straight down, X to the right
 
 

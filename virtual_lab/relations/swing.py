@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from virtual_lab.units import INCH
 
-__all__ = ["KNOB_OFFSET", "EnergySwing", "PowerLawSwing", "SwingLaw", "bat_speed"]
-
 Floats = float | NDArray[np.float64]
 KNOB_OFFSET = INCH  # the bat turns about a point this far from its knob end [m]
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from virtual_lab.catalog.specs import Spec
 from virtual_lab.records import Record
-from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.flights import FlownShots, RestingBat, Surroundings, flown
 from virtual_lab.simulation.impact import (
     Blows,
@@ -29,15 +28,7 @@ from virtual_lab.simulation.physics.beam import Pinned
 from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen
 from virtual_lab.simulation.truth import TrueOutcome
 from virtual_lab.streams import Draws
-
-__all__ = [
-    "BallFlights",
-    "CannonRigSpec",
-    "CannonStation",
-    "RestingBatSpec",
-    "RestingBatStation",
-    "fitted",
-]
+from virtual_lab.units import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from virtual_lab.catalog.specs import BatBody
 from virtual_lab.errors import InputError
 from virtual_lab.relations.flight import time_before
-from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.motion import play
 from virtual_lab.simulation.motion.played import Pieces, Target
@@ -26,8 +25,7 @@ from virtual_lab.simulation.motion.scene import (
 from virtual_lab.simulation.motion.touch import moved
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.rig import MotionRung, ShotPlan
-
-__all__ = ["FlownShots", "RestingBat", "Surroundings", "flown", "scene_of"]
+from virtual_lab.units import Array
 
 AHEAD = 1.0  # m before the contact, where a scene begins
 RECORD = 0.5  # s after the contact, for which one is played whose ball meets more than the bat

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.catalog.specs import BatBody
-from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.collision.patch import PATCH, patch_shape
 from virtual_lab.simulation.collision.scene import Collisions, Scenes
 from virtual_lab.simulation.instruments import RecordDetail
@@ -19,17 +18,7 @@ from virtual_lab.simulation.physics.beam import Free, Pinned, Support, outer_dia
 from virtual_lab.simulation.physics.modes import Modes, modes_of
 from virtual_lab.simulation.rig import ShotPlan, Specimen
 from virtual_lab.simulation.truth import TrueOutcome, TrueRecoil
-
-__all__ = [
-    "CONTACT_TIME",
-    "Blows",
-    "blows_of",
-    "contact_angle",
-    "error_free",
-    "scenes_of",
-    "thrown_back",
-    "wall_restitution",
-]
+from virtual_lab.units import Array
 
 CONTACT_TIME = 0.7e-3  # s, where no record is fine enough to show it
 

@@ -22,33 +22,16 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.records import Record, ShotLog
-from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.truth import TrueBalls, TrueBat, TrueOutcome
 from virtual_lab.streams import Draws, Quiet, Slots, Streams
 from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.units import Array
 
 if TYPE_CHECKING:
     from virtual_lab.catalog.specs import BatBody
     from virtual_lab.simulation.collision.scene import CollisionModel, Scenes
     from virtual_lab.simulation.physics.beam import Support
-
-__all__ = [
-    "CollisionChoice",
-    "FilmingStation",
-    "ImpactStation",
-    "MotionRung",
-    "Reality",
-    "Rig",
-    "RigOutput",
-    "ShotPlan",
-    "Specimen",
-    "Stage",
-    "Station",
-    "WallStation",
-    "find_rig",
-    "installed_rigs",
-]
 
 
 class Reality(Enum):

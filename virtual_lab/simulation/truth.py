@@ -14,10 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.catalog.specs import BallSpec, BatBody, BatSpec
-from virtual_lab.simulation.arrays import Array
 from virtual_lab.streams import Draws, Slots
-
-__all__ = ["Sealed", "TrueBalls", "TrueBat", "TrueOutcome", "TrueRecoil", "draw_balls", "made_bat"]
+from virtual_lab.units import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

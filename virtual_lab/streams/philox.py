@@ -15,8 +15,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["fill"]
-
 Floats = NDArray[np.float64]
 Words = NDArray[np.uint64]
 Whole = NDArray[np.int64]

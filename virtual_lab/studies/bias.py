@@ -16,8 +16,6 @@ from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import Column
 from virtual_lab.simulation.rig import Reality
 
-__all__ = ["bias"]
-
 
 def bias(
     procedure: str = "astm-f1881", *, progress: Progress = quiet

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
     from virtual_lab.measurement.certification import Certification
 
-__all__ = ["plot_hits"]
-
 
 def plot_hits(found: Certification) -> Figure:
     """Return the figure over the shot number: valid hits filled, rejected hits open."""

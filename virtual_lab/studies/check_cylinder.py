@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
@@ -23,10 +22,7 @@ from virtual_lab.measurement.session_reduction import reduce_session
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import ShotPlan, Stage
-
-__all__ = ["check_cylinder"]
-
-Array = NDArray[np.float64]
+from virtual_lab.units import Array
 
 
 def check_cylinder(

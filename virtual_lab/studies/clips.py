@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from virtual_lab.errors import InputError
@@ -24,11 +23,8 @@ from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import ShotPlan, Stage
-from virtual_lab.units import INCH
+from virtual_lab.units import INCH, Array
 
-__all__ = ["ClipCoverage", "clip_coverage"]
-
-Array = NDArray[np.float64]
 QUANTITIES = {  # of what the camera gives u, and the truth
     "v_in": ("speed_in", "speed"),
     "v_out": ("speed_out", "rebound_speed"),

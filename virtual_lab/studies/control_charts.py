@@ -18,21 +18,9 @@ from math import pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-__all__ = [
-    "RULES",
-    "Baseline",
-    "Charted",
-    "breaks",
-    "control_chart",
-    "cusum",
-    "ewma",
-    "moving_range",
-]
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from virtual_lab.units import Array, Mask
 
 RANGE_MEAN = 2 / sqrt(pi)  # d2: of the range of two, in standard deviations
 RANGE_LIMIT = RANGE_MEAN + 3 * sqrt(2 - RANGE_MEAN**2)  # d2 + 3 d3
@@ -86,7 +74,7 @@ class Baseline:
         return (np.asarray(values, dtype=float) - self.centre) / self.sigma
 
 
-def breaks(x: Array, rule: int) -> Flags:
+def breaks(x: Array, rule: int) -> Mask:
     """Return the days that complete a pattern of Western Electric rule 1, 2, 3 or 4."""
     run = RULES[rule]
     found = np.zeros(x.shape, dtype=bool)
@@ -137,7 +125,7 @@ class Charted:
     average: Array
     sum_up: Array
     sum_down: Array
-    alarms: Mapping[str, Flags]  # by what was broken
+    alarms: Mapping[str, Mask]  # by what was broken
 
 
 def control_chart(

@@ -14,7 +14,6 @@ from math import sqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from virtual_lab.errors import InputError
@@ -33,10 +32,8 @@ from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
 from virtual_lab.records import AimMarks
 from virtual_lab.streams import Streams
+from virtual_lab.units import Array
 
-__all__ = ["Coverage", "coverage", "tests"]
-
-Array = NDArray[np.float64]
 WORDS = (
     "Error: measured minus true value. At least, at most: 95 % confidence interval of the\n"
     "percentage (Clopper-Pearson). SI: unit of the quantity, 1 or m/s. Thirds: laboratories\n"

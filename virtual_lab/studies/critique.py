@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 from scipy.stats import binomtest
 
@@ -35,19 +34,11 @@ from virtual_lab.studies.bats.compare import compare
 from virtual_lab.studies.bats.profile import chosen_swings
 from virtual_lab.studies.critique_chart import draw_critique
 from virtual_lab.studies.critique_text import Pair, Placed, Ranking, critique_text
+from virtual_lab.units import Array
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = [
-    "FIELD_TIE_MPH",
-    "RELIABLE_SHARE",
-    "Critique",
-    "critique",
-    "misranking",
-]
-
-Array = NDArray[np.float64]
 FIELD_TIE_MPH = 0.1  # bats less than this apart in the field have no order there
 RELIABLE_SHARE = 0.95  # a ranking that comes out one way this often is that procedure's
 

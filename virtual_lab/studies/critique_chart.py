@@ -12,8 +12,6 @@ from virtual_lab.studies.critique_text import Pair
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["draw_critique"]
-
 
 class Mark(NamedTuple):
     """How a verdict is drawn."""

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from virtual_lab.output.tables import inline, number, table_text
 from virtual_lab.studies.bats.text import balls_text, swing_text
 
-__all__ = ["Pair", "Placed", "Ranking", "critique_text"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Placed:

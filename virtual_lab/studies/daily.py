@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
@@ -34,14 +33,11 @@ from virtual_lab.studies.check_cylinder import check_cylinder
 from virtual_lab.studies.control_charts import RULES, Charted, control_chart
 from virtual_lab.studies.daily_chart import draw_control_chart
 from virtual_lab.uncertainty.estimate import Estimate
-from virtual_lab.units import MPH
+from virtual_lab.units import MPH, Array
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Daily", "daily"]
-
-Array = NDArray[np.float64]
 SPEED = 60 * MPH  # of the wall test
 CYLINDER = "check-cylinder"
 

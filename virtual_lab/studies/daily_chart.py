@@ -10,14 +10,11 @@ from numpy.typing import NDArray
 
 from virtual_lab.output.style import STYLE
 from virtual_lab.studies.control_charts import CUSUM_LIMIT, EWMA_LIMIT, RANGE_LIMIT, RULES, Charted
+from virtual_lab.units import Array, Mask
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["draw_control_chart"]
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 LIMIT = {"color": "black", "linestyle": "--", "linewidth": 0.7}
 FIRST = "#d55e00"
 
@@ -79,7 +76,7 @@ def draw_control_chart(values: Array, charted: Charted, label: str, path: Path) 
         figure.savefig(path)
 
 
-def _mark(axes: Axes, days: NDArray[np.int_], values: Array, alarms: Flags) -> None:
+def _mark(axes: Axes, days: NDArray[np.int_], values: Array, alarms: Mask) -> None:
     """Mark the days with alarms, and label the first."""
     if not alarms.any():
         axes.set_title("no alarm", loc="right")

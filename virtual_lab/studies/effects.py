@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.lab import Tested
@@ -34,11 +33,8 @@ from virtual_lab.relations.pendulum import mean_amplitude_factor
 from virtual_lab.simulation.physics.beam import outer_diameter
 from virtual_lab.studies.coverage import tests
 from virtual_lab.uncertainty.budget import Component
-from virtual_lab.units import INCH
+from virtual_lab.units import INCH, Array
 
-__all__ = ["Effect", "effects"]
-
-Array = NDArray[np.float64]
 HITS = "hits"
 
 

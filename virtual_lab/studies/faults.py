@@ -23,8 +23,6 @@ from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
 
-__all__ = ["PROCEDURES", "Bias", "Played", "faults"]
-
 PROCEDURES = ("astm-f1881", "bbcor")
 
 

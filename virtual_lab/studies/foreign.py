@@ -15,8 +15,6 @@ from virtual_lab.records.foreign.laboratory import FORM, load_laboratory, proced
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.rig import Reality
 
-__all__ = ["certify_laboratory", "our_own"]
-
 
 def our_own(procedure: str) -> Session:
     """Return the session of our laboratory for a test by a procedure.

@@ -18,8 +18,6 @@ from virtual_lab.output.result import Json, Rows
 from virtual_lab.output.tables import column, table_text
 from virtual_lab.units import MPH
 
-__all__ = ["ShelfEntry", "ShownCertificate", "ShownSheet", "shelf", "show"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShelfEntry:

@@ -17,8 +17,6 @@ from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.rig import Reality
 from virtual_lab.units import INCH
 
-__all__ = ["Slope", "slope"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slope:

@@ -17,8 +17,6 @@ from virtual_lab.measurement.model import QUANTITIES
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import column, record, table_text
 
-__all__ = ["QuantityScore", "Scored", "score", "score_folder"]
-
 CERTIFICATE = "certificate.json"
 
 

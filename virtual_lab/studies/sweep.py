@@ -14,8 +14,6 @@ from virtual_lab.output.progress import Progress, quiet
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["sweep_tests"]
-
 
 def sweep_tests(
     bats: Sequence[str],

@@ -22,8 +22,6 @@ from virtual_lab.records.session import Session
 from virtual_lab.studies.foreign import our_own
 from virtual_lab.units import DIMENSIONS
 
-__all__ = ["template"]
-
 OWN_RULES = "procedure.toml"
 
 

@@ -18,23 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.uncertainty.estimate import Estimate
-
-__all__ = [
-    "Budget",
-    "Component",
-    "Propagator",
-    "Variants",
-    "Variation",
-    "combine",
-    "effective_dof",
-    "interval_95",
-    "mean_of_hits",
-    "propagate",
-    "scatter",
-    "type_a",
-]
-
-Array = NDArray[np.float64]
+from virtual_lab.units import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

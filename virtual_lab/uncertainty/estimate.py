@@ -9,8 +9,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["Estimate", "mean_of_readings"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:

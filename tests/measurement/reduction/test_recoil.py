@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from virtual_lab.measurement.reduction.rate import RateFit
-from virtual_lab.measurement.reduction.recoil import FIT, fit_recoil
+from virtual_lab.measurement.reduction.recoil import RECOIL, fit_recoil
 from virtual_lab.records import EncoderRecord
 
 RECORDS, SHOTS = 300, 6
@@ -37,7 +37,7 @@ def make(seed: int, *, counts: int = COUNTS, whole: bool = True, rings: int = 3)
     contact = 0.022 + rng.uniform(-2e-4, 2e-4, SHOTS)
     rate = rng.uniform(15, 25, SHOTS)[:, None]
     viscous, air = rng.uniform(0.05, 0.3), rng.uniform(1e-3, 0.02)
-    since = np.maximum(time - (contact + FIT.contact_duration)[:, None], 0)
+    since = np.maximum(time - (contact + RECOIL.contact_duration)[:, None], 0)
     angle = np.log1p(air * rate * -np.expm1(-viscous * since) / viscous) / air
     frequencies = (rng.uniform(140, 180), rng.uniform(480, 620), rng.uniform(1000, 1300))[:rings]
     for frequency in frequencies:

@@ -12,7 +12,7 @@ from scipy.special import ndtr
 from tests.video.plain import FIELD, Balls, balls
 from tests.video.spectrum import disc
 from tests.video.stitched import LENS, Array, Scene, scene
-from virtual_lab.video.locate.edge_fit import FIT, covered, fit_edge, solve_ring
+from virtual_lab.video.locate.edge_fit import RIM_FIT, covered, fit_edge, solve_ring
 from virtual_lab.video.locate.edge_kernel import View
 from virtual_lab.video.locate.located import Located, PlaceFlag, Regions
 from virtual_lab.video.locate.noise import Noise
@@ -154,7 +154,7 @@ def test_outlines_that_are_ellipses() -> None:
     assert max(map(rms, off)) < 0.010
     assert max(map(rms, errors(seen, fitted(seen, oval_u=0.02))[0])) < 0.016
     seen = scene("soft", stretch=1.01)
-    found = fitted(seen, oval_u=FIT.oval_u)
+    found = fitted(seen, oval_u=RIM_FIT.oval_u)
     off, pulls = errors(seen, found)
     assert max(map(rms, off)) < 0.015
     assert rms(pulls) < 1.5

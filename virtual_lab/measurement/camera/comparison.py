@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.measurement.camera.filmed import Filmed, FramesU, filmed, frames_u
 from virtual_lab.measurement.camera.windows import Sightings, sight
@@ -29,10 +28,8 @@ from virtual_lab.uncertainty.budget import (
     scatter,
 )
 from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.units import Array
 
-__all__ = ["COMPARED", "CameraComparison", "ComparedQuantity", "compare_camera"]
-
-Array = NDArray[np.float64]
 COMPARED: Mapping[str, str] = {  # name in a certificate: the shots' field it is the mean of
     "collision_efficiency": "lot_collision_efficiency",
     "restitution": "lot_restitution",

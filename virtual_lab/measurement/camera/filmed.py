@@ -11,17 +11,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.measurement.camera.windows import Sightings
 from virtual_lab.measurement.reduction.flights import Flights
 from virtual_lab.relations.flight import time_before
 from virtual_lab.relations.pinhole import looking_down, undistorted
+from virtual_lab.units import Array, Mask
 
-__all__ = ["Filmed", "FramesU", "filmed", "frames_u"]
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Constants = Mapping[str, Array]
 
 

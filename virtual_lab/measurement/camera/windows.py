@@ -11,14 +11,11 @@ from numpy.typing import NDArray
 from virtual_lab.errors import InputError
 from virtual_lab.records import ClipRecord, TrackRecord
 from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.units import Array, Mask
 from virtual_lab.video.locate.located import Located, PlaceFlag, Regions
 from virtual_lab.video.locate.noise import ROUNDING, Noise
 from virtual_lab.video.locate.sharp import place
 
-__all__ = ["Sightings", "sight"]
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Known = Mapping[str, Estimate]
 
 

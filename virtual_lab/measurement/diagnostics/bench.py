@@ -13,16 +13,6 @@ from virtual_lab.measurement.diagnostics.evidence import Evidence
 from virtual_lab.measurement.diagnostics.flag import FALSE_ALARMS, Flag, chance, scatter_component
 from virtual_lab.measurement.procedure import lot_of
 
-__all__ = [
-    "bat_shape",
-    "check_standard",
-    "lot_rules",
-    "pendulum_swing",
-    "sports",
-    "swing_slowing",
-    "wall_drift",
-]
-
 DECAY_U = 0.4  # relative, of the loss of amplitude: two readings a few of their steps apart
 
 

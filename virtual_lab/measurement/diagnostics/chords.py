@@ -14,10 +14,8 @@ from virtual_lab.measurement.reduction.flights import flights, gate_count
 from virtual_lab.measurement.reduction.gates import INBOUND, Passages
 from virtual_lab.measurement.reduction.shot_algebra import drag_of
 from virtual_lab.records import BoardRecord, GateRecord
+from virtual_lab.units import Array
 
-__all__ = ["chords"]
-
-Array = NDArray[np.float64]
 SIZE = 0.02  # relative, of the diameter; the rules' own 9 to 9 1/4 in are 0.014 either way
 
 

@@ -18,10 +18,7 @@ from virtual_lab.measurement.reduction.shot_algebra import (
 )
 from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.estimate import Estimate
-
-__all__ = ["Evidence"]
-
-Array = NDArray[np.float64]
+from virtual_lab.units import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,8 +16,6 @@ from scipy.special import stdtr
 
 from virtual_lab.uncertainty.budget import Component, combine
 
-__all__ = ["FALSE_ALARMS", "Flag", "chance", "scatter_component"]
-
 FALSE_ALARMS = 5e-4  # of one test, in a sound laboratory
 
 

@@ -24,8 +24,6 @@ from virtual_lab.measurement.diagnostics.impact import (
     recoil_and_rebound,
 )
 
-__all__ = ["CHECKS", "flags"]
-
 CHECKS: Mapping[str, Callable[[Evidence], Iterator[Flag]]] = {
     "sports": sports,
     "check-standard": check_standard,

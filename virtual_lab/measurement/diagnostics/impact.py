@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.measurement.diagnostics.evidence import Evidence
 from virtual_lab.measurement.diagnostics.flag import FALSE_ALARMS, Flag, chance, scatter_component
@@ -17,10 +16,8 @@ from virtual_lab.records import AimMarks
 from virtual_lab.relations.flight import time_before
 from virtual_lab.uncertainty.budget import Component, propagate
 from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.units import Array
 
-__all__ = ["aim", "ball_seen", "boards_in_line", "edges", "encoder_fit", "recoil_and_rebound"]
-
-Array = NDArray[np.float64]
 FEWEST_SHOTS = 3  # shots that a mean and its scatter may rest on
 
 

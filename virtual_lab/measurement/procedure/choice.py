@@ -11,17 +11,13 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.measurement.procedure.outcome import complete_places, neighbours
 from virtual_lab.measurement.procedure.rules import Procedure
 from virtual_lab.measurement.procedure.schedule import best_place, same_place, scan_hits
 from virtual_lab.uncertainty.budget import Budget, combine, type_a
+from virtual_lab.units import Array, Mask
 
-__all__ = ["CHOICE", "Shortfall", "shortfall", "with_choice"]
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 CHOICE = "choice of the place"  # its line in a budget
 
 
@@ -37,7 +33,7 @@ class Shortfall(NamedTuple):
         return sqrt(max(self.rms**2 - self.mean**2, 0.0))
 
 
-def shortfall(procedure: Procedure, place: Array, valid: Bools, metric: Array) -> Shortfall:
+def shortfall(procedure: Procedure, place: Array, valid: Mask, metric: Array) -> Shortfall:
     """Return the expected shortfall of the place chosen by a scan, from its hits.
 
     The true difference to each neighbour is taken as normal about the difference of the means,

@@ -12,8 +12,6 @@ from virtual_lab.measurement.reduction.kinematics import parallel_axis
 from virtual_lab.measurement.reduction.shot_algebra import BatProperties
 from virtual_lab.units import INCH, OUNCE, OZ_IN2
 
-__all__ = ["Finding", "findings"]
-
 
 @dataclass(frozen=True, slots=True)
 class Finding:

@@ -7,19 +7,13 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from virtual_lab.measurement.procedure.rules import Procedure
-from virtual_lab.measurement.procedure.schedule import SETTING_STEP
+from virtual_lab.measurement.procedure.rules import SETTING_STEP, Procedure
 from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import ShotResults
-from virtual_lab.units import DEGREE, INCH, MPH, OUNCE
+from virtual_lab.units import DEGREE, INCH, MPH, OUNCE, Array, Mask
 
-__all__ = ["Acceptance", "Judgement", "judge"]
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Criterion = tuple[Bools, str, Array]  # met, the sentence where it is not, the value to put in
+Criterion = tuple[Mask, str, Array]  # met, the sentence where it is not, the value to put in
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,7 +23,7 @@ class Judgement:
     reasons: tuple[str, ...]
 
     @property
-    def valid(self) -> Bools:
+    def valid(self) -> Mask:
         """Which shots count, (shot,)."""
         return np.array([not reason for reason in self.reasons], dtype=bool)
 

@@ -11,8 +11,6 @@ from virtual_lab.measurement.procedure.rules import Procedure
 from virtual_lab.measurement.reduction.shot_algebra import MeasuredBalls
 from virtual_lab.units import MPH, OUNCE
 
-__all__ = ["Lot", "SetAside", "lot_of"]
-
 
 @dataclass(frozen=True, slots=True)
 class SetAside:

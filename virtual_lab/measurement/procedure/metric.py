@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.measurement.procedure.rules import BallCorrection, Game, Procedure
 from virtual_lab.measurement.reduction.kinematics import (
@@ -19,10 +18,7 @@ from virtual_lab.measurement.reduction.kinematics import (
     restitution_of_standard_ball,
 )
 from virtual_lab.measurement.reduction.shot_algebra import BatProperties, ShotResults
-
-__all__ = ["Curve", "Sought", "metric_of", "sought_of"]
-
-Array = NDArray[np.float64]
+from virtual_lab.units import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,28 +13,11 @@ from enum import Enum
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 
 from virtual_lab.measurement.procedure.metric import Sought
-from virtual_lab.measurement.procedure.rules import Procedure, Scan
-from virtual_lab.measurement.procedure.schedule import (
-    SETTING_STEP,
-    best_place,
-    final_hits,
-    scan_hits,
-)
-
-__all__ = [
-    "HitWeights",
-    "Verdict",
-    "complete_places",
-    "neighbours",
-    "outcome_of",
-    "verdict",
-]
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from virtual_lab.measurement.procedure.rules import SETTING_STEP, Procedure, Scan
+from virtual_lab.measurement.procedure.schedule import best_place, final_hits, scan_hits
+from virtual_lab.units import Array, Mask
 
 
 class Verdict(Enum):
@@ -58,7 +41,7 @@ class HitWeights:
     reason: str  # why the test gives no result; empty where it does
 
     @property
-    def used(self) -> Bools:
+    def used(self) -> Mask:
         """Shots that contribute to the result, (shot,)."""
         return np.asarray(self.weights != 0) & np.isfinite(self.weights)
 
@@ -66,7 +49,7 @@ class HitWeights:
 def outcome_of(
     procedure: Procedure,
     place: Array,
-    valid: Bools,
+    valid: Mask,
     metric: Array,
     sought: Sought | None = None,
 ) -> HitWeights:
@@ -91,7 +74,7 @@ def outcome_of(
     return _of_scan(procedure, procedure.scan, place, valid, metric, sought)
 
 
-def complete_places(procedure: Procedure, place: Array, valid: Bools) -> Array:
+def complete_places(procedure: Procedure, place: Array, valid: Mask) -> Array:
     """Return the places with all the hits a scan asks for."""
     counted = scan_hits(procedure, place, valid)
     places, number = np.unique(np.round(place[counted], 6), return_counts=True)
@@ -99,7 +82,7 @@ def complete_places(procedure: Procedure, place: Array, valid: Bools) -> Array:
 
 
 def _of_scan(
-    procedure: Procedure, scan: Scan, place: Array, valid: Bools, metric: Array, sought: Sought
+    procedure: Procedure, scan: Scan, place: Array, valid: Mask, metric: Array, sought: Sought
 ) -> HitWeights:
     counted = scan_hits(procedure, place, valid)
     complete = complete_places(procedure, place, valid)
@@ -140,7 +123,7 @@ def _at_an_end(scan: Scan, place: float) -> bool:
     return place - step < scan.low or place + step > scan.high
 
 
-def _mean(hits: Bools, place: Array, reason: str) -> HitWeights:
+def _mean(hits: Mask, place: Array, reason: str) -> HitWeights:
     weights = hits / hits.sum()
     return HitWeights(
         weights=weights, effects=weights, place=float(place[hits].mean()), reason=reason
@@ -148,7 +131,7 @@ def _mean(hits: Bools, place: Array, reason: str) -> HitWeights:
 
 
 def _top_of_curve(
-    scan: Scan, place: Array, near: Bools, metric: Array, sought: Sought
+    scan: Scan, place: Array, near: Mask, metric: Array, sought: Sought
 ) -> tuple[Array, Array, float]:
     """Return weights and effects of the hits `near`, and the place of the maximum.
 

@@ -15,16 +15,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.relations.peaks import Span, level_span
 from virtual_lab.uncertainty.budget import Budget, combine, type_a
-
-__all__ = ["Width", "width_of"]
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from virtual_lab.units import Array, Mask
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,7 +31,7 @@ class Width:
     budget: Budget  # of its width [m]; at least that, and no u, where the span is cut off
 
 
-def width_of(procedure: Procedure, place: Array, valid: Bools, metric: Array) -> Width | None:
+def width_of(procedure: Procedure, place: Array, valid: Mask, metric: Array) -> Width | None:
     """Return the width from the hits.
 
     None if the procedure asks for none, or the hits lie at too few places for the curve.

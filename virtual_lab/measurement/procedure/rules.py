@@ -13,16 +13,6 @@ from virtual_lab.catalog.specs import Dimension, Name, Spec, Sport, Title, YesNo
 from virtual_lab.measurement.reduction.shot_algebra import ReductionSettings
 from virtual_lab.units import INCH
 
-__all__ = [
-    "BallCorrection",
-    "Eligibility",
-    "Game",
-    "Metric",
-    "Procedure",
-    "Scan",
-    "Windows",
-]
-
 MOST_COUNTED = 1000  # of anything counted: beyond, a slip of the pen and no test
 SETTING_STEP = 0.5e-3  # m, the operator sets a place to half a millimetre
 OPTIONAL_WINDOWS = (

@@ -13,20 +13,8 @@ from numpy.typing import NDArray
 
 from virtual_lab.measurement.procedure.rules import SETTING_STEP, Procedure, Scan
 from virtual_lab.measurement.reduction.kinematics import centre_of_percussion
+from virtual_lab.units import Array, Mask
 
-__all__ = [
-    "SETTING_STEP",
-    "aimed_place",
-    "best_place",
-    "final_hits",
-    "next_places",
-    "same_place",
-    "scan_hits",
-    "to_set",
-]
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 ROUNDING = 1e-9  # m
 
 
@@ -45,7 +33,7 @@ def to_set(places: Array, *, exact: bool) -> Array:
 
 
 def next_places(
-    procedure: Procedure, percussion: float, place: Array, valid: Bools, sought: Array
+    procedure: Procedure, percussion: float, place: Array, valid: Mask, sought: Array
 ) -> Array:
     """Return the places to fire at next [m], one a shot; none when the test is complete.
 
@@ -65,7 +53,7 @@ def next_places(
     return missing[: max(procedure.attempts - len(place), 0)]
 
 
-def _scan(procedure: Procedure, scan: Scan, place: Array, valid: Bools, sought: Array) -> Array:
+def _scan(procedure: Procedure, scan: Scan, place: Array, valid: Mask, sought: Array) -> Array:
     coarse = np.arange(scan.low, scan.high + ROUNDING, scan.coarse_step)
     coarse = _hopeful(coarse, scan.coarse_hits, place, sought)
     lacking = _lacking(coarse, scan.coarse_hits, place, valid)
@@ -114,7 +102,7 @@ def _hopeful(places: Array, hits: int, place: Array, sought: Array) -> Array:
 
 
 def best_place(
-    procedure: Procedure, among: Iterable[float], place: Array, valid: Bools, sought: Array
+    procedure: Procedure, among: Iterable[float], place: Array, valid: Mask, sought: Array
 ) -> float:
     """Return the place [m] where the maximised quantity has the greatest mean over the hits."""
     counted = scan_hits(procedure, place, valid)
@@ -122,7 +110,7 @@ def best_place(
     return max(means, key=means.__getitem__)
 
 
-def scan_hits(procedure: Procedure, place: Array, valid: Bools) -> Bools:
+def scan_hits(procedure: Procedure, place: Array, valid: Mask) -> Mask:
     """Return which hits are the scan's: at each place the first `valid_hits` valid ones."""
     chosen = np.zeros(len(place), dtype=bool)
     for at in np.unique(np.round(place, 6)):
@@ -132,7 +120,7 @@ def scan_hits(procedure: Procedure, place: Array, valid: Bools) -> Bools:
 
 
 def final_hits(
-    procedure: Procedure, scan: Scan, best: float, place: Array, valid: Bools
+    procedure: Procedure, scan: Scan, best: float, place: Array, valid: Mask
 ) -> NDArray[np.intp]:
     """Return the numbers of the fresh hits at the best place [m] that count, in order.
 
@@ -146,14 +134,14 @@ def final_hits(
     return shots[valid[shots]]
 
 
-def same_place(place: Array, at: float) -> Bools:
+def same_place(place: Array, at: float) -> Mask:
     """Return which shots were set at one place: within half a step of setting."""
     return np.asarray(np.abs(place - at) < SETTING_STEP / 2 + 1e-9)
 
 
-def _lacking(places: Array, hits: int, place: Array, valid: Bools) -> Array:
+def _lacking(places: Array, hits: int, place: Array, valid: Mask) -> Array:
     return np.repeat(places, [max(hits - _hits(place, valid, at), 0) for at in places])
 
 
-def _hits(place: Array, valid: Bools, at: float) -> int:
+def _hits(place: Array, valid: Mask, at: float) -> int:
     return int((valid & same_place(place, at)).sum())

@@ -6,20 +6,16 @@ from math import nan, sqrt
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-__all__ = ["fit_boards"]
+from virtual_lab.units import Array
 
-Floats = NDArray[np.float64]
-Beams = tuple[Floats, Floats, Floats]  # of the beams broken: places, middles, squared chords
+Beams = tuple[Array, Array, Array]  # of the beams broken: places, middles, squared chords
 FAINTEST = 1e-2  # of the longest chord's square: shorter ones weigh no more than this one
 FAST = {"reassoc", "contract", "nsz"}
 
 
 @njit(cache=True, error_model="numpy")
-def fit_boards(
-    edges: Floats, times: Floats, heights: Floats, heights_u: Floats, misfit: Floats
-) -> None:
+def fit_boards(edges: Array, times: Array, heights: Array, heights_u: Array, misfit: Array) -> None:
     """Fill in passages, the u of their heights, and their misfit; NaN: not seen.
 
     Parameters
@@ -59,7 +55,7 @@ def fit_boards(
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
-def _broken(edges: Floats, places: Floats, middles: Floats, squares: Floats) -> tuple[int, float]:
+def _broken(edges: Array, places: Array, middles: Array, squares: Array) -> tuple[int, float]:
     """Collect the broken beams, chords over the longest; return their number, the longest [s]."""
     many, longest = 0, 0.0
     for beam in range(len(edges)):

@@ -11,13 +11,9 @@ from dataclasses import dataclass
 from math import prod
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.measurement.reduction.gates import Passages
-
-__all__ = ["Flights", "Flown", "flights", "gate_count", "heights_moved", "timed"]
-
-Array = NDArray[np.float64]
+from virtual_lab.units import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

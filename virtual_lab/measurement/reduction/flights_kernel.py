@@ -6,18 +6,15 @@ from math import nan
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from virtual_lab.relations.flight_kernel import BLOCK, FAST, time_over
+from virtual_lab.units import Array
 
-__all__ = ["fit_heights", "fit_speeds"]
-
-Floats = NDArray[np.float64]
 SIGNS = (-1.0, 1.0)  # of the ways: a ball comes and its time falls with the distance, it goes
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
-def fit_speeds(times: Floats, distances: Floats, clock: Floats, drag: Floats, out: Floats) -> None:
+def fit_speeds(times: Array, distances: Array, clock: Array, drag: Array, out: Array) -> None:
     """Fill in speeds at the target, in and out, (way, row, shot) [m/s].
 
     Parameters
@@ -45,13 +42,13 @@ def fit_speeds(times: Floats, distances: Floats, clock: Floats, drag: Floats, ou
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def fit_heights(
-    heights: Floats,
-    speeds: Floats,
-    distances: Floats,
-    zeros: Floats,
-    gravity: Floats,
-    drag: Floats,
-    out: Floats,
+    heights: Array,
+    speeds: Array,
+    distances: Array,
+    zeros: Array,
+    gravity: Array,
+    drag: Array,
+    out: Array,
 ) -> None:
     """Fill in heights at the target on the way in [m] and slopes in and out, (3, row, shot).
 
@@ -86,7 +83,7 @@ def fit_heights(
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
-def _reaches(distances: Floats, sign: float, drag: Floats, reach: Floats) -> None:
+def _reaches(distances: Array, sign: float, drag: Array, reach: Array) -> None:
     """Fill in the times to the gates of balls of speed 1 at the target, (gate, shot)."""
     n = drag.size
     signed, way, pace = np.empty(n), np.empty(n), np.ones(n)
@@ -98,7 +95,7 @@ def _reaches(distances: Floats, sign: float, drag: Floats, reach: Floats) -> Non
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
-def _line(across: Floats, up: Floats, moments: Floats, slope: Floats) -> None:
+def _line(across: Array, up: Array, moments: Array, slope: Array) -> None:
     """Fill in least-squares slopes of `up` over `across`, (gate, shot), where both are known.
 
     NaN if fewer than two gates saw the ball. `moments` then hold the number of gates, and the

@@ -14,10 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.records import BoardRecord, GateRecord, PassageRecord
+from virtual_lab.units import Array
 
-__all__ = ["Passages", "passages"]
-
-Array = NDArray[np.float64]
 INBOUND, OUTBOUND = 0, 1
 
 

@@ -14,25 +14,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "EnergyFractions",
-    "bat_performance_factor",
-    "batted_speed",
-    "batted_speed_gain",
-    "besr",
-    "centre_of_percussion",
-    "collision_efficiency",
-    "efficiency_from_restitution",
-    "energy_fractions",
-    "parallel_axis",
-    "rebound_speed_from_recoil",
-    "recoil_factor_free",
-    "recoil_factor_pivoted",
-    "restitution_from_efficiency",
-    "restitution_from_recoil",
-    "restitution_of_standard_ball",
-]
-
 Floats = float | NDArray[np.float64]
 
 

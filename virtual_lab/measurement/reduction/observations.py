@@ -37,20 +37,8 @@ from virtual_lab.records import (
 from virtual_lab.records.session import Session
 from virtual_lab.relations.pendulum import mean_amplitude_factor
 from virtual_lab.uncertainty.estimate import Estimate, mean_of_readings
+from virtual_lab.units import Array
 
-__all__ = [
-    "BallReadings",
-    "ImpactReadings",
-    "across_constant",
-    "along_of",
-    "ball_constants",
-    "bench_constants",
-    "observe_balls",
-    "observe_impact",
-    "restitution_names",
-]
-
-Array = NDArray[np.float64]
 REPEATABILITY = "balls.repeatability"
 SLOPE_REPEATABILITY = "balls.slope_repeatability"
 READ_WITH = (  # property, channel, instrument

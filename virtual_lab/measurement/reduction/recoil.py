@@ -13,14 +13,10 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.measurement.reduction.rate import RateFit
 from virtual_lab.records import EncoderRecord
-
-__all__ = ["fit_recoil"]
-
-Array = NDArray[np.float64]
+from virtual_lab.units import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +40,7 @@ class RecoilFit:
     residual_of_counts: float = 1.02 / sqrt(12)  # where they are: counting, and a little more
 
 
-FIT = RecoilFit()
+RECOIL = RecoilFit()
 
 
 def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
@@ -63,8 +59,8 @@ def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
         The record ends too soon after contact to fit anything.
     """
     seen = contact[np.isfinite(contact)]
-    after = record.times > (seen.max() if seen.size else np.inf) + FIT.settling_time
-    if after.sum() < 20 * (FIT.polynomial_order + 1 + 2 * FIT.most_rings):
+    after = record.times > (seen.max() if seen.size else np.inf) + RECOIL.settling_time
+    if after.sum() < 20 * (RECOIL.polynomial_order + 1 + 2 * RECOIL.most_rings):
         raise ValueError("the encoder record ends too soon after contact")
     tail = slice(int(after.argmax()), None)
     times, counts = record.times[tail], record.counts[:, tail]
@@ -74,20 +70,20 @@ def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
     whole = bool(np.array_equal(counts[:1], np.rint(counts[:1])))
     rings, basis = _find_rings(
         clock,
-        counts[: FIT.shots_searched].T,
+        counts[: RECOIL.shots_searched].T,
         span,
-        no_ring=FIT.residual_of_counts if whole else FIT.residual,
+        no_ring=RECOIL.residual_of_counts if whole else RECOIL.residual,
     )
     orthogonal, triangle = np.linalg.qr(basis)
     seen, square = np.empty((contact.size, basis.shape[1])), np.empty(contact.size)
-    for first in range(0, contact.size, FIT.shots_together):
-        part = slice(first, first + FIT.shots_together)
+    for first in range(0, contact.size, RECOIL.shots_together):
+        part = slice(first, first + RECOIL.shots_together)
         seen[part] = counts[part] @ orthogonal
         left = counts[part] - seen[part] @ orthogonal.T
         square[part] = np.einsum("st,st->s", left, left)
     row = np.zeros((contact.size, basis.shape[1]))
-    release = (contact + FIT.contact_duration - origin) / span
-    for power in range(1, FIT.polynomial_order + 1):
+    release = (contact + RECOIL.contact_duration - origin) / span
+    for power in range(1, RECOIL.polynomial_order + 1):
         row[:, power] = power * release ** (power - 1) / span
     freedom = len(times) - basis.shape[1] - len(rings)
     weight = np.linalg.solve(triangle.T, row.T)
@@ -111,14 +107,16 @@ def _find_rings(clock: Array, counts: Array, span: float, no_ring: float) -> tup
     """
     rings = np.empty((0, 2))  # frequency and decay in units of 1/span
     basis = _basis(clock, rings)
-    while len(rings) < FIT.most_rings:
+    while len(rings) < RECOIL.most_rings:
         _, residual = _project(basis, counts)
         small = np.sqrt((residual**2).mean()) < no_ring
         peak = None if small else _strongest(clock, residual)
         if peak is None:
             break
         try:
-            more = _refine(clock, counts, np.vstack([rings, [peak, FIT.first_decay * span]]), span)
+            more = _refine(
+                clock, counts, np.vstack([rings, [peak, RECOIL.first_decay * span]]), span
+            )
         except np.linalg.LinAlgError:
             break  # the new ring fell upon one already there
         wider = _basis(clock, more)
@@ -134,28 +132,30 @@ def _strongest(clock: Array, residual: Array) -> float | None:
     spectrum = np.fft.rfft(np.hanning(n)[:, None] * residual, 4 * n, axis=0)
     power = (np.abs(spectrum) ** 2).sum(axis=1)
     frequency = np.fft.rfftfreq(4 * n, clock[1] - clock[0])
-    power[frequency < FIT.polynomial_order] = 0.0  # slower than the polynomial itself
+    power[frequency < RECOIL.polynomial_order] = 0.0  # slower than the polynomial itself
     best = int(power.argmax())
-    return float(frequency[best]) if power[best] > FIT.peak_over_median * np.median(power) else None
+    return (
+        float(frequency[best]) if power[best] > RECOIL.peak_over_median * np.median(power) else None
+    )
 
 
 def _refine(clock: Array, counts: Array, rings: Array, span: float) -> Array:
     """Return the vibrations of least residual, by Gauss-Newton from a near start."""
-    for _ in range(FIT.most_steps):
+    for _ in range(RECOIL.most_steps):
         basis = _basis(clock, rings)
         orthogonal, triangle = np.linalg.qr(basis)
         seen = orthogonal.T @ counts
         coefficients, residual = np.linalg.solve(triangle, seen), counts - orthogonal @ seen
-        moves = clock[:, None] * basis[:, FIT.polynomial_order + 1 :]
+        moves = clock[:, None] * basis[:, RECOIL.polynomial_order + 1 :]
         moves -= orthogonal @ (orthogonal.T @ moves)
-        shares = _shares(coefficients[FIT.polynomial_order + 1 :])
+        shares = _shares(coefficients[RECOIL.polynomial_order + 1 :])
         # normal equations of changes that are sums of products, a move times its shares
         flat, between = shares.reshape(len(shares), -1), moves.T @ moves
         matrix = flat @ np.einsum("mn,pns->pms", between, shares).reshape(flat.shape).T
         step = np.linalg.lstsq(matrix, flat @ (moves.T @ residual).ravel(), rcond=None)[0]
         step = np.clip(step.reshape(-1, 2), [-0.5, -20.0], [0.5, 20.0])
-        rings = np.clip(rings + step, 0.0, [np.inf, FIT.greatest_decay * span])
-        if np.abs(step).max() < FIT.converged_step:
+        rings = np.clip(rings + step, 0.0, [np.inf, RECOIL.greatest_decay * span])
+        if np.abs(step).max() < RECOIL.converged_step:
             break
     return rings
 
@@ -176,7 +176,7 @@ def _shares(coefficients: Array) -> Array:
 
 def _basis(clock: Array, rings: Array) -> Array:
     """Return powers of time, then a decaying cosine and sine for each vibration."""
-    columns = [clock**power for power in range(FIT.polynomial_order + 1)]
+    columns = [clock**power for power in range(RECOIL.polynomial_order + 1)]
     for frequency, decay in rings:
         envelope = np.exp(-decay * clock)
         phase = 2 * np.pi * frequency * clock
@@ -196,7 +196,7 @@ def _at_rest(record: EncoderRecord, contact: Array) -> tuple[Array, Array]:
 
     A bat at rest has the rate 0. NaN if the record is too short.
     """
-    before = record.times < np.nanmin(contact) - FIT.settling_time / 3
+    before = record.times < np.nanmin(contact) - RECOIL.settling_time / 3
     if before.sum() < 3:
         nothing = np.full(contact.shape, np.nan)
         return nothing, nothing

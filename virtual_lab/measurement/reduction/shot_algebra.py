@@ -32,22 +32,8 @@ from virtual_lab.measurement.reduction.observations import (
 )
 from virtual_lab.relations.flight import drag_rate
 from virtual_lab.relations.pendulum import inertia_from_period, mean_amplitude_factor
+from virtual_lab.units import Array
 
-__all__ = [
-    "PLACE_SLOPE",
-    "SLOPE_ERROR",
-    "BatProperties",
-    "MeasuredBalls",
-    "ReductionSettings",
-    "ShotResults",
-    "bat_properties",
-    "drag_of",
-    "measured_balls",
-    "recoil_factor",
-    "shot_results",
-]
-
-Array = NDArray[np.float64]
 Constants = Mapping[str, Array]
 ALL = slice(None)
 PLACE_SLOPE = "procedure.place_slope"  # de_A/dz [1/m]

@@ -9,14 +9,11 @@ gates.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.measurement.reduction.rate import RateFit
 from virtual_lab.records import EncoderRecord
+from virtual_lab.units import Array
 
-__all__ = ["fit_swing"]
-
-Array = NDArray[np.float64]
 DEGREE = 3
 
 

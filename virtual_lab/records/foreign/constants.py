@@ -11,8 +11,6 @@ from virtual_lab.records.constants import GREATEST, constant_of, require_plausib
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DIMENSIONS, to_si
 
-__all__ = ["read_constants"]
-
 KEYS = ("value", "unit", "u", "dof", "source")
 
 

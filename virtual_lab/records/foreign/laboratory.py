@@ -17,8 +17,6 @@ from virtual_lab.records.foreign.constants import read_constants
 from virtual_lab.records.foreign.table import ChannelForm, FirstIndex, read_channel
 from virtual_lab.records.session import Session, require_channel
 
-__all__ = ["BLANK", "FORM", "load_laboratory", "procedure_name"]
-
 FORM = "laboratory.toml"
 BLANK = "?"  # what stands in a form where something is to be filled in
 

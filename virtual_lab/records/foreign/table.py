@@ -19,8 +19,6 @@ from virtual_lab.units import DIMENSIONS, suffix
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["ChannelForm", "FirstIndex", "column_names", "read_channel"]
-
 FirstIndex = Literal[0, 1]
 
 

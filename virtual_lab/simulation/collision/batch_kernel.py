@@ -24,30 +24,28 @@ from numba import njit
 from numpy.typing import NDArray
 
 from virtual_lab.simulation.collision.powers import COMPILES, SIMD, exp2, log2, wide
+from virtual_lab.units import Array
 
-__all__ = ["Given", "StepRule", "collide_lanes"]
-
-Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
-Scheme = tuple[Floats, Floats]  # kicks, drifts
-Out = tuple[Floats, Floats, Counts]
+Scheme = tuple[Array, Array]  # kicks, drifts
+Out = tuple[Array, Array, Counts]
 SCALAR: dict[str, Any] = {"forceinline": True, "error_model": "numpy"}
 
 
 class Given(NamedTuple):
     """What is given of the scenes, arrays (n,), SI."""
 
-    exponent: Floats  # a
-    unloading: Floats  # b
-    log_k: Floats  # log2 of the stiffness
-    series: Floats  # C
-    speed: Floats
-    inverse_mass: Floats  # c
-    first: Floats  # compression at the end of the series at touch
-    first_force: Floats
-    mode_step: Floats  # the longest step for the modes
-    ball_step: Floats  # and for the ball, times sqrt(k a u^(a-1))
-    near_end: Floats  # nearness of a release, of the greatest compression
+    exponent: Array  # a
+    unloading: Array  # b
+    log_k: Array  # log2 of the stiffness
+    series: Array  # C
+    speed: Array
+    inverse_mass: Array  # c
+    first: Array  # compression at the end of the series at touch
+    first_force: Array
+    mode_step: Array  # the longest step for the modes
+    ball_step: Array  # and for the ball, times sqrt(k a u^(a-1))
+    near_end: Array  # nearness of a release, of the greatest compression
 
 
 class StepRule(NamedTuple):
@@ -121,7 +119,7 @@ PHASE, EVENT, LIMITS = Phases(), Events(), LaneLimits()
 
 
 @njit(**SIMD)
-def _forces(w: Floats) -> None:
+def _forces(w: Array) -> None:
     """Set the force of each lane at its approach."""
     wide()
     for j in range(LANES):
@@ -133,7 +131,7 @@ def _forces(w: Floats) -> None:
 
 
 @njit(**SIMD)
-def _forces_in_series(w: Floats) -> None:
+def _forces_in_series(w: Array) -> None:
     """Bring forces closer to those of ball and stiff modes in series: x = u + C F(u).
 
     One pass of Newton's method from the ball's last share u / x of the approach, which
@@ -154,7 +152,7 @@ def _forces_in_series(w: Floats) -> None:
 
 
 @njit(**SIMD)
-def _stage_chunk(w: Floats, modes: Floats, kick: float, drift: float) -> None:
+def _stage_chunk(w: Array, modes: Array, kick: float, drift: float) -> None:
     wide()
     for j in range(LANES):
         h = w[AT.h + j]
@@ -171,7 +169,7 @@ def _stage_chunk(w: Floats, modes: Floats, kick: float, drift: float) -> None:
 
 
 @njit(**SIMD)
-def _stage(w: Floats, modes: int, kick: float, drift: float) -> None:
+def _stage(w: Array, modes: int, kick: float, drift: float) -> None:
     """Kick all velocities by the present force, then drift."""
     wide()
     for j in range(LANES):
@@ -186,7 +184,7 @@ def _stage(w: Floats, modes: int, kick: float, drift: float) -> None:
 
 
 @njit(**SIMD)
-def _look_chunk(w: Floats, modes: Floats) -> None:
+def _look_chunk(w: Array, modes: Array) -> None:
     wide()
     for j in range(LANES):
         force = w[AT.force + j]
@@ -203,7 +201,7 @@ def _look_chunk(w: Floats, modes: Floats) -> None:
 
 
 @njit(**SIMD)
-def _look(w: Floats, modes: int) -> None:
+def _look(w: Array, modes: int) -> None:
     """Set the first and second derivative of the approach."""
     wide()
     for j in range(LANES):
@@ -216,7 +214,7 @@ def _look(w: Floats, modes: int) -> None:
 
 
 @njit(**SIMD)
-def _plan(w: Floats, growth: float, window: float) -> None:
+def _plan(w: Array, growth: float, window: float) -> None:
     """Say which lanes have come to an event, and how far the others are to step."""
     wide()
     for j in range(LANES):
@@ -269,7 +267,7 @@ def _plan(w: Floats, growth: float, window: float) -> None:
 
 
 @njit(**SCALAR)
-def _load(lane: Floats, i: int, w2: Floats, g: Floats, given: Given, near: float) -> None:
+def _load(lane: Array, i: int, w2: Array, g: Array, given: Given, near: float) -> None:
     """Put scene i into a lane, a moment after touch: there ``u^a`` is not smooth."""
     a, series, speed, c = given.exponent[i], given.series[i], given.speed[i], given.inverse_mass[i]
     u, force = given.first[i], given.first_force[i]
@@ -294,7 +292,7 @@ def _load(lane: Floats, i: int, w2: Floats, g: Floats, given: Given, near: float
 
 
 @njit(**SCALAR)
-def _switch(lane: Floats, phase: float, power: float, log_k: float, near: float) -> None:
+def _switch(lane: Array, phase: float, power: float, log_k: float, near: float) -> None:
     """Put a lane under another law; its force is the same in both."""
     lane[AT.phase], lane[AT.power], lane[AT.log_k], lane[AT.near] = phase, power, log_k, near
     lane[AT.turned] = 0.0
@@ -322,7 +320,7 @@ def _ring(p: float, v: float, w2: float, t: float) -> tuple[float, float]:
 
 
 @njit(**SCALAR)
-def _release(lane: Floats, i: int, states: Floats, sums: Floats, speed: float) -> bool:
+def _release(lane: Array, i: int, states: Array, sums: Array, speed: float) -> bool:
     """Write down the state of a lane; return whether ball and bat can still meet."""
     modes = (states.shape[1] - 2) // 2
     s_rate, c, loss = lane[AT.s_rate], lane[AT.c], lane[AT.loss]
@@ -356,7 +354,7 @@ def _release(lane: Floats, i: int, states: Floats, sums: Floats, speed: float) -
 
 
 @njit(**SCALAR)
-def _extreme(lane: Floats) -> float:
+def _extreme(lane: Array) -> float:
     """Return the approach where it turned within the last step, by its last derivatives."""
     rate, bend, jerk = lane[AT.rate], lane[AT.bend], lane[AT.jerk]
     root = np.sqrt(max(bend**2 - 2.0 * jerk * rate, 0.0))
@@ -365,7 +363,7 @@ def _extreme(lane: Floats) -> float:
 
 
 @njit(**SCALAR)
-def _pass_event(lane: Floats, i: int, given: Given, rule: StepRule, out: Out) -> int:
+def _pass_event(lane: Array, i: int, given: Given, rule: StepRule, out: Out) -> int:
     """Take a lane over its event; return what that leaves of its scene i to do."""
     (states, sums, counts), near, brush = out, rule.turn, rule.brush
     a, b, speed, log_k = given.exponent[i], given.unloading[i], given.speed[i], given.log_k[i]
@@ -411,7 +409,7 @@ def _pass_event(lane: Floats, i: int, given: Given, rule: StepRule, out: Out) ->
 
 @njit(cache=True, nogil=True)
 def collide_lanes(
-    w2: Floats, bat: Counts, g: Floats, given: Given, scheme: Scheme, rule: StepRule
+    w2: Array, bat: Counts, g: Array, given: Given, scheme: Scheme, rule: StepRule
 ) -> Out:
     """Run n collisions with N flexible modes.
 

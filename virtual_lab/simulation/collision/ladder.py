@@ -28,19 +28,6 @@ from virtual_lab.simulation.physics.beam import Support, support_words
 from virtual_lab.simulation.physics.modes import Modes, modes_of
 from virtual_lab.units import INCH
 
-__all__ = [
-    "COLLISION_RUNGS",
-    "MODE_COUNTS",
-    "PROBING",
-    "SHARE",
-    "Choice",
-    "EfficiencyChoice",
-    "Ladder",
-    "choose",
-    "choose_efficiency",
-    "probing_scenes",
-]
-
 COLLISION_RUNGS = ("rigid", "modal", "reference")
 MODE_COUNTS = (14, 20, 30)  # bending modes of the modal rungs, cheap to dear
 SHARE = 0.1  # of the standard uncertainty that a model's error may take

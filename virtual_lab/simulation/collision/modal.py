@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from virtual_lab.catalog.specs import BatBody
@@ -28,17 +27,8 @@ from virtual_lab.simulation.collision.stepping import FINE, CollisionBatch, Foll
 from virtual_lab.simulation.physics.ball import unloading_exponent
 from virtual_lab.simulation.physics.beam import Support, support_words
 from virtual_lab.simulation.physics.modes import Modes, modes_of
+from virtual_lab.units import Array
 
-__all__ = [
-    "BENDING_MODES",
-    "STIFF_MODES",
-    "ModalModel",
-    "collide_bats",
-    "energy_split",
-    "kernel_is_compiled",
-]
-
-Floats = NDArray[np.float64]
 BENDING_MODES = 20
 STIFF_MODES = 100
 
@@ -72,7 +62,7 @@ class ModalModel:
     def table(self) -> PPoly:
         """Splines over the place of impact: the shape of each mode, then the stiff compliance."""
 
-        def values(z: Floats) -> Floats:
+        def values(z: Array) -> Array:
             shapes, stiff = patch_shapes((self.modes, self.stiff), z, self.patch)
             yielding = stiff / self.stiff.angular_frequencies
             return np.column_stack((shapes, np.sum(yielding**2, axis=1)))
@@ -90,7 +80,7 @@ class ModalModel:
 
 
 def collide_bats(
-    batch: Sequence[tuple[ModalModel, Scenes]], tables: Sequence[Floats] = ()
+    batch: Sequence[tuple[ModalModel, Scenes]], tables: Sequence[Array] = ()
 ) -> list[Collisions]:
     """Return what scenes of several bats come to, all stepped together as the first bat's are.
 
@@ -119,7 +109,7 @@ def collide_bats(
     ]
 
 
-def _struck(model: ModalModel, scenes: Scenes, table: Floats, most: int) -> CollisionBatch:
+def _struck(model: ModalModel, scenes: Scenes, table: Array, most: int) -> CollisionBatch:
     rigid, flexible = model.modes.rigid, model.modes.count - model.modes.rigid
     squares, shapes = np.ones((1, most)), np.zeros((len(scenes), most))
     squares[0, :flexible] = model.modes.angular_frequencies[rigid:] ** 2
@@ -140,7 +130,7 @@ def _struck(model: ModalModel, scenes: Scenes, table: Floats, most: int) -> Coll
 
 
 def _collisions(
-    model: ModalModel, scenes: Scenes, shape: Floats, struck: CollisionBatch, followed: Followed
+    model: ModalModel, scenes: Scenes, shape: Array, struck: CollisionBatch, followed: Followed
 ) -> Collisions:
     modes = model.modes
     rigid, flexible = modes.rigid, modes.count - modes.rigid
@@ -175,17 +165,17 @@ def _collisions(
 
 def energy_split(
     modes: Modes,
-    displacements: Floats,
-    velocities: Floats,
-    e_A: Floats,
-    losses: Floats,
-    energy: Floats,
+    displacements: Array,
+    velocities: Array,
+    e_A: Array,
+    losses: Array,
+    energy: Array,
 ) -> EnergySplit:
     """Return the shares of the ball's `energy` [J] in a modal state (n, N) after release."""
     strained = modes.angular_frequencies * displacements
     beam = modes.deflections.shape[1]
 
-    def share(own: slice) -> Floats:
+    def share(own: slice) -> Array:
         parts = (velocities[:, own], strained[:, own])
         return np.asarray(sum(np.einsum("ij,ij->i", part, part) for part in parts) / (2 * energy))
 

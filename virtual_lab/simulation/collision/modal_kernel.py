@@ -29,13 +29,11 @@ from numpy.typing import NDArray
 
 from virtual_lab.simulation.collision.scene import Failure
 from virtual_lab.simulation.collision.splitting import SRKN_11
+from virtual_lab.units import Array
 
-__all__ = ["collide"]
-
-Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
-State = tuple[Floats, Floats, Floats]  # views p, v, [s, s'] into one array
-Bat = tuple[float, Floats, Floats]  # c, g, squared angular frequencies
+State = tuple[Array, Array, Array]  # views p, v, [s, s'] into one array
+Bat = tuple[float, Array, Array]  # c, g, squared angular frequencies
 Law = tuple[float, float, float, float]  # coefficient, scale of u, power, C
 
 KICKS, DRIFTS = SRKN_11.kicks, SRKN_11.drifts
@@ -65,7 +63,7 @@ LIMITS = Limits()
 
 
 @njit(cache=True, fastmath=FAST)
-def _approach(s: float, g: Floats, p: Floats) -> float:
+def _approach(s: float, g: Array, p: Array) -> float:
     total = s
     for i in range(p.size):
         total -= g[i] * p[i]
@@ -126,7 +124,7 @@ def _miss(event: int, bat: Bat, law: Law, state: State, peak: float) -> tuple[fl
 
 @njit(cache=True, error_model="numpy")
 def _step_to(
-    event: int, h: float, bat: Bat, law: Law, state: State, peak: float, y: Floats, old: Floats
+    event: int, h: float, bat: Bat, law: Law, state: State, peak: float, y: Array, old: Array
 ) -> float:
     """Redo the last step, from `old`, so that it ends on the event; return its length.
 
@@ -154,7 +152,7 @@ def _step_to(
 
 @njit(cache=True)
 def _contact(
-    h: float, bat: Bat, ball: Law, state: State, y: Floats, old: Floats
+    h: float, bat: Bat, ball: Law, state: State, y: Array, old: Array
 ) -> tuple[float, float, int]:
     """Follow one contact from touch to release; return (duration, peak u, turns back)."""
     k, a, b, compliance = ball
@@ -192,7 +190,7 @@ def _contact(
 
 
 @njit(cache=True, fastmath=FAST)
-def _ring(t: float, bat: Bat, state: State, y: Floats, old: Floats) -> float:
+def _ring(t: float, bat: Bat, state: State, y: Array, old: Array) -> float:
     """Set the state to `old` after a time t without force; return the approach."""
     g, w2 = bat[1], bat[2]
     p, v, r = state
@@ -207,7 +205,7 @@ def _ring(t: float, bat: Bat, state: State, y: Floats, old: Floats) -> float:
 
 
 @njit(cache=True)
-def _flight(h: float, limit: float, bat: Bat, state: State, y: Floats, old: Floats) -> float:
+def _flight(h: float, limit: float, bat: Bat, state: State, y: Array, old: Array) -> float:
     """Fly from the release in `y` to the next touch; return its time.
 
     It is inf where there is none, nan where it took too many steps. The surface is nowhere faster
@@ -260,7 +258,7 @@ def _energy(bat: Bat, state: State, loss: float) -> float:
 
 @njit(cache=True, nogil=True)
 def _follow(
-    h: float, window: float, bat: Bat, ball: Law, y: Floats, old: Floats, counts: Counts
+    h: float, window: float, bat: Bat, ball: Law, y: Array, old: Array, counts: Counts
 ) -> tuple[float, float]:
     """Run one collision, every contact of it; return (first touch to last release, loss)."""
     n = bat[1].size
@@ -287,8 +285,8 @@ def _follow(
 
 @njit(cache=True, nogil=True)
 def collide(
-    w2: Floats, which: Counts, g: Floats, c: Floats, ball: Floats, steps: Floats, window: float
-) -> tuple[Floats, Floats, Counts]:
+    w2: Array, which: Counts, g: Array, c: Array, ball: Array, steps: Array, window: float
+) -> tuple[Array, Array, Counts]:
     """Run n collisions with N flexible modes; arguments and results as of `collide_lanes`.
 
     `steps` are the time steps (n,) [s]; `ball` holds k [N/m^a], a, b, C [m/N] and the speed [m/s],

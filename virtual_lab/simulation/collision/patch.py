@@ -12,18 +12,15 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PPoly
 
 from virtual_lab.simulation.physics.modes import Modes
+from virtual_lab.units import Array
 
-__all__ = ["PATCH", "patch_shape", "patch_shapes", "patch_table"]
-
-Floats = NDArray[np.float64]
 PATCH = 0.03  # full width [m]
 
 
-def patch_shape(modes: Modes, z: Floats, width: float) -> Floats:
+def patch_shape(modes: Modes, z: Array, width: float) -> Array:
     """Return the mean deflection of each mode over the patches about `z` (n,) [m], (n, N).
 
     `width` is the full width of the patch [m]; 0 is a point.
@@ -31,7 +28,7 @@ def patch_shape(modes: Modes, z: Floats, width: float) -> Floats:
     return patch_shapes((modes,), z, width)[0]
 
 
-def patch_shapes(parts: Sequence[Modes], z: Floats, width: float) -> list[Floats]:
+def patch_shapes(parts: Sequence[Modes], z: Array, width: float) -> list[Array]:
     """Return `patch_shape` of several modes of one bat."""
     x, gauss = np.polynomial.legendre.leggauss(8)
     pressure = gauss * np.cos(np.pi / 2 * x)
@@ -44,7 +41,7 @@ def patch_shapes(parts: Sequence[Modes], z: Floats, width: float) -> list[Floats
     return [np.concatenate([modes.averaged(block) for block in blocks]) for modes in parts]
 
 
-def patch_table(values: Callable[[Floats], Floats], length: float, width: float) -> PPoly:
+def patch_table(values: Callable[[Array], Array], length: float, width: float) -> PPoly:
     """Return cubic splines through what depends on the place of a patch.
 
     `values` is smooth but where the patch starts to shrink, from places (n,) [m] to (n, columns);

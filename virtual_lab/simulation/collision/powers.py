@@ -17,8 +17,6 @@ from numba.extending import intrinsic
 from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
 
-__all__ = ["COMPILES", "SIMD", "exp2", "log2", "wide"]
-
 COMPILES = not config.DISABLE_JIT  # type: ignore[attr-defined]
 # no reassociation: it would cancel the additions that round; kept on disk with the kernel only
 SIMD: dict[str, Any] = {"fastmath": {"contract", "nsz"}, "error_model": "numpy"}

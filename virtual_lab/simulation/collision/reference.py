@@ -13,7 +13,6 @@ from math import inf
 from typing import Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from virtual_lab.catalog.specs import BatBody
@@ -24,10 +23,8 @@ from virtual_lab.simulation.collision.stepping import STAYS, WINDOW
 from virtual_lab.simulation.physics.ball import BallLaw, Branch, Event, LawOfBall, PowerLaw
 from virtual_lab.simulation.physics.beam import Support, support_words
 from virtual_lab.simulation.physics.modes import Modes, modes_of
+from virtual_lab.units import Array
 
-__all__ = ["Method", "ReferenceModel"]
-
-Floats = NDArray[np.float64]
 Method = Literal["RK45", "DOP853", "LSODA", "Radau"]
 FLIGHT = Branch(force=lambda u, rate: 0.0, ends={Event.TOUCH: 1})
 
@@ -161,14 +158,14 @@ class ReferenceModel:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Point:
     time: float
-    state: Floats  # modal displacements, ball's; their rates; work done on the ball's law
+    state: Array  # modal displacements, ball's; their rates; work done on the ball's law
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Run:
     """A collision up to its last release so far."""
 
-    state: Floats
+    state: Array
     time: float = 0.0
     contacts: int = 0
     reloads: int = 0
@@ -179,28 +176,28 @@ class _Run:
 class _Scene:
     """One scene in scalars, its modes in arrays (N,)."""
 
-    shape: Floats
-    angular: Floats
+    shape: Array
+    angular: Array
     mass: float
     speed: float
     law: BallLaw
-    stiffness: Floats  # acceleration of a mode over its displacement [1/s^2]
+    stiffness: Array  # acceleration of a mode over its displacement [1/s^2]
 
     @property
-    def sizes(self) -> Floats:
+    def sizes(self) -> Array:
         """Typical size of each state variable: a millisecond at the ball's speed."""
         n = len(self.shape) + 1
         energy = [self.mass * self.speed / 2]
         return self.speed * np.concatenate((np.full(n, 1e-3), np.ones(n), energy))
 
-    def compression(self, y: Floats) -> float:
+    def compression(self, y: Array) -> float:
         n = len(self.shape)
         return float(y[n] - self.shape @ y[:n])
 
-    def rate(self, y: Floats) -> float:
+    def rate(self, y: Array) -> float:
         return self.compression(y[len(self.shape) + 1 : -1])
 
-    def derivative(self, y: Floats, branch: Branch) -> Floats:
+    def derivative(self, y: Array, branch: Branch) -> Array:
         n, rates = len(self.shape), np.zeros(y.size)
         u = self.compression(y)
         rates[: n + 1] = y[n + 1 : -1]
@@ -226,8 +223,8 @@ class _Scene:
         return run.time + ahead / -drift if drift < 0 else inf
 
 
-def _event(scene: _Scene, branch: Branch, event: Event) -> Callable[[float, Floats], float]:
-    def crossing(_: float, y: Floats) -> float:
+def _event(scene: _Scene, branch: Branch, event: Event) -> Callable[[float, Array], float]:
+    def crossing(_: float, y: Array) -> float:
         if event in (Event.TURN, Event.BACK):
             return scene.rate(y)
         return scene.compression(y) - (branch.peak if event is Event.FULL else 0.0)

@@ -13,8 +13,6 @@ from virtual_lab.simulation.physics.ball import wall_contact
 from virtual_lab.simulation.physics.beam import Support
 from virtual_lab.simulation.physics.modes import Modes, modes_of
 
-__all__ = ["RigidModel"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigidModel:

@@ -17,10 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.physics.modes import Modes
+from virtual_lab.units import Array
 
-__all__ = ["CollisionModel", "Collisions", "EnergySplit", "Failure", "Scenes", "joined"]
-
-Floats = NDArray[np.float64]
 # Numbers that can be computed with. Within them a scene may still be one that cannot be followed,
 # which it says then; what balls there are is for their sheets to say.
 RANGES = {
@@ -50,12 +48,12 @@ class Failure(IntEnum):
 class Scenes:
     """Collisions to be, every array of shape (n,). Make them with `Scenes.of`."""
 
-    impact_position: Floats  # from the barrel tip [m]
-    relative_speed: Floats  # of ball and bat at the point of impact [m/s]
-    ball_mass: Floats  # [kg]
-    ball_restitution: Floats  # e0 at this relative speed
-    stiffness: Floats  # k of F = k u^a [N/m^a]
-    exponent: Floats  # a
+    impact_position: Array  # from the barrel tip [m]
+    relative_speed: Array  # of ball and bat at the point of impact [m/s]
+    ball_mass: Array  # [kg]
+    ball_restitution: Array  # e0 at this relative speed
+    stiffness: Array  # k of F = k u^a [N/m^a]
+    exponent: Array  # a
 
     @classmethod
     def of(
@@ -137,7 +135,7 @@ class Scenes:
                 f"e0 {one['ball_restitution']}, k {one['stiffness']} N/m^{one['exponent']}",
             )
 
-    def _arrays(self) -> list[tuple[str, Floats]]:
+    def _arrays(self) -> list[tuple[str, Array]]:
         return [(field.name, getattr(self, field.name)) for field in fields(self)]
 
 
@@ -145,14 +143,14 @@ class Scenes:
 class EnergySplit:
     """Shares of the ball's energy before contact, each (n,); they add to 1."""
 
-    ball: Floats
-    rigid: Floats
-    bending: Floats
-    hoop: Floats
-    hysteresis: Floats
+    ball: Array
+    rigid: Array
+    bending: Array
+    hoop: Array
+    hysteresis: Array
 
     @property
-    def total(self) -> Floats:
+    def total(self) -> Array:
         """Their sum."""
         return self.ball + self.rigid + self.bending + self.hoop + self.hysteresis
 
@@ -162,11 +160,11 @@ class Collisions:
     """What n collisions came to. The modal state is that of the last release."""
 
     rung: str
-    collision_efficiency: Floats  # (n,), negative where the ball goes on
-    modal_displacements: Floats  # (n, N) [kg^1/2 m], modes as in the model's `modes`
-    modal_velocities: Floats  # (n, N) [kg^1/2 m/s]
-    contact_time: Floats  # (n,), first touch to last release [s]
-    impulse: Floats  # (n,), on the bat [N s]
+    collision_efficiency: Array  # (n,), negative where the ball goes on
+    modal_displacements: Array  # (n, N) [kg^1/2 m], modes as in the model's `modes`
+    modal_velocities: Array  # (n, N) [kg^1/2 m/s]
+    contact_time: Array  # (n,), first touch to last release [s]
+    impulse: Array  # (n,), on the bat [N s]
     contacts: NDArray[np.int64]  # (n,), 1 unless ball and bat met again
     reloads: NDArray[np.int64]  # (n,), how often the compression turned round before release
     redone: NDArray[np.int64]  # (n,), 0 the first try did, 1 and 2 finer ones, 3 one by one
@@ -181,7 +179,7 @@ def joined(parts: Sequence[Collisions]) -> Collisions:
     def column(name: str) -> Any:
         return np.concatenate([getattr(part, name) for part in parts])
 
-    def share(name: str) -> Floats:
+    def share(name: str) -> Array:
         return np.concatenate([getattr(part.energy, name) for part in parts])
 
     energy = EnergySplit(**{field.name: share(field.name) for field in fields(EnergySplit)})
@@ -210,10 +208,10 @@ class CollisionModel(Protocol):
         ...
 
 
-def _require(key: str, value: Floats, good: NDArray[np.bool_], allowed: str) -> None:
+def _require(key: str, value: Array, good: NDArray[np.bool_], allowed: str) -> None:
     if not good.all():
         raise InputError("scenes", key, float(value[~good][0]), f"allowed: {allowed}")
 
 
-def _named(cls: type[Scenes], arrays: list[Floats]) -> dict[str, Floats]:
+def _named(cls: type[Scenes], arrays: list[Array]) -> dict[str, Array]:
     return {field.name: array for field, array in zip(fields(cls), arrays, strict=True)}

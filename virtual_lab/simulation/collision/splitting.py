@@ -14,8 +14,6 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-__all__ = ["SRKN_11", "Splitting"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Splitting:

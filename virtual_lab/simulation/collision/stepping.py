@@ -20,10 +20,8 @@ from virtual_lab.errors import InputError
 from virtual_lab.simulation.collision.scene import Failure
 from virtual_lab.simulation.collision.splitting import SRKN_11, Splitting
 from virtual_lab.simulation.physics.ball import wall_contact
+from virtual_lab.units import Array
 
-__all__ = ["FINE", "WINDOW", "CollisionBatch", "Followed", "InStep", "OneByOne", "Stepper"]
-
-Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
 # s from the first touch, in which contacts must begin to count. Ball and ringing barrel part for
 # good within 6 ms: e_A of free and pinned bats is the same for windows up to 40 ms. A bat clamped
@@ -37,17 +35,17 @@ STAYS = 1e-6  # in e_A, and of the energy what may not close
 class CollisionBatch:
     """Balls on the way into bats: n scenes, N flexible modes a bat."""
 
-    squares: Floats  # (bats, N), squared angular frequencies [1/s^2]
+    squares: Array  # (bats, N), squared angular frequencies [1/s^2]
     bat: Counts  # (n,), which one is struck
-    shapes: Floats  # (n, N), squared shapes at the impacts [1/kg]
-    ball_mass: Floats  # (n,) [kg]
-    inverse_mass: Floats  # (n,), 1/m + squared rigid shapes [1/kg]
-    stiffness: Floats  # (n,) [N/m^a]
-    exponent: Floats  # (n,), a
-    restitution: Floats  # (n,), e0
-    unloading: Floats  # (n,), b
-    compliance: Floats  # (n,), of the stiff modes [m/N]
-    speed: Floats  # (n,) [m/s]
+    shapes: Array  # (n, N), squared shapes at the impacts [1/kg]
+    ball_mass: Array  # (n,) [kg]
+    inverse_mass: Array  # (n,), 1/m + squared rigid shapes [1/kg]
+    stiffness: Array  # (n,) [N/m^a]
+    exponent: Array  # (n,), a
+    restitution: Array  # (n,), e0
+    unloading: Array  # (n,), b
+    compliance: Array  # (n,), of the stiff modes [m/N]
+    speed: Array  # (n,) [m/s]
 
     @classmethod
     def together(cls, parts: Sequence[Self]) -> Self:
@@ -69,13 +67,13 @@ class CollisionBatch:
         own = {name: getattr(self, name)[chosen] for name in self.__slots__ if name != "squares"}
         return replace(self, **own)
 
-    def efficiency_gap(self, one: Followed, other: Followed) -> Floats:
+    def efficiency_gap(self, one: Followed, other: Followed) -> Array:
         """Return the difference in e_A of two ways to follow these scenes, (n,)."""
         with np.errstate(invalid="ignore"):  # of what ran away
             rates = other.states[:, -1] - one.states[:, -1]
         return rates / (self.speed * self.inverse_mass * self.ball_mass)
 
-    def fastest(self) -> Floats:
+    def fastest(self) -> Array:
         """Return the highest angular frequency of each scene's bat, (n,) [rad/s]."""
         return np.asarray(np.sqrt(self.squares.max(axis=1, initial=0.0))[self.bat])
 
@@ -84,18 +82,18 @@ class CollisionBatch:
 class Followed:
     """States after the last release, and how it went; leading axis n."""
 
-    states: Floats  # (n, 2 N + 2): p, p', s, s' of `modal_kernel`
-    time: Floats  # (n,), first touch to last release [s]
-    loss: Floats  # (n,), work lost in the ball [J]
+    states: Array  # (n, 2 N + 2): p, p', s, s' of `modal_kernel`
+    time: Array  # (n,), first touch to last release [s]
+    loss: Array  # (n,), work lost in the ball [J]
     contacts: Counts
     reloads: Counts
     steps: Counts  # of the last try; 0 where none are counted, one by one
-    open_energy: Floats  # (n,), share of the ball's that does not close
+    open_energy: Array  # (n,), share of the ball's that does not close
     failure: Counts  # a `Failure`
     redone: Counts  # 0 first try, 1 and 2 in finer steps, 3 one by one
 
     @classmethod
-    def first_try(cls, states: Floats, sums: Floats, counts: Counts) -> Self:
+    def first_try(cls, states: Array, sums: Array, counts: Counts) -> Self:
         """Return what a kernel gave."""
         none = np.zeros(len(states), dtype=np.int64)
         return cls(
@@ -186,7 +184,7 @@ class OneByOne:
         near = np.abs(struck.efficiency_gap(one, other)) < STAYS  # not of a nan
         return np.asarray(near & (one.failure == Failure.SOUND))
 
-    def _steps(self, struck: CollisionBatch) -> Floats:
+    def _steps(self, struck: CollisionBatch) -> Array:
         """Return the time steps (n,): the fastest mode and the steepest ball both resolved."""
         contact = wall_contact(
             1 / struck.inverse_mass,

@@ -19,10 +19,8 @@ from scipy.fft import dctn
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.collision.scene import CollisionModel, Scenes
 from virtual_lab.streams import Streams
+from virtual_lab.units import Array
 
-__all__ = ["Box", "Surrogate"]
-
-Floats = NDArray[np.float64]
 AXES = ("impact_position", "relative_speed", "ball_restitution", "ball_mass")
 
 
@@ -93,7 +91,7 @@ class Box:
             inside &= (values >= low - rounding) & (values <= high + rounding)
         return inside
 
-    def unit(self, scenes: Scenes) -> Floats:
+    def unit(self, scenes: Scenes) -> Array:
         """Return the scenes' places in the box, each variable from -1 to 1, shape (4, n).
 
         Raises `InputError` where a scene lies outside or is of another ball.
@@ -116,7 +114,7 @@ class Box:
                 other = values[values != getattr(self, law)][0]
                 raise InputError("surrogate", law, other, f"built for {getattr(self, law):g}")
 
-    def scenes(self, unit: Floats) -> Scenes:
+    def scenes(self, unit: Array) -> Scenes:
         """Return the scenes at places of the box, shape (4, n), the inverse of `unit`."""
         values = {
             axis: _from_unit(axis, row, *getattr(self, axis))
@@ -130,7 +128,7 @@ class Surrogate:
     """An interpolant and what it is worth."""
 
     box: Box
-    coefficients: Floats  # of T_i T_j T_k T_l, one axis a variable
+    coefficients: Array  # of T_i T_j T_k T_l, one axis a variable
     error: float  # worst found on points it was not fitted to, against the rung it stands for
     rung: str = "surrogate"
 
@@ -145,7 +143,7 @@ class Surrogate:
             the tolerance asks for more nodes than `Fitting` allows.
         """
 
-        def value(unit: Floats) -> Floats:
+        def value(unit: Array) -> Array:
             return _smooth_efficiency(model, box.scenes(unit))
 
         check = 2 * Streams(FITTING.check_seed).uniform(
@@ -163,12 +161,12 @@ class Surrogate:
                 allowed = f"{error:.1e} is reached with {coefficients.size} nodes, the most"
                 raise InputError("surrogate", "tolerance", tolerance, allowed)
 
-    def efficiency(self, scenes: Scenes) -> Floats:
+    def efficiency(self, scenes: Scenes) -> Array:
         """Return e_A of the scenes, shape (n,). `InputError` outside the box."""
         return _evaluate(self.coefficients, self.box.unit(scenes))
 
 
-def _smooth_efficiency(model: CollisionModel, scenes: Scenes) -> Floats:
+def _smooth_efficiency(model: CollisionModel, scenes: Scenes) -> Array:
     collisions = model.collide(scenes)
     rough = (collisions.reloads > 0) | (collisions.contacts > 1)
     if rough.any():
@@ -179,7 +177,7 @@ def _smooth_efficiency(model: CollisionModel, scenes: Scenes) -> Floats:
     return collisions.collision_efficiency
 
 
-def _fit(value: Callable[[Floats], Floats], nodes: tuple[int, ...]) -> Floats:
+def _fit(value: Callable[[Array], Array], nodes: tuple[int, ...]) -> Array:
     """Return the coefficients through the Chebyshev points of the first kind, by cosine sums."""
     points = [np.cos(np.pi * (np.arange(n) + 0.5) / n) for n in nodes]
     grid = np.stack([axis.ravel() for axis in np.meshgrid(*points, indexing="ij")])
@@ -191,7 +189,7 @@ def _fit(value: Callable[[Floats], Floats], nodes: tuple[int, ...]) -> Floats:
     return np.ascontiguousarray(coefficients)
 
 
-def _nodes_needed(value: Callable[[Floats], Floats], tolerance: float) -> tuple[int, ...]:
+def _nodes_needed(value: Callable[[Array], Array], tolerance: float) -> tuple[int, ...]:
     """Return how many nodes each axis needs on the line through the middle of the box."""
     points = np.cos(np.pi * (np.arange(FITTING.line_nodes) + 0.5) / FITTING.line_nodes)
     unit = np.zeros((4, 4, FITTING.line_nodes))
@@ -204,7 +202,7 @@ def _nodes_needed(value: Callable[[Floats], Floats], tolerance: float) -> tuple[
     return tuple(int(n) for n in np.maximum(fitting * needed, FITTING.least_nodes))
 
 
-def _refined(coefficients: Floats) -> tuple[int, ...]:
+def _refined(coefficients: Array) -> tuple[int, ...]:
     """Return more nodes along the axis whose last coefficients are the largest."""
     size = np.abs(coefficients)
     tails = [
@@ -217,19 +215,19 @@ def _refined(coefficients: Floats) -> tuple[int, ...]:
     )
 
 
-def _evaluate(coefficients: Floats, unit: Floats) -> Floats:
+def _evaluate(coefficients: Array, unit: Array) -> Array:
     from virtual_lab.simulation.collision.surrogate_kernel import evaluate_surrogate
 
     return np.asarray(evaluate_surrogate(coefficients, np.ascontiguousarray(unit)))
 
 
-def _to_unit(axis: str, values: Floats, low: float, high: float) -> Floats:
+def _to_unit(axis: str, values: Array, low: float, high: float) -> Array:
     if axis == "relative_speed":
         values, low, high = np.log(values), np.log(low), np.log(high)
     return (2 * values - low - high) / (high - low)
 
 
-def _from_unit(axis: str, unit: Floats, low: float, high: float) -> Floats:
+def _from_unit(axis: str, unit: Array, low: float, high: float) -> Array:
     if axis == "relative_speed":
         return np.asarray(np.exp(_from_unit("", unit, np.log(low), np.log(high))))
     return (low + high + unit * (high - low)) / 2

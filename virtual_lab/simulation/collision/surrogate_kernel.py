@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-__all__ = ["evaluate_surrogate"]
+from virtual_lab.units import Array
 
-Floats = NDArray[np.float64]
 BLOCK = 256  # points that go together: their polynomials stay in the nearest cache
 
 
 @njit(cache=True)
-def _polynomials(x: Floats, out: Floats) -> None:
+def _polynomials(x: Array, out: Array) -> None:
     """Fill `out` (degree, point) with the Chebyshev polynomials at `x` (point,)."""
     out[0, : x.size] = 1.0
     if len(out) > 1:
@@ -24,7 +22,7 @@ def _polynomials(x: Floats, out: Floats) -> None:
 
 
 @njit(cache=True, fastmath=True)
-def evaluate_surrogate(coefficients: Floats, unit: Floats) -> Floats:
+def evaluate_surrogate(coefficients: Array, unit: Array) -> Array:
     """Return the series at `unit` (4, n), each variable from -1 to 1; shape (n,).
 
     In a block of points the sum over the first variable is one matrix product; the others

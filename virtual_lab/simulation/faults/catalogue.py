@@ -15,8 +15,6 @@ from virtual_lab.simulation.rig import ShotPlan, Specimen, Stage, Station
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DEGREE, INCH, MPH, OUNCE
 
-__all__ = ["CATALOGUE"]
-
 Arrays = Mapping[str, Any]
 
 

@@ -12,8 +12,6 @@ from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage, Sta
 from virtual_lab.streams import Draws, Quiet
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["FaultSet"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultSet:

@@ -18,16 +18,6 @@ from virtual_lab.simulation.rig import Rig, RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = [
-    "Fault",
-    "Written",
-    "constant_off",
-    "fitted_with",
-    "instrument_of",
-    "other_sheet",
-    "sheet_off",
-]
-
 Standing = Callable[[Station], Station | None]
 
 

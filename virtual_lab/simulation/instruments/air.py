@@ -8,10 +8,9 @@ from typing import Annotated, ClassVar
 from annotated_types import Ge, Gt
 
 from virtual_lab.catalog.specs import Dimension
-from virtual_lab.relations.flight import Array, drag_rate
+from virtual_lab.relations.flight import drag_rate
 from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, CalibratedSpec
-
-__all__ = ["Gravity", "GravitySpec", "HallAir", "HallAirSpec"]
+from virtual_lab.units import Array
 
 Number = Annotated[float, Ge(0), Dimension("number")]
 

@@ -10,10 +10,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from virtual_lab.relations.flight_kernel import BLOCK, FAST, time_over
+from virtual_lab.units import Array
 
-__all__ = ["CENTRE_PHASES", "Boards", "rows_of_gains", "sum_up", "write_edges"]
-
-Floats = NDArray[np.float64]
 Rows = NDArray[np.int64]
 CENTRE_PHASES = 64  # of a centre between two beams
 
@@ -34,8 +32,8 @@ WAY = Way()
 class Boards(NamedTuple):
     """The boards as they stand [SI]."""
 
-    distances: Floats  # (board,)
-    heights: Floats  # (board,)
+    distances: Array  # (board,)
+    heights: Array  # (board,)
     clock: float
     tick: float
     lowest: float
@@ -47,7 +45,7 @@ class Boards(NamedTuple):
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def write_edges(
-    records: Floats, flights: Floats, start: Floats, out: bool, boards: Boards, reach: Floats
+    records: Array, flights: Array, start: Array, out: bool, boards: Boards, reach: Array
 ) -> None:
     """Turn what the clock is off by into the times of edges that boards show, one way.
 
@@ -93,7 +91,7 @@ def write_edges(
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def sum_up(
-    records: Floats, flights: Floats, start: Floats, out: bool, boards: Boards, gains: Floats
+    records: Array, flights: Array, start: Array, out: bool, boards: Boards, gains: Array
 ) -> None:
     """Turn standard normal numbers into the times and heights that boards sum up, one way.
 
@@ -134,7 +132,7 @@ def sum_up(
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def _pass(
-    flight: Floats, distance: float, gravity: float, since: Floats, height: Floats, steep: Floats
+    flight: Array, distance: float, gravity: float, since: Array, height: Array, steep: Array
 ) -> None:
     """Fill in when, how high and how steeply balls pass a distance [s, m, 1]."""
     for i in range(since.size):
@@ -147,7 +145,7 @@ def _pass(
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
-def rows_of_gains(centre: Floats, beams: int, radius: float, rows: Rows) -> None:
+def rows_of_gains(centre: Array, beams: int, radius: float, rows: Rows) -> None:
     """Fill in the rows of `gain_table` for centres above the lowest beam, both in pitches.
 
     Beams missing above are beams missing below, upside down.

@@ -22,8 +22,6 @@ from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["CalibratedInstrument", "CalibratedSpec", "Freedom", "certified", "drawn"]
-
 Freedom = Annotated[float, Gt(0), Dimension("number")]  # degrees of freedom, inf where not stated
 
 

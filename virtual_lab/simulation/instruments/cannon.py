@@ -12,7 +12,6 @@ from annotated_types import Ge, Gt
 from virtual_lab.catalog.specs import Dimension
 from virtual_lab.errors import InputError
 from virtual_lab.records import AimMarks
-from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments.calibrated import (
     CalibratedInstrument,
     CalibratedSpec,
@@ -20,9 +19,7 @@ from virtual_lab.simulation.instruments.calibrated import (
 )
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.streams import Draws, Slots
-from virtual_lab.units import MPH
-
-__all__ = ["Cannon", "CannonSpec", "Launch"]
+from virtual_lab.units import MPH, Array
 
 Distance = Annotated[float, Ge(0), Dimension("length")]
 

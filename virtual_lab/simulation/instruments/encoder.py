@@ -16,7 +16,6 @@ from annotated_types import Ge, Gt
 
 from virtual_lab.catalog.specs import Dimension, YesNo
 from virtual_lab.records import EncoderRecord, RateRecord
-from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments.calibrated import (
     CalibratedInstrument,
     CalibratedSpec,
@@ -24,8 +23,7 @@ from virtual_lab.simulation.instruments.calibrated import (
 )
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
-
-__all__ = ["Encoder", "EncoderSpec"]
+from virtual_lab.units import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,8 +15,6 @@ from virtual_lab.simulation.instruments.calibrated import (
     Freedom,
 )
 
-__all__ = ["Holder", "HolderSpec"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HolderSpec(CalibratedSpec):

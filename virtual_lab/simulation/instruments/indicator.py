@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 
 from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import LengthReadings, MassReadings
-from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments.calibrated import (
     CalibratedInstrument,
     CalibratedSpec,
@@ -20,8 +19,7 @@ from virtual_lab.simulation.instruments.calibrated import (
 )
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
-
-__all__ = ["Rule", "RuleSpec", "Scale", "ScaleSpec", "indicate", "quantise"]
+from virtual_lab.units import Array
 
 
 def quantise(values: ArrayLike, step: float) -> Array:

@@ -17,18 +17,16 @@ from annotated_types import Ge, Gt, Lt, MinLen
 
 from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import BoardRecord, PassageRecord
-from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments.calibrated import Freedom, certified, drawn
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.simulation.instruments.light_gate import BallGates, GateSheet, WatchedBatch
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.units import Array
 
 if TYPE_CHECKING:
     from virtual_lab.simulation.instruments.board_kernel import Boards
-
-__all__ = ["LightBoardSpec", "LightBoards", "gain_table"]
 
 Length = Annotated[float, Ge(0), Dimension("length")]
 

@@ -18,7 +18,6 @@ from annotated_types import Ge, Gt, MinLen
 from virtual_lab.catalog.specs import Dimension
 from virtual_lab.errors import InputError
 from virtual_lab.records import GateRecord, PassageRecord, Record
-from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.instruments.calibrated import (
     CalibratedInstrument,
@@ -30,8 +29,7 @@ from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
-
-__all__ = ["BallGates", "GateSheet", "LightGateSpec", "LightGates", "WatchedBatch"]
+from virtual_lab.units import Array
 
 Time = Annotated[float, Ge(0), Dimension("time")]
 

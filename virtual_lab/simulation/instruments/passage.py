@@ -8,9 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from virtual_lab.relations.flight import time_after, time_before
-from virtual_lab.simulation.arrays import Array
-
-__all__ = ["Passage"]
+from virtual_lab.units import Array
 
 R = TypeVar("R", bound=Any)  # a record of gates: its columns are (shot, way, gate, ...)
 

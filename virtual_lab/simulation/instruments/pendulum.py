@@ -22,8 +22,6 @@ from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["Pendulum", "PendulumSpec"]
-
 Time = Annotated[float, Ge(0), Dimension("time")]
 Number = Annotated[float, Ge(0), Dimension("number")]
 

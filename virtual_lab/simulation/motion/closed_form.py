@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.relations.flight import time_after
-from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.motion.played import Pieces, PlayedShots, Target
 from virtual_lab.simulation.motion.scene import GateFrame, ShotScene, ShotState
 from virtual_lab.simulation.motion.touch import (
@@ -23,8 +22,7 @@ from virtual_lab.simulation.motion.touch import (
     parted,
     time_to_stop,
 )
-
-__all__ = ["CLOSED_FORM", "Obstacle", "play_closed_form"]
+from virtual_lab.units import Array
 
 CLOSED_FORM = "closed-form"
 

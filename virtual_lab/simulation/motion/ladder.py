@@ -11,8 +11,6 @@ from virtual_lab.simulation.motion.pymunk_scene import PymunkSettings
 from virtual_lab.simulation.motion.scene import ShotScene
 from virtual_lab.simulation.motion.touch import nearness
 
-__all__ = ["RUNGS", "play"]
-
 RUNGS = (closed_form.CLOSED_FORM, pymunk_scene.PYMUNK)
 
 

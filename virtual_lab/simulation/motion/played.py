@@ -10,11 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.motion.scene import ShotScene, ShotState
 from virtual_lab.simulation.motion.touch import moved
-
-__all__ = ["Pieces", "PlanContact", "PlanView", "PlayedShots", "Target", "plan_view"]
+from virtual_lab.units import Array
 
 
 class Target(StrEnum):

@@ -17,13 +17,11 @@ import numpy as np
 
 from virtual_lab.errors import InputError
 from virtual_lab.relations.flight import time_after
-from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.motion.closed_form import Obstacle
 from virtual_lab.simulation.motion.played import Pieces, PlayedShots, Target
 from virtual_lab.simulation.motion.scene import GateFrame, ShotScene, ShotState
 from virtual_lab.simulation.motion.touch import first_touch, moved, nearness, parted, time_to_stop
-
-__all__ = ["PYMUNK", "PymunkSettings", "carry", "play_pymunk"]
+from virtual_lab.units import Array
 
 PYMUNK = "pymunk"
 ONE = np.zeros(1, dtype=np.int_)

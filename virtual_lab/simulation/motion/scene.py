@@ -19,10 +19,8 @@ from annotated_types import Ge, Gt, Le
 from numpy.typing import ArrayLike, NDArray
 
 from virtual_lab.catalog.specs import Dimension, Profile, Spec
-from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.physics.beam import outer_diameter
-
-__all__ = ["FrameSpec", "GateFrame", "PivotedBat", "ShotScene", "ShotState", "StopSpec"]
+from virtual_lab.units import Array
 
 Share = Annotated[float, Ge(0), Le(1), Dimension("number")]
 

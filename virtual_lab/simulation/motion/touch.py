@@ -9,10 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.relations.flight import distance_after, speed_after
-from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.motion.scene import ShotScene, ShotState
-
-__all__ = ["Nearness", "first_touch", "moved", "nearness", "parted", "time_to_stop"]
+from virtual_lab.units import Array
 
 Shots = NDArray[np.int_]
 

@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.catalog.specs import BallAgeing
-from virtual_lab.simulation.arrays import Array
-
-__all__ = ["lasting_loss", "loss_of_restitution"]
+from virtual_lab.units import Array
 
 
 def loss_of_restitution(

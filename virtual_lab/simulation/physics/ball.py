@@ -19,46 +19,33 @@ from math import expm1, log1p
 from typing import NamedTuple, Protocol, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import gammaln
 
-__all__ = [
-    "BallLaw",
-    "Branch",
-    "Event",
-    "HuntCrossley",
-    "LawOfBall",
-    "PowerLaw",
-    "WallContact",
-    "unloading_exponent",
-    "wall_contact",
-]
-
-Floats = NDArray[np.float64]
+from virtual_lab.units import Array
 
 
 class WallContact(NamedTuple):
     """A collision with a rigid wall at rest, arrays of one shape."""
 
-    compression: Floats  # greatest, [m]
-    force: Floats  # greatest, [N]
-    compression_time: Floats  # [s]
-    expansion_time: Floats  # [s]
+    compression: Array  # greatest, [m]
+    force: Array  # greatest, [N]
+    compression_time: Array  # [s]
+    expansion_time: Array  # [s]
 
     @property
-    def time(self) -> Floats:
+    def time(self) -> Array:
         """Time in contact [s]."""
         return self.compression_time + self.expansion_time
 
 
-def unloading_exponent(exponent: Floats, restitution: Floats) -> Floats:
+def unloading_exponent(exponent: Array, restitution: Array) -> Array:
     """Return b of a ball with loading exponent a and restitution e0."""
     return (exponent + 1) / restitution**2 - 1
 
 
 def wall_contact(
-    mass: Floats, speed: Floats, stiffness: Floats, exponent: Floats, restitution: Floats
+    mass: Array, speed: Array, stiffness: Array, exponent: Array, restitution: Array
 ) -> WallContact:
     """Return the closed forms for a rigid wall, of arrays that broadcast.
 
@@ -76,7 +63,7 @@ def wall_contact(
     )
 
 
-def _half_time(n: Floats) -> Floats:
+def _half_time(n: Array) -> Array:
     """Return the integral of (1 - x^n)^(-1/2) from 0 to 1."""
     return np.asarray(np.sqrt(np.pi) * np.exp(gammaln(1 + 1 / n) - gammaln(0.5 + 1 / n)))
 
@@ -186,7 +173,7 @@ class HuntCrossley:
         if c == 0:
             return wall_contact(*(np.array(number) for number in (mass, speed, k, a, 1.0)))
 
-        def depth(end: float, gone: Floats) -> Floats:
+        def depth(end: float, gone: Array) -> Array:
             work = (-np.exp(end) * np.expm1(-gone) - gone) / c**2  # per unit mass
             return np.asarray(((a + 1) * mass / k * work) ** (1 / (a + 1)))
 

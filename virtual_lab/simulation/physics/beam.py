@@ -14,28 +14,13 @@ from functools import lru_cache
 from math import inf, isfinite
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from virtual_lab.catalog.specs import BatBody, Lump, Profile
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.physics.mesh import Mesh, mesh_through, reference_element
+from virtual_lab.units import Array
 
-__all__ = [
-    "Beam",
-    "Clamped",
-    "Free",
-    "Pinned",
-    "Section",
-    "Support",
-    "beam_of",
-    "outer_diameter",
-    "section",
-    "support_place",
-    "support_words",
-]
-
-Floats = NDArray[np.float64]
 ORDER = 8
 ELEMENT_SIZE = 0.05  # m
 
@@ -98,13 +83,13 @@ def support_words(support: Support) -> str:
 class Section:
     """Per unit length at given places, each of the shape of z."""
 
-    mass: Floats  # rho A [kg/m]
-    rotary_inertia: Floats  # rho I [kg m]
-    bending_stiffness: Floats  # E I [N m^2]
-    shear_stiffness: Floats  # kappa G A [N]
+    mass: Array  # rho A [kg/m]
+    rotary_inertia: Array  # rho I [kg m]
+    bending_stiffness: Array  # E I [N m^2]
+    shear_stiffness: Array  # kappa G A [N]
 
 
-def outer_diameter(profile: Profile, z: Floats) -> Floats:
+def outer_diameter(profile: Profile, z: Array) -> Array:
     """Return the outer diameter [m] at places `z` [m].
 
     Monotone cubic between the stations (Fritsch and Carlson): no overshoot, so a straight
@@ -113,7 +98,7 @@ def outer_diameter(profile: Profile, z: Floats) -> Floats:
     return _between_stations(profile, profile.outer_diameter, z)
 
 
-def section(body: BatBody, z: Floats) -> Section:
+def section(body: BatBody, z: Array) -> Section:
     """Return the section at places `z` [m]."""
     material = body.material
     d = outer_diameter(body.profile, z)
@@ -132,7 +117,7 @@ def section(body: BatBody, z: Floats) -> Section:
     )
 
 
-def _between_stations(profile: Profile, values: tuple[float, ...], z: Floats) -> Floats:
+def _between_stations(profile: Profile, values: tuple[float, ...], z: Array) -> Array:
     return np.asarray(_interpolant(profile.z, values)(z))
 
 
@@ -146,8 +131,8 @@ class Beam:
     """Matrices over the freedoms (w of all nodes, then psi of all nodes)."""
 
     mesh: Mesh
-    mass_matrix: Floats  # (2 n, 2 n)
-    stiffness_matrix: Floats  # (2 n, 2 n)
+    mass_matrix: Array  # (2 n, 2 n)
+    stiffness_matrix: Array  # (2 n, 2 n)
 
     @property
     def length(self) -> float:
@@ -176,12 +161,12 @@ class Beam:
         """Moment of inertia about the centre of mass [kg m^2]."""
         return self.inertia(self.z_cm)
 
-    def heave(self) -> Floats:
+    def heave(self) -> Array:
         """Return the freedoms of a unit shift, (2 n,)."""
         nodes = self.mesh.nodes
         return np.concatenate((np.ones_like(nodes), np.zeros_like(nodes)))
 
-    def turn(self, z: float) -> Floats:
+    def turn(self, z: float) -> Array:
         """Return the freedoms of a unit turn about `z`, (2 n,)."""
         nodes = self.mesh.nodes
         return np.concatenate((z - nodes, np.ones_like(nodes)))
@@ -215,7 +200,7 @@ def beam_of(
 _gauss_points = lru_cache(np.polynomial.legendre.leggauss)
 
 
-def _assemble(mesh: Mesh, body: BatBody) -> tuple[Floats, Floats]:
+def _assemble(mesh: Mesh, body: BatBody) -> tuple[Array, Array]:
     reference = reference_element(mesh.order)
     # outline cubic in z: E I is of degree 12 in z and meets two derivatives of degree order - 1,
     # so this many Gauss points integrate every term exactly
@@ -246,17 +231,15 @@ def _assemble(mesh: Mesh, body: BatBody) -> tuple[Floats, Floats]:
 class _Blocks:
     """Element matrices, each (elements, order + 1, order + 1); p stands for psi."""
 
-    mass_ww: Floats
-    mass_pp: Floats
-    stiffness_ww: Floats
-    stiffness_wp: Floats
-    stiffness_pp: Floats
+    mass_ww: Array
+    mass_pp: Array
+    stiffness_ww: Array
+    stiffness_wp: Array
+    stiffness_pp: Array
 
 
-def _element_blocks(
-    at: Section, weight: Floats, N: Floats, slope: Floats, scale: Floats
-) -> _Blocks:
-    def integrate(density: Floats, left: Floats, right: Floats) -> Floats:
+def _element_blocks(at: Section, weight: Array, N: Array, slope: Array, scale: Array) -> _Blocks:
+    def integrate(density: Array, left: Array, right: Array) -> Array:
         return np.asarray(np.einsum("eg,gi,gj->eij", density * weight, left, right))
 
     once, twice = scale[:, None, None], scale[:, None, None] ** 2
@@ -270,7 +253,7 @@ def _element_blocks(
     )
 
 
-def _add_lump(mass: Floats, mesh: Mesh, lump: Lump) -> None:
+def _add_lump(mass: Array, mesh: Mesh, lump: Lump) -> None:
     n = mesh.nodes.size
     at = mesh.interpolation(np.array([[lump.z]])).toarray()[0]
     mass[:n, :n] += lump.mass * np.outer(at, at)

@@ -6,9 +6,7 @@ from math import ceil, log
 
 import numpy as np
 
-from virtual_lab.simulation.arrays import Array
-
-__all__ = ["coasting", "ringing"]
+from virtual_lab.units import Array
 
 
 def coasting(

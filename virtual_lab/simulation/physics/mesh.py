@@ -11,20 +11,18 @@ from numpy.polynomial import legendre
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-__all__ = ["Mesh", "ReferenceElement", "mesh_through", "reference_element"]
-
-Floats = NDArray[np.float64]
+from virtual_lab.units import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReferenceElement:
     """Lagrange basis on the Legendre-Gauss-Lobatto nodes of [-1, 1]."""
 
-    nodes: Floats  # (p + 1,)
-    barycentric: Floats  # (p + 1,)
-    differentiation: Floats  # (p + 1, p + 1), derivative of basis j at node i
+    nodes: Array  # (p + 1,)
+    barycentric: Array  # (p + 1,)
+    differentiation: Array  # (p + 1, p + 1), derivative of basis j at node i
 
-    def basis(self, x: Floats) -> Floats:
+    def basis(self, x: Array) -> Array:
         """Return the basis at `x` (...), shape (..., p + 1), by the barycentric formula."""
         gap = x[..., None] - self.nodes
         on_node = gap == 0
@@ -55,11 +53,11 @@ def reference_element(order: int) -> ReferenceElement:
 class Mesh:
     """Elements of one polynomial degree between boundaries along the bat."""
 
-    boundaries: Floats  # (elements + 1,) [m]
+    boundaries: Array  # (elements + 1,) [m]
     order: int
 
     @property
-    def nodes(self) -> Floats:
+    def nodes(self) -> Array:
         """Places of all nodes [m], (elements * order + 1,); neighbours share one."""
         inner = (self._reference.nodes[1:] + 1) / 2
         starts, sizes = self.boundaries[:-1, None], np.diff(self.boundaries)[:, None]
@@ -77,7 +75,7 @@ class Mesh:
         elements = np.arange(len(self.boundaries) - 1)
         return elements[:, None] * self.order + np.arange(self.order + 1)
 
-    def interpolation(self, z: Floats, weights: Floats | None = None) -> csr_array:
+    def interpolation(self, z: Array, weights: Array | None = None) -> csr_array:
         """Return the matrix that takes node values to weighted sums at places, (n, nodes) sparse.
 
         Places are (n, g) [m], within the mesh; weights, of each place in the sum of its row, are

@@ -30,10 +30,7 @@ from virtual_lab.simulation.physics.beam import (
     beam_of,
 )
 from virtual_lab.simulation.physics.mesh import Mesh
-
-__all__ = ["Modes", "barrel_nodes", "modes_of"]
-
-Floats = NDArray[np.float64]
+from virtual_lab.units import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,9 +38,9 @@ class Modes:
     """N normal modes of unit modal mass."""
 
     mesh: Mesh
-    angular_frequencies: Floats  # (N,) [rad/s], rigid ones exactly 0
-    deflections: Floats  # (nodes, beam modes) [kg^-1/2]
-    rotations: Floats  # (nodes, beam modes) [kg^-1/2 m^-1], positive: barrel along positive w
+    angular_frequencies: Array  # (N,) [rad/s], rigid ones exactly 0
+    deflections: Array  # (nodes, beam modes) [kg^-1/2]
+    rotations: Array  # (nodes, beam modes) [kg^-1/2 m^-1], positive: barrel along positive w
     rigid: int
     hoop: HoopMode | None
 
@@ -58,7 +55,7 @@ class Modes:
         return float(self.mesh.boundaries[-1])
 
     @property
-    def bending_frequencies(self) -> Floats:
+    def bending_frequencies(self) -> Array:
         """Frequencies of the bending modes [Hz]."""
         beam = self.angular_frequencies[self.rigid : self.deflections.shape[1]]
         return np.asarray(beam / (2 * np.pi))
@@ -82,13 +79,13 @@ class Modes:
             hoop=hoop,
         )
 
-    def shape(self, z: Floats | float) -> Floats:
+    def shape(self, z: Array | float) -> Array:
         """Return the deflection of each mode at places `z` (...) [m], shape (..., N)."""
         places = np.asarray(z, dtype=np.float64)
         at = self.averages(places.reshape(-1, 1), np.ones(1))
         return self.averaged(at).reshape(*places.shape, self.count)
 
-    def averaged(self, averages: csr_array) -> Floats:
+    def averaged(self, averages: csr_array) -> Array:
         """Return mean deflections (n, N) by what `averages` made of the places."""
         beam = np.asarray(averages @ self.deflections)
         if self.hoop is None:
@@ -96,13 +93,13 @@ class Modes:
         hoop = np.full((len(beam), 1), 1 / np.sqrt(self.hoop.modal_mass))
         return np.concatenate((beam, hoop), axis=1)
 
-    def averages(self, z: Floats, weights: Floats) -> csr_array:
+    def averages(self, z: Array, weights: Array) -> csr_array:
         """Return what takes values at nodes to means over places (n, g) [m], weights (g,)."""
         if not (np.all(z >= 0) and np.all(z <= self.length)):
             raise InputError("modes", "z", z, f"allowed: 0 to {self.length:g} m")
         return self.mesh.interpolation(z, weights)
 
-    def rotation(self, z: Floats | float) -> Floats:
+    def rotation(self, z: Array | float) -> Array:
         """Return the turn of the section of each mode at places `z` (...), shape (..., N).
 
         What an encoder fixed to the bat at z sees; the hoop mode turns nothing.
@@ -159,7 +156,7 @@ def barrel_nodes(modes: Modes, count: int = 2) -> tuple[float, ...]:
     return tuple(found)
 
 
-def _hoop_frequency(hoop: HoopMode | None) -> Floats:
+def _hoop_frequency(hoop: HoopMode | None) -> Array:
     return np.zeros(0) if hoop is None else np.array([2 * np.pi * hoop.frequency])
 
 
@@ -167,7 +164,7 @@ def _crossing(modes: Modes, mode: int, left: float, right: float) -> float:
     return float(brentq(lambda z: float(modes.shape(z)[mode]), left, right, xtol=1e-12))
 
 
-def _rigid_modes(beam: Beam, support: Support) -> Floats:
+def _rigid_modes(beam: Beam, support: Support) -> Array:
     """Return unit-mass rigid modes, (2 n, rigid): heave and pitch, or the turn about a pin."""
     match support:
         case Free():
@@ -222,8 +219,8 @@ def _free_freedoms(beam: Beam, support: Support) -> NDArray[np.intp]:
 
 
 def _bending_modes(
-    beam: Beam, free: NDArray[np.intp], rigid: Floats, count: int
-) -> tuple[Floats, Floats]:
+    beam: Beam, free: NDArray[np.intp], rigid: Array, count: int
+) -> tuple[Array, Array]:
     """Return (squared angular frequencies, unit-mass vectors) of the lowest bending modes."""
     if count == 0:
         return np.zeros(0), np.zeros((rigid.shape[0], 0))

@@ -38,8 +38,6 @@ from virtual_lab.studies.bats.profile import CONDITIONS, GameConditions
 from virtual_lab.studies.bats.text import PEAK_COLUMNS, LawRow, placed, spread_of
 from virtual_lab.units import INCH, MPH
 
-__all__ = ["sensitivity"]
-
 PLACES_IN = np.arange(2.5, 9.01, 0.5)
 
 

@@ -14,7 +14,6 @@ from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Gt, MaxLen
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from virtual_lab.catalog.specs import (
@@ -34,11 +33,8 @@ from virtual_lab.catalog.specs import (
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.physics.beam import Free, beam_of
 from virtual_lab.simulation.physics.modes import barrel_nodes, modes_of
-from virtual_lab.units import INCH, OUNCE
+from virtual_lab.units import INCH, OUNCE, Array
 
-__all__ = ["TEMPLATES", "BatMeasurements", "Fitted", "Template", "computed", "fit"]
-
-Floats = NDArray[np.float64]
 COARSE = {"order": 6, "element_size": 0.1}  # 1e-6 in the first two frequencies
 
 
@@ -102,15 +98,15 @@ class Template:
     """A family of bats."""
 
     parameters: tuple[Parameter, ...]
-    build: Callable[[Floats, float], BatBody]  # of the parameters and the length [m]
+    build: Callable[[Array, float], BatBody]  # of the parameters and the length [m]
     made_spread: tuple[float, float, float]  # density, modulus, tilt of made bats, see BatSpread
 
     @property
-    def usual(self) -> Floats:
+    def usual(self) -> Array:
         return np.array([parameter.usual for parameter in self.parameters])
 
     @property
-    def spread(self) -> Floats:
+    def spread(self) -> Array:
         return np.array([parameter.spread for parameter in self.parameters])
 
 
@@ -119,12 +115,12 @@ class Fitted:
     """A fitted bat and its misfits."""
 
     body: BatBody
-    parameters: Floats
+    parameters: Array
     misfits: dict[str, float]  # relative, of nodes [m]
 
 
 def fit(
-    measured: BatMeasurements, wanted: Floats | None = None, start: Floats | None = None
+    measured: BatMeasurements, wanted: Array | None = None, start: Array | None = None
 ) -> Fitted:
     """Return the bat of the template that fits the data, nearest to `wanted` parameters.
 
@@ -147,12 +143,12 @@ def fit(
     low, high = (np.array([(p.low, p.high) for p in template.parameters]).T - usual) / spread
     near = np.clip(np.zeros_like(usual) if wanted is None else (wanted - usual) / spread, low, high)
 
-    def residuals(x: Floats) -> Floats:  # x in spreads from the usual
+    def residuals(x: Array) -> Array:  # x in spreads from the usual
         missed = _misfits(template.build(usual + spread * x, measured.length), measured)
         data = [value / _weight(name) for name, value in missed.items()]
         return np.concatenate((data, x - near))
 
-    def jacobian(x: Floats) -> Floats:
+    def jacobian(x: Array) -> Array:
         width = 1e-4  # spreads: well above the rounding in the frequencies, whatever x is
         middle, steps = residuals(x), width * np.eye(x.size)
         return np.stack([(residuals(x + step) - middle) / width for step in steps], axis=1)
@@ -227,7 +223,7 @@ def _close(name: str) -> float:
     return 0.05 * INCH if name.startswith("node") else 1e-3
 
 
-def _wood(x: Floats, length: float) -> BatBody:
+def _wood(x: Array, length: float) -> BatBody:
     barrel, tip, handle, start, end, middle, knob, density, modulus, ratio = map(float, x)
     between = handle + middle * (barrel - handle)
     z = (0.0, 0.06, start, (start + end) / 2, end)
@@ -246,7 +242,7 @@ def _wood(x: Floats, length: float) -> BatBody:
     )
 
 
-def _hollow(x: Floats, length: float) -> BatBody:
+def _hollow(x: Array, length: float) -> BatBody:
     barrel, handle, start, end, middle, *rest = map(float, x)
     wall, wall_middle, wall_handle, knob, knob_place, cap, hoop, hoop_mass = rest
     between = handle + middle * (barrel - handle)

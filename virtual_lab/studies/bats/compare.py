@@ -22,8 +22,6 @@ from virtual_lab.units import OZ_IN2
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["PROFILE_SWINGS", "Compared", "compare", "profile"]
-
 PROFILE_SWINGS = (0.0, 0.5)
 
 

@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-__all__ = ["draw_comparison", "draw_profile", "plot_comparison", "plot_profile"]
-
 SHOWN_IN = (1.0, 12.0)  # the last inch at the tip and the taper are in the CSV
 COLOURS = ("black", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
 DASHES = ("-", "--", ":", "-.")

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec, BatBody
@@ -30,9 +29,6 @@ from virtual_lab.studies.bats.bat_templates import TEMPLATES, BatMeasurements, F
 from virtual_lab.studies.bats.profile import CONDITIONS, GameConditions
 from virtual_lab.units import INCH, MPH
 
-__all__ = ["FittedBat", "fit_bat"]
-
-Array = NDArray[np.float64]
 PLACES_IN = np.arange(2.0, 10.01, 0.5)
 
 

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.lab import Laboratory, TestSetup, by_the_book
@@ -31,11 +30,8 @@ from virtual_lab.simulation.rig import Reality, ShotPlan, Stage
 from virtual_lab.studies.bats.percussion_chart import draw_percussion
 from virtual_lab.studies.bats.percussion_text import ReadError, Struck, percussion_text
 from virtual_lab.uncertainty.budget import combine, propagate, scatter
-from virtual_lab.units import INCH
+from virtual_lab.units import INCH, Array
 
-__all__ = ["Percussed", "percussion"]
-
-Array = NDArray[np.float64]
 READINGS = {"recoil": "recoil_efficiency", "rebound": "rebound_efficiency"}
 
 

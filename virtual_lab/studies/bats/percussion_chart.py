@@ -10,8 +10,6 @@ from virtual_lab.output.style import STYLE
 from virtual_lab.studies.bats.curves import PLACE
 from virtual_lab.studies.bats.percussion_text import Struck
 
-__all__ = ["draw_percussion"]
-
 COLOURS = {"recoil": "#0072b2", "rebound": "#d55e00", "plain": "#009e73", "loose": "#cc79a7"}
 
 

@@ -9,8 +9,6 @@ from typing import Any
 
 from virtual_lab.output.tables import column, table_text
 
-__all__ = ["ReadError", "Struck", "percussion_text"]
-
 
 def _milli(key: str, form: str) -> Callable[[Any], str]:
     """Return what prints a number in thousandths, blank where there is none."""

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from annotated_types import Gt
-from numpy.typing import NDArray
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec, BatBody, BatSpec, Dimension, Spec
@@ -40,22 +39,11 @@ from virtual_lab.simulation.physics.beam import Beam, Free, beam_of
 from virtual_lab.simulation.physics.modes import barrel_nodes
 from virtual_lab.studies.bats.curves import draw_profile
 from virtual_lab.studies.bats.text import PEAKS, profile_text
-from virtual_lab.units import DIMENSIONS, INCH, MPH, OUNCE, OZ_IN2, to_si
+from virtual_lab.units import DIMENSIONS, INCH, MPH, OUNCE, OZ_IN2, Array, to_si
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = [
-    "GameConditions",
-    "Profiled",
-    "chosen_swings",
-    "free_model",
-    "profile_of_bat",
-    "profiles",
-    "read_inertia",
-]
-
-Array = NDArray[np.float64]
 CONDITIONS = "standard-2003"
 
 

@@ -11,19 +11,6 @@ from virtual_lab.output.tables import Column, column, columns_of, inline, number
 from virtual_lab.relations.peaks import Peak
 from virtual_lab.units import INCH, OUNCE, OZ_IN2
 
-__all__ = [
-    "PEAK_COLUMNS",
-    "Difference",
-    "LawRow",
-    "Peaks",
-    "balls_text",
-    "comparison_text",
-    "placed",
-    "profile_text",
-    "spread_of",
-    "swing_text",
-]
-
 PEAKS = {"e": ("", ".4f"), "BPF": ("", ".4f"), "e_A": ("", ".4f"), "v_f_mph": ("mph", ".2f")}
 PROPERTIES = {  # key: words, unit
     "mass_oz": ("mass", "oz"),

@@ -9,8 +9,6 @@ from functools import partial
 from math import inf, isfinite
 from pathlib import Path
 
-__all__ = ["Claim", "Row", "read_claims"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Claim:

@@ -9,7 +9,7 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec, BatBody
@@ -32,38 +32,8 @@ from virtual_lab.studies.bats.profile import (
     free_model,
     profiles,
 )
-from virtual_lab.units import INCH, MPH
+from virtual_lab.units import INCH, MPH, Array
 
-__all__ = [
-    "ALUMINIUM",
-    "BALL",
-    "BARREL",
-    "BATS",
-    "GAME_BALL",
-    "KNOB",
-    "SWINGS",
-    "WOOD",
-    "Z",
-    "beam",
-    "body",
-    "centre_of_percussion_in",
-    "game",
-    "lead",
-    "model",
-    "nominal",
-    "paper_ball",
-    "peak_of",
-    "profiled",
-    "recoil",
-    "restitution",
-    "rules",
-    "support",
-    "thinned",
-    "top",
-    "top_of",
-]
-
-Array = NDArray[np.float64]
 WOOD, ALUMINIUM, BARREL, KNOB = BATS = ("r161", "ea70", "barrel-loaded", "knob-loaded")
 SWINGS: tuple[float | None, ...] = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, None)  # None: constant energy
 GAME_BALL, BALL = "game-2003", "baseball-2003"  # e0 the same at every speed, and falling

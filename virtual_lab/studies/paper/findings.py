@@ -14,8 +14,6 @@ from virtual_lab.studies.paper.claim import Claim, Row, read_claims
 from virtual_lab.studies.paper.page import draw_page, write_page
 from virtual_lab.studies.paper.text import paper_text
 
-__all__ = ["CLAIMS", "Findings", "paper"]
-
 FINDERS = {
     name: finder
     for section in (computed, metrics, models, examples, procedures)

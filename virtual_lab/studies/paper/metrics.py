@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.measurement.reduction.kinematics import (
     batted_speed,
@@ -37,9 +36,8 @@ from virtual_lab.studies.paper.computed import (
     support,
     top,
 )
-from virtual_lab.units import INCH, MPH
+from virtual_lab.units import INCH, MPH, Array
 
-Array = NDArray[np.float64]
 SLOW, FAST = 60.0, 160.0  # mph
 E_AND_R = np.meshgrid(np.linspace(0, 1, 11), np.linspace(0, 0.5, 11))
 

@@ -17,8 +17,6 @@ from virtual_lab.studies.paper.text import cells
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["draw_page", "write_page"]
-
 
 def draw_page() -> Figure:
     """Return Fig. 2 beside Figs. 3 and 4, each bat swung with n = 0 and 0.5."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.measurement.reduction.kinematics import (
     batted_speed,
@@ -29,9 +28,8 @@ from virtual_lab.studies.paper.computed import (
     top,
     top_of,
 )
-from virtual_lab.units import INCH, MPH
+from virtual_lab.units import INCH, MPH, Array
 
-Array = NDArray[np.float64]
 PLACES = np.arange(3.0, 9.01, 0.25)
 PITCH, LIMIT = 70.0, 0.228  # mph, e_A
 

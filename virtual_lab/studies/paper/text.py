@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from virtual_lab.output.tables import table_text
 from virtual_lab.studies.paper.claim import Row
 
-__all__ = ["cells", "paper_text"]
-
 
 def paper_text(rows: Sequence[Row]) -> str:
     """Return one table of all claims, and the number that agree."""

@@ -17,11 +17,8 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.units import Array
 from virtual_lab.video.bat.outline import BatEdges, values_at
-
-__all__ = ["BatAngles", "Recoil", "bat_angles", "recoil_of"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

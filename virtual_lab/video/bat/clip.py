@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.output.rounding import with_uncertainty
@@ -16,10 +15,6 @@ from virtual_lab.video.bat.angles import BatAngles, Recoil, bat_angles, recoil_o
 from virtual_lab.video.bat.outline import find_outline
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.track.tracking import Tracked, uncovered_mean
-
-__all__ = ["BatSeen", "bat_document", "bat_text", "find_bat", "write_bat_table"]
-
-Array = NDArray[np.float64]
 
 PUSHED = 1e-3  # s about the contact: the bat is being pushed
 

@@ -13,11 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
+from virtual_lab.units import Array
 from virtual_lab.video.clips.calibration_file import BatPlace, CameraModel
-
-__all__ = ["BatEdges", "find_outline", "values_at"]
-
-Array = NDArray[np.float64]
 
 ACROSS = np.arange(-6.0, 7.0)  # pixels across the bat, about an edge
 

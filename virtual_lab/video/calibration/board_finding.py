@@ -9,10 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.relations.board import Board
-
-__all__ = ["BoardView", "find_board"]
-
-Array = NDArray[np.float64]
+from virtual_lab.units import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

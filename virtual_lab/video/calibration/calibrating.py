@@ -19,14 +19,10 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.relations.board import Board
-from virtual_lab.units import DEGREE
+from virtual_lab.units import DEGREE, Array
 from virtual_lab.video.calibration.board_finding import BoardView, find_board
 from virtual_lab.video.calibration.plane import on_plane
 from virtual_lab.video.clips.calibration_file import CameraFit, CameraModel
-
-__all__ = ["Calibrated", "Plan", "calibrate_camera", "lengths_of"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,15 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
+from virtual_lab.units import Array
 from virtual_lab.video.clips.calibration_file import CameraModel, ClipCalibration
 from virtual_lab.video.locate.located import Located
-
-__all__ = ["RIM", "PixelScale", "Plane", "distance_of", "on_plane", "plane_of", "relative_u_of"]
-
-Array = NDArray[np.float64]
 
 RIM = 3.0  # a pattern's effect on the radius over that on the place: rims are darker all round
 

@@ -14,8 +14,6 @@ from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError
 from virtual_lab.files import read_toml
 
-__all__ = ["BatPlace", "CameraFit", "CameraModel", "ClipCalibration", "read_calibration"]
-
 Positive = Annotated[Real, Gt(0)]
 Uncertainty = Annotated[Real, Ge(0)]
 Place = Annotated[Real, Ge(-1000), Le(1000)]  # m

@@ -17,8 +17,6 @@ from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.reading import Frame, Source, grey_of, open_source
 from virtual_lab.video.clips.timing import frame_times
 
-__all__ = ["Clip", "ahead", "open_clip"]
-
 Item = TypeVar("Item")
 
 

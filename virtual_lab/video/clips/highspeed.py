@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 
-__all__ = ["HIGHSPEED", "Header", "cine", "mraw"]
-
 HIGHSPEED = (".cine", ".mraw", ".cihx", ".cih")
 Header = tuple[int, float | None, Any]  # frames, rate [1/s], what yields them
 

@@ -8,8 +8,6 @@ from math import hypot
 from virtual_lab.errors import InputError
 from virtual_lab.relations.board import length_of
 
-__all__ = ["ball_of", "frames_of", "place_of", "region_of", "scale_of", "seconds_of"]
-
 
 def ball_of(text: str) -> tuple[float, float, bool]:
     """Return a ball's diameter, its u [m], and whether that was assumed: `73mm±0.5mm`."""

@@ -21,8 +21,6 @@ from virtual_lab.video.clips.highspeed import HIGHSPEED, cine, mraw
 if TYPE_CHECKING:
     import cv2
 
-__all__ = ["Frame", "Source", "grey_of", "open_source", "read_pictures"]
-
 Frame = NDArray[Any]  # of 8 or 16 bits without sign
 
 IMAGES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")

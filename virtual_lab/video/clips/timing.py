@@ -6,16 +6,12 @@ import csv
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.files import read_text
+from virtual_lab.units import Array
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.reading import Source
-
-__all__ = ["UNEVEN", "frame_times", "usual_step"]
-
-Array = NDArray[np.float64]
 
 UNEVEN = 1.3  # of the usual step between time stamps: such a one stands for lost frames
 

@@ -13,12 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.units import Array
 from virtual_lab.video.find.outline import fit_outline
 from virtual_lab.video.find.still import Image, Still, difference_of, difference_of_light
 
-__all__ = ["BLOB", "Blobs", "blobs"]
-
-Array = NDArray[np.float64]
 Blobs = NDArray[np.void]
 Row = tuple[Any, ...]  # as of `BLOB`
 

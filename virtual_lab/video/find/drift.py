@@ -14,9 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Edges", "edges_of", "upper_median"]
+from virtual_lab.units import Array
 
-Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 

@@ -13,12 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.units import Array, Mask
 from virtual_lab.video.find.drift import upper_median
-
-__all__ = ["BlobOutline", "fit_outline"]
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 class BlobOutline(NamedTuple):

@@ -13,22 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.units import Array
 from virtual_lab.video.clips.reading import Frame
 from virtual_lab.video.find.drift import Edges, edges_of
 
-__all__ = [
-    "Image",
-    "Still",
-    "difference_of",
-    "difference_of_light",
-    "eight_bits",
-    "moved_back",
-    "ranked",
-    "share_of",
-    "still_of",
-]
-
-Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 

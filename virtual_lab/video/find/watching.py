@@ -8,13 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.units import Array
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.find.blobs import BLOB, Blobs, blobs
 from virtual_lab.video.find.still import Image, Still, eight_bits, still_of
-
-__all__ = ["Watched", "repeats", "watch"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,18 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.uncertainty.estimate import Estimate
-from virtual_lab.units import DEGREE
+from virtual_lab.units import DEGREE, Array
 from virtual_lab.video.follow.flights import FLIGHTS, meetings
 from virtual_lab.video.follow.joint import Fit, estimate_of
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.scene import FlightScene
 
-__all__ = ["CONTACTS", "Contact", "Note", "contacts_of", "excessive"]
-
-Array = NDArray[np.float64]
 Note = tuple[str, str]  # a flag in capitals, "" where none need be raised, and a sentence
 
 

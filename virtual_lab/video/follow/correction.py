@@ -18,8 +18,6 @@ from virtual_lab.video.find.watching import Watched
 from virtual_lab.video.follow.flights import FLIGHTS
 from virtual_lab.video.follow.pieces import Piece
 
-__all__ = ["read_track"]
-
 
 def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
     """Return the places in a track as blobs, and the flights that its column `flight` names.

@@ -8,15 +8,11 @@ from functools import partial
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from virtual_lab.units import Array
 from virtual_lab.video.follow.joint import FLIGHT_FIT, Fit, fit_flights
 from virtual_lab.video.follow.pieces import GROWTH, Piece, parabola
 from virtual_lab.video.follow.scene import FlightScene
-
-__all__ = ["FLIGHTS", "beside", "flights_of", "meetings", "readout_of"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.uncertainty.estimate import Estimate
-from virtual_lab.units import STANDARD_GRAVITY
+from virtual_lab.units import STANDARD_GRAVITY, Mask
 from virtual_lab.video.calibration.plane import PixelScale, distance_of
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import Clip
@@ -22,11 +21,6 @@ from virtual_lab.video.follow.joint import Fit, estimate_of, fit_flights
 from virtual_lab.video.follow.kinds import MotionKind, motion_of
 from virtual_lab.video.follow.pieces import Piece, pieces
 from virtual_lab.video.follow.scene import FlightScene
-
-__all__ = ["FollowedClip", "Known", "MeasuredFlight", "follow", "following", "known_of"]
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

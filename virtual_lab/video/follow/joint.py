@@ -16,12 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.units import Array
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.scene import FlightScene
 
-__all__ = ["FLIGHT_FIT", "Fit", "estimate_of", "fit_flights"]
-
-Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 

@@ -6,17 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.units import Array
 from virtual_lab.video.follow.flights import FLIGHTS
 from virtual_lab.video.follow.joint import fit_flights
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.scene import FlightScene
-
-__all__ = ["MotionKind", "motion_of"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,11 +12,9 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.units import Array
 from virtual_lab.video.find.blobs import Blobs
 
-__all__ = ["GROWTH", "Piece", "parabola", "pieces"]
-
-Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 

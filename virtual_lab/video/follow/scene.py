@@ -9,12 +9,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.units import Array
 from virtual_lab.video.find.blobs import Blobs
 from virtual_lab.video.follow.pieces import Piece
-
-__all__ = ["FlightScene"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

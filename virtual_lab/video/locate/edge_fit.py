@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from virtual_lab.units import Array
 from virtual_lab.video.locate.located import Located, PlaceFlag, Regions
 from virtual_lab.video.locate.noise import Noise
 from virtual_lab.video.locate.rim_profiles import AT, TABLE, TALLY, Profiles, blurred_profiles
@@ -23,9 +24,6 @@ from virtual_lab.video.locate.rim_profiles import AT, TABLE, TALLY, Profiles, bl
 if TYPE_CHECKING:
     from virtual_lab.video.locate.edge_kernel import View
 
-__all__ = ["FIT", "covered", "fit_edge", "solve_ring"]
-
-Array = NDArray[np.float64]
 Places = NDArray[np.int_]
 
 
@@ -71,7 +69,7 @@ class EdgeFit:
     covered_share: float = 0.27  # a side that no light reaches may be as dark as the background
 
 
-FIT = EdgeFit()
+RIM_FIT = EdgeFit()
 
 
 def fit_edge(
@@ -81,7 +79,7 @@ def fit_edge(
     noise: Noise,
     lens: float,
     oval: ArrayLike = 0.0,
-    oval_u: float = FIT.oval_u,
+    oval_u: float = RIM_FIT.oval_u,
 ) -> Located:
     """Return the balls of a batch of regions by their outlines.
 
@@ -110,8 +108,8 @@ def fit_edge(
     p[:, AT.radius] = start.radius
     p[:, [AT.oval_c, AT.oval_s]] = oval
     prior = np.zeros(len(AT))
-    prior[[AT.oval_c, AT.oval_s]] = 1 / oval_u**2 if oval_u else FIT.held_weight
-    prior[[AT.level, AT.slope_x, AT.slope_y]] = 1e-12, *[1 / FIT.greatest_slope_dn**2] * 2
+    prior[[AT.oval_c, AT.oval_s]] = 1 / oval_u**2 if oval_u else RIM_FIT.held_weight
+    prior[[AT.level, AT.slope_x, AT.slope_y]] = 1e-12, *[1 / RIM_FIT.greatest_slope_dn**2] * 2
     none = np.full(3, np.nan)
     lost = Outline(p[0] * np.nan, np.diag(none), none, np.full(len(TALLY), np.nan), 0.0, 0.0)
     found = [lost] * len(pixels)
@@ -120,8 +118,8 @@ def fit_edge(
         width = sqrt(lens**2 + 1 / 12)  # a square pixel's variance is 1/12 along any direction
         radius = float(np.median(p[usable, AT.radius]))
         blur = float(np.hypot(*ways[usable].T).max())
-        rim = blurred_profiles(radius, width, FIT.depth_px, blur)
-        sectors = int(np.clip(round(2 * pi * radius / FIT.sector_length_px), *FIT.sectors))
+        rim = blurred_profiles(radius, width, RIM_FIT.depth_px, blur)
+        sectors = int(np.clip(round(2 * pi * radius / RIM_FIT.sector_length_px), *RIM_FIT.sectors))
         for k in np.flatnonzero(usable):
             view = View(pixels[k], behind[k], ways[k])
             with suppress(np.linalg.LinAlgError):
@@ -148,33 +146,33 @@ def _outline(
 
     p, knots = start.copy(), len(rim.stiffness)
     bright = _brightness(view.pixels, p, noise)
-    faintest = FIT.unseen_pattern * sqrt(float(noise.variance(noise.black + bright))) / bright
-    pattern, amplitude = np.zeros((sectors, knots)), np.full(sectors, FIT.settling_pattern)
+    faintest = RIM_FIT.unseen_pattern * sqrt(float(noise.variance(noise.black + bright))) / bright
+    pattern, amplitude = np.zeros((sectors, knots)), np.full(sectors, RIM_FIT.settling_pattern)
     sums = np.empty((sectors + 1, *[len(AT) + 2 * knots + 1] * 2))
     change, settling, rounds = pattern, True, 0
-    for turn in range(FIT.settling_rounds + FIT.rounds):
+    for turn in range(RIM_FIT.settling_rounds + RIM_FIT.rounds):
         tally = sector_sums(view, rim, noise.figures, p, pattern, settling, sums)
         if tally[TALLY.pixels] < 4 * len(AT):
             raise np.linalg.LinAlgError("too few pixels")
         weight = prior.copy()
         if not turn:
-            weight[: AT.level] = FIT.held_weight
-        weight[AT.plain :] = 1.0 / (FIT.greatest_shading * bright) ** 2
+            weight[: AT.level] = RIM_FIT.held_weight
+        weight[AT.plain :] = 1.0 / (RIM_FIT.greatest_shading * bright) ** 2
         equations = _equations(sums, knots)
         equations.shared[:, :-1] += np.diag(weight)
         equations.shared[:, -1] += weight * (start - p)
         last = np.full(2, np.inf)
-        for again in range(1 if settling else FIT.strength_rounds):
+        for again in range(1 if settling else RIM_FIT.strength_rounds):
             if again:
                 power = np.mean(((pattern + change) / bright) ** 2, axis=1)
                 power = np.maximum(power, np.maximum(_before(power), _next(power)))
-                amplitude = np.sqrt(max(FIT.faintest_pattern, faintest) ** 2 + power)
-                amplitude = amplitude.clip(max=FIT.strongest_pattern)
+                amplitude = np.sqrt(max(RIM_FIT.faintest_pattern, faintest) ** 2 + power)
+                amplitude = amplitude.clip(max=RIM_FIT.strongest_pattern)
             spread = amplitude * bright
             solved = _solved(equations, pattern, spread, rim.stiffness)
             step, change, covariance, by_pattern = solved
             u = sqrt(covariance[0, 0])
-            if np.abs(step[:2] - last).max() < FIT.strength_step_over_u * u:
+            if np.abs(step[:2] - last).max() < RIM_FIT.strength_step_over_u * u:
                 break
             last = step[:2]
         far = float(np.abs(step[:3]).max())
@@ -184,10 +182,12 @@ def _outline(
         p[AT.level :] += step[AT.level :]
         pattern += change
         rounds += not settling
-        if rounds == FIT.rounds or (rounds > 1 and far < FIT.last_step_over_u * u):
+        if rounds == RIM_FIT.rounds or (rounds > 1 and far < RIM_FIT.last_step_over_u * u):
             break
-        if settling and ((far <= FIT.settling_step_px and turn) or turn + 1 == FIT.settling_rounds):
-            settling, amplitude = False, np.full(sectors, FIT.first_pattern)
+        if settling and (
+            (far <= RIM_FIT.settling_step_px and turn) or turn + 1 == RIM_FIT.settling_rounds
+        ):
+            settling, amplitude = False, np.full(sectors, RIM_FIT.first_pattern)
     return Outline(
         p=p,
         covariance=covariance,
@@ -328,13 +328,15 @@ def covered(view: View, p: Array, noise: Noise) -> float:
     u, v = col - p[AT.x], row - p[AT.y]
     ends = [np.hypot(u + side * view.way[0], v + side * view.way[1]) for side in (-0.5, 0.5)]
     far, radius = np.maximum(*ends), p[AT.radius]
-    rim = (far > radius - FIT.ring_depth_px[1]) & (far < radius - FIT.ring_depth_px[0])
+    rim = (far > radius - RIM_FIT.ring_depth_px[1]) & (far < radius - RIM_FIT.ring_depth_px[0])
     if not rim.any():
         return 0.0
     seen, expected = view.pixels[rim], p[AT.level] * view.background[rim]
-    if (seen - expected).mean() ** 2 < FIT.apart_sigmas**2 * noise.variance(expected.mean()):
+    if (seen - expected).mean() ** 2 < RIM_FIT.apart_sigmas**2 * noise.variance(expected.mean()):
         return 0.0
-    return float(((seen - expected) ** 2 < FIT.alike_sigmas**2 * noise.variance(expected)).mean())
+    return float(
+        ((seen - expected) ** 2 < RIM_FIT.alike_sigmas**2 * noise.variance(expected)).mean()
+    )
 
 
 def _judged(found: list[Outline], start: Located, seen: Regions) -> Located:
@@ -345,23 +347,23 @@ def _judged(found: list[Outline], start: Located, seen: Regions) -> Located:
     grown = np.maximum(misfit, 1.0)[:, None]  # misfit counts as noise
     total = np.diagonal(covariance, axis1=1, axis2=2)
     own = np.sqrt(np.maximum(total - shifts, 0.0) * grown)
-    pattern = FIT.pattern_factor * np.sqrt(np.maximum(shifts, 0.0) * grown)
+    pattern = RIM_FIT.pattern_factor * np.sqrt(np.maximum(shifts, 0.0) * grown)
     whole = np.hypot(own, pattern)
-    pattern[:, :2] = np.hypot(pattern[:, :2], FIT.sway_share * sway[:, None])
+    pattern[:, :2] = np.hypot(pattern[:, :2], RIM_FIT.sway_share * sway[:, None])
     radius = p[:, AT.radius]
     shown, full = shown / (2 * pi * radius), full / (2 * pi * radius)
     with np.errstate(invalid="ignore"):
         lost = ~np.isfinite(np.column_stack([p, whole])).all(axis=1)
-        lost |= shown < FIT.least_seen
-        lost |= whole.max(axis=1) * FIT.least_radius_over_u > radius
+        lost |= shown < RIM_FIT.least_seen
+        lost |= whole.max(axis=1) * RIM_FIT.least_radius_over_u > radius
         for place, side in zip(p[:, [AT.x, AT.y]].T, seen.pixels.shape[:0:-1], strict=True):
             lost |= (place < -0.5 * radius) | (place > side - 1 + 0.5 * radius)
-        stray = stray / np.maximum(pixels, 1.0) > FIT.stray_share
+        stray = stray / np.maximum(pixels, 1.0) > RIM_FIT.stray_share
         tests = {
-            PlaceFlag.SATURATED: full > FIT.flagged_share,
-            PlaceFlag.CLIPPED: 1 - shown > FIT.flagged_share,
-            PlaceFlag.OVERLAP: hidden > FIT.covered_share,
-            PlaceFlag.POOR_FIT: (misfit > FIT.greatest_misfit) | stray,
+            PlaceFlag.SATURATED: full > RIM_FIT.flagged_share,
+            PlaceFlag.CLIPPED: 1 - shown > RIM_FIT.flagged_share,
+            PlaceFlag.OVERLAP: hidden > RIM_FIT.covered_share,
+            PlaceFlag.POOR_FIT: (misfit > RIM_FIT.greatest_misfit) | stray,
         }
     flags = np.zeros(len(p), np.uint16)
     for flag, raised in tests.items():

@@ -7,13 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from virtual_lab.units import Array
 from virtual_lab.video.locate.rim_profiles import AT, TABLE, TALLY, Profiles
 
-__all__ = ["View", "sector_sums"]
-
-Floats = NDArray[np.float64]
 Noises = tuple[float, float, float, float, float]  # `Noise.figures`
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "cache": True, "nogil": True, "fastmath": True}
 NODES = np.zeros((33, 32, 2))  # Gauss-Legendre's on a way, by how many there are
@@ -37,9 +34,9 @@ SUM = Summing()
 class View(NamedTuple):
     """A region, (row, column), and how its ball moved."""
 
-    pixels: Floats  # [DN]
-    background: Floats  # [DN]
-    way: Floats  # (2,) the ball's shift during the exposure [pixel]
+    pixels: Array  # [DN]
+    background: Array  # [DN]
+    way: Array  # (2,) the ball's shift during the exposure [pixel]
 
 
 @njit(**OPTIONS)
@@ -47,11 +44,11 @@ def _fill(
     x: float,
     y: float,
     behind: float,
-    p: Floats,
-    way: Floats,
+    p: Array,
+    way: Array,
     rim: Profiles,
-    light: Floats,
-    row: Floats,
+    light: Array,
+    row: Array,
 ) -> tuple[float, float]:
     """Fill a pixel's derivatives by outline, shading and pattern; return its mean and outline.
 
@@ -101,7 +98,7 @@ def _fill(
 
 @njit(**OPTIONS)
 def _weigh(
-    value: float, mean: float, ball: float, edge: float, first: bool, noise: Noises, tally: Floats
+    value: float, mean: float, ball: float, edge: float, first: bool, noise: Noises, tally: Array
 ) -> float:
     """Return a pixel's weight, and tally it.
 
@@ -129,8 +126,8 @@ def _weigh(
 
 @njit(**OPTIONS)
 def sector_sums(
-    view: View, rim: Profiles, noise: Noises, p: Floats, pattern: Floats, first: bool, sums: Floats
-) -> Floats:
+    view: View, rim: Profiles, noise: Noises, p: Array, pattern: Array, first: bool, sums: Array
+) -> Array:
     """Add up a region's normal equations by sector of the rim, and return the tally.
 
     `sums` (sector + 1, n, n), the last of pixels off the rim: over the shared parameters, the

@@ -9,11 +9,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.units import Array
 from virtual_lab.video.clips.reading import Frame
 
-__all__ = ["Located", "PlaceFlag", "Regions", "part_of", "squares"]
-
-Array = NDArray[np.float64]
 MARGIN = 16.0  # pixels of background about the ball
 
 

@@ -13,10 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from virtual_lab.errors import InputError
+from virtual_lab.units import Array
 
-__all__ = ["ROUNDING", "Noise"]
-
-Array = NDArray[np.float64]
 ROUNDING = 1 / 12  # DN^2, of whole grey values
 
 

@@ -11,12 +11,9 @@ from collections import namedtuple
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
-__all__ = ["AT", "TABLE", "TALLY", "Profiles", "blurred_profiles"]
-
-Array = NDArray[np.float64]
+from virtual_lab.units import Array
 
 # parameters that all sectors share: centre, radius, the outline's oval (cos 2a, sin 2a), the
 # background's level and slopes, and the ball's shading: a level and how brightness rises with the

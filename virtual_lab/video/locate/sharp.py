@@ -12,14 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.units import Array
 from virtual_lab.video.clips.clip import Clip
-from virtual_lab.video.locate.edge_fit import FIT, fit_edge
+from virtual_lab.video.locate.edge_fit import RIM_FIT, fit_edge
 from virtual_lab.video.locate.located import Located, Regions, part_of
 from virtual_lab.video.locate.noise import Noise
-
-__all__ = ["Sharp", "lens_of", "noise_of_ball", "noise_of_clip", "on_the_limb", "place"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,7 +136,7 @@ def place(
     noise: Noise,
     lens: float,
     middle: tuple[float, float],
-    oval: tuple[float, float] = (0.0, FIT.oval_u),
+    oval: tuple[float, float] = (0.0, RIM_FIT.oval_u),
 ) -> Located:
     """Return the ball's places in the full frame; `start` knows them to a pixel or so.
 

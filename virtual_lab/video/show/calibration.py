@@ -18,8 +18,6 @@ from virtual_lab.video.calibration.plane import relative_u_of
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["calibration_document", "calibration_text", "calibration_toml", "draw_calibration"]
-
 NOTES = {
     "matrix": "pixels",
     "rotation": "from axes of the plane view to the camera's, rad",

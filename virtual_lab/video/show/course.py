@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.units import Array, Mask
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.follow.following import FollowedClip
 from virtual_lab.video.locate.located import PlaceFlag
@@ -18,17 +19,6 @@ from virtual_lab.video.locate.located import PlaceFlag
 if TYPE_CHECKING:
     from virtual_lab.video.track.tracking import Tracked
 
-__all__ = [
-    "COLUMNS",
-    "BallCourse",
-    "course_of_followed",
-    "course_of_tracked",
-    "rows_of",
-    "write_table",
-]
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 COLUMNS = (
     *("frame", "time_s", "x_px", "y_px", "x_u_px", "y_u_px", "radius_px", "x_m", "y_m"),
@@ -60,7 +50,7 @@ class BallCourse:
         """Names in order."""
         return [each for each in dict.fromkeys(self.flight) if each]
 
-    def of(self, flight: str) -> Flags:
+    def of(self, flight: str) -> Mask:
         """Return which places belong to a flight; "": to none."""
         return np.array([each == flight for each in self.flight], bool)
 

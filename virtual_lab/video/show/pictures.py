@@ -18,8 +18,6 @@ from virtual_lab.video.show.course import BallCourse
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Pictures", "draw_track", "pictures_of", "write_film", "write_sheet"]
-
 Image = NDArray[np.uint8]
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")  # of flights
 

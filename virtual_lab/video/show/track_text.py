@@ -13,8 +13,6 @@ from virtual_lab.video.locate.located import PlaceFlag
 if TYPE_CHECKING:
     from virtual_lab.video.track.tracking import Tracked
 
-__all__ = ["track_document", "track_text", "track_title"]
-
 RATIOS = {"floor": "speeds along the vertical", "wall": "speeds along the level"}
 
 

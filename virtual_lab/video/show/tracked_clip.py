@@ -33,8 +33,6 @@ from virtual_lab.video.show.track_text import track_document, track_text, track_
 if TYPE_CHECKING:
     from virtual_lab.video.bat.clip import BatSeen
 
-__all__ = ["Asked", "TrackedClip", "track_clip"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Asked:

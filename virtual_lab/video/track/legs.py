@@ -10,14 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.relations.flight import distance_after
-
-__all__ = ["AirOnFlight", "Legs", "Places", "StraightFlight", "fit_flight", "legs_of"]
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from virtual_lab.units import Array, Mask
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,10 +16,6 @@ from virtual_lab.video.follow.following import FollowedClip
 from virtual_lab.video.track.legs import StraightFlight
 from virtual_lab.video.track.tracking import Tracked
 
-__all__ = ["nearing", "with_speeds"]
-
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpeedSettings:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
+from virtual_lab.units import Array
 from virtual_lab.video.calibration.plane import Plane, plane_of
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import Clip
@@ -21,9 +22,6 @@ from virtual_lab.video.locate.located import Located, PlaceFlag, Regions, part_o
 from virtual_lab.video.locate.sharp import Sharp
 from virtual_lab.video.track.legs import AirOnFlight, Legs, Places, legs_of
 
-__all__ = ["Tracked", "middle_of", "sharpened", "uncovered_mean"]
-
-Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 
 

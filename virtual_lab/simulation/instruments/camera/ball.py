@@ -17,10 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from virtual_lab.relations.pinhole import rotation
-from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments.camera.spec import BallLook
-
-__all__ = ["Light", "RenderedBalls", "axes_of", "render_balls"]
+from virtual_lab.units import Array
 
 Pixels = NDArray[np.float32]
 

@@ -16,9 +16,8 @@ from numba import config, njit, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-__all__ = ["LANES", "NODE_PHASES", "KernelLook", "ShownBall", "add_row", "render"]
+from virtual_lab.units import Array
 
-Floats = NDArray[np.float64]
 Pixels = NDArray[np.float32]
 FAST: dict[str, Any] = {"cache": True, "fastmath": True, "error_model": "numpy"}
 NODE_PHASES = 256  # of a node between two grid points, in the table of its Gaussian
@@ -42,23 +41,23 @@ SEAM = Seam()
 class KernelLook(NamedTuple):
     """What all balls of a batch share."""
 
-    nodes: Floats  # (node, 4): x, y, z of the unit sphere, share of the disc
-    surface: Floats  # (4,): albedo, the seam's contrast, width and neck
+    nodes: Array  # (node, 4): x, y, z of the unit sphere, share of the disc
+    surface: Array  # (4,): albedo, the seam's contrast, width and neck
     table: Pixels  # flat: the Gaussian at eight grid points for each phase of a node
     blur: float  # what `table` leaves of the lens's [px]
-    gauss: Floats  # (2, point): nodes and weights along a leg of the path
+    gauss: Array  # (2, point): nodes and weights along a leg of the path
     size: int  # columns of the grid
 
 
 class ShownBall(NamedTuple):
     """One ball, or (region, ...) of a batch."""
 
-    warp: Floats  # (2, 5) from the unit disc to the picture [px]
-    path: Floats  # (point, 2) from the region's first pixel [px]
-    times: Floats  # (point,) 0 to 1
-    body: Floats  # (3, 3) axes of the ball in its rows
-    turn: Floats  # (3,) rotation vector during the exposure [rad]
-    light: Floats  # (5,): toward the lamp, ambient, softness
+    warp: Array  # (2, 5) from the unit disc to the picture [px]
+    path: Array  # (point, 2) from the region's first pixel [px]
+    times: Array  # (point,) 0 to 1
+    body: Array  # (3, 3) axes of the ball in its rows
+    turn: Array  # (3,) rotation vector during the exposure [rad]
+    light: Array  # (5,): toward the lamp, ambient, softness
     spans: NDArray[np.int64]  # steps in which a ball that turns is rendered
 
 
@@ -68,7 +67,7 @@ def _bump(u: float) -> float:
 
 
 @njit(**FAST)
-def _albedo(x: float, y: float, z: float, look: Floats) -> float:
+def _albedo(x: float, y: float, z: float, look: Array) -> float:
     """Return the albedo at a unit vector in axes of the ball.
 
     The seam is x^2 - y^2 + neck z = 0; about it, the first-order distance to it in radii.
@@ -90,7 +89,7 @@ def _albedo(x: float, y: float, z: float, look: Floats) -> float:
 
 
 @njit(**FAST)
-def _spread(warp: Floats, body: Floats, light: Floats, seen: KernelLook, grid: Pixels) -> None:
+def _spread(warp: Array, body: Array, light: Array, seen: KernelLook, grid: Pixels) -> None:
     """Fill `grid`, rows of the disc and of its radiance in turn."""
     nodes, look, table, size = seen.nodes, seen.surface, seen.table, seen.size
     for k in range(grid.size):
@@ -150,13 +149,13 @@ def _phase(part: float, table: Pixels, out: Pixels) -> None:
 
 @njit(**FAST)
 def _weights(
-    path: Floats,
-    times: Floats,
+    path: Array,
+    times: Array,
     start: float,
     end: float,
     look: KernelLook,
     first: NDArray[np.int64],
-    out: Floats,
+    out: Array,
 ) -> None:
     """Fill `out` with the pixel's square and the blur left, along the path from start to end.
 
@@ -190,7 +189,7 @@ def _weights(
 
 @njit(**FAST)
 def _gather(
-    grid: Pixels, planes: Pixels, weights: Floats, first: NDArray[np.int64], out: Pixels
+    grid: Pixels, planes: Pixels, weights: Array, first: NDArray[np.int64], out: Pixels
 ) -> None:
     """Add to pixels `out` (channel, row, column) what grid points give them.
 
@@ -227,7 +226,7 @@ def _gather(
 
 
 @njit(**FAST)
-def _turned(turn: Floats, share: float, body: Floats, out: Floats) -> None:
+def _turned(turn: Array, share: float, body: Array, out: Array) -> None:
     """Set `out` to `body` (axes of the ball in its rows) after a share of a rotation vector."""
     angle = share * sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
     a = share * (sin(angle) / angle if angle != 0 else 1.0)

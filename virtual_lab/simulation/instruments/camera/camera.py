@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.records import ClipRecord, TrackRecord
-from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, drawn
 from virtual_lab.simulation.instruments.camera.ball import Light, render_balls
@@ -22,8 +21,7 @@ from virtual_lab.simulation.instruments.camera.shots import Course, Frames, take
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
-
-__all__ = ["Camera"]
+from virtual_lab.units import Array
 
 Pixels = NDArray[np.float32]
 

@@ -17,8 +17,6 @@ from virtual_lab.simulation.instruments.camera.shots import Course, take
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.streams import Draws, Slots
 
-__all__ = ["whole_frames", "write_clip", "write_films", "write_preview"]
-
 Frame = NDArray[Any]
 PREVIEW_WIDTH = 480  # pixels
 

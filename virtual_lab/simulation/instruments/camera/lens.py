@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from virtual_lab.relations.pinhole import looking_down, projected
-from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments.camera.spec import DISTORTION
-
-__all__ = ["Outlines", "TrueLens"]
+from virtual_lab.units import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

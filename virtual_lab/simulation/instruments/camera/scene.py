@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
+from virtual_lab.units import Array
 
 if TYPE_CHECKING:
     from virtual_lab.simulation.instruments.camera.lens import TrueLens
-
-__all__ = ["FilmedBat", "background", "flicker", "windows"]
 
 Pixels = NDArray[np.float32]
 

@@ -9,9 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["hide_behind"]
+from virtual_lab.units import Array
 
-Floats = NDArray[np.float64]
 Pixels = NDArray[np.float32]
 FAST: dict[str, Any] = {"cache": True, "fastmath": True, "error_model": "numpy"}
 
@@ -25,7 +24,7 @@ def _step(z: float) -> float:
 
 
 @njit(**FAST)
-def _crossing(edge: Floats, y: float) -> tuple[float, float]:
+def _crossing(edge: Array, y: float) -> tuple[float, float]:
     """Return x and the cosine of an edge (station, 2) at the height y; stations rise in -y."""
     k = 0
     while k < len(edge) - 2 and edge[k + 1, 1] > y:
@@ -37,10 +36,10 @@ def _crossing(edge: Floats, y: float) -> tuple[float, float]:
 
 @njit(**FAST)
 def hide_behind(
-    near: Floats,
-    far: Floats,
+    near: Array,
+    far: Array,
     corners: NDArray[np.int64],
-    light: Floats,
+    light: Array,
     white: float,
     blur: float,
     electrons: Pixels,

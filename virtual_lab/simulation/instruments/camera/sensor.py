@@ -18,8 +18,6 @@ from virtual_lab.simulation.instruments.camera.spec import SensorSpec
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = ["Sensor"]
-
 Pixels = NDArray[np.float32]
 
 

@@ -9,9 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["DIM", "Electronics", "expect", "read_out"]
+from virtual_lab.units import Array
 
-Floats = NDArray[np.float64]
 Pixels = NDArray[np.float32]
 FAST: dict[str, Any] = {"cache": True, "fastmath": {"contract", "nsz"}, "error_model": "numpy"}
 DIM = np.float32(25)  # electrons below which noise is Poisson's own, not the Gaussian near it
@@ -72,8 +71,8 @@ def read_out(
     means: Pixels,
     corners: NDArray[np.int64],
     offset: Pixels,
-    normal: Floats,
-    uniform: Floats,
+    normal: Array,
+    uniform: Array,
     wired: Electronics,
     out: Any,
 ) -> None:

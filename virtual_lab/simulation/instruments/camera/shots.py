@@ -10,14 +10,12 @@ from numpy.typing import NDArray
 
 from virtual_lab.relations.flight import distance_after
 from virtual_lab.relations.pinhole import rotation
-from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments.camera.lens import Outlines, TrueLens
 from virtual_lab.simulation.instruments.camera.scene import flicker
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.streams import Draws, Slots
-
-__all__ = ["Course", "Frames", "take"]
+from virtual_lab.units import Array
 
 Ints = NDArray[np.intp]
 

@@ -18,17 +18,6 @@ from virtual_lab.catalog.specs import (
 from virtual_lab.simulation.instruments.calibrated import CalibratedSpec, certified
 from virtual_lab.uncertainty.estimate import Estimate
 
-__all__ = [
-    "DISTORTION",
-    "BallLook",
-    "CameraSpec",
-    "ClockSpec",
-    "LensSpec",
-    "LightSpec",
-    "PoseSpec",
-    "SensorSpec",
-]
-
 Length = Annotated[float, Dimension("length")]
 LengthU = Annotated[float, Ge(0), Dimension("length")]
 Time = Annotated[float, Ge(0), Dimension("time")]

@@ -16,12 +16,10 @@ from numpy.typing import NDArray
 
 from virtual_lab.relations.board import Board
 from virtual_lab.relations.pinhole import DOWN, distorted, rotation
-from virtual_lab.simulation.arrays import Array
 from virtual_lab.simulation.instruments.camera.camera import Camera
 from virtual_lab.simulation.instruments.camera.lens import TrueLens
 from virtual_lab.streams import Draws
-
-__all__ = ["board_views"]
+from virtual_lab.units import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
