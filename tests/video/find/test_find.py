@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from tests.video.scenery.filming import pictures
 from tests.video.scenery.scenes import SCENES
 from tests.video.scenes import Film, matte
-from virtual_lab.video.find.blobs import blobs
+from virtual_lab.video.find.blobs import BLOB, blobs
 from virtual_lab.video.find.drift import edges_of
 from virtual_lab.video.find.still import still_of
-from virtual_lab.video.find.watching import repeats
+from virtual_lab.video.find.watching import Watched, repeated, repeats
 from virtual_lab.video.track.tracking import middle_of, uncovered_mean
 
 NONE = np.zeros(2)
@@ -99,6 +99,49 @@ def test_a_changing_light_is_no_blob() -> None:
     for gain in (0.85, 1.0, 1.15):
         lit = np.clip(frames[3] * gain, 0, 255).astype(np.uint8)
         assert len(blobs(0, lit, lit, NONE, still)) == 0
+
+
+def test_a_light_of_another_colour_is_no_blob_and_leaves_the_ball_its_ring() -> None:
+    """A phone that balances white anew changes each channel by its own factor."""
+    rng = np.random.default_rng(2)
+    wall = np.repeat(np.repeat(rng.uniform(60, 170, (8, 10, 3)), 25, axis=0), 32, axis=1)
+    covered = matte((200, 320), 150.0, 90.0, 14.0)[..., None]
+    ball = covered * np.array([40.0, 60.0, 235.0]) + (1 - covered) * wall
+    still = still_of([wall.astype(np.uint8)] * 4, 8, stands=True)
+    for gains in ((1.0, 1.0, 1.0), (0.88, 1.0, 1.12), (0.75, 0.78, 0.8)):
+        lit = np.clip(wall * gains, 0, 255).astype(np.uint8)
+        assert len(blobs(0, lit, lit, NONE, still)) == 0
+        lit = np.clip(ball * gains, 0, 255).astype(np.uint8)
+        (found,) = blobs(0, lit, lit, NONE, still)
+        assert (found["x"], found["y"]) == pytest.approx((150.0, 90.0), abs=0.3)
+        assert found["radius"] == pytest.approx(14.0, rel=0.05)
+        assert found["dirty"] < 0.05
+
+
+def test_a_ball_before_a_pattern() -> None:
+    """Before some stripes it differs four times as much as before others."""
+    stripes = np.where(np.arange(200) // 9 % 2, 100.0, 160.0)[:, None] * np.ones(320)
+    covered = matte((200, 320), 150.0, 92.0, 20.0)
+    ball = covered * 80.0 + (1 - covered) * stripes
+    still = still_of([stripes.astype(np.uint8)] * 4, 8, stands=True)
+    seen = np.clip(ball, 0, 255).astype(np.uint8)
+    found = blobs(0, seen, seen, NONE, still)
+    best = found[np.argmin(np.hypot(found["x"] - 150, found["y"] - 92))]
+    assert (best["x"], best["y"]) == pytest.approx((150.0, 92.0), abs=2.5)
+    assert best["radius"] == pytest.approx(20.0, rel=0.2)
+
+
+def test_a_ball_at_the_top_of_a_low_hop_is_no_repeat() -> None:
+    """The picture hardly changes, but the ball is a pixel or two from where it was."""
+    change = np.array([np.nan, 40, 38, 9, 36, 40, 3, 41.0])
+    found = np.zeros(8, BLOB)
+    found["frame"], found["radius"], found["x"] = np.arange(8), 15.0, 100.0
+    found["y"] = [90, 84, 80, 78.5, 80, 84, 84, 90]
+    shifts = np.zeros((8, 2))
+    still = still_of([np.zeros((40, 40), np.uint8)] * 3, 8, stands=True)
+    watched = Watched(still=still, found=found, shifts=shifts, change=change)
+    assert np.flatnonzero(repeats(change)).tolist() == [3, 6]
+    assert np.flatnonzero(repeated(watched)).tolist() == [6]
 
 
 def test_frames_stored_twice_change_less_than_those_beside() -> None:

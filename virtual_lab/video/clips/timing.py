@@ -13,8 +13,6 @@ from virtual_lab.units import Array
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.reading import Source
 
-UNEVEN = 1.3  # of the usual step between time stamps: such a one stands for lost frames
-
 
 def frame_times(
     source: Source, stamps: Array, calibration: ClipCalibration
@@ -73,8 +71,32 @@ def usual_step(times: Array) -> float:
     steps = np.diff(times)
     if not len(steps):
         return 1.0
-    uneven = steps.max() > UNEVEN * float(np.median(steps))
-    return float(np.median(steps) if uneven else steps.mean())
+    return float(np.median(steps) if uneven(times) else steps.mean())
+
+
+def uneven(times: Array, *, lost: float = 1.3, slower: float = 1.1, together: int = 8) -> bool:
+    """Return whether time stamps say more than a count of frames.
+
+    Parameters
+    ----------
+    times
+        Of the frames, (frame,) [s].
+    lost
+        Times the usual step, that a step stands for frames left out.
+    slower
+        Times the usual step, that some steps are a phone's that films on more slowly in the dark.
+    together
+        How many steps: single ones are rounded.
+    """
+    steps = np.diff(times)
+    if not len(steps):
+        return False
+    usual = float(np.median(steps))
+    means = np.convolve(steps, np.full(together, 1 / together), "valid")
+    changed = len(steps) > together and (
+        means.max() > slower * usual or means.min() * slower < usual
+    )
+    return bool(steps.max() > lost * usual or changed)
 
 
 def _read_stamps(path: Path, count: int) -> Array:

@@ -51,6 +51,9 @@ class _Search:
     solid: float = 0.8  # of its hull's area that a blob fills
     filled: tuple[float, float] = (0.85, 1.12)  # of an ellipse's area, for a hull's moments
     thinnest: float = 0.22  # ratio of a blob's axes: blur of five times the ball
+    # percentiles of a blob that are its contrast; the second where the background has a pattern
+    brightness: tuple[float, float] = (85, 40)
+    round: float = 1.3  # ratio of axes, by the second one: a hand or a head is longer
     outline_level: float = 0.5  # of a blob's own contrast
     ring_level: float = 0.35  # of the contrast: what is brighter in the ring is not background
     centre_room: float = 0.35  # radii between a hull's middle and an outline's
@@ -75,12 +78,13 @@ def blobs(number: int, picture: Image, small: Image, shift: Array, still: Still)
     shift
         Of the picture from the still frame, (2,) [pixels].
     """
-    off = still.difference(small, shift)
+    light = still.light(small, shift)
+    off = still.difference(small, shift, light)
     found: list[Row] = []
     for box in _boxes(off, still.shrink):
         if any(_inside(box, each, still.origin) for each in found):
             continue
-        outlined = _outline(number, picture, shift, still, box)
+        outlined = _outline(number, picture, shift, light, still, box)
         if outlined is None:
             continue
         rivals = [each for each in found if _same(outlined, each)]
@@ -134,7 +138,12 @@ def _boxes(off: Image, shrink: int) -> Iterator[tuple[int, int, int, int]]:
 
 
 def _outline(
-    number: int, picture: Image, shift: Array, still: Still, box: tuple[int, int, int, int]
+    number: int,
+    picture: Image,
+    shift: Array,
+    light: Array,
+    still: Still,
+    box: tuple[int, int, int, int],
 ) -> Row | None:
     """Return the outline at half of the contrast in a box as a row of `BLOB`, None: no ball's."""
     import cv2
@@ -144,7 +153,7 @@ def _outline(
     room = max(6, round(0.6 * max(wide, high)))
     x0, y0 = max(0, left - room), max(0, top - room)
     size = (min(columns, left + wide + room) - x0, min(rows, top + high + room) - y0)
-    part, behind = still.cut(picture, shift, (x0, y0), size)
+    part, behind = still.cut(picture, shift, light, (x0, y0), size)
     fine = max(1, max(wide, high) // _SEARCH.coarse)
     if fine > 1:  # tenths of a pixel of a large ball take no more than that
         smaller = (max(1, size[0] // fine), max(1, size[1] // fine))
@@ -159,27 +168,30 @@ def _outline(
         (left - x0) // fine : (left - x0 + wide) // fine,
     ]
     bright = inner[inner > _SEARCH.faint]
-    contrast = float(np.percentile(bright, 85)) if bright.size >= _SEARCH.least_area else 0.0
-    if contrast < 2 * _SEARCH.faint:
+    if bright.size < _SEARCH.least_area:
         return None
-    drawn = _shape(off, _SEARCH.outline_level * contrast)
-    if drawn is None:
+    for percentile in _SEARCH.brightness:
+        contrast = float(np.percentile(bright, percentile))
+        if contrast < 2 * _SEARCH.faint:
+            return None
+        drawn = _shape(off, _SEARCH.outline_level * contrast)
+        if drawn is None:
+            continue
+        x, y, short, long = drawn
+        fitted = fit_outline(off, x, y, np.sqrt(short * long), contrast)
+        if fitted and np.hypot(fitted.x - x, fitted.y - y) >= _SEARCH.centre_room * short:
+            fitted = None
+        if percentile == _SEARCH.brightness[0] or (fitted and long < _SEARCH.round * short):
+            break
+    else:
         return None
-    x, y, short, long, solid, filled = drawn
-    if (
-        solid < _SEARCH.solid
-        or not _SEARCH.filled[0] < filled < _SEARCH.filled[1]
-        or short < _SEARCH.thinnest * long
-    ):
-        return None
-    fitted = fit_outline(off, x, y, np.sqrt(short * long), contrast)
     spread = _SEARCH.hull_u * short
-    if fitted is not None and np.hypot(fitted.x - x, fitted.y - y) < _SEARCH.centre_room * short:
+    if fitted:
         x, y, short, long, spread = fitted
         # a rim in shade takes the edge inward in light, a gamma does in grey values
-        light = _softened(difference_of_light(part, behind))
-        level = float(np.median(light[_disc(light.shape, x, y, 0.6 * short)]))
-        other = fit_outline(light, x, y, (short + long) / 2, level, rounds=1)
+        luminous = _softened(difference_of_light(part, behind))
+        level = float(np.median(luminous[_disc(luminous.shape, x, y, 0.6 * short)]))
+        other = fit_outline(luminous, x, y, (short + long) / 2, level, rounds=1)
         if other is not None and abs(other.short - short) < _SEARCH.centre_room * short:
             # the edge lies between the two, nobody knows where
             spread = float(np.hypot(spread, (other.short - short) / np.sqrt(12)))
@@ -210,10 +222,8 @@ def _disc(shape: tuple[int, ...], x: float, y: float, radius: float) -> NDArray[
     return np.asarray(row**2 + column**2 < radius**2)
 
 
-def _shape(
-    off: NDArray[np.float32], level: float
-) -> tuple[float, float, float, float, float, float] | None:
-    """Return centre, half axes, solidity and fill of the largest thing above a level."""
+def _shape(off: NDArray[np.float32], level: float) -> tuple[float, float, float, float] | None:
+    """Return centre and half axes of the largest thing above a level, None: it is no ball."""
     import cv2
 
     fine = 1
@@ -240,12 +250,16 @@ def _shape(
     filled = whole / (np.pi * long * short) if short > 0 else 0.0
     x, y = moments["m10"] / whole, moments["m01"] / whole
     solid = cv2.contourArea(outline) / whole
+    if (
+        solid < _SEARCH.solid
+        or not _SEARCH.filled[0] < filled < _SEARCH.filled[1]
+        or short + 0.5 < _SEARCH.thinnest * (long + 0.5)
+    ):
+        return None
     # an outline runs through the middle of its pixels, half a pixel inside the edge
     return (
         float((x + 0.5) / fine - 0.5),
         float((y + 0.5) / fine - 0.5),
         float((short + 0.5) / fine),
         float((long + 0.5) / fine),
-        float(solid),
-        float(filled),
     )

@@ -43,6 +43,7 @@ class _StillSettings:
     most_restless: int = 16  # DN: more may be a ball that stays
     rows: int = 64  # at a time: a sorted stack of whole pictures would need the memory of them all
     grid: int = 8  # every eighth pixel shows how bright the light is
+    lit: int = 16  # DN of a background that shows it
     gains: tuple[float, float] = (0.7, 1.4)  # of the light, from frame to frame
 
 
@@ -68,6 +69,11 @@ class Still:
     shows_drift: bool  # edges that no codec keeps still reach over the picture
 
     @property
+    def channels(self) -> int:
+        """Three of a picture in colour, one of a grey one."""
+        return 1 if self.small.ndim == 2 else self.small.shape[2]
+
+    @property
     def fastest(self) -> float:
         """How far it may drift [pixels a frame]."""
         return _STILL.turned * max(self.size) if self.shows_drift else _STILL.held
@@ -82,30 +88,48 @@ class Still:
         """Return a picture in the size that is searched."""
         return _shrunk(picture, self.shrink)
 
-    def difference(self, small: Image, shift: Array) -> Image:
+    def light(self, small: Image, shift: Array) -> Array:
+        """Return how much brighter than the background a small picture is, (channel,).
+
+        1.0 within half a percent, and where it cannot be told.
+        """
+        grid = np.s_[:: _STILL.grid, :: _STILL.grid]
+        here = moved_back(small, (shift + self.origin) / self.shrink, (0, 0), self.small)[grid]
+        some = self.small[grid].astype(np.float32).reshape(-1, self.channels)
+        gains = np.ones(self.channels)
+        for k, (one, lit) in enumerate(zip(here.reshape(some.shape).T, some.T, strict=True)):
+            if (lit > _STILL.lit).any():
+                gain = float(np.median(one[lit > _STILL.lit] / lit[lit > _STILL.lit]))
+                if _STILL.gains[0] < gain < _STILL.gains[1] and abs(gain - 1) > 0.005:
+                    gains[k] = gain
+        return gains
+
+    def difference(self, small: Image, shift: Array, light: Array) -> Image:
         """Return how far a small picture is from the background, (row, column) [DN].
 
         The channel that differs most counts, less what the pixel does without a ball.
         """
         import cv2
 
-        way, behind = (shift + self.origin) / self.shrink, self.small
-        here = moved_back(small, way, (0, 0), behind)
-        if (level := _level(here, behind)) != 1.0:
-            behind = np.asarray(cv2.convertScaleAbs(behind, alpha=level), np.uint8)
-            here = moved_back(small, way, (0, 0), behind)
+        behind = _lit(self.small, light)
+        here = moved_back(small, (shift + self.origin) / self.shrink, (0, 0), behind)
         apart = _strongest(_apart(here, behind))
         return np.asarray(cv2.subtract(apart, self.restless), np.uint8)
 
     def cut(
-        self, picture: Image, shift: Array, corner: tuple[int, int], size: tuple[int, int]
+        self,
+        picture: Image,
+        shift: Array,
+        light: Array,
+        corner: tuple[int, int],
+        size: tuple[int, int],
     ) -> tuple[Image, Image]:
         """Return a region of a full picture in the still frame, and what is behind it.
 
         Corner (x, y) and size (columns, rows) are of the background.
         """
         x, y = corner
-        behind = self.background[y : y + size[1], x : x + size[0]]
+        behind = _lit(self.background[y : y + size[1], x : x + size[0]], light)
         return moved_back(picture, shift + self.origin, corner, behind), behind
 
 
@@ -349,14 +373,12 @@ def _apart(one: Image, other: Image) -> Image:
     return np.asarray(cv2.absdiff(one, other), np.uint8)
 
 
-def _level(here: Image, behind: Image) -> float:
-    """Return how much brighter the light is than in the background; 1.0 within half a percent."""
-    some = behind[:: _STILL.grid, :: _STILL.grid].astype(np.float32)
-    lit = some > 16
-    if not lit.any():
-        return 1.0
-    level = float(np.median(here[:: _STILL.grid, :: _STILL.grid][lit] / some[lit]))
-    return level if _STILL.gains[0] < level < _STILL.gains[1] and abs(level - 1) > 0.005 else 1.0
+def _lit(behind: Image, light: Array) -> Image:
+    """Return a background as bright as a picture is, channel by channel."""
+    if (light == 1.0).all():
+        return behind
+    lit = behind.reshape(-1, len(light)) * light.astype(np.float32)
+    return np.clip(np.rint(lit), 0, 255).astype(np.uint8).reshape(behind.shape)
 
 
 def _median(pictures: Sequence[Image], shifts: Array | None = None) -> Image:

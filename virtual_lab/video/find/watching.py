@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.units import Array
+from virtual_lab.units import Array, Mask
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.find.blobs import BLOB, Blobs, blobs
 from virtual_lab.video.find.still import Image, Still, eight_bits, still_of
@@ -90,9 +90,27 @@ def watch(
     return Watched(still=still, found=whole, shifts=shifts, change=change, thumbs=thumbs)
 
 
+def repeated(watched: Watched) -> Mask:
+    """Return which frames show the same as the one before, (frame,): nothing round moves in them.
+
+    A ball at the top of a low hop hardly changes a picture, but for where it is.
+    """
+    found, same = watched.found, repeats(watched.change)
+    clean = found[(found["dirty"] < 0.35) & ~found["cut"]]
+    for k in np.flatnonzero(same):
+        old = clean[clean["frame"] == k - 1]
+        for one in clean[clean["frame"] == k]:
+            alike = old[np.abs(old["radius"] / one["radius"] - 1) < 0.1]
+            away = np.hypot(alike["x"] - one["x"], alike["y"] - one["y"]).min(initial=np.inf)
+            # a codec that stores a picture twice moves a blob by half a pixel
+            if max(0.7, 0.03 * one["radius"]) < away < one["radius"]:
+                same[k] = False
+    return same
+
+
 def repeats(
     change: Array, *, least_change: float = 8.0, share: float = 0.3, beside: int = 2
-) -> NDArray[np.bool_]:
+) -> Mask:
     """Return which frames show the same as the one before, (frame,), by what changes around them.
 
     Both sides must show more change: a key frame or the end of a motion is on one side only.

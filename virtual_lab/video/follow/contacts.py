@@ -24,6 +24,7 @@ class ContactSettings:
     least_change: float = 0.2  # of the speed: a smaller change is no contact
     off_normal: float = 35 * DEGREE  # that a change of velocity may be, to be along it
     slant_u: float = 0.5 * DEGREE  # of a floor or a wall off g, and of g as the camera sees it
+    least_u: float = 0.001  # of a restitution: no clip shows more
     vague_u: float = 0.25  # of a restitution that says nothing
     coverage: float = 2.0  # u: what lies beyond is no chance
 
@@ -153,7 +154,7 @@ def _restitution(
             return float(np.hypot(*after) / np.hypot(*before))
         return float(-(after @ normal) / (before @ normal))
 
-    ratio = estimate_of(ratio_of, fit, others)
+    ratio = estimate_of(ratio_of, fit, others, relative_u=CONTACTS.least_u)
     if normal is not None:  # a floor is level, a wall upright, but for so much
         _, before, after = _closest(fit, first, t)
         side = np.array([-normal[1], normal[0]])

@@ -42,7 +42,8 @@ class FlightSearch:
     coded_pixels: float = 0.4  # that a codec leaves of a small ball's sharp scatter
     # places on a flight's way
     place_room: tuple[float, float] = (0.2, 5.0)  # radii, and standard deviations, off it
-    end_room: tuple[float, float] = (0.1, 4.0)  # the same beyond the places that a piece had
+    further_room: tuple[float, float] = (0.1, 4.0)  # the same beyond the places a piece had
+    end_room: tuple[float, float] = (0.05, 4.0)  # the same of the first and the last, in the end
     dirty: float = 0.75  # of the ring: so much may be beside a place on a flight
     # two flights
     one_way_radii: float = 0.45  # median (the worst: twice that), off another's way: they are one
@@ -79,10 +80,22 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
     while flights:
         readout = readout_of(scene, flights, FLIGHTS.used_readout)
         fit = fit_flights(scene, flights, readout=readout)
+        ended = [_ended(*each, fit.spread) for each in zip(flights, fit.residuals, strict=True)]
+        if [len(each.t) for each in ended] != [len(each.t) for each in flights]:
+            flights = [each for each in ended if len(each.t) >= FLIGHTS.least_places]
+            continue
         if _holds(scene, flights, fit):
             return flights, fit
         flights.pop(int(np.argmax([(left**2).mean() for left in fit.residuals])))
     return [], None
+
+
+def _ended(piece: Piece, residuals: Array, spread: float) -> Piece:
+    """Return a flight without ends that lie off its way: in a hand, on a table, at a contact."""
+    radii, spreads = FLIGHTS.end_room
+    room = max(radii * piece.radius, spreads * spread)
+    good = np.flatnonzero(np.hypot(*residuals.T) < room)
+    return piece.part(slice(good[0], good[-1] + 1)) if good.size else piece
 
 
 def _holds(scene: FlightScene, flights: Sequence[Piece], fit: Fit) -> bool:
@@ -198,11 +211,14 @@ def _of_one_gravity(scene: FlightScene, pieces: list[Piece]) -> list[Piece]:
             room = max(chance, slowed, FLIGHTS.pull_share * size)
             ratio = max(other.radius, piece.radius) / min(other.radius, piece.radius)
             colour = np.abs(_colour(scene, other) - _colour(scene, piece)).max() < FLIGHTS.colour
-            if np.hypot(*(own - pull)) < room and ratio < FLIGHTS.size_ratio and colour:
+            if np.hypot(*(own - pull)) < room and ratio < FLIGHTS.size_ratio:
                 sure = other is piece or chance < FLIGHTS.unsure_share * size or not shows
-                (like if sure else loose).append(other)
-        # of a few places any acceleration may be gravity's: they must lie beside a flight
-        like += [o for o in loose if any(_gap(o, e) <= FLIGHTS.contact_frames for e in like)]
+                (like if sure and colour else loose).append(other)
+        # of a few places any acceleration may be gravity's, and a ball in two colours turns: they
+        # must lie beside a flight
+        while near := [o for o in loose if any(_beside(o, e) for e in like)]:
+            like += near
+            loose = [o for o in loose if not any(o is each for each in near)]
         # many short pieces of a hand's way agree by chance; long ones do not
         support = float(sum((len(each.t) - 3) ** 1.5 for each in like))
         if support > best[0]:
@@ -219,9 +235,13 @@ def _chance(piece: Piece, u: float) -> float:
     return 3 * u + 8 * FLIGHTS.chance_bend * piece.radius / float(np.ptp(piece.t)) ** 2
 
 
-def _gap(one: Piece, other: Piece) -> int:
-    """Return how many frames lie from one piece to another."""
-    return int(max(one.frames[0] - other.frames[-1], other.frames[0] - one.frames[-1]))
+def _beside(one: Piece, other: Piece) -> bool:
+    """Return whether one piece begins where and when the other ends."""
+    first, last = (one, other) if one.frames[0] < other.frames[0] else (other, one)
+    later = float(last.frames[0] - first.frames[-1])
+    steps = [np.hypot(*(each.xy[1] - each.xy[0])) for each in (first.part(np.s_[-2:]), last)]
+    apart = float(np.hypot(*(last.xy[0] - first.xy[-1])))
+    return later <= FLIGHTS.contact_frames and apart < first.radius + max(later, 1.0) * max(steps)
 
 
 def _fast(piece: Piece) -> float:
@@ -285,12 +305,21 @@ def _merged(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
     for k, piece in enumerate(flights[1:]):
         one = merged[-1]
         near = piece.t[0] - one.t[-1] <= 3 * FLIGHTS.contact_frames
-        if near and (lost := _one_way(fit, k, one, piece)) is not None:
+        if (near or _away(scene, fit, k, one, piece)) and (
+            lost := _one_way(fit, k, one, piece)
+        ) is not None:
             both = np.concatenate([one.blobs, piece.blobs])
             merged[-1] = Piece.of(scene.found, both, np.concatenate([one.t, piece.t + lost]))
         else:
             merged.append(piece)
     return merged
+
+
+def _away(scene: FlightScene, fit: Fit, first: int, before: Piece, after: Piece) -> bool:
+    """Return whether a flight's way lies outside of the picture between two parts of it."""
+    t = np.arange(before.t[-1] + 1, after.t[0])
+    at, room = fit.pictured(first, t), before.radius
+    return bool(((at < room) | (at > np.array(scene.size) - room)).any(axis=1).all())
 
 
 def _one_way(fit: Fit, first: int, before: Piece, after: Piece) -> int | None:
@@ -299,12 +328,13 @@ def _one_way(fit: Fit, first: int, before: Piece, after: Piece) -> int | None:
     Their velocities agree in the middle between them, and their places do; or the places of the
     shorter one, which another ball may have drawn aside, lie by the way of the longer one.
     """
-    middle, most = (before.t[-1] + after.t[0]) / 2, FLIGHTS.one_way_radii
+    middle = (before.t[-1] + after.t[0]) / 2
+    most = max(FLIGHTS.one_way_radii, FLIGHTS.place_room[1] * fit.spread / before.radius)
     found: int | None = None
     least = most
     for lost in range(GROWTH.lost_frames + 1):
         here, there = fit.at(first, middle)[0], fit.at(first + 1, middle - lost)[0]
-        turn = max(0.2 * float(np.hypot(*here[2:])), 1.5 * float(np.hypot(*fit.pull[0])))
+        turn = max(0.2 * float(np.hypot(*here[2:])), 2.5 * float(np.hypot(*fit.pull[0])))
         off = (there - here)[None, :2]
         if np.hypot(*(there - here)[2:]) > turn or np.hypot(*off[0]) > most * before.radius:
             if len(before.t) < len(after.t):
@@ -369,7 +399,7 @@ def _nearest(
     if beyond and not struck:  # a hand that lets go leads the ball on
         if some["dirty"][best] > GROWTH.dirty:
             return None
-        radii, spreads = (each * (1 + 0.3 * min(beyond, 3.0)) for each in FLIGHTS.end_room)
+        radii, spreads = (each * (1 + 0.3 * min(beyond, 3.0)) for each in FLIGHTS.further_room)
     room = max(radii * piece.radius, spreads * fit.spread)
     return int(there[best]) if off[best] < min(room, 0.5 * piece.radius) else None
 

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from virtual_lab.uncertainty.estimate import Estimate
-from virtual_lab.units import STANDARD_GRAVITY, Mask
+from virtual_lab.units import STANDARD_GRAVITY, Array, Mask
 from virtual_lab.video.calibration.plane import PixelScale, distance_of
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import Clip
-from virtual_lab.video.clips.timing import UNEVEN, usual_step
-from virtual_lab.video.find.watching import Watched, repeats, watch
+from virtual_lab.video.clips.timing import uneven, usual_step
+from virtual_lab.video.find.watching import Watched, repeated, watch
 from virtual_lab.video.follow.contacts import Contact, Note, contacts_of
-from virtual_lab.video.follow.flights import beside, flights_of, readout_of
+from virtual_lab.video.follow.flights import FLIGHTS, beside, flights_of, readout_of
 from virtual_lab.video.follow.joint import Fit, estimate_of, fit_flights
 from virtual_lab.video.follow.kinds import MotionKind, motion_of
 from virtual_lab.video.follow.pieces import Piece, pieces
@@ -154,7 +154,7 @@ def following(
     clip: Clip, watched: Watched, known: Known, given: list[Piece] | None = None
 ) -> FollowedClip:
     """Return the same of a clip that was watched; `given`: ways corrected by hand."""
-    same = repeats(watched.change)
+    same = repeated(watched)
     scene = _scene(clip, watched, known, same, squeezed=False)
     if given is not None:
         return _measured(clip, watched, known, scene, given, given, same)
@@ -170,8 +170,8 @@ def _scene(
     clip: Clip, watched: Watched, known: Known, same: Mask, *, squeezed: bool
 ) -> FlightScene:
     """Return what is known before the search; squeezed: a repeat takes no time."""
-    stamped, steps = np.arange(clip.count, dtype=float), np.diff(clip.times)
-    if len(steps) and steps.max() > UNEVEN * float(np.median(steps)):
+    stamped = np.arange(clip.count, dtype=float)
+    if uneven(clip.times):
         stamped = (clip.times - clip.times[0]) / usual_step(clip.times)
     length = known.metres_per_pixel or (known.ball and known.ball / 2)
     return FlightScene(
@@ -312,7 +312,11 @@ def _measured(
                 )
                 notes.append(("DRIFT_UNSEEN", words))
         unit = scale.metres_per_pixel
-        contacts, against = contacts_of(scene, ways, fit, others, step, unit)
+        read = []
+        if fit.readout and scene.readout is None:  # found among so many that were tried
+            near = fit.readout - FLIGHTS.readouts[1]
+            read = [(fit_flights(scene, ways, readout=near, tilted=tilted), 1 / np.sqrt(3))]
+        contacts, against = contacts_of(scene, ways, fit, [*others, *read], step, unit)
         flights = _flights(scene, ways, fit, others, contacts, scale, step)
         gravity = estimate_of(
             partial(_pull, 0), fit, unit=unit / step**2, relative_u=scale.relative_u
@@ -436,10 +440,13 @@ def _flights(
     for k, way in enumerate(ways):
         late = float(np.median(scene.late(way.blobs)))
         ends = []
-        for t in (before.get(k, float(way.t[0])), after.get(k, float(way.t[-1]))):
+        for met, end in ((before, way.t[0]), (after, way.t[-1])):
+            t = met.get(k, float(end))
             speed_at = partial(_speed, k, t, late)
             speed = estimate_of(speed_at, fit, others, unit=unit, relative_u=scale.relative_u)
             right, down = fit.at(k, t + fit.readout * late)[0, 2:]
+            if k not in met:
+                speed = _let_go(speed, unit, fit, np.array([right, down]), fit.pull[k])
             angle = Estimate(value=float(np.arctan2(-down, right)), u=speed.u / speed.value)
             ends.append((speed, angle))
         (speed_in, angle_in), (speed_out, angle_out) = ends
@@ -459,6 +466,21 @@ def _flights(
             )
         )
     return found
+
+
+def _let_go(speed: Estimate, unit: float, fit: Fit, velocity: Array, pull: Array) -> Estimate:
+    """Return the speed where a flight begins or ends, its u with that of what held the ball there.
+
+    A ball that hardly falls yet lies where it was held: for so long places do not tell the two.
+    """
+    size = float(np.hypot(*pull))
+    if size == 0:
+        return speed
+    falls = float(velocity @ pull) / size
+    if abs(falls) > size * (1 + np.sqrt(8 * fit.spread / size)):
+        return speed
+    across = abs(float(velocity[0] * pull[1] - velocity[1] * pull[0])) / size
+    return replace(speed, u=float(np.hypot(speed.u, speed.value - unit * across)))
 
 
 def _pull(flight: int, fit: Fit) -> float:

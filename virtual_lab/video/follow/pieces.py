@@ -31,6 +31,8 @@ class PieceGrowth:
     travel: float = 1.0  # radii it covers
     short_travel: float = 0.5  # radii, if it strays off a parabola by so little: no noise does
     short_stray: float = 0.01  # radii
+    hop: float = 0.25  # radii that a known g must bend a way by that travels less,
+    hop_stray: float = 0.03  # radii that it may stray off g's parabola by
     recent_places: int = 6  # that show where the next one is
     seeds: int = 4  # triples tried from a blob
     slowest: float = 0.01  # radii a frame
@@ -42,6 +44,7 @@ class PieceGrowth:
     size_ratio: float = 1.6  # of the radii of one ball's blobs
     colour: float = 70.0  # DN between its blobs
     dirty: float = 0.35  # of the ring: more is a hand, or the ball on something
+    shown_places: int = 8  # of a piece that shows its own acceleration
     # a piece is given other times where they shrink its misfit
     mended_share: float = 0.5  # to this share
     mended_radii: float = 0.3  # by so many radii for each change
@@ -54,7 +57,9 @@ class PieceCuts:
     turn: float = 0.22  # of the speed that it must change by for a contact
     turn_u: float = 6.0  # standard uncertainties of that change
     turn_pull: float = 3.0  # of what gravity adds in a frame: less leaves no flight behind it
-    bent: float = 0.1  # radii, rms off a parabola: no flight, or not all of it
+    better: float = 0.5  # of the rms off a parabola, that a cut leaves at most
+    bent: float = 0.1  # radii of that: no flight, or not all of it,
+    bent_better: float = 0.7  # and so much may be left: the next cut may leave less
     stray: float = 0.15  # radii off the others' parabola
     stray_share: float = 0.15  # of the places that may be so far off and be left out
     scatters: float = 4.0  # that a place may be off the others' parabola
@@ -118,11 +123,7 @@ def pieces(found: Blobs, time: Array, pull: Array | None = None) -> list[Piece]:
     pull
         Acceleration that all share, (2,) [pixels/frame²], where it is known.
     """
-    grown = _Growth(found, time, pull).all()
-    if pull is not None:
-        grown = [_retimed(each, time, pull) for each in grown]
-    whole = [_trimmed(_cleaned(each)) for one in grown for each in _broken(one)]
-    whole = [each for each in whole if len(each.t) >= GROWTH.least_places]
+    whole = [p for p in _Growth(found, time, pull).all() if len(p.t) >= GROWTH.least_places]
     return sorted(whole, key=lambda each: each.frames[0])
 
 
@@ -149,14 +150,30 @@ class _Growth:
             places, t = max(grown, key=lambda each: len(each[0]), default=([], []))
             if len(places) < GROWTH.least_places:
                 continue
-            way, radius = self.xy[places], float(np.median(self.radius[places]))
-            travel = np.ptp(way, axis=0).max() / radius
-            steady = parabola(np.array(t), way)[2] <= GROWTH.short_stray * radius
-            if travel < (GROWTH.short_travel if steady else GROWTH.travel):
+            piece = Piece.of(self.found, self.index[places], np.array(t))
+            radius, travel = piece.radius, np.ptp(piece.xy, axis=0).max()
+            steady = parabola(piece.t, piece.xy)[2] <= GROWTH.short_stray * radius
+            goes = travel >= (GROWTH.short_travel if steady else GROWTH.travel) * radius
+            if not goes and (self.pull is None or travel < GROWTH.hop * radius):
                 continue
-            self.used[places] = True
-            found.append(Piece.of(self.found, self.index[places], np.array(t)))
+            if self.pull is not None:
+                piece = _retimed(piece, self.time, self.pull)
+            parts = [_trimmed(_cleaned(each)) for each in _broken(piece)]
+            if not goes:  # nor is it a hop, with the next one's first place
+                parts = [each for each in parts if self._hops(each)]
+            for each in [piece] if goes else parts:
+                self.used[np.isin(self.index, each.blobs)] = True
+            found += parts
         return found
+
+    def _hops(self, piece: Piece) -> bool:
+        """Return whether a piece goes less far than noise may, but as gravity bends its way."""
+        if self.pull is None or len(piece.t) < GROWTH.least_places:
+            return False
+        sag = float(np.hypot(*self.pull)) * np.ptp(piece.t) ** 2 / 8
+        squares = _off_parabola(piece.t[None], piece.xy, self.pull)[0]
+        stray = float(np.sqrt(squares / (2 * len(piece.t) - 4)))
+        return bool(sag > GROWTH.hop * piece.radius and stray < GROWTH.hop_stray * piece.radius)
 
     def _like(self, one: int, frame: int, radius: float) -> Ints:
         """Return the unused blobs of a frame that look like one."""
@@ -269,6 +286,9 @@ def _retimed(piece: Piece, time: Array, pull: Array) -> Piece:
         if costs[best] > cost - least:
             break
         t, cost = times[good][best], float(costs[best])
+    if count >= GROWTH.shown_places:  # another acceleration, as in a hand, may explain it too
+        free = min(parabola(each, piece.xy)[2] for each in (piece.t, even))
+        plain = min(plain, 2 * (count - 2) * free**2)
     mended = cost <= GROWTH.mended_share * min(plain, before)
     return replace(piece, t=t if mended else start[0])
 
@@ -286,7 +306,8 @@ def _broken(piece: Piece) -> list[Piece]:
     """Return a piece cut where its velocity changes at once: a contact that growth went through."""
     count, cut = len(piece.t), 0
     pull, _, whole = parabola(piece.t, piece.xy)
-    least = 0.5 * whole
+    bent = whole >= CUTS.bent * piece.radius
+    least = (CUTS.bent_better if bent else CUTS.better) * whole
     for k in range(4, count - 3):
         moment = (piece.t[k - 1] + piece.t[k]) / 2
         before, u_before, rms_before = _velocity(piece.part(slice(k)), moment)
@@ -297,8 +318,7 @@ def _broken(piece: Piece) -> list[Piece]:
             CUTS.turn_pull * np.hypot(*pull),
         )
         rms = float(np.sqrt((k * rms_before**2 + (count - k) * rms_after**2) / count))
-        turned = np.hypot(*(after - before)) > turn or whole >= CUTS.bent * piece.radius
-        if turned and rms < least:
+        if (bent or np.hypot(*(after - before)) > turn) and rms < least:
             least, cut = rms, k
     if not cut:
         return [piece]

@@ -1,0 +1,102 @@
+"""Flights out of blobs of known ways: a toss, low hops, a ball in two colours, repeats."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from virtual_lab.video.clips.timing import uneven, usual_step
+from virtual_lab.video.find.blobs import BLOB, Blobs
+from virtual_lab.video.follow.flights import flights_of
+from virtual_lab.video.follow.pieces import Piece, pieces
+from virtual_lab.video.follow.scene import FlightScene
+
+Array = NDArray[np.float64]
+RADIUS = 15.0  # px
+PULL = 0.285  # px/frame²
+
+
+def blobs_of(xy: Array, colour: Array | float = 100.0, noise: float = 0.2) -> Blobs:
+    """Return a clean blob a frame at some places, (frame, 2) [px]."""
+    found = np.zeros(len(xy), BLOB)
+    found["frame"] = np.arange(len(xy))
+    found["x"], found["y"] = (xy + np.random.default_rng(5).normal(0, noise, xy.shape)).T
+    found["picture_x"], found["picture_y"] = found["x"], found["y"]
+    found["radius"] = found["length"] = RADIUS
+    found["contrast"] = 80.0
+    found["colour"] = np.broadcast_to(np.reshape(colour, (-1, 1)), (len(xy), 3))
+    return found
+
+
+def flights_in(found: Blobs) -> list[Piece]:
+    """Return the flights, of a camera with a global shutter; g is known after the first round."""
+    time = np.arange(found["frame"].max() + 1.0)
+    scene = FlightScene(
+        found=found,
+        time=time,
+        stamped=time,
+        size=(960, 540),
+        exposure=0.5,
+        fall=PULL / RADIUS,
+    )
+    flights, fit = flights_of(scene, pieces(found, time))
+    if fit is not None:
+        flights, _ = flights_of(scene, pieces(found, time, fit.pull[0]))
+    return flights
+
+
+def hops(speeds: list[float]) -> tuple[Array, list[NDArray[np.intp]]]:
+    """Return the way of a ball that leaves the floor with such speeds [px/frame], and its hops."""
+    ends = np.cumsum([0.4, *(2 * each / PULL for each in speeds)])
+    t = np.arange(int(ends[-1]))
+    y = np.full(len(t), 400.0)
+    whole = []
+    for start, end, speed in zip(ends[:-1], ends[1:], speeds, strict=True):
+        inside = (t >= start) & (t < end)
+        late = t[inside] - start
+        y[inside] -= speed * late - PULL * late**2 / 2
+        whole.append(np.flatnonzero(inside & (t > start + 0.5) & (t < end - 0.5)))
+    return np.stack([100 + 2.0 * t, y], axis=1), whole
+
+
+def test_a_toss_that_a_hand_leads_and_catches() -> None:
+    """The velocity hardly changes where the hand lets go: one cut leaves no parabola."""
+    rise = np.cumsum(np.linspace(0, 9.5, 26))  # the hand: faster and faster, 9.5 px/frame at last
+    late = np.arange(1, 67)
+    flown = rise[-1] + 9.5 * late - PULL * late**2 / 2
+    caught = flown[-1] - 6.0 * np.arange(1, 15)
+    y = 500 - np.concatenate([rise, flown, caught])
+    (flight,) = flights_in(blobs_of(np.stack([np.full(len(y), 400.0), y], axis=1)))
+    assert abs(flight.frames[0] - len(rise)) <= 3
+    assert abs(flight.frames[-1] - (len(rise) + len(flown))) <= 3
+
+
+def test_hops_lower_than_the_ball() -> None:
+    way, whole = hops([6.0, 4.2, 2.9, 2.1, 1.7])
+    flights = flights_in(blobs_of(way))
+    assert len(flights) == len(whole)
+    for flight, inside in zip(flights, whole, strict=True):
+        assert np.isin(inside, flight.frames).mean() >= 0.8
+
+
+def test_a_ball_in_two_colours_that_turns() -> None:
+    way, whole = hops([6.0, 5.0, 4.0])
+    colour = np.full(len(way), 60.0)
+    colour[whole[1][0] :] = 140.0
+    colour[whole[2][0] :] = 215.0
+    assert len(flights_in(blobs_of(way, colour))) == 3
+
+
+def test_rest_before_a_fall_is_no_part_of_the_flight() -> None:
+    late = np.maximum(np.arange(60) - 25.0, 0)
+    way = np.stack([np.full(60, 300.0), 100 + PULL * late**2 / 2], axis=1)
+    (flight,) = flights_in(blobs_of(way))
+    assert 22 <= flight.frames[0] <= 29
+
+
+@pytest.mark.parametrize("after", [1 / 30, 1 / 24])
+def test_a_phone_that_films_on_more_slowly(after: float) -> None:
+    """In the dark phones go from 30 to 24 a second: time stamps that say so are believed."""
+    rounded = np.random.default_rng(1).uniform(-4e-4, 4e-4, 80)
+    times = np.cumsum([*np.full(30, 1 / 30), *np.full(50, after)]) + rounded
+    assert uneven(times) == (after != 1 / 30)
+    assert usual_step(times) == pytest.approx(after, rel=0.02)
