@@ -93,8 +93,7 @@ class BallFlights(NamedTuple):
     tilt: Array  # of the line of centres to the line of fire [rad]
     contact: Array  # when the ball meets the bat [s]
     leaving: Array  # and leaves it
-    place: Array  # struck, from the barrel tip [m]
-    across: Array  # height of the ball above the bat's axis [m]
+    bat: RestingBat  # and the blows on it
     ball_restitution: Array
 
     @property
@@ -178,6 +177,11 @@ class RestingBatStation(CannonStation):
         """Fire at the bat at rest and time the ball through every gate, both ways."""
         return self.timed(self.fly(order, specimen, draws), order, draws)
 
+    def around(self, radius: float) -> Surroundings:
+        """Return what stands around the bat, for balls of a radius [m]."""
+        view = self.gates.spec.view(radius)
+        return Surroundings(self.frame, self.stop, self.gates.distances, view)
+
     def fly(self, order: ShotPlan, specimen: Specimen, draws: Draws) -> BallFlights:
         """Fire at the bat at rest: return what the balls do."""
         name, slots, balls, body = self.name, order.slot, specimen.balls, specimen.bat.body
@@ -201,9 +205,7 @@ class RestingBatStation(CannonStation):
         )
         axis = body.length - self.holder.from_knob
         bat = RestingBat(body, axis, place, across, blows.efficiency, mass)
-        view = self.gates.spec.view(balls.spec.radius)
-        around = Surroundings(self.frame, self.stop, self.gates.distances, view)
-        shots = flown(passage, order, bat, around)
+        shots = flown(passage, order, bat, self.around(balls.spec.radius))
         contact = self.gates.arrival(shots.passage)
         return BallFlights(
             flown=shots,
@@ -211,8 +213,7 @@ class RestingBatStation(CannonStation):
             tilt=tilt,
             contact=contact,
             leaving=contact + blows.contact_time + shots.late,
-            place=place,
-            across=across,
+            bat=bat,
             ball_restitution=e0,
         )
 
@@ -222,8 +223,8 @@ class RestingBatStation(CannonStation):
             records=self.records(fired.passage, fired.contact, fired.leaving, order, draws),
             truth={
                 "speed": fired.passage.speed_in,
-                "place": fired.place,
-                "across": fired.across,
+                "place": fired.bat.place,
+                "across": fired.bat.across,
                 "ball_restitution": fired.ball_restitution,
                 "collision_efficiency": fired.efficiency,
                 "rebound_speed": fired.passage.speed_out,
