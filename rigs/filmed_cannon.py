@@ -53,7 +53,6 @@ class FilmedCannon(BallCannon):
     """The rig."""
 
     name = "filmed-cannon"
-    title = "Ball cannon with a high-speed camera over it"
     channels: Mapping[str, type[Record]] = {**BallCannon.channels, "camera": ClipRecord}
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> FilmedCannonStation:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from virtual_lab.simulation.impact import (
 from virtual_lab.simulation.instruments import FittedStation, Instrument, InstrumentFactory
 from virtual_lab.simulation.instruments.air import Gravity, GravitySpec, HallAir, HallAirSpec
 from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
+from virtual_lab.simulation.instruments.holder import Holder
 from virtual_lab.simulation.instruments.light_gate import BallGates
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.motion.scene import FrameSpec, StopSpec
@@ -74,17 +75,6 @@ def fitted(
     }
 
 
-class BatHolder(Instrument, Protocol):
-    """What holds a bat."""
-
-    @property
-    def spec(self) -> Any: ...
-    @property
-    def from_knob(self) -> float: ...
-    @property
-    def height(self) -> float: ...
-
-
 class BallFlights(NamedTuple):
     """What the balls of an order do, arrays (shot,)."""
 
@@ -112,7 +102,7 @@ class CannonStation(FittedStation):
 
     name: ClassVar[str]  # under which it draws
 
-    holder: BatHolder
+    holder: Holder[Any]
     cannon: Cannon
     gates: BallGates[Any]
     air: HallAir

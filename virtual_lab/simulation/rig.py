@@ -15,7 +15,7 @@ from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +48,7 @@ __all__ = [
     "WallStation",
     "find_rig",
     "installed_rigs",
+    "named",
 ]
 
 
@@ -57,15 +58,6 @@ class Reality(Enum):
     REAL = "real"
     NOISE_FREE = "noise-free"  # no randomness; ring, counts, drag and friction stay
     IDEAL = "ideal"  # nor these: every individual and instrument equals its nominal
-
-    @classmethod
-    def named(cls, name: Reality | str) -> Reality:
-        """Return the reality of a name; `InputError` where there is none."""
-        try:
-            return cls(name)
-        except ValueError as fault:
-            allowed = f"allowed: {', '.join(each.value for each in cls)}"
-            raise InputError("", "reality", name, allowed) from fault
 
     def draws(self, seed: int, *branch: int) -> Draws:
         """Return the random numbers a laboratory of this kind draws, or those of a branch."""
@@ -78,13 +70,16 @@ class MotionRung(Enum):
     CLOSED_FORM = "closed-form"  # all shots at once
     PYMUNK = "pymunk"  # a scene a shot
 
-    @classmethod
-    def named(cls, name: str) -> MotionRung:
-        """Return the motion of a name; `InputError` where there is none."""
-        names = [motion.value for motion in cls]
-        if name not in names:
-            raise InputError("", "motion", name, f"allowed: {', '.join(names)}")
-        return cls(name)
+
+E = TypeVar("E", bound=Enum)
+
+
+def named(kind: type[E], key: str, name: str) -> E:
+    """Return the member of a kind by its value; `InputError` under `key` where there is none."""
+    names = [each.value for each in kind]
+    if name not in names:
+        raise InputError("", key, name, f"allowed: {', '.join(names)}")
+    return kind(name)
 
 
 class Stage(Enum):
@@ -209,8 +204,6 @@ class Rig(Protocol):
 
     @property
     def name(self) -> str: ...
-    @property
-    def title(self) -> str: ...
     @property
     def stage(self) -> Stage: ...
     @property
