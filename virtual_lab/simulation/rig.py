@@ -29,12 +29,9 @@ from virtual_lab.streams import Draws, Quiet, Slots, Streams
 from virtual_lab.uncertainty.estimate import Estimate
 
 if TYPE_CHECKING:
-    from virtual_lab.catalog.specs import BatBody
-    from virtual_lab.simulation.collision.scene import CollisionModel, Scenes
-    from virtual_lab.simulation.physics.beam import Support
+    from virtual_lab.simulation.collision.ladder import Ladder
 
 __all__ = [
-    "CollisionChoice",
     "FilmingStation",
     "ImpactStation",
     "MotionRung",
@@ -90,26 +87,13 @@ class Stage(Enum):
     IMPACT = "impact"  # fires balls at the bat
 
 
-class CollisionChoice(Protocol):
-    """How the laboratory hands a rig the collision: a bat's body and support in, a rung out."""
-
-    def __call__(self, body: BatBody, support: Support) -> CollisionModel: ...
-    def efficiency(self, body: BatBody, support: Support, scenes: Scenes) -> Array:
-        """Return e_A of scenes nothing else is wanted of, (n,)."""
-        ...
-
-    def true_efficiency(self, body: BatBody, support: Support, scenes: Scenes) -> Array:
-        """Return e_A of the scenes that the truth rests on, (n,): never by the rigid rung."""
-        ...
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Specimen:
     """What is on the rig: true bat, true balls, and the collision between them."""
 
     bat: TrueBat
     balls: TrueBalls
-    collision: CollisionChoice
+    collision: Ladder
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
