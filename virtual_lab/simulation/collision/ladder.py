@@ -204,8 +204,8 @@ def choose_efficiency(
         surrogate = Surrogate.build(choice.model, box, tolerance=PROBING.surrogate_tolerance)
     except InputError as refused:
         return replace(choice, reason=f"{choice.reason}; no surrogate: {refused}")
-    taken = replace(choice, name=f"surrogate of the rung {choice.name}", error=error)
-    taken = replace(taken, surrogate=surrogate)
+    name = f"surrogate of the rung {choice.name}"
+    taken = replace(choice, name=name, error=error, surrogate=surrogate)
     return _because(taken, "is the cheapest good enough", probe, allowed)
 
 
