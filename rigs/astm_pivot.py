@@ -9,11 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from math import inf
 from typing import Annotated, ClassVar
 
 import numpy as np
-from annotated_types import Ge, Gt
+from annotated_types import Ge
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BatBody, Dimension
@@ -25,12 +24,8 @@ from virtual_lab.simulation.cannon_station import (
     fitted,
 )
 from virtual_lab.simulation.instruments import Instrument, InstrumentFactory, RecordDetail
-from virtual_lab.simulation.instruments.calibrated import (
-    CalibratedInstrument,
-    CalibratedSpec,
-    Freedom,
-)
 from virtual_lab.simulation.instruments.encoder import Encoder, EncoderSpec
+from virtual_lab.simulation.instruments.holder import AxisSpec, Holder
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.physics.coasting import coasting, ringing
@@ -42,7 +37,7 @@ GAP = 2.3e-3  # s, a recorder that sums up leaves out after contact: the blow's 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PivotSpec(CalibratedSpec):
+class PivotSpec(AxisSpec):
     """The bearing that holds the bat: its place, and the torques that slow the recoil."""
 
     other_errors: ClassVar[tuple[str, ...]] = (
@@ -53,28 +48,12 @@ class PivotSpec(CalibratedSpec):
         "clearance",
     )
 
-    nominal_from_knob: Annotated[float, Gt(0), Dimension("length")]  # where the axis should be
-    from_knob: Annotated[float, Gt(0), Dimension("length")]
-    from_knob_u: Annotated[float, Ge(0), Dimension("length")]
     constant_torque: Annotated[float, Ge(0), Dimension("torque")]
     viscous_torque: Annotated[float, Ge(0), Dimension("viscous torque")]
     air_torque: Annotated[float, Ge(0), Dimension("quadratic torque")]
     friction: Annotated[float, Ge(0), Dimension("number")]  # of the journal, under the blow
     journal_radius: Annotated[float, Ge(0), Dimension("length")]
     clearance: Annotated[float, Ge(0), Dimension("length")]  # that the journal moves either way
-    from_knob_dof: Freedom = inf
-
-
-@dataclass(frozen=True, slots=True)
-class Pivot(CalibratedInstrument[PivotSpec]):
-    """The bearing of one laboratory."""
-
-    height: ClassVar[float] = 0.0  # the cannon is lined up on this bat
-
-    @property
-    def from_knob(self) -> float:
-        """The true distance of the axis from the knob [m]."""
-        return self.true["from_knob"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,7 +68,6 @@ class AstmPivot:
     """The rig."""
 
     name = "astm-pivot"
-    title = "ASTM pivoted bat: 60 mph cannon, light gates, encoder on the pivot"
     stage = Stage.IMPACT
     motions = frozenset(MotionRung)
     channels: Mapping[str, type[Record]] = {
@@ -104,7 +82,7 @@ class AstmPivot:
         factory = InstrumentFactory(draws=draws, ideal=ideal)
         pivot = factory.as_asked(spec.pivot)
         return AstmPivotStation(
-            holder=Pivot.commission(pivot, draws, "astm-pivot.pivot"),
+            holder=Holder.commission(pivot, draws, "astm-pivot.pivot"),
             encoder=factory.commission(
                 Encoder.commission, EncoderSpec, spec.encoder, "astm-pivot.encoder"
             ),
@@ -120,7 +98,7 @@ class AstmPivotStation(RestingBatStation):
 
     name = "astm-pivot"
 
-    holder: Pivot
+    holder: Holder[PivotSpec]
     encoder: Encoder
 
     def instruments(self) -> dict[str, Instrument]:

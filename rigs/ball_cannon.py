@@ -32,7 +32,6 @@ class BallCannon:
     """The rig."""
 
     name = "ball-cannon"
-    title = "Ball cannon: bat at rest on a pivot, three boards of light beams"
     stage = Stage.IMPACT
     motions = frozenset(MotionRung)
     channels: Mapping[str, type[Record]] = {"log": ShotLog, "gates": BoardRecord, "aim": AimMarks}

@@ -43,7 +43,6 @@ class BallWall:
     """The rig."""
 
     name = "ball-wall"
-    title = "Ball-wall rig: cannon, massive wall, light gates in and out"
     stage = Stage.BALLS
     channels: Mapping[str, type[Record]] = {"log": ShotLog, "gates": GateRecord}
 

@@ -44,7 +44,6 @@ class Bench:
     """The rig."""
 
     name = "bench"
-    title = "Bench: scale, rule, balance stand, pendulum"
     stage = Stage.BENCH
     channels: Mapping[str, type[Record]] = {
         "bat-mass": MassReadings,

@@ -51,7 +51,6 @@ class FilmedCannon(BallCannon):
     """The rig."""
 
     name = "filmed-cannon"
-    title = "Ball cannon with a high-speed camera over it"
     channels: Mapping[str, type[Record]] = {**BallCannon.channels, "camera": ClipRecord}
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> FilmedCannonStation:
@@ -116,18 +115,18 @@ class FilmedCannonStation(BallCannonStation):
 
         axis = body.length - self.holder.from_knob
         before = float(touching(self.spec.over, 0.0))  # of the ball's centre, to the bat's axis
-        gap = touching(flown.place, flown.across) - before
+        gap = touching(flown.bat.place, flown.bat.across) - before
         course = Course(
             passage=replace(flown.passage, plane=flown.passage.plane + gap),
             contact=flown.contact,
             leaving=flown.leaving,
-            along=self.spec.over - flown.place,
+            along=self.spec.over - flown.bat.place,
             spin_in=self._spin("in", self.spec.spin_in, order, draws),
             spin_out=self._spin("out", self.spec.spin_out, order, draws),
             stand=self._spin("stand", np.pi, order, draws),
         )
         beam = beam_of(body)
-        mass, lever = specimen.balls.mass[order.ball], axis - flown.place
+        mass, lever = specimen.balls.mass[order.ball], axis - flown.bat.place
         blow = (
             mass
             * flown.passage.speed_in

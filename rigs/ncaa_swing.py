@@ -69,7 +69,6 @@ class NcaaSwing:
     """The rig."""
 
     name = "ncaa-swing"
-    title = "NCAA swing machine: driven bat, ball cannon, three boards of light beams"
     stage = Stage.IMPACT
     channels: Mapping[str, type[Record]] = {
         "log": ShotLog,

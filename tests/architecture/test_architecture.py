@@ -244,3 +244,12 @@ def test_no_public_name_stands_for_two_things() -> None:
             found.setdefault(public, []).append(str(path.relative_to(ROOT)))
     twice = {name: paths for name, paths in found.items() if len(paths) > 1}
     assert not twice, twice
+
+
+def test_no_file_holds_two_sides_of_a_merge() -> None:
+    kinds = {".py", ".md", ".toml", ".html", ".css", ".js"}
+    tops = [ROOT / name for name in ("virtual_lab", "rigs", "tests", "data")]
+    paths = [*ROOT.glob("*.md"), *(path for top in tops for path in top.rglob("*"))]
+    for path in (each for each in paths if each.suffix in kinds):
+        lines = path.read_text("utf-8").splitlines()
+        assert not [line for line in lines if line.startswith(("<<<" + "<<<< ", ">>>>" + ">>> "))]

@@ -12,7 +12,7 @@ from virtual_lab.bench.day import Day, DayEvent, replayed
 from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.firing import Firing, ShotConditions
 from virtual_lab.bench.page import day_page
-from virtual_lab.bench.sketching import blurred, plan_of_shot, true_motion
+from virtual_lab.bench.sketching import blurred, scene_of_shot, true_motion
 from virtual_lab.bench.slow_motion import contact_words, sketched, slow_motion
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.streams import Streams
@@ -115,9 +115,9 @@ def before_shot(day: Day, shot: int) -> Day:
 
 def test_a_shot_that_meets_the_frame_says_so() -> None:
     """Aimed beyond the opening of the gates, the ball strikes a frame before the bat."""
-    seen = plan_of_shot(apparatus().firing, conditions(0)._replace(place=0.55))
+    seen = scene_of_shot(apparatus().firing, conditions(0)._replace(place=0.55))
     assert seen is not None
-    assert [contact.struck for contact in seen.contacts][:1] == ["frame"]
+    assert seen[1].pieces.struck[1] == "frame"
     assert contact_words(["frame"]) == "The ball strikes the frame of a gate."
     assert contact_words(["bat", "stop"], "back", "up") == (
         "The ball strikes the bat; the bat strikes its stop; it comes back, rising."

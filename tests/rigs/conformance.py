@@ -116,12 +116,10 @@ def same(left: Mapping[str, Record], right: Mapping[str, Record]) -> bool:
 
 
 def attributes(bench: Bench) -> None:
-    """Say what it is, in words a page can print."""
+    """Say what it is."""
     rig = bench.rig
     assert rig.name
     assert rig.name == rig.name.strip().lower()
-    assert rig.title
-    assert "\n" not in rig.title
     assert isinstance(rig.stage, Stage)
     assert rig.channels
     for channel, kind in rig.channels.items():

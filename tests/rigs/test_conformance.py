@@ -41,7 +41,7 @@ def test_installed_rig(name: str, check, tmp_path: Path) -> None:
 class Leaky:
     """A rig with every fault the suite looks for that does not stop it from playing."""
 
-    name, title, stage = "Leaky ", "two\nlines", Stage.IMPACT
+    name, stage = "Leaky ", Stage.IMPACT
     channels = {"../log": ShotLog}  # noqa: RUF012
     calibration = (
         conformance.Bench(INSTALLED["ball-wall"], Path()).rig.commission(Quiet()).calibration

@@ -379,7 +379,7 @@ def certify(
         at a rig without a camera.
     """
     from virtual_lab.lab import TestSetup, certify_bat
-    from virtual_lab.simulation.rig import Reality
+    from virtual_lab.simulation.rig import Reality, named
 
     given = None if seed is None else _whole(seed)
     if ball is not None:
@@ -392,7 +392,7 @@ def certify(
             procedure=procedure,
             rig=rig,
             seed=given,
-            reality=Reality.named(reality),
+            reality=named(Reality, "reality", reality),
             rung=rung,
             motion=motion,
             faults=(faults,) if isinstance(faults, str) else faults,

@@ -2,7 +2,7 @@
 
 An animation drawn to 5 mm would give e_A to 0.0003. So the rebound is off by a draw of the day
 and one of the shot, which no number of shots averages out, and the bat's turn by another. After
-the day is handed in, `plan_of_shot` gives the shot as it was.
+the day is handed in, `scene_of_shot` gives the shot as it was.
 
 So it is with a camera's frames: before the day is handed in they are those of nominal machines, a
 nominal bat and ball whose e_A is the sketch's, so no fit of them finds more than the sketch has.
@@ -23,10 +23,11 @@ from virtual_lab.lab import Laboratory, TestSetup
 from virtual_lab.simulation.cannon_station import RestingBatStation
 from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
 from virtual_lab.simulation.collision.scene import Scenes
-from virtual_lab.simulation.flights import RestingBat, Surroundings, scene_of
+from virtual_lab.simulation.flights import scene_of
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.motion import play
-from virtual_lab.simulation.motion.played import PlanView, plan_view
+from virtual_lab.simulation.motion.played import PlayedShots
+from virtual_lab.simulation.motion.pymunk_scene import play_pymunk
+from virtual_lab.simulation.motion.scene import ShotScene
 from virtual_lab.simulation.physics.beam import Support, beam_of
 from virtual_lab.simulation.rig import FilmingStation, ShotPlan, Specimen, Stage, find_rig
 from virtual_lab.simulation.truth import draw_balls, made_bat
@@ -52,9 +53,9 @@ def _sketched(firing: Firing, shot: ShotConditions) -> dict[str, Any]:
     truth = firing.shot(shot)[1].truth
     efficiency, across = (float(truth[name][0]) for name in ("collision_efficiency", "across"))
     met = bool(np.isfinite(efficiency))
-    seen = plan_of_shot(firing, shot)
-    others = {contact.struck: None for contact in seen.contacts} if seen else {}
-    struck = [*others] or ["bat"] * met
+    seen = scene_of_shot(firing, shot)
+    struck = list(dict.fromkeys(seen[1].pieces.struck[1:].tolist() if seen else ()))
+    struck = struck or ["bat"] * met
     if not met:
         return {"struck": struck}
     straight = abs(across) < 0.008  # m off the axis: no eye sees it go aside
@@ -82,7 +83,7 @@ def blurred(firing: Firing, shot: ShotConditions, efficiency: float) -> tuple[fl
     return round(float(efficiency + off), 2), round(float(rate), 1)
 
 
-def plan_of_shot(firing: Firing, shot: ShotConditions) -> PlanView | None:
+def scene_of_shot(firing: Firing, shot: ShotConditions) -> tuple[ShotScene, PlayedShots] | None:
     """Return a shot at a bat at rest as it was; None at other rigs, or where no scene plays it."""
     laboratory, asked = firing.as_it_stands(shot)
     station = laboratory.stations[Stage.IMPACT]
@@ -90,27 +91,30 @@ def plan_of_shot(firing: Firing, shot: ShotConditions) -> PlanView | None:
         return None
     order, specimen = laboratory.setup.faults.done(Stage.IMPACT, asked, laboratory.specimen)
     fired = station.fly(order, specimen, laboratory.draws)
-    body = specimen.bat.body
-    bat = RestingBat(
-        body,
-        body.length - station.holder.from_knob,
-        fired.place,
-        fired.across,
-        fired.blows.efficiency,
-        specimen.balls.mass[order.ball],
-    )
-    view = station.gates.spec.view(specimen.balls.spec.radius)
-    around = Surroundings(station.frame, station.stop, station.gates.distances, view)
     more = fired.flown.kicks or not np.all(fired.flown.met) or np.any(fired.flown.late)
-    scene = scene_of(fired.passage, bat, around, 0.5 if more else FILM.after)
-    played = play(scene)
-    return None if played.refused[0] else plan_view(scene, played, 0)
+    around = station.around(specimen.balls.spec.radius)
+    scene = scene_of(fired.passage, fired.bat, around, 0.5 if more else FILM.after)
+    played = play_pymunk(scene)
+    return None if played.refused[0] else (scene, played)
 
 
 def true_motion(firing: Firing, day: Day, shot: int) -> Motion | None:
     """Return how a shot of a day, from 1, really went; None where no scene plays it."""
-    seen = plan_of_shot(firing, firing.conditions(before_shot(day, shot)))
-    return None if seen is None else _motion(seen)
+    found = scene_of_shot(firing, firing.conditions(before_shot(day, shot)))
+    if found is None:
+        return None
+    scene, played = found
+    contacts = played.pieces.time[1:]
+    time = np.union1d(np.linspace(0.0, scene.duration, 200), contacts)
+    seen = played.at(scene, time).part(0)
+    return Motion(
+        time=time - contacts[0] if contacts.size else time,
+        x=seen.x,
+        z=seen.z,
+        angle=seen.angle,
+        words=contact_words(played.pieces.struck[1:].tolist()),
+        true=True,
+    )
 
 
 @dataclass(frozen=True)
@@ -182,15 +186,3 @@ def _strip(frames: Array) -> bytes:
     rows = edged.reshape(-1, abreast, *edged.shape[1:]).transpose(0, 2, 1, 3)
     picture = rows.reshape(-1, abreast * edged.shape[2]).astype(np.uint8)
     return bytes(cv2.imencode(".png", picture)[1])
-
-
-def _motion(seen: PlanView) -> Motion:
-    first = seen.contacts[0].time if seen.contacts else 0.0
-    return Motion(
-        time=seen.time - first,
-        x=seen.ball_x,
-        z=seen.ball_z,
-        angle=seen.angle,
-        words=contact_words([contact.struck for contact in seen.contacts]),
-        true=True,
-    )

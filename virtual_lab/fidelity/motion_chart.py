@@ -27,9 +27,9 @@ from virtual_lab.fidelity.naive_pymunk import (
 )
 from virtual_lab.fidelity.results import SpeedChart, least_time
 from virtual_lab.output.progress import Progress, quiet
-from virtual_lab.simulation.motion import play
+from virtual_lab.simulation.motion.closed_form import play_closed_form
 from virtual_lab.simulation.motion.played import PlayedShots, Target
-from virtual_lab.simulation.motion.pymunk_scene import PymunkSettings
+from virtual_lab.simulation.motion.pymunk_scene import PymunkSettings, play_pymunk
 from virtual_lab.simulation.motion.scene import ShotScene
 from virtual_lab.units import INCH, Array
 
@@ -104,7 +104,7 @@ def motion_rows(
     shots missed or of energy lost. What does not apply is None.
     """
     rows: list[Row] = []
-    play(_scene(Start.SQUARE, 1e-3, 1), "pymunk")  # what is loaded at first use is nobody's time
+    play_pymunk(_scene(Start.SQUARE, 1e-3, 1))  # what is loaded at first use is nobody's time
     for name in STARTS:
         progress(name)
         rows += _accuracy(name, steps, batch)
@@ -128,14 +128,14 @@ def _scene(name: Start, step: float, shots: int) -> ShotScene:
 
 def _accuracy(name: Start, steps: Sequence[float], batch: int) -> Iterator[Row]:
     scene = _scene(name, 1e-3, 20)
-    _, spent = least_time(partial(play, _scene(name, 1e-3, batch), "closed-form"))
+    _, spent = least_time(partial(play_closed_form, _scene(name, 1e-3, batch)))
     yield _row(Carrier.CLOSED, name, "exact", us_a_shot=spent / batch * 1e6) | _errors(
-        scene, play(scene, "closed-form")
+        scene, play_closed_form(scene)
     )
     for step in steps:
         scene, setting = _scene(name, step, 4), f"{step:.0e} s"
         try:
-            carried, spent = least_time(partial(play, scene, "pymunk", settings=_settings(step)))
+            carried, spent = least_time(partial(play_pymunk, scene, PymunkSettings(step=step)))
         except InputError:
             yield _row(Carrier.RUNG, name, f"{setting}: refused")
             continue
@@ -148,10 +148,6 @@ def _accuracy(name: Start, steps: Sequence[float], batch: int) -> Iterator[Row]:
         errors, spent = least_time(alone)
         us = spent / scene.shots * 1e6
         yield _row(Carrier.ALONE, name, f"{step:.0e} s", us_a_shot=us, ball_m_s=_rms(errors))
-
-
-def _settings(step: float) -> PymunkSettings:
-    return PymunkSettings(step=step)
 
 
 def _errors(scene: ShotScene, found: PlayedShots) -> Row:
@@ -200,7 +196,7 @@ def _misses(speed: float, step: float) -> Iterator[Row]:
     yield _row(Carrier.ALONE, scene, setting, share=missed(rod(), speed, step, 100))
     shots = rod_scene(STARTS[Start.SQUARE], speed, step, 20, ahead=0.2, duration=0.03)
     try:
-        found = play(shots, "pymunk", settings=_settings(step))
+        found = play_pymunk(shots, PymunkSettings(step=step))
     except InputError:
         yield _row(Carrier.RUNG, scene, f"{setting}: refused")
     else:
@@ -215,7 +211,7 @@ def _losses(step: float, spin: float = 11.5) -> Iterator[Row]:
     # a ball that rests far away limits no step
     alone = rod_scene({"rate": spin, "vx": 0.0}, 0.0, step, 1, ahead=9.0, duration=1.0)
     try:
-        end = play(alone, "pymunk", settings=_settings(step)).at(alone, alone.duration)
+        end = play_pymunk(alone, PymunkSettings(step=step)).at(alone, alone.duration)
     except InputError:
         yield _row(Carrier.RUNG, scene, f"{setting}: refused")
     else:

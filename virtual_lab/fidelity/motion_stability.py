@@ -20,7 +20,7 @@ from virtual_lab.fidelity.motion_chart import STARTS, Carrier, Start
 from virtual_lab.fidelity.naive_pymunk import Shape, naive_errors, rod_scene
 from virtual_lab.fidelity.results import StabilityMap
 from virtual_lab.output.progress import Progress, quiet
-from virtual_lab.simulation.motion import play
+from virtual_lab.simulation.motion.closed_form import play_closed_form
 from virtual_lab.simulation.motion.played import Target
 from virtual_lab.simulation.motion.pymunk_scene import PymunkSettings, carry
 from virtual_lab.simulation.motion.scene import ShotScene
@@ -102,7 +102,7 @@ def _cell(axis: MotionAxis, method: Carrier, step: float, value: float) -> Row:
     )
     shots = 8 if method == Carrier.ALONE else 3
     scene = rod_scene(start | own.get(axis, {}), speed, step, shots)
-    true = play(scene, "closed-form").first(Target.BAT)
+    true = play_closed_form(scene).first(Target.BAT)
     refused = False
     if method == Carrier.RUNG:
         refused = _refused(scene, settings)

@@ -17,7 +17,7 @@ import numpy as np
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec, Profile
-from virtual_lab.simulation.motion import play
+from virtual_lab.simulation.motion.closed_form import play_closed_form
 from virtual_lab.simulation.motion.played import Target
 from virtual_lab.simulation.motion.scene import PivotedBat, ShotScene, ShotState
 from virtual_lab.simulation.physics.beam import beam_of
@@ -121,7 +121,7 @@ def naive_errors(
 ) -> Array:
     """Return how far the ball's velocity is off after pymunk's contact, (shot,) [m/s]."""
     bat, errors = rod(), np.empty(scene.shots)
-    thrown = np.array(play(scene, "closed-form").first(Target.BAT).state[3:6]).T
+    thrown = np.array(play_closed_form(scene).first(Target.BAT).state[3:6]).T
     for shot in range(scene.shots):
         one = scene.start.part(shot)
         plane = [0, 1] if shape == "section" else [0, 2]

@@ -15,7 +15,7 @@ from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.simulation.collision.ladder import Ladder
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.rig import MotionRung, Reality, Stage
+from virtual_lab.simulation.rig import MotionRung, Reality, Stage, named
 
 NO_FAULTS = FaultSet()
 METHODS = ("ratio", "trampoline")  # of converting a result to a standard ball
@@ -119,7 +119,7 @@ class TestSetup:
             seed=seed,
             reality=reality,
             rung=rung,
-            motion=MotionRung.named(motion),
+            motion=named(MotionRung, "motion", motion),
             faults=FaultSet.of(faults, rig=rig),
             test=test,
             control_bat=control,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from virtual_lab.simulation.impact import (
 from virtual_lab.simulation.instruments import FittedStation, Instrument, InstrumentFactory
 from virtual_lab.simulation.instruments.air import Gravity, GravitySpec, HallAir, HallAirSpec
 from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
+from virtual_lab.simulation.instruments.holder import Holder
 from virtual_lab.simulation.instruments.light_gate import BallGates
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.motion.scene import FrameSpec, StopSpec
@@ -65,17 +66,6 @@ def fitted(
     }
 
 
-class BatHolder(Instrument, Protocol):
-    """What holds a bat."""
-
-    @property
-    def spec(self) -> Any: ...
-    @property
-    def from_knob(self) -> float: ...
-    @property
-    def height(self) -> float: ...
-
-
 class BallFlights(NamedTuple):
     """What the balls of an order do, arrays (shot,)."""
 
@@ -84,8 +74,7 @@ class BallFlights(NamedTuple):
     tilt: Array  # of the line of centres to the line of fire [rad]
     contact: Array  # when the ball meets the bat [s]
     leaving: Array  # and leaves it
-    place: Array  # struck, from the barrel tip [m]
-    across: Array  # height of the ball above the bat's axis [m]
+    bat: RestingBat  # and the blows on it
     ball_restitution: Array
 
     @property
@@ -104,7 +93,7 @@ class CannonStation(FittedStation):
 
     name: ClassVar[str]  # under which it draws
 
-    holder: BatHolder
+    holder: Holder[Any]
     cannon: Cannon
     gates: BallGates[Any]
     air: HallAir
@@ -169,6 +158,11 @@ class RestingBatStation(CannonStation):
         """Fire at the bat at rest and time the ball through every gate, both ways."""
         return self.timed(self.fly(order, specimen, draws), order, draws)
 
+    def around(self, radius: float) -> Surroundings:
+        """Return what stands around the bat, for balls of a radius [m]."""
+        view = self.gates.spec.view(radius)
+        return Surroundings(self.frame, self.stop, self.gates.distances, view)
+
     def fly(self, order: ShotPlan, specimen: Specimen, draws: Draws) -> BallFlights:
         """Fire at the bat at rest: return what the balls do."""
         name, slots, balls, body = self.name, order.slot, specimen.balls, specimen.bat.body
@@ -192,9 +186,7 @@ class RestingBatStation(CannonStation):
         )
         axis = body.length - self.holder.from_knob
         bat = RestingBat(body, axis, place, across, blows.efficiency, mass)
-        view = self.gates.spec.view(balls.spec.radius)
-        around = Surroundings(self.frame, self.stop, self.gates.distances, view)
-        shots = flown(passage, order, bat, around)
+        shots = flown(passage, order, bat, self.around(balls.spec.radius))
         contact = self.gates.arrival(shots.passage)
         return BallFlights(
             flown=shots,
@@ -202,8 +194,7 @@ class RestingBatStation(CannonStation):
             tilt=tilt,
             contact=contact,
             leaving=contact + blows.contact_time + shots.late,
-            place=place,
-            across=across,
+            bat=bat,
             ball_restitution=e0,
         )
 
@@ -213,8 +204,8 @@ class RestingBatStation(CannonStation):
             records=self.records(fired.passage, fired.contact, fired.leaving, order, draws),
             truth={
                 "speed": fired.passage.speed_in,
-                "place": fired.place,
-                "across": fired.across,
+                "place": fired.bat.place,
+                "across": fired.bat.across,
                 "ball_restitution": fired.ball_restitution,
                 "collision_efficiency": fired.efficiency,
                 "rebound_speed": fired.passage.speed_out,

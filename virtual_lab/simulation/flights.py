@@ -12,8 +12,8 @@ from virtual_lab.catalog.specs import BatBody
 from virtual_lab.errors import InputError
 from virtual_lab.relations.flight import time_before
 from virtual_lab.simulation.instruments.passage import Passage
-from virtual_lab.simulation.motion import play
 from virtual_lab.simulation.motion.played import Pieces, Target
+from virtual_lab.simulation.motion.pymunk_scene import play_pymunk
 from virtual_lab.simulation.motion.scene import (
     FrameSpec,
     GateFrame,
@@ -247,16 +247,15 @@ def _played(scene: ShotScene, asked: bool) -> Pieces | None:
 
     A blow on the edge of the tip, which the law of the collision takes and no scene, stays in it.
     """
-    played = play(scene, rung=MotionRung.PYMUNK.value if asked else None)
-    closed = played.rung[0] == MotionRung.CLOSED_FORM.value
-    if not asked and (closed or played.refused[0] or len(played.pieces.time) < 2):
-        return None
-    why = str(played.refused[0])
-    if not why and len(played.pieces.time) < 2:
-        why = "the ball misses"
-    if why:
+    played = play_pymunk(scene)
+    pieces = played.pieces
+    if not asked:
+        alone = pieces.struck[1:].tolist() == [Target.BAT]
+        return None if alone or len(pieces.time) < 2 else pieces
+    if len(pieces.time) < 2:
+        why = str(played.refused[0]) or "the ball misses"
         raise InputError("", "motion", MotionRung.PYMUNK.value, f"allowed: closed-form; {why}")
-    return played.pieces
+    return pieces
 
 
 def _contacts(pieces: Pieces) -> tuple[int, int]:

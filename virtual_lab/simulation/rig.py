@@ -15,7 +15,7 @@ from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,9 +29,7 @@ from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array
 
 if TYPE_CHECKING:
-    from virtual_lab.catalog.specs import BatBody
-    from virtual_lab.simulation.collision.scene import CollisionModel, Scenes
-    from virtual_lab.simulation.physics.beam import Support
+    from virtual_lab.simulation.collision.ladder import Ladder
 
 
 class Reality(Enum):
@@ -40,15 +38,6 @@ class Reality(Enum):
     REAL = "real"
     NOISE_FREE = "noise-free"  # no randomness; ring, counts, drag and friction stay
     IDEAL = "ideal"  # nor these: every individual and instrument equals its nominal
-
-    @classmethod
-    def named(cls, name: Reality | str) -> Reality:
-        """Return the reality of a name; `InputError` where there is none."""
-        try:
-            return cls(name)
-        except ValueError as fault:
-            allowed = f"allowed: {', '.join(each.value for each in cls)}"
-            raise InputError("", "reality", name, allowed) from fault
 
     def draws(self, seed: int, *branch: int) -> Draws:
         """Return the random numbers a laboratory of this kind draws, or those of a branch."""
@@ -61,13 +50,16 @@ class MotionRung(Enum):
     CLOSED_FORM = "closed-form"  # all shots at once
     PYMUNK = "pymunk"  # a scene a shot
 
-    @classmethod
-    def named(cls, name: str) -> MotionRung:
-        """Return the motion of a name; `InputError` where there is none."""
-        names = [motion.value for motion in cls]
-        if name not in names:
-            raise InputError("", "motion", name, f"allowed: {', '.join(names)}")
-        return cls(name)
+
+E = TypeVar("E", bound=Enum)
+
+
+def named(kind: type[E], key: str, name: str) -> E:
+    """Return the member of a kind by its value; `InputError` under `key` where there is none."""
+    names = [each.value for each in kind]
+    if name not in names:
+        raise InputError("", key, name, f"allowed: {', '.join(names)}")
+    return kind(name)
 
 
 class Stage(Enum):
@@ -78,26 +70,13 @@ class Stage(Enum):
     IMPACT = "impact"  # fires balls at the bat
 
 
-class CollisionChoice(Protocol):
-    """How the laboratory hands a rig the collision: a bat's body and support in, a rung out."""
-
-    def __call__(self, body: BatBody, support: Support) -> CollisionModel: ...
-    def efficiency(self, body: BatBody, support: Support, scenes: Scenes) -> Array:
-        """Return e_A of scenes nothing else is wanted of, (n,)."""
-        ...
-
-    def true_efficiency(self, body: BatBody, support: Support, scenes: Scenes) -> Array:
-        """Return e_A of the scenes that the truth rests on, (n,): never by the rigid rung."""
-        ...
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Specimen:
     """What is on the rig: true bat, true balls, and the collision between them."""
 
     bat: TrueBat
     balls: TrueBalls
-    collision: CollisionChoice
+    collision: Ladder
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -192,8 +171,6 @@ class Rig(Protocol):
 
     @property
     def name(self) -> str: ...
-    @property
-    def title(self) -> str: ...
     @property
     def stage(self) -> Stage: ...
     @property

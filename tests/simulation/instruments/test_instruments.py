@@ -28,7 +28,6 @@ from virtual_lab.simulation.instruments.indicator import (
     RuleSpec,
     Scale,
     ScaleSpec,
-    indicate,
     quantise,
 )
 from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec
@@ -147,15 +146,11 @@ def test_quantising_noise_is_uniform() -> None:
 def test_indicator_adds_offset_and_scatter() -> None:
     """Mean true + offset, standard deviation the repeatability: n = 40 000."""
     n, scatter = 40_000, 0.03
-    readings = indicate(
-        [5.0, 7.0],
-        offset=0.2,
-        repeatability=scatter,
-        resolution=0.0,
-        repeats=n,
-        draws=Streams(8),
-        name="r",
+    spec = RuleSpec(
+        kind="", title="", resolution=0.0, repeatability=scatter, offset_u=0.0, offset=0.2
     )
+    rule = Rule.commission(spec, Quiet(), "r")
+    readings = rule.measure([5.0, 7.0], n, Streams(8), "r").readings
     assert readings.shape == (2, n)
     for row, true in zip(readings, (5.0, 7.0), strict=True):
         assert abs(row.mean() - true - 0.2) < 4 * scatter / sqrt(n)
@@ -216,8 +211,8 @@ def test_cannon_scatters_as_its_sheet_says() -> None:
     launch = cannon.fire(np.full(n, 26.8224), Streams(7), "f", np.arange(n))
     for values, centre, scatter in (
         (launch.speed, 26.8224, 0.4 * 0.44704),
-        (launch.along, cannon.along, 1.5e-3),
-        (launch.across, cannon.across, 1.5e-3),
+        (launch.along, cannon.true["along"], 1.5e-3),
+        (launch.across, cannon.true["across"], 1.5e-3),
     ):
         assert abs(values.mean() - centre) < 4 * scatter / sqrt(n)
         assert abs(values.std() - scatter) < 4 * scatter / sqrt(2 * n)
@@ -230,8 +225,8 @@ def test_cannon_marks_tell_its_aim() -> None:
     cannon = Cannon.commission(spec, Streams(6), "c")
     marks = cannon.mark(Streams(7), "m")
     u = sqrt(2.25e-6 + 0.25e-6 / 12) / sqrt(4000)
-    assert abs(marks.along.mean() - cannon.along) < 4 * u
-    assert abs(marks.across.mean() - cannon.across) < 4 * u
+    assert abs(marks.along.mean() - cannon.true["along"]) < 4 * u
+    assert abs(marks.across.mean() - cannon.true["across"]) < 4 * u
     steps = np.concatenate([marks.along, marks.across]) / 0.5e-3
     assert np.abs(steps - np.rint(steps)).max() < 1e-9
 

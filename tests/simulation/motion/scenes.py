@@ -8,6 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab import catalog
+from virtual_lab.simulation.motion.closed_form import play_closed_form
+from virtual_lab.simulation.motion.played import PlayedShots
+from virtual_lab.simulation.motion.pymunk_scene import play_pymunk
 from virtual_lab.simulation.motion.scene import (
     FrameSpec,
     GateFrame,
@@ -31,6 +34,10 @@ def rigid(place: Array, *_: Any) -> Array:
     """Return the e_A of a rigid pivoted bat whose e is that of the ball on a wall."""
     r = MASS * (AXIS - place) ** 2 / INERTIA
     return (E0 - r) / (1 + r)
+
+
+def play(scene: ShotScene, rung: str) -> PlayedShots:
+    return {"closed-form": play_closed_form, "pymunk": play_pymunk}[rung](scene)
 
 
 def stop(angle: float, restitution: float = 0.5) -> StopSpec:

@@ -45,7 +45,6 @@ class SpeedGunPivot:
     """The rig."""
 
     name = "speed-gun-pivot"
-    title = "Speed-gun pivot: three light curtains see the ball come and go"
     stage = Stage.IMPACT
     channels: Mapping[str, type[Record]] = {"log": ShotLog, "gates": GateRecord}
 

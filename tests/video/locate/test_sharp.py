@@ -11,7 +11,6 @@ from tests.simulation.instruments.camera.scenes import camera_of, course_of, spe
 from tests.video.stitched import LENS, scene
 from tests.video.track.test_tracking import KNOWN, RATE, SCENES, hit, require
 from virtual_lab.simulation.instruments.camera.film import whole_frames
-from virtual_lab.simulation.instruments.camera.shots import take
 from virtual_lab.streams import Streams
 from virtual_lab.video.clips.calibration_file import CameraModel, ClipCalibration
 from virtual_lab.video.locate.located import Regions
@@ -72,9 +71,7 @@ def test_a_stitched_ball_that_spins_is_tracked(tmp_path: Path) -> None:
         timestamps=str(tmp_path / "stamps.csv"),
         drag_per_m=0.0069,
     )
-    shown = take(
-        spec, lens, camera.clock, course, camera.plane, draws, "film", np.arange(3), whole=True
-    )
+    shown = camera.frames(course, draws, "film", np.arange(3), whole=True)
     true = shown.outlines.middle[shown.shot == 0]
     tracked, said = hit(tmp_path / "clip.npy", known)
     flying = np.logical_or(*tracked.legs.used)

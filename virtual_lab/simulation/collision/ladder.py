@@ -5,7 +5,7 @@ The errors are those of the bat in question, held as it is, on scenes like those
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -63,6 +63,25 @@ class Choice:
     error: float
     meets_again: bool = False  # ball and bat, in some scene of the probe
     reason: str = ""
+    surrogate: Surrogate | None = None  # of the model, for e_A alone
+
+    @property
+    def rung(self) -> str:
+        """Name of the rung."""
+        return self.surrogate.rung if self.surrogate else self.model.rung
+
+    def efficiency(self, scenes: Scenes) -> NDArray[np.float64]:
+        """Return e_A of scenes, (n,); one outside the surrogate's box goes to the model, alone."""
+        if self.surrogate is None:
+            return self.model.collide(scenes).collision_efficiency
+        inside = self.surrogate.box.inside(scenes)
+        if inside.all():
+            return self.surrogate.efficiency(scenes)
+        found = np.empty(len(scenes))
+        found[~inside] = self.model.collide(scenes.part(~inside)).collision_efficiency
+        if inside.any():
+            found[inside] = self.surrogate.efficiency(scenes.part(inside))
+        return found
 
 
 def choose(
@@ -148,60 +167,34 @@ def _modal(count: int) -> str:
 
 
 def _because(choice: Choice, why: str, probe: Scenes, allowed: float | None = None) -> Choice:
-    said = _said(choice, choice.error, probe, allowed)
-    return replace(choice, reason=f"{choice.name} {why}: {said}")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EfficiencyChoice:
-    """A way to e_A alone, its error, and one sentence on why it was taken."""
-
-    efficiency: Callable[[Scenes], NDArray[np.float64]]
-    rung: str
-    error: float
-    reason: str
+    low, high = (end / INCH for end in (probe.impact_position.min(), probe.impact_position.max()))
+    most = "" if allowed is None else f", {allowed:.1e} may be"
+    again = (
+        ", more where a touch comes or goes: ball and bat meet again" if choice.meets_again else ""
+    )
+    said = f"its e_A errs by up to {choice.error:.1e} at {low:.4g} to {high:.4g} in from the tip"
+    return replace(choice, reason=f"{choice.name} {why}: {said}{again}{most}")
 
 
 def choose_efficiency(
     body: BatBody, support: Support, probe: Scenes, box: Box, *, standard_uncertainty: float
-) -> EfficiencyChoice:
+) -> Choice:
     """Return the cheapest way to e_A of many scenes, nothing else of them being needed.
 
     As `choose`, with the surrogate between rigid and modal: it is built over `box`, unless a
-    scene in there re-loads. A scene outside the box goes to the modal rung, alone.
+    scene in there re-loads.
     """
     choice = choose(body, support, probe, standard_uncertainty=standard_uncertainty)
-    plain = EfficiencyChoice(
-        efficiency=lambda given: choice.model.collide(given).collision_efficiency,
-        rung=choice.model.rung,
-        error=choice.error,
-        reason=choice.reason,
-    )
     error, allowed = choice.error + PROBING.surrogate_tolerance, SHARE * standard_uncertainty
     if not isinstance(choice.model, ModalModel) or error > allowed:
-        return plain
+        return choice
     try:
         surrogate = Surrogate.build(choice.model, box, tolerance=PROBING.surrogate_tolerance)
     except InputError as refused:
-        return replace(plain, reason=f"{plain.reason}; no surrogate: {refused}")
-
-    def efficiency(scenes: Scenes) -> NDArray[np.float64]:
-        inside = box.inside(scenes)
-        if inside.all():
-            return surrogate.efficiency(scenes)
-        found = np.empty(len(scenes))
-        for some, way in ((inside, surrogate.efficiency), (~inside, plain.efficiency)):
-            if some.any():
-                found[some] = way(scenes.part(some))
-        return found
-
-    return EfficiencyChoice(
-        efficiency=efficiency,
-        rung=surrogate.rung,
-        error=error,
-        reason="surrogate of the rung "
-        f"{choice.name} is the cheapest good enough: {_said(choice, error, probe, allowed)}",
-    )
+        return replace(choice, reason=f"{choice.reason}; no surrogate: {refused}")
+    name = f"surrogate of the rung {choice.name}"
+    taken = replace(choice, name=name, error=error, surrogate=surrogate)
+    return _because(taken, "is the cheapest good enough", probe, allowed)
 
 
 def _check(rung: str | None, uncertainty: float | None) -> None:
@@ -223,7 +216,7 @@ class Ladder:
     rung: str | None = None
     box: Box | None = None  # about scenes so many that a surrogate is worth building
     taken: dict[tuple[BatBody, Support], Choice] = field(default_factory=dict)
-    fitted: dict[tuple[BatBody, Support], EfficiencyChoice] = field(default_factory=dict)
+    fitted: dict[tuple[BatBody, Support], Choice] = field(default_factory=dict)
 
     def __call__(self, body: BatBody, support: Support) -> CollisionModel:
         """Return the model for a bat under a support."""
@@ -265,10 +258,8 @@ class Ladder:
 
     def report(self) -> dict[str, str | float]:
         """Return the rung first taken, its error in e_A, and why."""
-        for choice in self.taken.values():
-            return {"rung": choice.model.rung, "error": choice.error, "reason": choice.reason}
-        fitted = next(iter(self.fitted.values()))
-        return {"rung": fitted.rung, "error": fitted.error, "reason": fitted.reason}
+        first = next(iter((self.taken or self.fitted).values()))
+        return {"rung": first.rung, "error": first.error, "reason": first.reason}
 
 
 def probing_scenes(
@@ -282,15 +273,4 @@ def probing_scenes(
     count = round((high - low) / PROBING.every) + 1
     return Scenes.with_ball(
         ball, impact_position=np.linspace(low, high, count), relative_speed=speed
-    )
-
-
-def _said(choice: Choice, error: float, probe: Scenes, allowed: float | None = None) -> str:
-    low, high = (end / INCH for end in (probe.impact_position.min(), probe.impact_position.max()))
-    most = "" if allowed is None else f", {allowed:.1e} may be"
-    again = (
-        ", more where a touch comes or goes: ball and bat meet again" if choice.meets_again else ""
-    )
-    return (
-        f"its e_A errs by up to {error:.1e} at {low:.4g} to {high:.4g} in from the tip{again}{most}"
     )

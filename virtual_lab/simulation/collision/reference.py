@@ -105,34 +105,34 @@ class ReferenceModel:
     def _one(self, scene: _Scene) -> _Run:
         y = np.zeros(2 * (self.modes.count + 1) + 1)
         y[-2] = scene.speed
-        run = _Run(state=y)
-        touch: _Point | None = _Point(time=0.0, state=y)
-        while touch is not None:
-            run = self._contact(scene, run, touch)
-            touch = None if run.failure else self._flight(scene, run)
+        run, touch = _Run(state=y), True
+        while touch:
+            run = self._contact(scene, run)
+            again = None if run.failure else self._flight(scene, run)
+            run, touch = again or run, again is not None
         return run
 
-    def _contact(self, scene: _Scene, run: _Run, at: _Point) -> _Run:
+    def _contact(self, scene: _Scene, run: _Run) -> _Run:
         """Follow one contact branch by branch to its release."""
-        reloads, met, branch = run.reloads, Event.TOUCH, None
+        met, branch = Event.TOUCH, None
         while met is not Event.RELEASE:
-            branch = scene.law.branch(met, scene.compression(at.state), branch)
-            phase = self._phase(scene, branch, at, at.time + 0.2)  # s: no contact is longer
+            branch = scene.law.branch(met, scene.compression(run.state), branch)
+            phase = self._phase(scene, branch, run, run.time + 0.2)  # s: no contact is longer
             if phase is None:
                 return replace(run, failure=Failure.ENDLESS)
-            at, met = phase
-            reloads += met is Event.BACK
-        return _Run(state=at.state, time=at.time, contacts=run.contacts + 1, reloads=reloads)
+            run, met = phase
+            run = replace(run, reloads=run.reloads + (met is Event.BACK))
+        return replace(run, contacts=run.contacts + 1)
 
-    def _flight(self, scene: _Scene, run: _Run) -> _Point | None:
+    def _flight(self, scene: _Scene, run: _Run) -> _Run | None:
         """Fly on from a release; return where ball and bat meet again, if they do in time."""
-        release, end = _Point(time=run.time, state=run.state), min(WINDOW, scene.out_of_reach(run))
-        phase = self._phase(scene, FLIGHT, release, end) if release.time < end else None
+        end = min(WINDOW, scene.out_of_reach(run))
+        phase = self._phase(scene, FLIGHT, run, end) if run.time < end else None
         return phase[0] if phase else None
 
     def _phase(
-        self, scene: _Scene, branch: Branch, start: _Point, end: float
-    ) -> tuple[_Point, Event] | None:
+        self, scene: _Scene, branch: Branch, start: _Run, end: float
+    ) -> tuple[_Run, Event] | None:
         """Integrate one branch of the law to the first event that ends it, before `end`."""
         try:
             solution = solve_ivp(
@@ -151,21 +151,15 @@ class ReferenceModel:
             branch.ends, solution.t_events or [], solution.y_events or [], strict=True
         ):
             if len(times):
-                return _Point(time=float(times[0]), state=states[0]), event
+                return replace(start, time=float(times[0]), state=states[0]), event
         return None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Point:
-    time: float
-    state: Array  # modal displacements, ball's; their rates; work done on the ball's law
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class _Run:
-    """A collision up to its last release so far."""
+    """A collision so far."""
 
-    state: Array
+    state: Array  # modal displacements, ball's; their rates; work done on the ball's law
     time: float = 0.0
     contacts: int = 0
     reloads: int = 0

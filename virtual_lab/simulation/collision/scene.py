@@ -56,17 +56,8 @@ class Scenes:
     exponent: Array  # a
 
     @classmethod
-    def of(
-        cls,
-        *,
-        impact_position: ArrayLike,
-        relative_speed: ArrayLike,
-        ball_mass: ArrayLike,
-        ball_restitution: ArrayLike,
-        stiffness: ArrayLike,
-        exponent: ArrayLike,
-    ) -> Self:
-        """Broadcast numbers and arrays to (n,) and check them.
+    def of(cls, **given: ArrayLike) -> Self:
+        """Broadcast numbers and arrays, one of each field's name, to (n,) and check them.
 
         Raises
         ------
@@ -74,16 +65,15 @@ class Scenes:
             Shapes that do not broadcast to one axis, an empty batch, a number that is not
             finite, or one outside its range.
         """
-        given = (impact_position, relative_speed, ball_mass, ball_restitution, stiffness, exponent)
-        arrays = [np.asarray(value, dtype=np.float64) for value in given]
-        shapes = " ".join(str(array.shape) for array in arrays)
+        arrays = {name: np.asarray(value, dtype=np.float64) for name, value in given.items()}
         try:
-            shape = np.broadcast_shapes((1,), *(array.shape for array in arrays))
+            shape = np.broadcast_shapes((1,), *(array.shape for array in arrays.values()))
         except ValueError:
             shape = (0, 0)
         if len(shape) != 1 or shape[0] == 0:
+            shapes = " ".join(str(array.shape) for array in arrays.values())
             raise InputError("scenes", "shapes", shapes, "allowed: all (n,) or numbers, n >= 1")
-        return cls(**_named(cls, [np.broadcast_to(array, shape) for array in arrays]))
+        return cls(**{name: np.broadcast_to(array, shape) for name, array in arrays.items()})
 
     @classmethod
     def with_ball(
@@ -114,7 +104,7 @@ class Scenes:
 
     def part(self, chosen: slice | NDArray[Any]) -> Self:
         """Return some of the scenes."""
-        return replace(self, **_named(type(self), [value[chosen] for _, value in self._arrays()]))
+        return replace(self, **{name: value[chosen] for name, value in self._arrays()})
 
     def require_on(self, length: float) -> None:
         """Raise `InputError` where a place lies beyond a bat of `length` [m]."""
@@ -176,15 +166,12 @@ def joined(parts: Sequence[Collisions]) -> Collisions:
     if len(parts) == 1:
         return parts[0]
 
-    def column(name: str) -> Any:
-        return np.concatenate([getattr(part, name) for part in parts])
+    def whole(each: Sequence[Any]) -> dict[str, Any]:
+        columns = [part.name for part in fields(each[0]) if part.name not in ("rung", "energy")]
+        return {name: np.concatenate([getattr(one, name) for one in each]) for name in columns}
 
-    def share(name: str) -> Array:
-        return np.concatenate([getattr(part.energy, name) for part in parts])
-
-    energy = EnergySplit(**{field.name: share(field.name) for field in fields(EnergySplit)})
-    own = [field.name for field in fields(Collisions) if field.name not in ("rung", "energy")]
-    return Collisions(rung=parts[0].rung, energy=energy, **{name: column(name) for name in own})
+    energy = EnergySplit(**whole([part.energy for part in parts]))
+    return replace(parts[0], energy=energy, **whole(parts))
 
 
 class CollisionModel(Protocol):
@@ -211,7 +198,3 @@ class CollisionModel(Protocol):
 def _require(key: str, value: Array, good: NDArray[np.bool_], allowed: str) -> None:
     if not good.all():
         raise InputError("scenes", key, float(value[~good][0]), f"allowed: {allowed}")
-
-
-def _named(cls: type[Scenes], arrays: list[Array]) -> dict[str, Array]:
-    return {field.name: array for field, array in zip(fields(cls), arrays, strict=True)}

@@ -39,9 +39,9 @@ class CannonSpec(CalibratedSpec):
     across_u: Distance
     marks: Annotated[int, Gt(1), Dimension("number")]
     mark_resolution: Distance
-    along: Annotated[float, Dimension("length")] = 0.0
+    along: Annotated[float, Dimension("length")] = 0.0  # where balls strike less where they are set
     along_dof: Freedom = inf
-    across: Annotated[float, Dimension("length")] = 0.0
+    across: Annotated[float, Dimension("length")] = 0.0  # how far above the line of fire
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,16 +60,6 @@ class Cannon(CalibratedInstrument[CannonSpec]):
 
     unknown: ClassVar[frozenset[str]] = frozenset({"across"})
 
-    @property
-    def along(self) -> float:
-        """Where balls strike less where they were set to [m]."""
-        return self.true["along"]
-
-    @property
-    def across(self) -> float:
-        """How far above the line of fire they strike [m]."""
-        return self.true["across"]
-
     def fire(self, speed: Array, draws: Draws, name: str, slots: Slots) -> Launch:
         """Fire shots, `slots` by number, asked to reach the target at `speed` [m/s], (shot,).
 
@@ -82,8 +72,8 @@ class Cannon(CalibratedInstrument[CannonSpec]):
         scatter = draws.normal(name, 4, slots).T
         return Launch(
             speed=speed + self.spec.speed_scatter * scatter[0],
-            along=self.along + self.spec.along_scatter * scatter[1],
-            across=self.across + self.spec.across_scatter * scatter[2],
+            along=self.true["along"] + self.spec.along_scatter * scatter[1],
+            across=self.true["across"] + self.spec.across_scatter * scatter[2],
             slope=self.spec.slope_scatter * scatter[3],
         )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import numpy as np
 from annotated_types import Ge, Gt
@@ -28,33 +28,43 @@ def quantise(values: ArrayLike, step: float) -> Array:
     return np.rint(exact / step) * step if step else exact
 
 
-def indicate(
-    true: ArrayLike,
-    *,
-    offset: float,
-    repeatability: float,
-    resolution: float,
-    repeats: int,
-    draws: Draws,
-    name: str,
-    items: Slots | None = None,
-) -> Array:
-    """Return readings of shape (item, repeat) of the true values, shape (item,).
+class IndicatorSpec(CalibratedSpec):
+    """A data sheet of steps and of scatter, in the unit of what is read."""
 
-    A reading's noise belongs to its item's number in `items`, (item,), in turn without them, and
-    to the repeat.
-    """
-    values = np.atleast_1d(np.asarray(true, dtype=float))
-    items = np.arange(values.size) if items is None else items
-    noise = repeatability * draws.normal(name, repeats, items)
-    return quantise(values[:, None] + offset + noise, resolution)
+    __slots__ = ()
+    resolution: float
+    repeatability: float
+
+
+S = TypeVar("S", bound=IndicatorSpec)
+
+
+@dataclass(frozen=True, slots=True)
+class Indicator(CalibratedInstrument[S]):
+    """One instrument that is read."""
+
+    def exact(self) -> dict[str, Estimate]:
+        return {"resolution": Estimate(value=self.spec.resolution)}
+
+    def read(
+        self, values: ArrayLike, repeats: int, draws: Draws, name: str, items: Slots | None = None
+    ) -> Array:
+        """Return readings of shape (item, repeat) of what would be shown, (item,), without scatter.
+
+        A reading's noise belongs to its item's number in `items`, (item,), in turn without them,
+        and to the repeat.
+        """
+        shown = np.atleast_1d(np.asarray(values, dtype=float))
+        items = np.arange(shown.size) if items is None else items
+        noise = self.spec.repeatability * draws.normal(name, repeats, items)
+        return quantise(shown[:, None] + noise, self.spec.resolution)
 
 
 Distance = Annotated[float, Ge(0), Dimension("length")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RuleSpec(CalibratedSpec):
+class RuleSpec(IndicatorSpec):
     """Data sheet and calibration of a rule or a balance stand."""
 
     kind: str
@@ -67,32 +77,20 @@ class RuleSpec(CalibratedSpec):
 
 
 @dataclass(frozen=True, slots=True)
-class Rule(CalibratedInstrument[RuleSpec]):
+class Rule(Indicator[RuleSpec]):
     """One rule or stand."""
-
-    def exact(self) -> dict[str, Estimate]:
-        return {"resolution": Estimate(value=self.spec.resolution)}
 
     def measure(self, length: ArrayLike, repeats: int, draws: Draws, name: str) -> LengthReadings:
         """Read true lengths [m], shape (item,), `repeats` times each."""
-        return LengthReadings(
-            readings=indicate(
-                length,
-                offset=self.true["offset"],
-                repeatability=self.spec.repeatability,
-                resolution=self.spec.resolution,
-                repeats=repeats,
-                draws=draws,
-                name=name,
-            )
-        )
+        shown = np.asarray(length) + self.true["offset"]
+        return LengthReadings(readings=self.read(shown, repeats, draws, name))
 
 
 Mass = Annotated[float, Ge(0), Dimension("mass")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ScaleSpec(CalibratedSpec):
+class ScaleSpec(IndicatorSpec):
     """Data sheet and calibration of a scale."""
 
     kind: str
@@ -108,25 +106,12 @@ class ScaleSpec(CalibratedSpec):
 
 
 @dataclass(frozen=True, slots=True)
-class Scale(CalibratedInstrument[ScaleSpec]):
+class Scale(Indicator[ScaleSpec]):
     """One scale."""
-
-    def exact(self) -> dict[str, Estimate]:
-        return {"resolution": Estimate(value=self.spec.resolution)}
 
     def weigh(
         self, mass: ArrayLike, repeats: int, draws: Draws, name: str, items: Slots | None = None
     ) -> MassReadings:
         """Weigh `items` of true `mass` [kg], shape (item,), `repeats` times each."""
-        return MassReadings(
-            readings=indicate(
-                self.true["span"] * np.atleast_1d(np.asarray(mass, dtype=float)),
-                offset=self.true["zero"],
-                repeatability=self.spec.repeatability,
-                resolution=self.spec.resolution,
-                repeats=repeats,
-                draws=draws,
-                name=name,
-                items=items,
-            )
-        )
+        shown = self.true["span"] * np.asarray(mass) + self.true["zero"]
+        return MassReadings(readings=self.read(shown, repeats, draws, name, items))

@@ -1,4 +1,4 @@
-"""The dear rung: a pymunk space carries ball and bat, one shot at a time.
+"""Shots one by one: a pymunk space carries ball and bat, one shot at a time.
 
 Each step is given the mean velocity of the exact motion, so that its length costs no accuracy.
 Ball and bat never collide in pymunk: the step that would bring them together ends at their touch,
@@ -17,13 +17,18 @@ import numpy as np
 
 from virtual_lab.errors import InputError
 from virtual_lab.relations.flight import time_after
-from virtual_lab.simulation.motion.closed_form import Obstacle
 from virtual_lab.simulation.motion.played import Pieces, PlayedShots, Target
 from virtual_lab.simulation.motion.scene import GateFrame, ShotScene, ShotState
-from virtual_lab.simulation.motion.touch import first_touch, moved, nearness, parted, time_to_stop
+from virtual_lab.simulation.motion.touch import (
+    first_touch,
+    moved,
+    nearness,
+    obstacles,
+    parted,
+    time_to_stop,
+)
 from virtual_lab.units import Array
 
-PYMUNK = "pymunk"
 ONE = np.zeros(1, dtype=np.int_)
 
 
@@ -66,7 +71,15 @@ def longest_step(scene: ShotScene) -> float:
 
 
 def play_pymunk(scene: ShotScene, settings: PymunkSettings | None = None) -> PlayedShots:
-    """Return what the shots come to; `InputError` where settings are unsafe."""
+    """Return what the shots come to.
+
+    Without `settings` these are the usual ones, with a step short enough for the scene.
+    `InputError` for unsafe settings, a ball that starts inside the bat.
+    """
+    gap = float(nearness(scene, scene.start).gap.min(initial=inf))
+    if gap <= 0:
+        allowed = "allowed: above 0, the ball starts in the open"
+        raise InputError("motion", "gap to the bat [m]", gap, allowed)
     settings = settings or PymunkSettings.safe(scene)
     settings.check(scene)
     return carry(scene, settings)
@@ -82,7 +95,6 @@ def carry(scene: ShotScene, settings: PymunkSettings) -> PlayedShots:
     ]
     nothing = Pieces.of(np.zeros(0), np.zeros(0), Target.START, ShotState.of().part(slice(0, 0)))
     return PlayedShots(
-        rung=np.full(len(shots), PYMUNK),
         refused=np.array([shot.refused for shot in shots], dtype=np.str_),
         pieces=Pieces.joined([nothing, *pieces]),
     )
@@ -233,13 +245,8 @@ class _Shot:
         """Part ball and bat by the collision model."""
         scene, near = self.scene, nearness(self.scene, self.state)
         efficiency = scene.efficiency(near.place, near.approach, ONE)
-        if not 0 <= near.place[0] <= scene.bat.length:
-            self.refused = Obstacle.EDGE
-        elif near.approach[0] <= 0:
-            self.refused = Obstacle.GRAZED
         self.state = parted(scene, self.state, near, efficiency, ONE)
-        if not self.refused and nearness(scene, self.state).approach[0] >= 0:
-            self.refused = Obstacle.FOLLOWED
+        self.refused = str(obstacles(scene, near, self.state)[0])
         self.touching = True
         again = Target.BAT in self.struck
         return self._piece(Target.BAT_AGAIN if again else Target.BAT, near.place, near.approach)

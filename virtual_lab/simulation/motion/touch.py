@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +29,14 @@ class Touching:
 
 
 TOUCHING = Touching()
+
+
+class Obstacle(StrEnum):
+    """Why a contact cannot be done, in the order of precedence."""
+
+    EDGE = "the ball strikes the edge of the bat's end, where no collision model holds"
+    GRAZED = "the ball grazes the bat by less than its roundness is known"
+    FOLLOWED = "the bat follows faster than the ball leaves it: no such e_A can be"
 
 
 class Nearness(NamedTuple):
@@ -108,6 +117,16 @@ def parted(
         vz=state.vz + kick[2],
         rate=state.rate + momentum / scene.bat.inertia,
     )
+
+
+def obstacles(scene: ShotScene, near: Nearness, after: ShotState) -> NDArray[np.str_]:
+    """Return why contacts that leave ball and bat in states `after` cannot be, (n,); "": they can.
+
+    `near` is how near they were before.
+    """
+    edge = (near.place < 0) | (near.place > scene.bat.length)
+    follows = nearness(scene, after).approach >= 0
+    return np.select([edge, near.approach <= 0, follows], list(Obstacle), "")
 
 
 def time_to_stop(scene: ShotScene, state: ShotState) -> Array:

@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from math import expm1, log1p
-from typing import NamedTuple, Protocol, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from scipy.optimize import brentq
@@ -87,24 +87,6 @@ class Branch:
     peak: float = 0.0  # greatest compression so far, which `Event.FULL` waits for [m]
 
 
-class BallLaw(Protocol):
-    """The force of one ball in one collision, branch by branch."""
-
-    def branch(self, event: Event, compression: float, before: Branch | None) -> Branch:
-        """Return the branch that an event at a compression [m] begins; at touch, None before."""
-        ...
-
-
-class LawOfBall(Protocol):
-    """What makes the law of a ball that shall come back from a wall with restitution e0."""
-
-    def __call__(
-        self, *, stiffness: float, exponent: float, restitution: float, speed: float
-    ) -> BallLaw:
-        """Return the law for an approach at `speed` [m/s]."""
-        ...
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PowerLaw:
     """Two power laws. A compression that turns round re-loads along the unloading one."""
@@ -117,12 +99,14 @@ class PowerLaw:
     def of(cls, *, stiffness: float, exponent: float, restitution: float, speed: float) -> Self:
         """Return the law of a ball; the speed does not matter."""
         del speed
-        return cls(
-            stiffness=stiffness, exponent=exponent, unloading=(exponent + 1) / restitution**2 - 1
-        )
+        unloading = (exponent + 1) / restitution**2 - 1
+        return cls(stiffness=stiffness, exponent=exponent, unloading=unloading)
 
     def branch(self, event: Event, compression: float, before: Branch | None) -> Branch:
-        """Return loading up to the peak, unloading from it."""
+        """Return the branch that an event at a compression [m] begins; at touch, None before.
+
+        It loads up to the peak and unloads from it.
+        """
         k, a, b = self.stiffness, self.exponent, self.unloading
         if before is None or event is Event.FULL:
             return Branch(force=lambda u, _: k * u**a, ends={Event.TURN: -1})
@@ -148,12 +132,11 @@ class HuntCrossley:
     @classmethod
     def of(cls, *, stiffness: float, exponent: float, restitution: float, speed: float) -> Self:
         """Return the law with the damping that gives e0 on a wall at `speed`."""
-        return cls(
-            stiffness=stiffness, exponent=exponent, damping=_wall_damping(restitution) / speed
-        )
+        damping = _wall_damping(restitution) / speed
+        return cls(stiffness=stiffness, exponent=exponent, damping=damping)
 
     def branch(self, event: Event, compression: float, before: Branch | None) -> Branch:
-        """Return the one law there is; compression and expansion differ in what ends them."""
+        """Return the branch; compression and expansion differ in what ends them."""
         del compression, before
         down = event is Event.TURN
         return Branch(
@@ -191,6 +174,11 @@ class HuntCrossley:
             compression_time=np.asarray(times[0]),
             expansion_time=np.asarray(times[1]),
         )
+
+
+BallLaw = PowerLaw | HuntCrossley  # the force of one ball in one collision, branch by branch
+# its stiffness, exponent, restitution and speed of approach to a law that gives e0 on a wall
+LawOfBall = Callable[..., BallLaw]
 
 
 def _released(x: float) -> float:

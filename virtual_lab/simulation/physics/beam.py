@@ -209,48 +209,31 @@ def _assemble(mesh: Mesh, body: BatBody) -> tuple[Array, Array]:
     z = mesh.boundaries[:-1, None] + half * (1 + x)
     N = reference.basis(x)
     slope = N @ reference.differentiation
-    at = section(body, z)
-    blocks = _element_blocks(at, gauss * half, N, slope, 1 / half[:, 0])
+    at, weight = section(body, z), gauss * half
+    once = (1 / half[:, 0])[:, None, None]
+    twice = once**2
+
+    def integrate(density: Array, left: Array, right: Array) -> Array:
+        """Return the element matrices (element, order + 1, order + 1) of a density."""
+        return np.asarray(np.einsum("eg,gi,gj->eij", density * weight, left, right))
+
+    shear = at.shear_stiffness
+    mixed = integrate(shear, slope, N) * once  # of w and psi
+    turning = integrate(at.bending_stiffness, slope, slope) * twice + integrate(shear, N, N)
     n, freedoms = mesh.nodes.size, mesh.connectivity
     mass, stiffness = np.zeros((2 * n, 2 * n)), np.zeros((2 * n, 2 * n))
     for matrix, block, row, column in (
-        (mass, blocks.mass_ww, 0, 0),
-        (mass, blocks.mass_pp, n, n),
-        (stiffness, blocks.stiffness_ww, 0, 0),
-        (stiffness, blocks.stiffness_wp, 0, n),
-        (stiffness, blocks.stiffness_wp.transpose(0, 2, 1), n, 0),
-        (stiffness, blocks.stiffness_pp, n, n),
+        (mass, integrate(at.mass, N, N), 0, 0),
+        (mass, integrate(at.rotary_inertia, N, N), n, n),
+        (stiffness, integrate(shear, slope, slope) * twice, 0, 0),
+        (stiffness, mixed, 0, n),
+        (stiffness, mixed.transpose(0, 2, 1), n, 0),
+        (stiffness, turning, n, n),
     ):
         rows = freedoms[:, :, None] + row
         columns = freedoms[:, None, :] + column
         np.add.at(matrix, (rows, columns), block)
     return mass, stiffness
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Blocks:
-    """Element matrices, each (elements, order + 1, order + 1); p stands for psi."""
-
-    mass_ww: Array
-    mass_pp: Array
-    stiffness_ww: Array
-    stiffness_wp: Array
-    stiffness_pp: Array
-
-
-def _element_blocks(at: Section, weight: Array, N: Array, slope: Array, scale: Array) -> _Blocks:
-    def integrate(density: Array, left: Array, right: Array) -> Array:
-        return np.asarray(np.einsum("eg,gi,gj->eij", density * weight, left, right))
-
-    once, twice = scale[:, None, None], scale[:, None, None] ** 2
-    shear = at.shear_stiffness
-    return _Blocks(
-        mass_ww=integrate(at.mass, N, N),
-        mass_pp=integrate(at.rotary_inertia, N, N),
-        stiffness_ww=integrate(shear, slope, slope) * twice,
-        stiffness_wp=integrate(shear, slope, N) * once,
-        stiffness_pp=integrate(at.bending_stiffness, slope, slope) * twice + integrate(shear, N, N),
-    )
 
 
 def _add_lump(mass: Array, mesh: Mesh, lump: Lump) -> None:

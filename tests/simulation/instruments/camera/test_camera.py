@@ -111,7 +111,7 @@ def test_a_frame_lost_leaves_a_gap_in_the_time_stamps() -> None:
 def test_a_film_keeps_every_frame_and_its_time(tmp_path: Path) -> None:
     seen = list(islice(whole_frames(camera(), course(1), Streams(6), "film", np.arange(1)), 6))
     rate = SPEC.clock.frame_rate
-    assert write_clip(tmp_path / "film.mp4", seen, rate) == len(seen)
+    write_clip(tmp_path / "film.mp4", seen, rate)
     reader = cv2.VideoCapture(str(tmp_path / "film.mp4"), cv2.CAP_FFMPEG)
     reader.set(cv2.CAP_PROP_CONVERT_RGB, 0)
     for _, frame in seen:
@@ -122,19 +122,16 @@ def test_a_film_keeps_every_frame_and_its_time(tmp_path: Path) -> None:
 
 
 def test_a_preview_plays_every_frame_slowly(tmp_path: Path) -> None:
-    """Frames at 25 a second, small, the square root of their grey values: bright parts near 255."""
-    ramp = np.linspace(0, 1000, 64)[None] * np.ones((40, 1))
-    seen = [(k / 5000, (ramp * (k + 1) / 5).astype(np.uint16)) for k in range(5)]
-    assert write_preview(tmp_path / "film.webp", seen, 4095, width=32) == 5
+    """Frames at 25 a second, the square root of their grey values: bright parts near 255."""
+    ramp = np.linspace(0, 1000, 32)[None] * np.ones((20, 1))
+    write_preview(tmp_path / "film.webp", [ramp * (k + 1) / 5 for k in range(5)], 4095)
     good, shown = cv2.imreadanimation(str(tmp_path / "film.webp"))
     assert good
     assert len(shown.frames) == 5
     assert set(np.ravel(shown.durations).tolist()) == {40}
     for k, frame in enumerate(shown.frames):
         assert frame.shape[:2] == (20, 32)
-        # each pixel the mean of two columns, whose brightest is white
-        columns = ramp[0].reshape(32, 2).mean(axis=1)
-        expected = 255 * np.sqrt(columns / columns[-1] * (k + 1) / 5)
+        expected = 255 * np.sqrt(ramp[0] / 1000 * (k + 1) / 5)
         assert np.abs(frame[..., 0].mean(axis=0) - expected).max() < 8
     with pytest.raises(InputError, match="a preview needs frames"):
         write_preview(tmp_path / "none.webp", [], 4095)

@@ -17,7 +17,7 @@ from virtual_lab.simulation.instruments.camera.ball import Light, render_balls
 from virtual_lab.simulation.instruments.camera.lens import TrueLens
 from virtual_lab.simulation.instruments.camera.scene import FilmedBat, background, flicker, windows
 from virtual_lab.simulation.instruments.camera.sensor import Sensor
-from virtual_lab.simulation.instruments.camera.shots import Course, Frames, take
+from virtual_lab.simulation.instruments.camera.shots import Course, Frames
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
@@ -68,6 +68,55 @@ class Camera(CalibratedInstrument[CameraSpec]):
         """Height of the rig's line of fire in the axes that were calibrated [m]."""
         return self.true["plane"]
 
+    def frames(
+        self, course: Course, draws: Draws, name: str, slots: Slots, *, whole: bool = False
+    ) -> Frames:
+        """Return the frames it keeps of a batch: those in whose picture the ball's centre is.
+
+        `whole` keeps the others too. The camera runs freely: where contact falls between two
+        frames is chance.
+        """
+        spec, lens, clock = self.spec, self.lens, self.clock
+        lift = np.array([0.0, 0.0, self.plane])
+        shots, rate, exposure = len(course.contact), spec.clock.frame_rate, spec.clock.exposure
+        phase = draws.uniform(f"{name}.phase", slots=slots)
+        first = np.ceil(course.contact * rate * clock - phase) - spec.frames_in
+        count = spec.frames_in + spec.frames_out
+        stamps = (first[:, None] + np.arange(count) + phase[:, None]) / rate
+        times = stamps / clock
+        lost = draws.uniform(f"{name}.lost", count, slots) + 0.5 < spec.clock.drop_rate
+        shot = np.repeat(np.arange(shots), count)
+        position = course.at(shot, times.ravel())
+        image = lens.drawn(lens.seen(position + lift))
+        inside = (image >= -0.5).all(axis=1)
+        inside &= (image < [spec.sensor.columns - 0.5, spec.sensor.rows - 0.5]).all(axis=1)
+        kept = (inside.reshape(shots, count) | whole) & ~lost
+        row, column = np.nonzero(kept)
+        time = times[row, column]
+        ends = time + exposure / 2 * np.array([[-1.0], [1.0]])
+        touch = np.clip([course.contact[row], course.leaving[row]], ends[0], ends[1])
+        points = np.stack([ends[0], touch[0], touch[1], ends[1]], axis=1)
+        path = np.stack(
+            [lens.drawn(lens.seen(course.at(row, when) + lift)) for when in points.T], axis=1
+        )
+        jitter = spec.clock.jitter * draws.normal(f"{name}.jitter", count, slots)
+        axes, spin = course.axes(row, time)
+        shown = position.reshape(shots, count, 3)[row, column]
+        return Frames(
+            layout=(shots, count),
+            shot=row,
+            number=(np.cumsum(kept, axis=1) - 1)[row, column],
+            time=time,
+            stamp=(stamps + jitter)[row, column],
+            position=shown,
+            path=path,
+            shares=(points - ends[0][:, None]) / exposure,
+            axes=axes,
+            turn=spin * exposure,
+            outlines=lens.outlines(shown + lift, course.passage.radius),
+            brightness=flicker(spec, time, draws.uniform(f"{name}.flicker", slots=slots)[row]),
+        )
+
     def watch(
         self,
         course: Course,
@@ -81,7 +130,7 @@ class Camera(CalibratedInstrument[CameraSpec]):
 
         The truth is of every frame, (shot, frame, …), NaN where there is none: see `Frames`.
         """
-        frames = take(self.spec, self.lens, self.clock, course, self.plane, draws, name, slots)
+        frames = self.frames(course, draws, name, slots)
         if rung is RecordDetail.FULL:
             return self._clip(frames, draws, name, slots, bat), frames.truth()
         return self._track(frames, draws, name, slots), frames.truth()

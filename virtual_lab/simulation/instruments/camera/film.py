@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.instruments.camera.camera import Camera
 from virtual_lab.simulation.instruments.camera.scene import FilmedBat, background
-from virtual_lab.simulation.instruments.camera.shots import Course, take
+from virtual_lab.simulation.instruments.camera.shots import Course
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.streams import Draws, Slots
 
@@ -36,9 +36,7 @@ def whole_frames(
     all of them, or `count` at equal steps.
     """
     spec = camera.spec
-    frames = take(
-        spec, camera.lens, camera.clock, course, camera.plane, draws, name, slots, whole=True
-    )
+    frames = camera.frames(course, draws, name, slots, whole=True)
     still, numbers = background(spec), frames.numbers(slots)
     corner = np.zeros((1, 2), np.int64)
     kept = np.flatnonzero(frames.shot == 0)
@@ -67,19 +65,23 @@ def whole_frames(
 
 def write_films(stem: Path, frames: Iterable[tuple[float, Frame]], spec: CameraSpec) -> None:
     """Write ``STEM.mp4``, its time stamps in ``STEM.csv``, and a preview in ``STEM.webp``."""
-    small: list[tuple[float, Frame]] = []
+    import cv2
+
+    small: list[Frame] = []
 
     def passing() -> Iterator[tuple[float, Frame]]:
         for stamp, grey in frames:
-            small.append((stamp, _reduced(grey, PREVIEW_WIDTH)))
+            rows = round(PREVIEW_WIDTH * grey.shape[0] / grey.shape[1])
+            shape, method = (PREVIEW_WIDTH, rows), cv2.INTER_AREA
+            small.append(cv2.resize(grey.astype(np.float32), shape, interpolation=method))
             yield stamp, grey
 
     write_clip(stem.with_suffix(".mp4"), passing(), spec.clock.frame_rate)
     write_preview(stem.with_suffix(".webp"), small, spec.sensor.full_scale)
 
 
-def write_clip(path: Path, frames: Iterable[tuple[float, Frame]], rate: float) -> int:
-    """Write grey frames as FFV1 in MP4, their time stamps beside it; return how many.
+def write_clip(path: Path, frames: Iterable[tuple[float, Frame]], rate: float) -> None:
+    """Write grey frames as FFV1 in MP4, their time stamps beside it.
 
     The stamps stand in ``NAME.csv``. FFV1 keeps every bit; the film is opened again and every frame
     counted and its first compared, for writers lose frames without a word. Frames are a time stamp
@@ -120,7 +122,6 @@ def write_clip(path: Path, frames: Iterable[tuple[float, Frame]], rate: float) -
         table = csv.writer(file)
         table.writerow(["time_s"])
         table.writerows([f"{stamp:.9f}"] for stamp in stamps)
-    return count
 
 
 def _writer(path: Path, grey: Frame, rate: float) -> Any:
@@ -136,14 +137,11 @@ def _writer(path: Path, grey: Frame, rate: float) -> Any:
     return writer
 
 
-def write_preview(
-    path: Path, frames: Iterable[tuple[float, Frame]], full_scale: float, width: int = PREVIEW_WIDTH
-) -> int:
-    """Write an animated WebP in slow motion that a browser plays; return how many frames."""
+def write_preview(path: Path, small: Sequence[Frame], full_scale: float) -> None:
+    """Write small frames as an animated WebP in slow motion that a browser plays."""
     import cv2
 
     animation = cv2.Animation()
-    small = [_reduced(grey, width) for _, grey in frames]
     white = min(max((float(each.max()) for each in small), default=1.0), full_scale)
     tones = [255 * np.sqrt(np.clip(each / white, 0, 1)) for each in small]
     pictures = [cv2.cvtColor(tone.astype(np.uint8), cv2.COLOR_GRAY2BGRA) for tone in tones]
@@ -153,11 +151,3 @@ def write_preview(
     animation.durations = [round(1000 / 25.0)] * len(pictures)
     if not cv2.imwriteanimation(str(path), animation, [cv2.IMWRITE_WEBP_QUALITY, 80]):
         raise InputError(str(path), "preview", None, "an animated WebP cannot be written here")
-    return len(pictures)
-
-
-def _reduced(grey: Frame, width: int) -> Frame:
-    import cv2
-
-    rows = round(width * grey.shape[0] / grey.shape[1])
-    return cv2.resize(grey.astype(np.float32), (width, rows), interpolation=cv2.INTER_AREA)

@@ -22,6 +22,9 @@ class Outlines:
     warp: Array  # (n, 2, 5), what `render_balls` takes
     view: Array  # (n, 3, 3), likewise
 
+    def __getitem__(self, some: slice) -> Self:
+        return type(self)(centre=self.centre[some], warp=self.warp[some], view=self.view[some])
+
     @property
     def middle(self) -> Array:
         """Centre of the outline's area, (n, 2) [px]: not where the sphere's own centre is.

@@ -1,8 +1,8 @@
-"""When a camera takes its frames of each shot, and all that is true of each."""
+"""The flights before a camera, and all that is true of each frame that it takes of them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, Self
 
 import numpy as np
@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 
 from virtual_lab.relations.flight import distance_after
 from virtual_lab.relations.pinhole import rotation
-from virtual_lab.simulation.instruments.camera.lens import Outlines, TrueLens
-from virtual_lab.simulation.instruments.camera.scene import flicker
-from virtual_lab.simulation.instruments.camera.spec import CameraSpec
+from virtual_lab.simulation.instruments.camera.lens import Outlines
 from virtual_lab.simulation.instruments.passage import Passage
-from virtual_lab.streams import Draws, Slots
+from virtual_lab.streams import Slots
 from virtual_lab.units import Array
 
 Ints = NDArray[np.intp]
@@ -44,18 +42,9 @@ class Frames:
 
     def part(self, some: slice) -> Self:
         """Return some of the frames."""
-        mine = {
-            name: getattr(self, name)[some]
-            for name in ("shot", "number", "time", "stamp", "position", "path", "shares", "axes")
-        }
-        outlines = Outlines(
-            centre=self.outlines.centre[some],
-            warp=self.outlines.warp[some],
-            view=self.outlines.view[some],
-        )
-        return replace(
-            self, **mine, turn=self.turn[some], outlines=outlines, brightness=self.brightness[some]
-        )
+        own = {part.name: getattr(self, part.name) for part in fields(self)}
+        del own["layout"]
+        return replace(self, **{name: values[some] for name, values in own.items()})
 
     def numbers(self, slots: Slots) -> Slots:
         """Return each frame's number in its laboratory, (n,), from its shot's in `slots`."""
@@ -81,67 +70,6 @@ class Frames:
         }
 
 
-def take(
-    spec: CameraSpec,
-    lens: TrueLens,
-    clock: float,
-    course: Course,
-    plane: float,
-    draws: Draws,
-    name: str,
-    slots: Slots,
-    *,
-    whole: bool = False,
-) -> Frames:
-    """Return the frames a camera keeps of a batch: those in whose picture the ball's centre is.
-
-    `whole` keeps the others too. The camera runs freely: where contact falls between two frames
-    is chance. `plane` is how high the rig stands in the axes that were calibrated [m].
-    """
-    lift = np.array([0.0, 0.0, plane])
-    shots, rate, exposure = len(course.contact), spec.clock.frame_rate, spec.clock.exposure
-    phase = draws.uniform(f"{name}.phase", slots=slots)
-    first = np.ceil(course.contact * rate * clock - phase) - spec.frames_in
-    count = spec.frames_in + spec.frames_out
-    stamps = (first[:, None] + np.arange(count) + phase[:, None]) / rate
-    times = stamps / clock
-    lost = draws.uniform(f"{name}.lost", count, slots) + 0.5 < spec.clock.drop_rate
-    shot = np.repeat(np.arange(shots), count)
-    position = course.at(shot, times.ravel())
-    image = lens.drawn(lens.seen(position + lift))
-    inside = (image >= -0.5).all(axis=1)
-    inside &= (image < [spec.sensor.columns - 0.5, spec.sensor.rows - 0.5]).all(axis=1)
-    kept = (inside.reshape(shots, count) | whole) & ~lost
-    row, column = np.nonzero(kept)
-    time = times[row, column]
-    ends = time + exposure / 2 * np.array([[-1.0], [1.0]])
-    touch = np.clip([course.contact[row], course.leaving[row]], ends[0], ends[1])
-    points = np.stack([ends[0], touch[0], touch[1], ends[1]], axis=1)
-    path = np.stack(
-        [lens.drawn(lens.seen(course.at(row, when) + lift)) for when in points.T], axis=1
-    )
-    jitter = spec.clock.jitter * draws.normal(f"{name}.jitter", count, slots)
-    axes, spin = course.axes(row, time)
-    shown = position.reshape(shots, count, 3)[row, column]
-    return Frames(
-        layout=(shots, count),
-        shot=row,
-        number=(np.cumsum(kept, axis=1) - 1)[row, column],
-        time=time,
-        stamp=(stamps + jitter)[row, column],
-        position=shown,
-        path=path,
-        shares=(points - ends[0][:, None]) / exposure,
-        axes=axes,
-        turn=spin * exposure,
-        outlines=lens.outlines(shown + lift, course.passage.radius),
-        brightness=flicker(spec, time, draws.uniform(f"{name}.flicker", slots=slots)[row]),
-    )
-
-
-Shots = NDArray[np.intp]
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Course:
     """Flights of a batch and their spin, in axes of the rig; arrays with a leading shot axis.
@@ -158,7 +86,7 @@ class Course:
     spin_out: Array  # (shot, 3) [rad/s]
     stand: Array  # rotation vector of the ball at contact, (shot, 3)
 
-    def at(self, shot: Shots, time: Array) -> Array:
+    def at(self, shot: Ints, time: Array) -> Array:
         """Return the ball's centre of each of n shots at a time, (n, 3) [m].
 
         While it touches, the centre goes on, stops and turns back on a cubic that has the
@@ -186,7 +114,7 @@ class Course:
         z = height + rise - flight.gravity / 2 * (before**2 + after**2)
         return np.stack([x, self.along[shot], z], axis=1)
 
-    def axes(self, shot: Shots, time: Array) -> tuple[Array, Array]:
+    def axes(self, shot: Ints, time: Array) -> tuple[Array, Array]:
         """Return the ball's axes in their rows, (n, 3, 3), and its spin (n, 3) [rad/s]."""
         before = np.minimum(time - self.contact[shot], 0.0)[:, None]
         after = np.maximum(time - self.leaving[shot], 0.0)[:, None]
