@@ -80,7 +80,7 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
     while flights:
         readout = readout_of(scene, flights, FLIGHTS.used_readout)
         fit = fit_flights(scene, flights, readout=readout)
-        ended = [_ended(*each, fit.spread) for each in zip(flights, fit.residuals, strict=True)]
+        ended = _ended(flights, fit)
         if [len(each.t) for each in ended] != [len(each.t) for each in flights]:
             flights = [each for each in ended if len(each.t) >= FLIGHTS.least_places]
             continue
@@ -90,12 +90,22 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
     return [], None
 
 
-def _ended(piece: Piece, residuals: Array, spread: float) -> Piece:
-    """Return a flight without ends that lie off its way: in a hand, on a table, at a contact."""
+def _ended(flights: Sequence[Piece], fit: Fit) -> list[Piece]:
+    """Return flights without ends that lie off their way: in a hand or on a table.
+
+    Ends at a contact stay: there a rolling shutter draws the way out of shape.
+    """
+    gaps = [np.inf, *(two.t[0] - one.t[-1] for one, two in pairwise(flights)), np.inf]
+    free = np.array(gaps) > FLIGHTS.contact_frames
     radii, spreads = FLIGHTS.end_room
-    room = max(radii * piece.radius, spreads * spread)
-    good = np.flatnonzero(np.hypot(*residuals.T) < room)
-    return piece.part(slice(good[0], good[-1] + 1)) if good.size else piece
+    ended = []
+    for k, (piece, left) in enumerate(zip(flights, fit.residuals, strict=True)):
+        room = max(radii * piece.radius, spreads * fit.spread)
+        good = np.flatnonzero(np.hypot(*left.T) < room)
+        first = good[0] if free[k] and good.size else 0
+        last = good[-1] if free[k + 1] and good.size else len(piece.t) - 1
+        ended.append(piece.part(slice(first, last + 1)))
+    return ended
 
 
 def _holds(scene: FlightScene, flights: Sequence[Piece], fit: Fit) -> bool:
