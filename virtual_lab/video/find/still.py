@@ -95,11 +95,12 @@ class Still:
         """
         grid = np.s_[:: _STILL.grid, :: _STILL.grid]
         here = moved_back(small, (shift + self.origin) / self.shrink, (0, 0), self.small)[grid]
-        some = self.small[grid].astype(np.float32).reshape(-1, self.channels)
+        here, behind = (each.reshape(-1, self.channels) for each in (here, self.small[grid]))
         gains = np.ones(self.channels)
-        for k, (one, lit) in enumerate(zip(here.reshape(some.shape).T, some.T, strict=True)):
-            if (lit > _STILL.lit).any():
-                gain = float(np.median(one[lit > _STILL.lit] / lit[lit > _STILL.lit]))
+        for k, (one, lit) in enumerate(zip(here.T, behind.T.astype(np.float32), strict=True)):
+            shown = lit > _STILL.lit
+            if shown.any():
+                gain = float(np.median(one[shown] / lit[shown]))
                 if _STILL.gains[0] < gain < _STILL.gains[1] and abs(gain - 1) > 0.005:
                     gains[k] = gain
         return gains
@@ -375,10 +376,12 @@ def _apart(one: Image, other: Image) -> Image:
 
 def _lit(behind: Image, light: Array) -> Image:
     """Return a background as bright as a picture is, channel by channel."""
+    import cv2
+
     if (light == 1.0).all():
         return behind
-    lit = behind.reshape(-1, len(light)) * light.astype(np.float32)
-    return np.clip(np.rint(lit), 0, 255).astype(np.uint8).reshape(behind.shape)
+    values = np.clip(np.rint(np.arange(256)[:, None] * light), 0, 255).astype(np.uint8)
+    return np.asarray(cv2.LUT(behind, values.reshape(1, 256, -1)), np.uint8).reshape(behind.shape)
 
 
 def _median(pictures: Sequence[Image], shifts: Array | None = None) -> Image:
