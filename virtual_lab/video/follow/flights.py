@@ -226,7 +226,7 @@ def _of_one_gravity(scene: FlightScene, pieces: list[Piece]) -> list[Piece]:
                 (like if sure and colour else loose).append(other)
         # of a few places any acceleration may be gravity's, and a ball in two colours turns: they
         # must lie beside a flight
-        while near := [o for o in loose if any(_beside(o, e) for e in like)]:
+        while near := [o for o in loose if any(_adjoins(o, e) for e in like)]:
             like += near
             loose = [o for o in loose if not any(o is each for each in near)]
         # many short pieces of a hand's way agree by chance; long ones do not
@@ -245,7 +245,7 @@ def _chance(piece: Piece, u: float) -> float:
     return 3 * u + 8 * FLIGHTS.chance_bend * piece.radius / float(np.ptp(piece.t)) ** 2
 
 
-def _beside(one: Piece, other: Piece) -> bool:
+def _adjoins(one: Piece, other: Piece) -> bool:
     """Return whether one piece begins where and when the other ends."""
     first, last = (one, other) if one.frames[0] < other.frames[0] else (other, one)
     later = float(last.frames[0] - first.frames[-1])

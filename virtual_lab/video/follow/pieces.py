@@ -31,8 +31,10 @@ class PieceGrowth:
     travel: float = 1.0  # radii it covers
     short_travel: float = 0.5  # radii, if it strays off a parabola by so little: no noise does
     short_stray: float = 0.01  # radii
-    hop: float = 0.25  # radii that a known g must bend a way by that travels less,
-    hop_stray: float = 0.03  # radii that it may stray off g's parabola by
+    # a way that travels less is a hop where g is known, bends it by so many radii at least, and it
+    # strays off that parabola by so many at most
+    hop: float = 0.25
+    hop_stray: float = 0.03
     recent_places: int = 6  # that show where the next one is
     seeds: int = 4  # triples tried from a blob
     slowest: float = 0.01  # radii a frame
