@@ -102,7 +102,7 @@ def test_a_changing_light_is_no_blob() -> None:
 
 
 def test_a_light_of_another_colour_is_no_blob_and_leaves_the_ball_its_ring() -> None:
-    """A phone that balances white anew changes each channel by its own factor."""
+    """A new white balance changes each channel by its own factor."""
     rng = np.random.default_rng(2)
     wall = np.repeat(np.repeat(rng.uniform(60, 170, (8, 10, 3)), 25, axis=0), 32, axis=1)
     covered = matte((200, 320), 150.0, 90.0, 14.0)[..., None]

@@ -13,7 +13,7 @@ from virtual_lab.simulation.motion.touch import first_touch, moved, nearness, ob
 
 
 def play_closed_form(scene: ShotScene) -> PlayedShots:
-    """Return what the shots come to; those refused have no pieces."""
+    """Return the results of the shots; those refused have no pieces."""
     everyone = np.arange(scene.shots)
     time = first_touch(scene, scene.start, np.full(scene.shots, scene.duration), everyone)
     hit = np.flatnonzero(np.isfinite(time))

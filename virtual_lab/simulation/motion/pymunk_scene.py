@@ -71,7 +71,7 @@ def longest_step(scene: ShotScene) -> float:
 
 
 def play_pymunk(scene: ShotScene, settings: PymunkSettings | None = None) -> PlayedShots:
-    """Return what the shots come to.
+    """Return the results of the shots.
 
     Without `settings` these are the usual ones, with a step short enough for the scene.
     `InputError` for unsafe settings, a ball that starts inside the bat.
@@ -86,7 +86,7 @@ def play_pymunk(scene: ShotScene, settings: PymunkSettings | None = None) -> Pla
 
 
 def carry(scene: ShotScene, settings: PymunkSettings) -> PlayedShots:
-    """Return what the shots come to by settings as they are; those refused have no pieces."""
+    """Return the results of the shots, by settings as they are; those refused have no pieces."""
     shots = [_Shot(scene.part(np.array([shot])), settings) for shot in range(scene.shots)]
     pieces = [
         piece._replace(shot=np.array([number]))

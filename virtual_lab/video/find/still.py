@@ -91,7 +91,7 @@ class Still:
     def light(self, small: Image, shift: Array) -> Array:
         """Return how much brighter than the background a small picture is, (channel,).
 
-        1.0 within half a percent, and where it cannot be told.
+        1.0 within half a percent, and where no pixel is bright enough to measure it.
         """
         grid = np.s_[:: _STILL.grid, :: _STILL.grid]
         here = moved_back(small, (shift + self.origin) / self.shrink, (0, 0), self.small)[grid]

@@ -469,9 +469,9 @@ def _flights(
 
 
 def _let_go(speed: Estimate, unit: float, fit: Fit, velocity: Array, pull: Array) -> Estimate:
-    """Return the speed where a flight begins or ends, its u with that of what held the ball there.
+    """Return the speed at a flight's free end; its u covers the uncertain time of the release.
 
-    A ball that hardly falls yet lies where it was held: for so long places do not tell the two.
+    Just after a release the ball has moved by less than the scatter of its places.
     """
     size = float(np.hypot(*pull))
     if size == 0:
