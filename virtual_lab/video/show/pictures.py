@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,6 +36,7 @@ class Layout:
     strip_px: int = 20  # above a picture, for its frame and time
     fine_bits: int = 4  # binary places below a pixel
     balls: int = 14  # drawn into one picture, about
+    title_letters: int = 105  # in a line
 
 
 LAYOUT = Layout()
@@ -195,7 +197,7 @@ def draw_track(course: BallCourse, pictures: Pictures, title: str, path: Path) -
         picture, along, across = figure.subplots(3, 1, height_ratios=(high, 1.3, 1.3))
         _picture(picture, course, pictures)
         _residuals(along, across, course)
-        figure.suptitle(title, fontsize=9)
+        figure.suptitle(fill(title, LAYOUT.title_letters), fontsize=9)
         figure.savefig(path, pil_kwargs={"compress_level": 3})
 
 
