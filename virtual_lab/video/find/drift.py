@@ -41,6 +41,7 @@ class _Alignment:
     clipped: float = 2.0  # pixels: what is farther off moves on its own
     least_shown: float = 0.2  # of the edges, that lie in the other picture
     stand: float = 0.98  # of its cost: a camera on a stand is the simpler explanation
+    far: float = 0.7  # of the cost near the guess, that a shift far from it has at most
     ridge: float = 1e-3  # of what shows a shift: an edge does not hold one along it
 
 
@@ -88,6 +89,8 @@ class Edges:
                 break  # of what moves so little the coarser levels show no more
         costs = [_cost(self.levels[-1], pictures[-1], each) for each in tried]
         costs[0] *= _ALIGN.stand
+        if np.hypot(*(tried[-1] - guess)) > _ALIGN.near:
+            costs[-1] /= _ALIGN.far
         return tried[int(np.argmin(costs))]
 
     def cost(self, grey: Image, shift: Array) -> float:

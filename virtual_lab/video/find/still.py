@@ -39,6 +39,7 @@ class _StillSettings:
     # others, turning ones show 0.74 at most, those held by hand 0.53 so multiplied
     turns: float = 0.8
     drifts: float = 0.57
+    both: tuple[float, float] = (0.88, 0.7)  # the two together: a codec keeps a wall in place
     restless: float = 0.75  # quantile of the samples' differences: what a pixel does without a ball
     most_restless: int = 16  # DN: more may be a ball that stays
     rows: int = 64  # at a time: a sorted stack of whole pictures would need the memory of them all
@@ -231,6 +232,7 @@ def _laid(greys: Sequence[Image], most: float, held: float) -> Array:
         # the median of pictures that hardly overlap shows nothing
         misfit = one_by_one * min(1.0, together)
         drifts = one_by_one < _STILL.turns or misfit < _STILL.drifts
+        drifts |= one_by_one < _STILL.both[0] and misfit < _STILL.both[1]
         if drifts and steps.max(initial=0.0) <= limit and misfit < least:
             best, least = shifts, misfit
         shifts = np.array([whole.shift(g, near) for g, near in zip(greys, shifts, strict=True)])
