@@ -132,6 +132,23 @@ def test_a_ball_before_a_pattern() -> None:
     assert best["radius"] == pytest.approx(20.0, rel=0.1)
 
 
+def test_a_ball_with_dark_patches_before_a_light_wall_is_one() -> None:
+    """A football: its patches differ from the wall eight times as much as what lies between."""
+    behind = np.full((200, 320), 200.0)
+    covered = matte(behind.shape, 150.3, 90.8, 20.0)
+    ball = covered * 225.0 + (1 - covered) * behind
+    for turn in np.arange(5) * 2 * np.pi / 5:
+        x, y = 150.3 + 11 * np.cos(turn), 90.8 + 11 * np.sin(turn)
+        patch = matte(behind.shape, x, y, 4.5)
+        ball = patch * 30.0 + (1 - patch) * ball
+    still = still_of([behind.astype(np.uint8)] * 4, 8, stands=True)
+    seen = np.round(ball).astype(np.uint8)
+    found = blobs(0, seen, seen, NONE, still)
+    (best,) = found[found["radius"] > 8]
+    assert (best["x"], best["y"]) == pytest.approx((150.3, 90.8), abs=1.0)
+    assert best["radius"] == pytest.approx(20.0, rel=0.05)
+
+
 def test_a_ball_at_the_top_of_a_low_hop_is_no_repeat() -> None:
     """The picture hardly changes, but the ball is a pixel or two from where it was."""
     change = np.array([np.nan, 40, 38, 9, 36, 40, 3, 41.0])

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.units import Array
-from virtual_lab.video.find.outline import fit_outline
+from virtual_lab.video.find.outline import BlobOutline, fit_outline
 from virtual_lab.video.find.still import Image, Still, difference_of, difference_of_light
 
 Blobs = NDArray[np.void]
@@ -53,6 +53,7 @@ class _Search:
     thinnest: float = 0.22  # ratio of a blob's axes: blur of five times the ball
     # percentiles of a blob that are its contrast; the second where the background has a pattern
     brightness: tuple[float, float] = (85, 40)
+    whole: float = 0.4  # of what differs: less may be a patch of a ball that has several
     round: float = 1.3  # ratio of axes, by the second one: a hand or a head is longer
     outline_level: float = 0.5  # of a blob's own contrast
     ring_level: float = 0.35  # of the contrast: what is brighter in the ring is not background
@@ -170,27 +171,17 @@ def _outline(
     bright = inner[inner > _SEARCH.faint]
     if bright.size < _SEARCH.least_area:
         return None
-    for percentile in _SEARCH.brightness:
-        contrast = float(np.percentile(bright, percentile))
-        if contrast < 2 * _SEARCH.faint:
-            return None
-        drawn = _shape(off, _SEARCH.outline_level * contrast)
-        if drawn is None:
-            continue
-        x, y, short, long = drawn
-        fitted = fit_outline(off, x, y, np.sqrt(short * long), contrast)
-        if fitted and np.hypot(fitted.x - x, fitted.y - y) >= _SEARCH.centre_room * short:
-            fitted = None
-        if percentile == _SEARCH.brightness[0] or (fitted and long < _SEARCH.round * short):
-            break
-    else:
+    chosen = _contrasted(off, bright)
+    if chosen is None:
         return None
+    (x, y, short, long), fitted, contrast, even = chosen
     spread = _SEARCH.hull_u * short
     if fitted:
         x, y, short, long, spread = fitted
         # a rim in shade takes the edge inward in light, a gamma does in grey values
         luminous = _softened(difference_of_light(part, behind))
         level = float(np.median(luminous[_disc(luminous.shape, x, y, 0.6 * short)]))
+        luminous = luminous if even else np.minimum(luminous, np.float32(level))
         other = fit_outline(luminous, x, y, (short + long) / 2, level, rounds=1)
         if other is not None and abs(other.short - short) < _SEARCH.centre_room * short:
             # the edge lies between the two, nobody knows where
@@ -208,6 +199,36 @@ def _outline(
     cut = any(not reach <= p <= side - 1 - reach for p, side in zip(there, still.size, strict=True))
     colours = np.broadcast_to(colour, 3)
     return number, *at, short, long, spread, contrast, dirty, cut, *there, colours
+
+
+class _Contrasted(NamedTuple):
+    drawn: tuple[float, float, float, float]  # centre and half axes of the hull [pixels]
+    fitted: BlobOutline | None
+    contrast: float  # DN
+    even: bool  # else patches of it differ more, and count no more than the rest
+
+
+def _contrasted(off: NDArray[np.float32], bright: NDArray[np.float32]) -> _Contrasted | None:
+    """Return the outline at half of a contrast that fits, of what differs and its bright pixels."""
+    chosen, least = None, 0.0
+    for percentile, even in zip(_SEARCH.brightness, (True, False), strict=True):
+        contrast = float(np.percentile(bright, percentile))
+        if contrast < 2 * _SEARCH.faint:
+            break
+        drawn = _shape(off, _SEARCH.outline_level * contrast)
+        if drawn is None:
+            continue
+        x, y, short, long = drawn
+        level = off if even else np.minimum(off, np.float32(contrast))
+        fitted = fit_outline(level, x, y, np.sqrt(short * long), contrast)
+        if fitted and np.hypot(fitted.x - x, fitted.y - y) >= _SEARCH.centre_room * short:
+            fitted = None
+        area = np.pi * short * long
+        if even or (fitted and long < _SEARCH.round * short and area > least):
+            chosen, least = _Contrasted(drawn, fitted, contrast, even), area / _SEARCH.whole
+        if area > _SEARCH.whole * bright.size:
+            break
+    return chosen
 
 
 def _softened(off: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -63,15 +63,22 @@ class Edges:
 
     levels: Sequence[_Level]
 
-    def span(self, shape: tuple[int, ...], steeper: float) -> float:
-        """Return over how much of a picture's wider way those reach that are so steep [DN/px]."""
-        level, sides = self.levels[-1], np.array(shape[1::-1], dtype=float)
-        places = np.stack([level.x, level.y])[:, level.slope > steeper]
-        places -= places.min(axis=1, keepdims=True, initial=np.inf)
-        part = (places / sides[:, None] * _ALIGN.parts).astype(int)
-        each, count = np.unique(part, axis=1, return_counts=True)
-        shown = each[:, count >= _ALIGN.part_pixels]
-        return float(np.ptp(shown, axis=1).max() + 1) / _ALIGN.parts if shown.size else 0.0
+    def spans(self, shape: tuple[int, ...], steeper: float, *, own: bool) -> Array:
+        """Return over how much of each side those reach that are so steep [DN/px], (2,).
+
+        `own`: so steep along that side. A man who walks through the picture has upright edges, but
+        not over its whole width.
+        """
+        level, sides, found = self.levels[-1], np.array(shape[1::-1], dtype=float), np.zeros(2)
+        for axis in (0, 1):
+            slope = level.slope * (np.abs(level.design[:, axis]) if own else 1.0)
+            places = np.stack([level.x, level.y])[:, slope > steeper]
+            places -= places.min(axis=1, keepdims=True, initial=np.inf)
+            part = (places / sides[:, None] * _ALIGN.parts).astype(int)
+            each, count = np.unique(part, axis=1, return_counts=True)
+            shown = each[axis, count >= _ALIGN.part_pixels]
+            found[axis] = (np.ptp(shown) + 1) / _ALIGN.parts if shown.size else 0.0
+        return found
 
     def shift(self, grey: Image, guess: Array) -> Array:
         """Return how far a picture lies from this one, (2,) [pixels], found from near a guess."""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.units import Array
+from virtual_lab.units import Array, Mask
 from virtual_lab.video.clips.reading import Frame
 from virtual_lab.video.find.drift import Edges, edges_of
 
@@ -67,7 +67,8 @@ class Still:
     depth: int  # bits that frames are cut to 8 from
     edges: Edges  # of `small`
     drifts: bool
-    shows_drift: bool  # edges that no codec keeps still reach over the picture
+    shows_drift: bool  # edges that no codec keeps in place reach over the picture
+    shows_turn: Mask  # which ways, x and y, those do that are steep that way
 
     @property
     def channels(self) -> int:
@@ -75,9 +76,9 @@ class Still:
         return 1 if self.small.ndim == 2 else self.small.shape[2]
 
     @property
-    def fastest(self) -> float:
-        """How far it may drift [pixels a frame]."""
-        return _STILL.turned * max(self.size) if self.shows_drift else _STILL.held
+    def fastest(self) -> Array:
+        """How far it may drift each way, (2,) [pixels a frame]."""
+        return np.where(self.shows_turn, _STILL.turned * max(self.size), _STILL.held)
 
     def shift(self, small: Image, guess: Array) -> Array:
         """Return how far a small picture lies from the still frame, (2,) [full pixels]."""
@@ -203,7 +204,8 @@ def still_of(
         depth=depth,
         edges=edges,
         drifts=drifts,
-        shows_drift=_show_drift(edges, behind),
+        shows_drift=bool(_shown(edges, behind, own=False).any()),
+        shows_turn=_shown(edges, behind, own=True),
     )
 
 
@@ -226,22 +228,22 @@ def _laid(greys: Sequence[Image], most: float, held: float) -> Array:
             break
         middle = _median(greys, shifts)
         whole = edges_of(middle)
-        steps = np.hypot(*np.diff(shifts, axis=0).T)
+        steps = np.abs(np.diff(shifts, axis=0)).max(axis=0, initial=0.0)
         one_by_one, together = _misfits(edges, whole, greys, shifts) / stands
-        limit = most if _show_drift(whole, middle) else min(most, held)
+        limit = np.where(_shown(whole, middle, own=True), most, min(most, held))
         # the median of pictures that hardly overlap shows nothing
         misfit = one_by_one * min(1.0, together)
         drifts = one_by_one < _STILL.turns or misfit < _STILL.drifts
         drifts |= one_by_one < _STILL.both[0] and misfit < _STILL.both[1]
-        if drifts and steps.max(initial=0.0) <= limit and misfit < least:
+        if drifts and (steps <= limit).all() and misfit < least:
             best, least = shifts, misfit
         shifts = np.array([whole.shift(g, near) for g, near in zip(greys, shifts, strict=True)])
     return np.asarray(best - best[0])
 
 
-def _show_drift(edges: Edges, grey: Image) -> bool:
-    """Return whether edges that no codec keeps in place reach over so much of a picture."""
-    return edges.span(grey.shape, _STILL.coded_still) >= _STILL.span
+def _shown(edges: Edges, grey: Image, *, own: bool) -> Mask:
+    """Return which ways edges that no codec keeps in place reach over so much of a picture."""
+    return np.asarray(edges.spans(grey.shape, _STILL.coded_still, own=own) >= _STILL.span)
 
 
 def _misfits(edges: Sequence[Edges], whole: Edges, greys: Sequence[Image], shifts: Array) -> Array:

@@ -67,7 +67,7 @@ def watch(
         picture = eight_bits(frame, depth)
         small = still.shrunk(picture)
         drifted = still.shift(small, shift + ahead) - shift
-        if np.hypot(*drifted) < still.fastest * since:
+        if (np.abs(drifted) < still.fastest * since).all():
             shift, ahead, since = shift + drifted, drifted / since, 1
         else:
             since += 1
