@@ -36,6 +36,7 @@ class ClipSettings:
     tilted_misfit: float = 0.6  # what a perspective shrinks it to, to be believed
     tilt: float = 0.03  # over the extent of the places, to be believed
     reconciled: float = 0.7  # of what flights' accelerations differ by, if that explains it
+    usual_readout: float = 0.5  # frames, of a phone
     drag_u: float = 0.35  # of the difference between fits with and without drag
     hand_drift: float = 0.02  # of the longer side a second, each way: 0.005 to 0.03 in real clips
     drift_matters: float = 0.002  # of a flight's speed
@@ -322,6 +323,10 @@ def _measured(
             partial(_pull, 0), fit, unit=unit / step**2, relative_u=scale.relative_u
         )
         notes += against + _doubts(known, ways, flights, unit, step)
+        if known.readout is None:
+            rolled = fit_flights(scene, ways, readout=CLIP.usual_readout, tilted=tilted)
+            other_contacts, _ = contacts_of(scene, ways, rolled, [], step, unit)
+            notes.append(("READOUT_UNKNOWN", _of_readout(contacts, other_contacts)))
     if ways and (more := beside(scene, ways, found)):
         first = min(int(each.frames[0]) for each in more)
         words = (
@@ -495,7 +500,7 @@ def _speed(flight: int, t: float, late: float, fit: Fit) -> float:
 def _doubts(
     known: Known, ways: list[Piece], flights: list[MeasuredFlight], unit: float, step: float
 ) -> list[Note]:
-    """Return what speaks against scale, ball, frame rate and shutter."""
+    """Return what speaks against scale, ball and frame rate."""
     notes = []
     pulls = [
         each.acceleration
@@ -519,10 +524,18 @@ def _doubts(
                 )
                 notes.append(("GRAVITY", words))
                 break
-    if known.readout is None and flights:
-        words = (
-            "neither --readout nor --global-shutter is given: a shutter may roll for up to a "
-            "frame, and the speeds' u covers that; a restitution's does not"
-        )
-        notes.append(("READOUT_UNKNOWN", words))
     return notes
+
+
+def _of_readout(contacts: list[Contact], rolled: list[Contact]) -> str:
+    """Return what a readout nobody speaks of may change, by contacts found with the usual one."""
+    by = {each.before: each.restitution for each in rolled}
+    pairs = [(each.restitution, by.get(each.before)) for each in contacts]
+    most = max((abs(one.value - other.value) for one, other in pairs if one and other), default=0.0)
+    words = (
+        "neither --readout nor --global-shutter is given: a shutter may roll for up to a "
+        "frame, and the speeds' u covers that"
+    )
+    if not any(one for one, _ in pairs):
+        return words
+    return f"{words}; a restitution's does not: half a frame would change one by {most:.2g}"
