@@ -33,6 +33,7 @@ class ClipSettings:
     # u of the acceleration that it may be off g by, and a share of it; of all flights, and of one
     off_gravity: tuple[float, float] = (3.0, 0.04)
     off_gravity_alone: tuple[float, float] = (5.0, 0.1)
+    bent: float = 0.05  # radii that no gravity bends a short way by
     tilted_misfit: float = 0.6  # what a perspective shrinks it to, to be believed
     tilt: float = 0.03  # over the extent of the places, to be believed
     reconciled: float = 0.7  # of what flights' accelerations differ by, if that explains it
@@ -502,28 +503,29 @@ def _doubts(
 ) -> list[Note]:
     """Return what speaks against scale, ball and frame rate."""
     notes = []
-    pulls = [
-        each.acceleration
-        for way, each in zip(ways, flights, strict=True)
-        if max(known.gravity, each.acceleration.value) * (step * np.ptp(way.t)) ** 2 / 8
-        > unit * way.radius
-    ]
-    if pulls:
-        weights = [1 / max(each.u, 1e-9) ** 2 for each in pulls]
-        mean = float(np.average([each.value for each in pulls], weights=weights))
-        together = Estimate(value=mean, u=min(each.u for each in pulls))
-        judged = [(together, *CLIP.off_gravity)]
-        judged += [(each, *CLIP.off_gravity_alone) for each in pulls]
-        for each, coverage, share in judged:
-            most = max(coverage * each.u, share * known.gravity)
-            if abs(each.value - known.gravity) > most:
-                words = (
-                    f"the ball falls with {each.value:.3g} m/s², not {known.gravity:.3g}: the "
-                    "scale, the ball's diameter or the frame rate is wrong (slow motion declares "
-                    "the rate it plays at: --fps), and every speed with it"
-                )
-                notes.append(("GRAVITY", words))
-                break
+    pulls, bent = [], []
+    for way, flight in zip(ways, flights, strict=True):
+        pull = flight.acceleration
+        sag = (step * np.ptp(way.t)) ** 2 / 8 / (unit * way.radius)  # radii, of 1 m/s²
+        if sag * max(known.gravity, pull.value) > 1:
+            pulls.append(pull)
+        elif sag * abs(pull.value - known.gravity) > CLIP.bent:
+            bent.append(pull)
+    judged = [(each, *CLIP.off_gravity_alone) for each in pulls + bent]
+    if some := pulls or bent:
+        weights = [1 / max(each.u, 1e-9) ** 2 for each in some]
+        mean = float(np.average([each.value for each in some], weights=weights))
+        together = Estimate(value=mean, u=min(each.u for each in some))
+        judged.append((together, *CLIP.off_gravity))
+    for each, coverage, share in judged:
+        if abs(each.value - known.gravity) > max(coverage * each.u, share * known.gravity):
+            words = (
+                f"the ball falls with {each.value:.3g} m/s², not {known.gravity:.3g}: the "
+                "scale, the ball's diameter or the frame rate is wrong (slow motion declares "
+                "the rate it plays at: --fps), and every speed with it"
+            )
+            notes.append(("GRAVITY", words))
+            break
     return notes
 
 
