@@ -53,7 +53,7 @@ class _Search:
     thinnest: float = 0.22  # ratio of a blob's axes: blur of five times the ball
     # percentiles of a blob that are its contrast; the second where the background has a pattern
     brightness: tuple[float, float] = (85, 40)
-    whole: float = 0.4  # of what differs: less may be a patch of a ball that has several
+    whole: float = 0.6  # of what differs: less may be a patch of a ball that has several
     round: float = 1.3  # ratio of axes, by the second one: a hand or a head is longer
     outline_level: float = 0.5  # of a blob's own contrast
     ring_level: float = 0.35  # of the contrast: what is brighter in the ring is not background
@@ -213,7 +213,7 @@ def _contrasted(off: NDArray[np.float32], bright: NDArray[np.float32]) -> _Contr
     chosen, least = None, 0.0
     for percentile, even in zip(_SEARCH.brightness, (True, False), strict=True):
         contrast = float(np.percentile(bright, percentile))
-        if contrast < 2 * _SEARCH.faint:
+        if contrast < (2 if even else 4) * _SEARCH.faint:
             break
         drawn = _shape(off, _SEARCH.outline_level * contrast)
         if drawn is None:
