@@ -70,6 +70,20 @@ def test_a_toss_that_a_hand_leads_and_catches() -> None:
     assert abs(flight.frames[-1] - (len(rise) + len(flown))) <= 3
 
 
+def test_a_shadow_that_a_low_sun_moves_across_the_ground_is_no_ball() -> None:
+    """It has a parabola of its own; its last piece is too short to show which way it bends."""
+    way, (_, _, last) = hops([9.0, 8.0, 7.0])
+    way = way[: last[9]]
+    ball = blobs_of(way, noise=0.3)[12:]  # in a hand until then
+    shadow = blobs_of(np.stack([700 - 0.6 * (400 - way[:, 1]), np.full(len(way), 420.0)], axis=1))
+    shadow["radius"] = shadow["length"] = 6.0
+    shadow["colour"] = 60.0
+    both = np.concatenate([ball, shadow])
+    flights = flights_in(both[np.argsort(both["frame"], kind="stable")])
+    assert len(flights) >= 2
+    assert all((each.xy[:, 0] < 500).all() for each in flights)
+
+
 def test_hops_lower_than_the_ball() -> None:
     way, whole = hops([6.0, 4.2, 2.9, 2.1, 1.7])
     flights = flights_in(blobs_of(way))

@@ -224,7 +224,8 @@ def _contrasted(off: NDArray[np.float32], bright: NDArray[np.float32]) -> _Contr
         if fitted and np.hypot(fitted.x - x, fitted.y - y) >= _SEARCH.centre_room * short:
             fitted = None
         area = np.pi * short * long
-        if even or (fitted and long < _SEARCH.round * short and area > least):
+        ratio = max(long / short, fitted.long / fitted.short) if fitted else np.inf
+        if even or (ratio < _SEARCH.round and area > least):
             chosen, least = _Contrasted(drawn, fitted, contrast, even), area / _SEARCH.whole
         if area > _SEARCH.whole * bright.size:
             break

@@ -202,7 +202,8 @@ def _aligned(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
 def _of_one_gravity(scene: FlightScene, pieces: list[Piece]) -> list[Piece]:
     """Return the pieces that share the acceleration with the most places behind it."""
     bends = [(each, *_bent(scene, each)) for each in pieces]
-    bends = [each for each in bends if _smooth(each[3], each[0])]
+    # a shadow on the ground goes as its ball does, but across
+    bends = [e for e in bends if _smooth(e[3], e[0]) and _may_fall(e[0], e[1])]
     best: tuple[float, list[Piece]] = (0.0, [])
     for piece, pull, u, rms in bends:
         if len(piece.t) < FLIGHTS.least_places or not _falls(scene, piece, pull, u, rms):
@@ -276,11 +277,10 @@ def _bent(scene: FlightScene, piece: Piece) -> tuple[Array, float, float]:
 def _falls(scene: FlightScene, piece: Piece, pull: Array, u: float, rms: float) -> bool:
     """Return whether an acceleration may be gravity's, as far as scale and direction show."""
     size, radius, bent = float(np.hypot(*pull)), piece.radius, _sag(pull, piece)
-    upright = float(np.arctan2(abs(pull[0]), pull[1])) < FLIGHTS.upright
     expected = scene.expected(radius)
     least = max(FLIGHTS.shown_sag * radius, 6 * rms)
     if expected is None or expected * np.ptp(piece.t) ** 2 / 8 <= least:
-        return upright or bent < FLIGHTS.sag * radius
+        return _may_fall(piece, pull)
     # gravity would show: is it there, or does a wrong frame rate make it look larger or less?
     ratio = size / expected
     if scene.doubled and 0.125 < ratio < 0.5:
@@ -288,7 +288,16 @@ def _falls(scene: FlightScene, piece: Piece, pull: Array, u: float, rms: float) 
     sharp = len(piece.t) >= 2 * FLIGHTS.least_places and rms < FLIGHTS.sharp_radii * radius
     sharp |= bent > FLIGHTS.deep_sag * radius and rms < FLIGHTS.sharp_share * bent
     sharp &= size > 8 * u and bent > FLIGHTS.sag * radius
-    return upright and (0.5 < ratio < 2.0 or sharp)
+    return _upright(pull) and (0.5 < ratio < 2.0 or sharp)
+
+
+def _upright(pull: Array) -> bool:
+    return float(np.arctan2(abs(pull[0]), pull[1])) < FLIGHTS.upright
+
+
+def _may_fall(piece: Piece, pull: Array) -> bool:
+    """Return whether a piece's acceleration is gravity's by its direction, if it shows any."""
+    return _upright(pull) or _sag(pull, piece) < FLIGHTS.sag * piece.radius
 
 
 def _colour(scene: FlightScene, piece: Piece) -> Array:
