@@ -54,7 +54,8 @@ class _Search:
     # percentiles of a blob that are its contrast; the second where the background has a pattern
     brightness: tuple[float, float] = (85, 40)
     whole: float = 0.6  # of what differs: less may be a patch of a ball that has several
-    round: float = 1.3  # ratio of axes, by the second one: a hand or a head is longer
+    # ratio of axes, by the second one: a hand or a head is longer, a ball with its shadow too
+    round: tuple[float, float] = (1.3, 1.2)  # where the first shows nothing, and where it does
     outline_level: float = 0.5  # of a blob's own contrast
     ring_level: float = 0.35  # of the contrast: what is brighter in the ring is not background
     centre_room: float = 0.35  # radii between a hull's middle and an outline's
@@ -225,7 +226,7 @@ def _contrasted(off: NDArray[np.float32], bright: NDArray[np.float32]) -> _Contr
             fitted = None
         area = np.pi * short * long
         ratio = max(long / short, fitted.long / fitted.short) if fitted else np.inf
-        if even or (ratio < _SEARCH.round and area > least):
+        if even or (ratio < _SEARCH.round[chosen is not None] and area > least):
             chosen, least = _Contrasted(drawn, fitted, contrast, even), area / _SEARCH.whole
         if area > _SEARCH.whole * bright.size:
             break
