@@ -80,8 +80,9 @@ def _judged(look: Look) -> Iterator[Action]:
         if given is None or given.accepted == bool(why):
             because = {"because": why} if why else {}
             yield action_of("reject" if why else "accept", {"shot": shot + 1, **because})
-    steps = dict.fromkeys(each.step for each in left_out(look().day))
-    for step in steps.keys() - excused(look().day).keys():
+    noted = excused(look().day)
+    steps = dict.fromkeys(each.step for each in left_out(look().day) if each.step not in noted)
+    for step in steps:
         yield action_of("note-deviation", {"step": step, "because": "left out in the records"})
 
 
