@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from types import MappingProxyType
 from typing import Literal
@@ -91,6 +91,14 @@ def _choice(name: str, title: str, *choices: str) -> Argument:
     return Argument(name=name, title=title, kind="choice", choices=choices, default=choices[0])
 
 
+def _text(name: str, title: str, default: str | None = None) -> Argument:
+    return Argument(name=name, title=title, kind="text", default=default)
+
+
+def _whole(name: str, title: str, high: float, default: int | None = None) -> Argument:
+    return Argument(name=name, title=title, kind="whole", low=1, high=high, default=default)
+
+
 def _number(
     name: str, title: str, low: float, high: float, *, unit: str = "", default: Value | None = None
 ) -> Argument:
@@ -107,11 +115,12 @@ OWN_RESULTS = MappingProxyType(  # typed: the quantity of the reduction
         "BPF": "bat_performance_factor",
     }
 )
+VERDICTS = ("PASS", "FAIL", "INVALID", "MEASURED")
 MASS = _choice("entered_as", "scale in g, entered as", *MASSES)
 LENGTH = _choice("entered_as", "rule in mm, entered as", *LENGTHS)
-BALL = Argument(name="ball", title="ball", kind="whole", low=1, high=1000)
-SHOT = Argument(name="shot", title="shot", kind="whole", low=1, high=10_000)
-REASON = Argument(name="because", title="because", kind="text")
+BALL = _whole("ball", "ball", 1000)
+SHOT = _whole("shot", "shot", 10_000)
+REASON = _text("because", "because")
 
 ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
     {
@@ -123,7 +132,7 @@ ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
         "fit-clamp": (_choice("fitted", "on the bat", "yes", "no"),),
         "swing": (
             _number("amplitude", "let go at", 0.5, 45, unit="deg", default=4.0),
-            Argument(name="swings", title="swings", kind="whole", default=10, low=1, high=100),
+            _whole("swings", "swings", 100, default=10),
             _choice("clock", "timed by", "photogate", "hand"),
         ),
         "gauge-gates": (_choice("use", "reduce with", "certificate", "gauge"),),
@@ -131,23 +140,14 @@ ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
             _number("along", "along the bat, to the knob", -50, 50, unit="mm", default=0.0),
             _number("across", "up", -50, 50, unit="mm", default=0.0),
         ),
-        "set-place": (
-            _number("place", "from the tip", 0, 1500),
-            _choice("unit", "unit", *LENGTHS),
-        ),
+        "set-place": (_number("place", "from the tip", 0, 1500), _choice("unit", "unit", *LENGTHS)),
         "load-ball": (BALL,),
         "retire-ball": (BALL, REASON),
-        "accept": (
-            SHOT,
-            Argument(name="because", title="because", kind="text", default="within the windows"),
-        ),
+        "accept": (SHOT, _text("because", "because", default="within the windows")),
         "reject": (SHOT, REASON),
-        "strike-out": (
-            Argument(name="entry", title="entry", kind="whole", low=1, high=100_000),
-            REASON,
-        ),
+        "strike-out": (_whole("entry", "entry", 100_000), REASON),
         "note-doubt": (
-            Argument(name="doubt", title="what is wrong", kind="text"),
+            _text("doubt", "what is wrong"),
             _number("confidence", "how sure", 0, 100, unit="%", default=70.0),
         ),
         "note-deviation": (
@@ -156,19 +156,11 @@ ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
         ),
         "enter-result": tuple(_number(name, name, -2, 5, default="") for name in OWN_RESULTS),
         "give-verdict": (
-            Argument(
-                name="verdict",
-                title="verdict",
-                kind="choice",
-                choices=("PASS", "FAIL", "INVALID", "MEASURED"),
-            ),
+            replace(_choice("verdict", "verdict", *VERDICTS), default=None),
             _number("confidence", "how certain", 0, 100, unit="%", default=90.0),
-            Argument(name="doubt", title="worst doubt", kind="text", default="none"),
+            _text("doubt", "worst doubt", default="none"),
         ),
-        "dispute-score": (
-            _choice("score", "score", *SCORES),
-            Argument(name="note", title="because", kind="text"),
-        ),
+        "dispute-score": (_choice("score", "score", *SCORES), _text("note", "because")),
     }
 )
 

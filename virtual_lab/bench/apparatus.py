@@ -17,11 +17,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from virtual_lab.bench.actions import LENGTHS, MASSES, Action
-from virtual_lab.bench.checks import CheckStandards, Shown, speed_ratio
-from virtual_lab.bench.day import Day, DayEvent
+from virtual_lab.bench.checks import CheckStandards, speed_ratio
+from virtual_lab.bench.day import Day, DayEvent, Shown
 from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.entries import entry_of_constant, entry_of_record
-from virtual_lab.bench.firing import Firing, altered
+from virtual_lab.bench.firing import Firing, altered, specimen_at
 from virtual_lab.bench.protocol import checklist
 from virtual_lab.bench.sketching import sketch_of
 from virtual_lab.bench.table import Consequences, action_table
@@ -32,7 +32,7 @@ from virtual_lab.simulation.faults.fault import instrument_of, other_sheet
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.simulation.physics.beam import Free
 from virtual_lab.simulation.physics.modes import modes_of
-from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage, Station
+from virtual_lab.simulation.rig import RigOutput, ShotPlan, Stage, Station
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DEGREE, Array
 
@@ -122,16 +122,10 @@ class Apparatus:
             "hit-wall": self._hit_wall,
             "recheck-balls": self._recheck_balls,
             "measure-pivot": self._measure_pivot,
-            "compare-clock": lambda day, action: Reading(
-                shown=self.checks.clock(day.times(action.name))
-            ),
-            "fire-check-ball": lambda day, action: Reading(
-                shown=self.checks.ball(day.times(action.name))
-            ),
+            "compare-clock": self._standard(self.checks.clock),
+            "fire-check-ball": self._standard(self.checks.ball),
             "gauge-gates": self._gauge_gates,
-            "fire-check-cylinder": lambda day, action: Reading(
-                shown=self.checks.cylinder(day.times(action.name))
-            ),
+            "fire-check-cylinder": self._standard(self.checks.cylinder),
             "aim-paper": self._aim_paper,
             "re-aim": self._re_aim,
             "fire": self._fire,
@@ -140,6 +134,10 @@ class Apparatus:
             "start-checklist": lambda day, _: Reading(shown=checklist(day, end=False)),
             "end-checklist": lambda day, _: Reading(shown=checklist(day, end=True)),
         }
+
+    def _standard(self, check: Callable[[int], Shown]) -> Callable[[Day, Action], Reading]:
+        """Return what shows a check standard, given how often it was shown before."""
+        return lambda day, action: Reading(shown=check(day.times(action.name)))
 
     # the bench
 
@@ -202,32 +200,19 @@ class Apparatus:
         return altered(station, "scale", zero=scale.scale.true["zero"] + crept)
 
     def _check_mass(self, day: Day, action: Action) -> Reading:
-        station: Any = self._scale_as_it_stands(day, self.laboratory.stations[Stage.BENCH])
-        repeats, earlier = station.spec.repeats, day.times(action.name)
-        readings = station.scale.weigh(
-            self._table.check_mass,
-            repeats * (earlier + 1),
-            self.laboratory.draws,
-            "rehearsal.check-mass",
-        ).readings[0, repeats * earlier :]
-        known = (("certified", self._table.check_mass / GRAM, "g"),)
-        return Reading(shown=(*_numbered("reading", readings / GRAM, "g"), *known))
+        mass = self._table.check_mass
+        readings = self._weighed(day, action, mass, "rehearsal.check-mass")[0]
+        known = ("certified", mass / GRAM, "g")
+        return Reading(shown=(*_numbered("reading", readings / GRAM, "g"), known))
 
     def _reweigh_balls(self, day: Day, action: Action) -> Reading:
         """Weigh some balls as the display has them, beside what was entered of them."""
         entered = Desk(day).session.records.get("bench", {}).get("ball-mass")
         if not isinstance(entered, MassReadings):
             raise InputError(action.name, "balls", None, "weigh-balls comes first")
-        station: Any = self._scale_as_it_stands(day, self.laboratory.stations[Stage.BENCH])
-        repeats, earlier = station.spec.repeats, day.times(action.name)
         balls = np.arange(self._table.balls_again)
-        shown = station.scale.weigh(
-            self.laboratory.specimen.balls.mass[balls],
-            repeats * (earlier + 1),
-            self.laboratory.draws,
-            "rehearsal.reweigh",
-            balls,
-        ).readings[:, repeats * earlier :]
+        mass = self.laboratory.specimen.balls.mass[balls]
+        shown = self._weighed(day, action, mass, "rehearsal.reweigh", balls)
         return Reading(
             shown=_beside(
                 ("on the display", shown.mean(axis=1) / GRAM),
@@ -235,6 +220,14 @@ class Apparatus:
                 "g",
             )
         )
+
+    def _weighed(self, day: Day, action: Action, mass: Any, stream: str, *slots: Any) -> Array:
+        """Return the scale's readings of an action, numbered on, (thing, repeat) [kg]."""
+        station: Any = self._scale_as_it_stands(day, self.laboratory.stations[Stage.BENCH])
+        repeats, earlier = station.spec.repeats, day.times(action.name)
+        draws, turns = self.laboratory.draws, earlier + 1
+        shown = station.scale.weigh(mass, repeats * turns, draws, stream, *slots)
+        return np.asarray(shown.readings[:, repeats * earlier :])
 
     def _swing_clamp(self, day: Day, action: Action) -> Reading:
         """Show the clamp's own moment of inertia, beside the one that was entered."""
@@ -255,7 +248,7 @@ class Apparatus:
         return float(self.laboratory.draws.normal(f"rehearsal.{action.name}", slots=number)[0])
 
     def _gauge_balls(self, day: Day, action: Action) -> Reading:
-        balls = self._played_with(Stage.IMPACT).balls
+        balls = specimen_at(Stage.IMPACT, self.laboratory).balls
         slots = np.arange(balls.mass.size) + balls.mass.size * day.times(action.name)
         off = self.laboratory.draws.normal("rehearsal.gauge-balls", slots=slots)
         diameters = 2 * balls.spec.radius + self._table.ball_gauge_u * off
@@ -263,7 +256,7 @@ class Apparatus:
 
     def _tap(self, day: Day, action: Action) -> Reading:
         """Show the first bending frequency, of the bat as it is once it was fired at."""
-        bat = self._played_with(Stage.IMPACT if day.fired else Stage.BENCH).bat
+        bat = specimen_at(Stage.IMPACT if day.fired else Stage.BENCH, self.laboratory).bat
         frequency = float(modes_of(bat.body, Free(), 1).bending_frequencies[0])
         noise = self._table.tap_u * self._off(day, action)
         return Reading(shown=(("first bending frequency", round(frequency + noise, 1), "Hz"),))
@@ -298,12 +291,9 @@ class Apparatus:
         if pivot is None or known is None:
             raise InputError(action.name, "pivot", None, "this rig has none")
         off = self._table.pivot_rule_u * self._off(day, action)
-        measured = (pivot.true["from_knob"] + off) / MILLIMETRE
+        measured = _millimetres("axis from the knob, measured", pivot.true["from_knob"] + off, 1)
         return Reading(
-            shown=(
-                ("axis from the knob, measured", round(float(measured), 1), "mm"),
-                ("axis from the knob, surveyed", round(known.value / MILLIMETRE, 1), "mm"),
-            )
+            shown=(measured, _millimetres("axis from the knob, surveyed", known.value, 1))
         )
 
     def _gauge_gates(self, day: Day, action: Action) -> Reading:
@@ -317,8 +307,8 @@ class Apparatus:
             row
             for at, (gauged, stated) in enumerate(zip(found, known, strict=True))
             for row in (
-                (f"gate {at + 1}, gauged", round(float(gauged) / MILLIMETRE, 2), "mm"),
-                (f"gate {at + 1}, certificate", round(stated / MILLIMETRE, 2), "mm"),
+                _millimetres(f"gate {at + 1}, gauged", gauged, 2),
+                _millimetres(f"gate {at + 1}, certificate", stated, 2),
             )
         ]
         constants = {
@@ -337,12 +327,9 @@ class Apparatus:
         marks = station.cannon.mark(
             self.laboratory.draws, f"{stream}.{earlier}" if earlier else stream
         )
-        mean = marks.along.mean(), marks.across.mean()
-        shown = [
-            (f"mean {way}", round(float(at) / MILLIMETRE, 1), "mm")
-            for way, at in zip(("along", "across"), mean, strict=True)
-        ]
-        return Reading({"aim": marks}, tuple(shown))
+        along = _millimetres("mean along", marks.along.mean(), 1)
+        across = _millimetres("mean across", marks.across.mean(), 1)
+        return Reading({"aim": marks}, (along, across))
 
     def _re_aim(self, day: Day, action: Action) -> Reading:
         """Move the aim; the laboratory then takes its cannon to point as it was told to."""
@@ -396,12 +383,6 @@ class Apparatus:
             shown.append((f"{each.name}, checked against the records", word, ""))
         return Reading(shown=tuple(shown))
 
-    def _played_with(self, stage: Stage) -> Specimen:
-        """Return the specimens as they really are at a stage."""
-        nothing = np.zeros(1)
-        order = ShotPlan(slot=np.array([0]), ball=np.array([0]), speed=nothing, place=nothing)
-        return self.laboratory.setup.faults.done(stage, order, self.laboratory.specimen)[1]
-
 
 def _swung(station: Any, given: Mapping[str, Any], table: Consequences) -> Station:
     """Return the bench whose bat is let go as asked, its swings timed as asked.
@@ -437,6 +418,10 @@ def _beside(one: tuple[str, Array], other: tuple[str, Array], unit: str) -> Show
         for ball, values in enumerate(zip(one[1], other[1], strict=True), 1)
         for word, value in zip((one[0], other[0]), values, strict=True)
     )
+
+
+def _millimetres(what: str, length: float, places: int) -> tuple[str, float, str]:
+    return what, round(float(length) / MILLIMETRE, places), "mm"
 
 
 def _numbered(word: str, values: Any, unit: str) -> Shown:

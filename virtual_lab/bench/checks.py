@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from virtual_lab import catalog
+from virtual_lab.bench.day import Shown
 from virtual_lab.bench.inspection import CLOCK
 from virtual_lab.bench.table import action_table
 from virtual_lab.catalog.specs import BallSpec
@@ -25,7 +26,6 @@ from virtual_lab.simulation.rig import ShotPlan, Specimen, Stage
 from virtual_lab.simulation.truth import draw_balls, made_bat
 from virtual_lab.units import MPH, Array
 
-Shown = tuple[tuple[str, float | str, str], ...]  # what, value, unit
 DAYS = 12  # mornings that stand on the chart
 FIRST_SLOT = 1_000_000  # of their shots, beyond any of the day's
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import reduce
 from typing import Any
 
 from virtual_lab.bench.actions import LENGTHS, Action
@@ -20,31 +21,7 @@ AFTER_REDUCTION = frozenset(
 )
 DISPUTE = "dispute-score"  # all that can be done after the hand-in
 CHECKLISTS = frozenset({"start-checklist", "end-checklist"})
-READINGS = frozenset(  # entries that can be struck out
-    {
-        "weigh-check-mass",
-        "weigh-bat",
-        "weigh-balls",
-        "reweigh-balls",
-        "swing-clamp",
-        "recheck-balls",
-        "measure-pivot",
-        "compare-clock",
-        "gauge-balls",
-        "measure-length",
-        "measure-barrel",
-        "measure-balance",
-        "swing",
-        "tap-bat",
-        "fire-check-ball",
-        "gauge-gates",
-        "fire-check-cylinder",
-        "aim-paper",
-        "note-doubt",
-        "note-deviation",
-        "enter-result",
-    }
-)
+Shown = tuple[tuple[str, float | str, str], ...]  # what, value, unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +33,7 @@ class DayEvent:
     arguments: Mapping[str, Any]
     seconds: float
     records: Mapping[str, Any] = field(default_factory=dict)  # channel: arrays
-    shown: tuple[tuple[str, float | str, str], ...] = ()  # what, value, unit
+    shown: Shown = ()
     constants: Mapping[str, Any] = field(default_factory=dict)  # that it puts in the place of known
     sketch: Mapping[str, Any] = field(default_factory=dict)  # of a shot, as an eye had it
 
@@ -181,8 +158,8 @@ def _require_for_shot(day: Day, name: str, given: Mapping[str, Any]) -> None:
 
 
 def _require_reading(day: Day, entry: int) -> None:
-    events = {event.number: event for event in day.events}
-    if entry not in events or events[entry].action not in READINGS:
+    actions = {event.number: event.action for event in day.events}
+    if entry not in actions or actions[entry] in {*AFTER, *CHECKLISTS, DISPUTE}:
         allowed = "allowed: readings; reject a hit instead"
         raise InputError("strike-out", "entry", entry, allowed)
     if entry in day.struck:
@@ -203,10 +180,7 @@ def evolve(day: Day, event: DayEvent) -> Day:
 
 def replayed(morning: Day, events: Iterable[DayEvent]) -> Day:
     """Return the day that began with `morning` after all of its events."""
-    day = morning
-    for event in events:
-        day = evolve(day, event)
-    return day
+    return reduce(evolve, events, morning)
 
 
 Changes = Mapping[str, Any]  # fields of a day

@@ -25,7 +25,7 @@ from virtual_lab.bench.deviations import (
     deviations,
     needless_seconds,
 )
-from virtual_lab.bench.inspection import doubts, fault_sheets, known_doubts
+from virtual_lab.bench.inspection import detectable, doubts, fault_sheets, known_doubts
 from virtual_lab.bench.keeping import KeptDay, played, taken
 from virtual_lab.bench.operators import operator_of
 from virtual_lab.bench.protocol import StepDue, excused, left_out, steps_due
@@ -259,16 +259,15 @@ def _fault_reviews(day: Day, faults: tuple[str, ...]) -> Iterator[FaultReview]:
     }
     sheets = action_table().actions
     for name in faults:
-        sheet = fault_sheets()[name]
-        found_by = sheet.found_by
+        sheet, found_by = fault_sheets()[name], detectable()[name]
         yield FaultReview(
             name=name,
             title=sheet.title,
             cue=sheet.cue,
             response=sheet.response,
             missed=sheet.missed,
-            checks=tuple(sheets[each].title for each in found_by.actions) if found_by else (),
-            number=found_by.number if found_by else "",
+            checks=tuple(sheets[each].title for each in found_by.actions),
+            number=found_by.number,
             visible=visible.get(name, 0),
             named=named.get(name, 0),
         )

@@ -14,13 +14,14 @@ import numpy as np
 
 from virtual_lab.bench.actions import OWN_RESULTS
 from virtual_lab.bench.day import Day, DayEvent, evolve
-from virtual_lab.bench.entries import constant_of_entry, record_of
+from virtual_lab.bench.entries import record_of
 from virtual_lab.bench.table import action_table
 from virtual_lab.catalog import Entry, read
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import Judgement, Procedure, next_places, outcome_of, to_set
 from virtual_lab.records import Record, join
 from virtual_lab.records.session import Session
+from virtual_lab.uncertainty.estimate import Estimate
 
 if TYPE_CHECKING:  # the reduction takes a second to load, and a first page must not wait for it
     from virtual_lab.measurement.certification import Certification
@@ -28,16 +29,7 @@ if TYPE_CHECKING:  # the reduction takes a second to load, and a first page must
     from virtual_lab.measurement.session_reduction import Preparation, Reduced
 
 UNDECIDED = "undecided"
-STAGES = {  # action: the stage whose records it writes
-    "weigh-bat": "bench",
-    "weigh-balls": "bench",
-    "measure-length": "bench",
-    "measure-barrel": "bench",
-    "measure-balance": "bench",
-    "swing": "bench",
-    "hit-wall": "balls",
-    "aim-paper": "impact",
-}
+STAGES = {"hit-wall": "balls", "aim-paper": "impact"}  # whose records an action writes
 
 
 def session_of(day: Day) -> Session:
@@ -48,11 +40,12 @@ def session_of(day: Day) -> Session:
     for event in day.events:
         if event.number in day.struck:
             continue
-        calibration |= {key: constant_of_entry(entry) for key, entry in event.constants.items()}
+        calibration |= {key: Estimate(**entry) for key, entry in event.constants.items()}
         for channel, entry in event.records.items():
             if event.action == "fire":
                 shots.setdefault(channel, []).append(record_of(entry))
-            elif stage := STAGES.get(event.action):
+            else:
+                stage = STAGES.get(event.action, "bench")
                 records.setdefault(stage, {})[channel] = record_of(entry)
     if shots:
         joined = {channel: join(parts) for channel, parts in shots.items()}

@@ -14,7 +14,7 @@ import numpy as np
 
 from virtual_lab.bench.day import DayEvent
 from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.inspection import doubts, fault_sheets, signs, signs_of_edges
+from virtual_lab.bench.inspection import detectable, doubts, signs, signs_of_edges
 from virtual_lab.bench.protocol import left_out
 from virtual_lab.bench.table import PREPARING, action_table
 from virtual_lab.records import GateRecord
@@ -68,14 +68,12 @@ def oddity(desk: Desk, shot: int) -> str:
     record = desk.session.records["impact"]["gates"]
     if isinstance(record, GateRecord):
         for sign in signs_of_edges(GateRecord(times=record.times[[shot]])):
-            known = fault_sheets()[sign.fault].found_by
-            if known and sign.number > known.beyond:
+            if sign.decides:
                 return sign.why
     turning = None if desk.missing else desk.by_rules.readings.recoil
-    slip = fault_sheets()["encoder-slip"].found_by
-    if turning is not None and slip:
+    if turning is not None:
         rough = turning.residual[shot] - float(np.median(turning.residual))
-        if rough > slip.beyond:
+        if rough > detectable()["encoder-slip"].beyond:
             return f"the bat turned {rough:.2f} counts rms rougher than on the other shots"
     return ""
 
@@ -127,11 +125,11 @@ def _rejected(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
 def _added(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
     """Yield a check that something seen before it asked for."""
     sheet = action_table().actions[event.action]
-    if sheet.in_book or event.action not in _checks():
+    checks = {name for known in detectable().values() for name in known.actions}
+    if sheet.in_book or event.action not in checks:
         return
     for doubt in doubts(desk):
-        known = fault_sheets()[doubt.fault].found_by
-        if known and event.action in known.actions:
+        if event.action in detectable()[doubt.fault].actions:
             yield Deviation(
                 entry=event.number,
                 what=f"a check more: {sheet.title.lower()}",
@@ -140,15 +138,6 @@ def _added(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
                 why=f"{doubt.why}; its time is not counted",
             )
             return
-
-
-def _checks() -> set[str]:
-    return {
-        name
-        for sheet in fault_sheets().values()
-        if sheet.found_by
-        for name in sheet.found_by.actions
-    }
 
 
 def _again(desk: Desk, step: str) -> bool:
@@ -160,10 +149,8 @@ def _again(desk: Desk, step: str) -> bool:
 def _zero(desk: Desk) -> Evidence:
     for sign in signs(desk):
         if sign.fault == "scale-not-tared":
-            known = fault_sheets()[sign.fault].found_by
-            off = bool(known and sign.number > known.beyond)
             zeroed = sign.number < 2.0  # standard uncertainties
-            return (True if zeroed else False if off else None), sign.why
+            return (True if zeroed else False if sign.decides else None), sign.why
     return None, "no check mass was weighed by then"
 
 
@@ -188,8 +175,7 @@ def _fast(desk: Desk, shot: int) -> Evidence:
 
 def _clear(desk: Desk, shot: int) -> Evidence:
     record = desk.session.records["impact"]["gates"]
-    known = fault_sheets()["sabot-trip"].found_by
-    if not isinstance(record, GateRecord) or known is None:
+    if not isinstance(record, GateRecord):
         return None, "the gates do not show scrap"
     found = [
         s for s in signs_of_edges(GateRecord(times=record.times[[shot]])) if s.fault == "sabot-trip"
@@ -197,7 +183,7 @@ def _clear(desk: Desk, shot: int) -> Evidence:
     if not found:
         return None, f"a gate did not see shot {shot + 1}"
     why = f"on shot {shot + 1} {found[0].why}"
-    return found[0].number <= known.beyond, why
+    return not found[0].decides, why
 
 
 def _cold(desk: Desk, shot: int) -> Evidence:

@@ -35,11 +35,6 @@ def entry_of_constant(known: Estimate) -> dict[str, Any]:
     return {"value": known.value, "u": known.u, "source": known.source, **dof}
 
 
-def constant_of_entry(entry: Mapping[str, Any]) -> Estimate:
-    """Return the constant of an entry."""
-    return Estimate(**entry)
-
-
 def entry_of_session(session: Session) -> dict[str, Any]:
     """Return what a laboratory knew in the morning, without records."""
     return {
@@ -59,5 +54,5 @@ def entry_of_session(session: Session) -> dict[str, Any]:
 
 def session_of_entry(entry: Mapping[str, Any]) -> Session:
     """Return the session of an entry."""
-    calibration = {name: constant_of_entry(known) for name, known in entry["calibration"].items()}
+    calibration = {name: Estimate(**known) for name, known in entry["calibration"].items()}
     return Session(**{**entry, "calibration": calibration, "records": {}})

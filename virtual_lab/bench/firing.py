@@ -15,7 +15,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.lab import Laboratory
 from virtual_lab.records import EncoderRecord, GateRecord
 from virtual_lab.simulation.faults.fault import fitted_with, instrument_of, other_sheet
-from virtual_lab.simulation.rig import FilmingStation, RigOutput, ShotPlan, Stage, Station
+from virtual_lab.simulation.rig import FilmingStation, RigOutput, ShotPlan, Specimen, Stage, Station
 from virtual_lab.simulation.truth import TrueBalls
 
 AGAIN = 2_000_000  # beyond the hits of any test of the lot, and of the check ball
@@ -54,29 +54,22 @@ class Firing:
     def wall_again(self, day: Day, balls: int, earlier: int) -> RigOutput:
         """Fire the first balls that lie at the rig at the wall, `earlier` times done before."""
         laboratory = self._found(day.times("hit-wall"))
-        nothing = ShotPlan(
-            slot=np.array([0]), ball=np.array([0]), speed=np.zeros(1), place=np.zeros(1)
-        )
-        own = laboratory.setup.faults.done(Stage.IMPACT, nothing, laboratory.specimen)[1]
-        laboratory = replace(laboratory, specimen=replace(laboratory.specimen, balls=own.balls))
+        own = replace(laboratory.specimen, balls=specimen_at(Stage.IMPACT, laboratory).balls)
+        laboratory = replace(laboratory, specimen=own)
         return _at_the_wall(laboratory, balls, AGAIN * (earlier + 1))
 
     def _found(self, walls: int) -> Laboratory:
         """Return the laboratory whose balls are as so many wall tests found them."""
+        if walls < 1:
+            return self.laboratory
         if walls not in self.after_walls:
-            self.after_walls[walls] = self._after_walls(walls)
-        return self.after_walls[walls]
-
-    def _after_walls(self, walls: int) -> Laboratory:
-        laboratory = self.laboratory
-        for earlier in range(walls):
-            play = self.wall(earlier)
+            before, play = self._found(walls - 1), self.wall(walls - 1)
             log: Any = play.records["log"]
-            specimen = laboratory.specimen
             lost = play.truth["restitution_loss"]
-            balls = specimen.balls.as_found(log.ball.astype(int), lost)
-            laboratory = replace(laboratory, specimen=replace(specimen, balls=balls))
-        return laboratory
+            balls = before.specimen.balls.as_found(log.ball.astype(int), lost)
+            specimen = replace(before.specimen, balls=balls)
+            self.after_walls[walls] = replace(before, specimen=specimen)
+        return self.after_walls[walls]
 
     def balls(self, day: Day) -> TrueBalls:
         """Return the lot as the day has left it."""
@@ -216,6 +209,13 @@ def _at_the_wall(laboratory: Laboratory, balls: int, first: int) -> RigOutput:
 def _tripping(shot: ShotConditions) -> float:
     """Return the chance that scrap trips the first gate ahead of the ball."""
     return 1 - (1 - action_table().consequences.scrap) ** shot.scrap
+
+
+def specimen_at(stage: Stage, laboratory: Laboratory) -> Specimen:
+    """Return bat and balls as they really are at a stage."""
+    nothing, first = np.zeros(1), np.zeros(1, dtype=int)
+    order = ShotPlan(slot=first, ball=first, speed=nothing, place=nothing)
+    return laboratory.setup.faults.done(stage, order, laboratory.specimen)[1]
 
 
 def altered(station: Station, part: str, **true: float) -> Station:

@@ -21,19 +21,10 @@ from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.entries import record_of
 from virtual_lab.bench.protocol import left_out
 from virtual_lab.bench.table import action_table
-from virtual_lab.catalog.faults import FaultSheet
+from virtual_lab.catalog.faults import FaultSheet, FoundBy
 from virtual_lab.records import GateRecord
 
 CLOCK = "clock of the gates, fast"  # as compare-clock shows it
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Doubt:
-    """A fault that something on the day points to."""
-
-    fault: str
-    why: str
-    confidence: float  # 0 to 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +34,12 @@ class Sign:
     fault: str
     number: float
     why: str
+
+    @property
+    def decides(self) -> bool:
+        """Whether the number is as large as the fault makes it."""
+        known = detectable().get(self.fault)
+        return known is not None and self.number > known.beyond
 
 
 @cache
@@ -58,22 +55,22 @@ def known_doubts() -> dict[str, str]:
     return {name: sheet.title for name, sheet in fault_sheets().items()}
 
 
-def detectable() -> tuple[str, ...]:
-    """Return the faults that a check at the bench finds."""
-    return tuple(name for name, sheet in fault_sheets().items() if sheet.found_by)
+@cache
+def detectable() -> Mapping[str, FoundBy]:
+    """Return the faults that a check at the bench finds, and how."""
+    found = {name: sheet.found_by for name, sheet in fault_sheets().items() if sheet.found_by}
+    return MappingProxyType(found)
 
 
-def doubts(desk: Desk) -> Iterator[Doubt]:
-    """Yield what the day so far points to, each fault once."""
-    found: dict[str, Doubt] = {}
+def doubts(desk: Desk) -> Iterator[Sign]:
+    """Yield the signs of a fault that the day so far shows, one of each fault."""
+    found: dict[str, Sign] = {}
     for sign in signs(desk):
-        known = fault_sheets()[sign.fault].found_by
-        if known and sign.number > known.beyond and sign.fault not in found:
-            found[sign.fault] = Doubt(fault=sign.fault, why=sign.why, confidence=known.sure)
-    for name, doubt in found.items():
-        known = fault_sheets()[name].found_by
-        if known and not found.keys() & set(known.unless):
-            yield doubt
+        if sign.decides:
+            found.setdefault(sign.fault, sign)
+    for name, sign in found.items():
+        if not found.keys() & set(detectable()[name].unless):
+            yield sign
 
 
 def remedied_by_gauge(desk: Desk) -> bool:
@@ -237,10 +234,10 @@ def _shots(desk: Desk) -> Iterator[Sign]:
     record = desk.session.records["impact"]["gates"]
     if isinstance(record, GateRecord):
         yield from signs_of_edges(record)
+    hurried = {(each.step, each.shot) for each in left_out(desk.day)}
     waited = {
-        step: [shot for shot in range(missed.size) if shot not in hurried]
+        step: [shot for shot in range(missed.size) if (step, shot) not in hurried]
         for step in ("wait-pressure", "wait-rest")
-        for hurried in [{each.shot for each in left_out(desk.day) if each.step == step}]
     }
     asked = desk.rules.spec.ball_speed
     speeds = found.shots.speed[waited["wait-pressure"]]

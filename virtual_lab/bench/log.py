@@ -10,6 +10,7 @@ import json
 import sqlite3
 from collections.abc import Mapping
 from contextlib import closing
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -82,7 +83,9 @@ class DayLog:
                 base.execute("ROLLBACK")
                 allowed = f"entry {last + 1} is next (sent twice, or from an older page?)"
                 raise SequenceError("", "entry", event.number, allowed)
-            _put(base, event.number, entry_document(event))
+            entry = {each.name: getattr(event, each.name) for each in fields(event)}
+            del entry["number"]
+            _put(base, event.number, entry)
             base.execute("COMMIT")
 
     def events(self) -> list[DayEvent]:
@@ -103,19 +106,6 @@ class DayLog:
 def _put(base: sqlite3.Connection, number: int, document: Mapping[str, Any]) -> None:
     entry = json.dumps(document, allow_nan=False)
     base.execute("INSERT INTO entries (number, entry) VALUES (?, ?)", (number, entry))
-
-
-def entry_document(event: DayEvent) -> dict[str, Any]:
-    """Return an event as its entry stands in the log."""
-    return {
-        "action": event.action,
-        "arguments": dict(event.arguments),
-        "seconds": event.seconds,
-        "records": dict(event.records),
-        "shown": [list(row) for row in event.shown],
-        "constants": dict(event.constants),
-        "sketch": dict(event.sketch),
-    }
 
 
 def _event(number: int, entry: Mapping[str, Any]) -> DayEvent:

@@ -6,7 +6,7 @@ An operator yields one action after the other; what it looks at is the desk afte
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import Any
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from virtual_lab.bench.actions import Action, action_of
 from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.inspection import doubts, remedied_by_gauge
+from virtual_lab.bench.inspection import detectable, doubts, remedied_by_gauge
 from virtual_lab.bench.protocol import excused, left_out
 from virtual_lab.bench.table import MAKE_READY
 from virtual_lab.errors import InputError, nearest
@@ -60,18 +60,15 @@ def _take(look: Look, habits: Habits) -> Iterator[Action]:
         yield from _judged(look)
         yield from _end(look, habits)
         return
-    if habits.checks:
-        yield action_of("tare")
-        yield action_of("weigh-check-mass")
     for name in PREPARATION:
-        if habits.checks and name == "tare":
-            continue
         if name == "hit-wall" and habits.checks:
             yield from _before_the_wall(look)
         careful = name in {"tare", "level-stand", "fit-clamp"}
         if careful and habits.slips(habits.forgets, name):
             continue
         yield action_of(name, _how(name, habits))
+        if name == "tare" and habits.checks:
+            yield action_of("weigh-check-mass")
     yield from _hits(look, habits)
     yield from _end(look, habits)
 
@@ -83,8 +80,9 @@ def _judged(look: Look) -> Iterator[Action]:
         if given is None or given.accepted == bool(why):
             because = {"because": why} if why else {}
             yield action_of("reject" if why else "accept", {"shot": shot + 1, **because})
-    steps = dict.fromkeys(each.step for each in left_out(look().day))
-    for step in steps.keys() - excused(look().day).keys():
+    noted = excused(look().day)
+    steps = dict.fromkeys(each.step for each in left_out(look().day) if each.step not in noted)
+    for step in steps:
         yield action_of("note-deviation", {"step": step, "because": "left out in the records"})
 
 
@@ -107,8 +105,8 @@ def _how(name: str, habits: Habits) -> Mapping[str, object]:
 def _hits(look: Look, habits: Habits) -> Iterator[Action]:
     """Fire until the rules are content, each hit accepted or rejected as it comes."""
     while not look().missing and (place := look().next_place) is not None:
-        shot, stands = len(look().day.fired), look().day.place
-        if stands is None or abs(place - stands) > 1e-6:
+        shot = len(look().day.fired)
+        if look().rule_off:
             yield action_of("set-place", {"place": round(place * 1e3, 3)})
         if not (shot and habits.slips(habits.forgets, "load-ball", shot)):
             yield action_of("load-ball", {"ball": look().next_ball + 1})
@@ -151,12 +149,11 @@ def _end(look: Look, habits: Habits) -> Iterator[Action]:
             yield action_of("tap-bat")
             yield action_of("recheck-balls")
         for doubt in doubts(look()):
-            yield action_of(
-                "note-doubt", {"doubt": doubt.fault, "confidence": 100 * doubt.confidence}
-            )
+            known = detectable()[doubt.fault].sure
+            yield action_of("note-doubt", {"doubt": doubt.fault, "confidence": 100 * known})
             mended = doubt.fault == "gate-moved" and not remedied_by_gauge(look())
-            if doubt.confidence >= 0.9 and not mended:
-                sure[doubt.fault] = doubt.confidence
+            if known >= 0.9 and not mended:
+                sure[doubt.fault] = known
     if look().missing or not look().day.fired:
         yield action_of("give-verdict", {"verdict": "INVALID", "doubt": "no result"})
     else:
@@ -182,11 +179,11 @@ def _confidence(desk: Desk) -> float:
     return NormalDist().cdf(abs(value - limit) / u)
 
 
-HABITS: Mapping[str, dict[str, Any]] = {
-    "book": {},
-    "expert": {"checks": True},
-    "careless": {"forgets": 0.3, "hurries": 0.6, "waves_through": 0.5},
-    "cheating": {"wants": True},
+HABITS = {
+    "book": Habits(),
+    "expert": Habits(checks=True),
+    "careless": Habits(forgets=0.3, hurries=0.6, waves_through=0.5),
+    "cheating": Habits(wants=True),
 }
 
 
@@ -198,7 +195,7 @@ def operator_of(name: str, seed: int = 0) -> Operator:
     if name not in HABITS:
         allowed = f"{nearest(name, HABITS)}known: {', '.join(HABITS)}"
         raise InputError("", "operator", name, allowed)
-    habits = Habits(seed=seed, **HABITS[name])
+    habits = replace(HABITS[name], seed=seed)
     return lambda look: _take(look, habits)
 
 

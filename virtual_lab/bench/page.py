@@ -111,6 +111,8 @@ def day_page(
     present = _present(desk, steps, hits) if guided and offered(day, "fire") else ""
     refused = refusal or Refusal(sentence="")
     focus = refused.action or present or _again(day.events)
+    sheets = table.actions.items()
+    shown = [name for name, each in sheets if each.part != "hits" and offered(day, name)]
     each_shot = ("load-ball", *MAKE_READY, "fire")  # what the button of several does
     return page_template(PACKAGE, "day.html").render(
         **_shown(desk, briefing, hits, shot, true_motion),
@@ -123,9 +125,12 @@ def day_page(
         present=present,
         focus=focus,
         open_part=_part_of(focus) if focus else "bench",
-        parts=[(name, title, _forms(name, desk, refused)) for name, title in PARTS.items()],
+        parts=[
+            (part, title, [name for name in shown if table.actions[name].part == part])
+            for part, title in PARTS.items()
+        ],
         forms={name: _form(name, desk, refused) for name in table.actions},
-        done_of=_done_of(desk),
+        done_of=_done_of(steps),
         hits=hits,
         undecided=[hit for hit in hits if hit.decision == "undecided"],
         hits_note=desk.missing,
@@ -261,24 +266,14 @@ def _part_of(focus: str) -> str:
     return known[focus].part if focus in known else "rig"
 
 
-def _done_of(desk: Desk) -> dict[str, str]:
+def _done_of(steps: list[Step]) -> dict[str, str]:
     """Return how many steps of the book are done in each part."""
     found = {}
     for part in PARTS:
-        own = [step for step in _steps(desk) if step.part == part]
+        own = [step for step in steps if step.part == part]
         done = sum(step.state == "done" for step in own)
         found[part] = f"{done} of {len(own)} steps done" if own else ""
     return found
-
-
-def _forms(part: str, desk: Desk, refused: Refusal) -> list[dict[str, Any]]:
-    sheets = action_table().actions
-    own = [
-        name
-        for name in sheets
-        if sheets[name].part == part and part != "hits" and offered(desk.day, name)
-    ]
-    return [_form(name, desk, refused) for name in own]
 
 
 def _form(name: str, desk: Desk, refused: Refusal) -> dict[str, Any]:

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from virtual_lab.bench.day import Day
+from virtual_lab.bench.day import Day, Shown
 from virtual_lab.bench.table import MAKE_READY, PREPARING, action_table
-
-Shown = tuple[tuple[str, float | str, str], ...]  # what, value, unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

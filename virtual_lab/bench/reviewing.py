@@ -11,7 +11,7 @@ from virtual_lab.bench.actions import Action
 from virtual_lab.bench.day import evolve
 from virtual_lab.bench.debrief import debriefed
 from virtual_lab.bench.keeping import KeptDay, done
-from virtual_lab.bench.log import LOG, DayLog, entry_document
+from virtual_lab.bench.log import LOG, DayLog
 from virtual_lab.bench.operators import operator_of
 from virtual_lab.bench.running import save_debrief
 from virtual_lab.bench.scenario import SCORES, Scenario, load_scenario
@@ -195,7 +195,7 @@ def replay(path: str | Path) -> Rows[PlayedEntry]:
                 action=sheets[event.action].title,
                 entered=", ".join(f"{key} {value}" for key, value in event.arguments.items()),
                 shown=", ".join(shown),
-                same=entry_document(again) == entry_document(event),
+                same=again == event,
             )
         )
     differ = [str(row.entry) for row in rows if not row.same]

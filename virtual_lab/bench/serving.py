@@ -221,10 +221,9 @@ def serve(
 
     _require(host, tls, len(folders))
     days = {name: ServedDay(folder, scenario, seed) for name, folder in folders.items()}
-    tokens = {secrets.token_urlsafe(24): name for name in days}
+    doors = {secrets.token_urlsafe(24): day for day in days.values()}
     hall = (secrets.token_urlsafe(24), Hall(exam, days)) if exam else None
     names = {f"{host}:{port}", *([f"localhost:{port}"] if host == LOOPBACK else [])}
-    doors = {token: days[name] for token, name in tokens.items()}
     certificate, key = tls or (None, None)
     settings = uvicorn.Config(
         application(doors, hosts=frozenset(names), secure=tls is not None, exam=hall),
@@ -251,7 +250,7 @@ def serve(
         time.sleep(0.005)
     scheme = "https" if tls else "http"
     page = "" if scenario else "replay"
-    addresses = [f"{scheme}://{host}:{port}/{page}?token={token}" for token in tokens]
+    addresses = [f"{scheme}://{host}:{port}/{page}?token={token}" for token in doors]
     if hall:
         say(f"the trainer: open {scheme}://{host}:{port}/?token={hall[0]} once, in one browser")
     for (name, folder), address in zip(folders.items(), addresses, strict=True):

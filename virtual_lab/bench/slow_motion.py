@@ -70,7 +70,6 @@ class SlowMotion:
     going: tuple[tuple[float, float], ...]  # and after it
     turned: tuple[float, ...]  # angles of the bat at some moments
     view: str = f"{FILM.left} {FILM.top} {FILM.right - FILM.left} {FILM.bottom - FILM.top}"
-    top: int = FILM.top
     ball: float = FILM.ball
 
 
@@ -132,15 +131,11 @@ def slow_motion(shot: int, motion: Motion, day: Day, rules: Procedure) -> SlowMo
     gates: list[tuple[int, float]] = []
     while (name := f"impact.gates.distance_{len(gates)}") in known:
         gates.append((len(gates) + 1, float(round(touching - known[name].value * 1e3))))
-    ball = [
-        (t < 0, (x, y))
-        for t, x, y in list(zip(motion.time, _mm(motion.x), _mm(motion.z), strict=True))[
-            :: FILM.strobe
-        ]
-        if np.isfinite(x)
-    ]
     angle = np.round(np.degrees(motion.angle), 1)
-    rows = zip(np.round(motion.time * 1e3, 1), _mm(motion.x), _mm(motion.z), angle, strict=True)
+    times = np.round(motion.time * 1e3, 1)
+    rows = list(zip(times, _mm(motion.x), _mm(motion.z), angle, strict=True))
+    outlines = zip(motion.time[:: FILM.strobe], rows[:: FILM.strobe], strict=True)
+    ball = [(time < 0, (x, z)) for time, (_, x, z, _) in outlines if np.isfinite(x)]
     frames = [[None if not np.isfinite(v) else float(v) for v in row] for row in rows]
     return SlowMotion(
         shot=shot,

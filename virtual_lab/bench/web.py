@@ -19,6 +19,7 @@ from urllib.parse import parse_qsl
 
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import MutableHeaders
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import Route
@@ -117,12 +118,7 @@ def application(
     """
 
     async def act(request: Request) -> Response:
-        body = (await request.body()).decode("utf-8", errors="replace")
-        try:
-            given = dict(parse_qsl(body, max_num_fields=50))
-        except ValueError:
-            given = {}
-        return await run_in_threadpool(acted, request.scope["seat"], given)
+        return await run_in_threadpool(acted, request.scope["seat"], await _sent(request))
 
     def acted(seat: Seat, given: dict[str, str]) -> Response:
         name, number = given.pop("do", ""), given.pop("entry_number", "")
@@ -141,17 +137,12 @@ def application(
         return Route(f"/{name}", lambda _: Response(content, media_type=kind, headers=KEPT))
 
     routes = [
-        Route(
-            "/", _locked(lambda room, request: HTMLResponse(_day(room, _query(request, "shot"))))
-        ),
+        Route("/", _locked(lambda room, request: _day(room, _query(request, "shot")))),
         Route("/do", act, methods=["POST"]),
         Route("/do", lambda _: RedirectResponse("/", status_code=303)),
         Route("/film", _film),
         Route("/replay", _locked(_replayed)),
-        Route(
-            "/notebook",
-            _locked(lambda room, _: HTMLResponse(notebook_page(room.desk, room.briefing))),
-        ),
+        Route("/notebook", _locked(lambda room, _: notebook_page(room.desk, room.briefing))),
         Route(
             "/notebook.csv",
             _locked(lambda room, _: Response(notebook_table(room.desk), media_type="text/csv")),
@@ -170,15 +161,25 @@ def application(
     return door
 
 
-def _locked(answer: Callable[[Room, Request], Response]) -> Callable[[Request], Response]:
+def _locked(answer: Callable[[Room, Request], Response | str]) -> Callable[[Request], Response]:
     """Return what answers from a trainee's room, one request at a time."""
 
     def locked(request: Request) -> Response:
         seat = request.scope["seat"]
         with seat.lock:
-            return answer(seat.room, request)
+            found = answer(seat.room, request)
+        return HTMLResponse(found) if isinstance(found, str) else found
 
     return locked
+
+
+async def _sent(request: Request) -> dict[str, str]:
+    """Return the fields of a form; none where there are too many."""
+    body = (await request.body()).decode("utf-8", errors="replace")
+    try:
+        return dict(parse_qsl(body, max_num_fields=50))
+    except ValueError:
+        return {}
 
 
 def _query(request: Request, name: str) -> int:
@@ -195,13 +196,13 @@ def _day(room: Room, asked: int = -1, refusal: Refusal | None = None) -> str:
     return day_page(desk, room.briefing, refusal=refusal, shot=shot, true_motion=true)
 
 
-def _replayed(room: Room, request: Request) -> Response:
+def _replayed(room: Room, request: Request) -> Response | str:
     day, entry = room.desk.day, max(_query(request, "entry"), 0)
     if not room.open_book:
         return _says(409, "A day is played back once it is handed in and is no exam.")
     if entry > len(day.events):
         return _says(404, f"There is no such entry; there are 0 to {len(day.events)}.")
-    return HTMLResponse(replay_page(day, room.briefing, entry))
+    return replay_page(day, room.briefing, entry)
 
 
 def _film(request: Request) -> Response:
@@ -225,9 +226,8 @@ def _hall_routes(hall: Hall) -> list[Route]:
     """Return what a trainer may ask for."""
 
     async def turn(request: Request) -> Response:
-        given = dict(parse_qsl((await request.body()).decode("utf-8", errors="replace")))
         try:
-            hall.turn(given.get("do", ""))
+            hall.turn((await _sent(request)).get("do", ""))
         except InputError as fault:
             return _says(422, str(fault))
         return RedirectResponse("/", status_code=303)
@@ -244,10 +244,7 @@ def _do(room: Room, name: str, number: str, given: dict[str, str]) -> None:
     if number != str(due):
         allowed = f"entry {due} is next: the page was older than the day, nothing was done"
         raise InputError("", "entry", number, allowed)
-    if name == "make-ready":
-        for step in MAKE_READY:
-            room.do(action_of(step))
-    elif name == "fire-shots":
+    if name == "fire-shots":
         _fire_shots(room, given)
     elif name == "accept-within":
         for shot, why in enumerate(room.desk.reasons):
@@ -272,8 +269,12 @@ def _fire_shots(room: Room, given: Mapping[str, str]) -> None:
     if room.desk.missing:
         raise InputError("", "whose turn it is", None, f"is not known yet: {room.desk.missing}")
     for _ in range(shots):
-        if "accept" in given and not _at_next_place(room):
-            return
+        if "accept" in given:
+            place = room.desk.next_place
+            if place is None:
+                return
+            if room.desk.rule_off:
+                room.do(action_of("set-place", {"place": round(place * 1e3, 3)}))
         room.do(action_of("load-ball", {"ball": room.desk.next_ball + 1}))
         for step in MAKE_READY:
             room.do(action_of(step))
@@ -283,14 +284,6 @@ def _fire_shots(room: Room, given: Mapping[str, str]) -> None:
             return
         if "accept" in given and not odd:
             room.do(action_of("accept", {"shot": len(room.desk.day.fired)}))
-
-
-def _at_next_place(room: Room) -> bool:
-    """Set the place that the rules ask for; return whether they ask for one."""
-    asked = room.desk.next_place
-    if asked is not None and room.desk.rule_off:
-        room.do(action_of("set-place", {"place": round(asked * 1e3, 3)}))
-    return asked is not None
 
 
 class Door:
@@ -315,15 +308,9 @@ class Door:
 
         async def guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
-                names = {name.lower() for name, _ in message["headers"]}
-                message["headers"] = [
-                    *message["headers"],
-                    *(
-                        (key.lower().encode(), value.encode())
-                        for key, value in HEADERS.items()
-                        if key.lower().encode() not in names
-                    ),
-                ]
+                headers = MutableHeaders(scope=message)
+                for key, value in HEADERS.items():
+                    headers.setdefault(key, value)
             await send(message)
 
         refused = (
