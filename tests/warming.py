@@ -44,10 +44,10 @@ def _camera() -> None:
 
 
 def _alone() -> None:
-    from virtual_lab.studies.bats.profile import profile_of_bat
+    from virtual_lab.studies.bats.profile import profiles
     from virtual_lab.studies.paper import CLAIMS
 
-    profile_of_bat("r161", swing=None, ball="baseball-2003")  # one that may meet the bat again
+    profiles("r161", swings=(None,), ball="baseball-2003")[0]  # one that may meet the bat again
     next(claim for claim in CLAIMS if "r161 clamped against free" in claim.says).find()
 
 

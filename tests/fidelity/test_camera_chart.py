@@ -11,6 +11,7 @@ import pytest
 from tests.fidelity.charts import require_files
 from virtual_lab.fidelity import camera_chart as chart
 from virtual_lab.fidelity.camera_estimators import EDGE, ESTIMATORS
+from virtual_lab.fidelity.results import SpeedChart
 
 Row = dict[str, Any]
 SOME = ("contour moments", "matchTemplate, parabola", EDGE)
@@ -18,13 +19,18 @@ LEFT_OUT = ("back light", "hard side light")
 
 
 @pytest.fixture(scope="module")
-def rows() -> list[Row]:
+def drawn() -> SpeedChart:
     scenes = {
         name: replace(case, phases=2, repeats=3)
         for name, case in chart.SCENES.items()
         if name[1] not in LEFT_OUT
     }
-    return chart.camera_rows(scenes=scenes, estimators={name: ESTIMATORS[name] for name in SOME})
+    return chart.camera_chart(scenes=scenes, estimators={name: ESTIMATORS[name] for name in SOME})
+
+
+@pytest.fixture(scope="module")
+def rows(drawn: SpeedChart) -> list[Row]:
+    return drawn.rows
 
 
 def test_every_estimator_in_every_scene(rows: list[Row]) -> None:
@@ -45,5 +51,5 @@ def test_what_the_chart_is_to_show(rows: list[Row]) -> None:
             assert row["bias_over_limit"] > 5
 
 
-def test_text_and_files(rows: list[Row], tmp_path: Path) -> None:
-    require_files(chart._chart(rows), tmp_path / "chart")
+def test_text_and_files(drawn: SpeedChart, tmp_path: Path) -> None:
+    require_files(drawn, tmp_path / "chart")

@@ -12,7 +12,7 @@ from virtual_lab.cli import cli
 from virtual_lab.fidelity import camera_stability as maps
 from virtual_lab.fidelity.camera_drops import dropped_frames
 from virtual_lab.fidelity.camera_estimators import EDGE
-from virtual_lab.fidelity.camera_map import Seen
+from virtual_lab.fidelity.drawing import Seen
 
 Row = dict[str, Any]
 ENDS = {

@@ -14,6 +14,7 @@ from tests.fidelity.charts import require_files
 from virtual_lab.errors import InputError
 from virtual_lab.fidelity import collision_chart as chart
 from virtual_lab.fidelity.collision_chart import Question, Series, draw_collision
+from virtual_lab.fidelity.results import SpeedChart
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.units import INCH
 
@@ -22,10 +23,15 @@ Rows = list[dict[str, Any]]
 
 
 @pytest.fixture(scope="module")
-def rows() -> Rows:
-    return chart.collision_rows(
+def drawn() -> SpeedChart:
+    return chart.collision_chart(
         extent=chart.Extent(mode_counts=(4, 10, 20, 40), scenes=24, few=4, fewest=1, batch=40)
     )
+
+
+@pytest.fixture(scope="module")
+def rows(drawn: SpeedChart) -> Rows:
+    return drawn.rows
 
 
 def of(rows: Rows, series: str) -> Rows:
@@ -91,7 +97,7 @@ def test_what_is_off_and_what_refuses_are_counted_apart(monkeypatch: pytest.Monk
         scenes=400,
     )
     monkeypatch.setattr(chart, "_points", lambda body, extent: iter([point]))
-    (row,) = chart.collision_rows()
+    (row,) = chart.collision_chart().rows
     whole = chart._scenes(chart.WHOLE_IN, 400).impact_position / INCH
     assert row["refused_along_the_bat"] == np.mean(whole > 30) > 0
     assert row["off_along_the_bat"] == np.mean((whole > 25) & (whole <= 30)) > 0
@@ -118,7 +124,7 @@ def test_the_picture_shows_what_decides_and_its_words_do_not_overlap() -> None:
     assert set(settings) >= {row["setting"] for row in rows}
 
 
-def test_files(rows: Rows, tmp_path: Path) -> None:
-    page = require_files(chart._chart(rows), tmp_path / "chart")
+def test_files(drawn: SpeedChart, tmp_path: Path) -> None:
+    page = require_files(drawn, tmp_path / "chart")
     assert page.count("<svg") == 1
     assert "http" not in page.replace("http://www.w3.org", "").split("</metadata>")[-1]

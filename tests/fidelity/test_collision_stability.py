@@ -12,11 +12,12 @@ import pytest
 
 from virtual_lab.fidelity import collision_stability as maps
 from virtual_lab.fidelity.drawing import State
+from virtual_lab.fidelity.results import StabilityMap
 from virtual_lab.simulation.collision.stepping import FINE, OneByOne
 
 
 @pytest.fixture(scope="module")
-def rows() -> list[dict[str, Any]]:
+def found() -> StabilityMap:
     ends = {axis: (values[0], values[-1]) for axis, values in maps.AXES.items()}
     ends[maps.CollisionAxis.CONTACTS] = (1, 3)
     with pytest.MonkeyPatch.context() as patch:
@@ -24,7 +25,12 @@ def rows() -> list[dict[str, Any]]:
         patch.setattr(maps, "FACTORS", (0.5, 1.0, 1.3, 1.5, 4.0))
         patch.setattr(maps, "PLACES_IN", (1.0, 6.5, 16.0))
         patch.setattr(maps, "POOLED_SCENES", 600)
-        return maps.collision_cells()
+        return maps.collision_stability()
+
+
+@pytest.fixture(scope="module")
+def rows(found: StabilityMap) -> list[dict[str, Any]]:
+    return found.rows
 
 
 def at(rows: list[dict[str, Any]], *steps: str) -> list[dict[str, Any]]:
@@ -84,11 +90,11 @@ def test_states_are_told_apart() -> None:
     assert state(np.nan, np.nan, True) == State.UNSTABLE
 
 
-def test_text_and_files(rows: list[dict[str, Any]], tmp_path: Path) -> None:
-    text = maps._maps(rows).text
+def test_text_and_files(found: StabilityMap, tmp_path: Path) -> None:
+    text, rows = found.text, found.rows
     assert text.count(maps.SHIPPED) == len(maps.AXES)
     assert "(X)" in text
-    maps._maps(rows).save(tmp_path / "maps")
+    found.save(tmp_path / "maps")
     assert (tmp_path / "maps" / "stability.png").read_bytes().startswith(b"\x89PNG")
     assert len((tmp_path / "maps" / "stability.csv").read_text().splitlines()) == len(rows) + 1
     json.dumps(rows, allow_nan=False)

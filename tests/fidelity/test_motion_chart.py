@@ -11,13 +11,19 @@ import pytest
 from tests.fidelity.charts import require_files
 from virtual_lab.fidelity import motion_chart as chart
 from virtual_lab.fidelity.naive_pymunk import missed, rod
+from virtual_lab.fidelity.results import SpeedChart
 
 Row = dict[str, Any]
 
 
 @pytest.fixture(scope="module")
-def rows() -> list[Row]:
-    return chart.motion_rows(steps=(1e-2, 1e-3, 1e-4, 1e-5), losses=(1e-2, 1e-3, 1e-4), batch=10)
+def drawn() -> SpeedChart:
+    return chart.motion_chart(steps=(1e-2, 1e-3, 1e-4, 1e-5), losses=(1e-2, 1e-3, 1e-4), batch=10)
+
+
+@pytest.fixture(scope="module")
+def rows(drawn: SpeedChart) -> list[Row]:
+    return drawn.rows
 
 
 def of(rows: list[Row], series: str, **own: str) -> list[Row]:
@@ -75,5 +81,5 @@ def test_the_share_missed_is_what_is_jumped(speed: float, step: float) -> None:
     assert share == pytest.approx(max(0.0, 1 - rod().reach / (speed * step)), abs=0.0101)
 
 
-def test_text_and_files(rows: list[Row], tmp_path: Path) -> None:
-    require_files(chart._chart(rows), tmp_path / "chart")
+def test_text_and_files(drawn: SpeedChart, tmp_path: Path) -> None:
+    require_files(drawn, tmp_path / "chart")

@@ -11,17 +11,23 @@ import pytest
 from virtual_lab.cli import cli
 from virtual_lab.fidelity import motion_stability as maps
 from virtual_lab.fidelity.drawing import State
+from virtual_lab.fidelity.results import StabilityMap
 
 Row = dict[str, Any]
 
 
 @pytest.fixture(scope="module")
-def rows() -> list[Row]:
+def found() -> StabilityMap:
     ends = {axis: (values[0], values[-1]) for axis, values in maps.AXES.items()}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(maps, "AXES", ends)
         patch.setattr(maps, "STEPS", (1e-2, 1e-3, 1e-4))
-        return maps.motion_cells()
+        return maps.motion_stability()
+
+
+@pytest.fixture(scope="module")
+def rows(found: StabilityMap) -> list[Row]:
+    return found.rows
 
 
 def state(rows: list[Row], method: str, axis: str, step: float, value: float) -> str:
@@ -56,12 +62,12 @@ def test_pymunk_alone_is_refused_nothing_and_wrong_in_places(rows: list[Row]) ->
     assert state(rows, maps.Carrier.ALONE, maps.MotionAxis.ITERATIONS, 1e-4, 50) == State.GOOD
 
 
-def test_text_and_files(rows: list[Row], tmp_path: Path) -> None:
-    text = maps._maps(rows).text
+def test_text_and_files(found: StabilityMap, tmp_path: Path) -> None:
+    text, rows = found.text, found.rows
     assert text.count(maps.Carrier.RUNG) == text.count(maps.Carrier.ALONE) == len(maps.AXES)
     assert "(.)" in text
     json.dumps(rows, allow_nan=False)
-    maps._maps(rows).save(tmp_path / "maps")
+    found.save(tmp_path / "maps")
     assert (tmp_path / "maps" / "stability.png").read_bytes().startswith(b"\x89PNG")
     assert len((tmp_path / "maps" / "stability.csv").read_text().splitlines()) == len(rows) + 1
 

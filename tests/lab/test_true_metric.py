@@ -25,7 +25,7 @@ from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.procedure.rules import BallCorrection
 from virtual_lab.measurement.reduction import shot_algebra
 from virtual_lab.simulation.rig import ImpactStation, Reality, Stage
-from virtual_lab.studies.bats.profile import profile_of_bat
+from virtual_lab.studies.bats.profile import profiles
 
 INCH, MPH, OUNCE = 0.0254, 0.44704, 0.028349523125
 BASEBALL = ("r161", "ea70", "barrel-loaded", "knob-loaded")
@@ -132,7 +132,7 @@ def test_the_proposal_is_the_field(bat: str, played: Play) -> None:
     A ball of 0.45 corrected as for a rigid shell made aluminium bats 1.3 to 1.45 mph too fast.
     """
     true = played(bat, Reality.IDEAL, procedure="proposed").sealed.measurand
-    field = profile_of_bat(bat, swing=0.3).peaks["v_f_mph"].value * MPH
+    field = profiles(bat, swings=(0.3,))[0].peaks["v_f_mph"].value * MPH
     assert true[CONTINUOUS] / MPH == pytest.approx(field / MPH, abs=0.1)
 
 

@@ -9,8 +9,7 @@ import pytest
 
 from virtual_lab.errors import InputError
 from virtual_lab.studies import critique as study
-from virtual_lab.studies.critique import Critique, Ranked, critique, misranking
-from virtual_lab.studies.critique_text import Pair
+from virtual_lab.studies.critique import Critique, Pair, Ranked, critique, misranking
 
 BATS = ("r161", "ea70", "barrel-loaded", "knob-loaded")
 

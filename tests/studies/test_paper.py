@@ -16,7 +16,6 @@ from virtual_lab.catalog.reading import DATA
 from virtual_lab.studies.paper import CLAIMS, Claim, Findings, examples, metrics, models, procedures
 from virtual_lab.studies.paper.claim import read_claims
 from virtual_lab.studies.paper.findings import FINDERS
-from virtual_lab.studies.paper.text import cells
 
 
 @pytest.mark.parametrize("claim", CLAIMS, ids=[claim.name for claim in CLAIMS])
@@ -121,8 +120,8 @@ def test_text_folder_and_json_say_the_same(tmp_path: Path) -> None:
     assert found.held == len(claims) - 1
     text = found.text
     assert f"{len(claims) - 1} of {len(claims)} hold" in text
-    assert cells(found.found)[-1]["holds"] == "NO"
-    assert cells(found.found)[-1]["deviation"] == "+0.4"
+    assert found.found[-1].cells["holds"] == "NO"
+    assert found.found[-1].cells["deviation"] == "+0.4"
     document = json.loads(json.dumps(found.document, allow_nan=False))
     assert document["rows"][-1]["holds"] is False
     assert document["rows"][-1]["paper"] == 2.6

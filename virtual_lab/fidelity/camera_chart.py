@@ -33,30 +33,11 @@ SCENES: dict[tuple[str, str], Case] = {
 }
 
 
-def camera_chart(progress: Progress = quiet) -> SpeedChart:
-    """Return the chart; its rows are those of `camera_rows`."""
-    return _chart(camera_rows(progress))
-
-
-def _chart(rows: list[dict[str, Any]]) -> SpeedChart:
-    return SpeedChart(
-        name="camera",
-        title="Locating the ball: error over time a frame",
-        words="Root mean square errors along an axis over places spread evenly within a pixel; "
-        "radius 30 px, shift during the exposure 2 px, contrast 96 times a pixel's noise. The "
-        "limit is Cramér and Rao's bound of a plain ball: nothing unbiased does better. A marker "
-        "with a ring is of an estimator that flags these pictures as not to be trusted; one that "
-        "lost more than half of them is not drawn.",
-        rows=rows,
-        figure=draw_camera,
-    )
-
-
-def camera_rows(
+def camera_chart(
     progress: Progress = quiet,
     scenes: Mapping[tuple[str, str], Case] = SCENES,
     estimators: Mapping[str, Estimator] = ESTIMATORS,
-) -> list[Row]:
+) -> SpeedChart:
     """Return a row a scene and estimator: error and limit [px], bias over it, time a frame [ms].
 
     Bias is that of the worst phase of a pixel, without noise; of a stitched ball, whose pattern is
@@ -75,7 +56,17 @@ def camera_rows(
             rows += _scene(ball, scene, case, estimators)
     finally:
         cv2.setNumThreads(threads)
-    return rows
+    return SpeedChart(
+        name="camera",
+        title="Locating the ball: error over time a frame",
+        words="Root mean square errors along an axis over places spread evenly within a pixel; "
+        "radius 30 px, shift during the exposure 2 px, contrast 96 times a pixel's noise. The "
+        "limit is Cramér and Rao's bound of a plain ball: nothing unbiased does better. A marker "
+        "with a ring is of an estimator that flags these pictures as not to be trusted; one that "
+        "lost more than half of them is not drawn.",
+        rows=rows,
+        figure=draw_camera,
+    )
 
 
 def _scene(ball: str, scene: str, case: Case, estimators: Mapping[str, Estimator]) -> list[Row]:
@@ -104,7 +95,7 @@ def _scene(ball: str, scene: str, case: Case, estimators: Mapping[str, Estimator
 
 
 def draw_camera(rows: list[Row], title: str) -> Figure:
-    """Return the figure of rows as `camera_rows` gives them."""
+    """Return the figure of rows as `camera_chart` gives them."""
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from virtual_lab.fidelity.camera_errors import BEYOND
-from virtual_lab.fidelity.camera_map import Seen
+from virtual_lab.fidelity.drawing import Seen
 from virtual_lab.streams import Streams
 from virtual_lab.units import Array
 from virtual_lab.video.find.blobs import BLOB
@@ -23,7 +23,7 @@ def dropped_frames(
     errors: Sequence[float] = (0.002, 0.02, 0.1, 0.5),
     flights: int = 24,
 ) -> list[dict[str, Any]]:
-    """Return rows as `camera_stability.camera_cells` does; errors are relative, of the speed.
+    """Return rows as `camera_stability.picture_cells` does; errors are relative, of the speed.
 
     So many frames in a row are dropped of each of `flights` balls that come in and go out; a
     place errs by `errors` [px].

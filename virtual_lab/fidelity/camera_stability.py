@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -18,9 +18,9 @@ import numpy as np
 from virtual_lab.fidelity.camera_drops import dropped_frames
 from virtual_lab.fidelity.camera_errors import score_places, wrong_unsaid
 from virtual_lab.fidelity.camera_estimators import EDGE, ESTIMATORS
-from virtual_lab.fidelity.camera_map import Seen, draw_maps
 from virtual_lab.fidelity.camera_pictures import pictures
 from virtual_lab.fidelity.camera_scenes import Batch, Case
+from virtual_lab.fidelity.drawing import Seen, draw_maps
 from virtual_lab.fidelity.results import StabilityMap
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.tables import table_text
@@ -48,24 +48,34 @@ AXES: dict[str, tuple[str, tuple[float, ...]]] = {
 
 
 def camera_stability(progress: Progress = quiet) -> StabilityMap:
-    """Return the maps; their rows are those of `camera_cells`."""
-    return _maps(camera_cells(progress))
-
-
-def _maps(rows: list[dict[str, Any]]) -> StabilityMap:
-    return StabilityMap(
-        title="stability of the camera", text=_maps_text(rows), rows=rows, picture=_draw
-    )
-
-
-def camera_cells(progress: Progress = quiet) -> list[dict[str, Any]]:
     """Return a row a cell: its state, the error of what is not flagged, and counts of pictures.
 
     Errors are in pixels, of dropped frames relative, None where there is nothing to err.
     """
     rows = picture_cells(progress)
     progress("frames dropped")
-    return rows + dropped_frames()
+    return _maps(rows + dropped_frames())
+
+
+def _maps(rows: list[dict[str, Any]]) -> StabilityMap:
+    title = (
+        "Locating the ball: result of each picture; numbers: pictures of a cell wrong and "
+        f"unsaid\n{_summary(rows)}"
+    )
+    return StabilityMap(
+        title="stability of the camera",
+        text=_maps_text(rows),
+        rows=rows,
+        picture=lambda cells, path: draw_maps(
+            sorted(cells, key=itemgetter("method")),
+            path,
+            title=title,
+            states=Seen,
+            map_of=itemgetter("map"),
+            line_of=lambda row: f"{row['method']}: {row['ball']}",
+            abreast=4,
+        ),
+    )
 
 
 def picture_cells(
@@ -139,7 +149,3 @@ def _cell(batch: Batch, found: Located) -> Row:
         "flagged": round(whole.flagged * count),
         "lost": round(whole.lost * count),
     }
-
-
-def _draw(rows: list[Row], path: Path) -> None:
-    draw_maps(rows, _summary(rows)).savefig(path)

@@ -99,27 +99,7 @@ class Point:
     timed: int | None = None  # scenes of the barrel that its time is taken of; None: the same
 
 
-def collision_chart(progress: Progress = quiet) -> SpeedChart:
-    """Return the chart; its rows are those of `collision_rows`."""
-    return _chart(collision_rows(progress))
-
-
-def _chart(rows: list[Row]) -> SpeedChart:
-    return SpeedChart(
-        name="collision",
-        title="Collision: accuracy over cost, R161, 2 to 12 in, 60 to 160 mph",
-        words="Worst error in e_A over the time a shot takes on one core. Left, what a rung errs "
-        "by in all, against 120 modes stepped one by one; right, what solving the equations adds "
-        "to that, against the same 20 modes stepped one by one four times finer. The dashed line "
-        "decides: the cheapest rung below it is taken, a tenth of the u of e_A that a certificate "
-        "reaches. A red ring marks what is off by more than that u somewhere along the bat, from "
-        "tip to knob, and does not say so; a dotted one what refuses to answer somewhere.",
-        rows=rows,
-        figure=draw_collision,
-    )
-
-
-def collision_rows(progress: Progress = quiet, extent: Extent = Extent()) -> list[Row]:
+def collision_chart(progress: Progress = quiet, extent: Extent = Extent()) -> SpeedChart:
     """Return a row a model.
 
     Of the scenes about the barrel: worst and rms error in e_A, time a shot [µs]. Of as many all
@@ -147,7 +127,18 @@ def collision_rows(progress: Progress = quiet, extent: Extent = Extent()) -> lis
                 "refused_along_the_bat": float(np.isnan(found).mean()),
             }
         )
-    return rows
+    return SpeedChart(
+        name="collision",
+        title="Collision: accuracy over cost, R161, 2 to 12 in, 60 to 160 mph",
+        words="Worst error in e_A over the time a shot takes on one core. Left, what a rung errs "
+        "by in all, against 120 modes stepped one by one; right, what solving the equations adds "
+        "to that, against the same 20 modes stepped one by one four times finer. The dashed line "
+        "decides: the cheapest rung below it is taken, a tenth of the u of e_A that a certificate "
+        "reaches. A red ring marks what is off by more than that u somewhere along the bat, from "
+        "tip to knob, and does not say so; a dotted one what refuses to answer somewhere.",
+        rows=rows,
+        figure=draw_collision,
+    )
 
 
 def _points(body: BatBody, extent: Extent) -> Iterator[Point]:
@@ -267,7 +258,7 @@ def _scenes(ends_in: Ends, count: int) -> Scenes:
 
 
 def draw_collision(rows: list[Row], title: str) -> Figure:
-    """Return the figure of rows as `collision_rows` gives them."""
+    """Return the figure of rows as `collision_chart` gives them."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

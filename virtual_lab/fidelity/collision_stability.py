@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from math import inf, isfinite
 from typing import Any
 
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
 from virtual_lab.fidelity.collision_chart import usual_ball
-from virtual_lab.fidelity.drawing import State, draw_stability, maps_text
+from virtual_lab.fidelity.drawing import State, draw_maps, maps_text
 from virtual_lab.fidelity.results import StabilityMap
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.simulation.collision.modal import BENDING_MODES, ModalModel, collide_bats
@@ -126,25 +126,6 @@ class ColumnOutcome:
 
 
 def collision_stability(progress: Progress = quiet) -> StabilityMap:
-    """Return the maps; their rows are those of `collision_cells`."""
-    return _maps(collision_cells(progress))
-
-
-def _maps(rows: list[dict[str, Any]]) -> StabilityMap:
-    down = "step over the default's"
-    title = (
-        "Stepping of the modal rung: up to 24 scenes a cell in one bare pass, and as shipped; "
-        f"good: all of them to {FINE.tolerance:.0e} in e_A, else how many are not"
-    )
-    return StabilityMap(
-        title="stability of the collision",
-        text=maps_text(rows, down),
-        rows=rows,
-        picture=lambda cells, path: draw_stability(cells, path, title=title, down=down, framed="1"),
-    )
-
-
-def collision_cells(progress: Progress = quiet) -> list[dict[str, Any]]:
     """Return a row a cell: its place, its state, its worst errors in e_A and leak of energy.
 
     Of a refused one these are what it would have come to.
@@ -159,7 +140,17 @@ def collision_cells(progress: Progress = quiet) -> list[dict[str, Any]]:
                 found = _outcome(column, stepper) if true else None
                 row = {"map": axis.value, "value": value, "step": step, "refused": refused}
                 rows.append(row | _cell(found, true, step == SHIPPED))
-    return rows
+    down = "step over the default's"
+    title = (
+        "Stepping of the modal rung: up to 24 scenes a cell in one bare pass, and as shipped; "
+        f"good: all of them to {FINE.tolerance:.0e} in e_A, else how many are not"
+    )
+    return StabilityMap(
+        title="stability of the collision",
+        text=maps_text(rows, down),
+        rows=rows,
+        picture=partial(draw_maps, title=title, states=State, down=down, framed="1"),
+    )
 
 
 def _steppers() -> Iterator[tuple[str, Stepper, bool]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from enum import StrEnum
 from itertools import pairwise, product
 from pathlib import Path
@@ -37,17 +37,34 @@ class State(CellState):
     NO_RESULT = "no result is given", "-", "#d9d9d9"
 
 
-def _maps(rows: Sequence[Row]) -> dict[str, list[Row]]:
-    """Return the rows of each map, under the method where there are several."""
+class Seen(CellState):
+    """Result of the pictures of a cell."""
+
+    GOOD = "good", ".", "#6baed6"
+    INACCURATE = "inaccurate, and says so", "o", "#fee391"
+    FLAGGED = "flagged", "F", "#f16913"
+    LOST = "lost", "-", "#bdbdbd"
+    UNSAID = "wrong, unsaid", "X", "#800026"
+
+
+def _map_of(row: Row) -> str:
+    """Return the name of a row's map, under the method where there are several."""
+    return f"{row['method']}: {row['map']}" if "method" in row else str(row["map"])
+
+
+def _line_of(row: Row) -> str:
+    return _short(row["step"])
+
+
+def _maps(rows: Sequence[Row], map_of: Callable[[Row], str]) -> dict[str, list[Row]]:
     maps: dict[str, list[Row]] = {}
     for row in rows:
-        name = f"{row['method']}: {row['map']}" if "method" in row else row["map"]
-        maps.setdefault(name, []).append(row)
+        maps.setdefault(map_of(row), []).append(row)
     return maps
 
 
-def _states(rows: Sequence[Row]) -> list[State]:
-    return [state for state in State if any(row["state"] == state for row in rows)]
+def _used(states: type[CellState], rows: Sequence[Row]) -> list[CellState]:
+    return [state for state in states if any(row["state"] == state for row in rows)]
 
 
 def _short(value: float | str) -> str:
@@ -61,70 +78,108 @@ def maps_text(rows: Sequence[Row], down: str) -> str:
 
     A row is a cell: its `map`, its `value` and its `step`, its `state`, whether it is `refused`.
     """
-    key = ", ".join(f"{state.mark} {state}" for state in _states(rows))
+    key = ", ".join(f"{state.mark} {state}" for state in _used(State, rows))
     parts = [f"down, {down}; {key}; in brackets refused, and what it would be"]
-    for name, own in _maps(rows).items():
+    for name, own in _maps(rows, _map_of).items():
         table: dict[str, Row] = {}
         for row in own:
             mark = State(row["state"]).mark
-            line = table.setdefault(_short(row["step"]), {"step": _short(row["step"])})
+            line = table.setdefault(_line_of(row), {"step": _line_of(row)})
             line[_short(row["value"])] = f"({mark})" if row["refused"] else mark
         parts.append(f"{name}\n{table_text(list(table.values()))}")
     return "\n\n".join(parts)
 
 
-def draw_stability(
-    rows: Sequence[Row], path: Path, *, title: str, down: str, framed: float | str | None = None
+def draw_maps(
+    rows: Sequence[Row],
+    path: Path,
+    *,
+    title: str,
+    states: type[CellState],
+    map_of: Callable[[Row], str] = _map_of,
+    line_of: Callable[[Row], str] = _line_of,
+    down: str = "",
+    abreast: int = 5,
+    framed: str | None = None,
 ) -> None:
-    """Draw the maps of rows as `maps_text` takes them, five abreast, the step `framed` in a frame.
+    """Draw the maps of rows, each of them a cell with its `value` and its `state`.
 
-    A cell shows how many of its scenes are `off`, where its row says so.
+    A cell shows how many of its scenes are `off`, or its pictures wrong and `unsaid`, where its
+    row says so, and is hatched where it is `refused`.
+
+    Parameters
+    ----------
+    states
+        Which the states are.
+    map_of, line_of
+        Map that a row belongs to, and its line in there.
+    down
+        What the lines are.
+    abreast
+        Number of maps side by side.
+    framed
+        The line to frame.
     """
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
-    maps = _maps(rows)
-    lines = -(-len(maps) // 5)
-    figure = Figure(figsize=(17, 3.6 * lines + 0.6), dpi=110, layout="constrained")
-    panels = figure.subplots(lines, 5, squeeze=False).ravel()
-    for axes, (name, own) in zip(panels, maps.items(), strict=False):
-        _draw_map(axes, own, framed)
+    maps = _maps(rows, map_of)
+    high = -(-len(maps) // abreast)
+    figure = Figure(figsize=(17, 3.6 * high + 0.6), dpi=110, layout="constrained")
+    panels = figure.subplots(high, abreast, squeeze=False).ravel()
+    left: list[str] = []  # labels that the maps further right share
+    for k, (axes, (name, own)) in enumerate(zip(panels, maps.items(), strict=False)):
+        labels = _draw_map(axes, own, states, line_of, framed)
         axes.set_xlabel(name, fontsize=9)
-        axes.set_ylabel(down, fontsize=9)
+        if k % abreast and labels == left:
+            axes.set_yticklabels([])
+        else:
+            axes.set_ylabel(down, fontsize=9)
+            left = labels
     for axes in panels[len(maps) :]:
         axes.set_axis_off()
-    keys = [Patch(color=state.colour, label=state) for state in _states(rows)]
-    keys.append(Patch(fill=False, hatch="//", edgecolor="0.5", label="refused"))
+    keys = [Patch(color=state.colour, label=state) for state in _used(states, rows)]
+    if any("refused" in row for row in rows):
+        keys.append(Patch(fill=False, hatch="//", edgecolor="0.5", label="refused"))
     figure.legend(handles=keys, loc="outside lower center", ncols=6, frameon=False, fontsize=9)
     figure.suptitle(title, fontsize=11)
     figure.savefig(path)
 
 
-def _draw_map(axes: Any, rows: list[Row], framed: float | str | None) -> None:
+def _draw_map(
+    axes: Any,
+    rows: list[Row],
+    states: type[CellState],
+    line_of: Callable[[Row], str],
+    framed: str | None,
+) -> list[str]:
+    """Draw one map; return the labels of its lines."""
     from matplotlib.patches import Rectangle
 
     values = list(dict.fromkeys(row["value"] for row in rows))
-    steps = list(dict.fromkeys(row["step"] for row in rows))
+    lines = list(dict.fromkeys(map(line_of, rows)))
     for row in rows:
-        x, y, state = values.index(row["value"]), steps.index(row["step"]), State(row["state"])
+        x, y = values.index(row["value"]), lines.index(line_of(row))
         look: dict[str, Any] = {"edgecolor": "white", "linewidth": 1.0}
-        if row["refused"]:
+        if row.get("refused"):
             look = {"hatch": "//", "edgecolor": "0.6", "linewidth": 0.0}
-        axes.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, facecolor=state.colour, **look))
-        if row.get("off"):
-            ink = "white" if state is State.UNSTABLE else "black"
-            place = {"ha": "center", "va": "center", "fontsize": 6.5, "color": ink}
-            axes.annotate(row["off"], (x, y), **place)
-    if framed in steps:
-        corner = (-0.5, steps.index(framed) - 0.5)
+        colour = states(row["state"]).colour
+        axes.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, facecolor=colour, **look))
+        count = row.get("off") or row.get("unsaid")
+        if count:
+            ink = "white" if colour == State.UNSTABLE.colour else "black"
+            axes.annotate(count, (x, y), ha="center", va="center", fontsize=6.5, color=ink)
+    if framed in lines:
+        corner = (-0.5, lines.index(framed) - 0.5)
         axes.add_patch(Rectangle(corner, len(values), 1, fill=False, linewidth=2, clip_on=False))
     axes.set_xlim(-0.5, len(values) - 0.5)
-    axes.set_ylim(len(steps) - 0.5, -0.5)
+    axes.set_ylim(len(lines) - 0.5, -0.5)
     heads = [_short(value).replace(" ", "\n", 1) for value in values]
     axes.set_xticks(range(len(values)), heads)
-    axes.set_yticks(range(len(steps)), [_short(step) for step in steps])
+    axes.set_yticks(range(len(lines)), lines)
     axes.tick_params(length=0, labelsize=7.5)
     axes.spines[:].set_visible(False)
+    return lines
 
 
 def error_axes(axes: Any, error: str) -> None:

@@ -7,7 +7,7 @@ in no air and on no friction, so that pymunk itself could be right.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import StrEnum
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -73,29 +73,12 @@ class Parted(NamedTuple):
     rate: float  # of the bat [rad/s]
 
 
-def motion_chart(progress: Progress = quiet) -> SpeedChart:
-    """Return the chart; its rows are those of `motion_rows`."""
-    return _chart(motion_rows(progress))
-
-
-def _chart(rows: list[Row]) -> SpeedChart:
-    return SpeedChart(
-        name="motion",
-        title="Motion: the rungs beside pymunk left to itself",
-        words="Root mean square errors over starts spread evenly over a step: e_A, the ball's "
-        "velocity, the bat's rate. Shares are of shots missed or of energy lost. An error of less "
-        "than 1e-16 is drawn there.",
-        rows=rows,
-        figure=draw_motion,
-    )
-
-
-def motion_rows(
+def motion_chart(
     progress: Progress = quiet,
     steps: Sequence[float] = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6),
     losses: Sequence[float] = (1e-2, 1e-3, 1e-4, 1e-5),
     batch: int = 20_000,
-) -> list[Row]:
+) -> SpeedChart:
     """Return a row a model, scene and setting: errors, shares, time a shot [µs].
 
     Steps [s] are those of hits and of a bat that turns for its lost energy; a `batch` of shots is
@@ -112,7 +95,15 @@ def motion_rows(
     for speed, step in ((26.8, 1e-2), (62.6, 2e-3), (62.6, 1e-3)):  # m/s, s
         rows += _misses(speed, step)
     rows += [row for step in losses for row in _losses(step)]
-    return rows
+    return SpeedChart(
+        name="motion",
+        title="Motion: the rungs beside pymunk left to itself",
+        words="Root mean square errors over starts spread evenly over a step: e_A, the ball's "
+        "velocity, the bat's rate. Shares are of shots missed or of energy lost. An error of less "
+        "than 1e-16 is drawn there.",
+        rows=rows,
+        figure=draw_motion,
+    )
 
 
 def _row(series: str, scene: str, setting: str, **own: float | None) -> Row:
@@ -129,18 +120,10 @@ def _scene(name: Start, step: float, shots: int) -> ShotScene:
 def _accuracy(name: Start, steps: Sequence[float], batch: int) -> Iterator[Row]:
     scene = _scene(name, 1e-3, 20)
     _, spent = least_time(partial(play_closed_form, _scene(name, 1e-3, batch)))
-    yield _row(Carrier.CLOSED, name, "exact", us_a_shot=spent / batch * 1e6) | _errors(
-        scene, play_closed_form(scene)
-    )
+    exact = _errors(scene, play_closed_form(scene))
+    yield _row(Carrier.CLOSED, name, "exact", us_a_shot=spent / batch * 1e6, **exact)
     for step in steps:
-        scene, setting = _scene(name, step, 4), f"{step:.0e} s"
-        try:
-            carried, spent = least_time(partial(play_pymunk, scene, PymunkSettings(step=step)))
-        except InputError:
-            yield _row(Carrier.RUNG, name, f"{setting}: refused")
-            continue
-        found = _errors(scene, carried)
-        yield _row(Carrier.RUNG, name, setting, us_a_shot=spent / scene.shots * 1e6) | found
+        yield _of_rung(name, step, partial(_timed, _scene(name, step, 4), step))
     for step in steps:
         scene = _scene(name, step, 20)
         shapes: dict[str, Shape] = {Start.ROUND: "section", Start.TIP: "round tip"}
@@ -150,11 +133,23 @@ def _accuracy(name: Start, steps: Sequence[float], batch: int) -> Iterator[Row]:
         yield _row(Carrier.ALONE, name, f"{step:.0e} s", us_a_shot=us, ball_m_s=_rms(errors))
 
 
-def _errors(scene: ShotScene, found: PlayedShots) -> Row:
-    hit, true = (
-        found.first(Target.BAT),
-        [parted_by_hand(scene, shot) for shot in range(scene.shots)],
-    )
+def _of_rung(scene: str, step: float, work: Callable[[], Mapping[str, float]]) -> Row:
+    """Return the row of the rung: what `work` finds, or that the rung refuses."""
+    setting = f"{step:.0e} s"
+    try:
+        return _row(Carrier.RUNG, scene, setting, **work())
+    except InputError:
+        return _row(Carrier.RUNG, scene, f"{setting}: refused")
+
+
+def _timed(scene: ShotScene, step: float) -> dict[str, float]:
+    carried, spent = least_time(partial(play_pymunk, scene, PymunkSettings(step=step)))
+    return _errors(scene, carried) | {"us_a_shot": spent / scene.shots * 1e6}
+
+
+def _errors(scene: ShotScene, found: PlayedShots) -> dict[str, float]:
+    hit = found.first(Target.BAT)
+    true = [parted_by_hand(scene, shot) for shot in range(scene.shots)]
     e_A = scene.efficiency(hit.place, hit.speed, hit.shot)
     ball = np.array(hit.state[3:6]).T - [each.velocity for each in true]
     return {
@@ -192,30 +187,29 @@ def parted_by_hand(scene: ShotScene, shot: int) -> Parted:
 
 
 def _misses(speed: float, step: float) -> Iterator[Row]:
-    scene, setting = f"missed at {speed:g} m/s", f"{step:.0e} s"
-    yield _row(Carrier.ALONE, scene, setting, share=missed(rod(), speed, step, 100))
+    scene = f"missed at {speed:g} m/s"
+    share = missed(rod(), speed, step, 100)
+    yield _row(Carrier.ALONE, scene, f"{step:.0e} s", share=share)
     shots = rod_scene(STARTS[Start.SQUARE], speed, step, 20, ahead=0.2, duration=0.03)
-    try:
+
+    def of_rung() -> dict[str, float]:
         found = play_pymunk(shots, PymunkSettings(step=step))
-    except InputError:
-        yield _row(Carrier.RUNG, scene, f"{setting}: refused")
-    else:
-        yield _row(
-            Carrier.RUNG, scene, setting, share=1 - len(found.first(Target.BAT).shot) / shots.shots
-        )
+        return {"share": 1 - len(found.first(Target.BAT).shot) / shots.shots}
+
+    yield _of_rung(scene, step, of_rung)
 
 
 def _losses(step: float, spin: float = 11.5) -> Iterator[Row]:
-    scene, setting = f"energy lost a second at {spin:g} rad/s", f"{step:.0e} s"
-    yield _row(Carrier.ALONE, scene, setting, share=energy_lost(rod(), spin, step))
+    scene = f"energy lost a second at {spin:g} rad/s"
+    yield _row(Carrier.ALONE, scene, f"{step:.0e} s", share=energy_lost(rod(), spin, step))
     # a ball that rests far away limits no step
     alone = rod_scene({"rate": spin, "vx": 0.0}, 0.0, step, 1, ahead=9.0, duration=1.0)
-    try:
+
+    def of_rung() -> dict[str, float]:
         end = play_pymunk(alone, PymunkSettings(step=step)).at(alone, alone.duration)
-    except InputError:
-        yield _row(Carrier.RUNG, scene, f"{setting}: refused")
-    else:
-        yield _row(Carrier.RUNG, scene, setting, share=abs(float(1 - (end.rate[0, 0] / spin) ** 2)))
+        return {"share": abs(float(1 - (end.rate[0, 0] / spin) ** 2))}
+
+    yield _of_rung(scene, step, of_rung)
 
 
 def _rms(error: Array) -> float:

@@ -10,12 +10,13 @@ whether it is right to.
 from __future__ import annotations
 
 from enum import StrEnum
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from virtual_lab.errors import InputError
-from virtual_lab.fidelity.drawing import State, draw_stability, maps_text
+from virtual_lab.fidelity.drawing import State, draw_maps, maps_text
 from virtual_lab.fidelity.motion_chart import STARTS, Carrier, Start
 from virtual_lab.fidelity.naive_pymunk import Shape, naive_errors, rod_scene
 from virtual_lab.fidelity.results import StabilityMap
@@ -54,25 +55,6 @@ AXES: dict[MotionAxis, tuple[float, ...]] = {
 
 
 def motion_stability(progress: Progress = quiet) -> StabilityMap:
-    """Return the maps; their rows are those of `motion_cells`."""
-    return _maps(motion_cells(progress))
-
-
-def _maps(rows: list[Row]) -> StabilityMap:
-    title = (
-        "Ball off a bat by pymunk alone and by the motion's pymunk rung; good: the ball's velocity "
-        f"to {BOUNDS[State.GOOD]:.0e} of the speed of approach, unstable: not to "
-        f"{BOUNDS[State.INACCURATE]:g}"
-    )
-    return StabilityMap(
-        title="stability of the motion",
-        text=maps_text(rows, "steps [s]"),
-        rows=rows,
-        picture=lambda cells, path: draw_stability(cells, path, title=title, down="step [s]"),
-    )
-
-
-def motion_cells(progress: Progress = quiet) -> list[Row]:
     """Return a row a cell: its place, its state, its worst error, and whether it is refused.
 
     Of a refused one state and error are what it would have come to.
@@ -82,7 +64,17 @@ def motion_cells(progress: Progress = quiet) -> list[Row]:
         for axis, values in AXES.items():
             progress(f"{method}: {axis}")
             rows += [_cell(axis, method, step, value) for step in STEPS for value in values]
-    return rows
+    title = (
+        "Ball off a bat by pymunk alone and by the motion's pymunk rung; good: the ball's velocity "
+        f"to {BOUNDS[State.GOOD]:.0e} of the speed of approach, unstable: not to "
+        f"{BOUNDS[State.INACCURATE]:g}"
+    )
+    return StabilityMap(
+        title="stability of the motion",
+        text=maps_text(rows, "steps [s]"),
+        rows=rows,
+        picture=partial(draw_maps, title=title, states=State, down="step [s]"),
+    )
 
 
 def _cell(axis: MotionAxis, method: Carrier, step: float, value: float) -> Row:

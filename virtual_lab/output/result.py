@@ -19,6 +19,13 @@ Row = TypeVar("Row")
 Json = dict[str, Any]  # a document
 
 
+def frame(rows: Sequence[Any]) -> pd.DataFrame:
+    """Return rows, dataclasses or mappings, as a table."""
+    import pandas as pd
+
+    return pd.DataFrame([record(row) for row in rows])
+
+
 class StudyResult(ABC):
     """Base class of every study's result.
 
@@ -41,9 +48,7 @@ class StudyResult(ABC):
     @property
     def table(self) -> pd.DataFrame:
         """The rows as a table, columns by the keys of the JSON document."""
-        import pandas as pd
-
-        return pd.DataFrame([record(row) for row in self.rows])
+        return frame(self.rows)
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:

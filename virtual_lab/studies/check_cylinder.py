@@ -16,6 +16,7 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
 from virtual_lab.lab import Laboratory, TestSetup, by_the_book
+from virtual_lab.lab.naming import with_records
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.reduction.observations import along_of
 from virtual_lab.measurement.session_reduction import reduce_session
@@ -71,8 +72,7 @@ def check_cylinder(
         beyond_the_test = 1_000_000 + number * hits
         today = replace(order, slot=beyond_the_test + order.slot)
         play = day.play(stage, station, today, laboratory.specimen, laboratory.draws)
-        records = {**session.records, stage.value: play.records}
-        found = reduce_session(replace(session, records=records))
+        found = reduce_session(with_records(session, stage, [play]))
         valid = found.judgement.valid
         if not valid.any():
             reason = found.judgement.reasons[0]

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.signal import lfilter
 
 from virtual_lab.units import Array, Mask
 
@@ -93,11 +94,7 @@ def moving_range(x: Array) -> Array:
 
 def ewma(x: Array, weight: float = WEIGHT) -> Array:
     """Return the exponentially weighted moving average, started at the centre."""
-    average = np.empty_like(x)
-    last = np.zeros(x.shape[:-1])
-    for day in range(x.shape[-1]):
-        last = average[..., day] = weight * x[..., day] + (1 - weight) * last
-    return average
+    return np.asarray(lfilter([weight], [1.0, weight - 1.0], x, axis=-1))
 
 
 def cusum(x: Array, slack: float = 0.5) -> tuple[Array, Array]:

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from virtual_lab.output.style import STYLE
-from virtual_lab.studies.critique_text import Pair
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.axes import Axes
 
 
@@ -50,7 +50,7 @@ MARKS = {
 PAGE = PageLayout()
 
 
-def draw_critique(pairs: Sequence[Pair], path: Path) -> None:
+def draw_critique(pairs: pd.DataFrame, path: Path) -> None:
     """Draw one panel per exponent n of the swing: pairs of bats down, procedures across.
 
     The number in a cell is the probability, in per cent, that a laboratory ranks the two bats in
@@ -59,16 +59,17 @@ def draw_critique(pairs: Sequence[Pair], path: Path) -> None:
     Parameters
     ----------
     pairs
-        As in `Critique`.
+        A row a pair of bats, exponent and procedure: the table of `Critique`.
     path
         PNG file to write.
     """
     from matplotlib import style
     from matplotlib.figure import Figure
 
-    swings = list(dict.fromkeys(row.n for row in pairs))
-    bats = list(dict.fromkeys((row.first, row.second) for row in pairs))
-    procedures = {row.procedure: _said(row) for row in pairs}
+    rows: list[Any] = list(pairs.itertuples())
+    swings = list(dict.fromkeys(row.n for row in rows))
+    bats = list(dict.fromkeys((row.first, row.second) for row in rows))
+    procedures = {row.procedure: _said(row) for row in rows}
     left_of_all = PAGE.gap + PAGE.letter * max(len(_named(pair)) for pair in bats)
     panel = PAGE.cell * len(procedures), PAGE.cell * len(bats)
     panels = PAGE.gap * (len(swings) - 1) + panel[0] * len(swings)
@@ -95,7 +96,7 @@ def draw_critique(pairs: Sequence[Pair], path: Path) -> None:
             left = left_of_all + i * (panel[0] + PAGE.gap)
             box = (left / width, PAGE.below / height, panel[0] / width, panel[1] / height)
             axes = figure.add_axes(box)
-            own = [row for row in pairs if row.n == n]
+            own = [row for row in rows if row.n == n]
             _panel(axes, own, bats, procedures)
             axes.set_title("constant energy" if n is None else f"$n={n:g}$", pad=12, loc="center")
             if i == 0:
@@ -103,18 +104,20 @@ def draw_critique(pairs: Sequence[Pair], path: Path) -> None:
                 axes.tick_params(axis="y", pad=30)
         for text, below, size in sentences:
             figure.text(0.08 / width, 1 - below / height, text, fontsize=size, va="center")
-        used = {row.ranking.verdict for row in pairs}
+        used = set(pairs["verdict"])
         handles = [_handle(verdict) for verdict in MARKS if verdict in used]
         figure.legend(handles=handles, loc="lower center", ncols=len(handles), handletextpad=0.3)
         figure.savefig(path)
 
 
 def _panel(
-    axes: Axes, rows: Sequence[Pair], bats: list[tuple[str, str]], procedures: dict[str, str]
+    axes: Axes, rows: Sequence[Any], bats: list[tuple[str, str]], procedures: dict[str, str]
 ) -> None:
+    from pandas import isna
+
     for row in rows:
         x, y = list(procedures).index(row.procedure), bats.index((row.first, row.second))
-        mark = MARKS[row.ranking.verdict]
+        mark = MARKS[row.verdict]
         axes.plot(
             x,
             y,
@@ -125,8 +128,8 @@ def _panel(
             markeredgewidth=0.8,
             zorder=2,
         )
-        if row.ranking.probability is not None:
-            percent = _percent(row.ranking.probability)
+        if not isna(row.probability):
+            percent = _percent(row.probability)
             axes.text(
                 x, y, percent, ha="center", va="center", fontsize=6.5, color=mark.ink, zorder=3
             )
@@ -150,8 +153,10 @@ def _named(pair: tuple[str, str]) -> str:
     return " – ".join(pair)
 
 
-def _said(row: Pair) -> str:
-    own = "" if row.own_n is None else f", $n={row.own_n:g}$"
+def _said(row: Any) -> str:
+    from pandas import isna
+
+    own = "" if isna(row.own_n) else f", $n={row.own_n:g}$"
     metric = {"e": "$e$", "v_f": "$v_f$"}.get(row.metric, row.metric)
     return f"{row.procedure} ({metric}{own})"
 

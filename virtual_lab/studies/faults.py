@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import hypot, sqrt
 
 import numpy as np
@@ -34,11 +34,9 @@ def _bias_text(found: Bias) -> str:
     if found.bias is None:
         return ""
     measured = f"{found.bias:+.5f} ± {found.bias_se:.5f}"
-    return (
-        measured
-        if found.z is None
-        else f"{measured}, predicted {found.predicted:+.5f}, z {found.z:+.1f}"
-    )
+    if found.z is None:
+        return measured
+    return f"{measured}, predicted {found.predicted:+.5f}, z {found.z:+.1f}"
 
 
 def _outcome(row: Played) -> str:
@@ -167,10 +165,10 @@ def faults(
         if not predicted:
             continue
         sound = [_play(bat, procedure, each, ()) for each in counted("no fault")]
-        rows.append(_sound_row(procedure, sound))
+        rows.append(_row("none", procedure, None, sound, sound))
         for name, prediction in predicted.items():
             spoiled = [_play(bat, procedure, each, (name,)) for each in counted(name)]
-            rows.append(_spoiled_row(name, prediction, spoiled, sound))
+            rows.append(_row(name, procedure, prediction, spoiled, sound))
     title = f"faults of a real day, {laboratories} laboratories each"
     return Rows(name="faults", title=title, rows=rows)
 
@@ -198,43 +196,40 @@ def _play(bat: str, procedure: str, seed: int, on: tuple[str, ...]) -> _Seen:
     return _Seen(catches=catches, efficiency=efficiency, metric=metric)
 
 
-def _sound_row(procedure: str, sound: Sequence[_Seen]) -> Played:
-    row = _row("none", procedure, "at most 1%", sound, Bias(), Bias())
-    return replace(row, as_predicted=row.low <= 0.01)
-
-
-def _spoiled_row(
-    name: str, prediction: Prediction, spoiled: Sequence[_Seen], sound: Sequence[_Seen]
-) -> Played:
-    both = list(zip(spoiled, sound, strict=True))
-    efficiency = Bias.of(
-        np.array([each.efficiency - twin.efficiency for each, twin in both]),
-        prediction.efficiency_bias,
-        prediction.efficiency_bias_u,
-    )
-    metric = Bias.of(
-        np.array([each.metric - twin.metric for each, twin in both]),
-        prediction.metric_bias,
-        prediction.metric_bias_u,
-    )
-    named = set((prediction.caught_by or "").split(", "))
-    caught = float(np.mean([bool(named & set(each.catches)) for each in spoiled])) >= 0.95
-    predicted = prediction.caught_by or "a bias"
-    row = _row(name, prediction.procedure, predicted, spoiled, efficiency, metric)
-    right = caught if prediction.caught_by else efficiency.near and metric.near
-    return replace(row, as_predicted=right)
-
-
 def _row(
-    fault: str, procedure: str, prediction: str, seen: Sequence[_Seen], e_A: Bias, metric: Bias
+    fault: str,
+    procedure: str,
+    prediction: Prediction | None,
+    seen: Sequence[_Seen],
+    sound: Sequence[_Seen],
 ) -> Played:
+    """Return the outcome of a fault, or without a prediction of the sound day."""
     many = sum(bool(each.catches) for each in seen)
     interval = binomtest(many, len(seen)).proportion_ci(0.95, "exact")
     by = Counter(catch for each in seen for catch in each.catches)
+    if prediction is None:
+        predicted, e_A, metric = "at most 1%", Bias(), Bias()
+        right = bool(interval.low <= 0.01)
+    else:
+        predicted = prediction.caught_by or "a bias"
+        both = list(zip(seen, sound, strict=True))
+        e_A = Bias.of(
+            np.array([each.efficiency - twin.efficiency for each, twin in both]),
+            prediction.efficiency_bias,
+            prediction.efficiency_bias_u,
+        )
+        metric = Bias.of(
+            np.array([each.metric - twin.metric for each, twin in both]),
+            prediction.metric_bias,
+            prediction.metric_bias_u,
+        )
+        named = set((prediction.caught_by or "").split(", "))
+        caught = float(np.mean([bool(named & set(each.catches)) for each in seen])) >= 0.95
+        right = caught if prediction.caught_by else e_A.near and metric.near
     return Played(
         procedure=procedure,
         fault=fault,
-        prediction=prediction,
+        prediction=predicted,
         laboratories=len(seen),
         caught=many / len(seen),
         low=float(interval.low),
@@ -242,5 +237,5 @@ def _row(
         by=", ".join(f"{catch} {number}" for catch, number in by.most_common()),
         e_A=e_A,
         metric=metric,
-        as_predicted=False,
+        as_predicted=right,
     )

@@ -38,14 +38,11 @@ def sweep_tests(
             campaign = Campaign.of(bat, procedure)
             for seed in seeds:
                 progress("tests", len(rows), total)
-                rows.append({"seed": seed} | _row(next(campaign.run(1, seed))))
-    table = pd.DataFrame(rows)
-    return table[
-        ["bat", "procedure", *(name for name in table if name not in ("bat", "procedure"))]
-    ]
+                rows.append(_row(seed, next(campaign.run(1, seed))))
+    return pd.DataFrame(rows)
 
 
-def _row(tested: Tested) -> dict[str, Any]:
+def _row(seed: int, tested: Tested) -> dict[str, Any]:
     found, true = tested.certification, tested.sealed.measurand
     printed = METRICS[found.procedure.metric]
     budget = found.metric
@@ -62,6 +59,7 @@ def _row(tested: Tested) -> dict[str, Any]:
     row: dict[str, Any] = {
         "bat": found.session.bat,
         "procedure": found.procedure.name,
+        "seed": seed,
         "verdict": found.verdict.value,
         "metric": printed.symbol,
         "unit": printed.unit,

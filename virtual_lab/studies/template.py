@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterator
+from math import prod
 from pathlib import Path
 
 from virtual_lab import catalog
@@ -105,10 +106,7 @@ def _constant(key: str) -> Iterator[str]:
 
 
 def _is_long(record: Record) -> bool:
-    rows = 1
-    for size in record.sizes().values():
-        rows *= size
-    return rows > 1000  # a longer table is no form to fill in by hand
+    return prod(record.sizes().values()) > 1000  # a longer table is no form to fill in by hand
 
 
 def _table(record: Record) -> str:

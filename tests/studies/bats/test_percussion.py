@@ -13,8 +13,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.simulation.faults.fault import other_sheet
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.rig import Reality, ShotPlan, Stage
-from virtual_lab.studies.bats.percussion import Percussed, percussion
-from virtual_lab.studies.bats.percussion_text import Struck
+from virtual_lab.studies.bats.percussion import Percussed, Struck, percussion
 
 INCH = 0.0254
 

@@ -13,16 +13,10 @@ import numpy as np
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
-from virtual_lab.measurement.reduction.kinematics import (
-    bat_performance_factor,
-    batted_speed,
-    recoil_factor_free,
-    restitution_from_efficiency,
-)
+from virtual_lab.measurement.reduction.kinematics import recoil_factor_free
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import columns_of
-from virtual_lab.relations.peaks import peak
 from virtual_lab.relations.swing import bat_speed
 from virtual_lab.simulation.collision.reference import ReferenceModel
 from virtual_lab.simulation.collision.scene import Scenes
@@ -34,9 +28,9 @@ from virtual_lab.simulation.physics.ball import (
     wall_contact,
 )
 from virtual_lab.simulation.physics.beam import Free, beam_of
-from virtual_lab.studies.bats.profile import CONDITIONS, GameConditions
+from virtual_lab.studies.bats.profile import CONDITIONS, GameConditions, curves_of, peaks_of
 from virtual_lab.studies.bats.text import PEAK_COLUMNS, LawRow, placed, spread_of
-from virtual_lab.units import INCH, MPH
+from virtual_lab.units import INCH
 
 PLACES_IN = np.arange(2.5, 9.01, 0.5)
 
@@ -96,13 +90,6 @@ def sensitivity(bat: str, *, progress: Progress = quiet) -> Rows[LawRow]:
             exponent=law.exponent,
         )
         e_A = replace(model, law=law.make).collide(scenes).collision_efficiency
-        e = np.asarray(restitution_from_efficiency(e_A, r))
-        curves = {
-            "e": e,
-            "BPF": np.asarray(bat_performance_factor(e, scenes.ball_restitution)),
-            "e_A": e_A,
-            "v_f_mph": np.asarray(batted_speed(e_A, game.pitch_speed, moving)) / MPH,
-        }
         wall = _on_wall(law, ball.mass, speed, e0, stiffness)
         rows.append(
             LawRow(
@@ -112,7 +99,7 @@ def sensitivity(bat: str, *, progress: Progress = quiet) -> Rows[LawRow]:
                 stiffness=stiffness,
                 wall_time_ms=float(wall.time) * 1e3,
                 wall_force_kn=float(wall.force) / 1e3,
-                peaks=placed({name: peak(PLACES_IN, curve) for name, curve in curves.items()}),
+                peaks=placed(peaks_of(curves_of(scenes, e_A, r, game.pitch_speed, moving))),
             )
         )
     return Rows(

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 from virtual_lab.catalog.specs import Sport
 from virtual_lab.errors import InputError
-from virtual_lab.output.result import Json, StudyResult
+from virtual_lab.output.result import Json, StudyResult, frame
 from virtual_lab.output.tables import record
 from virtual_lab.studies.bats.curves import draw_comparison
-from virtual_lab.studies.bats.profile import Profiled, chosen_swings, profile_of_bat, profiles
+from virtual_lab.studies.bats.profile import Profiled, chosen_swings, profiles
 from virtual_lab.studies.bats.text import Difference, Peaks, comparison_text, placed
 from virtual_lab.units import OZ_IN2
 
@@ -51,12 +51,10 @@ class Compared(StudyResult):
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
         """Curves, peaks and differences."""
-        import pandas as pd
-
         return {
             self.name: self.curves,
-            "peaks": pd.DataFrame([record(row) for row in self.peaks]),
-            "differences": pd.DataFrame([record(row) for row in self.differences]),
+            "peaks": frame(self.peaks),
+            "differences": frame(self.differences),
         }
 
     @property
@@ -73,10 +71,10 @@ class Compared(StudyResult):
         """One row per bat, exponent and place."""
         import pandas as pd
 
-        parts = []
-        for each in self.profiles:
-            named = {"bat": each.bat.name, "n": each.swing}
-            parts.append(pd.DataFrame(named | each.table.to_dict("list")))
+        parts = [
+            pd.DataFrame({"bat": each.bat.name, "n": each.swing} | each.table.to_dict("list"))
+            for each in self.profiles
+        ]
         return pd.concat(parts, ignore_index=True)
 
     @property
@@ -97,10 +95,11 @@ class Compared(StudyResult):
                 bat=row.bat,
                 against=first,
                 n=row.n,
-                e_percent=100 * (row.peaks["e"] / base[row.n]["e"] - 1),
-                BPF_percent=100 * (row.peaks["BPF"] / base[row.n]["BPF"] - 1),
-                e_A_percent=100 * (row.peaks["e_A"] / base[row.n]["e_A"] - 1),
                 v_f_mph=row.peaks["v_f_mph"] - base[row.n]["v_f_mph"],
+                **{
+                    f"{name}_percent": 100 * (row.peaks[name] / base[row.n][name] - 1)
+                    for name in ("e", "BPF", "e_A")
+                },
             )
             for row in self.peaks
             if row.bat != first
@@ -165,9 +164,7 @@ def profile(
     if len(chosen) > 1:
         allowed = "one bat is profiled with one exponent; name several bats to compare them"
         raise InputError("", "swing", chosen[1], allowed)
-    return profile_of_bat(
-        several[0], swing=chosen[0], reference_inertia=reference_inertia, ball=ball
-    )
+    return profiles(several[0], swings=chosen, reference_inertia=reference_inertia, ball=ball)[0]
 
 
 def compare(

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from operator import attrgetter
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from virtual_lab.output.style import STYLE
 from virtual_lab.studies.bats.curves import PLACE
-from virtual_lab.studies.bats.percussion_text import Struck
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 COLOURS = {"recoil": "#0072b2", "rebound": "#d55e00", "plain": "#009e73", "loose": "#cc79a7"}
 
 
-def draw_percussion(rows: Sequence[Struck], percussion_in: float, bat: str, path: Path) -> None:
+def draw_percussion(table: pd.DataFrame, percussion_in: float, bat: str, path: Path) -> None:
     """Draw three panels over the place of impact.
 
     Parameters
     ----------
-    rows
-        As `virtual_lab.studies.bats.percussion.percussion` gives them.
+    table
+        As `virtual_lab.studies.bats.percussion.percussion` gives it.
     percussion_in
         Centre of percussion [in from the tip].
     bat
@@ -30,45 +31,38 @@ def draw_percussion(rows: Sequence[Struck], percussion_in: float, bat: str, path
     from matplotlib import style
     from matplotlib.figure import Figure
 
-    def of(name: str, scale: float = 1.0) -> list[float]:
-        values = [attrgetter(name)(row) for row in shown]
-        return [float("nan") if value is None else scale * value for value in values]
-
-    z_of_all = [row.z_in for row in rows]
+    table = table.astype(float)  # what was not seen is NaN
     # hard by the centre of percussion only a loose bearing makes a difference
-    shown = [row for row in rows if not 1e-6 < abs(row.z_in - percussion_in) < 0.1]
-    z = of("z_in")
+    shown = table[~(table["z_in"] - percussion_in).abs().between(1e-6, 0.1, inclusive="neither")]
+    z = shown["z_in"]
 
     with style.context(STYLE, after_reset=True):
         figure = Figure(figsize=(7.6, 7.6), dpi=150, layout="constrained")
         errors, shifts, loads = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 2))
         for name, mark in (("recoil", "o"), ("rebound", "s")):
             colour = COLOURS[name]
-            errors.plot(
-                z, of(f"{name}.rms", 1e3), mark, color=colour, label=f"by {name}: rms error"
-            )
-            errors.plot(z, of(f"{name}.u", 1e3), "-", color=colour, label=f"by {name}: stated $u$")
+            rms, u = 1e3 * shown[f"{name}_rms"], 1e3 * shown[f"{name}_u"]
+            errors.plot(z, rms, mark, color=colour, label=f"by {name}: rms error")
+            errors.plot(z, u, "-", color=colour, label=f"by {name}: stated $u$")
         errors.set(ylabel="error of $e_A$, 10$^{-3}$", ylim=(0, None))
         figure.suptitle(f"{bat} on its pivot: how well $e_A$ is read, by place", fontsize=10)
         beside = errors.twinx()
         beside.spines["right"].set_visible(True)
-        beside.plot(z, of("seen", 100), ":", color="0.4", label="rebounds seen (right)")
+        beside.plot(z, 100 * shown["seen"], ":", color="0.4", label="rebounds seen (right)")
         beside.set(ylabel="rebounds seen, %", ylim=(0, 100))
         handles = [*errors.get_legend_handles_labels()[0], *beside.get_lines()]
         errors.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
         plain, loose = "plain bearing, friction 0.09", "loose bearing, 0.2 mm either way"
-        shifts.plot(
-            z, of("plain_shift", 1e3), "^-", markersize=4, color=COLOURS["plain"], label=plain
-        )
-        moved = [1e3 * row.loose_shift for row in rows]
-        shifts.plot(z_of_all, moved, "D", markersize=4, color=COLOURS["loose"], label=loose)
+        rigid, moved = 1e3 * shown["plain_shift"], 1e3 * table["loose_shift"]
+        shifts.plot(z, rigid, "^-", markersize=4, color=COLOURS["plain"], label=plain)
+        shifts.plot(table["z_in"], moved, "D", markersize=4, color=COLOURS["loose"], label=loose)
         shifts.set_ylabel("shift of $e_A$\nby recoil, 10$^{-3}$")
         shifts.legend(loc="best")
-        loads.plot(z, of("reaction_ns"), "o-", markersize=4, color="black", label="on the axis")
+        loads.plot(z, shown["reaction_ns"], "o-", markersize=4, color="black", label="on the axis")
         loads.set_ylabel("impulse on\nthe axis, N s")
         ringing = loads.twinx()
         ringing.spines["right"].set_visible(True)
-        ringing.plot(z, of("ring_mrad"), "--", color="0.4", label="ring at the encoder (right)")
+        ringing.plot(z, shown["ring_mrad"], "--", color="0.4", label="ring at the encoder (right)")
         ringing.set(ylabel="ring, mrad", ylim=(0, None))
         loads.legend(handles=[*loads.get_lines(), *ringing.get_lines()], loc="upper center")
         loads.set_xlabel(PLACE)

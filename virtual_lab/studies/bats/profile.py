@@ -94,7 +94,7 @@ class GameConditions(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Profiled(StudyResult):
-    """A bat's inertial and modal properties, and its collision at places z, arrays (place,)."""
+    """A bat's inertial and modal properties, and its collisions along the barrel."""
 
     bat: BatSpec
     beam: Beam
@@ -103,13 +103,7 @@ class Profiled(StudyResult):
     ball: BallSpec
     swing: float | None  # exponent n of the swing law; None: the law of constant energy
     reference_inertia: float  # I0 of the swing law, about its axis [kg m^2]
-    z: Array  # [m]
-    ball_restitution: Array
-    restitution: Array
-    recoil_factor: Array
-    collision_efficiency: Array
-    bat_speed: Array  # [m/s]
-    batted_speed: Array  # [m/s]
+    table: pd.DataFrame  # a row a place: z_in, e, r, e_A, BPF, v_bat_mph, v_f_mph
 
     name = "profile"
 
@@ -126,35 +120,16 @@ class Profiled(StudyResult):
     @property
     def text(self) -> str:
         """The bat's properties with the published ones, and its curve."""
-        return profile_text(self.document, self.bat.published)
+        return profile_text(self.document, self.rows, self.bat.published)
 
     def draw(self, path: Path) -> None:
         """Draw the paper's Fig. 2."""
         draw_profile(self.table, self.bat.title, path)
 
     @property
-    def table(self) -> pd.DataFrame:
-        """One row per place, in the units of the field."""
-        import pandas as pd
-
-        return pd.DataFrame(
-            {
-                "z_in": self.z / INCH,
-                "e": self.restitution,
-                "r": self.recoil_factor,
-                "e_A": self.collision_efficiency,
-                "BPF": bat_performance_factor(self.restitution, self.ball_restitution),
-                "v_bat_mph": self.bat_speed / MPH,
-                "v_f_mph": self.batted_speed / MPH,
-            }
-        )
-
-    @property
     def peaks(self) -> dict[str, Peak]:
         """Greatest e, BPF, e_A and v_f [mph] along the bat, each with its place [in]."""
-        table = self.table
-        places = table["z_in"].to_numpy()
-        return {name: peak(places, table[name].to_numpy()) for name in PEAKS}
+        return peaks_of({name: self.table[name].to_numpy() for name in ("z_in", *PEAKS)})
 
     @property
     def document(self) -> Json:
@@ -177,21 +152,21 @@ class Profiled(StudyResult):
         }
 
 
-def profile_of_bat(
-    bat: str | Path,
+def profiles(
+    bat: str,
     *,
-    swing: float | None = 0.0,
-    reference_inertia: str | Path | None = None,
-    ball: str | Path | None = None,
-) -> Profiled:
-    """Return the profile of a free bat under standard game conditions (the paper's Fig. 2).
+    swings: Sequence[float | None] = (0.0,),
+    reference_inertia: str | None = None,
+    ball: str | None = None,
+) -> list[Profiled]:
+    """Return the profiles of a free bat under standard game conditions (the paper's Fig. 2).
 
     Parameters
     ----------
     bat
         Name in the catalog or path of a .toml file.
-    swing
-        Exponent n of Eq. (14), from 0 (the same speed for all bats) to 0.5 (the same energy); None
+    swings
+        Exponents n of Eq. (14), from 0 (the same speed for all bats) to 0.5 (the same energy); None
         for the law of constant energy of bat and batter.
     reference_inertia
         I0 of the law, as for `read_inertia`; by default that of the game conditions.
@@ -199,25 +174,19 @@ def profile_of_bat(
         Name in the catalog or path of a .toml file; by default the game conditions' own of the
         bat's sport.
 
+    Returns
+    -------
+    list
+        A profile an exponent.
+
     Raises
     ------
     InputError
         Unknown bat or ball, a file that cannot be used, an exponent outside 0 to 0.5, an inertia
         that cannot be read.
     """
-    ball = None if ball is None else str(ball)
-    inertia = None if reference_inertia is None else str(reference_inertia)
-    return profiles(str(bat), swings=(swing,), reference_inertia=inertia, ball=ball)[0]
+    import pandas as pd
 
-
-def profiles(
-    bat: str,
-    *,
-    swings: Sequence[float | None],
-    reference_inertia: str | None = None,
-    ball: str | None = None,
-) -> list[Profiled]:
-    """Return the profile of one bat for each exponent of the swing law, as `profile` does."""
     for swing in swings:
         if swing is not None and not 0 <= swing <= 0.5:
             raise InputError("", "swing", swing, "allowed: 0 to 0.5")
@@ -237,7 +206,7 @@ def profiles(
         scenes = Scenes.with_ball(
             struck, impact_position=z, relative_speed=game.pitch_speed + moving
         )
-        efficiency = model.collide(scenes).collision_efficiency
+        e_A = model.collide(scenes).collision_efficiency
         found.append(
             Profiled(
                 bat=spec,
@@ -247,16 +216,40 @@ def profiles(
                 ball=struck,
                 swing=swing,
                 reference_inertia=law.inertia_0,
-                z=z,
-                ball_restitution=scenes.ball_restitution,
-                restitution=np.asarray(restitution_from_efficiency(efficiency, recoil)),
-                recoil_factor=recoil,
-                collision_efficiency=efficiency,
-                bat_speed=moving,
-                batted_speed=np.asarray(batted_speed(efficiency, game.pitch_speed, moving)),
+                table=pd.DataFrame(curves_of(scenes, e_A, recoil, game.pitch_speed, moving)),
             )
         )
     return found
+
+
+def curves_of(
+    scenes: Scenes, e_A: Array, recoil: Array, pitch: float, moving: Array
+) -> dict[str, Array]:
+    """Return the curves of a bat in the field by name, each (place,), in the units of the field.
+
+    Parameters
+    ----------
+    scenes, e_A, recoil
+        Collisions along the bat, what they came to, and r there.
+    pitch, moving
+        Speeds of the ball and, there, of the bat [m/s].
+    """
+    e = np.asarray(restitution_from_efficiency(e_A, recoil))
+    v_f = np.asarray(batted_speed(e_A, pitch, moving))
+    return {
+        "z_in": scenes.impact_position / INCH,
+        "e": e,
+        "r": recoil,
+        "e_A": e_A,
+        "BPF": np.asarray(bat_performance_factor(e, scenes.ball_restitution)),
+        "v_bat_mph": moving / MPH,
+        "v_f_mph": v_f / MPH,
+    }
+
+
+def peaks_of(curves: Mapping[str, Array]) -> dict[str, Peak]:
+    """Return the greatest e, BPF, e_A and v_f [mph] of `curves_of`, each with its place [in]."""
+    return {name: peak(curves["z_in"], curves[name]) for name in PEAKS}
 
 
 @lru_cache(maxsize=16)

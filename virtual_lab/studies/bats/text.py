@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,13 +12,11 @@ from virtual_lab.relations.peaks import Peak
 from virtual_lab.units import INCH, OUNCE, OZ_IN2
 
 PEAKS = {"e": ("", ".4f"), "BPF": ("", ".4f"), "e_A": ("", ".4f"), "v_f_mph": ("mph", ".2f")}
-PROPERTIES = {  # key: words, unit
+INERTIAL = {  # key: words, unit
     "mass_oz": ("mass", "oz"),
     "z_cm_in": ("balance point from the tip", "in"),
     "i_cm_oz_in2": ("moment of inertia about it", "oz in²"),
     "i_knob_oz_in2": ("moment of inertia, 1 in from the knob", "oz in²"),
-    **{f"f{i}_hz": (f"bending frequency {i}", "Hz") for i in range(1, 5)},
-    **{f"node{i}_in": (f"node of mode {i} from the tip", "in") for i in range(1, 3)},
 }
 CURVE = {
     "z_in": Column("place from the tip", "in", ".2f"),
@@ -74,32 +72,54 @@ def placed(peaks: Mapping[str, Peak]) -> dict[str, float]:
     }
 
 
-def profile_text(document: Mapping[str, Any], published: PublishedBat | None) -> str:
+def profile_text(
+    document: Mapping[str, Any],
+    curve: Sequence[Mapping[Hashable, float]],
+    published: PublishedBat | None,
+) -> str:
     """Return a bat's properties, with published ones if there are any, and its curve."""
-    computed = {
-        "mass_oz": document["mass_oz"],
-        "z_cm_in": document["z_cm_in"],
-        "i_cm_oz_in2": document["i_cm_oz_in2"],
-        "i_knob_oz_in2": document["i_knob_oz_in2"],
-        **{f"f{i + 1}_hz": f for i, f in enumerate(document["modal_frequencies_hz"][:4])},
-        **{f"node{i + 1}_in": node for i, node in enumerate(document["barrel_nodes_in"])},
-    }
-    said = _published(published)
+    computed = _properties(
+        [document[key] for key in INERTIAL],
+        document["modal_frequencies_hz"][:4],
+        document["barrel_nodes_in"],
+    )
+    said = {}
+    if published is not None:
+        said = _properties(
+            [
+                published.mass / OUNCE,
+                published.z_cm / INCH,
+                published.inertia_cm / OZ_IN2,
+                published.inertia_knob / OZ_IN2,
+            ],
+            published.bending_frequencies,
+            [node / INCH for node in published.barrel_nodes],
+        )
     rows = [
         {
-            "property": PROPERTIES[name][0],
-            "unit": PROPERTIES[name][1],
+            "property": words,
+            "unit": unit,
             "computed": f"{value:.6g}",
-            "published": number(said.get(name), "g"),
+            "published": number(said.get((words, unit)), "g"),
         }
-        for name, value in computed.items()
+        for (words, unit), value in computed.items()
     ]
-    curve = [{key: document[key][i] for key in CURVE} for i in range(len(document["z_in"]))]
     swung = swing_text(document["swing_exponent"])
     return (
         f"{table_text(rows)}\n\nstruck by {document['ball']}, swing: {swung}\n"
         f"{table_text(curve, CURVE)}"
     )
+
+
+def _properties(
+    inertial: Sequence[float], frequencies: Sequence[float], nodes: Sequence[float]
+) -> dict[tuple[str, str], float]:
+    """Return the values of `INERTIAL`, frequencies [Hz] and nodes [in] by their words and unit."""
+    return {
+        **dict(zip(INERTIAL.values(), inertial, strict=True)),
+        **{(f"bending frequency {i}", "Hz"): f for i, f in enumerate(frequencies, start=1)},
+        **{(f"node of mode {i} from the tip", "in"): z for i, z in enumerate(nodes, start=1)},
+    }
 
 
 def swing_text(exponent: float | None) -> str:
@@ -151,16 +171,3 @@ PEAK_COLUMNS = {  # a greatest value, its place in brackets
     name: Column(name.removesuffix("_mph"), unit, _top(name, form))
     for name, (unit, form) in PEAKS.items()
 }
-
-
-def _published(bat: PublishedBat | None) -> dict[str, float]:
-    if bat is None:
-        return {}
-    return {
-        "mass_oz": bat.mass / OUNCE,
-        "z_cm_in": bat.z_cm / INCH,
-        "i_cm_oz_in2": bat.inertia_cm / OZ_IN2,
-        "i_knob_oz_in2": bat.inertia_knob / OZ_IN2,
-        **{f"f{i + 1}_hz": f for i, f in enumerate(bat.bending_frequencies)},
-        **{f"node{i + 1}_in": node / INCH for i, node in enumerate(bat.barrel_nodes)},
-    }

@@ -80,6 +80,22 @@ class Row:
             "holds": self.holds,
         }
 
+    @property
+    def cells(self) -> dict[str, str]:
+        """The row as texts."""
+        claim, deviation = self.claim, self.deviation
+        return {
+            "section": claim.section,
+            "where": claim.where,
+            "claim": claim.says,
+            "paper": "" if claim.paper is None else _number(claim.paper),
+            "found": _number(self.found),
+            "deviation": "" if deviation is None else _signed(deviation),
+            "tolerance": claim.tolerance,
+            "unit": claim.unit,
+            "holds": "yes" if self.holds else "NO",
+        }
+
 
 def read_claims(path: Path, finders: Mapping[str, Callable[..., float]]) -> Iterator[Claim]:
     """Return the claims of a table; `find` is the name of a function and its arguments.
@@ -114,3 +130,16 @@ def _argument(word: str) -> float | str | None:
         except ValueError:
             continue
     return None if word == "energy" else word  # a swing of constant energy has no exponent
+
+
+def _number(value: float) -> str:
+    """Return four digits, more of what is a thousand and above."""
+    if abs(value) >= 1000:
+        return f"{value:.0f}"
+    return f"{value:.1e}" if 0 < abs(value) < 1e-3 else f"{value:.4g}"
+
+
+def _signed(value: float) -> str:
+    if abs(value) < 1e-12:  # rounding
+        return "0"
+    return f"{'-' if value < 0 else '+'}{_number(abs(value))}"

@@ -136,6 +136,11 @@ def peak_of(
     return (model(bat, held) if isinstance(bat, str) else bat).collide(scenes)
 
 
+def lost(found: Collisions) -> Array:
+    """Return the share of the energy that is lost: in bending, in the hoop, in the ball."""
+    return np.asarray(found.energy.bending + found.energy.hoop + found.energy.hysteresis)
+
+
 def recoil(bat: str, z: ArrayLike, held: str = "free") -> Array:
     """Return r of a free, pivoted or clamped bat."""
     own, place, mass = beam(bat), np.asarray(z, dtype=float) * INCH, paper_ball().mass
@@ -170,8 +175,8 @@ def top_of(z: ArrayLike, e_A: ArrayLike, pitch: float, bat_speed: ArrayLike) -> 
 
 def nominal(bat: str, z: ArrayLike, swing: float | None = 0.0) -> Array:
     """Return the bat's speed in the standard game [mph]."""
-    own = profiled(bat)[swing]
-    return np.asarray(np.interp(np.asarray(z, dtype=float), own.z / INCH, own.bat_speed / MPH))
+    table = profiled(bat)[swing].table
+    return np.asarray(np.interp(np.asarray(z, dtype=float), table["z_in"], table["v_bat_mph"]))
 
 
 def thinned(bat: str, factor: float) -> BatBody:

@@ -115,10 +115,7 @@ def mass_share(light: str, heavy: str) -> float:
 
 def thinner_is_livelier() -> float:
     """Return the gain of peak BPF as EA70's shell gets as thin as the loaded bats', no weight."""
-    thin, whole = body(BARREL).profile.wall, body(ALUMINIUM).profile.wall
-    assert thin is not None
-    assert whole is not None
-    struck_body = thinned(ALUMINIUM, thin[0] / whole[0])
+    struck_body = thinned(ALUMINIUM, _thickness())
     own, mass = beam_of(struck_body), paper_ball().mass
     r = recoil_factor_free(mass, own.mass, own.inertia_cm, Z * INCH - own.z_cm)
     e_A = peak_of(ModalModel.of(struck_body, Free()), Z).collision_efficiency
@@ -127,10 +124,15 @@ def thinner_is_livelier() -> float:
 
 
 def thinner() -> float:
+    return 100 * (1 - _thickness())
+
+
+def _thickness() -> float:
+    """Return the wall of the loaded bats over that of EA70."""
     thin, whole = body(BARREL).profile.wall, body(ALUMINIUM).profile.wall
     assert thin is not None
     assert whole is not None
-    return 100 * (1 - thin[0] / whole[0])
+    return thin[0] / whole[0]
 
 
 def node_shift(i: int) -> float:

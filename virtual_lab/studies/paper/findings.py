@@ -9,10 +9,10 @@ from pathlib import Path
 from virtual_lab.catalog.reading import DATA
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult
+from virtual_lab.output.tables import table_text
 from virtual_lab.studies.paper import computed, examples, metrics, models, procedures
 from virtual_lab.studies.paper.claim import Claim, Row, read_claims
 from virtual_lab.studies.paper.page import draw_page, write_page
-from virtual_lab.studies.paper.text import paper_text
 
 FINDERS = {
     name: finder
@@ -47,7 +47,8 @@ class Findings(StudyResult):
     @property
     def text(self) -> str:
         """All claims in a table."""
-        return paper_text(self.found)
+        table = table_text([row.cells for row in self.found])
+        return f"{table}\n\n{self.held} of {len(self.found)} hold"
 
     def draw(self, path: Path) -> None:
         """Draw the paper's Figs. 2 to 4."""

@@ -28,6 +28,7 @@ from virtual_lab.studies.paper.computed import (
     beam,
     body,
     centre_of_percussion_in,
+    lost,
     paper_ball,
     peak_of,
     profiled,
@@ -69,10 +70,12 @@ def symmetrical() -> float:
 
 def speed_slope(bat: str) -> float:
     """Return the size of the change of peak e_A per mph of relative speed about 150 mph."""
-    slow, fast = (
-        peak_of(bat, Z, speed=v, with_ball=BALL).collision_efficiency.max() for v in (140, 160)
-    )
-    return abs(float(fast - slow)) / 20
+    return abs(_peak_at(bat, 160) - _peak_at(bat, 140)) / 20
+
+
+def _peak_at(bat: str, speed: float) -> float:
+    """Return the peak e_A at a relative speed [mph], with a ball whose e0 falls."""
+    return float(peak_of(bat, Z, speed=speed, with_ball=BALL).collision_efficiency.max())
 
 
 def explicit_share(v: str) -> float:
@@ -111,9 +114,8 @@ def lost_in_cm_frame() -> float:
     """Return the model's loss over the energy in the frame of the centre of mass, less 1 - e²."""
     z = np.linspace(2, 10, 9)
     found, r = peak_of(WOOD, z), recoil(WOOD, z)
-    lost = found.energy.bending + found.energy.hoop + found.energy.hysteresis
     e = np.asarray(restitution_from_efficiency(found.collision_efficiency, r))
-    return _worst(lost * (1 + r) - (1 - e**2))
+    return _worst(lost(found) * (1 + r) - (1 - e**2))
 
 
 def fractions(name: str) -> float:
@@ -125,8 +127,7 @@ def fractions(name: str) -> float:
         e = np.asarray(restitution_from_efficiency(found.collision_efficiency, r))
         shares = energy_fractions(e, r)
         energy = found.energy
-        lost = energy.bending + energy.hoop + energy.hysteresis
-        own = {"ball": energy.ball, "bat": energy.rigid, "dissipated": lost}[name]
+        own = {"ball": energy.ball, "bat": energy.rigid, "dissipated": lost(found)}[name]
         gaps.append(_worst(own - np.asarray(getattr(shares, name))))
     return max(gaps)
 
@@ -172,8 +173,8 @@ def rise_with_lighter_recoil() -> float:
 
 
 def below_restitution() -> float:
-    curves = [profiled(bat)[0.0] for bat in BATS]
-    return max(float((own.collision_efficiency - own.restitution).max()) for own in curves)
+    curves = [profiled(bat)[0.0].table for bat in BATS]
+    return max(float((curve["e_A"] - curve["e"]).max()) for curve in curves)
 
 
 def efficiency(e: float, r: float) -> float:
@@ -187,10 +188,7 @@ def overestimate(speed: float) -> float:
 
 
 def overestimate_of_model(speed: float) -> float:
-    slow, fast = (
-        peak_of(WOOD, Z, speed=v, with_ball=BALL).collision_efficiency.max() for v in (speed, FAST)
-    )
-    return FAST * float(slow - fast)
+    return FAST * (_peak_at(WOOD, speed) - _peak_at(WOOD, FAST))
 
 
 def speed_gain(v_rel: float) -> float:
@@ -214,8 +212,8 @@ def total(held: str) -> float:
     """Return how far the energy in the bat and its vibration is from the free bat's."""
 
     def total(name: str) -> Array:
-        energy = peak_of(WOOD, Z, held=name).energy
-        return np.asarray(energy.rigid + energy.bending + energy.hoop + energy.hysteresis)
+        found = peak_of(WOOD, Z, held=name)
+        return np.asarray(found.energy.rigid + lost(found))
 
     return _worst(total(held) - total("free"))
 
@@ -259,10 +257,14 @@ def pivot_speed() -> float:
 
 def without_hoop() -> float:
     """Return the peak BPF of the aluminium bat less that of one whose shell cannot ring."""
+    return top(ALUMINIUM, "BPF").value - dead_shell_factor()
+
+
+def dead_shell_factor() -> float:
     stiff = ModalModel.of(replace(body(ALUMINIUM), hoop=None), Free())
     e_A = peak_of(stiff, Z).collision_efficiency
     e = np.asarray(restitution_from_efficiency(e_A, recoil(ALUMINIUM, Z)))
-    return top(ALUMINIUM, "BPF").value - float(e.max()) / 0.5
+    return float(e.max()) / 0.5
 
 
 def softball_factor() -> float:

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from virtual_lab.measurement.reduction.kinematics import (
     batted_speed,
     efficiency_from_restitution,
-    restitution_from_efficiency,
 )
 from virtual_lab.relations.peaks import peak
 from virtual_lab.relations.swing import KNOB_OFFSET
-from virtual_lab.simulation.collision.modal import BENDING_MODES, ModalModel
+from virtual_lab.simulation.collision.modal import BENDING_MODES
 from virtual_lab.simulation.physics.ball import wall_contact
-from virtual_lab.simulation.physics.beam import Free
 from virtual_lab.studies.paper.computed import (
     ALUMINIUM,
     WOOD,
@@ -23,6 +19,7 @@ from virtual_lab.studies.paper.computed import (
     beam,
     body,
     game,
+    lost,
     model,
     nominal,
     paper_ball,
@@ -64,12 +61,8 @@ def highest_of(count: int) -> float:
 
 def less_lost() -> float:
     """Return the least share of energy that is lost along EA70 less that along R161."""
-
-    def lost(bat: str) -> float:
-        energy = peak_of(bat, Z).energy
-        return float((energy.bending + energy.hoop + energy.hysteresis).min())
-
-    return lost(ALUMINIUM) - lost(WOOD)
+    aluminium, wood = (float(lost(peak_of(bat, Z)).min()) for bat in (ALUMINIUM, WOOD))
+    return aluminium - wood
 
 
 def shell_frequency() -> float:
@@ -81,13 +74,6 @@ def shell_frequency() -> float:
 def shell_turns() -> float:
     """Return how many periods of the shell of EA70 a collision lasts."""
     return 1e3 * shell_frequency() * float(peak_of(ALUMINIUM, [6.0]).contact_time[0])
-
-
-def dead_shell_factor() -> float:
-    stiff = ModalModel.of(replace(body(ALUMINIUM), hoop=None), Free())
-    e_A = peak_of(stiff, Z).collision_efficiency
-    e = np.asarray(restitution_from_efficiency(e_A, recoil(ALUMINIUM, Z)))
-    return float(e.max()) / 0.5
 
 
 def same_speed() -> float:
@@ -146,8 +132,8 @@ def follows() -> float:
 
 def flat_swing() -> float:
     """Return the place of the peak of v_f less that of e_A if the bat moved alike everywhere."""
-    own = profiled(WOOD)[0.0]
-    found = top_of(own.z / INCH, own.collision_efficiency, 90.0, 70.0)
+    table = profiled(WOOD)[0.0].table
+    found = top_of(table["z_in"], table["e_A"], 90.0, 70.0)
     return found.place - top(WOOD, "e_A").place
 
 

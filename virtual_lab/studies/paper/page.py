@@ -12,7 +12,6 @@ from virtual_lab.studies.bats.compare import Compared
 from virtual_lab.studies.bats.curves import plot_comparison, plot_profile
 from virtual_lab.studies.paper.claim import Row
 from virtual_lab.studies.paper.computed import ALUMINIUM, BARREL, KNOB, WOOD, profiled
-from virtual_lab.studies.paper.text import cells
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -52,7 +51,7 @@ def draw_page() -> Figure:
 
 def write_page(rows: Sequence[Row], figure: Figure, path: Path) -> None:
     """Write figure and table as one self-contained HTML page."""
-    table = [cell | {"reason": row.claim.why} for cell, row in zip(cells(rows), rows, strict=True)]
+    table = [row.cells | {"reason": row.claim.why} for row in rows]
     title = "Characterizing the performance of baseball bats: the paper and the virtual laboratory"
     words = (
         "Figs. 2 to 4 of the paper of 2003 as this laboratory computes them, and the numbers and "

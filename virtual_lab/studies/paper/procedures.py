@@ -121,7 +121,7 @@ def off_percussion() -> float:
 
 def lighter_is_faster(light: str, heavy: str, swing: float | None) -> float:
     """Return how much faster a bat is swung than another, per cent."""
-    speeds = [float(profiled(bat)[swing].bat_speed[0]) for bat in (light, heavy)]
+    speeds = [float(profiled(bat)[swing].table["v_bat_mph"][0]) for bat in (light, heavy)]
     return 100 * (speeds[0] / speeds[1] - 1)
 
 
