@@ -160,6 +160,7 @@ def test_a_decimal_comma_is_read() -> None:
         ([("give-verdict", {"verdict": "PASS"})], "reduce or enter-result comes first"),
         ([("hand-in", {})], "give-verdict comes first"),
         ([("tare", {}), ("strike-out", {"entry": 1, "because": "x"})], "allowed: readings"),
+        ([("hit-wall", {}), ("strike-out", {"entry": 1, "because": "x"})], "allowed: readings"),
     ],
 )
 def test_what_is_impossible_is_refused_and_leaves_no_entry(

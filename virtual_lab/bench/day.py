@@ -159,7 +159,8 @@ def _require_for_shot(day: Day, name: str, given: Mapping[str, Any]) -> None:
 
 def _require_reading(day: Day, entry: int) -> None:
     actions = {event.number: event.action for event in day.events}
-    if entry not in actions or actions[entry] in {*AFTER, *CHECKLISTS, DISPUTE}:
+    lasting = {*AFTER, *CHECKLISTS, DISPUTE, "hit-wall"}  # which wears the balls
+    if entry not in actions or actions[entry] in lasting:
         allowed = "allowed: readings; reject a hit instead"
         raise InputError("strike-out", "entry", entry, allowed)
     if entry in day.struck:
