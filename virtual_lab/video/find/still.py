@@ -30,7 +30,9 @@ class _StillSettings:
     no_shift: float = 0.05  # pixels searched: pictures laid upon one another as they are
     turned: float = 0.025  # of the picture's longer side a frame: a camera turned after the ball
     coded_still: float = 6.0  # DN/px: H.264 keeps flatter edges in place while the camera drifts
-    span: float = 0.5  # of a side, that edges reach over to show a turn: a ball's alone do not
+    # of a side, that edges reach over to show a drift, and such as are steep that way to show a
+    # turn: a ball's alone do not, nor those of a man who walks past
+    span: tuple[float, float] = (0.5, 0.25)
     rounds: int = 2  # times that the samples are laid upon their median
     fewest: int = 8  # samples that show which side of the background a ball is on
     side: float = 0.25  # quantile, or its complement, at which the background of a slow ball lies
@@ -243,7 +245,7 @@ def _laid(greys: Sequence[Image], most: float, held: float) -> Array:
 
 def _shown(edges: Edges, grey: Image, *, own: bool) -> Mask:
     """Return which ways edges that no codec keeps in place reach over so much of a picture."""
-    return np.asarray(edges.spans(grey.shape, _STILL.coded_still, own=own) >= _STILL.span)
+    return np.asarray(edges.spans(grey.shape, _STILL.coded_still, own=own) >= _STILL.span[own])
 
 
 def _misfits(edges: Sequence[Edges], whole: Edges, greys: Sequence[Image], shifts: Array) -> Array:
