@@ -62,6 +62,36 @@ def test_a_camera_on_a_stand_does_not_drift() -> None:
         assert not still_of(list(pictures(scene)), 8).drifts
 
 
+def test_an_arm_before_a_plain_wall_is_no_camera_that_turns() -> None:
+    """The foot of the wall stands where it was, though it hardly shows a way along itself."""
+    import cv2
+
+    noise = np.random.default_rng(7)
+    swing = np.concatenate([np.zeros(4), np.linspace(0, 1, 6), np.ones(10)])
+    frames = []
+    for part in swing:
+        picture = np.full((270, 480), 190, np.uint8)
+        cv2.fillPoly(picture, [np.array([[0, 214], [480, 222], [480, 270], [0, 270]])], 120)
+        ends = np.array([[20, 75], [180, 30]]) - np.rint(part * np.array([58, 10])).astype(int)
+        cv2.line(picture, ends[0].tolist(), ends[1].tolist(), 60, 14)
+        shaded = cv2.GaussianBlur(picture, (0, 0), 1.0) + noise.normal(0, 1.0, picture.shape)
+        frames.append(np.clip(shaded, 0, 255).astype(np.uint8))
+    assert not still_of(frames, 8, 6).drifts
+
+
+def test_a_ball_alone_before_a_plain_wall_is_no_camera_that_turns() -> None:
+    """It has all the edges that there are."""
+    part = np.concatenate([np.zeros(4), np.arange(1, 13) / 12, np.ones(6)])
+    noise = np.random.default_rng(7)
+    row, column = np.mgrid[:270, :480]
+    frames = []
+    for x, y in zip(60 + 245 * part, 150 - 92 * part, strict=True):
+        inside = np.clip(45 - np.hypot(column - x, row - y), 0, 1)
+        picture = 190 - 110 * inside + noise.normal(0, 1.0, inside.shape)
+        frames.append(np.clip(picture, 0, 255).astype(np.uint8))
+    assert not still_of(frames, 8, 4).drifts
+
+
 @pytest.mark.parametrize("blur", [(0.0, 0.0), (12.0, 5.0)])
 def test_a_blob_is_where_and_as_large_as_the_ball(blur: tuple[float, float]) -> None:
     behind = np.full((200, 320), 60, np.uint8)

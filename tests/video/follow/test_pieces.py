@@ -84,12 +84,30 @@ def test_a_shadow_that_a_low_sun_moves_across_the_ground_is_no_ball() -> None:
     assert all((each.xy[:, 0] < 500).all() for each in flights)
 
 
-def test_hops_lower_than_the_ball() -> None:
-    way, whole = hops([6.0, 4.2, 2.9, 2.1, 1.7])
+@pytest.mark.parametrize("drawn", [0.0, 3.0])
+@pytest.mark.parametrize("across", [1.0, 0.1])
+def test_hops_lower_than_the_ball(across: float, drawn: float) -> None:
+    """What is struck draws the last picture before it out of shape, by so many pixels."""
+    way, whole = hops([6.0, 4.2, 2.9, 2.1])
+    way[:, 0] *= across
+    way[[each[-1] for each in whole], 1] -= drawn
     flights = flights_in(blobs_of(way))
     assert len(flights) == len(whole)
     for flight, inside in zip(flights, whole, strict=True):
         assert np.isin(inside, flight.frames).mean() >= 0.8
+
+
+def test_dark_patches_of_a_ball_are_one_at_a_time() -> None:
+    """Three that fall alike say no more than one does: the ball's own flights have more places."""
+    way, (one, two, three) = hops([3.0, 2.9, 2.8])
+    ball, found = blobs_of(way), []
+    for k, off in enumerate(((-5.0, 0.0), (4.0, -5.0), (4.0, 6.0))):
+        patch = blobs_of(way + off, noise=0.1 + 0.01 * k)[three]
+        patch["radius"] = patch["length"] = 4.0
+        found.append(patch)
+    both = np.concatenate([ball[one], ball[two], *found])
+    flights = flights_in(both[np.argsort(both["frame"], kind="stable")])
+    assert [each.radius for each in flights] == [RADIUS, RADIUS]
 
 
 def test_a_ball_in_two_colours_that_turns() -> None:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from virtual_lab.units import Array
 
@@ -107,6 +108,31 @@ class Edges:
         """
         return _cost(self.levels[-1], _pyramid(grey, 1)[0], shift)
 
+    def costs(self, grey: Image, shift: Array, steeper: float) -> Array:
+        """Return the same of each part of the picture with edges so steep [DN/px], else NaN."""
+        level = self.levels[-1]
+        inside, off = _off(level, _pyramid(grey, 1)[0], shift)
+        used = inside & (level.slope > steeper)
+        part = _part(level, grey.shape)[used]
+        count, total = (np.bincount(part, w, _ALIGN.parts**2) for w in (None, off[used]))
+        return np.where(count >= _ALIGN.part_pixels, total / np.maximum(count, 1), np.nan)
+
+    def parts(self, shape: tuple[int, ...], steeper: float) -> int:
+        """Return how many parts of a picture have edges so steep [DN/px], but for one thing's.
+
+        What moves on its own is the largest group that reaches over less than half of the picture.
+        """
+        level, parts = self.levels[-1], _ALIGN.parts
+        count = np.bincount(_part(level, shape)[level.slope > steeper], minlength=parts**2)
+        shown = (count >= _ALIGN.part_pixels).reshape(parts, parts)
+        groups, _ = ndimage.label(shown, np.ones((3, 3)))
+        own = [
+            int((groups[box] == k).sum())
+            for k, box in enumerate(ndimage.find_objects(groups), 1)
+            if max(side.stop - side.start for side in box) < parts / 2
+        ]
+        return int(shown.sum()) - max(own, default=0)
+
 
 def upper_median(values: NDArray[np.floating]) -> NDArray[np.floating]:
     """Return the upper median along the last axis: without numpy's checks, which cost ten times."""
@@ -183,6 +209,13 @@ def _steepest(slope: NDArray[np.float32]) -> NDArray[np.intp]:
     return np.concatenate(chosen, axis=1).T
 
 
+def _part(level: _Level, shape: tuple[int, ...]) -> NDArray[np.intp]:
+    """Return in which part of a picture (row, column) edges lie, numbered row by row."""
+    places = np.stack([level.x, level.y]) / np.array(shape[1::-1])[:, None]
+    x, y = np.clip(_ALIGN.parts * places, 0, _ALIGN.parts - 1).astype(int)
+    return np.asarray(x + _ALIGN.parts * y)
+
+
 def _inside(level: _Level, picture: NDArray[np.float32], shift: Array) -> NDArray[np.bool_]:
     rows, columns = picture.shape
     x, y = level.x + shift[0], level.y + shift[1]
@@ -191,13 +224,23 @@ def _inside(level: _Level, picture: NDArray[np.float32], shift: Array) -> NDArra
 
 def _cost(level: _Level, picture: NDArray[np.float32], shift: Array) -> float:
     """Return how far edges lie from where they should, what moves on its own clipped [pixels]."""
+    inside, off = _off(level, picture, shift)
+    if inside.sum() <= _ALIGN.least_shown * inside.size:
+        return _ALIGN.clipped
+    # edges count by their slope: a codec keeps flat ones in place
+    return float(np.average(off[inside], weights=level.slope[inside]))
+
+
+def _off(
+    level: _Level, picture: NDArray[np.float32], shift: Array
+) -> tuple[NDArray[np.bool_], Array]:
+    """Return which edges lie in a picture, and how far each is off there, clipped [pixels]."""
     inside = _inside(level, picture, shift)
     if not inside.any():
-        return _ALIGN.clipped
-    left = (_seen(level, picture, shift) - level.value)[inside]
-    slope = level.slope[inside]  # by which edges count: a codec keeps flat ones in place
-    off = np.minimum(np.abs(left - upper_median(left)), _ALIGN.clipped * slope).sum() / slope.sum()
-    return float(off if inside.mean() > _ALIGN.least_shown else _ALIGN.clipped)
+        return inside, np.full(inside.shape, _ALIGN.clipped)
+    left = _seen(level, picture, shift) - level.value
+    off = np.abs(left - upper_median(left[inside])) / level.slope
+    return inside, np.minimum(off, _ALIGN.clipped)
 
 
 def _seen(level: _Level, picture: NDArray[np.float32], shift: Array) -> Array:

@@ -33,6 +33,7 @@ class _StillSettings:
     # of a side, that edges reach over to show a drift, and such as are steep that way to show a
     # turn: a ball's alone do not, nor those of a man who walks past
     span: tuple[float, float] = (0.5, 0.25)
+    turn_parts: int = 4  # of 144, that have edges but for one thing's, to show a turn
     rounds: int = 2  # times that the samples are laid upon their median
     fewest: int = 8  # samples that show which side of the background a ball is on
     side: float = 0.25  # quantile, or its complement, at which the background of a slow ball lies
@@ -42,6 +43,8 @@ class _StillSettings:
     turns: float = 0.8
     drifts: float = 0.57
     both: tuple[float, float] = (0.88, 0.7)  # the two together: a codec keeps a wall in place
+    sharper: tuple[float, float] = (1.3, 0.02)  # factor and pixels that a part's edges lie less off
+    standing_parts: int = 3  # of 144, by which those that are sharper unmoved may not be more
     restless: float = 0.75  # quantile of the samples' differences: what a pixel does without a ball
     most_restless: int = 16  # DN: more may be a ball that stays
     rows: int = 64  # at a time: a sorted stack of whole pictures would need the memory of them all
@@ -223,7 +226,8 @@ def _laid(greys: Sequence[Image], most: float, held: float) -> Array:
         step = one.shift(grey, step)
         chain.append(chain[-1] + step)
     best, least = np.zeros((len(greys), 2)), 1.0
-    stands = _misfits(edges, edges_of(_median(greys)), greys, best)
+    unmoved = edges_of(_median(greys))
+    stands = _misfits(edges, unmoved, greys, best)
     shifts = np.array(chain)
     for _ in range(_STILL.rounds + 1):
         if np.abs(shifts).max() < _STILL.no_shift:
@@ -237,15 +241,31 @@ def _laid(greys: Sequence[Image], most: float, held: float) -> Array:
         misfit = one_by_one * min(1.0, together)
         drifts = one_by_one < _STILL.turns or misfit < _STILL.drifts
         drifts |= one_by_one < _STILL.both[0] and misfit < _STILL.both[1]
-        if drifts and (steps <= limit).all() and misfit < least:
+        drifts &= (steps <= limit).all() and misfit < least
+        if drifts and _moves(unmoved, whole, greys, shifts):
             best, least = shifts, misfit
         shifts = np.array([whole.shift(g, near) for g, near in zip(greys, shifts, strict=True)])
     return np.asarray(best - best[0])
 
 
+def _moves(unmoved: Edges, whole: Edges, greys: Sequence[Image], shifts: Array) -> bool:
+    """Return whether shifts lay parts of the picture more sharply upon each other than none do.
+
+    An arm that swings before a plain wall is no camera that turns: the wall's foot stays.
+    """
+    costs = []
+    for edges, by in ((unmoved, np.zeros_like(shifts)), (whole, shifts)):
+        each = [edges.costs(g, s, _STILL.coded_still) for g, s in zip(greys, by, strict=True)]
+        costs.append(np.mean(each, axis=0))
+    (stand, move), (factor, offset) = costs, _STILL.sharper
+    better, worse = (np.sum(factor * a + offset < b) for a, b in ((move, stand), (stand, move)))
+    return bool(worse < better + _STILL.standing_parts)
+
+
 def _shown(edges: Edges, grey: Image, *, own: bool) -> Mask:
     """Return which ways edges that no codec keeps in place reach over so much of a picture."""
-    return np.asarray(edges.spans(grey.shape, _STILL.coded_still, own=own) >= _STILL.span[own])
+    shown = edges.spans(grey.shape, _STILL.coded_still, own=own) >= _STILL.span[own]
+    return shown & (not own or edges.parts(grey.shape, _STILL.coded_still) >= _STILL.turn_parts)
 
 
 def _misfits(edges: Sequence[Edges], whole: Edges, greys: Sequence[Image], shifts: Array) -> Array:

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from virtual_lab.units import Array
+from virtual_lab.units import Array, Mask
 from virtual_lab.video.follow.joint import FLIGHT_FIT, Fit, fit_flights
 from virtual_lab.video.follow.pieces import GROWTH, Piece, parabola
 from virtual_lab.video.follow.scene import FlightScene
@@ -44,6 +44,7 @@ class FlightSearch:
     place_room: tuple[float, float] = (0.2, 5.0)  # radii, and standard deviations, off it
     further_room: tuple[float, float] = (0.1, 4.0)  # the same beyond the places a piece had
     end_room: tuple[float, float] = (0.05, 4.0)  # the same of the first and the last, in the end
+    outer_share: float = 0.125  # of a flight's places at a free end: a fit without them shows u
     dirty: float = 0.75  # of the ring: so much may be beside a place on a flight
     # two flights
     one_way_radii: float = 0.45  # median (the worst: twice that), off another's way: they are one
@@ -64,7 +65,7 @@ FLIGHTS = FlightSearch()
 def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece], Fit | None]:
     """Return the flights among pieces, of one ball and one gravity, and their fit; or none."""
     long = [each for each in pieces if len(each.t) >= FLIGHTS.least_places - 1]
-    flights = _once(_of_one_gravity(scene, long))
+    flights = _of_one_gravity(scene, long)
     if not flights:
         return [], None
     fitted = partial(fit_flights, scene, readout=readout_of(scene, flights, FLIGHTS.used_readout))
@@ -95,9 +96,7 @@ def _ended(flights: Sequence[Piece], fit: Fit) -> list[Piece]:
 
     Ends at a contact stay: there a rolling shutter draws the way out of shape.
     """
-    gaps = [np.inf, *(two.t[0] - one.t[-1] for one, two in pairwise(flights)), np.inf]
-    free = np.array(gaps) > FLIGHTS.contact_frames
-    radii, spreads = FLIGHTS.end_room
+    free, (radii, spreads) = _free(flights), FLIGHTS.end_room
     ended = []
     for k, (piece, left) in enumerate(zip(flights, fit.residuals, strict=True)):
         room = max(radii * piece.radius, spreads * fit.spread)
@@ -106,6 +105,29 @@ def _ended(flights: Sequence[Piece], fit: Fit) -> list[Piece]:
         last = good[-1] if free[k + 1] and good.size else len(piece.t) - 1
         ended.append(piece.part(slice(first, last + 1)))
     return ended
+
+
+def inner(flights: Sequence[Piece]) -> list[Piece]:
+    """Return flights without the first and last places of ends at no contact.
+
+    A hand that opens and a table's edge lead the ball on: they bend a way by less than shows.
+    """
+    free, parts = _free(flights), []
+    for k, piece in enumerate(flights):
+        outer = outer_places(len(piece.t))
+        parts.append(piece.part(slice(outer * free[k], len(piece.t) - outer * free[k + 1])))
+    return parts
+
+
+def outer_places(places: int) -> int:
+    """Return how many places of a flight are taken for its end."""
+    return int(np.ceil(FLIGHTS.outer_share * places))
+
+
+def _free(flights: Sequence[Piece]) -> Mask:
+    """Return which ends are at no contact: the start of each flight, and the end of the last."""
+    gaps = [np.inf, *(two.t[0] - one.t[-1] for one, two in pairwise(flights)), np.inf]
+    return np.asarray(np.array(gaps) > FLIGHTS.contact_frames)
 
 
 def _holds(scene: FlightScene, flights: Sequence[Piece], fit: Fit) -> bool:
@@ -200,7 +222,7 @@ def _aligned(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
 
 
 def _of_one_gravity(scene: FlightScene, pieces: list[Piece]) -> list[Piece]:
-    """Return the pieces that share the acceleration with the most places behind it."""
+    """Return the pieces, one at a time, that share the acceleration with most places behind it."""
     bends = [(each, *_bent(scene, each)) for each in pieces]
     # a shadow on the ground goes as its ball does, but across
     bends = [e for e in bends if _smooth(e[3], e[0]) and _may_fall(e[0], e[1])]
@@ -230,6 +252,7 @@ def _of_one_gravity(scene: FlightScene, pieces: list[Piece]) -> list[Piece]:
         while near := [o for o in loose if any(_adjoins(o, e) for e in like)]:
             like += near
             loose = [o for o in loose if not any(o is each for each in near)]
+        like = _once(like)
         # many short pieces of a hand's way agree by chance; long ones do not
         support = float(sum((len(each.t) - 3) ** 1.5 for each in like))
         if support > best[0]:

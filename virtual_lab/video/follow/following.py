@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,14 @@ from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.timing import uneven, usual_step
 from virtual_lab.video.find.watching import Watched, repeated, watch
 from virtual_lab.video.follow.contacts import Contact, Note, contacts_of
-from virtual_lab.video.follow.flights import FLIGHTS, beside, flights_of, readout_of
+from virtual_lab.video.follow.flights import (
+    FLIGHTS,
+    beside,
+    flights_of,
+    inner,
+    outer_places,
+    readout_of,
+)
 from virtual_lab.video.follow.joint import Fit, estimate_of, fit_flights
 from virtual_lab.video.follow.kinds import MotionKind, motion_of
 from virtual_lab.video.follow.pieces import Piece, pieces
@@ -37,6 +45,7 @@ class ClipSettings:
     tilted_misfit: float = 0.6  # what a perspective shrinks it to, to be believed
     tilt: float = 0.03  # over the extent of the places, to be believed
     reconciled: float = 0.7  # of what flights' accelerations differ by, if that explains it
+    strays: float = 3.0  # standard uncertainties that a flight's end leaves its way by
     usual_readout: float = 0.5  # frames, of a phone
     drag_u: float = 0.35  # of the difference between fits with and without drag
     hand_drift: float = 0.02  # of the longer side a second, each way: 0.005 to 0.03 in real clips
@@ -298,11 +307,8 @@ def _measured(
                 "frame; give --readout to say how long it is"
             )
             notes.append(("ROLLING_SHUTTER", words))
-        tilted = bool(fit.tilt.any())
-        free = fit_flights(
-            scene, ways, readout=fit.readout, drag=False, shared=False, tilted=tilted
-        )
-        others = [(free, CLIP.drag_u), *([(other, 1.0)] if other else [])]
+        others = [(_refit(scene, ways, fit, drag=False, shared=False), CLIP.drag_u)]
+        others += [(each, 1.0) for each in (_refit(scene, inner(ways), fit), other) if each]
         if not (known.stands or watched.still.shows_drift):
             hand = CLIP.hand_drift * max(scene.size) * step
             others += [(fit.drifting(each), 1.0) for each in hand * np.eye(2)]
@@ -317,7 +323,7 @@ def _measured(
         read = []
         if fit.readout and scene.readout is None:  # found among so many that were tried
             near = fit.readout - FLIGHTS.readouts[1]
-            read = [(fit_flights(scene, ways, readout=near, tilted=tilted), 1 / np.sqrt(3))]
+            read = [(_refit(scene, ways, fit, readout=near), 1 / np.sqrt(3))]
         contacts, against = contacts_of(scene, ways, fit, [*others, *read], step, unit)
         flights = _flights(scene, ways, fit, others, contacts, scale, step)
         gravity = estimate_of(
@@ -325,7 +331,7 @@ def _measured(
         )
         notes += against + _doubts(known, ways, flights, unit, step)
         if known.readout is None:
-            rolled = fit_flights(scene, ways, readout=CLIP.usual_readout, tilted=tilted)
+            rolled = _refit(scene, ways, fit, readout=CLIP.usual_readout)
             other_contacts, _ = contacts_of(scene, ways, rolled, [], step, unit)
             notes.append(("READOUT_UNKNOWN", _of_readout(contacts, other_contacts)))
     if ways and (more := beside(scene, ways, found)):
@@ -380,6 +386,12 @@ def _fits(scene: FlightScene, ways: list[Piece]) -> tuple[Fit, Fit | None]:
     return (tilted, flat) if apart[1] < CLIP.reconciled * apart[0] else (flat, tilted)
 
 
+def _refit(scene: FlightScene, ways: Sequence[Piece], fit: Fit, **changed: Any) -> Fit:
+    """Return a fit by the same model but for what is changed."""
+    like = {"readout": fit.readout, "tilted": bool(fit.tilt.any())}
+    return fit_flights(scene, ways, **like | changed)
+
+
 def _while_moving(same: Mask, ways: Sequence[Piece]) -> Mask:
     """Return which repeats stand while a ball moves: elsewhere frames may well show the same."""
     counted = np.zeros(len(same), bool)
@@ -431,14 +443,13 @@ def _flights(
     step: float,
 ) -> list[MeasuredFlight]:
     """Return the flights; `others`: fits by other models, and their differences' share of u."""
-    tilted = bool(fit.tilt.any())
-    own = fit_flights(scene, ways, readout=fit.readout, shared=False, tilted=tilted)
-    owns = [(fit, 1.0)] if not tilted and any(each.tilt.any() for each, _ in others) else []
+    own = _refit(scene, ways, fit, shared=False)
+    tilted = [each.tilt.any() for each in (fit, *(other for other, _ in others))]
+    owns = [(fit, 1.0)] if not tilted[0] and any(tilted) else []
     if scene.readout is None:  # any readout up to a frame is as likely
         share = 1 / np.sqrt(3)
-        others = [*others, (fit_flights(scene, ways, readout=1.0, tilted=tilted), share)]
-        rolled = fit_flights(scene, ways, readout=1.0, shared=False, tilted=tilted)
-        owns.append((rolled, share))
+        others = [*others, (_refit(scene, ways, fit, readout=1.0), share)]
+        owns.append((_refit(scene, ways, fit, readout=1.0, shared=False), share))
     unit = scale.metres_per_pixel / step
     before = {each.after: each.t for each in contacts}
     after = {each.before: each.t for each in contacts}
@@ -446,13 +457,15 @@ def _flights(
     for k, way in enumerate(ways):
         late = float(np.median(scene.late(way.blobs)))
         ends = []
-        for met, end in ((before, way.t[0]), (after, way.t[-1])):
-            t = met.get(k, float(end))
+        for met, end in ((before, 1), (after, -1)):
+            t = met.get(k, float(way.t[::end][0]))
             speed_at = partial(_speed, k, t, late)
             speed = estimate_of(speed_at, fit, others, unit=unit, relative_u=scale.relative_u)
             right, down = fit.at(k, t + fit.readout * late)[0, 2:]
             if k not in met:
                 speed = _let_go(speed, unit, fit, np.array([right, down]), fit.pull[k])
+                strays = unit * _strays(way.t[::end], fit.residuals[k][::end], fit.spread)
+                speed = replace(speed, u=float(np.hypot(speed.u, strays)))
             angle = Estimate(value=float(np.arctan2(-down, right)), u=speed.u / speed.value)
             ends.append((speed, angle))
         (speed_in, angle_in), (speed_out, angle_out) = ends
@@ -487,6 +500,18 @@ def _let_go(speed: Estimate, unit: float, fit: Fit, velocity: Array, pull: Array
         return speed
     across = abs(float(velocity[0] * pull[1] - velocity[1] * pull[0])) / size
     return replace(speed, u=float(np.hypot(speed.u, speed.value - unit * across)))
+
+
+def _strays(t: Array, left: Array, spread: float) -> float:
+    """Return how fast the first places leave their flight's way, 0 where chance explains it.
+
+    A ball that still rolls or is still held has another speed there [pixels/frame].
+    """
+    some = slice(max(FLIGHTS.side_places, outer_places(len(t))))
+    late = t[some] - t[some].mean()
+    size = float(np.linalg.norm(late))
+    speed = float(np.hypot(*(late @ left[some]))) / size**2
+    return speed if speed * size > CLIP.strays * spread else 0.0
 
 
 def _pull(flight: int, fit: Fit) -> float:

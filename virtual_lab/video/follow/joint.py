@@ -170,11 +170,16 @@ def fit_flights(
         elif np.abs(step * scale).max() < FLIGHT_FIT.settled_u:
             break
     left = xy - model.places(vector)
-    clipped = np.minimum(np.hypot(*left.T), room) ** 2
+    off = np.hypot(*left.T)
+    clipped = np.minimum(off, room) ** 2
     scatter = float(np.sqrt(clipped.sum() / max(1.0, 2 * len(xy) - len(free))))
     scatter = max(FLIGHT_FIT.least_spread, scatter)
     covariance = np.zeros((len(vector), len(vector)))
     covariance[np.ix_(free, free)] = inverse * ((scatter / spread) ** 2 * _alike(left, of))
+    # a flight whose places scatter more than all do knows less of itself
+    own = [float(np.median(off[of == n])) / 1.1774 / scatter for n in range(len(flights))]
+    grown = np.concatenate([np.ones(k + 3), np.repeat(np.maximum(own, 1.0), 4)])
+    covariance *= np.outer(grown, grown)
     return Fit(
         **_parts(vector, len(flights)),
         middles=middles,

@@ -35,6 +35,7 @@ class PieceGrowth:
     # strays off that parabola by so many at most
     hop: float = 0.25
     hop_stray: float = 0.03
+    hop_ends: int = 3  # places at its ends that may be drawn out of shape by what was struck
     recent_places: int = 6  # that show where the next one is
     seeds: int = 4  # triples tried from a blob
     slowest: float = 0.01  # radii a frame
@@ -162,20 +163,28 @@ class _Growth:
                 piece = _retimed(piece, self.time, self.pull)
             parts = [_trimmed(_cleaned(each)) for each in _broken(piece)]
             if not goes:  # nor is it a hop, with the next one's first place
-                parts = [each for each in parts if self._hops(each)]
+                parts = [hop for each in parts if (hop := self._hop(each))]
             for each in [piece] if goes else parts:
                 self.used[np.isin(self.index, each.blobs)] = True
             found += parts
         return found
 
-    def _hops(self, piece: Piece) -> bool:
-        """Return whether a piece goes less far than noise may, but as gravity bends its way."""
-        if self.pull is None or len(piece.t) < GROWTH.least_places:
-            return False
-        sag = float(np.hypot(*self.pull)) * np.ptp(piece.t) ** 2 / 8
-        squares = _off_parabola(piece.t[None], piece.xy, self.pull)[0]
-        stray = float(np.sqrt(squares / (2 * len(piece.t) - 4)))
-        return bool(sag > GROWTH.hop * piece.radius and stray < GROWTH.hop_stray * piece.radius)
+    def _hop(self, piece: Piece) -> Piece | None:
+        """Return what goes less far than noise may, but as gravity bends its way; None: nothing."""
+        pull = self.pull
+        if pull is None:
+            return None
+        for _ in range(GROWTH.hop_ends + 1):
+            if len(piece.t) < GROWTH.least_places:
+                break
+            sag = float(np.hypot(*pull)) * np.ptp(piece.t) ** 2 / 8
+            squares = _off_parabola(piece.t[None], piece.xy, pull)[0]
+            stray = float(np.sqrt(squares / (2 * len(piece.t) - 4)))
+            if sag > GROWTH.hop * piece.radius and stray < GROWTH.hop_stray * piece.radius:
+                return piece
+            ends = [piece.part(slice(1, None)), piece.part(slice(-1))]
+            piece = min(ends, key=lambda each: _off_parabola(each.t[None], each.xy, pull)[0])
+        return None
 
     def _like(self, one: int, frame: int, radius: float) -> Ints:
         """Return the unused blobs of a frame that look like one."""

@@ -1,0 +1,68 @@
+"""Speeds of flights out of blobs of known ways: their u covers what they are off by."""
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from tests.video.follow.test_pieces import RADIUS, blobs_of, hops
+from virtual_lab.video.clips.clip import Clip
+from virtual_lab.video.find.blobs import Blobs
+from virtual_lab.video.find.watching import Watched
+from virtual_lab.video.follow.following import FollowedClip, Known, following
+from virtual_lab.video.follow.joint import estimate_of, fit_flights
+from virtual_lab.video.follow.pieces import Piece
+from virtual_lab.video.follow.scene import FlightScene
+
+RATE = 240.0
+BALL = 0.073  # m
+
+
+def followed(found: Blobs) -> FollowedClip:
+    """Return flights and contacts of blobs that a camera on a stand saw."""
+    count = int(found["frame"].max()) + 1
+    clip = SimpleNamespace(
+        count=count, times=np.arange(count) / RATE, shape=(540, 960), warnings=()
+    )
+    watched = Watched(
+        still=cast("Any", SimpleNamespace(shows_drift=True, drifts=False)),
+        found=found,
+        shifts=np.zeros((count, 2)),
+        change=np.full(count, np.nan),
+    )
+    known = Known(rate=RATE, ball=BALL, ball_u=1e-4, stands=True, readout=0.0)
+    return following(cast("Clip", clip), watched, known)
+
+
+@pytest.mark.parametrize("noise", [0.3, 0.5])
+@pytest.mark.parametrize("before", [0, 5, 11, 15])
+def test_a_ball_rolls_over_a_table_s_edge(before: int, noise: float) -> None:
+    """Places before the edge bend the way by less than shows at once: u covers what they do."""
+    late = np.arange(-before, 86.0)
+    fallen = np.where(late > 0, 0.07 * late**2 / 2, 0.0)
+    found = blobs_of(np.stack([200 + 0.85 * late, 100 + fallen], axis=1), noise=noise)
+    (flight,) = followed(found).flights
+    true = 0.85 * RATE * BALL / (2 * RADIUS)
+    assert abs(flight.speed_in.value - true) < 3 * flight.speed_in.u
+    if not before:
+        assert flight.speed_in.u < 0.02 * true
+
+
+def test_a_flight_that_scatters_more_than_the_others_knows_less_of_itself() -> None:
+    way, wholes = hops([6.0, 5.5, 3.0])
+    time = np.arange(len(way), dtype=float)
+    off = []
+    for seed in range(40):
+        found = blobs_of(way, noise=0.2)
+        stray = wholes[2]
+        noise = np.random.default_rng(seed).normal(0, 2.0, (2, len(stray)))
+        found["x"][stray], found["y"][stray] = (way[stray].T + noise).tolist()
+        scene = FlightScene(
+            found=found, time=time, stamped=time, size=(960, 540), exposure=0.5, fall=None
+        )
+        flights = [Piece.of(found, whole, time[whole]) for whole in wholes]
+        fit = fit_flights(scene, flights)
+        along = estimate_of(lambda some: float(some.states[2, 2]), fit)
+        off.append((along.value - 2.0) / along.u)
+    assert 0.5 < np.std(off) < 1.5
