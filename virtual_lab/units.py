@@ -77,11 +77,3 @@ def ounces(mass_kg: float) -> float:
 
 def miles_per_hour(speed: float) -> float:
     return speed / MPH
-
-
-def metres_per_second(speed_mph: float) -> float:
-    return speed_mph * MPH
-
-
-def ounce_square_inches(inertia: float) -> float:
-    return inertia / OZ_IN2

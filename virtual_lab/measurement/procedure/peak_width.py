@@ -12,14 +12,37 @@ In 500 laboratories 94 % of the 95 % intervals contained the true value.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import Polynomial
 
 from virtual_lab.measurement.procedure import Procedure
-from virtual_lab.relations.peaks import Span, level_span
 from virtual_lab.uncertainty.budget import Budget, combine, type_a
 from virtual_lab.units import Array, Mask
+
+
+class Span(NamedTuple):
+    """A stretch about a top, and which of its ends are only those of what is known."""
+
+    low: float
+    high: float
+    low_cut_off: bool
+    high_cut_off: bool
+
+    @property
+    def width(self) -> float:
+        """From end to end; where one is cut off, at least that."""
+        return self.high - self.low
+
+    @property
+    def whole(self) -> bool:
+        """Whether both ends were found."""
+        return not (self.low_cut_off or self.high_cut_off)
+
+    def scaled(self, middle: float, unit: float) -> Span:
+        """Return the stretch of ``middle + unit * place``."""
+        return self._replace(low=middle + unit * self.low, high=middle + unit * self.high)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,3 +96,18 @@ def width_of(procedure: Procedure, place: Array, valid: Mask, metric: Array) -> 
 def _real(curve: Polynomial) -> Array:
     roots = curve.roots()
     return np.asarray(roots.real[np.abs(roots.imag) < 1e-9], dtype=np.float64)
+
+
+def level_span(crossings: Array, top: float, low: float, high: float) -> Span:
+    """Return the stretch about `top` between the nearest crossings of a level.
+
+    Where there is none between `low` and `high`, that end is cut off there.
+    """
+    below = crossings[(crossings >= low) & (crossings < top)]
+    above = crossings[(crossings > top) & (crossings <= high)]
+    return Span(
+        low=float(below.max()) if below.size else low,
+        high=float(above.min()) if above.size else high,
+        low_cut_off=not below.size,
+        high_cut_off=not above.size,
+    )

@@ -102,11 +102,6 @@ def rebound_speed_from_recoil(
     return I_p * omega / (m * b) - v_ball
 
 
-def restitution_from_recoil(b: Floats, omega: Floats, v_ball: Floats, r: Floats) -> Floats:
-    """Return e from the bat's recoil [rad/s] alone: ``(b omega / v_ball)(1 + 1/r) - 1``."""
-    return b * omega / v_ball * (1 + 1 / r) - 1
-
-
 def restitution_of_standard_ball(e: Floats, e0: Floats, standard: float) -> Floats:
     """Return e with a ball of restitution `standard`, from `e` measured with a ball of `e0`.
 
