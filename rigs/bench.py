@@ -56,8 +56,7 @@ class Bench:
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> BenchStation:
         spec = catalog.load("rigs", self.name, BenchSpec).spec
-        outfitter = InstrumentFactory(draws=draws, ideal=ideal)
-        fit = outfitter.commission
+        fit = InstrumentFactory(draws=draws, ideal=ideal).commission
         return BenchStation(
             spec=spec,
             scale=fit(Scale.commission, ScaleSpec, spec.scale, "bench.scale"),

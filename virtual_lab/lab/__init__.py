@@ -1,4 +1,4 @@
-"""One test: the only package that imports both rigs and reduction."""
+"""One test, through both sides: rigs write records, the reduction reads them."""
 
 from virtual_lab.lab.campaign import Campaign
 from virtual_lab.lab.certify import certify_bat

@@ -25,7 +25,7 @@ from virtual_lab.units import Array, Mask
 
 RANGE_MEAN = 2 / sqrt(pi)  # d2: of the range of two, in standard deviations
 RANGE_LIMIT = RANGE_MEAN + 3 * sqrt(2 - RANGE_MEAN**2)  # d2 + 3 d3
-WEIGHT, CUSUM_LIMIT = 0.2, 5.0
+WEIGHT, CUSUM_LIMIT, CUSUM_SLACK = 0.2, 5.0, 0.5
 EWMA_LIMIT = 2.962 * sqrt(WEIGHT / (2 - WEIGHT))
 
 
@@ -92,17 +92,17 @@ def moving_range(x: Array) -> Array:
     return np.abs(np.diff(x, axis=-1, prepend=np.nan))
 
 
-def ewma(x: Array, weight: float = WEIGHT) -> Array:
+def ewma(x: Array) -> Array:
     """Return the exponentially weighted moving average, started at the centre."""
-    return np.asarray(lfilter([weight], [1.0, weight - 1.0], x, axis=-1))
+    return np.asarray(lfilter([WEIGHT], [1.0, WEIGHT - 1.0], x, axis=-1))
 
 
-def cusum(x: Array, slack: float = 0.5) -> tuple[Array, Array]:
-    """Return the sums of the deviations beyond `slack` above and below the centre, both ≥ 0.
+def cusum(x: Array) -> tuple[Array, Array]:
+    """Return the sums of the deviations beyond CUSUM_SLACK above and below the centre, both ≥ 0.
 
     A sum restarts at 0 when it would become negative.
     """
-    up, down = (_above(side - slack) for side in (x, -x))
+    up, down = (_above(side - CUSUM_SLACK) for side in (x, -x))
     return up, down
 
 

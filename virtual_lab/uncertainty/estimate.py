@@ -34,7 +34,7 @@ class Estimate:
             raise ValueError(f"degrees of freedom must be above 0, not {self.dof}")
 
 
-def mean_of_readings(readings: ArrayLike, *, least_u: float = 0.0, source: str = "") -> Estimate:
+def mean_of_readings(readings: ArrayLike, *, least_u: float = 0.0) -> Estimate:
     """Return the mean of repeated readings with its type A standard uncertainty.
 
     Parameters
@@ -54,5 +54,4 @@ def mean_of_readings(readings: ArrayLike, *, least_u: float = 0.0, source: str =
         u=max(scatter, least_u),
         dof=float(values.size - 1) if scatter >= least_u else inf,
         evaluation="A",
-        source=source,
     )

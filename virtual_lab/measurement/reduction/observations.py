@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import sqrt
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -295,5 +295,6 @@ def _channel(session: Session, stage: str, channel: str, kind: Any) -> Any:
         raise InputError(f"{stage}/{channel}", "record", None, "this record is missing")
     if not isinstance(record, kind):
         found = type(record).__name__
-        raise InputError(f"{stage}/{channel}", "record", found, f"expected {kind}")
+        allowed = " or ".join(each.__name__ for each in get_args(kind) or (kind,))
+        raise InputError(f"{stage}/{channel}", "record", found, f"expected {allowed}")
     return record
