@@ -128,7 +128,7 @@ class ColumnOutcome:
 def collision_stability(progress: Progress = quiet) -> StabilityMap:
     """Return a row a cell: its place, its state, its worst errors in e_A and leak of energy.
 
-    Of a refused one these are what it would have come to.
+    Those of a refused step are of the step computed all the same.
     """
     rows = []
     for axis, values in AXES.items():

@@ -57,7 +57,7 @@ AXES: dict[MotionAxis, tuple[float, ...]] = {
 def motion_stability(progress: Progress = quiet) -> StabilityMap:
     """Return a row a cell: its place, its state, its worst error, and whether it is refused.
 
-    Of a refused one state and error are what it would have come to.
+    State and error of a refused step are those of the step computed all the same.
     """
     rows = []
     for method in (Carrier.ALONE, Carrier.RUNG):

@@ -80,7 +80,7 @@ def width_of(procedure: Procedure, place: Array, valid: Mask, metric: Array) -> 
     turns = _real(curve.deriv())
     candidates = np.concatenate([[-1.0, 1.0], turns[np.abs(turns) < 1]])
     top = float(candidates[np.argmax(curve(candidates))])
-    span = level_span(_real(curve - (curve(top) - drop)), top, -1.0, 1.0)
+    span = _level_span(_real(curve - (curve(top) - drop)), top, -1.0, 1.0)
     # an end moves by what the curve there gains on its top, over its slope
     low, high = (
         (end**powers - top**powers) @ solved / -curve.deriv()(end) for end in (span.low, span.high)
@@ -98,7 +98,7 @@ def _real(curve: Polynomial) -> Array:
     return np.asarray(roots.real[np.abs(roots.imag) < 1e-9], dtype=np.float64)
 
 
-def level_span(crossings: Array, top: float, low: float, high: float) -> Span:
+def _level_span(crossings: Array, top: float, low: float, high: float) -> Span:
     """Return the stretch about `top` between the nearest crossings of a level.
 
     Where there is none between `low` and `high`, that end is cut off there.

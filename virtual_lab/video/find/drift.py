@@ -211,7 +211,9 @@ def _steepest(slope: NDArray[np.float32]) -> NDArray[np.intp]:
 
 def _part(level: _Level, shape: tuple[int, ...]) -> NDArray[np.intp]:
     """Return in which part of a picture (row, column) edges lie, numbered row by row."""
-    places = np.stack([level.x, level.y]) / np.array(shape[1::-1])[:, None]
+    places = np.stack([level.x, level.y])
+    # what a drifting camera sees begins left of the first picture, or above it
+    places = (places - places.min(axis=1, keepdims=True, initial=0.0)) / [[shape[1]], [shape[0]]]
     x, y = np.clip(_ALIGN.parts * places, 0, _ALIGN.parts - 1).astype(int)
     return np.asarray(x + _ALIGN.parts * y)
 

@@ -44,7 +44,7 @@ class _StillSettings:
     drifts: float = 0.57
     both: tuple[float, float] = (0.88, 0.7)  # the two together: a codec keeps a wall in place
     sharper: tuple[float, float] = (1.3, 0.02)  # factor and pixels that a part's edges lie less off
-    standing_parts: int = 3  # of 144, by which those that are sharper unmoved may not be more
+    standing_parts: int = 3  # of 144: if so many more are sharper unmoved, the camera stands
     restless: float = 0.75  # quantile of the samples' differences: what a pixel does without a ball
     most_restless: int = 16  # DN: more may be a ball that stays
     rows: int = 64  # at a time: a sorted stack of whole pictures would need the memory of them all
