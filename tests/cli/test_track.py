@@ -65,6 +65,38 @@ def test_everything_a_user_gets(folder: Path) -> None:
     assert len(film.frames) == 44
 
 
+@pytest.mark.parametrize("words", ["", "frames_per_second = 5000\nexposure_s = 1e-4\n"])
+def test_options_go_before_the_calibration_file(folder: Path, tmp_path: Path, words: str) -> None:
+    """In the speeds of a hit, too: scale, its u, the frame rate, the exposure."""
+    (folder / "other.toml").write_text(words)
+    options = ["--scale", "100,50:200,50=20cm±2mm", "--fps", "2500", "--exposure", "20us"]
+    arguments = ["track", str(folder / "clip.mp4"), "--calibration", str(folder / "other.toml")]
+    done = CliRunner().invoke(cli, [*arguments, *options, "--out", str(tmp_path), "--json"])
+    assert done.exit_code == 0, done.output
+    found = json.loads(done.stdout)
+    u = np.hypot(0.01, np.sqrt(2) / 100)
+    assert found["scale"] == pytest.approx(
+        {"metres_per_pixel": 2e-3, "relative_u": u, "from": "given"}
+    )
+    pixels = np.hypot(*FILM.velocity_in)
+    assert found["speed_in_mps"]["value"] == pytest.approx(pixels * 2e-3 * 2500, rel=2e-3)
+    assert found["speed_in_mps"]["u"] == pytest.approx(u * pixels * 5, rel=0.05)
+    assert found["exposure_s"] == pytest.approx(2e-5)
+    assert "exposure_s is not given" not in done.stdout
+
+
+def test_the_balls_u_is_in_the_speeds_of_a_hit(folder: Path) -> None:
+    arguments = ["track", str(folder / "clip.mp4"), "--calibration", str(folder / "cal.toml")]
+    for ball, share in (("28mm±1mm", 1 / 28), ("28mm", 0.01)):
+        done = CliRunner().invoke(
+            cli, [*arguments, "--ball", ball, "--out", str(folder / ball), "--json"]
+        )
+        found = json.loads(done.stdout)
+        assert found["scale"]["relative_u"] == pytest.approx(share, rel=0.1)
+        assert ("0.28 mm was assumed" in done.stdout) == (ball == "28mm")
+        assert found["speed_in_mps"]["u"] > share * found["speed_in_mps"]["value"]
+
+
 def test_a_clip_without_a_calibration_file_warns(folder: Path) -> None:
     out = folder / "bare"
     arguments = ["track", str(folder / "clip.mp4"), "--ball", "2.8 cm"]
@@ -85,6 +117,7 @@ def test_a_clip_without_a_calibration_file_warns(folder: Path) -> None:
         (["cal.toml", "--ball", "28mm"], "cannot be opened"),
         (["none.mp4", "--ball", "28mm"], "no such file"),
         (["none.mp4"], "no such file"),
+        (["clip.mp4", "--ball", "28mm", "--calibration", "cal.toml", "--fps", "1e5"], "a frame"),
     ],
 )
 def test_bad_input_leaves_nothing_behind(folder: Path, arguments: list[str], words: str) -> None:

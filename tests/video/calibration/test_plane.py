@@ -90,7 +90,7 @@ def test_the_ball_sets_the_scale_where_nothing_else_does() -> None:
         plane_of(located(x, x, flags=PlaceFlag.CLIPPED), known, "clip")
     sized = ClipCalibration(metres_per_pixel=2e-3, metres_per_pixel_u=4e-6, ball_diameter_m=0.06)
     given = plane_of(located(x, x), sized, "clip")
-    assert (given.metres_per_pixel, given.relative_u, given.source) == (2e-3, 2e-3, "file")
+    assert (given.metres_per_pixel, given.relative_u, given.source) == (2e-3, 2e-3, "given")
 
 
 def test_how_large_a_ball_looks_across_the_picture() -> None:

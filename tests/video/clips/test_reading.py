@@ -1,6 +1,5 @@
 """Clips of every kind come out as they went in; what is no clip is said in one line."""
 
-import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -231,15 +230,16 @@ def test_another_cameras_calibration(tmp_path: Path) -> None:
         open_clip(array(tmp_path / "a.npy", noise()), calibration)
 
 
-def test_the_command_lines_ball_replaces_the_files(tmp_path: Path) -> None:
-    (tmp_path / "cal.toml").write_text("ball_diameter_m = 0.07\nball_diameter_m_u = 1e-4\n")
-    same = read_calibration(tmp_path / "cal.toml", ball_diameter=0.07)
-    assert (same.ball_diameter_m, same.ball_diameter_m_u) == (0.07, 1e-4)
-    other = read_calibration(tmp_path / "cal.toml", ball_diameter=0.073)
-    assert (other.ball_diameter_m, other.ball_diameter_m_u) == (0.073, 0.0)
+def test_keys_replace_the_files(tmp_path: Path) -> None:
+    path = tmp_path / "cal.toml"
+    path.write_text("ball_diameter_m = 0.07\nframes_per_second = 240\nexposure_s = 4e-3\n")
+    other = read_calibration(path, {"ball_diameter_m": 0.073, "frames_per_second": 120.0})
+    assert (other.ball_diameter_m, other.frames_per_second) == (0.073, 120)
+    assert other.exposure_s == 4e-3
+    with pytest.raises(InputError, match=r"cal.toml.*longer than a frame"):
+        read_calibration(path, {"frames_per_second": 480.0})
     with pytest.raises(InputError, match="no length is known"):
         read_calibration(None)
-    shutil.rmtree(tmp_path)
 
 
 def test_a_short_clip_is_decoded_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -155,6 +155,14 @@ def test_a_clean_parabola_is_a_flight_whatever_ball_it_is_said_to_be(followed: G
     assert "GRAVITY" in wrong.flags
 
 
+def test_a_shutter_that_rolls_is_found(followed: Get) -> None:
+    """And its readout is no longer called unknown."""
+    made, found = followed("rolling-shutter")
+    assert found.flags == ("ROLLING_SHUTTER",)
+    assert "about 0.75 of a frame" in " ".join(found.warnings)  # 25 ms at 30 a second
+    require_contacts(made.truth, found)
+
+
 def test_speeds_carry_what_an_unknown_readout_may_do(followed: Get) -> None:
     _, found = followed("thrown-on-wall")
     told = following(found.clip, found.watched, replace(found.known, readout=0.0))

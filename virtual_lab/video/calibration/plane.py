@@ -55,7 +55,7 @@ def plane_of(found: Located, calibration: ClipCalibration, where: str) -> Plane:
         )
     diameter, whole = calibration.ball_diameter_m, found.flags == 0
     if calibration.metres_per_pixel:
-        scale, source = calibration.metres_per_pixel, "file"
+        scale, source = calibration.metres_per_pixel, "given"
         relative = calibration.metres_per_pixel_u / scale
     elif diameter and whole.any():
         radius, source = float(np.median(found.radius[whole])), "ball"

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Len
@@ -111,22 +112,16 @@ class ClipCalibration(Spec):
             raise ValueError(f"exposure_s is longer than a frame, {step:.4g} s")
 
 
-def read_calibration(
-    path: Path | None, *, ball_diameter: float | None = None, otherwise: bool = False
-) -> ClipCalibration:
-    """Return the calibration in a TOML file, None: of an unknown camera.
+def read_calibration(path: Path | None, keys: Mapping[str, Any] | None = None) -> ClipCalibration:
+    """Return the calibration in a TOML file, None: of an unknown camera; `keys` replace the file's.
 
-    A relative name of `timestamps` counts from its folder. `ball_diameter` [m] replaces the
-    file's, with no uncertainty of its own; `otherwise`: something else sets the scale.
+    A relative name of `timestamps` counts from its folder.
     """
-    found = ClipCalibration()
-    if path:
-        found = validate(read_toml(path), str(path), ClipCalibration)
-        if found.timestamps is not None:
-            found = replace(found, timestamps=str(path.parent / found.timestamps))
-    if ball_diameter is not None and ball_diameter != found.ball_diameter_m:
-        found = replace(found, ball_diameter_m=ball_diameter, ball_diameter_m_u=0.0)
-    if not (otherwise or found.metres_per_pixel or found.camera or found.ball_diameter_m):
+    document = (read_toml(path) if path else {}) | dict(keys or {})
+    found = validate(document, str(path or ""), ClipCalibration)
+    if path and found.timestamps is not None:
+        found = replace(found, timestamps=str(path.parent / found.timestamps))
+    if not (found.metres_per_pixel or found.camera or found.ball_diameter_m):
         allowed = "give --ball, --scale, or metres_per_pixel or [camera] in a calibration file"
         raise InputError(str(path or ""), "scale", None, f"no length is known: {allowed}")
     return found

@@ -21,13 +21,13 @@ def ball_of(text: str) -> tuple[float, float, bool]:
 def seconds_of(text: str, key: str) -> float:
     """Return a time [s]: `8ms`, `0.008 s`, `1/120`."""
     found = re.fullmatch(r"\s*([0-9.]+(?:e-?\d+)?)\s*(?:/\s*([0-9.]+)\s*)?([a-zµ]*)\s*", text)
+    form = "expected a time with its unit, e.g. 8ms or 1/120"
+    if not found or not (found[2] or found[3]):
+        raise InputError("", key, text, form)
     try:
-        assert found is not None
-        assert found[2] or found[3]
         unit = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}[found[3]]
         value = float(found[1]) / float(found[2] or 1) * unit
-    except (AssertionError, KeyError, ValueError, ZeroDivisionError) as fault:
-        form = "expected a time with its unit, e.g. 8ms or 1/120"
+    except (KeyError, ValueError, ZeroDivisionError) as fault:
         raise InputError("", key, text, form) from fault
     if not value <= 1:
         raise InputError("", key, text, "allowed: 0 to 1 s")

@@ -330,7 +330,7 @@ def _measured(
             partial(_pull, 0), fit, unit=unit / step**2, relative_u=scale.relative_u
         )
         notes += against + _doubts(known, ways, flights, unit, step)
-        if known.readout is None:
+        if known.readout is None and not fit.readout:
             rolled = _refit(scene, ways, fit, readout=CLIP.usual_readout)
             other_contacts, _ = contacts_of(scene, ways, rolled, [], step, unit)
             notes.append(("READOUT_UNKNOWN", _of_readout(contacts, other_contacts)))

@@ -1,1 +1,1 @@
-"""Where the ball is in each region: in a hurry by rays, or by whichever fit is its."""
+"""Where the ball is in each region, by the fit of its outline."""

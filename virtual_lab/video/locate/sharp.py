@@ -1,7 +1,6 @@
 """Sharp places of one ball in a clip: its outline fitted, region by region.
 
-Noise, lens and the oval that a sphere off the camera's axis shows are learnt from some of the
-regions, where the camera is not known.
+Noise and lens are learnt from some of the regions, where the camera is not known.
 """
 
 from __future__ import annotations

@@ -21,7 +21,6 @@ def track_document(found: FollowedClip, tracked: Tracked | None = None) -> dict[
     before, after = _hit(found, tracked)
     one = found.contacts[0] if len(found.contacts) == 1 else None
     scale, motion = found.scale, found.motion
-    places = [each.places for each in found.flights] or [len(each.t) for each in found.pieces]
     return {
         "clip": found.clip.source.path.name,
         "motion": motion.kind,
@@ -72,7 +71,7 @@ def track_document(found: FollowedClip, tracked: Tracked | None = None) -> dict[
         "drag_per_m": found.drag_per_m,
         "counts": {
             "frames": found.clip.count,
-            "with_ball": len(tracked.frames) if tracked else sum(places),
+            "with_ball": _with_ball(found, tracked),
             "in": before.places if before else 0,
             "out": after.places if after else 0,
             "in_contact": int(tracked.legs.struck.sum()) if tracked else 0,
@@ -104,13 +103,19 @@ def _frame_flags(tracked: Tracked) -> dict[str, int]:
     return {name: count for name, count in counts.items() if count}
 
 
-def track_text(found: FollowedClip) -> str:
+def _with_ball(found: FollowedClip, tracked: Tracked | None) -> int:
+    """Return how many frames show the ball."""
+    if tracked:
+        return len(tracked.frames)
+    return sum([each.places for each in found.flights] or [len(each.t) for each in found.pieces])
+
+
+def track_text(found: FollowedClip, tracked: Tracked | None = None) -> str:
     """Return the result in a few lines."""
     motion, flights = found.motion, found.flights
-    places = [each.places for each in flights] or [len(each.t) for each in found.pieces]
     lines = [
         f"{found.clip.source.path.name}: {found.clip.count} frames, {motion.kind}, "
-        f"the ball in {sum(places)}"
+        f"the ball in {_with_ball(found, tracked)}"
     ]
     if motion.period:
         lines.append(f"  period {_rounded(motion.period)} s")

@@ -124,7 +124,7 @@ def track_clip(
         followed=found,
         course=course_of_tracked(tracked, found) if tracked else course_of_followed(found),
         document=track_document(found, tracked) | extra,
-        text="\n".join([track_text(found), *lines]),
+        text="\n".join([track_text(found, tracked), *lines]),
         title=track_title(found),
         bat=bat,
         progress=progress,
@@ -133,17 +133,19 @@ def track_clip(
 
 def _known(path: Path, asked: Asked) -> tuple[ClipCalibration, dict[str, Any], list[str]]:
     """Return the calibration with what was said beside it, the rest, and sentences."""
+    keys: dict[str, Any] = {}  # of a calibration file, that words replace
     said: dict[str, Any] = {}
-    notes: list[str] = []
-    ball = None
+    assumed = False
     if asked.ball is not None:
         ball, ball_u, assumed = options.ball_of(asked.ball)
-        said |= {"ball": ball, "ball_u": ball_u}
-        if assumed and asked.calibration is None:
-            notes.append(f"no u of the ball's diameter is given: {1e3 * ball_u:.2g} mm was assumed")
+        keys |= {"ball_diameter_m": ball, "ball_diameter_m_u": ball_u}
     if asked.scale is not None:
         scale, scale_u = options.scale_of(asked.scale)
-        said |= {"metres_per_pixel": scale, "metres_per_pixel_u": scale_u}
+        keys |= {"metres_per_pixel": scale, "metres_per_pixel_u": scale_u}
+    if asked.fps is not None:
+        if not 1 <= asked.fps <= 1e7:
+            raise InputError("", "--fps", asked.fps, "allowed: 1 to 1e7 frames a second")
+        keys |= {"frames_per_second": asked.fps, "frames_per_second_u": 0.0}
     forms: dict[str, Callable[[str], Any]] = {
         "exposure": partial(options.seconds_of, key="--exposure"),
         "readout": partial(options.seconds_of, key="--readout"),
@@ -154,6 +156,8 @@ def _known(path: Path, asked: Asked) -> tuple[ClipCalibration, dict[str, Any], l
     for name, form in forms.items():
         if (text := getattr(asked, name)) is not None:
             said[name] = form(text)
+    if asked.calibration and "exposure" in said:  # else frames stored twice may be shorter
+        keys["exposure_s"] = said["exposure"]
     if asked.gravity is not None:
         if not 0.1 <= asked.gravity <= 100:
             raise InputError("", "--gravity", asked.gravity, "allowed: 0.1 to 100 m/s²")
@@ -162,13 +166,10 @@ def _known(path: Path, asked: Asked) -> tuple[ClipCalibration, dict[str, Any], l
         raise InputError("", "--readout", asked.readout, "a global shutter has none: give one")
     if asked.global_shutter:
         said["readout"] = 0.0
-    calibration = read_calibration(
-        asked.calibration, ball_diameter=ball, otherwise=asked.scale is not None
-    )
-    if asked.fps is not None:
-        if not 1 <= asked.fps <= 1e7:
-            raise InputError("", "--fps", asked.fps, "allowed: 1 to 1e7 frames a second")
-        calibration = replace(calibration, frames_per_second=asked.fps)
+    calibration, notes = read_calibration(asked.calibration, keys), []
+    if assumed and not (calibration.metres_per_pixel or calibration.camera):
+        diameter_u = 1e3 * calibration.ball_diameter_m_u
+        notes = [f"no u of the ball's diameter is given: {diameter_u:.2g} mm was assumed"]
     return calibration, said, notes
 
 

@@ -1,1 +1,1 @@
-"""A ball found in frames, linked into flights, and what these say of its speeds."""
+"""The ball of a calibrated camera: located sharply, its two flights, their speeds."""
