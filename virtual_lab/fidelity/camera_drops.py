@@ -11,11 +11,12 @@ from virtual_lab.fidelity.camera_errors import BEYOND
 from virtual_lab.fidelity.drawing import Seen
 from virtual_lab.streams import Streams
 from virtual_lab.units import Array
+from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.find.blobs import BLOB
 from virtual_lab.video.follow.flights import flights_of
 from virtual_lab.video.follow.pieces import Piece, pieces
 from virtual_lab.video.follow.scene import FlightScene
-from virtual_lab.video.track.legs import AirOnFlight, fit_flight
+from virtual_lab.video.track.legs import fit_flight
 
 
 def dropped_frames(
@@ -53,7 +54,7 @@ def _cell(count: int, error: float, flights: int) -> dict[str, Any]:
             first_flight.xy,
             np.full(len(first_flight.t), error),
             0.0,
-            AirOnFlight(),
+            ClipCalibration(),
             float(first_flight.t[-1]),
         )
         true = float(np.hypot(speed_in, 0.1))

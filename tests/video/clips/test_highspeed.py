@@ -67,7 +67,7 @@ def write_mraw(path: Path, frames: list[NDArray[np.uint16]], rate: float, bits: 
 def test_a_cine_file(tmp_path: Path) -> None:
     source = open_source(write_cine(tmp_path / "a.cine", FRAMES, 12000.0))
     assert (source.declared, source.rate) == (7, 12000.0)
-    for (frame, _), true in zip(source.frames(), FRAMES, strict=True):
+    for (frame, _), true in zip(source.pictures(), FRAMES, strict=True):
         np.testing.assert_array_equal(frame, true)
     clip = open_clip(tmp_path / "a.cine", ClipCalibration())
     assert np.diff(clip.times) == pytest.approx(1 / 12000)
@@ -80,7 +80,7 @@ def test_an_mraw_file(bits: int, suffix: str, tmp_path: Path) -> None:
     write_mraw(tmp_path / "a.mraw", frames, 5000.0, bits)
     source = open_source(tmp_path / f"a{suffix}")
     assert (source.declared, source.rate) == (7, 5000.0)
-    for (frame, _), true in zip(source.frames(), frames, strict=True):
+    for (frame, _), true in zip(source.pictures(), frames, strict=True):
         np.testing.assert_array_equal(frame, true)
 
 
@@ -96,7 +96,7 @@ def test_what_cannot_be_read_names_format_and_extra(
     cut = write_mraw(tmp_path / "b.mraw", FRAMES, 5000.0, 16)
     cut.write_bytes(cut.read_bytes()[:-100])
     with pytest.raises(InputError, match="frames that can be read = 6"):
-        list(open_source(cut).frames())
+        list(open_source(cut).pictures())
     monkeypatch.setitem(sys.modules, "cinereader", None)
     with pytest.raises(InputError, match="highspeed"):
         open_source(tmp_path / "a.cine")

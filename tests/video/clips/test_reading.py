@@ -13,7 +13,7 @@ from tests.video.scenes import write_video
 from virtual_lab.errors import InputError
 from virtual_lab.video.clips.calibration_file import ClipCalibration, read_calibration
 from virtual_lab.video.clips.clip import MEMORY, open_clip
-from virtual_lab.video.clips.reading import open_source
+from virtual_lab.video.clips.reading import grey_of, open_source
 
 Frames = list[NDArray[np.generic]]
 FAST = ClipCalibration(metres_per_pixel=1e-3, frames_per_second=5000.0)
@@ -59,14 +59,14 @@ WRITERS: dict[str, Callable[[Path, Frames], Path]] = {
 @pytest.mark.filterwarnings("ignore")
 def test_frames_come_out_as_they_went_in(kind: str, depth: type, tmp_path: Path) -> None:
     frames = noise(depth=depth)
-    read = [frame for frame, _ in open_source(WRITERS[kind](tmp_path, frames)).frames()]
+    read = [frame for frame, _ in open_source(WRITERS[kind](tmp_path, frames)).pictures()]
     np.testing.assert_array_equal(read, frames)
 
 
 @pytest.mark.parametrize("kind", ["mp4", "png", "stack", "npy"])
 def test_colour_becomes_grey(kind: str, tmp_path: Path) -> None:
     frames = noise(shape=(40, 64, 3))
-    read = [frame for frame, _ in open_source(WRITERS[kind](tmp_path, frames)).frames()]
+    read = [grey_of(frame) for frame, _ in open_source(WRITERS[kind](tmp_path, frames)).pictures()]
     grey = np.stack(frames) @ np.array([0.114, 0.587, 0.299])  # ITU-R BT.601, blue first
     np.testing.assert_allclose(np.stack(read), grey, atol=1.0)
 
@@ -253,7 +253,7 @@ def test_a_short_clip_is_decoded_once(tmp_path: Path, monkeypatch: pytest.Monkey
         clip = open_clip(path, FAST)
         path.unlink()
         if there:
-            np.testing.assert_array_equal(np.stack(list(clip.frames())), frames)
+            np.testing.assert_array_equal(np.stack(list(clip.pictures())), frames)
         else:
             with pytest.raises(FileNotFoundError):
-                list(clip.frames())
+                list(clip.pictures())

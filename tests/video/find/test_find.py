@@ -185,9 +185,8 @@ def test_a_ball_at_the_top_of_a_low_hop_is_no_repeat() -> None:
     found = np.zeros(8, BLOB)
     found["frame"], found["radius"], found["x"] = np.arange(8), 15.0, 100.0
     found["y"] = [90, 84, 80, 78.5, 80, 84, 84, 90]
-    shifts = np.zeros((8, 2))
     still = still_of([np.zeros((40, 40), np.uint8)] * 3, 8, stands=True)
-    watched = Watched(still=still, found=found, shifts=shifts, change=change)
+    watched = Watched(still=still, found=found, change=change)
     assert np.flatnonzero(repeats(change)).tolist() == [3, 6]
     assert np.flatnonzero(repeated(watched)).tolist() == [6]
 

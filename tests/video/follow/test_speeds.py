@@ -28,7 +28,6 @@ def followed(found: Blobs) -> FollowedClip:
     watched = Watched(
         still=cast("Any", SimpleNamespace(shows_drift=True, drifts=False)),
         found=found,
-        shifts=np.zeros((count, 2)),
         change=np.full(count, np.nan),
     )
     known = Known(rate=RATE, ball=BALL, ball_u=1e-4, stands=True, readout=0.0)

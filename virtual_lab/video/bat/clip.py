@@ -14,6 +14,7 @@ from virtual_lab.output.rounding import with_uncertainty
 from virtual_lab.video.bat.angles import BatAngles, Recoil, bat_angles, recoil_of
 from virtual_lab.video.bat.outline import find_outline
 from virtual_lab.video.clips.calibration_file import ClipCalibration
+from virtual_lab.video.clips.reading import grey_of
 from virtual_lab.video.track.tracking import Tracked, uncovered_mean
 
 PUSHED = 1e-3  # s about the contact: the bat is being pushed
@@ -43,10 +44,10 @@ def find_bat(tracked: Tracked, calibration: ClipCalibration) -> BatSeen | None:
     before = np.flatnonzero(times < contact - max(PUSHED, tracked.exposure))
     # the ball and 8 pixels about it show nothing of what is behind it
     spots = [[(x, y, far + 8)] if isfinite(far) else [] for x, y, far in balls[before].tolist()]
-    quiet = (frame for _, frame in tracked.clip.chosen(before))
+    quiet = (grey_of(frame) for _, frame in tracked.clip.chosen(before))
     rest = uncovered_mean(quiet, tracked.background, spots)
     edges = find_outline(rest, place, camera)
-    frames = zip(times.tolist(), tracked.clip.frames(), strict=True)
+    frames = zip(times.tolist(), map(grey_of, tracked.clip.pictures()), strict=True)
     angles = bat_angles(frames, edges, balls, pivoted=place.pivoted)
     if len(tracked.legs.flights) < 2:
         where = str(tracked.clip.source.path)

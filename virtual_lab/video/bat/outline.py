@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -53,8 +54,6 @@ class Axis:
 
         They turned about the pivot, from X toward Y [rad].
         """
-        import cv2
-
         camera = self.camera
         cos, sin = np.cos(angle), np.sin(angle)
         ahead = self.ahead @ np.array([[cos, sin], [-sin, cos]])

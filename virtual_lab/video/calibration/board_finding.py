@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,8 +27,6 @@ def find_board(picture: NDArray[Any], board: Board) -> BoardView | None:
     A chessboard must be seen whole, of a board with markers any part. One whose first square is
     white, as OpenCV printed those of an even number of rows before 4.6, is found too.
     """
-    import cv2
-
     grey = picture.astype(np.float32)
     # what is brighter is a glint
     dark, bright = float(grey.min()), float(np.percentile(grey, 99.9))
@@ -49,8 +48,6 @@ def find_board(picture: NDArray[Any], board: Board) -> BoardView | None:
 
 
 def _chessboard(plain: NDArray[np.uint8], board: Board) -> tuple[NDArray[np.intp], Array]:
-    import cv2
-
     # where the light is even, a picture made flat is found less often than the picture itself
     for flags in (0, cv2.CALIB_CB_NORMALIZE_IMAGE):
         found, corners = cv2.findChessboardCornersSB(plain, board.shape, flags=flags)

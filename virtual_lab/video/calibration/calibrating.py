@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -195,8 +196,6 @@ def _turned(rotation: Array) -> Array:
 
 def _lens_and_pose(values: Array, rotation: Array, translation: Array) -> dict[str, Any]:
     """Return a camera as `CameraModel` has it; `values` as in `Solved`."""
-    import cv2
-
     fx, fy, cx, cy, *bent = map(float, values)
     return {
         "matrix": ((fx, 0.0, cx), (0.0, fy, cy), (0.0, 0.0, 1.0)),
@@ -231,8 +230,6 @@ def _model(
 
 def _length_u(solved: Solved, model: CameraModel) -> Array:
     """Return the relative u of `lengths_of`, from the covariance of lens and pose."""
-    import cv2
-
     rotation = cv2.Rodrigues(np.array(model.rotation))[0]
 
     def logs(step: Array) -> Array:
@@ -255,8 +252,6 @@ def _warnings(
     size: tuple[int, int],
     plan: Plan,
 ) -> tuple[str, ...]:
-    import cv2
-
     found = []
     if without:
         found.append(f"no board was found in {', '.join(without)}")
@@ -315,7 +310,6 @@ def _fit(
     corners: Array, seen: list[BoardView], size: tuple[int, int], plane: int, bent: int = 5
 ) -> Solved:
     """Return what fits; a sixth power of the radius of less than 3 u is left out."""
-    import cv2
     from scipy.linalg import block_diag
 
     flags = cv2.CALIB_FIX_K3 if bent == 4 else 0
@@ -367,8 +361,6 @@ def _fit(
 
 def _local(slopes: Array, turn: Array) -> Array:
     """Return slopes by a small turn after the pose's own, in place of those by its vector."""
-    import cv2
-
     rotation, by_vector = cv2.Rodrigues(turn)
     # rows: the vector's three numbers; columns: the matrix's nine, row by row
     change = np.asarray(by_vector).reshape(3, 3, 3) @ rotation.T

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from virtual_lab.errors import InputError
@@ -82,8 +83,6 @@ def distance_of(camera: CameraModel) -> float:
 
 def _pose(camera: CameraModel) -> tuple[Array, Array]:
     """Return the turn of axes from the plane's to the camera's, and where the camera is [m]."""
-    import cv2
-
     rotation = np.asarray(cv2.Rodrigues(np.array(camera.rotation))[0], np.float64)
     return rotation, -rotation.T @ np.array(camera.translation_m)
 
@@ -110,8 +109,6 @@ def on_plane(pixels: Array, camera: CameraModel, diameter: float | None) -> Arra
 
 def _rays(pixels: Array, camera: CameraModel) -> Array:
     """Return the directions of pixels in axes of the camera, (n, 3), 1 along its own."""
-    import cv2
-
     matrix, distortion = np.array(camera.matrix), np.array(camera.distortion)
     good = np.isfinite(pixels).all(axis=1)
     rays = np.full((len(pixels), 3), np.nan)

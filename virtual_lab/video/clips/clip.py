@@ -52,24 +52,16 @@ class Clip:
 
     def grey_samples(self, every: int = 1) -> Frame:
         """Return the samples in grey, (sample, row, column), of some rows and columns."""
-        some = self.samples[:, ::every, ::every]
-        return np.stack([grey_of(each, str(self.source.path)) for each in some])
+        return np.stack([grey_of(each) for each in self.samples[:, ::every, ::every]])
 
     def pictures(self) -> Iterator[Frame]:
         """Return every frame as it is stored, grey or in colour."""
         return (picture for picture, _ in ahead(self.source.pictures()))
 
-    def frames(self) -> Iterator[Frame]:
-        """Return every frame, grey."""
-        return (frame for frame, _ in self.source.frames())
-
-    def chosen(
-        self, wanted: NDArray[np.intp], *, colour: bool = False
-    ) -> Iterator[tuple[int, Frame]]:
-        """Yield frames of some numbers, grey or as stored, in order; read none beyond the last."""
+    def chosen(self, wanted: NDArray[np.intp]) -> Iterator[tuple[int, Frame]]:
+        """Yield frames of some numbers as they are stored, in order; read none beyond the last."""
         left = set(map(int, wanted))
-        frames = enumerate(self.pictures() if colour else self.frames())
-        for number, frame in islice(frames, max(left, default=-1) + 1):
+        for number, frame in islice(enumerate(self.pictures()), max(left, default=-1) + 1):
             if number in left:
                 yield number, frame
 

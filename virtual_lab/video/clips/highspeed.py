@@ -83,8 +83,6 @@ def _grey(raw: NDArray[np.uint8], bits: int) -> NDArray[Any]:
 
 
 def _reader(name: str, path: Path, kind: str) -> ModuleType:
-    if not path.is_file():
-        raise InputError(str(path), "clip", None, "no such file")
     try:
         return import_module(name)
     except ImportError as fault:

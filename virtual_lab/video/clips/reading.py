@@ -39,11 +39,6 @@ class Source:
     # every so manieth picture at least, others may be None; each with its time [s], NaN: none
     read: Callable[[int], Iterator[tuple[Frame | None, float]]]
 
-    def frames(self) -> Iterator[tuple[Frame, float]]:
-        """Yield each frame, grey, as `pictures` does."""
-        for number, (frame, stamp) in enumerate(self.pictures()):
-            yield grey_of(frame, f"{self.path}: frame {number}"), stamp
-
     def pictures(self) -> Iterator[tuple[Frame, float]]:
         """Yield each frame, grey or in colour, with its own time stamp [s] (NaN: it has none).
 
@@ -221,11 +216,10 @@ def _require_picture(frame: Frame, where: str) -> None:
         raise InputError(where, "shape", str(frame.shape), "a frame has at least 8 x 8 pixels")
 
 
-def grey_of(frame: Frame, where: str) -> Frame:
+def grey_of(frame: Frame) -> Frame:
     """Return a frame as grey of its own depth."""
     import cv2
 
-    _require_picture(frame, where)
     if frame.ndim == 2:
         return frame
     if frame.shape[2] == 1:
@@ -253,7 +247,8 @@ def read_pictures(paths: Iterable[Path]) -> Iterator[tuple[str, Frame]]:
                 raise InputError(str(file), "image", None, "cannot be read (is it cut short?)")
             for number, picture in enumerate(pictures):
                 name = str(file) if len(pictures) == 1 else f"{file}:{number}"
-                yield name, grey_of(picture, name)
+                _require_picture(picture, name)
+                yield name, grey_of(picture)
         else:
-            for number, (frame, _) in enumerate(open_source(file).frames()):
-                yield f"{file}:{number}", frame
+            for number, (frame, _) in enumerate(open_source(file).pictures()):
+                yield f"{file}:{number}", grey_of(frame)

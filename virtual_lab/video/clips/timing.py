@@ -74,20 +74,13 @@ def usual_step(times: Array) -> float:
     return float(np.median(steps) if uneven(times) else steps.mean())
 
 
-def uneven(times: Array, *, lost: float = 1.3, slower: float = 1.1, together: int = 8) -> bool:
-    """Return whether time stamps say more than a count of frames.
+def uneven(times: Array) -> bool:
+    """Return whether time stamps (frame,) [s] say more than a count of frames.
 
-    Parameters
-    ----------
-    times
-        Of the frames, (frame,) [s].
-    lost
-        Times the usual step, that a step stands for frames left out.
-    slower
-        Times the usual step, that some steps are a phone's that films on more slowly in the dark.
-    together
-        How many steps: single ones are rounded.
+    A step of 1.3 usual ones stands for frames left out; eight together that are a tenth longer or
+    shorter, for a phone that films on more slowly in the dark: single ones are rounded.
     """
+    lost, slower, together = 1.3, 1.1, 8
     steps = np.diff(times)
     if not len(steps):
         return False

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -119,8 +120,6 @@ def _surer(one: Row, other: Row) -> bool:
 
 def _boxes(off: Image, shrink: int) -> Iterator[tuple[int, int, int, int]]:
     """Yield left, top, width and height [full pixels] of what differs, threshold by threshold."""
-    import cv2
-
     seen: set[tuple[int, int, int, int]] = set()
     kernel = np.ones((3, 3), np.uint8)
     largest = _SEARCH.largest * off.size
@@ -148,8 +147,6 @@ def _outline(
     box: tuple[int, int, int, int],
 ) -> Row | None:
     """Return the outline at half of the contrast in a box as a row of `BLOB`, None: no ball's."""
-    import cv2
-
     left, top, wide, high = box
     rows, columns = still.background.shape[:2]
     room = max(6, round(0.6 * max(wide, high)))
@@ -234,8 +231,6 @@ def _contrasted(off: NDArray[np.float32], bright: NDArray[np.float32]) -> _Contr
 
 
 def _softened(off: NDArray[np.float32]) -> NDArray[np.float32]:
-    import cv2
-
     return np.asarray(cv2.GaussianBlur(off, (0, 0), _SEARCH.softened), np.float32)
 
 
@@ -247,8 +242,6 @@ def _disc(shape: tuple[int, ...], x: float, y: float, radius: float) -> NDArray[
 
 def _shape(off: NDArray[np.float32], level: float) -> tuple[float, float, float, float] | None:
     """Return centre and half axes of the largest thing above a level, None: it is no ball."""
-    import cv2
-
     fine = 1
     area = int((off > level).sum())
     if area < _SEARCH.least_area:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -151,8 +152,6 @@ def edges_of(grey: Image, origin: Array | None = None) -> Edges:
 
 
 def _pyramid(grey: Image, count: int) -> list[NDArray[np.float32]]:
-    import cv2
-
     pictures = [cv2.GaussianBlur(grey, (0, 0), 1.0)]
     for _ in range(count - 1):
         pictures.append(cv2.pyrDown(pictures[-1]))
@@ -160,8 +159,6 @@ def _pyramid(grey: Image, count: int) -> list[NDArray[np.float32]]:
 
 
 def _level(picture: NDArray[np.float32], first: Array) -> _Level:
-    import cv2
-
     across = cv2.Scharr(picture, cv2.CV_32F, 1, 0, scale=1 / 32)
     down = cv2.Scharr(picture, cv2.CV_32F, 0, 1, scale=1 / 32)
     rim = _rim(picture)
@@ -246,8 +243,6 @@ def _off(
 
 
 def _seen(level: _Level, picture: NDArray[np.float32], shift: Array) -> Array:
-    import cv2
-
     if not level.x.size:
         return np.zeros(0)
     x, y = ((p + s).astype(np.float32) for p, s in zip((level.x, level.y), shift, strict=True))

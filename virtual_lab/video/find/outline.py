@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -94,8 +95,6 @@ def fit_outline(
     rounds
         Of which each begins where the one before ended.
     """
-    import cv2
-
     rays = _RAYS
     ball, background, inner, outer = rays.parts
     enough = rays.least_share * rays.count

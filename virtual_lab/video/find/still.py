@@ -10,11 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.units import Array, Mask
-from virtual_lab.video.clips.reading import Frame
+from virtual_lab.video.clips.reading import Frame, grey_of
 from virtual_lab.video.find.drift import Edges, edges_of
 
 Image = NDArray[np.uint8]
@@ -69,16 +70,10 @@ class Still:
     small: Image  # as it is searched
     restless: Image  # (row, column) of that: differences that are no ball's
     shrink: int  # pixels of the full size a pixel of the small one, each way
-    depth: int  # bits that frames are cut to 8 from
     edges: Edges  # of `small`
     drifts: bool
     shows_drift: bool  # edges that no codec keeps in place reach over the picture
     shows_turn: Mask  # which ways, x and y, those do that are steep that way
-
-    @property
-    def channels(self) -> int:
-        """Three of a picture in colour, one of a grey one."""
-        return 1 if self.small.ndim == 2 else self.small.shape[2]
 
     @property
     def fastest(self) -> Array:
@@ -89,7 +84,7 @@ class Still:
         """Return how far a small picture lies from the still frame, (2,) [full pixels]."""
         if not self.drifts:
             return np.zeros(2)
-        return np.asarray(self.shrink * self.edges.shift(_grey(small), guess / self.shrink))
+        return np.asarray(self.shrink * self.edges.shift(grey_of(small), guess / self.shrink))
 
     def shrunk(self, picture: Image) -> Image:
         """Return a picture in the size that is searched."""
@@ -102,9 +97,9 @@ class Still:
         """
         grid = np.s_[:: _STILL.grid, :: _STILL.grid]
         here = moved_back(small, (shift + self.origin) / self.shrink, (0, 0), self.small)[grid]
-        here, behind = (each.reshape(-1, self.channels) for each in (here, self.small[grid]))
-        gains = np.ones(self.channels)
-        for k, (one, lit) in enumerate(zip(here.T, behind.T.astype(np.float32), strict=True)):
+        here, behind = (np.atleast_3d(each).T for each in (here, self.small[grid]))
+        gains = np.ones(len(behind))
+        for k, (one, lit) in enumerate(zip(here, behind.astype(np.float32), strict=True)):
             shown = lit > _STILL.lit
             if shown.any():
                 gain = float(np.median(one[shown] / lit[shown]))
@@ -117,11 +112,9 @@ class Still:
 
         The channel that differs most counts, less what the pixel does without a ball.
         """
-        import cv2
-
         behind = _lit(self.small, light)
         here = moved_back(small, (shift + self.origin) / self.shrink, (0, 0), behind)
-        apart = _strongest(_apart(here, behind))
+        apart = _strongest(cv2.absdiff(here, behind))
         return np.asarray(cv2.subtract(apart, self.restless), np.uint8)
 
     def cut(
@@ -143,7 +136,7 @@ class Still:
 
 def difference_of(part: Image, behind: Image) -> NDArray[np.float32]:
     """Return how far a picture is from another, by the channel that differs most [DN]."""
-    return _strongest(_apart(part, behind)).astype(np.float32)
+    return _strongest(cv2.absdiff(part, behind)).astype(np.float32)
 
 
 def difference_of_light(part: Image, behind: Image) -> NDArray[np.float32]:
@@ -151,8 +144,6 @@ def difference_of_light(part: Image, behind: Image) -> NDArray[np.float32]:
 
     In light a pixel that the ball covers by half lies half way (sRGB, IEC 61966-2-1).
     """
-    import cv2
-
     if part.ndim == 2:
         return difference_of(part, behind)
     light = (255 * (np.arange(256) / 255) ** 2.2).astype(np.float32)
@@ -180,7 +171,7 @@ def still_of(
     halvings = max(0, int(np.ceil(np.log2(rows * columns / _STILL.searched) / 2)))
     shrink = 2**halvings
     small = [_shrunk(each, shrink) for each in pictures]
-    greys = [_grey(each) for each in small]
+    greys = [grey_of(each) for each in small]
     shifts = np.zeros((len(greys), 2))
     if not stands:
         limits = np.array([_STILL.turned * max(rows, columns), _STILL.held]) * apart / shrink
@@ -194,9 +185,9 @@ def still_of(
     wide, high = (int(each) for each in end - origin)
     background = _covered(pictures, shifts + origin, (high, wide), share_of(pictures))
     behind = _shrunk(background, shrink)
-    edges = edges_of(_grey(behind), origin / shrink)
+    edges = edges_of(grey_of(behind), origin / shrink)
     off = [
-        _strongest(_apart(moved_back(each, (shift + origin) / shrink, (0, 0), behind), behind))
+        _strongest(cv2.absdiff(moved_back(each, (shift + origin) / shrink, (0, 0), behind), behind))
         for each, shift in zip(small, shifts, strict=True)
     ]
     return Still(
@@ -206,7 +197,6 @@ def still_of(
         small=behind,
         restless=np.minimum(_quantile(off, _STILL.restless), _STILL.most_restless).astype(np.uint8),
         shrink=shrink,
-        depth=depth,
         edges=edges,
         drifts=drifts,
         shows_drift=bool(_shown(edges, behind, own=False).any()),
@@ -293,8 +283,6 @@ def moved_back(picture: Image, shift: Array, corner: tuple[int, int], behind: Im
 
     The corner (x, y) is that of the background in the still frame.
     """
-    import cv2
-
     x, y = corner
     rows, columns = behind.shape[:2]
     if not np.any(shift) and y + rows <= picture.shape[0] and x + columns <= picture.shape[1]:
@@ -361,14 +349,8 @@ def ranked(stack: NDArray[np.uint8], rank: int | NDArray[np.uint8]) -> Image:
     return found
 
 
-def _placed(picture: Image, shift: Array) -> Image:
-    return moved_back(picture, shift, (0, 0), picture)
-
-
 def _shrunk(picture: Image, shrink: int) -> Image:
     """Return a picture halved some times over: much quicker than at once."""
-    import cv2
-
     while shrink > 1:
         rows, columns = (2 * (side // 2) for side in picture.shape[:2])
         size = (columns // 2, rows // 2)
@@ -377,33 +359,15 @@ def _shrunk(picture: Image, shrink: int) -> Image:
     return picture
 
 
-def _grey(picture: Image) -> Image:
-    import cv2
-
-    if picture.ndim == 2:
-        return picture
-    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)
-
-
 def _strongest(apart: NDArray[Any]) -> NDArray[Any]:
-    import cv2
-
     if apart.ndim == 2:
         return apart
     one, two, three = cv2.split(apart)
     return cv2.max(cv2.max(one, two), three)
 
 
-def _apart(one: Image, other: Image) -> Image:
-    import cv2
-
-    return np.asarray(cv2.absdiff(one, other), np.uint8)
-
-
 def _lit(behind: Image, light: Array) -> Image:
     """Return a background as bright as a picture is, channel by channel."""
-    import cv2
-
     if (light == 1.0).all():
         return behind
     values = np.clip(np.rint(np.arange(256)[:, None] * light), 0, 255).astype(np.uint8)
@@ -413,7 +377,7 @@ def _lit(behind: Image, light: Array) -> Image:
 def _median(pictures: Sequence[Image], shifts: Array | None = None) -> Image:
     """Return the median of pictures, each moved by its shift [pixels]."""
     if shifts is not None:
-        pictures = [_placed(p, s) for p, s in zip(pictures, shifts, strict=True)]
+        pictures = [moved_back(p, s, (0, 0), p) for p, s in zip(pictures, shifts, strict=True)]
     return _quantile(pictures, 0.5)
 
 

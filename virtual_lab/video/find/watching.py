@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,7 +21,6 @@ class Watched:
 
     still: Still
     found: Blobs  # (blob,) of `find.blobs.BLOB`, frame by frame
-    shifts: Array  # (frame, 2) of each picture from the still frame [pixels]
     change: Array  # (frame,) greatest from the frame before [DN]; NaN: not looked at
     # JPEG of 30 kB each, as searched; of 1500 frames at most
     thumbs: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict)
@@ -47,13 +47,11 @@ def watch(
     progress
         Called now and then.
     """
-    import cv2
-
     depth = max(8, int(clip.full_scale).bit_length())
     apart = float(np.diff(clip.sampled).max()) if len(clip.sampled) > 1 else 1.0
     still = still_of(list(clip.samples), depth, apart, stands=stands)
     first, last = frames or (0, clip.count - 1)
-    shifts, change = np.zeros((clip.count, 2)), np.full(clip.count, np.nan)
+    change = np.full(clip.count, np.nan)
     found: list[Blobs] = [np.zeros(0, BLOB)]
     shift, ahead, since = np.zeros(2), np.zeros(2), 1
     before: Image | None = None
@@ -71,7 +69,6 @@ def watch(
             shift, ahead, since = shift + drifted, drifted / since, 1
         else:
             since += 1
-        shifts[number] = shift
         if number < first:
             continue  # its drift alone: that of the next one is near
         if before is not None:
@@ -87,7 +84,7 @@ def watch(
         x, y, wide, high = region
         inside = (whole["x"] > x) & (whole["x"] < x + wide)
         whole = whole[inside & (whole["y"] > y) & (whole["y"] < y + high)]
-    return Watched(still=still, found=whole, shifts=shifts, change=change, thumbs=thumbs)
+    return Watched(still=still, found=whole, change=change, thumbs=thumbs)
 
 
 def repeated(watched: Watched) -> Mask:
@@ -108,29 +105,17 @@ def repeated(watched: Watched) -> Mask:
     return same
 
 
-def repeats(
-    change: Array, *, least_change: float = 8.0, share: float = 0.3, beside: int = 2
-) -> Mask:
-    """Return which frames show the same as the one before, (frame,), by what changes around them.
+def repeats(change: Array) -> Mask:
+    """Return which frames show the same as the one before, (frame,), by `change` around them [DN].
 
     Both sides must show more change: a key frame or the end of a motion is on one side only.
-
-    Parameters
-    ----------
-    change
-        Of each frame from the one before [DN], (frame,).
-    least_change
-        Beside a repeat [DN]: where nothing moves all frames are alike.
-    share
-        Of the change beside it, at most that of a repeat.
-    beside
-        Frames on each side.
     """
+    beside, least, share = 2, 8.0, 0.3  # frames each side; DN there; of that, a repeat's at most
     known = np.nan_to_num(change)
     same = np.zeros(len(known), bool)
     for k in range(1, len(known)):
         left, right = known[max(0, k - beside) : k], known[k + 1 : k + 1 + beside]
         if left.size and right.size:
             most = min(float(left.max()), float(right.max()))
-            same[k] = most > least_change and known[k] < share * most
+            same[k] = most > least and known[k] < share * most
     return same & np.isfinite(change)

@@ -59,13 +59,9 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
     found, t = found[order], np.where(np.isnan(times), frames, times)[order]
     names = np.array([(row["flight"] or "").strip() for row in rows])[order]
     flights = [np.flatnonzero(names == name) for name in dict.fromkeys(names) if name]
-    shifts = np.zeros((clip.count, 2))
-    shifts[found["frame"], 0] = found["picture_x"] - found["x"]
-    shifts[found["frame"], 1] = found["picture_y"] - found["y"]
     watched = Watched(
         still=still_of(list(clip.samples[:1]), max(8, int(clip.full_scale).bit_length())),
         found=found,
-        shifts=shifts,
         change=np.full(clip.count, np.nan),
     )
     pieces = [Piece.of(found, own, t[own]) for own in flights if len(own) >= FLIGHTS.side_places]

@@ -9,11 +9,13 @@ from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.output.style import STYLE
 from virtual_lab.video.clips.reading import Frame
+from virtual_lab.video.find.still import moved_back
 from virtual_lab.video.show.course import BallCourse
 
 if TYPE_CHECKING:
@@ -54,8 +56,6 @@ class Pictures:
 
 def pictures_of(course: BallCourse, thumbs: Mapping[int, Image]) -> Pictures:
     """Return the frames that sheet and film show, out of small JPEGs; others are read."""
-    import cv2
-
     sheet, film = _for_sheet(course), _spread(len(course.frames), LAYOUT.film_frames)
     rows, columns = course.clip.shape
     tile_px = LAYOUT.sheet_px / len(sheet)
@@ -69,15 +69,13 @@ def pictures_of(course: BallCourse, thumbs: Mapping[int, Image]) -> Pictures:
     left = np.array([each for each in wanted if each not in small], np.intp)
     frames = {
         number: np.asarray(cv2.resize(_shown(frame, low, high), size, interpolation=way), np.uint8)
-        for number, frame in chain(small.items(), course.clip.chosen(left, colour=True))
+        for number, frame in chain(small.items(), course.clip.chosen(left))
     }
     return Pictures(frames=frames, scale=float(scale), sheet=sheet, film=film)
 
 
 def write_sheet(course: BallCourse, pictures: Pictures, path: Path) -> None:
     """Write frames side by side as PNG, those about flights' ends and contacts among them."""
-    import cv2
-
     tiles = [_one(course, pictures, k, pictures.scale) for k in pictures.sheet]
     rows, columns = tiles[0].shape[:2]
     across = int(np.clip(round(np.sqrt(1.4 * len(tiles) * rows / columns)), 1, len(tiles)))
@@ -91,8 +89,6 @@ def write_sheet(course: BallCourse, pictures: Pictures, path: Path) -> None:
 
 def write_film(course: BallCourse, pictures: Pictures, path: Path) -> None:
     """Write the frames that show the ball as an animated WebP."""
-    import cv2
-
     rows, columns = course.clip.shape
     scale = min(pictures.scale, float(np.sqrt(LAYOUT.film_px / (rows * columns))))
     animation = cv2.Animation()
@@ -126,8 +122,6 @@ def _spread(places: int, count: int) -> list[int]:
 
 
 def _one(course: BallCourse, pictures: Pictures, k: int, scale: float) -> Image:
-    import cv2
-
     image = pictures.frames[int(course.frames[k])]
     if scale != pictures.scale:
         high, wide = (max(1, round(side * scale)) for side in course.clip.shape)
@@ -147,8 +141,6 @@ def _one(course: BallCourse, pictures: Pictures, k: int, scale: float) -> Image:
 
 def _label(words: str, image: Image) -> Image:
     """Return a strip as wide as an image with words that fit into it."""
-    import cv2
-
     strip = np.full((LAYOUT.strip_px, image.shape[1], 3), 255, np.uint8)
     face, letters = cv2.FONT_HERSHEY_SIMPLEX, 0.5
     wide = cv2.getTextSize(words, face, letters, 1)[0][0]
@@ -221,16 +213,8 @@ def strobe(course: BallCourse, pictures: Pictures) -> NDArray[np.uint8]:
 
 def _still(pictures: Pictures, course: BallCourse, k: int) -> NDArray[np.uint8]:
     """Return a picture where the still frame has it."""
-    import cv2
-
     picture = pictures.frames[int(course.frames[k])]
-    if not course.drift[k].any():
-        return picture
-    x, y = course.drift[k] * pictures.scale
-    back = np.array([[1.0, 0.0, x], [0.0, 1.0, y]])
-    size, flags = picture.shape[1::-1], cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    mode = cv2.BORDER_REPLICATE
-    return np.asarray(cv2.warpAffine(picture, back, size, flags=flags, borderMode=mode), np.uint8)
+    return moved_back(picture, course.drift[k] * pictures.scale, (0, 0), picture)
 
 
 def _picture(axes: Axes, course: BallCourse, pictures: Pictures) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from virtual_lab.relations.flight import distance_after
 from virtual_lab.units import Array, Mask
+from virtual_lab.video.clips.calibration_file import ClipCalibration
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,15 +35,6 @@ LEGS = LegSettings()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AirOnFlight:
-    """What bends a flight."""
-
-    drag: float = 0.0  # κ of dv/dx = -κ v [1/m]
-    drag_u: float = 0.0
-    gravity: tuple[float, float] = (0.0, 0.0)  # [m/s²]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class StraightFlight:
     """One straight flight at a moment; x and y in metres, m/s."""
 
@@ -52,7 +44,6 @@ class StraightFlight:
     covariance: Array  # (2, 2) of place and velocity, alike along x and y
     drag_u: float  # relative uncertainty of the speed from the drag's
     residuals: Array  # (frame, 2) of the frames used
-    chi_square: float  # per degree of freedom, of noise alone
 
     @property
     def speed(self) -> float:
@@ -69,7 +60,7 @@ def fit_flight(
     places: Array,
     u: Array,
     pattern_u: float,
-    air: AirOnFlight,
+    air: ClipCalibration,
     moment: float,
     *,
     rough: bool = False,
@@ -96,10 +87,10 @@ def fit_flight(
         The uncertainty is that of the residuals' scatter alone: quick, for a search.
     """
     tau, velocity = t - moment, np.zeros(2)
-    level = places - 0.5 * np.outer(tau**2, air.gravity)  # without gravity: a straight line's
+    level = places - 0.5 * np.outer(tau**2, air.gravity_mps2)  # without gravity: a straight line's
     for _ in range(4):  # the way depends on the speed, by the drag, a little
         speed = float(np.hypot(*velocity))
-        way = distance_after(tau, speed, air.drag) / speed if speed else tau
+        way = distance_after(tau, speed, air.drag_per_m) / speed if speed else tau
         design = np.stack([np.ones_like(way), way], axis=1)
         solver = np.linalg.pinv(design / u[:, None]) / u
         place, velocity = solver @ level
@@ -115,9 +106,8 @@ def fit_flight(
         place=place,
         velocity=velocity,
         covariance=covariance,
-        drag_u=air.drag_u * distance,
+        drag_u=air.drag_per_m_u * distance,
         residuals=residuals,
-        chi_square=chi_square,
     )
 
 
@@ -169,7 +159,7 @@ class Places:
     u: Array  # (frame,) from noise
     pattern_u: float
     exposure: float  # [s]
-    air: AirOnFlight
+    air: ClipCalibration  # drag and gravity
 
     def flight(self, used: Mask, moment: float, *, rough: bool = True) -> StraightFlight:
         """Return the flight through some of the frames."""

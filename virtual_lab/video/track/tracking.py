@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,13 +15,13 @@ from virtual_lab.units import Array
 from virtual_lab.video.calibration.plane import Plane, plane_of
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import Clip
-from virtual_lab.video.clips.reading import Frame
+from virtual_lab.video.clips.reading import Frame, grey_of
 from virtual_lab.video.clips.timing import usual_step
 from virtual_lab.video.follow.following import FollowedClip
 from virtual_lab.video.follow.pieces import GROWTH
 from virtual_lab.video.locate.located import Located, PlaceFlag, Regions, part_of, squares
 from virtual_lab.video.locate.sharp import Sharp
-from virtual_lab.video.track.legs import AirOnFlight, Legs, Places, legs_of
+from virtual_lab.video.track.legs import Legs, Places, legs_of
 
 Image = NDArray[np.float32]
 
@@ -117,11 +118,7 @@ def sharpened(
             u=scale * np.hypot(located.x_u, located.y_u) / np.sqrt(2),
             pattern_u=scale * pattern,
             exposure=exposure,
-            air=AirOnFlight(
-                drag=calibration.drag_per_m,
-                drag_u=calibration.drag_per_m_u,
-                gravity=calibration.gravity_mps2,
-            ),
+            air=calibration,
         ),
         flown,
     )
@@ -185,7 +182,9 @@ def _located(
         some = part_of(start, np.arange(first, min(first + TRACK.together, len(frames))))
         cuts = squares(some, clip.shape)
         regions = Regions(  # copies: a view would keep its whole frame
-            pixels=np.stack([f[cut].copy() for cut, (_, f) in zip(cuts, stream, strict=False)]),
+            pixels=np.stack(
+                [grey_of(f[cut]).copy() for cut, (_, f) in zip(cuts, stream, strict=False)]
+            ),
             background=np.stack([background[cut] for cut in cuts]),
             corners=np.array([[cut[1].start, cut[0].start] for cut in cuts], float),
         )
@@ -264,7 +263,9 @@ def _exposure(
     tried = fast[np.linspace(0, fast.size - 1, count).astype(int)]
     squares = []
     for k, (_, frame) in zip(tried, clip.chosen(frames[tried]), strict=True):
-        squares.append(12 * _longer(frame, background, start, int(k), velocity[k] / speed[k]))
+        squares.append(
+            12 * _longer(grey_of(frame), background, start, int(k), velocity[k] / speed[k])
+        )
     squared = float(np.median(squares)) / float(np.mean(speed[tried] ** 2))
     step = float(np.median(np.diff(clip.times)))
     return min(float(np.sqrt(max(squared, 0.0))), step)
@@ -309,8 +310,6 @@ def uncovered_mean(
     covered
         x, y and reach [pixels] of what moves in each sample.
     """
-    import cv2
-
     total, count = np.zeros((2, *first.shape), np.float32)
     for sample, spots in zip(samples, covered, strict=True):
         free = np.ones(first.shape, np.uint8)
