@@ -1,5 +1,6 @@
 """Clips of every kind come out as they went in; what is no clip is said in one line."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -240,6 +241,31 @@ def test_keys_replace_the_files(tmp_path: Path) -> None:
         read_calibration(path, {"frames_per_second": 480.0})
     with pytest.raises(InputError, match="no length is known"):
         read_calibration(None)
+
+
+def test_motion_jpeg_shows_what_ffmpeg_shows(tmp_path: Path) -> None:
+    """With the same times; pictures that nobody asks for are not decoded, a broken one is said."""
+    path, size = tmp_path / "a.avi", (64, 48)
+    writer = cv2.VideoWriter(
+        str(path), cv2.CAP_OPENCV_MJPEG, cv2.VideoWriter.fourcc(*"MJPG"), 50, size
+    )
+    ramp = np.add.outer(np.arange(size[1]), np.arange(size[0])).astype(np.uint8)
+    for k in range(12):
+        writer.write(np.stack([ramp + 8 * k, ramp, 255 - ramp], axis=-1))
+    writer.release()
+    source, theirs = open_source(path), cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    frames, stamps = zip(*source.pictures(), strict=True)
+    np.testing.assert_allclose(stamps, np.arange(12) / 50)
+    for frame in frames:
+        assert np.abs(frame.astype(float) - theirs.read()[1]).mean() < 2
+    assert not theirs.grab()
+    assert [k for k, (frame, _) in enumerate(source.read(5)) if frame is not None] == [0, 5, 10]
+    content = bytearray(path.read_bytes())
+    at = [found.start() for found in re.finditer(b"\xff\xd8\xff", bytes(content))][7]
+    content[at : at + 40] = bytes(40)
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="says it holds 12"):
+        list(open_source(path).pictures())
 
 
 def test_a_short_clip_is_decoded_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -168,20 +168,25 @@ def _video(path: Path) -> Source:
     declared = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
     rate = float(capture.get(cv2.CAP_PROP_FPS))
     turn = capture.get(cv2.CAP_PROP_ORIENTATION_META)
+    pixels = int(capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)).to_bytes(4, "little")
+    grey = pixels in (b"Y800", b"Y1\0\x10")  # FFmpeg's own grey of 8 and 16 bits
+    jpegs = not grey and _is_motion_jpeg(path, capture)
     capture.release()
     if declared == 0:
         raise InputError(str(path), "frames", 0, "no frame in it can be read")
 
     def read(every: int) -> Iterator[tuple[Frame | None, float]]:
-        capture = _open(path)
-        pixels = int(capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)).to_bytes(4, "little")
-        if pixels in (b"Y800", b"Y1\0\x10"):  # FFmpeg's own grey of 8 and 16 bits
+        capture = cv2.VideoCapture(str(path), cv2.CAP_OPENCV_MJPEG) if jpegs else _open(path)
+        if grey:
             capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)  # else 16 bits are cut to 8
         try:
             number = 0
             while capture.grab():
                 frame = None if number % every else capture.retrieve()[1]
-                yield frame, capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
+                if frame is None and number % every == 0:
+                    break
+                stamp = number / rate if jpegs else capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
+                yield frame, stamp
                 number += 1
         finally:
             capture.release()
@@ -194,6 +199,20 @@ def _video(path: Path) -> Source:
         rotation=int(turn) % 360 if np.isfinite(turn) else 0,
         read=read,
     )
+
+
+def _is_motion_jpeg(path: Path, capture: cv2.VideoCapture) -> bool:
+    """Return whether OpenCV's own reader, which decodes only what is asked for, shows the same."""
+    import cv2
+
+    if int(capture.get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little") != b"MJPG":
+        return False
+    own = cv2.VideoCapture(str(path), cv2.CAP_OPENCV_MJPEG)
+    if own.get(cv2.CAP_PROP_FRAME_COUNT) != capture.get(cv2.CAP_PROP_FRAME_COUNT):
+        return False
+    shown, first = own.read()
+    size = (capture.get(cv2.CAP_PROP_FRAME_HEIGHT), capture.get(cv2.CAP_PROP_FRAME_WIDTH))
+    return shown and first.shape[:2] == size  # of interlaced fields it shows one
 
 
 def _open(path: Path) -> cv2.VideoCapture:
