@@ -304,7 +304,7 @@ def _measured(
         if fit.readout and scene.readout is None:
             words = (
                 f"the shutter rolls: the flights fit a readout of about {fit.readout:.2g} of a "
-                "frame; give --readout to say how long it is"
+                "frame, and the speeds' u covers any up to a frame; --readout says how long it is"
             )
             notes.append(("ROLLING_SHUTTER", words))
         others = [(_refit(scene, ways, fit, drag=False, shared=False), CLIP.drag_u)]
