@@ -51,7 +51,7 @@ def test_drift_and_background_of_a_hand_held_phone() -> None:
     shift = NONE
     found = []
     for frame in frames:
-        shift = still.shift(still.shrunk(frame), shift)
+        shift = still.shift(still.shrunk(frame), shift, shift)
         found.append(shift)
     assert np.ptp(found, axis=0).max() > 2
 

@@ -107,7 +107,7 @@ def test_a_hand_s_drift_that_a_codec_nearly_hides(seed: int, crf: int, tmp_path:
     seen = found.watched.found
     shifts = np.stack([seen["picture_x"] - seen["x"], seen["picture_y"] - seen["y"]], axis=1)
     off = shifts - shifts[0] - (made.drift[seen["frame"]] - made.drift[seen["frame"][0]])
-    assert np.abs(off[seen["frame"] >= 70]).max() < 5.0
+    assert np.abs(off[seen["frame"] >= 70]).max() < 2.0
     assert found.contacts
     for each in found.contacts:
         true = min(made.truth.contacts, key=lambda other: abs(other.frame - each.frame))

@@ -82,13 +82,17 @@ class Edges:
             found[axis] = (np.ptp(shown) + 1) / _ALIGN.parts if shown.size else 0.0
         return found
 
-    def shift(self, grey: Image, guess: Array) -> Array:
-        """Return how far a picture lies from this one, (2,) [pixels], found from near a guess."""
+    def shift(self, grey: Image, guess: Array, before: Array | None = None) -> Array:
+        """Return how far a picture lies from this one, (2,) [pixels], found from near a guess.
+
+        `before`: of the picture before, if it is known, which is also that of this one where none
+        fits better; far from it one must fit far better.
+        """
         pictures = _pyramid(grey, len(self.levels))[::-1]
         finest = len(self.levels) - 1
-        tried = [np.zeros(2), np.array(guess, float)]
+        tried = [np.zeros(2), np.array(guess if before is None else before, float)]
         for first in (finest, 0):
-            shift = tried[1]
+            shift = np.array(guess, float)
             for k in range(first, finest + 1):
                 scale = 2.0 ** (finest - k)
                 shift = scale * _settled(self.levels[k], pictures[k], shift / scale)
@@ -96,10 +100,11 @@ class Edges:
             near = np.hypot(*(shift - guess)) < _ALIGN.near
             if near and _cost(self.levels[-1], pictures[-1], shift) < _ALIGN.fits:
                 break  # of what moves so little the coarser levels show no more
-        costs = [_cost(self.levels[-1], pictures[-1], each) for each in tried]
+        costs = np.array([_cost(self.levels[-1], pictures[-1], each) for each in tried])
         costs[0] *= _ALIGN.stand
-        if np.hypot(*(tried[-1] - guess)) > _ALIGN.near:
-            costs[-1] /= _ALIGN.far
+        far = np.hypot(*(np.array(tried) - tried[1]).T) > _ALIGN.near
+        far[0] &= before is not None
+        costs[far] /= _ALIGN.far
         return tried[int(np.argmin(costs))]
 
     def cost(self, grey: Image, shift: Array) -> float:

@@ -80,11 +80,15 @@ class Still:
         """How far it may drift each way, (2,) [pixels a frame]."""
         return np.where(self.shows_turn, _STILL.turned * max(self.size), _STILL.held)
 
-    def shift(self, small: Image, guess: Array) -> Array:
-        """Return how far a small picture lies from the still frame, (2,) [full pixels]."""
+    def shift(self, small: Image, guess: Array, before: Array) -> Array:
+        """Return how far a small picture lies from the still frame, (2,) [full pixels].
+
+        `before`: how far the picture before does.
+        """
         if not self.drifts:
             return np.zeros(2)
-        return np.asarray(self.shrink * self.edges.shift(grey_of(small), guess / self.shrink))
+        near = (each / self.shrink for each in (guess, before))
+        return np.asarray(self.shrink * self.edges.shift(grey_of(small), *near))
 
     def shrunk(self, picture: Image) -> Image:
         """Return a picture in the size that is searched."""

@@ -64,7 +64,7 @@ def watch(
             progress(f"frame {number} of {clip.count}")
         picture = eight_bits(frame, depth)
         small = still.shrunk(picture)
-        drifted = still.shift(small, shift + ahead) - shift
+        drifted = still.shift(small, shift + ahead, shift) - shift
         if (np.abs(drifted) < still.fastest * since).all():
             shift, ahead, since = shift + drifted, drifted / since, 1
         else:
