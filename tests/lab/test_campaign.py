@@ -130,17 +130,17 @@ def test_scenes_of_a_test_lie_in_its_box(procedure: str) -> None:
     ready = lab.prepared(laboratory).laboratory
     ends = (rules.scan.low, rules.scan.high) if rules.scan else (np.mean(box.impact_position),) * 2
     slots, watching = np.arange(shots), Watching(campaign)
-    order = ShotPlan(
+    plan = ShotPlan(
         slot=slots,
         ball=slots % rules.balls,
         speed=np.full(shots, rules.ball_speed),
         place=np.where(slots % 2, *ends),
         turn_rate=float(rules.turn_rate(beam_of(campaign.setup.bat.spec.body).length)),
-        rung=RecordDetail.SUMMED,
+        detail=RecordDetail.SUMMED,
     )
     specimen = replace(ready.specimen, collision=watching)
     with pytest.raises(AskedError):
-        laboratory.stations[Stage.IMPACT].play(order, specimen, laboratory.draws)
+        laboratory.stations[Stage.IMPACT].play(plan, specimen, laboratory.draws)
     (scenes,) = watching.seen
     assert box.inside(scenes).all()
     for axis in ("impact_position", "relative_speed", "ball_restitution"):
@@ -154,21 +154,21 @@ def test_summed_and_full_records_share_their_truth(procedure: str) -> None:
     setup = replace(Campaign.of("r161", procedure).setup, seed=4)
     rules, slots = setup.rules.spec, np.arange(24)
     truths, constants, balls = [], [], []
-    for rung in RecordDetail:
-        day = lab.prepared(lab.Laboratory.open(replace(setup, detail=rung)))
+    for detail in RecordDetail:
+        day = lab.prepared(lab.Laboratory.open(replace(setup, detail=detail)))
         ready, bench, wall = day.laboratory, day.bench, day.wall
         assert bench is not None
         assert wall is not None
-        order = ShotPlan(
+        plan = ShotPlan(
             slot=slots,
             ball=slots % rules.balls,
             speed=np.full(slots.size, rules.ball_speed),
             place=np.linspace(0.13, 0.17, slots.size),
             turn_rate=float(rules.turn_rate(float(bench.truth["length"]))),
-            rung=rung,
+            detail=detail,
         )
         station = ready.stations[Stage.IMPACT]
-        play = station.play(order, ready.specimen, ready.draws)
+        play = station.play(plan, ready.specimen, ready.draws)
         names = ("speed", "place", "across", "ball_restitution")
         truths.append([play.truth[name] for name in names] + [*wall.truth.values()])
         constants.append([dict(each.true_constants) for each in ready.stations.values()])

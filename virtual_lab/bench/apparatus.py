@@ -185,8 +185,8 @@ class Apparatus:
     def _bench(self, laboratory: Laboratory) -> RigOutput:
         balls = np.arange(laboratory.rules.spec.balls)
         nothing = np.full(balls.shape, np.nan)
-        order = ShotPlan(slot=balls, ball=balls, speed=nothing, place=nothing)
-        return laboratory.play(Stage.BENCH, order)
+        plan = ShotPlan(slot=balls, ball=balls, speed=nothing, place=nothing)
+        return laboratory.play(Stage.BENCH, plan)
 
     @cached_property
     def _length(self) -> float:

@@ -134,10 +134,10 @@ class Laboratory:
         """The rig that fires at the bat, as installed in this laboratory."""
         return cast("ImpactStation", self.stations[Stage.IMPACT])
 
-    def play(self, stage: Stage, order: ShotPlan) -> RigOutput:
+    def play(self, stage: Stage, plan: ShotPlan) -> RigOutput:
         """Carry out ordered shots, with the faults of this day."""
         station = self.stations[stage]
-        return self.setup.faults.play(stage, station, order, self.specimen, self.draws)
+        return self.setup.faults.play(stage, station, plan, self.specimen, self.draws)
 
 
 def _sealing(setup: TestSetup) -> str:

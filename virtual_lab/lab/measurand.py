@@ -76,14 +76,14 @@ def true_curve(
 ) -> TrueCurve:
     """Return the true curve at `places` [m] at the procedure's nominal speeds."""
     beam = beam_of(specimen.bat.body)
-    order = ShotPlan(
+    plan = ShotPlan(
         slot=np.arange(places.size),
         ball=np.zeros(places.shape, dtype=int),
         speed=np.full(places.shape, procedure.ball_speed),
         place=places,
         turn_rate=float(procedure.turn_rate(beam.length)),
     )
-    true = station.outcome(order, specimen)
+    true = station.outcome(plan, specimen)
     rigid = true.free if procedure.recoil == "free" else true.pivoted
     return TrueCurve(
         procedure=procedure,

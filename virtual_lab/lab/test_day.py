@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import cast
 
 import numpy as np
 
@@ -85,16 +84,16 @@ class TestDay:
         laboratory, rules = self.laboratory, self.laboratory.rules.spec
         speeds = np.tile(rules.wall_speeds, rules.wall_hits)
         ball = np.arange(rules.balls).repeat(speeds.size)
-        order = ShotPlan(
+        plan = ShotPlan(
             slot=np.arange(ball.size),
             ball=ball,
             speed=np.tile(speeds, rules.balls),
             place=np.zeros(ball.shape),
-            rung=laboratory.setup.detail,
+            detail=laboratory.setup.detail,
         )
-        wall = laboratory.play(Stage.BALLS, order)
+        wall = laboratory.play(Stage.BALLS, plan)
         specimen = laboratory.specimen
-        balls = specimen.balls.as_found(order.ball, wall.truth["restitution_loss"])
+        balls = specimen.balls.as_found(plan.ball, wall.truth["restitution_loss"])
         return replace(
             self,
             laboratory=replace(laboratory, specimen=replace(specimen, balls=balls)),
@@ -134,7 +133,7 @@ class TestDay:
             speed=np.full(shots.shape, laboratory.rules.spec.ball_speed),
             place=to_set(places - along_of(self.session), exact=ideal),
             turn_rate=self.preparation.turn_rate,
-            rung=laboratory.setup.detail,
+            detail=laboratory.setup.detail,
             motion=laboratory.setup.motion,
         )
         rounds = (*self.rounds, laboratory.play(Stage.IMPACT, plan))
@@ -168,18 +167,20 @@ class TestDay:
     def _film(self, session: Session) -> Callable[[Path], None]:
         laboratory = self.laboratory
         done = laboratory.setup.faults.done(Stage.IMPACT, self.plans[0], laboratory.specimen)
-        return film_of(cast(FilmingStation, laboratory.impact), *done, laboratory.draws, session)
+        station = laboratory.impact
+        assert isinstance(station, FilmingStation), "require_camera() has seen to it"
+        return film_of(station, *done, laboratory.draws, session)
 
     def _on_bench(self, asked: Callable[[str], bool]) -> TestDay:
         laboratory = self.laboratory
         balls = np.arange(laboratory.rules.spec.balls)
-        order = ShotPlan(
+        plan = ShotPlan(
             slot=balls,
             ball=balls,
             speed=np.full(balls.shape, np.nan),
             place=np.full(balls.shape, np.nan),
         )
-        bench = laboratory.play(Stage.BENCH, order)
+        bench = laboratory.play(Stage.BENCH, plan)
         before = self.session.records.get(Stage.BENCH.value, {})
         records = {name: record for name, record in bench.records.items() if asked(name)}
         session = replace(

@@ -287,11 +287,11 @@ def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
     balls = draw_balls(spec, 1, draws)
     first = np.zeros(hits, dtype=int)
     turns = np.arange(hits)
-    order = ShotPlan(slot=turns, ball=first, speed=np.full(hits, SPEED), place=np.zeros(hits))
+    plan = ShotPlan(slot=turns, ball=first, speed=np.full(hits, SPEED), place=np.zeros(hits))
     values = []
     for day, gives in enumerate(wall):
         play = station.with_wall(float(gives)).play(
-            replace(order, slot=day * hits + turns),
+            replace(plan, slot=day * hits + turns),
             Specimen(
                 bat=bat,
                 balls=balls,
@@ -301,7 +301,7 @@ def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
         )
         gates = play.records["gates"]
         assert isinstance(gates, GateRecord)
-        values.append(_measured(gates, spec, order, constants))
+        values.append(_measured(gates, spec, plan, constants))
         if not np.isfinite(values[-1]):
             allowed = "the gates did not see every hit come back; allowed: a livelier ball or wall"
             raise InputError("", "day", day + 1, allowed)
@@ -310,13 +310,13 @@ def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
 
 
 def _measured(
-    gates: GateRecord, spec: BallSpec, order: ShotPlan, constants: dict[str, Array]
+    gates: GateRecord, spec: BallSpec, plan: ShotPlan, constants: dict[str, Array]
 ) -> float:
     """Return the check ball's mean e0 at the nominal speed; its mass is known."""
     readings = BallReadings(
         mass=np.array([spec.mass]),
-        ball=order.ball,
-        nominal_speed=order.speed,
+        ball=plan.ball,
+        nominal_speed=plan.speed,
         passages=passages(gates),
     )
     return float(measured_balls(constants, readings).restitution[0])

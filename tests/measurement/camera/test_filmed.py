@@ -39,8 +39,8 @@ def timed(course: Course) -> Flights:
     )
 
 
-def seen_by(camera, course: Course, rung: RecordDetail, draws=None, bat=None) -> Sightings:
-    record, _ = camera.watch(course, draws or Quiet(), "clip", np.arange(3), rung, bat)
+def seen_by(camera, course: Course, detail: RecordDetail, draws=None, bat=None) -> Sightings:
+    record, _ = camera.watch(course, draws or Quiet(), "clip", np.arange(3), detail, bat)
     return sight(record, camera.calibration(), 0.0365)
 
 

@@ -66,13 +66,13 @@ def test_a_loose_bat_turns_as_a_free_one_until_its_journal_bears(place: float) -
     fixed = laboratory.stations[Stage.IMPACT]
     one = np.zeros(1, dtype=int)
     speed = laboratory.rules.spec.ball_speed
-    order = ShotPlan(slot=one, ball=one, speed=np.array([speed]), place=np.array([place * INCH]))
+    plan = ShotPlan(slot=one, ball=one, speed=np.array([speed]), place=np.array([place * INCH]))
     fine = other_sheet(fixed, "pivot", friction=0.0, clearance=0.0)
     fine = replace(fine, encoder=replace(fine.encoder, spec=laboratory_spec(fine)))
     counts, truth = [], {}
     for clearance in (0.0, 0.2e-3):
         play = other_sheet(fine, "pivot", clearance=clearance).play(
-            order, laboratory.specimen, laboratory.draws
+            plan, laboratory.specimen, laboratory.draws
         )
         counts.append(play.records["encoder"].counts[0])
         truth = play.truth

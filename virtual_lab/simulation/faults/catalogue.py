@@ -91,7 +91,7 @@ def out_of_round(record: Any, written: Written) -> Arrays:
 
 def swapped(record: Any, written: Written) -> Arrays:
     """File the gate records of two shots of one round under each other's number."""
-    slot = written.order.slot
+    slot = written.plan.slot
     first, second = (np.flatnonzero(slot == shot) for shot in (1, 4))
     filed = np.arange(len(slot))
     if first.size and second.size:
@@ -102,7 +102,7 @@ def swapped(record: Any, written: Written) -> Arrays:
 def every_second_missed(record: Any, written: Written) -> Arrays:
     """Miss every second ball that comes in, at the gate nearest the bat."""
     times = record.times.copy()
-    times[written.order.slot % 2 == 1, Edge.IN, Edge.LAST_GATE] = np.nan
+    times[written.plan.slot % 2 == 1, Edge.IN, Edge.LAST_GATE] = np.nan
     return {"times": times}
 
 
@@ -131,7 +131,7 @@ def scraps_ahead(record: Any, written: Written) -> Arrays:
 
 def drifting(record: Any, written: Written) -> Arrays:
     """Show a greater and greater e0 at the wall from first hit to last, 6 % in all."""
-    times, slot = record.times.copy(), written.order.slot
+    times, slot = record.times.copy(), written.plan.slot
     back = times[:, Edge.OUT]
     start = back[:, Edge.LAST_GATE, Edge.BROKEN][:, None, None]
     faster = (1 + 0.06 * slot / max(slot.max(), 1))[:, None, None]
@@ -139,9 +139,9 @@ def drifting(record: Any, written: Written) -> Arrays:
     return {"times": times}
 
 
-def too_slow(order: ShotPlan) -> ShotPlan:
+def too_slow(plan: ShotPlan) -> ShotPlan:
     """Fire 3 mph slower than asked for."""
-    return replace(order, speed=order.speed - 3 * MPH)
+    return replace(plan, speed=plan.speed - 3 * MPH)
 
 
 def slipping(record: Any, written: Written) -> Arrays:
@@ -203,7 +203,7 @@ CATALOGUE: Mapping[str, Fault] = {
         Fault(
             name="bearing-friction", station=sheet_off("pivot", constant_torque=1.0, friction=0.1)
         ),
-        Fault(name="cannon-slow", order=too_slow),
+        Fault(name="cannon-slow", plan=too_slow),
         # half the counts a turn that its sheet says
         Fault(name="encoder-half-counts", station=constant_off("encoder", "scale", times=0.5)),
         _at_bat("encoder-play", "encoder", loose),

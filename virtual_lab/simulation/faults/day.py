@@ -60,25 +60,25 @@ class FaultSet:
             known = fault.calibration(known) if fault.calibration else known
         return known
 
-    def done(self, stage: Stage, order: ShotPlan, specimen: Specimen) -> tuple[ShotPlan, Specimen]:
-        """Return what is done on this day instead of an order, and what it is done to."""
+    def done(self, stage: Stage, plan: ShotPlan, specimen: Specimen) -> tuple[ShotPlan, Specimen]:
+        """Return what is done on this day instead of a plan, and what it is done to."""
         for fault in self.at(stage):
-            order = fault.order(order) if fault.order else order
+            plan = fault.plan(plan) if fault.plan else plan
             specimen = fault.specimen(specimen) if fault.specimen else specimen
-        return order, specimen
+        return plan, specimen
 
     def play(
-        self, stage: Stage, station: Station, order: ShotPlan, specimen: Specimen, draws: Draws
+        self, stage: Stage, station: Station, plan: ShotPlan, specimen: Specimen, draws: Draws
     ) -> RigOutput:
-        """Carry out an order on this day; the log holds what was asked, whatever was done."""
-        done, specimen = self.done(stage, order, specimen)
+        """Carry out a plan on this day; the log holds what was asked, whatever was done."""
+        done, specimen = self.done(stage, plan, specimen)
         play = station.play(done, specimen, draws)
-        if done is not order and "log" in play.records:
-            play = replace(play, records={**play.records, "log": order.log()})
+        if done is not plan and "log" in play.records:
+            play = replace(play, records={**play.records, "log": plan.log()})
         for fault in self.at(stage):
             if fault.record and fault.channel in play.records:
                 record = play.records[fault.channel]
-                written = Written(stage, station, order, play, draws, fault.name)
+                written = Written(stage, station, plan, play, draws, fault.name)
                 changed = replace(record, **fault.record(record, written))
                 play = replace(play, records={**play.records, fault.channel: changed})
         return play

@@ -140,14 +140,14 @@ class _Stand:
     ) -> tuple[Reduced, Array, Array]:
         """Return the reduced shots at a place [m], their true e_A and time of contact."""
         laboratory, stage = self.laboratory, Stage.IMPACT
-        order = ShotPlan(
+        plan = ShotPlan(
             slot=1_000_000 + number * shots + np.arange(shots),  # beyond any of the test
             ball=np.arange(shots) % laboratory.rules.spec.balls,
             speed=np.full(shots, laboratory.rules.spec.ball_speed),
             place=np.full(shots, place - along_of(self.session)),
         )
         station = other_sheet(laboratory.stations[stage], "pivot", **bearing)
-        play = station.play(order, laboratory.specimen, laboratory.draws)
+        play = station.play(plan, laboratory.specimen, laboratory.draws)
         reduced = reduce_session(with_records(self.session, stage, [play]))
         return reduced, play.truth["collision_efficiency"], play.truth["contact_time"]
 
