@@ -25,7 +25,7 @@ SIDE = 0.712  # m, a pivot somewhere on the bat
 Bits = dict[int, str]
 
 
-def bits(tested: lab.Tested) -> str:
+def bits(tested: lab.BatTest) -> str:
     """Return a hash of metric, u, every record and all that was true."""
     metric = tested.certification.metric
     digest = hashlib.sha256(repr((metric.value, metric.u, metric.dof) if metric else None).encode())

@@ -20,8 +20,9 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.lab import prepared
-from virtual_lab.lab.naming import lot_constants, with_records
-from virtual_lab.measurement.session_reduction import Reduced, reduce_session
+from virtual_lab.lab.laboratory import lot_constants
+from virtual_lab.lab.test_day import with_records
+from virtual_lab.measurement.session_reduction import SessionReduction, reduce_session
 from virtual_lab.records import Record
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.collision.modal import ModalModel
@@ -392,7 +393,7 @@ def slopes(x: Array, y: Array) -> tuple[Array, Array]:
     return slope, intercept
 
 
-def by_hand(session: Session, reduced: Reduced) -> dict[str, Array]:  # noqa: PLR0915 one page
+def by_hand(session: Session, reduced: SessionReduction) -> dict[str, Array]:  # noqa: PLR0915 one page
     """Return what the records of an airless laboratory say, worked out from the paper's equations.
 
     Signals, which is to say passages and rates in counts, are taken as reduced.
@@ -539,7 +540,7 @@ def test_every_calibration_moves_the_result_as_its_correction_says(
         assert (moved_by > 1e-9) == (name not in IDLE[procedure]), name
 
 
-def effect(session: Session, name: str, value: float) -> tuple[Reduced, Reduced]:
+def effect(session: Session, name: str, value: float) -> tuple[SessionReduction, SessionReduction]:
     return reduce_session(session), reduce_session(with_constant(session, name, value))
 
 

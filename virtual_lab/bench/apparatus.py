@@ -26,7 +26,7 @@ from virtual_lab.bench.protocol import checklist
 from virtual_lab.bench.sketching import sketch_of
 from virtual_lab.bench.table import Consequences, action_table
 from virtual_lab.errors import InputError
-from virtual_lab.lab import Laboratory, TestDay, Tested
+from virtual_lab.lab import BatTest, Laboratory, TestDay
 from virtual_lab.records import MassReadings, Record
 from virtual_lab.simulation.faults.fault import instrument_of, other_sheet
 from virtual_lab.simulation.instruments.indicator import quantise
@@ -85,7 +85,7 @@ class Apparatus:
             sketch=reading.sketch,
         )
 
-    def finish(self, day: Day) -> Tested:
+    def finish(self, day: Day) -> BatTest:
         """Return the certification of a day that was reduced, and what really happened on it.
 
         Raises `InputError` as `Desk.reduced`.

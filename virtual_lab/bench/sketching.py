@@ -118,7 +118,7 @@ def true_motion(firing: Firing, day: Day, shot: int) -> Motion | None:
 
 
 @dataclass(frozen=True)
-class AsSeen(Ladder):
+class FixedRebound(Ladder):
     """Collisions that all have the e_A that an eye had."""
 
     rebound: float = 0.0
@@ -146,7 +146,7 @@ def film_as_seen(setup: TestSetup, event: DayEvent) -> bytes:
     specimen = Specimen(
         bat=made_bat(setup.bat.spec, Quiet()),
         balls=draw_balls(ball, 1, Quiet()),
-        collision=AsSeen(probe=probe, standard_uncertainty=None, rebound=rebound),
+        collision=FixedRebound(probe=probe, standard_uncertainty=None, rebound=rebound),
     )
     plan = ShotPlan(
         slot=np.array([0]),

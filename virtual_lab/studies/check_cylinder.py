@@ -16,7 +16,7 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
 from virtual_lab.lab import Laboratory, TestSetup, by_the_book
-from virtual_lab.lab.naming import with_records
+from virtual_lab.lab.test_day import with_records
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.reduction.observations import along_of
 from virtual_lab.measurement.session_reduction import reduce_session

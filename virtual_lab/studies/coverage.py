@@ -18,13 +18,13 @@ from scipy.stats import binomtest
 
 from virtual_lab.errors import InputError
 from virtual_lab.lab import (
+    BatTest,
     Campaign,
-    Rehearsal,
-    Tested,
+    Laboratory,
     TestSetup,
     certify_bat,
-    curvatures,
 )
+from virtual_lab.lab.measurand import true_curve
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.measurement.model import QUANTITIES
 from virtual_lab.output.progress import Progress, quiet
@@ -32,6 +32,7 @@ from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
 from virtual_lab.records import AimMarks
 from virtual_lab.streams import Streams
+from virtual_lab.studies.rehearsal import Rehearsal
 from virtual_lab.units import Array
 
 WORDS = (
@@ -116,7 +117,7 @@ def coverage(
             continue
         if not bends:
             first = shared.laboratory(seed)
-            bends = curvatures(first, certification.outcome.place)
+            bends = _curvatures(first, certification.outcome.place)
             rehearsal = Rehearsal.of(first, tested) if first.rules.spec.scan else None
         along = _marks(certification).along - certification.readings.along
         strayed.append((float(np.var(along, ddof=1)), _scatter(certification)))
@@ -141,7 +142,7 @@ def coverage(
 
 def tests(
     bat: str, procedure: str, laboratories: int, first_seed: int, *, summed: bool
-) -> Iterator[Tested]:
+) -> Iterator[BatTest]:
     """Yield the tests of one bat design in laboratories of successive seeds.
 
     Raises
@@ -156,6 +157,16 @@ def tests(
     else:
         for seed in range(first_seed, first_seed + laboratories):
             yield certify_bat(TestSetup.of(bat, procedure=procedure, seed=seed))
+
+
+def _curvatures(laboratory: Laboratory, place: float) -> dict[str, float]:
+    """Return d²/dz² [1/m²] of the metric (as ``metric``) and of the quantities at a place [m]."""
+    step = 4e-3  # m
+    places = place + step * np.array([-1.0, 0.0, 1.0])
+    procedure = laboratory.rules.spec
+    curve = true_curve(laboratory.impact, laboratory.specimen, procedure, places)
+    values = curve.quantities | {"metric": curve.metric()}
+    return {name: float(np.diff(row, 2)[0]) / step**2 for name, row in values.items()}
 
 
 def _marks(certification: Certification) -> AimMarks:
@@ -175,7 +186,7 @@ def _scatter(certification: Certification) -> float:
     return float(np.sum(off**2)) / (off.size - many.size)
 
 
-def _result(tested: Tested, name: str, beside: float) -> tuple[float, ...]:
+def _result(tested: BatTest, name: str, beside: float) -> tuple[float, ...]:
     """Return on which side the truth was missed, error, u and the error to be expected."""
     certification, true = tested.certification, tested.sealed.measurand[name]
     budget = certification.metric if name == "metric" else certification.quantities[name]

@@ -17,7 +17,7 @@ import numpy as np
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
-from virtual_lab.lab.naming import constant_name
+from virtual_lab.lab.laboratory import constant_name
 from virtual_lab.measurement.reduction.gates import passages
 from virtual_lab.measurement.reduction.observations import BallReadings
 from virtual_lab.measurement.reduction.shot_algebra import measured_balls
@@ -30,7 +30,7 @@ from virtual_lab.simulation.physics.ageing import lasting_loss
 from virtual_lab.simulation.rig import Reality, ShotPlan, Specimen, Stage, WallStation, find_rig
 from virtual_lab.simulation.truth import TrueBalls, draw_balls, made_bat
 from virtual_lab.studies.check_cylinder import check_cylinder
-from virtual_lab.studies.control_charts import RULES, Charted, control_chart
+from virtual_lab.studies.control_charts import RULES, DayCharts, control_chart
 from virtual_lab.studies.daily_chart import draw_control_chart
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import MPH, Array
@@ -69,9 +69,9 @@ class Daily(StudyResult):
     since: int | None  # the day of the change, of wall or rig; None: nothing changes
     values: Array  # mean measured e0 of the check ball
     wall: Array  # what the wall gave back, of what a rigid one would
-    charted: Charted
+    charted: DayCharts
     cylinder: Array  # mean measured e_A of the check cylinder
-    cylinder_charted: Charted
+    cylinder_charted: DayCharts
 
     @property
     def table(self) -> pd.DataFrame:
@@ -233,12 +233,12 @@ def _day(day: int | None) -> str:
     return "none" if day is None else str(day)
 
 
-def _baseline(charted: Charted) -> dict[str, float]:
+def _baseline(charted: DayCharts) -> dict[str, float]:
     base = charted.baseline
     return {"days": charted.baseline_days, "centre": base.centre, "sigma": base.sigma}
 
 
-def _broken(charted: Charted) -> list[str]:
+def _broken(charted: DayCharts) -> list[str]:
     """Return the alarms of each day; none in the baseline."""
     return [""] * charted.baseline_days + [
         "; ".join(name for name, days in charted.alarms.items() if days[day])
@@ -246,7 +246,7 @@ def _broken(charted: Charted) -> list[str]:
     ]
 
 
-def _alarms(standard: str, charted: Charted, since: int | None) -> list[AlarmCount]:
+def _alarms(standard: str, charted: DayCharts, since: int | None) -> list[AlarmCount]:
     rows = []
     for name, flags in charted.alarms.items():
         days = np.flatnonzero(flags) + charted.baseline_days + 1

@@ -25,7 +25,7 @@ from virtual_lab.units import MPH, OUNCE
 NAMES = catalog.names("faults")
 
 
-def played(*faults: str, seed: int = 11) -> lab.Tested:
+def played(*faults: str, seed: int = 11) -> lab.BatTest:
     """Play one laboratory by the ASTM procedure."""
     return certified(seed=seed, faults=faults)
 

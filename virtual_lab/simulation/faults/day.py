@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.simulation.faults.catalogue import CATALOGUE
-from virtual_lab.simulation.faults.fault import Fault, Written
+from virtual_lab.simulation.faults.fault import Fault, FaultContext
 from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage, Station, installed_rigs
 from virtual_lab.streams import Draws, Quiet
 from virtual_lab.uncertainty.estimate import Estimate
@@ -78,7 +78,7 @@ class FaultSet:
         for fault in self.at(stage):
             if fault.record and fault.channel in play.records:
                 record = play.records[fault.channel]
-                written = Written(stage, station, plan, play, draws, fault.name)
+                written = FaultContext(stage, station, plan, play, draws, fault.name)
                 changed = replace(record, **fault.record(record, written))
                 play = replace(play, records={**play.records, fault.channel: changed})
         return play

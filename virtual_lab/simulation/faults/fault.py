@@ -21,7 +21,7 @@ from virtual_lab.uncertainty.estimate import Estimate
 Standing = Callable[[Station], Station | None]
 
 
-class Written(NamedTuple):
+class FaultContext(NamedTuple):
     """A plan that was played, before its records are filed."""
 
     stage: Stage
@@ -52,7 +52,7 @@ class Fault:
     specimen: Callable[[Specimen], Specimen] | None = None  # the bat and the balls on the rig
     plan: Callable[[ShotPlan], ShotPlan] | None = None  # what the machine really does
     channel: str = ""  # whose record is changed, and that an impact rig must have
-    record: Callable[[Any, Written], Mapping[str, Any]] | None = None  # arrays as written down
+    record: Callable[[Any, FaultContext], Mapping[str, Any]] | None = None  # arrays as written down
     calibration: Callable[[Mapping[str, Estimate]], Mapping[str, Estimate]] | None = None
 
     def acts_at(self, stage: Stage) -> bool:
