@@ -20,7 +20,7 @@ from virtual_lab.bench.actions import LENGTHS, MASSES, Action
 from virtual_lab.bench.checks import CheckStandards, speed_ratio
 from virtual_lab.bench.day import Day, DayEvent, Shown
 from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.entries import entry_of_constant, entry_of_record
+from virtual_lab.bench.entries import entry_of_record
 from virtual_lab.bench.firing import Firing, altered, specimen_at
 from virtual_lab.bench.protocol import checklist
 from virtual_lab.bench.sketching import sketch_of
@@ -28,6 +28,7 @@ from virtual_lab.bench.table import Consequences, action_table
 from virtual_lab.errors import InputError
 from virtual_lab.lab import BatTest, Laboratory, TestDay
 from virtual_lab.records import MassReadings, Record
+from virtual_lab.records.session import entry_of_constant
 from virtual_lab.simulation.faults.fault import instrument_of, other_sheet
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.simulation.physics.beam import Free

@@ -11,6 +11,7 @@ from virtual_lab import catalog
 from virtual_lab.catalog import load_bat
 from virtual_lab.errors import InputError
 from virtual_lab.relations.peaks import peak
+from virtual_lab.relations.swing import KNOB_OFFSET
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.physics.beam import Free, beam_of
 from virtual_lab.studies.bats.compare import BatComparison, compare
@@ -137,7 +138,7 @@ def test_the_ball_is_that_of_the_bats_sport_or_the_one_asked_for() -> None:
     [("17000 oz in^2", 17000 * OZ_IN2), (" 0.31 kg m^2", 0.31), ("1.7e4 oz in^2", 1.7e4 * OZ_IN2)],
 )
 def test_an_inertia_with_its_unit(text: str, value: float) -> None:
-    assert read_inertia(text) == pytest.approx(value)
+    assert read_inertia(text, -KNOB_OFFSET) == pytest.approx(value)
 
 
 @pytest.mark.parametrize(
@@ -156,7 +157,7 @@ def test_an_inertia_with_its_unit(text: str, value: float) -> None:
 )
 def test_an_inertia_that_cannot_be_read(text: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
-        read_inertia(text)
+        read_inertia(text, -KNOB_OFFSET)
 
 
 def test_files_hold_what_was_compared(compared: BatComparison, tmp_path: Path) -> None:

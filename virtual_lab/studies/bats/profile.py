@@ -275,11 +275,10 @@ def chosen_swings(
     return (None,)
 
 
-def read_inertia(text: str, axis_beyond_knob: float = -KNOB_OFFSET) -> float:
+def read_inertia(text: str, axis_beyond_knob: float) -> float:
     """Return a moment of inertia [kg m^2] given as a bat's name or as a number with its unit.
 
-    For a bat it is about an axis `axis_beyond_knob` [m], by default the axis of the swing, 1 in
-    from the knob.
+    For a bat it is about an axis `axis_beyond_knob` [m].
 
     Raises
     ------
