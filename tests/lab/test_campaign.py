@@ -81,7 +81,7 @@ def test_what_ran_before_changes_nothing(procedure: str) -> None:
     """Other laboratories, and scenes far from any of a test, before the one looked at."""
     (alone,) = played(procedure, [3]).values()
     campaign = Campaign.of(BATS.get(procedure, "r161"), procedure)
-    body, box = campaign.setup.bat.spec.body, campaign.collision.box
+    body, box = campaign.setup.bat.spec.body, campaign.setup.collision.box
     assert box is not None
     far = Scenes.of(
         impact_position=np.linspace(0.04, 0.3, 200),
@@ -92,7 +92,7 @@ def test_what_ran_before_changes_nothing(procedure: str) -> None:
         exponent=box.exponent,
     )
     for from_knob in (campaign.setup.rules.spec.pivot_from_knob, body.length - SIDE):
-        campaign.collision.efficiency(body, Pinned(body.length - from_knob), far)
+        campaign.setup.collision.efficiency(body, Pinned(body.length - from_knob), far)
     for seed in (8, 5):
         lab.by_the_book(campaign.laboratory(seed))
     assert bits(lab.by_the_book(campaign.laboratory(3))) == alone
@@ -110,7 +110,7 @@ class Watching:
     seen: list[Scenes] = field(default_factory=list)
 
     def __call__(self, body, support):
-        return self.campaign.collision(body, support)
+        return self.campaign.setup.collision(body, support)
 
     def efficiency(self, body, support, scenes: Scenes) -> np.ndarray:
         self.seen.append(scenes)
@@ -124,7 +124,7 @@ def test_scenes_of_a_test_lie_in_its_box(procedure: str) -> None:
     And the box is no wider than it must be: the shots fill four tenths of each of its sides.
     """
     campaign = Campaign.of(BATS.get(procedure, "r161"), procedure)
-    box, shots = campaign.collision.box, 20_000
+    box, shots = campaign.setup.collision.box, 20_000
     assert box is not None
     laboratory, rules = campaign.laboratory(1), campaign.setup.rules.spec
     ready = lab.prepared(laboratory).laboratory

@@ -44,12 +44,6 @@ class Campaign:
         )
         return cls(setup=replace(setup, made=False, collision=collision))
 
-    @property
-    def collision(self) -> Ladder:
-        """The collision that all laboratories share."""
-        assert self.setup.collision is not None
-        return self.setup.collision
-
     def laboratory(self, seed: int) -> Laboratory:
         """Return the laboratory with a given seed."""
         return Laboratory.open(replace(self.setup, seed=seed))

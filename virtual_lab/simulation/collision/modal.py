@@ -148,7 +148,6 @@ def _collisions(
     momentum = scenes.ball_mass * struck.speed
     e_A = impulse / momentum - 1
     return Collisions(
-        rung=model.rung,
         collision_efficiency=e_A,
         modal_displacements=displacements,
         modal_velocities=velocities,
