@@ -27,6 +27,7 @@ from virtual_lab.lab import (
 from virtual_lab.lab.measurand import true_curve
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.measurement.model import QUANTITIES
+from virtual_lab.measurement.procedure import variance_within
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
@@ -179,11 +180,7 @@ def _marks(certification: Certification) -> AimMarks:
 def _scatter(certification: Certification) -> float:
     """Return the variance of the metric within a place, over the hits the result rests on."""
     used = certification.outcome.used
-    metric, place = certification.shot_metric[used], certification.readings.place[used]
-    _, back = np.unique(np.round(place, 6), return_inverse=True)
-    many = np.bincount(back)
-    off = metric - (np.bincount(back, metric) / many)[back]
-    return float(np.sum(off**2)) / (off.size - many.size)
+    return variance_within(certification.readings.place[used], certification.shot_metric[used])
 
 
 def _result(tested: BatTest, name: str, beside: float) -> tuple[float, ...]:
