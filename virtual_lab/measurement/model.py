@@ -57,7 +57,7 @@ class MeasurementModel:
             bat_properties(constants),
             measured_balls(constants, self.balls),
             self.readings,
-            self.rules.asked,
+            self.rules.reduction_settings,
             flown or self.by_gates,
             self.lot.used,
         )

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -281,7 +281,8 @@ def _check_counts(days: int, baseline: int, hits: int, rules: Collection[int]) -
 def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
     """Return the measured e0 of each morning, (day,)."""
     draws = Reality.REAL.draws(seed)
-    station = cast("WallStation", find_rig("ball-wall", Stage.BALLS).commission(draws))
+    station = find_rig("ball-wall", Stage.BALLS).commission(draws)
+    assert isinstance(station, WallStation)
     constants = _constants(station.calibration, spec)
     bat = made_bat(catalog.load_bat(CYLINDER).spec, draws)  # a specimen has one; no wall meets it
     balls = draw_balls(spec, 1, draws)

@@ -264,7 +264,7 @@ class Procedure(Spec):
         return (self.bat_speed or 0.0) / (length - self.pivot_from_knob - 6 * INCH)
 
     @property
-    def asked(self) -> ReductionSettings:
+    def reduction_settings(self) -> ReductionSettings:
         """Settings of the reduction for this procedure."""
         return ReductionSettings(
             reads=self.reads,
