@@ -108,9 +108,7 @@ def coverage(
     bends: dict[str, float] = {}
     rehearsal = None
     invalid, hits = 0, []
-    played = tests(bat, procedure, laboratories, seed, summed=summed)
-    for number, tested in enumerate(played, start=1):
-        progress("laboratories", number, laboratories)
+    for tested in bat_tests(bat, procedure, laboratories, seed, summed, progress):
         certification = tested.certification
         hits.append(certification.judgement.valid)
         if certification.verdict.value == "INVALID":
@@ -141,10 +139,10 @@ def coverage(
     )
 
 
-def tests(
-    bat: str, procedure: str, laboratories: int, first_seed: int, *, summed: bool
+def bat_tests(
+    bat: str, procedure: str, laboratories: int, first_seed: int, summed: bool, progress: Progress
 ) -> Iterator[BatTest]:
-    """Yield the tests of one bat design in laboratories of successive seeds.
+    """Yield the tests of one bat design in laboratories of successive seeds, as `coverage`.
 
     Raises
     ------
@@ -154,10 +152,13 @@ def tests(
     if laboratories < 2:
         raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
     if summed:
-        yield from Campaign.of(bat, procedure).run(laboratories, first_seed)
+        played = Campaign.of(bat, procedure).run(laboratories, first_seed)
     else:
-        for seed in range(first_seed, first_seed + laboratories):
-            yield certify_bat(TestSetup.of(bat, procedure=procedure, seed=seed))
+        seeds = range(first_seed, first_seed + laboratories)
+        played = (certify_bat(TestSetup.of(bat, procedure=procedure, seed=seed)) for seed in seeds)
+    for number, tested in enumerate(played, start=1):
+        progress("laboratories", number, laboratories)
+        yield tested
 
 
 def _curvatures(laboratory: Laboratory, place: float) -> dict[str, float]:

@@ -31,7 +31,7 @@ from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
 from virtual_lab.relations.pendulum import mean_amplitude_factor
 from virtual_lab.simulation.physics.beam import outer_diameter
-from virtual_lab.studies.coverage import tests
+from virtual_lab.studies.coverage import bat_tests
 from virtual_lab.uncertainty.budget import Component
 from virtual_lab.units import INCH, Array
 
@@ -90,9 +90,7 @@ def effects(
         Unknown names, or too few laboratories for the number of terms.
     """
     cases: list[_Case] = []
-    played = tests(bat, procedure, laboratories, seed, summed=summed)
-    for number, tested in enumerate(played, start=1):
-        progress("laboratories", number, laboratories)
+    for tested in bat_tests(bat, procedure, laboratories, seed, summed, progress):
         if tested.certification.verdict.value != "INVALID":
             cases.append(_case(tested))
     names = list(dict.fromkeys(name for case in cases for name in case.components))
