@@ -114,11 +114,11 @@ class AstmPivotStation(RestingBatStation):
     def gravity(self) -> float:
         return 0.0 if self.ideal else self.hall.acceleration
 
-    def play(self, order: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
+    def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire at the bat; every shot finds it at rest and is timed from its trigger."""
-        fired = self.fly(order, specimen, draws)
-        name, slots = "astm-pivot.encoder", order.slot
-        if order.rung is RecordDetail.SUMMED:
+        fired = self.fly(plan, specimen, draws)
+        name, slots = "astm-pivot.encoder", plan.slot
+        if plan.detail is RecordDetail.SUMMED:
             rate = self._rate(fired, specimen)
             span = self.encoder.spec.duration - fired.leaving - GAP
             encoder: Record = self.encoder.sum_up(
@@ -126,7 +126,7 @@ class AstmPivotStation(RestingBatStation):
             )
         else:
             encoder = self.encoder.read(self._recoil(specimen, fired), draws, name, slots)
-        timed = self.timed(fired, order, draws)
+        timed = self.timed(fired, plan, draws)
         return replace(timed, records={**timed.records, "encoder": encoder})
 
     def _rate(self, fired: BallFlights, specimen: Specimen) -> Array:

@@ -79,45 +79,45 @@ class BallWallStation(FittedStation):
         """Return the rig on a wall that gives back `restitution` of what a rigid one would."""
         return replace(self, wall_restitution=restitution)
 
-    def play(self, order: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
-        """Fire the balls that `order` names at the wall; its places mean nothing here."""
+    def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
+        """Fire the balls that `plan` names at the wall; its places mean nothing here."""
         balls = specimen.balls
-        launch = self.cannon.fire(order.speed, draws, "ball-wall.launch", order.slot)
-        loss = self._loss(order, specimen, launch.speed)
-        hit = balls.draw_hits(order.ball, launch.speed, draws, "ball-wall.hit", order.slot, loss)
+        launch = self.cannon.fire(plan.speed, draws, "ball-wall.launch", plan.slot)
+        loss = self._loss(plan, specimen, launch.speed)
+        hit = balls.draw_hits(plan.ball, launch.speed, draws, "ball-wall.hit", plan.slot, loss)
         back = self.wall_restitution * hit
         passage = Passage(
             speed_in=launch.speed,
             speed_out=back * launch.speed,
-            drag=self.air.drag(balls.spec.radius, balls.mass[order.ball]),
+            drag=self.air.drag(balls.spec.radius, balls.mass[plan.ball]),
             radius=balls.spec.radius,
             gravity=0.0 if self.ideal else self.hall.acceleration,
         )
         contact = self.gates.arrival(passage)
         touching = wall_contact(
             speed=launch.speed,
-            mass=balls.mass[order.ball],
+            mass=balls.mass[plan.ball],
             restitution=back,
             stiffness=np.full(hit.shape, balls.spec.stiffness),
             exponent=np.full(hit.shape, balls.spec.exponent),
         ).time
         record = self.gates.watch(
-            passage, contact, contact + touching, draws, "ball-wall.gates", order.slot, order.rung
+            passage, contact, contact + touching, draws, "ball-wall.gates", plan.slot, plan.detail
         )
-        log = order.log()
+        log = plan.log()
         return RigOutput(
             records={"log": log, "gates": record},
             truth={"speed": launch.speed, "ball_restitution": hit, "restitution_loss": loss},
         )
 
-    def _loss(self, order: ShotPlan, specimen: Specimen, speed: Array) -> Array:
+    def _loss(self, plan: ShotPlan, specimen: Specimen, speed: Array) -> Array:
         """Return what a ball's earlier hits have taken off its e0; balls of an ideal do not age."""
         ageing = specimen.balls.spec.ageing
         if ageing is None or self.ideal:
             return np.zeros(speed.shape)
-        turn = np.argsort(order.slot, kind="stable")
+        turn = np.argsort(plan.slot, kind="stable")
         loss = np.empty(speed.shape)
-        loss[turn] = loss_of_restitution(ageing, order.ball[turn], speed[turn], self.rest)
+        loss[turn] = loss_of_restitution(ageing, plan.ball[turn], speed[turn], self.rest)
         return loss
 
 

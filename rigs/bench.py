@@ -87,8 +87,8 @@ class BenchStation(FittedStation):
             "hall": self.hall,
         }
 
-    def play(self, order: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
-        """Measure the bat and weigh the balls that `order` names."""
+    def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
+        """Measure the bat and weigh the balls that `plan` names."""
         beam = beam_of(specimen.bat.body)
         axis = beam.length - self.pendulum.true["pivot_from_knob"]
         moment = beam.mass * (axis - beam.z_cm)
@@ -97,11 +97,11 @@ class BenchStation(FittedStation):
             records={
                 "bat-mass": self.scale.weigh(beam.mass, repeats, draws, "bench.bat-mass"),
                 "ball-mass": self.scale.weigh(
-                    specimen.balls.mass[order.ball],
+                    specimen.balls.mass[plan.ball],
                     repeats,
                     draws,
                     "bench.ball-mass",
-                    order.ball,
+                    plan.ball,
                 ),
                 "length": self.rule.measure(beam.length, repeats, draws, "bench.length"),
                 "barrel-radius": self.rule.measure(

@@ -77,12 +77,12 @@ class FilmedCannonStation(BallCannonStation):
         over = Estimate(value=self.spec.over)
         return calibration_of(self.instruments()) | {"camera.over": over}
 
-    def play(self, order: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
+    def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire at the bat at rest, time and film the ball both ways."""
-        flown = self.fly(order, specimen, draws)
-        timed = self.timed(flown, order, draws)
-        course, bat = self.scene(flown, order, specimen, draws)
-        seen, truth = self.camera.watch(course, draws, CLIP, order.slot, order.rung, bat)
+        flown = self.fly(plan, specimen, draws)
+        timed = self.timed(flown, plan, draws)
+        course, bat = self.scene(flown, plan, specimen, draws)
+        seen, truth = self.camera.watch(course, draws, CLIP, plan.slot, plan.detail, bat)
         return RigOutput(records={**timed.records, "camera": seen}, truth={**timed.truth, **truth})
 
     def unfilmed(self) -> BallCannonStation:
@@ -90,21 +90,21 @@ class FilmedCannonStation(BallCannonStation):
         own = {part.name: getattr(self, part.name) for part in fields(BallCannonStation)}
         return BallCannonStation(**own)
 
-    def frames(self, order: ShotPlan, specimen: Specimen, draws: Draws, count: int) -> np.ndarray:
-        """Return some whole frames of the first shot of an order, (count, row, column), 0 to 1."""
-        course, bat = self.scene(self.fly(order, specimen, draws), order, specimen, draws)
-        taken = whole_frames(self.camera, course, draws, CLIP, order.slot, bat, count)
+    def frames(self, plan: ShotPlan, specimen: Specimen, draws: Draws, count: int) -> np.ndarray:
+        """Return some whole frames of the first shot of a plan, (count, row, column), 0 to 1."""
+        course, bat = self.scene(self.fly(plan, specimen, draws), plan, specimen, draws)
+        taken = whole_frames(self.camera, course, draws, CLIP, plan.slot, bat, count)
         return np.stack([grey for _, grey in taken]) / self.camera.spec.sensor.full_scale
 
-    def film(self, order: ShotPlan, specimen: Specimen, draws: Draws, folder: Path) -> None:
-        """Film the first shot of an order, as `play` plays it, in whole frames."""
-        flown = self.fly(order, specimen, draws)
-        course, bat = self.scene(flown, order, specimen, draws)
-        frames = whole_frames(self.camera, course, draws, CLIP, order.slot, bat)
+    def film(self, plan: ShotPlan, specimen: Specimen, draws: Draws, folder: Path) -> None:
+        """Film the first shot of a plan, as `play` plays it, in whole frames."""
+        flown = self.fly(plan, specimen, draws)
+        course, bat = self.scene(flown, plan, specimen, draws)
+        frames = whole_frames(self.camera, course, draws, CLIP, plan.slot, bat)
         write_films(folder / "shot-0", frames, self.camera.spec)
 
     def scene(
-        self, flown: BallFlights, order: ShotPlan, specimen: Specimen, draws: Draws
+        self, flown: BallFlights, plan: ShotPlan, specimen: Specimen, draws: Draws
     ) -> tuple[Course, FilmedBat]:
         """Return what is before the camera, in its axes: balls and bat."""
         body, radius = specimen.bat.body, flown.passage.radius
@@ -121,12 +121,12 @@ class FilmedCannonStation(BallCannonStation):
             contact=flown.contact,
             leaving=flown.leaving,
             along=self.spec.over - flown.bat.place,
-            spin_in=self._spin("in", self.spec.spin_in, order, draws),
-            spin_out=self._spin("out", self.spec.spin_out, order, draws),
-            stand=self._spin("stand", np.pi, order, draws),
+            spin_in=self._spin("in", self.spec.spin_in, plan, draws),
+            spin_out=self._spin("out", self.spec.spin_out, plan, draws),
+            stand=self._spin("stand", np.pi, plan, draws),
         )
         beam = beam_of(body)
-        mass, lever = specimen.balls.mass[order.ball], axis - flown.bat.place
+        mass, lever = specimen.balls.mass[plan.ball], axis - flown.bat.place
         blow = (
             mass
             * flown.passage.speed_in
@@ -143,8 +143,8 @@ class FilmedCannonStation(BallCannonStation):
         return course, bat
 
     @staticmethod
-    def _spin(name: str, scatter: float, order: ShotPlan, draws: Draws) -> np.ndarray:
-        drawn = draws.normal(f"filmed-cannon.spin.{name}", 3, order.slot)
+    def _spin(name: str, scatter: float, plan: ShotPlan, draws: Draws) -> np.ndarray:
+        drawn = draws.normal(f"filmed-cannon.spin.{name}", 3, plan.slot)
         return np.asarray(scatter * drawn)
 
 

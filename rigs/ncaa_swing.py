@@ -110,29 +110,29 @@ class NcaaSwingStation(CannonStation):
             "hall": self.hall,
         }
 
-    def play(self, order: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
+    def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire at the turning bat; the ball is timed in and out, the shaft up to contact."""
-        balls, body, slots = specimen.balls, specimen.bat.body, order.slot
-        launch = self.cannon.fire(order.speed, draws, "ncaa-swing.launch", slots)
-        swing = self._swing(order, draws)
+        balls, body, slots = specimen.balls, specimen.bat.body, plan.slot
+        launch = self.cannon.fire(plan.speed, draws, "ncaa-swing.launch", slots)
+        swing = self._swing(plan, draws)
         axis = body.length - self.holder.from_knob
         # the ball flies at a set distance from the axis and meets a slanting bat farther out
-        abreast = axis - order.place - launch.along
+        abreast = axis - plan.place - launch.along
         cosine, sine = np.cos(swing.angle), np.sin(swing.angle)
         lever = abreast / cosine
         bat_speed = swing.rate * lever
         across = launch.across - self.holder.height
         tilt = contact_angle(specimen, axis - lever, across)
         closing = launch.speed * cosine + bat_speed
-        e0 = balls.draw_hits(order.ball, closing, draws, "ncaa-swing.hit", slots)
-        blows = self.blows(order, specimen, axis - lever, closing * np.cos(tilt), e0)
+        e0 = balls.draw_hits(plan.ball, closing, draws, "ncaa-swing.hit", slots)
+        blows = self.blows(plan, specimen, axis - lever, closing * np.cos(tilt), e0)
         efficiency = blows.efficiency
         square, up = thrown_back(efficiency, tilt, closing, bat_speed)
         back = square * cosine - launch.speed * sine**2
         passage = Passage(
             speed_in=launch.speed,
             speed_out=back,
-            drag=self.air.drag(balls.spec.radius, balls.mass[order.ball]),
+            drag=self.air.drag(balls.spec.radius, balls.mass[plan.ball]),
             radius=balls.spec.radius,
             gravity=self.hall.acceleration,
             height=launch.across,
@@ -143,8 +143,8 @@ class NcaaSwingStation(CannonStation):
         contact = self.gates.arrival(passage)
         leaving = contact + blows.contact_time
         return RigOutput(
-            records=self.records(passage, contact, leaving, order, draws)
-            | {"swing": self._count(order, swing, contact, draws)},
+            records=self.records(passage, contact, leaving, plan, draws)
+            | {"swing": self._count(plan, swing, contact, draws)},
             truth={
                 "speed": launch.speed,
                 "bat_speed": bat_speed,
@@ -158,11 +158,11 @@ class NcaaSwingStation(CannonStation):
             },
         )
 
-    def _swing(self, order: ShotPlan, draws: Draws) -> _Swing:
+    def _swing(self, plan: ShotPlan, draws: Draws) -> _Swing:
         drive = self.drive
-        scatter, late = draws.normal("ncaa-swing.drive", 2, order.slot).T
-        even = order.turn_rate * (1 + drive.speed_scatter * scatter)
-        phase = tau * draws.uniform("ncaa-swing.ripple", slots=order.slot)
+        scatter, late = draws.normal("ncaa-swing.drive", 2, plan.slot).T
+        even = plan.turn_rate * (1 + drive.speed_scatter * scatter)
+        phase = tau * draws.uniform("ncaa-swing.ripple", slots=plan.slot)
         return _Swing(
             angle=even * drive.timing_scatter * late,
             rate=even * (1 + drive.ripple * np.cos(phase)),
@@ -170,10 +170,10 @@ class NcaaSwingStation(CannonStation):
             phase=phase,
         )
 
-    def _count(self, order: ShotPlan, swing: _Swing, contact: Array, draws: Draws) -> Record:
+    def _count(self, plan: ShotPlan, swing: _Swing, contact: Array, draws: Draws) -> Record:
         """Record the shaft; the recorder's ticks are the boards' clock. It stops at contact."""
-        name, slots = "ncaa-swing.encoder", order.slot
-        if order.rung is RecordDetail.SUMMED:
+        name, slots = "ncaa-swing.encoder", plan.slot
+        if plan.detail is RecordDetail.SUMMED:
             rate = swing.rate / self.gates.clock
             return self.encoder.sum_up(
                 rate, draws, name, slots, span=contact - GAP, gap=GAP, angle=swing.angle

@@ -33,7 +33,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         warm_kernels()
 
 
-Play = Callable[..., "lab.Tested"]
+Play = Callable[..., "lab.BatTest"]
 
 
 @pytest.fixture(scope="session")
@@ -46,7 +46,7 @@ def played() -> Play:
         reality: Reality | None = None,
         seed: int = 1,
         procedure: str = PROCEDURE,
-    ) -> lab.Tested:
+    ) -> lab.BatTest:
         given = {} if reality is None else {"reality": reality}
         return certified(bat, procedure=procedure, seed=seed, **given)
 

@@ -16,7 +16,7 @@ def opened(bat: str, **choices: Any) -> lab.Laboratory:
     return lab.Laboratory.open(lab.TestSetup.of(bat, **choices))
 
 
-def certify(bat: str, progress: Progress = quiet, **choices: Any) -> lab.Tested:
+def certify(bat: str, progress: Progress = quiet, **choices: Any) -> lab.BatTest:
     """Return the test of a setup, the choices those of `lab.TestSetup.of`."""
     return lab.certify_bat(lab.TestSetup.of(bat, **choices), progress)
 
@@ -28,7 +28,7 @@ def certified(
     seed: int = 1,
     reality: Reality = Reality.REAL,
     faults: tuple[str, ...] = (),
-) -> lab.Tested:
+) -> lab.BatTest:
     """Return a test as `lab.certify_bat` plays it, the same object to all who ask for it."""
     return _played(bat, procedure, seed, reality, faults)
 
@@ -36,5 +36,5 @@ def certified(
 @cache
 def _played(
     bat: str, procedure: str, seed: int, reality: Reality, faults: tuple[str, ...]
-) -> lab.Tested:
+) -> lab.BatTest:
     return certify(bat, procedure=procedure, seed=seed, reality=reality, faults=faults)

@@ -63,17 +63,5 @@ def suffix(unit: str) -> str:
     return unit.replace("/", "_per_").replace(" ", "_").replace("^", "")
 
 
-def inches(length_m: float) -> float:
-    return length_m / INCH
-
-
-def metres(length_in: float) -> float:
-    return length_in * INCH
-
-
-def ounces(mass_kg: float) -> float:
-    return mass_kg / OUNCE
-
-
 def miles_per_hour(speed: float) -> float:
     return speed / MPH

@@ -20,10 +20,10 @@ HEAVY = {"cv2", "dask", "matplotlib", "numba", "pandas", "pydantic", "pymunk", "
 LINT = (
     "import sys; from importlinter.cli import lint_imports; sys.exit(lint_imports(no_cache=True))"
 )
-NEVER_TRUE = "What measures never reaches what is true"
-NEVER_REDUCED = "A machine knows nothing of how its records are reduced"
-AT_THE_BENCH = "Who acts at the bench sees what a page shows"
-FLOORS = "Floors: imports run downward only"
+NEVER_TRUE = "Measurement never imports the simulation"
+NEVER_REDUCED = "Simulation and rigs never import the measurement"
+AT_THE_BENCH = "Operators at the bench never import the simulation"
+FLOORS = "Imports run downward"
 CONTRACTS = [each["name"] for each in PROJECT["tool"]["importlinter"]["contracts"]]
 
 
@@ -69,7 +69,7 @@ BREACHES = [
     [
         ("records.session", "certificate.tables", FLOORS),
         ("video.clips.clip", "video.track.legs", FLOORS),
-        ("lab.laboratory", "rigs.bench", "The library knows no machine in particular"),
+        ("lab.laboratory", "rigs.bench", "virtual_lab never imports rigs"),
     ],
 ]
 

@@ -22,6 +22,7 @@ import numpy as np
 
 from tests.bench.days import detector
 from tests.bench.test_web import Browser
+from virtual_lab import catalog
 from virtual_lab.bench.apparatus import Apparatus
 from virtual_lab.bench.day import Day
 from virtual_lab.bench.desk import Desk
@@ -29,7 +30,7 @@ from virtual_lab.bench.inspection import detectable, doubts
 from virtual_lab.bench.keeping import laboratory_of, taken
 from virtual_lab.bench.operators import HABITS, PREPARATION, operator_of
 from virtual_lab.bench.protocol import left_out
-from virtual_lab.bench.scenario import Scenario, load_scenario, scenario_names
+from virtual_lab.bench.scenario import Scenario, load_scenario
 from virtual_lab.bench.serving import ServedDay
 
 SOUND, DECOY = "plain-day", "monday"  # a decoy says that something may be wrong, and nothing is
@@ -71,7 +72,7 @@ def features(day: Day) -> list[float]:
 
 
 def observed(operator: str, seeds: Iterable[int]) -> np.ndarray:
-    names = scenario_names()
+    names = catalog.names("bench/scenarios")
     days = (load_scenario(names[seed % len(names)]).spec for seed in seeds)
     return np.array(
         [features(day_of(day, operator, seed)) for day, seed in zip(days, seeds, strict=True)]

@@ -10,6 +10,7 @@ from click.testing import CliRunner
 
 import virtual_lab as vl
 from tests.bench.days import PLAIN, SALT, apparatus, asked, scenario
+from virtual_lab import catalog
 from virtual_lab.bench.apparatus import Apparatus
 from virtual_lab.bench.day import Day
 from virtual_lab.bench.debrief import Debrief, debrief, debrief_page
@@ -17,7 +18,7 @@ from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.inspection import detectable, doubts, known_doubts
 from virtual_lab.bench.keeping import laboratory_of, played, taken
 from virtual_lab.bench.operators import by_script, operator_of
-from virtual_lab.bench.scenario import load_scenario, scenario_names
+from virtual_lab.bench.scenario import load_scenario
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
 
@@ -73,7 +74,7 @@ def test_a_remedied_fault_leaves_a_verdict_and_a_spoilt_day_none() -> None:
     assert scores(missed)["detection"] == pytest.approx(0.0, abs=1e-3)
 
 
-@pytest.mark.parametrize("name", scenario_names())
+@pytest.mark.parametrize("name", catalog.names("bench/scenarios"))
 def test_no_scenario_holds_a_fault_that_an_expert_has_no_check_for(name: str) -> None:
     """Its checks found each of these on 100 days of 100; names give nothing away."""
     found = load_scenario(name).spec

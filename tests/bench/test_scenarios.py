@@ -7,11 +7,12 @@ import pytest
 from click.testing import CliRunner
 
 from tests.bench.days import PLAIN, asked
+from virtual_lab import catalog
 from virtual_lab.bench.actions import action_of
 from virtual_lab.bench.debrief import debriefed
 from virtual_lab.bench.keeping import LOG, SECRET, KeptDay
 from virtual_lab.bench.operators import operator_of
-from virtual_lab.bench.scenario import load_scenario, scenario_names
+from virtual_lab.bench.scenario import load_scenario
 from virtual_lab.bench.serving import ServedDay
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
@@ -32,7 +33,7 @@ def shown(day: KeptDay, name: str, **given: object) -> dict[str, object]:
 
 
 def test_eight_scenarios_ship_and_are_documented() -> None:
-    names = scenario_names()
+    names = catalog.names("bench/scenarios")
     assert len(names) >= 8
     page = (Path(__file__).parents[2] / "data" / "README.md").read_text("utf-8")
     assert [name for name in names if f"`{name}`" not in page] == []
@@ -50,7 +51,7 @@ def test_a_fault_that_no_check_finds_is_in_no_scenario(tmp_path: Path) -> None:
 
 def test_the_limit_is_the_scenarios(tmp_path: Path) -> None:
     day = begun(tmp_path, "at-the-limit")
-    assert day.desk.rules.spec.most == 0.948
+    assert day.desk.rules.spec.metric_limit == 0.948
     for action in asked([*PLAIN, ("reduce", {})]):
         day.do(action)
     assert day.desk.certification.marginal

@@ -53,11 +53,11 @@ def _rows() -> Iterator[Row]:
     normals = processor_seconds(lambda: generator.standard_normal(NORMALS), ROUNDS) / NORMALS
     yield Row(part="machine", what="a normal number", value=normals * 1e9, unit="ns")
     for procedure in catalog.names("procedures"):
-        for rung, (shots, goal) in BLOCKS.items():
-            rate = shots / processor_seconds(_play(procedure, rung, shots), ROUNDS)
+        for detail, (shots, goal) in BLOCKS.items():
+            rate = shots / processor_seconds(_play(procedure, detail, shots), ROUNDS)
             yield Row(
                 part=procedure,
-                what=f"{procedure}, {rung.value}",
+                what=f"{procedure}, {detail.value}",
                 value=rate,
                 unit="shots/s",
                 at_least=goal,
@@ -65,7 +65,7 @@ def _rows() -> Iterator[Row]:
             )
 
 
-def _play(procedure: str, rung: RecordDetail, shots: int) -> Work:
+def _play(procedure: str, detail: RecordDetail, shots: int) -> Work:
     """Return what plays and reduces the next block."""
     laboratory = Campaign.of(BATS.get(procedure, "r161"), procedure).laboratory(1)
     session = by_the_book(laboratory).certification.session
@@ -75,13 +75,13 @@ def _play(procedure: str, rung: RecordDetail, shots: int) -> Work:
     balls = measured_balls(known, observe_balls(session))
     rules = reduced.procedure
     metric = metric_of(rules)
-    order = ShotPlan(
+    plan = ShotPlan(
         slot=np.arange(shots),
         ball=np.arange(shots) % rules.balls,
         speed=np.full(shots, rules.ball_speed),
         place=np.full(shots, reduced.outcome.place),
         turn_rate=float(rules.turn_rate(bat.length)),
-        rung=rung,
+        detail=detail,
     )
     station = laboratory.stations[Stage.IMPACT]
 
@@ -89,7 +89,7 @@ def _play(procedure: str, rung: RecordDetail, shots: int) -> Work:
 
     def work() -> object:
         play = station.play(
-            replace(order, slot=next(firsts) + order.slot), laboratory.specimen, laboratory.draws
+            replace(plan, slot=next(firsts) + plan.slot), laboratory.specimen, laboratory.draws
         )
         records = {**session.records, "impact": play.records}
         readings = observe_impact(replace(session, records=records))

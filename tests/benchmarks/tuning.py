@@ -20,7 +20,7 @@ from tests.benchmarks.scenes import WIDE, default_model, struck
 from virtual_lab.simulation.collision.stepping import (
     FINE,
     CollisionBatch,
-    Followed,
+    FinalStates,
     InStep,
     OneByOne,
 )
@@ -35,7 +35,7 @@ VALUES = {
     "release": (1e-3, 3e-3, 3e-2, 1e-1),
     "brush": (3e-3, 1e-2, 1e-1, 3e-1),
 }
-Batch = tuple[CollisionBatch, Followed]
+Batch = tuple[CollisionBatch, FinalStates]
 
 
 def main() -> None:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from tests.test_units import DEFINED
 from virtual_lab import catalog
-from virtual_lab.bench.scenario import load_scenario, scenario_names
+from virtual_lab.bench.scenario import load_scenario
 from virtual_lab.bench.table import action_table
 from virtual_lab.catalog.faults import FaultSheet
 from virtual_lab.catalog.specs import BallSpec, Dimension, Spec
@@ -115,7 +115,7 @@ def test_the_table_of_actions_reads() -> None:
     assert action_table().actions
 
 
-@pytest.mark.parametrize("name", scenario_names())
+@pytest.mark.parametrize("name", catalog.names("bench/scenarios"))
 def test_every_scenario_reads(name: str) -> None:
     assert load_scenario(name).spec.name == name
 

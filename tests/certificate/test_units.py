@@ -79,7 +79,7 @@ def test_every_number_has_a_unit(procedure: str, played: Play) -> None:
     assert (metric["unit"] == "m/s") == (found.procedure.metric == "batted_speed")
     assert found.metric is not None
     assert metric["value"] == found.metric.value
-    assert metric["limit"] == found.procedure.most
+    assert metric["limit"] == found.procedure.metric_limit
     # 80 to 120 mph are 36 to 54 m/s: a speed said in m/s is no number of mph
     if metric["unit"] == "m/s":
         speeds = [metric["value"], *(row["value"] for row in document["swing_range"])]

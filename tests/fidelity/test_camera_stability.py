@@ -12,7 +12,7 @@ from virtual_lab.cli import cli
 from virtual_lab.fidelity import camera_stability as maps
 from virtual_lab.fidelity.camera_drops import dropped_frames
 from virtual_lab.fidelity.camera_estimators import EDGE
-from virtual_lab.fidelity.drawing import Seen
+from virtual_lab.fidelity.drawing import PictureState
 
 Row = dict[str, Any]
 ENDS = {
@@ -38,15 +38,15 @@ def state(rows: list[Row], axis: str, value: float, method: str = EDGE) -> str:
 
 
 def test_the_fit_is_good_or_says_why_not(rows: list[Row]) -> None:
-    assert state(rows, "contrast over noise", 5) == Seen.GOOD
-    assert state(rows, "contrast over noise", 96) == Seen.GOOD
-    assert state(rows, "hot pixels", 100) == Seen.GOOD
+    assert state(rows, "contrast over noise", 5) == PictureState.GOOD
+    assert state(rows, "contrast over noise", 96) == PictureState.GOOD
+    assert state(rows, "hot pixels", 100) == PictureState.GOOD
     for axis, value in (
         ("share out of the frame", 0.25),
         ("share behind the bat", 0.25),
         ("exposure over the right one", 2),
     ):
-        assert state(rows, axis, value) == Seen.FLAGGED
+        assert state(rows, axis, value) == PictureState.FLAGGED
     assert maps.unsaid_share(rows, EDGE) == 0
 
 
@@ -56,7 +56,7 @@ def test_dropped_frames_are_found_by_the_step_they_leave(rows: list[Row]) -> Non
     for (ball, count), row in own.items():
         assert row["unsaid"] == 0
         if ball == "places to 0.02 px":
-            assert row["state"] == Seen.GOOD
+            assert row["state"] == PictureState.GOOD
             assert row["flagged"] == (4 if count else 0)
 
 

@@ -25,7 +25,7 @@ SIDE = 0.712  # m, a pivot somewhere on the bat
 Bits = dict[int, str]
 
 
-def bits(tested: lab.Tested) -> str:
+def bits(tested: lab.BatTest) -> str:
     """Return a hash of metric, u, every record and all that was true."""
     metric = tested.certification.metric
     digest = hashlib.sha256(repr((metric.value, metric.u, metric.dof) if metric else None).encode())
@@ -81,7 +81,7 @@ def test_what_ran_before_changes_nothing(procedure: str) -> None:
     """Other laboratories, and scenes far from any of a test, before the one looked at."""
     (alone,) = played(procedure, [3]).values()
     campaign = Campaign.of(BATS.get(procedure, "r161"), procedure)
-    body, box = campaign.setup.bat.spec.body, campaign.collision.box
+    body, box = campaign.setup.bat.spec.body, campaign.setup.collision.box
     assert box is not None
     far = Scenes.of(
         impact_position=np.linspace(0.04, 0.3, 200),
@@ -92,7 +92,7 @@ def test_what_ran_before_changes_nothing(procedure: str) -> None:
         exponent=box.exponent,
     )
     for from_knob in (campaign.setup.rules.spec.pivot_from_knob, body.length - SIDE):
-        campaign.collision.efficiency(body, Pinned(body.length - from_knob), far)
+        campaign.setup.collision.efficiency(body, Pinned(body.length - from_knob), far)
     for seed in (8, 5):
         lab.by_the_book(campaign.laboratory(seed))
     assert bits(lab.by_the_book(campaign.laboratory(3))) == alone
@@ -110,7 +110,7 @@ class Watching:
     seen: list[Scenes] = field(default_factory=list)
 
     def __call__(self, body, support):
-        return self.campaign.collision(body, support)
+        return self.campaign.setup.collision(body, support)
 
     def efficiency(self, body, support, scenes: Scenes) -> np.ndarray:
         self.seen.append(scenes)
@@ -124,23 +124,23 @@ def test_scenes_of_a_test_lie_in_its_box(procedure: str) -> None:
     And the box is no wider than it must be: the shots fill four tenths of each of its sides.
     """
     campaign = Campaign.of(BATS.get(procedure, "r161"), procedure)
-    box, shots = campaign.collision.box, 20_000
+    box, shots = campaign.setup.collision.box, 20_000
     assert box is not None
     laboratory, rules = campaign.laboratory(1), campaign.setup.rules.spec
     ready = lab.prepared(laboratory).laboratory
     ends = (rules.scan.low, rules.scan.high) if rules.scan else (np.mean(box.impact_position),) * 2
     slots, watching = np.arange(shots), Watching(campaign)
-    order = ShotPlan(
+    plan = ShotPlan(
         slot=slots,
         ball=slots % rules.balls,
         speed=np.full(shots, rules.ball_speed),
         place=np.where(slots % 2, *ends),
         turn_rate=float(rules.turn_rate(beam_of(campaign.setup.bat.spec.body).length)),
-        rung=RecordDetail.SUMMED,
+        detail=RecordDetail.SUMMED,
     )
     specimen = replace(ready.specimen, collision=watching)
     with pytest.raises(AskedError):
-        laboratory.stations[Stage.IMPACT].play(order, specimen, laboratory.draws)
+        laboratory.stations[Stage.IMPACT].play(plan, specimen, laboratory.draws)
     (scenes,) = watching.seen
     assert box.inside(scenes).all()
     for axis in ("impact_position", "relative_speed", "ball_restitution"):
@@ -154,21 +154,21 @@ def test_summed_and_full_records_share_their_truth(procedure: str) -> None:
     setup = replace(Campaign.of("r161", procedure).setup, seed=4)
     rules, slots = setup.rules.spec, np.arange(24)
     truths, constants, balls = [], [], []
-    for rung in RecordDetail:
-        day = lab.prepared(lab.Laboratory.open(replace(setup, detail=rung)))
+    for detail in RecordDetail:
+        day = lab.prepared(lab.Laboratory.open(replace(setup, detail=detail)))
         ready, bench, wall = day.laboratory, day.bench, day.wall
         assert bench is not None
         assert wall is not None
-        order = ShotPlan(
+        plan = ShotPlan(
             slot=slots,
             ball=slots % rules.balls,
             speed=np.full(slots.size, rules.ball_speed),
             place=np.linspace(0.13, 0.17, slots.size),
             turn_rate=float(rules.turn_rate(float(bench.truth["length"]))),
-            rung=rung,
+            detail=detail,
         )
         station = ready.stations[Stage.IMPACT]
-        play = station.play(order, ready.specimen, ready.draws)
+        play = station.play(plan, ready.specimen, ready.draws)
         names = ("speed", "place", "across", "ball_restitution")
         truths.append([play.truth[name] for name in names] + [*wall.truth.values()])
         constants.append([dict(each.true_constants) for each in ready.stations.values()])

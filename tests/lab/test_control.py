@@ -34,7 +34,7 @@ def rules(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 @cache
-def controlled(rules: str, reality: Reality = Reality.REAL, seed: int = 7) -> lab.Tested:
+def controlled(rules: str, reality: Reality = Reality.REAL, seed: int = 7) -> lab.BatTest:
     return certify("r161", procedure=rules, control_bat=CYLINDER, reality=reality, seed=seed)
 
 

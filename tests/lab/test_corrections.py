@@ -20,8 +20,9 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.lab import prepared
-from virtual_lab.lab.naming import lot_constants, with_records
-from virtual_lab.measurement.session_reduction import Reduced, reduce_session
+from virtual_lab.lab.laboratory import lot_constants
+from virtual_lab.lab.test_day import with_records
+from virtual_lab.measurement.session_reduction import SessionReduction, reduce_session
 from virtual_lab.records import Record
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.collision.modal import ModalModel
@@ -77,7 +78,7 @@ def specimen(ball: BallSpec | None = None, draws: Draws | None = None) -> Specim
     )
 
 
-def order(rig: str, rung: RecordDetail, shots: int = SHOTS) -> ShotPlan:
+def plan(rig: str, detail: RecordDetail, shots: int = SHOTS) -> ShotPlan:
     swung = "swing" in installed_rigs()[rig].channels
     return ShotPlan(
         slot=np.arange(shots),
@@ -85,7 +86,7 @@ def order(rig: str, rung: RecordDetail, shots: int = SHOTS) -> ShotPlan:
         speed=np.full(shots, 26.0),
         place=np.full(shots, 0.13),
         turn_rate=40.0 if swung else 0.0,
-        rung=rung,
+        detail=detail,
     )
 
 
@@ -130,17 +131,17 @@ CHEAP = [rig for rig in installed_rigs() if rig != "filmed-cannon"]
 
 
 @pytest.mark.parametrize(
-    ("rig", "rung"),
+    ("rig", "detail"),
     [
-        *((rig, rung) for rig in CHEAP for rung in RecordDetail),
+        *((rig, detail) for rig in CHEAP for detail in RecordDetail),
         ("filmed-cannon", RecordDetail.SUMMED),
     ],
 )
-def test_every_true_constant_moves_a_record(rig: str, rung: RecordDetail) -> None:
-    """Of every station on every rung, all draws alike; and the clock of the gates all it times."""
+def test_every_true_constant_moves_a_record(rig: str, detail: RecordDetail) -> None:
+    """Of every station in either detail, all draws alike; and the clock of gates all it times."""
     draws, struck = Streams(11), specimen()
     station = installed_rigs()[rig].commission(draws)
-    asked = order(rig, rung)
+    asked = plan(rig, detail)
     records = station.play(asked, struck, draws).records
     found = {
         name: differing(records, moved(station, name).play(asked, struck, draws).records)
@@ -149,7 +150,7 @@ def test_every_true_constant_moves_a_record(rig: str, rung: RecordDetail) -> Non
     }
     # marks on an aim paper are no shots: an aim that only they show strikes where it was set
     still = {name for name, channels in found.items() if not channels - {"aim"}}
-    assert still == UNSEEN.get((rig, rung), set())
+    assert still == UNSEEN.get((rig, detail), set())
     for encoder in ("encoder", "swing"):
         if encoder in records:
             assert {"gates", encoder} <= found["gates.clock"]
@@ -159,7 +160,7 @@ def test_the_gain_of_a_camera_moves_its_pictures() -> None:
     """The one constant of the camera that places of the ball do not know of."""
     draws, struck = Streams(11), specimen()
     station = installed_rigs()["filmed-cannon"].commission(draws)
-    asked = order("filmed-cannon", RecordDetail.FULL, 1)
+    asked = plan("filmed-cannon", RecordDetail.FULL, 1)
     clip = station.play(asked, struck, draws).records["camera"]
     brighter = moved(station, "camera.gain").play(asked, struck, draws).records["camera"]
     ball = clip.pixels > 1.5 * clip.pixels.mean()
@@ -171,7 +172,7 @@ def test_the_gain_of_a_camera_moves_its_pictures() -> None:
 def test_the_lots_own_radius_and_slope_move_records(rig: str) -> None:
     """What `lot_constants` is unsure of is true of the balls on the rig."""
     draws, struck = Streams(12), specimen()
-    station, asked = installed_rigs()[rig].commission(draws), order(rig, RecordDetail.FULL)
+    station, asked = installed_rigs()[rig].commission(draws), plan(rig, RecordDetail.FULL)
     records = station.play(asked, struck, draws).records
     spec = struck.balls.spec
     steeper = replace(spec.restitution, slope=1.2 * spec.restitution.slope)
@@ -236,7 +237,7 @@ SCATTERS = {  # by rig: field of the station, number of its sheet, what it scatt
     ],
 }
 OWN_SHEET = {"drive"}  # a part of a station that is its own sheet
-SUMS = {  # on the rung of sums a recorder has rounded, and the bearing has rubbed, before it sums
+SUMS = {  # in sums a recorder has rounded, and the bearing has rubbed, before it sums
     "ball-wall": [("gates", "edge_jitter", "gates"), ("gates", "tick", "gates")],
     "astm-pivot": [("gates", "edge_jitter", "gates"), ("pivot", "friction", "encoder")],
     "ball-cannon": [("gates", "edge_jitter", "gates"), ("gates", "trip_spread", "gates")],
@@ -254,23 +255,25 @@ def variances(record: Record) -> dict[str, Array]:
     return found
 
 
-@pytest.mark.parametrize(("rig", "rung", "part", "number", "channel"), EACH_SCATTER)
+@pytest.mark.parametrize(("rig", "detail", "part", "number", "channel"), EACH_SCATTER)
 def test_every_declared_scatter_scatters(
-    rig: str, rung: RecordDetail, part: str, number: str, channel: str
+    rig: str, detail: RecordDetail, part: str, number: str, channel: str
 ) -> None:
     """Set to nothing, all draws alike, it changes the variance of what it scatters.
 
     In one laboratory of eight at least: a rule's step hides most of what it repeats to.
     """
-    assert any(scatters(Streams(seed), rig, rung, part, number, channel) for seed in range(11, 19))
+    assert any(
+        scatters(Streams(seed), rig, detail, part, number, channel) for seed in range(11, 19)
+    )
 
 
 def scatters(
-    draws: Streams, rig: str, rung: RecordDetail, part: str, number: str, channel: str
+    draws: Streams, rig: str, detail: RecordDetail, part: str, number: str, channel: str
 ) -> bool:
     """Return whether a record's variance is another without one number of a sheet."""
     station, struck = installed_rigs()[rig].commission(draws), specimen()
-    asked = order(rig, rung, 4 * SHOTS)
+    asked = plan(rig, detail, 4 * SHOTS)
     if number == "sabot_rate":  # which strikes one shot in a hundred
         station = with_sheet(station, part, sabot_rate=0.5)
     if part in OWN_SHEET:
@@ -282,14 +285,14 @@ def scatters(
     return any(not np.array_equal(before[key], after[key]) for key in before)
 
 
-@pytest.mark.parametrize("rung", RecordDetail)
-def test_the_encoder_turns_about_the_true_axis(rung: RecordDetail) -> None:
+@pytest.mark.parametrize("detail", RecordDetail)
+def test_the_encoder_turns_about_the_true_axis(detail: RecordDetail) -> None:
     """A rigid bat on an axis 8 mm from where it should be: ω = J lever / I about that axis.
 
     And, where the encoder shows the ring, with the slope of each mode there: a sum of decaying
     sines from what the collision left in them.
     """
-    struck, asked = specimen(draws=Quiet()), order("astm-pivot", rung, 2)
+    struck, asked = specimen(draws=Quiet()), plan("astm-pivot", detail, 2)
     station = installed_rigs()["astm-pivot"].commission(Quiet(), ideal=True)
     station = altered(station, "pivot", from_knob=0.160)
     play = station.play(asked, struck, Quiet())
@@ -300,7 +303,7 @@ def test_the_encoder_turns_about_the_true_axis(rung: RecordDetail) -> None:
     spec, clock = station.encoder.spec, station.gates.clock
     per_angle = station.encoder.scale * spec.counts_per_turn / (2 * pi)
     record = play.records["encoder"]
-    if rung is RecordDetail.SUMMED:
+    if detail is RecordDetail.SUMMED:
         assert record.rate * clock / per_angle == pytest.approx(rate, rel=1e-9)
         return
     shown = np.diff(record.counts[:, -2:])[:, 0] * spec.sample_rate * clock / per_angle
@@ -333,15 +336,15 @@ def test_the_thresholds_of_beams_scatter_edges() -> None:
     assert spread == pytest.approx(dict.fromkeys(spread, 1.0), abs=4.5 / np.sqrt(2 * 102))
 
 
-@pytest.mark.parametrize("rung", RecordDetail)
+@pytest.mark.parametrize("detail", RecordDetail)
 @pytest.mark.parametrize("rig", [rig for rig in CHEAP if rig != "bench"])
 @pytest.mark.parametrize("scatter", ["mass", "restitution", "hit_restitution"])
-def test_every_scatter_of_a_ball_scatters(rig: str, rung: RecordDetail, scatter: str) -> None:
+def test_every_scatter_of_a_ball_scatters(rig: str, detail: RecordDetail, scatter: str) -> None:
     """Lots of alike masses, of alike e0, and hits alike: the gates' times vary otherwise."""
     ball = catalog.load("balls", "baseball-2003", BallSpec).spec
     alike = replace(ball, spread=replace(ball.spread, **{scatter: 0.0}))
     draws, station = Streams(11), installed_rigs()[rig].commission(Streams(11))
-    asked = order(rig, rung)
+    asked = plan(rig, detail)
     before, after = (
         variances(station.play(asked, specimen(each), draws).records["gates"])
         for each in (ball, alike)
@@ -390,7 +393,7 @@ def slopes(x: Array, y: Array) -> tuple[Array, Array]:
     return slope, intercept
 
 
-def by_hand(session: Session, reduced: Reduced) -> dict[str, Array]:  # noqa: PLR0915 one page
+def by_hand(session: Session, reduced: SessionReduction) -> dict[str, Array]:  # noqa: PLR0915 one page
     """Return what the records of an airless laboratory say, worked out from the paper's equations.
 
     Signals, which is to say passages and rates in counts, are taken as reduced.
@@ -537,7 +540,7 @@ def test_every_calibration_moves_the_result_as_its_correction_says(
         assert (moved_by > 1e-9) == (name not in IDLE[procedure]), name
 
 
-def effect(session: Session, name: str, value: float) -> tuple[Reduced, Reduced]:
+def effect(session: Session, name: str, value: float) -> tuple[SessionReduction, SessionReduction]:
     return reduce_session(session), reduce_session(with_constant(session, name, value))
 
 
@@ -635,7 +638,7 @@ def test_a_slanting_bat_is_seen_through(late: float) -> None:
     station = replace(station, drive=replace(station.drive, timing_scatter=0.3e-3))
     along = station.cannon.stated["along"].value
     asked = replace(
-        order("ncaa-swing", RecordDetail.FULL, 4),
+        plan("ncaa-swing", RecordDetail.FULL, 4),
         speed=np.full(4, 70 * MPH),
         place=np.array([4.0, 5.0, 6.0, 7.0]) * INCH - along,
         turn_rate=47.0,

@@ -280,12 +280,12 @@ def test_one_instruments_noise_is_its_own(
     """Taken away from one instrument, it changes that channel and no bit of any other."""
     draws, specimen = Streams(5), _specimen()
     turns = np.arange(4)
-    order = ShotPlan(slot=turns, ball=turns, speed=np.full(4, 26.8224), place=np.full(4, 0.16))
+    plan = ShotPlan(slot=turns, ball=turns, speed=np.full(4, 26.8224), place=np.full(4, 0.16))
     station = find_rig(rig, stage).commission(draws)
     part = getattr(station, instrument)
     quiet = replace(part, spec=replace(part.spec, **{noise: type(getattr(part.spec, noise))(0)}))
-    loud = station.play(order, specimen, draws).records
-    calm = replace(station, **{instrument: quiet}).play(order, specimen, draws).records
+    loud = station.play(plan, specimen, draws).records
+    calm = replace(station, **{instrument: quiet}).play(plan, specimen, draws).records
     differ = {
         name
         for name, record in loud.items()

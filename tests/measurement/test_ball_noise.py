@@ -110,7 +110,6 @@ def play(
     e = BPF * e0[ball] + hit * rng.standard_normal(ball.size)
     readings = ImpactReadings(
         ball=ball,
-        nominal_speed=np.full(ball.size, SPEED),
         place=np.full(ball.size, PLACE),
         passages=passages(SPEED * (e - RECOIL) / (1 + RECOIL)),
         recoil=None,

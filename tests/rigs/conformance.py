@@ -82,7 +82,7 @@ class Bench:
             bat=made_bat(bat, draws), balls=draw_balls(ball, SHOTS, draws), collision=_Modal()
         )
 
-    def order(self, shots: int = SHOTS, first: int = 0) -> ShotPlan:
+    def plan(self, shots: int = SHOTS, first: int = 0) -> ShotPlan:
         """Ask for the first `shots` balls of the lot, one each, as shots `first` and up."""
         return ShotPlan(
             slot=first + np.arange(shots),
@@ -100,7 +100,7 @@ class Bench:
     def play(self, *, seed: int = SEED, shots: int = SHOTS, first: int = 0) -> RigOutput:
         """Commission anew and play: two calls share nothing but their arguments."""
         draws = Streams(seed)
-        return self.rig.commission(draws).play(self.order(shots, first), self.specimen, draws)
+        return self.rig.commission(draws).play(self.plan(shots, first), self.specimen, draws)
 
 
 def same(left: Mapping[str, Record], right: Mapping[str, Record]) -> bool:
@@ -179,15 +179,15 @@ def other_shots_other_noise(bench: Bench) -> None:
 def a_shot_hangs_on_its_number_alone(bench: Bench) -> None:
     """Give each shot the bits it had when it is fired in another order, or in another round.
 
-    On either rung of the instruments; what is read once a laboratory stays as it was too.
+    In either detail of the records; what is read once a laboratory stays as it was too.
     """
     draws = Streams(SEED)
     station = bench.rig.commission(draws)
-    for rung in RecordDetail:
-        order = replace(bench.order(), rung=rung)
-        whole = station.play(order, bench.specimen, draws)
+    for detail in RecordDetail:
+        plan = replace(bench.plan(), detail=detail)
+        whole = station.play(plan, bench.specimen, draws)
         for rows in ([2, 0, 3, 1], [1], [3, 2]):
-            part = station.play(_rows_of(order, rows), bench.specimen, draws)
+            part = station.play(_rows_of(plan, rows), bench.specimen, draws)
             assert part.records.keys() == whole.records.keys()
             for channel, record in part.records.items():
                 first = whole.records[channel]
@@ -202,9 +202,9 @@ def a_shot_hangs_on_its_number_alone(bench: Bench) -> None:
                 assert np.array_equal(values, expected, equal_nan=True), name
 
 
-def _rows_of(order: ShotPlan, rows: list[int]) -> ShotPlan:
-    own = {name: getattr(order, name)[rows] for name in ("slot", "ball", "speed", "place")}
-    return replace(order, **own)
+def _rows_of(plan: ShotPlan, rows: list[int]) -> ShotPlan:
+    own = {name: getattr(plan, name)[rows] for name in ("slot", "ball", "speed", "place")}
+    return replace(plan, **own)
 
 
 def _axes_of(record: Record) -> dict[str, tuple[str, ...]]:
@@ -290,10 +290,10 @@ def log_is_the_order(bench: Bench) -> None:
     """Where a rig keeps a shot log it says what was asked for, not what happened."""
     log = bench.played.records.get("log")
     if log is not None:
-        order = bench.order()
-        assert np.array_equal(log.ball, order.ball)
-        assert np.array_equal(log.nominal_speed, order.speed)
-        assert np.array_equal(log.place, order.place)
+        plan = bench.plan()
+        assert np.array_equal(log.ball, plan.ball)
+        assert np.array_equal(log.nominal_speed, plan.speed)
+        assert np.array_equal(log.place, plan.place)
 
 
 def impact_station_knows_the_measurand(bench: Bench) -> None:
@@ -302,11 +302,11 @@ def impact_station_knows_the_measurand(bench: Bench) -> None:
     if bench.rig.stage is not Stage.IMPACT:
         return
     assert isinstance(station, ImpactStation)
-    order = bench.order()
-    before = station.outcome(order, bench.specimen)
+    plan = bench.plan()
+    before = station.outcome(plan, bench.specimen)
     assert isinstance(before, TrueOutcome)
-    station.play(order, bench.specimen, Streams(SEED))
-    after = station.outcome(order, bench.specimen)
+    station.play(plan, bench.specimen, Streams(SEED))
+    after = station.outcome(plan, bench.specimen)
     for name, values in _shares_of(before).items():
         assert values.shape == (SHOTS,), name
         assert np.array_equal(values, _shares_of(after)[name]), name

@@ -41,8 +41,8 @@ def play(
     if wall is not None:
         station = station.with_wall(wall)
         assert station.true_constants["wall.restitution"] == wall
-    order = ShotPlan(slot=np.arange(6), ball=TURNS, speed=np.full(6, SPEED), place=np.zeros(6))
-    return station.play(order, specimen, draws)
+    plan = ShotPlan(slot=np.arange(6), ball=TURNS, speed=np.full(6, SPEED), place=np.zeros(6))
+    return station.play(plan, specimen, draws)
 
 
 def test_hits_of_a_ball_count_in_their_order() -> None:

@@ -52,12 +52,12 @@ class Leaky:
     def commission(self, draws, *, ideal=False):
         return self
 
-    def play(self, order, specimen, draws):
+    def play(self, plan, specimen, draws):
         Leaky.state += 1
         log = ShotLog(
-            ball=order.ball,
-            nominal_speed=order.speed * 0 + Leaky.state,
-            place=order.place * 0 + float(conformance.SEED),
+            ball=plan.ball,
+            nominal_speed=plan.speed * 0 + Leaky.state,
+            place=plan.place * 0 + float(conformance.SEED),
         )
         return RigOutput(records={"notes": log, "log": log}, truth={"speed": np.zeros(1)})
 

@@ -15,7 +15,7 @@ from virtual_lab.simulation.rig import Reality
 DONE = {"astm-pivot": "astm-f1881", "ball-cannon": "bbcor"}
 
 
-def certified(rig: str, motion: str, reality: Reality) -> lab.Tested:
+def certified(rig: str, motion: str, reality: Reality) -> lab.BatTest:
     return certify("r161", procedure=DONE[rig], rig=rig, seed=1, reality=reality, motion=motion)
 
 

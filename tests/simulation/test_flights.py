@@ -93,7 +93,7 @@ def test_a_frame_on_the_way_back_hides_the_gates_beyond_it_by_every_rung(rig: st
     """A low rebound meets the lower bars: edges, sums and pymunk miss the same gates."""
     changes: dict[str, Any] = {"frame": {"bottom": -0.06, "top": 0.2}}
     usual = play(rig, {})
-    orders: Any = ({}, {"motion": MotionRung.PYMUNK}, {"rung": RecordDetail.SUMMED})
+    orders: Any = ({}, {"motion": MotionRung.PYMUNK}, {"detail": RecordDetail.SUMMED})
     closed, carried, summed = (unseen(play(rig, changes, **order))[:, OUT] for order in orders)
     assert closed.any()
     assert not closed.all()

@@ -33,9 +33,9 @@ def specimen_of(bat: str) -> Specimen:
 def truth_of(specimen: Specimen) -> TrueOutcome:
     first = np.zeros(PLACES.size, dtype=int)
     speed = np.full(PLACES.size, 40.0)
-    order = ShotPlan(slot=np.arange(PLACES.size), ball=first, speed=speed, place=PLACES)
+    plan = ShotPlan(slot=np.arange(PLACES.size), ball=first, speed=speed, place=PLACES)
     support = Pinned(specimen.bat.body.length - FROM_KNOB)
-    return error_free(order, specimen, support, FROM_KNOB)
+    return error_free(plan, specimen, support, FROM_KNOB)
 
 
 @pytest.mark.parametrize("bat", ["r161", "ea70", "barrel-loaded", "knob-loaded"])

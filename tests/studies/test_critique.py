@@ -9,7 +9,7 @@ import pytest
 
 from virtual_lab.errors import InputError
 from virtual_lab.studies import critique as study
-from virtual_lab.studies.critique import Critique, Pair, Ranked, critique, misranking
+from virtual_lab.studies.critique import Critique, Pair, ProcedureResults, critique, misranking
 
 BATS = ("r161", "ea70", "barrel-loaded", "knob-loaded")
 
@@ -36,7 +36,7 @@ def made_up(*measured: tuple[float, float], field: float = 3.0) -> Critique:
         balls={"a": "ball", "b": "ball"},
         field=np.array([[100.0 + field, 100.0]]),
         ranked=(
-            Ranked(
+            ProcedureResults(
                 procedure="p",
                 ball="ball",
                 metric="v_f",

@@ -61,9 +61,11 @@ def test_curtains_lose_a_ball_that_is_slower_than_the_sheet_says(name: str) -> N
     assert said["told_mph"] == said["at_gates"][0]["speed_mph"]
 
 
-@pytest.mark.parametrize("rung", RecordDetail)
+@pytest.mark.parametrize("detail", RecordDetail)
 @pytest.mark.parametrize("name", ["light-boards", "swing-boards"])
-def test_boards_see_a_ball_that_is_as_fast_as_the_sheet_says(name: str, rung: RecordDetail) -> None:
+def test_boards_see_a_ball_that_is_as_fast_as_the_sheet_says(
+    name: str, detail: RecordDetail
+) -> None:
     """And none of half that speed, which falls four times as far."""
     spec = catalog.load("instruments", name, LightBoardSpec).spec
     boards = LightBoards.commission(spec, Quiet(), "b")
@@ -72,7 +74,7 @@ def test_boards_see_a_ball_that_is_as_fast_as_the_sheet_says(name: str, rung: Re
         speeds = row["speed_mph"] * MPH * np.array([0.5, 1.001])
         contact = np.full(2, 0.1)
         record = boards.watch(
-            balls(speeds), contact, contact, Quiet(), "b", np.arange(speeds.size), rung
+            balls(speeds), contact, contact, Quiet(), "b", np.arange(speeds.size), detail
         )
         times = passages(record, lowest=spec.lowest, pitch=spec.pitch).times
         assert np.isnan(times[:, 1, board]).tolist() == [True, False]

@@ -24,15 +24,15 @@ if TYPE_CHECKING:
     from virtual_lab.api.charts import chart, stability
     from virtual_lab.certificate.document import CertificateDocument
     from virtual_lab.fidelity.mode_convergence import convergence
-    from virtual_lab.lab import Tested
+    from virtual_lab.lab import BatTest
     from virtual_lab.measurement.certification import Certification
-    from virtual_lab.output.metrics import Printed
-    from virtual_lab.simulation.truth import Sealed
+    from virtual_lab.output.metrics import MetricFormat
+    from virtual_lab.simulation.truth import SealedTruth
     from virtual_lab.studies.bats.ball_law import sensitivity
-    from virtual_lab.studies.bats.compare import Compared, profile
+    from virtual_lab.studies.bats.compare import BatComparison, profile
     from virtual_lab.studies.bats.fit_bat import fit_bat
     from virtual_lab.studies.bats.percussion import percussion
-    from virtual_lab.studies.bats.profile import Profiled
+    from virtual_lab.studies.bats.profile import BatProfile
     from virtual_lab.studies.bias import bias
     from virtual_lab.studies.clips import clip_coverage
     from virtual_lab.studies.coverage import coverage
@@ -50,11 +50,11 @@ if TYPE_CHECKING:
     from virtual_lab.video.show.tracked_clip import TrackedClip
 
 __all__ = [
+    "BatComparison",
+    "BatProfile",
     "Calibration",
     "Certificate",
-    "Compared",
     "InputError",
-    "Profiled",
     "Sheet",
     "Track",
     "ball",
@@ -92,9 +92,9 @@ __all__ = [
 
 STUDIES = "virtual_lab.studies"
 ELSEWHERE = {  # name: module, name there; functions take sheets and paths in the place of names
-    "Compared": (f"{STUDIES}.bats.compare", "Compared"),
+    "BatComparison": (f"{STUDIES}.bats.compare", "BatComparison"),
+    "BatProfile": (f"{STUDIES}.bats.profile", "BatProfile"),
     "InputError": ("virtual_lab.errors", "InputError"),
-    "Profiled": (f"{STUDIES}.bats.profile", "Profiled"),
     "bias": (f"{STUDIES}.bias", "bias"),
     "chart": ("virtual_lab.api.charts", "chart"),
     "clip_coverage": (f"{STUDIES}.clips", "clip_coverage"),
@@ -159,7 +159,7 @@ class Certificate:
     """A certificate of a bat, with its shots, uncertainty budget, records and truth."""
 
     certification: Certification
-    sealed: Sealed | None = None
+    sealed: SealedTruth | None = None
     control: Certificate | None = None  # of the control bat
     film: Callable[[Path], None] | None = None  # of the first shot, where it was asked for
     seed: int | None = None  # as given by the user, None if random
@@ -233,7 +233,7 @@ class Certificate:
         return self._print.unit
 
     @property
-    def _print(self) -> Printed:
+    def _print(self) -> MetricFormat:
         from virtual_lab.output.metrics import METRICS
 
         return METRICS[self.printed.metric.name]
@@ -386,7 +386,7 @@ def certify(
         procedure = _with_ball(procedure, ball)
         instruments = (*instruments, *([ball] if isinstance(ball, Sheet) else []))
 
-    def test(bat: str, procedure: str, control_bat: str | None) -> Tested:
+    def test(bat: str, procedure: str, control_bat: str | None) -> BatTest:
         setup = TestSetup.of(
             bat,
             procedure=procedure,
@@ -422,7 +422,7 @@ def _whole(seed: object) -> int:
         raise InputError("", "seed", seed, f"allowed: {allowed}") from fault
 
 
-def _certificate(tested: Tested, seed: int | None) -> Certificate:
+def _certificate(tested: BatTest, seed: int | None) -> Certificate:
     return Certificate(
         certification=tested.certification,
         sealed=tested.sealed,

@@ -20,14 +20,15 @@ from virtual_lab.bench.actions import LENGTHS, MASSES, Action
 from virtual_lab.bench.checks import CheckStandards, speed_ratio
 from virtual_lab.bench.day import Day, DayEvent, Shown
 from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.entries import entry_of_constant, entry_of_record
+from virtual_lab.bench.entries import entry_of_record
 from virtual_lab.bench.firing import Firing, altered, specimen_at
 from virtual_lab.bench.protocol import checklist
 from virtual_lab.bench.sketching import sketch_of
 from virtual_lab.bench.table import Consequences, action_table
 from virtual_lab.errors import InputError
-from virtual_lab.lab import Laboratory, TestDay, Tested
+from virtual_lab.lab import BatTest, Laboratory, TestDay
 from virtual_lab.records import MassReadings, Record
+from virtual_lab.records.session import entry_of_constant
 from virtual_lab.simulation.faults.fault import instrument_of, other_sheet
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.simulation.physics.beam import Free
@@ -85,7 +86,7 @@ class Apparatus:
             sketch=reading.sketch,
         )
 
-    def finish(self, day: Day) -> Tested:
+    def finish(self, day: Day) -> BatTest:
         """Return the certification of a day that was reduced, and what really happened on it.
 
         Raises `InputError` as `Desk.reduced`.
@@ -185,8 +186,8 @@ class Apparatus:
     def _bench(self, laboratory: Laboratory) -> RigOutput:
         balls = np.arange(laboratory.rules.spec.balls)
         nothing = np.full(balls.shape, np.nan)
-        order = ShotPlan(slot=balls, ball=balls, speed=nothing, place=nothing)
-        return laboratory.play(Stage.BENCH, order)
+        plan = ShotPlan(slot=balls, ball=balls, speed=nothing, place=nothing)
+        return laboratory.play(Stage.BENCH, plan)
 
     @cached_property
     def _length(self) -> float:

@@ -40,7 +40,7 @@ class CheckStandards:
         """Fire the check ball at the wall."""
 
         def hit(laboratory: Laboratory, first: int, hits: int) -> Mapping[str, Array]:
-            played = _standing(laboratory).play(Stage.BALLS, _order(first, hits, place=0.0))
+            played = _standing(laboratory).play(Stage.BALLS, _plan(first, hits, place=0.0))
             return {"speed out / in": speed_ratio(played.records["gates"])}
 
         return self._against_chart(hit, earlier)
@@ -50,8 +50,8 @@ class CheckStandards:
         place = float(np.mean(catalog.load_bat("check-cylinder").spec.body.profile.z))
 
         def hit(laboratory: Laboratory, first: int, hits: int) -> Mapping[str, Array]:
-            order = _order(first, hits, place=place)
-            records = _standing(laboratory).play(Stage.IMPACT, order).records
+            plan = _plan(first, hits, place=place)
+            records = _standing(laboratory).play(Stage.IMPACT, plan).records
             found = {"ball's speed out / in": speed_ratio(records["gates"])}
             encoder = records.get("encoder")
             if isinstance(encoder, EncoderRecord):
@@ -126,7 +126,7 @@ def _ways(gates: Record) -> tuple[Array, Array]:
     return middle[:, 0, -1] - middle[:, 0, 0], middle[:, 1, 0] - middle[:, 1, -1]
 
 
-def _order(first: int, hits: int, *, place: float) -> ShotPlan:
+def _plan(first: int, hits: int, *, place: float) -> ShotPlan:
     return ShotPlan(
         slot=first + np.arange(hits),
         ball=np.zeros(hits, dtype=int),

@@ -157,7 +157,7 @@ def debrief(apparatus: Apparatus, day: Day, scenario: Scenario, seal: str = "") 
     desk = Desk(day)
     own = tuple(desk.own(entry.arguments) if (entry := desk.last("enter-result")) else ())
     value, u = _result(desk, own)
-    limit = desk.rules.spec.most
+    limit = desk.rules.spec.metric_limit
     given = desk.last("give-verdict")
     assert given is not None
     named = _named(day, str(given.arguments["doubt"]))
@@ -364,7 +364,7 @@ def _right_verdict(
     apparatus: Apparatus, desk: Desk, value: float | None, u: float | None, *, spoilt: bool
 ) -> tuple[float | None, str]:
     """Return the truth and the verdict of who knows it: INVALID where a fault put x beyond U."""
-    truth, limit = None, desk.rules.spec.most
+    truth, limit = None, desk.rules.spec.metric_limit
     if value is not None:
         truth = apparatus.finish(desk.day).sealed.measurand.get("metric")
     if value is None or u is None or truth is None:

@@ -26,7 +26,7 @@ from virtual_lab.uncertainty.estimate import Estimate
 if TYPE_CHECKING:  # the reduction takes a second to load, and a first page must not wait for it
     from virtual_lab.measurement.certification import Certification
     from virtual_lab.measurement.reduction.shot_algebra import ShotResults
-    from virtual_lab.measurement.session_reduction import Preparation, Reduced
+    from virtual_lab.measurement.session_reduction import Preparation, SessionReduction
 
 UNDECIDED = "undecided"
 STAGES = {"hit-wall": "balls", "aim-paper": "impact"}  # whose records an action writes
@@ -110,14 +110,14 @@ class Desk:
         return prepare(self.session)
 
     @cached_property
-    def by_rules(self) -> Reduced:
+    def by_rules(self) -> SessionReduction:
         """The hits so far, judged by the rules alone; `InputError` as `preparation`."""
         from virtual_lab.measurement.session_reduction import reduce_hits
 
         return reduce_hits(self.session, self.preparation)
 
     @cached_property
-    def reduced(self) -> Reduced:
+    def reduced(self) -> SessionReduction:
         """The hits so far, those counted that were accepted."""
         found = self.by_rules
         judgement = self._chosen(found.shots)

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import inf
 from typing import Any
 
 import numpy as np
 
-from virtual_lab.records import RECORD_TYPES, Record
-from virtual_lab.records.session import Session
+from virtual_lab.records import RECORD_NAMES, RECORD_TYPES, Record
+from virtual_lab.records.session import Session, entry_of_constant
 from virtual_lab.uncertainty.estimate import Estimate
-
-KINDS = {kind: name for name, kind in RECORD_TYPES.items()}
 
 
 def entry_of_record(record: Record) -> dict[str, Any]:
@@ -20,19 +17,13 @@ def entry_of_record(record: Record) -> dict[str, Any]:
     arrays = {
         name: np.ma.masked_invalid(getattr(record, name)).tolist(None) for name in record.columns
     }
-    return {"kind": KINDS[type(record)], **arrays}
+    return {"kind": RECORD_NAMES[type(record)], **arrays}
 
 
 def record_of(entry: Mapping[str, Any]) -> Record:
     """Return the record of an entry, to the bit."""
     kind = RECORD_TYPES[entry["kind"]]
     return kind(**{name: np.array(entry[name], dtype=np.float64) for name in kind.columns})
-
-
-def entry_of_constant(known: Estimate) -> dict[str, Any]:
-    """Return a constant of the laboratory as a table."""
-    dof = {} if known.dof == inf else {"dof": known.dof}
-    return {"value": known.value, "u": known.u, "source": known.source, **dof}
 
 
 def entry_of_session(session: Session) -> dict[str, Any]:

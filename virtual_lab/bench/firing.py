@@ -92,7 +92,7 @@ class Firing:
         )
 
     def fired(self, day: Day) -> list[tuple[ShotPlan, RigOutput]]:
-        """Return the order and the outcome of each shot of a day."""
+        """Return the plan and the outcome of each shot of a day."""
         before = day.until(0)
         found = []
         for event in day.events:
@@ -121,13 +121,13 @@ class Firing:
 
     def shot(self, shot: ShotConditions) -> tuple[ShotPlan, RigOutput]:
         """Fire a ball: what was asked, and what came of it."""
-        asked = self._order(shot, self.laboratory.rules.spec.ball_speed)
+        asked = self._plan(shot, self.laboratory.rules.spec.ball_speed)
         if shot not in self.shots:
             self.shots[shot] = self._played(asked, shot)
         return asked, self.shots[shot]
 
     def as_it_stands(self, shot: ShotConditions) -> tuple[Laboratory, ShotPlan]:
-        """Return the laboratory that a shot finds, and the order that it is fired to."""
+        """Return the laboratory that a shot finds, and the plan that it is fired to."""
         table, speed = action_table().consequences, self.laboratory.rules.spec.ball_speed
         laboratory = self._found(shot.wall)
         balls = laboratory.specimen.balls
@@ -142,29 +142,29 @@ class Firing:
             specimen=replace(laboratory.specimen, balls=replace(balls, restitution=restitution)),
         )
         slow = 0.0 if "wait-pressure" in shot.ready else table.slow_by
-        return laboratory, self._order(shot, speed - slow)
+        return laboratory, self._plan(shot, speed - slow)
 
-    def _order(self, shot: ShotConditions, speed: float) -> ShotPlan:
+    def _plan(self, shot: ShotConditions, speed: float) -> ShotPlan:
         return ShotPlan(
             slot=np.array([shot.shot]),
             ball=np.array([shot.ball]),
             speed=np.array([speed]),
             place=np.array([shot.place]),
             turn_rate=shot.turn_rate,
-            rung=self.laboratory.setup.detail,
+            detail=self.laboratory.setup.detail,
             motion=self.laboratory.setup.motion,
         )
 
     def _played(self, asked: ShotPlan, shot: ShotConditions) -> RigOutput:
         table, draws = action_table().consequences, self.laboratory.draws
         tripping = float(draws.uniform("rehearsal.scrap", slots=asked.slot)[0]) + 0.5
-        laboratory, order = self.as_it_stands(shot)
+        laboratory, plan = self.as_it_stands(shot)
         station: Any = laboratory.stations[Stage.IMPACT]
         if isinstance(station, FilmingStation):  # its frames are made when they are looked at
             station = station.unfilmed()
             stations = {**laboratory.stations, Stage.IMPACT: station}
             laboratory = replace(laboratory, stations=stations)
-        play = laboratory.play(Stage.IMPACT, order)
+        play = laboratory.play(Stage.IMPACT, plan)
         records = {**play.records, "log": asked.log()}
         gates, encoder = records["gates"], records.get("encoder")
         if tripping < _tripping(shot) and isinstance(gates, GateRecord):
@@ -196,14 +196,14 @@ def _at_the_wall(laboratory: Laboratory, balls: int, first: int) -> RigOutput:
     rules = laboratory.rules.spec
     each = np.tile(rules.wall_speeds, rules.wall_hits)
     ball = np.arange(balls).repeat(each.size)
-    order = ShotPlan(
+    plan = ShotPlan(
         slot=first + np.arange(ball.size),
         ball=ball,
         speed=np.tile(each, balls),
         place=np.zeros(ball.shape),
-        rung=laboratory.setup.detail,
+        detail=laboratory.setup.detail,
     )
-    return laboratory.play(Stage.BALLS, order)
+    return laboratory.play(Stage.BALLS, plan)
 
 
 def _tripping(shot: ShotConditions) -> float:
@@ -214,8 +214,8 @@ def _tripping(shot: ShotConditions) -> float:
 def specimen_at(stage: Stage, laboratory: Laboratory) -> Specimen:
     """Return bat and balls as they really are at a stage."""
     nothing, first = np.zeros(1), np.zeros(1, dtype=int)
-    order = ShotPlan(slot=first, ball=first, speed=nothing, place=nothing)
-    return laboratory.setup.faults.done(stage, order, laboratory.specimen)[1]
+    plan = ShotPlan(slot=first, ball=first, speed=nothing, place=nothing)
+    return laboratory.setup.faults.done(stage, plan, laboratory.specimen)[1]
 
 
 def altered(station: Station, part: str, **true: float) -> Station:

@@ -71,11 +71,6 @@ def _rules(scenario: Scenario) -> Entry[Procedure]:
     return catalog.read(text, f"procedures/{rules.spec.name}", Procedure)
 
 
-def morning_of(laboratory: Laboratory) -> Day:
-    """Return the day before anything is done."""
-    return Day(morning=laboratory.session, balls=laboratory.rules.spec.balls)
-
-
 class KeptDay:
     """A day in a folder."""
 
@@ -190,7 +185,9 @@ def played(apparatus: Apparatus, actions: Iterable[Action]) -> Day:
 
 def taken(apparatus: Apparatus, operator: Operator, morning: Day | None = None) -> Day:
     """Return the day as an operator takes it, that no log holds; it begins with `morning`."""
-    desks = [Desk(morning or morning_of(apparatus.laboratory))]
+    laboratory = apparatus.laboratory
+    untouched = Day(morning=laboratory.session, balls=laboratory.rules.spec.balls)
+    desks = [Desk(morning or untouched)]
     for action in operator(lambda: desks[-1]):
         day = desks[-1].day
         desks[:] = [desks[-1].after(done(apparatus, day, action))]

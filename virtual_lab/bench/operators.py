@@ -172,7 +172,7 @@ def _end(look: Look, habits: Habits) -> Iterator[Action]:
 
 def _confidence(desk: Desk) -> float:
     """Return the chance that the bat is on the side of the limit that the result is on."""
-    result, limit = desk.result, desk.rules.spec.most
+    result, limit = desk.result, desk.rules.spec.metric_limit
     if result is None or limit is None or not all(f.met for f in desk.certification.findings):
         return 0.9
     value, u = result

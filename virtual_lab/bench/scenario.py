@@ -61,11 +61,6 @@ class Scenario(Spec):
                 )
 
 
-def scenario_names() -> tuple[str, ...]:
-    """Return the names of the scenarios that ship."""
-    return catalog.names("bench/scenarios")
-
-
 def load_scenario(name: str) -> Entry[Scenario]:
     """Return a scenario that ships, or of a user's .toml file; `InputError` where it is unfit."""
     return catalog.load("bench/scenarios", name, Scenario)

@@ -89,8 +89,8 @@ def scene_of_shot(firing: Firing, shot: ShotConditions) -> tuple[ShotScene, Play
     station = laboratory.stations[Stage.IMPACT]
     if not isinstance(station, RestingBatStation):
         return None
-    order, specimen = laboratory.setup.faults.done(Stage.IMPACT, asked, laboratory.specimen)
-    fired = station.fly(order, specimen, laboratory.draws)
+    plan, specimen = laboratory.setup.faults.done(Stage.IMPACT, asked, laboratory.specimen)
+    fired = station.fly(plan, specimen, laboratory.draws)
     more = fired.flown.kicks or not np.all(fired.flown.met) or np.any(fired.flown.late)
     around = station.around(specimen.balls.spec.radius)
     scene = scene_of(fired.passage, fired.bat, around, 0.5 if more else FILM.after)
@@ -118,7 +118,7 @@ def true_motion(firing: Firing, day: Day, shot: int) -> Motion | None:
 
 
 @dataclass(frozen=True)
-class AsSeen(Ladder):
+class FixedRebound(Ladder):
     """Collisions that all have the e_A that an eye had."""
 
     rebound: float = 0.0
@@ -146,16 +146,16 @@ def film_as_seen(setup: TestSetup, event: DayEvent) -> bytes:
     specimen = Specimen(
         bat=made_bat(setup.bat.spec, Quiet()),
         balls=draw_balls(ball, 1, Quiet()),
-        collision=AsSeen(probe=probe, standard_uncertainty=None, rebound=rebound),
+        collision=FixedRebound(probe=probe, standard_uncertainty=None, rebound=rebound),
     )
-    order = ShotPlan(
+    plan = ShotPlan(
         slot=np.array([0]),
         ball=np.array([0]),
         speed=np.array([rules.ball_speed]),
         place=np.array(event.records["log"]["place"]),
-        rung=RecordDetail.SUMMED,
+        detail=RecordDetail.SUMMED,
     )
-    return _strip(station.frames(order, specimen, Quiet(), FRAMES))
+    return _strip(station.frames(plan, specimen, Quiet(), FRAMES))
 
 
 def true_film(firing: Firing, day: Day, shot: int) -> bytes:
@@ -164,8 +164,8 @@ def true_film(firing: Firing, day: Day, shot: int) -> bytes:
     station = laboratory.stations[Stage.IMPACT]
     if not isinstance(station, FilmingStation):
         return b""
-    order, specimen = laboratory.setup.faults.done(Stage.IMPACT, asked, laboratory.specimen)
-    return _strip(station.frames(order, specimen, laboratory.draws, FRAMES))
+    plan, specimen = laboratory.setup.faults.done(Stage.IMPACT, asked, laboratory.specimen)
+    return _strip(station.frames(plan, specimen, laboratory.draws, FRAMES))
 
 
 def before_shot(day: Day, shot: int) -> Day:

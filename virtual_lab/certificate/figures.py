@@ -13,7 +13,6 @@ from virtual_lab.output.svg import DASHED, PAGE_WIDTH, Panel, figure
 
 LEFT, RIGHT, TOP = 46.0, PAGE_WIDTH - 4, 30.0  # pt
 X_LABEL_ROOM = 32.0  # pt, below the axes
-Points = list[tuple[float, float]]
 
 
 def hits_figure(document: CertificateDocument) -> str:

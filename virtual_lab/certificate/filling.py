@@ -182,7 +182,7 @@ def _metric(certification: Certification) -> MetricStated:
         u_type_a=metric.u_type_a if metric else None,
         u_type_b=metric.u_type_b if metric else None,
         unit=METRICS[procedure.metric].si_unit,
-        limit=procedure.most,
+        limit=procedure.metric_limit,
         place_in=certification.outcome.place / INCH if metric else None,
     )
 

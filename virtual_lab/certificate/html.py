@@ -25,31 +25,31 @@ from virtual_lab.certificate.figures import encoder_figure, hits_figure, swings_
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.rounding import decimals
 from virtual_lab.output.template import page_template
-from virtual_lab.records.constants import constant_of
+from virtual_lab.records.constants import PER_SI, constant_of
 from virtual_lab.units import INCH, OUNCE, OZ_IN2
 
 PACKAGE = "virtual_lab.certificate"
 NONE = "–"
 PLACES = 7  # decimals at most; what needs more is the computer's own arithmetic
 STAGES = {"bench": "Bench", "balls": "Wall rig", "impact": "Bat rig", "hall": "Hall"}
-INPUTS = {  # of a budget, no constants of a calibration: words, unit of print, SI times this
-    "hits": ("Scatter from hit to hit", "", 1.0),
-    "choice of the place": ("Choice of the place", "", 1.0),
-    "bat.mass": ("Bat mass, readings", "g", 1000.0),
-    "bat.length": ("Bat length, readings", "mm", 1000.0),
-    "bat.balance": ("Balance point, readings", "mm", 1000.0),
-    "bat.barrel_radius": ("Barrel radius, readings", "mm", 1000.0),
-    "bat.period": ("Pendulum period, readings", "ms", 1000.0),
-    "balls.repeatability": ("Ball restitution, wall hits of each ball", "", 1.0),
-    "balls.slope_repeatability": ("Fall of ball restitution with speed, wall hits", "s/m", 1.0),
-    "procedure.place_slope_error": ("Slope of e_A along the barrel, at the aim", "", 1.0),
-    "aim.across_square": ("cannon, mean square aim across the bat", "mm²", 1000000.0),
-    "camera.clock": ("camera, clock rate", "ppm", 1000000.0),
-    "camera.focal": ("camera, focal length", "px", 1.0),
-    "camera.plane": ("camera, height of the line of fire", "mm", 1000.0),
-    "camera.place_x": ("camera, place along the flight", "mm", 1000.0),
-    "camera.place_y": ("camera, place along the bat", "mm", 1000.0),
-    "camera.place_z": ("camera, height", "mm", 1000.0),
+INPUTS = {  # of a budget, no constants of a calibration: words and unit in print
+    "hits": ("Scatter from hit to hit", ""),
+    "choice of the place": ("Choice of the place", ""),
+    "bat.mass": ("Bat mass, readings", "g"),
+    "bat.length": ("Bat length, readings", "mm"),
+    "bat.balance": ("Balance point, readings", "mm"),
+    "bat.barrel_radius": ("Barrel radius, readings", "mm"),
+    "bat.period": ("Pendulum period, readings", "ms"),
+    "balls.repeatability": ("Ball restitution, wall hits of each ball", ""),
+    "balls.slope_repeatability": ("Fall of ball restitution with speed, wall hits", "s/m"),
+    "procedure.place_slope_error": ("Slope of e_A along the barrel, at the aim", ""),
+    "aim.across_square": ("cannon, mean square aim across the bat", "mm²"),
+    "camera.clock": ("camera, clock rate", "ppm"),
+    "camera.focal": ("camera, focal length", "px"),
+    "camera.plane": ("camera, height of the line of fire", "mm"),
+    "camera.place_x": ("camera, place along the flight", "mm"),
+    "camera.place_y": ("camera, place along the bat", "mm"),
+    "camera.place_z": ("camera, height", "mm"),
 }
 VERDICTS = {
     "PASS": "the bat meets the limit",
@@ -307,19 +307,19 @@ def _input(name: str, u: float) -> dict[str, str]:
     stage, _, rest = name.partition(".")
     number = re.search(r"_(\d+)$", name)
     if name in INPUTS:
-        words, unit, factor = INPUTS[name]
+        words, unit = INPUTS[name]
     elif known := constant_of(name):
-        words, unit, factor = known.words, known.printed, known.per_si
+        words, unit = known.words, known.printed
         if number:
             words = words.format(number=int(number[1]) + 1)
         if stage in STAGES:
             words = f"{STAGES[stage]}: {words}"
     elif rest in INPUTS and stage in STAGES:
-        words, unit, factor = INPUTS[rest]
+        words, unit = INPUTS[rest]
         words = f"{STAGES[stage]}: {words}"
     else:
         return {"words": name, "u": f"{u:.2g} (SI)"}
-    return {"words": words, "u": f"{_digits(u * factor)} {unit}".strip()}
+    return {"words": words, "u": f"{_digits(u * PER_SI[unit])} {unit}".strip()}
 
 
 def _rebound(check: ReboundCheck | None) -> dict[str, object]:

@@ -22,8 +22,6 @@ from virtual_lab.cli.plumbing import (
 if TYPE_CHECKING:
     from virtual_lab.output.progress import Progress
 
-ALTERED = 3  # exit code
-
 
 @command("certify", folder="{bat}-{procedure}", page="certificate.html", picture=True)
 @click.argument("bat", shell_complete=names("bats"))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from virtual_lab.fidelity.camera_errors import BEYOND
-from virtual_lab.fidelity.drawing import Seen
+from virtual_lab.fidelity.drawing import PictureState
 from virtual_lab.streams import Streams
 from virtual_lab.units import Array
 from virtual_lab.video.clips.calibration_file import ClipCalibration
@@ -18,18 +18,18 @@ from virtual_lab.video.follow.pieces import Piece, pieces
 from virtual_lab.video.follow.scene import FlightScene
 from virtual_lab.video.track.legs import fit_flight
 
+ERRORS = (0.002, 0.02, 0.1, 0.5)  # px, of a place
+
 
 def dropped_frames(
-    counts: Sequence[int] = (0, 1, 2, 3, 5),
-    errors: Sequence[float] = (0.002, 0.02, 0.1, 0.5),
-    flights: int = 24,
+    counts: Sequence[int] = (0, 1, 2, 3, 5), flights: int = 24
 ) -> list[dict[str, Any]]:
     """Return rows as `camera_stability.picture_cells` does; errors are relative, of the speed.
 
     So many frames in a row are dropped of each of `flights` balls that come in and go out; a
-    place errs by `errors` [px].
+    place errs by `ERRORS`.
     """
-    return [_cell(count, error, flights) for error in errors for count in counts]
+    return [_cell(count, error, flights) for error in ERRORS for count in counts]
 
 
 def _cell(count: int, error: float, flights: int) -> dict[str, Any]:
@@ -63,11 +63,11 @@ def _cell(count: int, error: float, flights: int) -> dict[str, Any]:
     rms = float(np.sqrt(np.mean(off**2)))
     unsaid = int((beyond & ~said).sum())
     if unsaid:
-        state = Seen.UNSAID
+        state = PictureState.UNSAID
     elif rms <= 1e-3:
-        state = Seen.GOOD
+        state = PictureState.GOOD
     else:
-        state = Seen.FLAGGED if said.mean() >= 0.5 else Seen.INACCURATE
+        state = PictureState.FLAGGED if said.mean() >= 0.5 else PictureState.INACCURATE
     return {
         "map": "frames dropped, no time stamps",
         "value": count,

@@ -20,7 +20,7 @@ from virtual_lab.fidelity.camera_errors import score_places, wrong_unsaid
 from virtual_lab.fidelity.camera_estimators import EDGE, ESTIMATORS
 from virtual_lab.fidelity.camera_pictures import pictures
 from virtual_lab.fidelity.camera_scenes import Batch, Case
-from virtual_lab.fidelity.drawing import Seen, draw_maps
+from virtual_lab.fidelity.drawing import PictureState, draw_maps
 from virtual_lab.fidelity.results import StabilityMap
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.tables import table_text
@@ -70,7 +70,7 @@ def _maps(rows: list[dict[str, Any]]) -> StabilityMap:
             sorted(cells, key=itemgetter("method")),
             path,
             title=title,
-            states=Seen,
+            states=PictureState,
             map_of=itemgetter("map"),
             line_of=lambda row: f"{row['method']}: {row['ball']}",
             abreast=4,
@@ -101,13 +101,13 @@ def picture_cells(
 
 def _maps_text(rows: list[Row]) -> str:
     """Return a table a map for a terminal, the states by their marks."""
-    parts = [", ".join(f"{state.mark} {state}" for state in Seen)]
+    parts = [", ".join(f"{state.mark} {state}" for state in PictureState)]
     for axis in dict.fromkeys(row["map"] for row in rows):
         table = []
         own = [row for row in rows if row["map"] == axis]
         for method, ball in dict.fromkeys((row["method"], row["ball"]) for row in own):
             line = [row for row in own if (row["method"], row["ball"]) == (method, ball)]
-            marks = {f"{row['value']:g}": Seen(row["state"]).mark for row in line}
+            marks = {f"{row['value']:g}": PictureState(row["state"]).mark for row in line}
             table.append({"method": method, "ball": ball} | marks)
         parts.append(f"{axis}\n{table_text(table)}")
     return "\n\n".join([*parts, _summary(rows)])
@@ -133,13 +133,15 @@ def _cell(batch: Batch, found: Located) -> Row:
     off = np.stack([found.x - batch.x, found.y - batch.y])[:, clean]
     rms = float(np.sqrt(np.mean(off**2))) if clean.any() else None
     if unsaid:
-        state = Seen.UNSAID
+        state = PictureState.UNSAID
     elif whole.lost >= 0.5:
-        state = Seen.LOST
+        state = PictureState.LOST
     elif rms is None or whole.lost + whole.flagged >= 0.5:
-        state = Seen.FLAGGED
+        state = PictureState.FLAGGED
     else:  # good is within 0.02 px, or near what noise allows
-        state = Seen.GOOD if rms <= max(0.02, 1.5 * batch.limit) else Seen.INACCURATE
+        state = (
+            PictureState.GOOD if rms <= max(0.02, 1.5 * batch.limit) else PictureState.INACCURATE
+        )
     count = len(batch.x)
     return {
         "state": state.value,

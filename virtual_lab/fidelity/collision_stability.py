@@ -32,7 +32,7 @@ from virtual_lab.simulation.collision.stepping import (
     FINE,
     WINDOW,
     CollisionBatch,
-    Followed,
+    FinalStates,
     InStep,
     OneByOne,
     Stepper,
@@ -88,7 +88,7 @@ class OnePass:
 
     stepper: InStep
 
-    def follow(self, struck: CollisionBatch, window: float = WINDOW) -> Followed:
+    def follow(self, struck: CollisionBatch, window: float = WINDOW) -> FinalStates:
         """Follow all contacts that begin within `window` [s] of the first touch."""
         followed, doubted = self.stepper.one_pass(struck, window)
         none = np.zeros_like(followed.failure)

@@ -37,7 +37,7 @@ class State(CellState):
     NO_RESULT = "no result is given", "-", "#d9d9d9"
 
 
-class Seen(CellState):
+class PictureState(CellState):
     """Result of the pictures of a cell."""
 
     GOOD = "good", ".", "#6baed6"

@@ -65,7 +65,7 @@ STARTS: dict[Start, dict[str, float]] = {
 }
 
 
-class Parted(NamedTuple):
+class PartingState(NamedTuple):
     """Ball and bat as they part."""
 
     efficiency: float
@@ -159,7 +159,7 @@ def _errors(scene: ShotScene, found: PlayedShots) -> dict[str, float]:
     }
 
 
-def parted_by_hand(scene: ShotScene, shot: int) -> Parted:
+def parted_by_hand(scene: ShotScene, shot: int) -> PartingState:
     """Return how ball and bat part, all positions vectors; neither air nor gravity acts."""
     bat, start = rod(), scene.start.part(shot)
     velocity, turning = np.array(start[3:6]), np.array([0.0, -float(start.rate), 0.0])
@@ -179,7 +179,7 @@ def parted_by_hand(scene: ShotScene, shot: int) -> Parted:
     speed = float((np.cross(turning, foot) - velocity) @ normal)
     efficiency = float(bat.efficiency(np.asarray(place)))
     impulse = bat.ball_mass * speed * (1 + efficiency) * normal
-    return Parted(
+    return PartingState(
         efficiency,
         velocity + impulse / bat.ball_mass,
         float(start.rate - np.cross(foot, -impulse)[1] / bat.inertia),
@@ -199,7 +199,8 @@ def _misses(speed: float, step: float) -> Iterator[Row]:
     yield _of_rung(scene, step, of_rung)
 
 
-def _losses(step: float, spin: float = 11.5) -> Iterator[Row]:
+def _losses(step: float) -> Iterator[Row]:
+    spin = 11.5  # rad/s
     scene = f"energy lost a second at {spin:g} rad/s"
     yield _row(Carrier.ALONE, scene, f"{step:.0e} s", share=energy_lost(rod(), spin, step))
     # a ball that rests far away limits no step

@@ -149,12 +149,12 @@ def missed(bat: Rod, speed: float, step: float, shots: int) -> float:
     return passed / shots
 
 
-def energy_lost(bat: Rod, rate: float, step: float, duration: float = 1.0) -> float:
-    """Return the share of its energy a bat loses that turns freely on a `PivotJoint`."""
+def energy_lost(bat: Rod, rate: float, step: float) -> float:
+    """Return the share of its energy that a bat loses in a second, free on a `PivotJoint`."""
     space = _space()
     body = _stand(space, bat, rate=rate)
     before = body.kinetic_energy
-    for _ in range(round(duration / step)):
+    for _ in range(round(1.0 / step)):
         space.step(step)
     return float(1 - body.kinetic_energy / before)
 

@@ -17,7 +17,7 @@ from virtual_lab.catalog.specs import BallSpec, BatSpec
 from virtual_lab.lab.fitting import nominal_places
 from virtual_lab.lab.laboratory import EFFICIENCY_U, Laboratory
 from virtual_lab.lab.setup import TestSetup
-from virtual_lab.lab.test_day import Tested, by_the_book
+from virtual_lab.lab.test_day import BatTest, by_the_book
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
 from virtual_lab.simulation.collision.scene import Scenes
@@ -44,17 +44,11 @@ class Campaign:
         )
         return cls(setup=replace(setup, made=False, collision=collision))
 
-    @property
-    def collision(self) -> Ladder:
-        """The collision that all laboratories share."""
-        assert self.setup.collision is not None
-        return self.setup.collision
-
     def laboratory(self, seed: int) -> Laboratory:
         """Return the laboratory with a given seed."""
         return Laboratory.open(replace(self.setup, seed=seed))
 
-    def run(self, laboratories: int, first_seed: int) -> Iterator[Tested]:
+    def run(self, laboratories: int, first_seed: int) -> Iterator[BatTest]:
         """Yield the certifications of laboratories of successive seeds."""
         for seed in range(first_seed, first_seed + laboratories):
             yield by_the_book(self.laboratory(seed))

@@ -8,7 +8,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.lab.fitting import require_places
 from virtual_lab.lab.laboratory import Laboratory
 from virtual_lab.lab.setup import TestSetup
-from virtual_lab.lab.test_day import Tested, by_the_book
+from virtual_lab.lab.test_day import BatTest, by_the_book
 from virtual_lab.measurement.model import CONTROL
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.records.session import Session
@@ -16,7 +16,7 @@ from virtual_lab.simulation.truth import made_bat
 from virtual_lab.uncertainty.estimate import Estimate
 
 
-def certify_bat(setup: TestSetup, progress: Progress = quiet) -> Tested:
+def certify_bat(setup: TestSetup, progress: Progress = quiet) -> BatTest:
     """Take a bat through a procedure.
 
     If the procedure corrects by a control bat, this bat is tested first, by the same procedure, at

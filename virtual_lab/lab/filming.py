@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import hypot
 from pathlib import Path
-from typing import Any
 
 from virtual_lab.records import LengthReadings
 from virtual_lab.records.session import Session
@@ -42,7 +41,7 @@ widest_m = {widest!r}
 
 
 def film_of(
-    station: FilmingStation, order: ShotPlan, specimen: Specimen, draws: Draws, session: Session
+    station: FilmingStation, plan: ShotPlan, specimen: Specimen, draws: Draws, session: Session
 ) -> Callable[[Path], None]:
     """Return a function that films the first shot of a test into a folder.
 
@@ -50,18 +49,17 @@ def film_of(
     ----------
     station
         Station that fires balls at the bat.
-    order, specimen
+    plan, specimen
         The shots of the first round, and the bat and balls.
     draws
         Random numbers of the test.
     session
         Records of the test, with the bench readings of the bat.
     """
-    filming: Any = station
-    sensor = filming.camera.spec.sensor
+    sensor = station.camera.spec.sensor
 
     def film(folder: Path) -> None:
-        station.film(order, specimen, draws, folder)
+        station.film(plan, specimen, draws, folder)
         text = _calibration(session, specimen.balls.spec.mass, (sensor.columns, sensor.rows))
         (folder / "calibration.toml").write_text(text, encoding="utf-8")
 

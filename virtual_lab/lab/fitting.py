@@ -9,7 +9,7 @@ from virtual_lab.catalog.specs import BallSpec, BatSpec
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import Procedure, aimed_place
 from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.rig import MotionRung, Rig, Stage, installed_rigs
+from virtual_lab.simulation.rig import MotionRig, MotionRung, Rig, Stage, installed_rigs
 from virtual_lab.units import INCH, OUNCE
 
 
@@ -43,7 +43,7 @@ def require_rig(rig: Rig, procedure: Procedure) -> None:
 
 def require_motion(rig: Rig, motion: MotionRung) -> None:
     """Refuse a motion model that the rig does not have."""
-    able: Iterable[MotionRung] = getattr(rig, "motions", {MotionRung.CLOSED_FORM})
+    able = rig.motions if isinstance(rig, MotionRig) else {MotionRung.CLOSED_FORM}
     if motion not in able:
         names = ", ".join(sorted(each.value for each in able))
         raise InputError("", "motion", motion.value, f"allowed at {rig.name}: {names}")

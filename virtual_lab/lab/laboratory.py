@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import cast
 
 from virtual_lab.catalog import Entry
+from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.lab.fitting import (
     nominal_places,
     require_ball,
@@ -17,7 +18,6 @@ from virtual_lab.lab.fitting import (
     require_places,
     require_rig,
 )
-from virtual_lab.lab.naming import constant_name, lot_constants
 from virtual_lab.lab.setup import TestSetup
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.records.session import Session
@@ -34,9 +34,10 @@ from virtual_lab.simulation.rig import (
 )
 from virtual_lab.simulation.truth import draw_balls, made_bat
 from virtual_lab.streams import Draws, Quiet, commitment
+from virtual_lab.uncertainty.estimate import Estimate
 
 SEED_BITS = 128  # of a seed that is drawn: too many to try
-EFFICIENCY_U = 2e-3  # standard uncertainty of e_A that six valid hits reach (README, coverage)
+EFFICIENCY_U = 2e-3  # standard uncertainty of e_A in a test: 0.8e-3 to 2.4e-3 by procedure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,10 +135,27 @@ class Laboratory:
         """The rig that fires at the bat, as installed in this laboratory."""
         return cast("ImpactStation", self.stations[Stage.IMPACT])
 
-    def play(self, stage: Stage, order: ShotPlan) -> RigOutput:
+    def play(self, stage: Stage, plan: ShotPlan) -> RigOutput:
         """Carry out ordered shots, with the faults of this day."""
         station = self.stations[stage]
-        return self.setup.faults.play(stage, station, order, self.specimen, self.draws)
+        return self.setup.faults.play(stage, station, plan, self.specimen, self.draws)
+
+
+def constant_name(stage: Stage, name: str) -> str:
+    """Return a constant's name in a session; rigs in one hall share air and gravity."""
+    if name.startswith("hall."):
+        return name
+    return f"hall.{name}" if name.startswith("air.") else f"{stage.value}.{name}"
+
+
+def lot_constants(ball: BallSpec) -> dict[str, Estimate]:
+    """Return the constants of a lot that are known before a ball is measured."""
+    return {
+        "ball.radius": Estimate(value=ball.radius, u=ball.radius_u),
+        "ball.restitution_slope": Estimate(
+            value=ball.restitution.slope, u=ball.restitution.slope_u
+        ),
+    }
 
 
 def _sealing(setup: TestSetup) -> str:

@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from virtual_lab.lab.true_metric import TrueCurve, scan_result
 from virtual_lab.measurement.procedure import Procedure
-from virtual_lab.measurement.session_reduction import Reduced
+from virtual_lab.measurement.session_reduction import SessionReduction
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.rig import ImpactStation, ShotPlan, Specimen
 from virtual_lab.units import Array
@@ -22,7 +22,7 @@ WIDTH_KEY = "width_m"
 
 
 def measurand(
-    station: ImpactStation, specimen: Specimen, reduced: Reduced, control: float
+    station: ImpactStation, specimen: Specimen, reduced: SessionReduction, control: float
 ) -> dict[str, float]:
     """Return the true metric as ``metric``, and quantities by their names in a certificate.
 
@@ -76,14 +76,14 @@ def true_curve(
 ) -> TrueCurve:
     """Return the true curve at `places` [m] at the procedure's nominal speeds."""
     beam = beam_of(specimen.bat.body)
-    order = ShotPlan(
+    plan = ShotPlan(
         slot=np.arange(places.size),
         ball=np.zeros(places.shape, dtype=int),
         speed=np.full(places.shape, procedure.ball_speed),
         place=places,
         turn_rate=float(procedure.turn_rate(beam.length)),
     )
-    true = station.outcome(order, specimen)
+    true = station.outcome(plan, specimen)
     rigid = true.free if procedure.recoil == "free" else true.pivoted
     return TrueCurve(
         procedure=procedure,

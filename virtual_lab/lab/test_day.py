@@ -7,23 +7,27 @@ whatever was done before it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import cast
 
 import numpy as np
 
 from virtual_lab.lab.filming import film_of
-from virtual_lab.lab.laboratory import Laboratory
+from virtual_lab.lab.laboratory import Laboratory, constant_name
 from virtual_lab.lab.measurand import measurand
-from virtual_lab.lab.naming import constant_name, with_records
 from virtual_lab.measurement.certification import Certification, evaluate
 from virtual_lab.measurement.model import CONTROL
 from virtual_lab.measurement.procedure import Acceptance, judge, next_places, to_set
 from virtual_lab.measurement.reduction.observations import along_of
-from virtual_lab.measurement.session_reduction import Preparation, Reduced, prepare, reduce_hits
+from virtual_lab.measurement.session_reduction import (
+    Preparation,
+    SessionReduction,
+    prepare,
+    reduce_hits,
+)
 from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.records import Record, join
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.collision.modal import kernel_is_compiled
 from virtual_lab.simulation.rig import (
@@ -34,19 +38,19 @@ from virtual_lab.simulation.rig import (
     ShotPlan,
     Stage,
 )
-from virtual_lab.simulation.truth import Sealed
+from virtual_lab.simulation.truth import SealedTruth
 from virtual_lab.units import INCH, Array
 
 SWUNG = frozenset({"pendulum"})  # the bench's channels that swing the bat; the others measure it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tested:
+class BatTest:
     """A certification with its sealed truth, which only a study may read."""
 
     certification: Certification
-    sealed: Sealed
-    control: Tested | None = None  # of the control bat, where the rules ask for one
+    sealed: SealedTruth
+    control: BatTest | None = None  # of the control bat, where the rules ask for one
     film: Callable[[Path], None] | None = None  # films the first shot into a folder
 
 
@@ -61,7 +65,7 @@ class TestDay:
     preparation: Preparation | None = None
     plans: tuple[ShotPlan, ...] = ()  # what was fired at the bat, round by round
     rounds: tuple[RigOutput, ...] = ()
-    reduced: Reduced | None = None  # of the rounds so far
+    reduced: SessionReduction | None = None  # of the rounds so far
 
     @classmethod
     def begin(cls, laboratory: Laboratory) -> TestDay:
@@ -85,16 +89,16 @@ class TestDay:
         laboratory, rules = self.laboratory, self.laboratory.rules.spec
         speeds = np.tile(rules.wall_speeds, rules.wall_hits)
         ball = np.arange(rules.balls).repeat(speeds.size)
-        order = ShotPlan(
+        plan = ShotPlan(
             slot=np.arange(ball.size),
             ball=ball,
             speed=np.tile(speeds, rules.balls),
             place=np.zeros(ball.shape),
-            rung=laboratory.setup.detail,
+            detail=laboratory.setup.detail,
         )
-        wall = laboratory.play(Stage.BALLS, order)
+        wall = laboratory.play(Stage.BALLS, plan)
         specimen = laboratory.specimen
-        balls = specimen.balls.as_found(order.ball, wall.truth["restitution_loss"])
+        balls = specimen.balls.as_found(plan.ball, wall.truth["restitution_loss"])
         return replace(
             self,
             laboratory=replace(laboratory, specimen=replace(specimen, balls=balls)),
@@ -134,13 +138,13 @@ class TestDay:
             speed=np.full(shots.shape, laboratory.rules.spec.ball_speed),
             place=to_set(places - along_of(self.session), exact=ideal),
             turn_rate=self.preparation.turn_rate,
-            rung=laboratory.setup.detail,
+            detail=laboratory.setup.detail,
             motion=laboratory.setup.motion,
         )
         rounds = (*self.rounds, laboratory.play(Stage.IMPACT, plan))
         return replace(
             self,
-            session=with_records(self.session, Stage.IMPACT, list(rounds)),
+            session=with_records(self.session, Stage.IMPACT, rounds),
             plans=(*self.plans, plan),
             rounds=rounds,
         )
@@ -150,7 +154,7 @@ class TestDay:
         assert self.preparation is not None, "prepare() comes first"
         return replace(self, reduced=reduce_hits(self.session, self.preparation, acceptance))
 
-    def finish(self) -> Tested:
+    def finish(self) -> BatTest:
         """Return result, uncertainty and verdict, with the sealed truth."""
         assert self.reduced is not None, "fire() and judge() come first"
         laboratory = self.laboratory
@@ -159,7 +163,7 @@ class TestDay:
             "motion": _motion_report(laboratory.setup.motion),
         }
         session = replace(self.session, simulation={**self.session.simulation, "rungs": rungs})
-        return Tested(
+        return BatTest(
             certification=evaluate(session, self.reduced),
             sealed=self._seal(self.reduced),
             film=self._film(session) if laboratory.setup.film else None,
@@ -168,18 +172,20 @@ class TestDay:
     def _film(self, session: Session) -> Callable[[Path], None]:
         laboratory = self.laboratory
         done = laboratory.setup.faults.done(Stage.IMPACT, self.plans[0], laboratory.specimen)
-        return film_of(cast(FilmingStation, laboratory.impact), *done, laboratory.draws, session)
+        station = laboratory.impact
+        assert isinstance(station, FilmingStation), "require_camera() has seen to it"
+        return film_of(station, *done, laboratory.draws, session)
 
     def _on_bench(self, asked: Callable[[str], bool]) -> TestDay:
         laboratory = self.laboratory
         balls = np.arange(laboratory.rules.spec.balls)
-        order = ShotPlan(
+        plan = ShotPlan(
             slot=balls,
             ball=balls,
             speed=np.full(balls.shape, np.nan),
             place=np.full(balls.shape, np.nan),
         )
-        bench = laboratory.play(Stage.BENCH, order)
+        bench = laboratory.play(Stage.BENCH, plan)
         before = self.session.records.get(Stage.BENCH.value, {})
         records = {name: record for name, record in bench.records.items() if asked(name)}
         session = replace(
@@ -188,11 +194,11 @@ class TestDay:
         )
         return replace(self, session=session, bench=bench)
 
-    def _seal(self, reduced: Reduced) -> Sealed:
+    def _seal(self, reduced: SessionReduction) -> SealedTruth:
         assert self.bench is not None
         assert self.wall is not None
         laboratory, rounds = self.laboratory, self.rounds
-        return Sealed(
+        return SealedTruth(
             seed=laboratory.seed,
             salt=laboratory.salt,
             reality=laboratory.setup.reality.value,
@@ -218,7 +224,7 @@ class TestDay:
         )
 
 
-def by_the_book(laboratory: Laboratory, progress: Progress = quiet) -> Tested:
+def by_the_book(laboratory: Laboratory, progress: Progress = quiet) -> BatTest:
     """Measure bat and balls, then fire and judge until the procedure asks for no more shots."""
     day = prepared(laboratory, progress)
     if not kernel_is_compiled():
@@ -236,6 +242,14 @@ def prepared(laboratory: Laboratory, progress: Progress = quiet) -> TestDay:
     day = TestDay.begin(laboratory).weigh().swing()
     progress(f"ball-wall rig: {rules.wall_hits} hits of each of {rules.balls} balls")
     return day.hit_wall().prepare()
+
+
+def with_records(session: Session, stage: Stage, rounds: Sequence[RigOutput]) -> Session:
+    """Return the session with the records of a stage: those of its rounds, one after another."""
+    records: dict[str, Record] = {
+        channel: join([each.records[channel] for each in rounds]) for channel in rounds[0].records
+    }
+    return replace(session, records={**session.records, stage.value: records})
 
 
 def _motion_report(motion: MotionRung) -> dict[str, str]:

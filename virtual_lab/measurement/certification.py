@@ -30,7 +30,7 @@ from virtual_lab.measurement.procedure import (
 from virtual_lab.measurement.procedure.peak_width import Width, width_of
 from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import ShotResults
-from virtual_lab.measurement.session_reduction import Reduced, reduce_session
+from virtual_lab.measurement.session_reduction import SessionReduction, reduce_session
 from virtual_lab.measurement.swing_range import SwingResult, swing_range
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.records.session import Session
@@ -66,10 +66,10 @@ class Certification:
     @property
     def marginal(self) -> bool:
         """Whether the limit lies within the 95 % interval of a test that is not INVALID."""
-        if self.reasons or self.metric is None or self.procedure.most is None:
+        if self.reasons or self.metric is None or self.procedure.metric_limit is None:
             return False
         low, high = self.metric.interval_95
-        return low <= self.procedure.most <= high
+        return low <= self.procedure.metric_limit <= high
 
     @property
     def unverified(self) -> tuple[Datum, ...]:
@@ -83,7 +83,7 @@ def certify_session(session: Session) -> Certification:
 
 
 def evaluate(
-    session: Session, reduced: Reduced, propagator: Propagator = Variants.of
+    session: Session, reduced: SessionReduction, propagator: Propagator = Variants.of
 ) -> Certification:
     """Return metric, uncertainty and verdict of a session already reduced.
 
@@ -141,16 +141,16 @@ def _reasons(
     """Return the reasons why a test is INVALID; empty if it is not."""
     if outcome.reason:
         yield outcome.reason
-    if metric is not None and not metric.u <= procedure.most_u:
+    if metric is not None and not metric.u <= procedure.largest_metric_u:
         printed = METRICS[procedure.metric]
-        u, most = metric.u / printed.unit_si, procedure.most_u / printed.unit_si
+        u, most = metric.u / printed.unit_si, procedure.largest_metric_u / printed.unit_si
         yield f"u of {printed.symbol} is {u:.2g}, allowed up to {most:g} {printed.unit}".rstrip()
     for flag in flagged:
         if flag.invalidates:
             yield f"by the flag {flag.name}"
 
 
-def _evidence(session: Session, reduced: Reduced) -> Evidence:
+def _evidence(session: Session, reduced: SessionReduction) -> Evidence:
     return Evidence(
         session=session,
         procedure=reduced.procedure,

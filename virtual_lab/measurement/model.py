@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from virtual_lab.measurement.procedure import Curve, Lot, Procedure, metric_of
-from virtual_lab.measurement.reduction.flights import Flown
+from virtual_lab.measurement.reduction.flights import FlightModel
 from virtual_lab.measurement.reduction.observations import BallReadings, ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import (
     ShotResults,
@@ -40,7 +40,7 @@ class MeasurementModel:
     balls: BallReadings
     lot: Lot
     readings: ImpactReadings
-    by_gates: Flown
+    by_gates: FlightModel
 
     def __call__(self, constants: Mapping[str, Array]) -> dict[str, Array]:
         """Return the quantities of a certificate and ``metric``, each (..., shot)."""
@@ -48,14 +48,16 @@ class MeasurementModel:
         found = {name: getattr(shots, field) for name, field in QUANTITIES.items()}
         return found | {"metric": self.metric(constants, shots)}
 
-    def shots(self, constants: Mapping[str, Array], flown: Flown | None = None) -> ShotResults:
+    def shots(
+        self, constants: Mapping[str, Array], flown: FlightModel | None = None
+    ) -> ShotResults:
         """Return the results of the shots, with flights from the gates or from `flown`."""
         return shot_results(
             constants,
             bat_properties(constants),
             measured_balls(constants, self.balls),
             self.readings,
-            self.rules.asked,
+            self.rules.reduction_settings,
             flown or self.by_gates,
             self.lot.used,
         )

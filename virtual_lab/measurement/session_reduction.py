@@ -76,7 +76,7 @@ class Preparation:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reduced:
+class SessionReduction:
     """Reduced and judged records, before the evaluation of uncertainty."""
 
     preparation: Preparation
@@ -108,7 +108,7 @@ def constants_known() -> Iterator[None]:
         raise InputError("session.json", key, None, "this constant is missing") from fault
 
 
-def reduce_session(session: Session) -> Reduced:
+def reduce_session(session: Session) -> SessionReduction:
     """Reduce a session's records. `InputError` for an unusable record or procedure."""
     return reduce_hits(session, prepare(session))
 
@@ -143,7 +143,7 @@ def prepare(session: Session) -> Preparation:
 @constants_known()
 def reduce_hits(
     session: Session, preparation: Preparation, acceptance: Acceptance = judge
-) -> Reduced:
+) -> SessionReduction:
     """Reduce the records at the bat, all shots together, because they share vibrations.
 
     Parameters
@@ -178,7 +178,7 @@ def reduce_hits(
     bat = bat_properties(best)
     sought = sought_of(rules, shot_metric, readings.place, bat)
     judgement = acceptance(rules, shots, readings, preparation.percussion, preparation.turn_rate)
-    return Reduced(
+    return SessionReduction(
         preparation=preparation,
         constants=constants,
         model=model,

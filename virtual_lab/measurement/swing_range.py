@@ -8,7 +8,7 @@ import numpy as np
 
 from virtual_lab.measurement.procedure import Curve, HitWeights, Procedure, metric_of, outcome_of
 from virtual_lab.measurement.reduction.shot_algebra import bat_properties
-from virtual_lab.measurement.session_reduction import Reduced
+from virtual_lab.measurement.session_reduction import SessionReduction
 from virtual_lab.uncertainty.budget import Budget, Propagator, Variants, mean_of_hits
 
 
@@ -21,7 +21,9 @@ class SwingResult:
     budget: Budget
 
 
-def swing_range(reduced: Reduced, propagator: Propagator = Variants.of) -> tuple[SwingResult, ...]:
+def swing_range(
+    reduced: SessionReduction, propagator: Propagator = Variants.of
+) -> tuple[SwingResult, ...]:
     """Return the metric for each of the game's `exponents`; () where the rules name none.
 
     The hits are those of the test. The scan is centred on the best place for the procedure's

@@ -8,7 +8,7 @@ from virtual_lab.units import MPH
 
 
 @dataclass(frozen=True, slots=True)
-class Printed:
+class MetricFormat:
     """A metric in print; its SI value over `unit_si` is the number printed."""
 
     words: str
@@ -20,8 +20,8 @@ class Printed:
 
 
 METRICS = {
-    "bat_performance_factor": Printed("Bat performance factor", "BPF", "", 1.0, "", 3),
-    "besr": Printed("Ball exit speed ratio", "BESR", "", 1.0, "", 3),
-    "restitution": Printed("Restitution of ball and bat", "e", "", 1.0, "", 3),
-    "batted_speed": Printed("Batted-ball speed", "v_f", "mph", MPH, "m/s", 1),
+    "bat_performance_factor": MetricFormat("Bat performance factor", "BPF", "", 1.0, "", 3),
+    "besr": MetricFormat("Ball exit speed ratio", "BESR", "", 1.0, "", 3),
+    "restitution": MetricFormat("Restitution of ball and bat", "e", "", 1.0, "", 3),
+    "batted_speed": MetricFormat("Batted-ball speed", "v_f", "mph", MPH, "m/s", 1),
 }

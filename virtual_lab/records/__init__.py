@@ -8,6 +8,7 @@ documents every column.
 
 from virtual_lab.records.clip import ClipRecord, TrackRecord
 from virtual_lab.records.kinds import (
+    RECORD_NAMES,
     RECORD_TYPES,
     AimMarks,
     BoardRecord,
@@ -23,6 +24,7 @@ from virtual_lab.records.kinds import (
 from virtual_lab.records.record import Record, RecordColumn, join
 
 __all__ = [
+    "RECORD_NAMES",
     "RECORD_TYPES",
     "AimMarks",
     "BoardRecord",

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.records.record import Order, Record, RecordColumn
+from virtual_lab.records.record import Order, Record, RecordColumn, rising
 from virtual_lab.units import Array
 
 FRAMES = ("shot", "frame")
@@ -44,7 +44,7 @@ class ClipRecord(Record):
         return {"pixels": whole, "background": self.background}
 
     def orders(self) -> tuple[Order, ...]:
-        return (_rising(self.times),)
+        return (rising(self.times, FRAMES),)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,15 +67,4 @@ class TrackRecord(Record):
     }
 
     def orders(self) -> tuple[Order, ...]:
-        return (_rising(self.times),)
-
-
-def _rising(times: Array) -> Order:
-    return Order(
-        column="time_s",
-        values=times,
-        axes=FRAMES,
-        along="frame",
-        fault="must rise from frame to frame",
-        strictly=True,
-    )
+        return (rising(self.times, FRAMES),)

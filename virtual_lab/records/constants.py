@@ -11,6 +11,22 @@ from virtual_lab.units import DIMENSIONS
 
 GREATEST = 1e18  # of any constant, SI: products of such numbers stay finite
 
+PER_SI = {  # units in print: how many of them are the SI unit
+    "": 1.0,
+    "g": 1e3,
+    "g m": 1e3,
+    "g m²": 1e3,
+    "kg/m³": 1.0,
+    "mm": 1e3,
+    "mm²": 1e6,
+    "mm/s²": 1e3,
+    "mrad": 1e3,
+    "ms": 1e3,
+    "ppm": 1e6,
+    "px": 1.0,
+    "s/m": 1.0,
+}
+
 
 class Constant(NamedTuple):
     """Description, unit and plausible range of a constant."""
@@ -18,54 +34,36 @@ class Constant(NamedTuple):
     dimension: str
     meaning: str  # of its value, in a form to fill in
     words: str  # in a budget
-    printed: str  # unit there
-    per_si: float  # printed units to the SI unit
+    printed: str  # unit there, of PER_SI
     low: float = 0.0  # SI; beyond this range no such thing is made, nor known as badly
     high: float = GREATEST
 
 
 CONSTANTS = {  # by "instrument.constant"
-    "scale.zero": Constant(
-        "mass", "what the scale shows of nothing", "scale, zero", "g", 1000.0, -1, 1
-    ),
+    "scale.zero": Constant("mass", "what the scale shows of nothing", "scale, zero", "g", -1, 1),
     "scale.span": Constant(
-        "number",
-        "mass shown, less the zero, over true mass",
-        "scale, span",
-        "ppm",
-        1000000.0,
-        0.5,
-        2,
+        "number", "mass shown, less the zero, over true mass", "scale, span", "ppm", 0.5, 2
     ),
-    "scale.resolution": Constant("mass", "its smallest step", "scale, smallest step", "g", 1000.0),
-    "rule.offset": Constant(
-        "length", "length shown less true length", "rule, offset", "mm", 1000.0, -1, 1
-    ),
-    "rule.resolution": Constant("length", "its smallest step", "rule, smallest step", "mm", 1000.0),
+    "scale.resolution": Constant("mass", "its smallest step", "scale, smallest step", "g"),
+    "rule.offset": Constant("length", "length shown less true length", "rule, offset", "mm", -1, 1),
+    "rule.resolution": Constant("length", "its smallest step", "rule, smallest step", "mm"),
     "stand.offset": Constant(
-        "length", "balance point shown less true one", "balance stand, offset", "mm", 1000.0, -1, 1
+        "length", "balance point shown less true one", "balance stand, offset", "mm", -1, 1
     ),
     "stand.resolution": Constant(
-        "length", "its smallest step", "balance stand, smallest step", "mm", 1000.0
+        "length", "its smallest step", "balance stand, smallest step", "mm"
     ),
     "pendulum.clock": Constant(
-        "number", "time shown over true time", "pendulum, clock rate", "ppm", 1000000.0, 0.5, 2
+        "number", "time shown over true time", "pendulum, clock rate", "ppm", 0.5, 2
     ),
     "pendulum.amplitude_offset": Constant(
-        "angle",
-        "amplitude shown less true one",
-        "pendulum, amplitude reading",
-        "mrad",
-        1000.0,
-        -1,
-        1,
+        "angle", "amplitude shown less true one", "pendulum, amplitude reading", "mrad", -1, 1
     ),
     "pendulum.pivot_from_knob": Constant(
         "length",
         "from the knob's end to the axis it swings on",
         "pendulum, axis to knob",
         "mm",
-        1000.0,
         -1,
         2,
     ),
@@ -74,7 +72,6 @@ CONSTANTS = {  # by "instrument.constant"
         "of the clamp alone, about that axis",
         "pendulum, inertia of the clamp",
         "g m²",
-        1000.0,
         0,
         10,
     ),
@@ -83,7 +80,6 @@ CONSTANTS = {  # by "instrument.constant"
         "mass of the clamp times its lever below the axis",
         "pendulum, balance of the clamp",
         "g m",
-        1000.0,
         -10,
         10,
     ),
@@ -92,7 +88,6 @@ CONSTANTS = {  # by "instrument.constant"
         "from the ball's centre at contact; 0: farthest gate",
         "light gates, distance of gate {number}",
         "mm",
-        1000.0,
         0,
         100,
     ),
@@ -101,7 +96,6 @@ CONSTANTS = {  # by "instrument.constant"
         "of the gate above the line of fire, against its nominal",
         "light gates, height of gate {number}",
         "mm",
-        1000.0,
         -10,
         10,
     ),
@@ -110,40 +104,28 @@ CONSTANTS = {  # by "instrument.constant"
         "of the lowest beam above the line of fire",
         "light boards, lowest beam",
         "mm",
-        1000.0,
         -10,
         10,
     ),
     "gates.pitch": Constant(
-        "length", "from beam to beam", "light boards, pitch of the beams", "mm", 1000.0, 0.0001, 1
+        "length", "from beam to beam", "light boards, pitch of the beams", "mm", 0.0001, 1
     ),
     "gates.clock": Constant(
-        "number", "time shown over true time", "light gates, clock rate", "ppm", 1000000.0, 0.5, 2
+        "number", "time shown over true time", "light gates, clock rate", "ppm", 0.5, 2
     ),
-    "hall.gravity": Constant(
-        "acceleration", "in the hall", "Hall: gravity", "mm/s²", 1000.0, 9, 11
-    ),
-    "air.density": Constant(
-        "density", "of the air in the hall", "air density", "kg/m³", 1.0, 0, 10
-    ),
+    "hall.gravity": Constant("acceleration", "in the hall", "Hall: gravity", "mm/s²", 9, 11),
+    "air.density": Constant("density", "of the air in the hall", "air density", "kg/m³", 0, 10),
     "air.drag_coefficient": Constant(
-        "number", "of the ball", "drag coefficient of the ball", "", 1.0, 0, 5
+        "number", "of the ball", "drag coefficient of the ball", "", 0, 5
     ),
     "pivot.from_knob": Constant(
-        "length",
-        "from the knob's end to the axis the bat turns on",
-        "pivot to knob",
-        "mm",
-        1000.0,
-        -1,
-        2,
+        "length", "from the knob's end to the axis the bat turns on", "pivot to knob", "mm", -1, 2
     ),
     "pivot.height": Constant(
         "length",
         "of the bat's axis above the line of fire",
         "bat above the line of fire",
         "mm",
-        1000.0,
         -10,
         10,
     ),
@@ -152,44 +134,35 @@ CONSTANTS = {  # by "instrument.constant"
         "where balls strike less where they were set to",
         "cannon, aim along the bat",
         "mm",
-        1000.0,
         -1,
         1,
     ),
     "encoder.scale": Constant(
-        "number", "angle shown over true angle", "encoder, scale", "ppm", 1000000.0, 0.5, 2
+        "number", "angle shown over true angle", "encoder, scale", "ppm", 0.5, 2
     ),
     "encoder.counts_per_turn": Constant(
-        "number", "of the encoder", "encoder, counts a turn", "", 1.0, 1, 1000000000.0
+        "number", "of the encoder", "encoder, counts a turn", "", 1, 1e9
     ),
     "swing.scale": Constant(
-        "number",
-        "angle shown over true angle",
-        "encoder of the swing, scale",
-        "ppm",
-        1000000.0,
-        0.5,
-        2,
+        "number", "angle shown over true angle", "encoder of the swing, scale", "ppm", 0.5, 2
     ),
     "swing.counts_per_turn": Constant(
-        "number", "of the encoder", "encoder of the swing, counts a turn", "", 1.0, 1, 1000000000.0
+        "number", "of the encoder", "encoder of the swing, counts a turn", "", 1, 1e9
     ),
     "control.restitution_ratio": Constant(
         "number",
         "e of the control bat with this lot, over its own",
         "Control bat with this lot of balls",
         "",
-        1.0,
         0.1,
         10,
     ),
-    "ball.radius": Constant("length", "of the ball", "Ball radius", "mm", 1000.0, 0.005, 0.2),
+    "ball.radius": Constant("length", "of the ball", "Ball radius", "mm", 0.005, 0.2),
     "ball.restitution_slope": Constant(
         "slope of speed",
         "of the ball's e0 over its speed",
         "Fall of ball restitution with speed",
         "s/m",
-        1.0,
         -1,
         1,
     ),

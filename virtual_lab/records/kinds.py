@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from virtual_lab.records.clip import ClipRecord, TrackRecord
-from virtual_lab.records.record import Order, Record, RecordColumn
+from virtual_lab.records.record import Order, Record, RecordColumn, rising
 from virtual_lab.units import Array
 
 
@@ -50,7 +50,7 @@ class PendulumRecord(Record):
     }
 
     def orders(self) -> tuple[Order, ...]:
-        return (_rising(self.times, ("release", "passage")),)
+        return (rising(self.times, ("release", "passage")),)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,7 +139,7 @@ class EncoderRecord(Record):
     }
 
     def orders(self) -> tuple[Order, ...]:
-        return (_rising(self.times, ("sample",)),)
+        return (rising(self.times, ("sample",)),)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -166,13 +166,6 @@ class ShotLog(Record):
         "nominal_speed": RecordColumn("nominal_speed_m_per_s", ("shot",)),
         "place": RecordColumn("place_m", ("shot",)),
     }
-
-
-def _rising(times: Array, axes: tuple[str, ...]) -> Order:
-    fault = f"must rise from {axes[-1]} to {axes[-1]}"
-    return Order(
-        column="time_s", values=times, axes=axes, along=axes[-1], fault=fault, strictly=True
-    )
 
 
 def _of_a_flight(times: Array, axes: tuple[str, ...]) -> tuple[Order, ...]:
@@ -212,3 +205,4 @@ RECORD_TYPES: Mapping[str, type[Record]] = {
     "aim-marks": AimMarks,
     "shot-log": ShotLog,
 }
+RECORD_NAMES: Mapping[type[Record], str] = {kind: name for name, kind in RECORD_TYPES.items()}

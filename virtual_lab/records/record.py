@@ -55,6 +55,14 @@ class Order:
         return tuple(map(int, place))
 
 
+def rising(times: Array, axes: tuple[str, ...]) -> Order:
+    """Return the order of times that rise along the last of their axes."""
+    fault = f"must rise from {axes[-1]} to {axes[-1]}"
+    return Order(
+        column="time_s", values=times, axes=axes, along=axes[-1], fault=fault, strictly=True
+    )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Record:
     """Base of all records: immutable arrays, checked against the declared axes.

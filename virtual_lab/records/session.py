@@ -22,7 +22,7 @@ from virtual_lab.catalog.specs import BatSport, Name, Real, Spec, Sport, Title, 
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.files import inside, parse_table, read_bytes, read_json, read_text
-from virtual_lab.records import RECORD_TYPES, Record
+from virtual_lab.records import RECORD_NAMES, RECORD_TYPES, Record
 from virtual_lab.records.constants import require_plausible
 from virtual_lab.uncertainty.estimate import Estimate
 
@@ -57,7 +57,6 @@ class Session:
 def save_session(session: Session, folder: Path) -> None:
     """Write a session into `folder`, which must exist and be empty."""
     channels: dict[str, dict[str, Any]] = {}
-    names = {record: name for name, record in RECORD_TYPES.items()}
     for stage, records in session.records.items():
         (folder / stage).mkdir()
         for channel, record in records.items():
@@ -65,7 +64,7 @@ def save_session(session: Session, folder: Path) -> None:
             data = table.to_csv(index=False).encode()
             (folder / stage / f"{channel}.csv").write_bytes(data)
             channels.setdefault(stage, {})[channel] = {
-                "record": names[type(record)],
+                "record": RECORD_NAMES[type(record)],
                 "rows": len(table),
                 "sha256": hashlib.sha256(data).hexdigest(),
                 **_attached(record, folder / stage / channel),
@@ -79,7 +78,9 @@ def save_session(session: Session, folder: Path) -> None:
         "rigs": dict(session.rigs),
         "simulation": dict(session.simulation),
         "channels": channels,
-        "calibration": {key: _written(known) for key, known in session.calibration.items()},
+        "calibration": {
+            key: entry_of_constant(known) for key, known in session.calibration.items()
+        },
     }
     (folder / "procedure.toml").write_text(session.procedure_text, encoding="utf-8")
     text = json.dumps(document, indent=1, allow_nan=False)
@@ -169,7 +170,8 @@ def require_channel(stage: str, channel: str, where: Path) -> None:
             raise InputError(str(where), "channels", name, allowed)
 
 
-def _written(known: Estimate) -> dict[str, Any]:
+def entry_of_constant(known: Estimate) -> dict[str, Any]:
+    """Return a constant as a table of JSON, without what is not stated."""
     entry: dict[str, Any] = {"value": known.value, "u": known.u}
     if known.dof != inf:
         entry["dof"] = known.dof

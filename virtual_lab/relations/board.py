@@ -50,7 +50,7 @@ class Board:
         return ids
 
 
-def board_of(text: str, key: str = "--board") -> Board:
+def board_of(text: str) -> Board:
     """Return the board that a text like ``charuco:14x9:40mm:30mm`` names, counted in squares.
 
     Raises
@@ -59,7 +59,7 @@ def board_of(text: str, key: str = "--board") -> Board:
         Another form, fewer squares than 4 x 3, a marker that does not fit, more markers than the
         dictionary has.
     """
-    kind, *parts = text.strip().split(":")
+    key, (kind, *parts) = "--board", text.strip().split(":")
     charuco = kind == "charuco"
     if kind not in {"charuco", "chessboard"} or not 2 + charuco <= len(parts) <= 2 + 2 * charuco:
         form = "charuco:COLUMNSxROWS:SQUARE:MARKER[:DICTIONARY] or chessboard:COLUMNSxROWS:SQUARE"

@@ -67,7 +67,7 @@ def fitted(
 
 
 class BallFlights(NamedTuple):
-    """What the balls of an order do, arrays (shot,)."""
+    """What the balls of a plan do, arrays (shot,)."""
 
     flown: FlownShots
     blows: Blows
@@ -115,7 +115,7 @@ class CannonStation(FittedStation):
         """That bends the flights [m/s²]."""
         return self.hall.acceleration
 
-    def outcome(self, order: ShotPlan, specimen: Specimen) -> TrueOutcome:
+    def outcome(self, plan: ShotPlan, specimen: Specimen) -> TrueOutcome:
         """Return what an error-free test would find, on an axis exactly where it should be.
 
         An ideal laboratory is to show algebra alone, and e_A knows the axis to 1e-5: there it is
@@ -123,28 +123,28 @@ class CannonStation(FittedStation):
         """
         nominal = self.holder.spec.nominal_from_knob
         hung = self.holder.from_knob if self.ideal else nominal
-        return error_free(order, specimen, Pinned(specimen.bat.body.length - hung), nominal)
+        return error_free(plan, specimen, Pinned(specimen.bat.body.length - hung), nominal)
 
     def records(
-        self, passage: Passage, contact: Array, leaving: Array, order: ShotPlan, draws: Draws
+        self, passage: Passage, contact: Array, leaving: Array, plan: ShotPlan, draws: Draws
     ) -> dict[str, Record]:
         """Return what log, gates and aim paper say of balls that fly."""
-        name, slots = self.name, order.slot
+        name, slots = self.name, plan.slot
         return {
-            "log": order.log(),
+            "log": plan.log(),
             "gates": self.gates.watch(
-                passage, contact, leaving, draws, f"{name}.gates", slots, order.rung
+                passage, contact, leaving, draws, f"{name}.gates", slots, plan.detail
             ),
             "aim": self.cannon.mark(draws, f"{name}.aim"),
         }
 
     def blows(
-        self, order: ShotPlan, specimen: Specimen, place: Array, speed: Array, e0: Array
+        self, plan: ShotPlan, specimen: Specimen, place: Array, speed: Array, e0: Array
     ) -> Blows:
         """Return the collisions at places [m] and normal relative speeds [m/s]."""
-        scenes = scenes_of(specimen, order.ball, place, speed, e0)
+        scenes = scenes_of(specimen, plan.ball, place, speed, e0)
         nominal = self.holder.spec.nominal_from_knob
-        return blows_of(specimen, order.rung, scenes, self.holder.from_knob, nominal)
+        return blows_of(specimen, plan.detail, scenes, self.holder.from_knob, nominal)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,26 +154,26 @@ class RestingBatStation(CannonStation):
     frame: FrameSpec
     stop: StopSpec
 
-    def play(self, order: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
+    def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire at the bat at rest and time the ball through every gate, both ways."""
-        return self.timed(self.fly(order, specimen, draws), order, draws)
+        return self.timed(self.fly(plan, specimen, draws), plan, draws)
 
     def around(self, radius: float) -> Surroundings:
         """Return what stands around the bat, for balls of a radius [m]."""
         view = self.gates.spec.view(radius)
         return Surroundings(self.frame, self.stop, self.gates.distances, view)
 
-    def fly(self, order: ShotPlan, specimen: Specimen, draws: Draws) -> BallFlights:
+    def fly(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> BallFlights:
         """Fire at the bat at rest: return what the balls do."""
-        name, slots, balls, body = self.name, order.slot, specimen.balls, specimen.bat.body
-        launch = self.cannon.fire(order.speed, draws, f"{name}.launch", slots)
-        e0 = balls.draw_hits(order.ball, launch.speed, draws, f"{name}.hit", slots)
-        place = order.place + launch.along
+        name, slots, balls, body = self.name, plan.slot, specimen.balls, specimen.bat.body
+        launch = self.cannon.fire(plan.speed, draws, f"{name}.launch", slots)
+        e0 = balls.draw_hits(plan.ball, launch.speed, draws, f"{name}.hit", slots)
+        place = plan.place + launch.along
         across = launch.across - self.holder.height
         tilt = contact_angle(specimen, place, across)
-        blows = self.blows(order, specimen, place, launch.speed * np.cos(tilt), e0)
+        blows = self.blows(plan, specimen, place, launch.speed * np.cos(tilt), e0)
         back, up = thrown_back(blows.efficiency, tilt, launch.speed, 0.0)
-        mass = balls.mass[order.ball]
+        mass = balls.mass[plan.ball]
         passage = Passage(
             speed_in=launch.speed,
             speed_out=back,
@@ -186,7 +186,7 @@ class RestingBatStation(CannonStation):
         )
         axis = body.length - self.holder.from_knob
         bat = RestingBat(body, axis, place, across, blows.efficiency, mass)
-        shots = flown(passage, order, bat, self.around(balls.spec.radius))
+        shots = flown(passage, plan, bat, self.around(balls.spec.radius))
         contact = self.gates.arrival(shots.passage)
         return BallFlights(
             flown=shots,
@@ -198,10 +198,10 @@ class RestingBatStation(CannonStation):
             ball_restitution=e0,
         )
 
-    def timed(self, fired: BallFlights, order: ShotPlan, draws: Draws) -> RigOutput:
+    def timed(self, fired: BallFlights, plan: ShotPlan, draws: Draws) -> RigOutput:
         """Write down what the gates see of balls that fly, and the truth of them."""
         return RigOutput(
-            records=self.records(fired.passage, fired.contact, fired.leaving, order, draws),
+            records=self.records(fired.passage, fired.contact, fired.leaving, plan, draws),
             truth={
                 "speed": fired.passage.speed_in,
                 "place": fired.bat.place,

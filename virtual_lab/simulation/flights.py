@@ -69,11 +69,11 @@ class FlownShots(NamedTuple):
     kicks: tuple[tuple[int, float, float], ...] = ()
 
 
-def flown(passage: Passage, order: ShotPlan, bat: RestingBat, around: Surroundings) -> FlownShots:
-    """Return the flights at a pivoted bat at rest by the order's rung of the motion.
+def flown(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surroundings) -> FlownShots:
+    """Return the flights at a pivoted bat at rest by the plan's rung of the motion.
 
     Closed form, but pymunk for a shot whose ball may meet a frame on its way in, or whose bat may
-    come back from its stop to the ball; for all shots where the order asks for it. What a scene
+    come back from its stop to the ball; for all shots where the plan asks for it. What a scene
     comes to replaces speeds, slopes and places of its flight. The blow is that of a level ball, as
     it is in closed form. A frame on the way back needs no scene: no gate beyond it sees the ball,
     whatever then becomes of it.
@@ -84,7 +84,7 @@ def flown(passage: Passage, order: ShotPlan, bat: RestingBat, around: Surroundin
         A shot that pymunk cannot play.
     """
     beyond, framed = _beyond_closed_form(passage, bat, around)
-    asked = order.motion is MotionRung.PYMUNK
+    asked = plan.motion is MotionRung.PYMUNK
     if not asked:
         passage = _stopped(passage, around, framed & ~beyond)
     shots = np.arange(len(beyond)) if asked else np.flatnonzero(beyond)

@@ -55,7 +55,7 @@ def contact_angle(specimen: Specimen, place: Array, across: Array) -> Array:
 
 
 def blows_of(
-    specimen: Specimen, rung: RecordDetail, scenes: Scenes, at: float, surveyed: float
+    specimen: Specimen, detail: RecordDetail, scenes: Scenes, at: float, surveyed: float
 ) -> Blows:
     """Return the collisions of scenes with a bat whose axis is `at` [m] from its knob.
 
@@ -63,7 +63,7 @@ def blows_of(
     is: all laboratories then share the support where the axis was `surveyed`.
     """
     body = specimen.bat.body
-    if rung is RecordDetail.SUMMED:
+    if detail is RecordDetail.SUMMED:
         support = Pinned(body.length - surveyed)
         efficiency = specimen.collision.efficiency(body, support, scenes)
         return Blows(scenes, efficiency, np.full(efficiency.shape, CONTACT_TIME))
@@ -87,9 +87,9 @@ def thrown_back(
 
 
 def error_free(
-    order: ShotPlan, specimen: Specimen, support: Support, pivot_from_knob: float
+    plan: ShotPlan, specimen: Specimen, support: Support, pivot_from_knob: float
 ) -> TrueOutcome:
-    """Return what really happens at the order's places and nominal speeds to the lot's mean ball.
+    """Return what really happens at the plan's places and nominal speeds to the lot's mean ball.
 
     One collision on the rig's own support gives the impulse; what it does to a rigid bat, free
     or on an axis exactly `pivot_from_knob` [m] from its knob, gives e and r. No equation that
@@ -97,10 +97,10 @@ def error_free(
     """
     ball, body = specimen.balls.mean_ball(), specimen.bat.body
     axis = body.length - pivot_from_knob
-    speed = order.speed + order.turn_rate * (axis - order.place)
-    first = np.zeros(order.place.shape, dtype=int)
+    speed = plan.speed + plan.turn_rate * (axis - plan.place)
+    first = np.zeros(plan.place.shape, dtype=int)
     e0 = ball.restitution_at(first, speed)
-    scenes = scenes_of(replace(specimen, balls=ball), first, order.place, speed, e0)
+    scenes = scenes_of(replace(specimen, balls=ball), first, plan.place, speed, e0)
     efficiency = specimen.collision.true_efficiency(body, support, scenes)
     impulse = scenes.ball_mass * speed * (1 + efficiency)
     return TrueOutcome(

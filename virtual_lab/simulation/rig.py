@@ -2,13 +2,13 @@
 
 A rig is installed by an entry point of the group ``virtual_lab.rigs``. A laboratory
 commissions it once, which draws the errors its calibrations left, and then has it play
-orders: true specimens in, raw records and sealed truth out. The conformance suite in
+plans: true specimens in, raw records and sealed truth out. The conformance suite in
 ``tests/rigs/conformance.py`` holds every installed rig to this.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import cache
@@ -30,6 +30,7 @@ from virtual_lab.units import Array
 
 if TYPE_CHECKING:
     from virtual_lab.simulation.collision.ladder import Ladder
+    from virtual_lab.simulation.instruments.camera.camera import Camera
 
 
 class Reality(Enum):
@@ -92,11 +93,11 @@ class ShotPlan:
     speed: Array
     place: Array
     turn_rate: float = 0.0
-    rung: RecordDetail = RecordDetail.FULL
+    detail: RecordDetail = RecordDetail.FULL
     motion: MotionRung = MotionRung.CLOSED_FORM
 
     def log(self) -> ShotLog:
-        """Return the operator's log of the order."""
+        """Return the operator's log of the plan."""
         return ShotLog(
             ball=self.ball.astype(np.float64), nominal_speed=self.speed, place=self.place
         )
@@ -123,8 +124,8 @@ class Station(Protocol):
         """What they really are; sealed."""
         ...
 
-    def play(self, order: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
-        """Carry out an order."""
+    def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
+        """Carry out a plan."""
         ...
 
 
@@ -132,8 +133,8 @@ class Station(Protocol):
 class ImpactStation(Station, Protocol):
     """A station that fires at bats can also be asked for the error-free answer."""
 
-    def outcome(self, order: ShotPlan, specimen: Specimen) -> TrueOutcome:
-        """Return the measurand at the order's speeds and places: this bat, the lot's mean ball."""
+    def outcome(self, plan: ShotPlan, specimen: Specimen) -> TrueOutcome:
+        """Return the measurand at the plan's speeds and places: this bat, the lot's mean ball."""
         ...
 
 
@@ -141,12 +142,17 @@ class ImpactStation(Station, Protocol):
 class FilmingStation(Station, Protocol):
     """A station with a camera that can also keep whole frames."""
 
-    def film(self, order: ShotPlan, specimen: Specimen, draws: Draws, folder: Path) -> None:
-        """Film the first shot of an order: ``shot-0.mp4``, its ``.csv`` of times, a preview."""
+    @property
+    def camera(self) -> Camera:
+        """The camera that looks at the flights."""
         ...
 
-    def frames(self, order: ShotPlan, specimen: Specimen, draws: Draws, count: int) -> Array:
-        """Return some whole frames of an order's first shot, (count, row, column), 0 to 1."""
+    def film(self, plan: ShotPlan, specimen: Specimen, draws: Draws, folder: Path) -> None:
+        """Film the first shot of a plan: ``shot-0.mp4``, its ``.csv`` of times, a preview."""
+        ...
+
+    def frames(self, plan: ShotPlan, specimen: Specimen, draws: Draws, count: int) -> Array:
+        """Return some whole frames of a plan's first shot, (count, row, column), 0 to 1."""
         ...
 
     def unfilmed(self) -> Station:
@@ -164,10 +170,7 @@ class WallStation(Station, Protocol):
 
 
 class Rig(Protocol):
-    """A machine as it is sold.
-
-    One that can carry its balls otherwise than in closed form says so in `motions`.
-    """
+    """A machine as it is sold."""
 
     @property
     def name(self) -> str: ...
@@ -180,6 +183,16 @@ class Rig(Protocol):
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> Station:
         """Set the rig up in a laboratory: draw the errors that calibration leaves."""
+        ...
+
+
+@runtime_checkable
+class MotionRig(Rig, Protocol):
+    """A rig that can carry its balls otherwise than in closed form."""
+
+    @property
+    def motions(self) -> Collection[MotionRung]:
+        """The models of the motion it has."""
         ...
 
 

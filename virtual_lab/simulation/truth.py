@@ -96,7 +96,7 @@ class TrueOutcome:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Sealed:
+class SealedTruth:
     """All that really was, for the scorer: kept apart from everything a laboratory may see."""
 
     seed: int

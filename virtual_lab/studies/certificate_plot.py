@@ -33,8 +33,8 @@ def plot_hits(found: Certification) -> Figure:
             value = found.metric.value / printed.unit_si
             axes.axhspan(low, high, color=INTERVAL_GREY, zorder=0, label="95 % interval")
             axes.axhline(value, color="black", linewidth=0.8, label="result")
-        if found.procedure.most is not None:
-            limit = found.procedure.most / printed.unit_si
+        if found.procedure.metric_limit is not None:
+            limit = found.procedure.metric_limit / printed.unit_si
             axes.axhline(limit, color="black", linestyle="--", linewidth=0.8, label="limit")
         unit = f", {printed.unit}" if printed.unit else ""
         axes.set(xlabel="shot", ylabel=f"{printed.words}{unit}")

@@ -16,7 +16,7 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
 from virtual_lab.lab import Laboratory, TestSetup, by_the_book
-from virtual_lab.lab.naming import with_records
+from virtual_lab.lab.test_day import with_records
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.reduction.observations import along_of
 from virtual_lab.measurement.session_reduction import reduce_session
@@ -58,19 +58,19 @@ def check_cylinder(
     )
     laboratory = Laboratory.open(replace(setup, ball=catalog.load("balls", "check-ball", BallSpec)))
     session = by_the_book(laboratory).certification.session
-    order = ShotPlan(
+    plan = ShotPlan(
         slot=np.arange(hits),
         ball=np.zeros(hits, dtype=int),
         speed=np.full(hits, rules.ball_speed),
         place=np.full(hits, reduce_session(session).readings.place[0] - along_of(session)),
-        rung=setup.detail,
+        detail=setup.detail,
     )
     values = []
     for number in range(1, days + 1):
         day = wrong if number >= since else FaultSet()
         station = day.station(stage, laboratory.stations[stage])
         beyond_the_test = 1_000_000 + number * hits
-        today = replace(order, slot=beyond_the_test + order.slot)
+        today = replace(plan, slot=beyond_the_test + plan.slot)
         play = day.play(stage, station, today, laboratory.specimen, laboratory.draws)
         found = reduce_session(with_records(session, stage, [play]))
         valid = found.judgement.valid

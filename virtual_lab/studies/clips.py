@@ -15,7 +15,7 @@ from scipy.stats import binomtest
 
 from virtual_lab.errors import InputError
 from virtual_lab.lab import Laboratory, TestSetup, prepared
-from virtual_lab.lab.naming import with_records
+from virtual_lab.lab.test_day import with_records
 from virtual_lab.measurement.camera.comparison import compare_camera
 from virtual_lab.measurement.session_reduction import reduce_session
 from virtual_lab.output.progress import Progress, quiet
@@ -82,7 +82,7 @@ def clip_coverage(
     if clips < 2:
         raise InputError("", "clips", clips, "allowed: 2 and more")
     found: list[Array] = []
-    rung = RecordDetail.SUMMED if summed else RecordDetail.FULL
+    detail = RecordDetail.SUMMED if summed else RecordDetail.FULL
     for number in range(clips):
         setup = TestSetup.of(
             bat,
@@ -91,7 +91,7 @@ def clip_coverage(
             seed=seed + number,
             detail=RecordDetail.SUMMED,
         )
-        found.append(_clip(Laboratory.open(setup), rung))
+        found.append(_clip(Laboratory.open(setup), detail))
         progress("clips", number + 1, clips)
     values = np.array(found)
     return Rows(
@@ -102,18 +102,18 @@ def clip_coverage(
     )
 
 
-def _clip(laboratory: Laboratory, rung: RecordDetail) -> Array:
+def _clip(laboratory: Laboratory, detail: RecordDetail) -> Array:
     """Return value, u and truth of each quantity of one shot, (quantity, 3)."""
     day = prepared(laboratory)
     ready, rules, stage = day.laboratory, laboratory.rules.spec, Stage.IMPACT
-    order = ShotPlan(
+    plan = ShotPlan(
         slot=np.zeros(1, dtype=int),
         ball=np.zeros(1, dtype=int),
         speed=np.full(1, rules.ball_speed),
         place=np.full(1, 6 * INCH),
-        rung=rung,
+        detail=detail,
     )
-    play = ready.stations[stage].play(order, ready.specimen, ready.draws)
+    play = ready.stations[stage].play(plan, ready.specimen, ready.draws)
     session = with_records(day.session, stage, [play])
     reduced = reduce_session(session)
     camera = compare_camera(session, reduced)

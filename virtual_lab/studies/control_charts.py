@@ -112,7 +112,7 @@ def _above(steps: Array) -> Array:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Charted:
+class DayCharts:
     """The days after a baseline on every chart, arrays (day,) in standard deviations."""
 
     baseline: Baseline
@@ -127,7 +127,7 @@ class Charted:
 
 def control_chart(
     values: ArrayLike, baseline_days: int, rules: Collection[int] = tuple(RULES)
-) -> Charted:
+) -> DayCharts:
     """Return the charts of daily values (day,), with limits from the first `baseline_days`.
 
     Rules, average and sums restart at the centre on the day after the baseline.
@@ -148,7 +148,7 @@ def control_chart(
     alarms["moving range"] = ranges > RANGE_LIMIT
     alarms["moving average (EWMA)"] = np.abs(average) > EWMA_LIMIT
     alarms["cumulative sum (CUSUM)"] = np.maximum(up, down) > CUSUM_LIMIT
-    return Charted(
+    return DayCharts(
         baseline=baseline,
         baseline_days=baseline_days,
         standardised=x,

@@ -18,20 +18,22 @@ from scipy.stats import binomtest
 
 from virtual_lab.errors import InputError
 from virtual_lab.lab import (
+    BatTest,
     Campaign,
-    Rehearsal,
-    Tested,
+    Laboratory,
     TestSetup,
     certify_bat,
-    curvatures,
 )
+from virtual_lab.lab.measurand import true_curve
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.measurement.model import QUANTITIES
+from virtual_lab.measurement.procedure import variance_within
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
 from virtual_lab.records import AimMarks
 from virtual_lab.streams import Streams
+from virtual_lab.studies.rehearsal import Rehearsal
 from virtual_lab.units import Array
 
 WORDS = (
@@ -106,9 +108,7 @@ def coverage(
     bends: dict[str, float] = {}
     rehearsal = None
     invalid, hits = 0, []
-    played = tests(bat, procedure, laboratories, seed, summed=summed)
-    for number, tested in enumerate(played, start=1):
-        progress("laboratories", number, laboratories)
+    for tested in bat_tests(bat, procedure, laboratories, seed, summed, progress):
         certification = tested.certification
         hits.append(certification.judgement.valid)
         if certification.verdict.value == "INVALID":
@@ -116,7 +116,7 @@ def coverage(
             continue
         if not bends:
             first = shared.laboratory(seed)
-            bends = curvatures(first, certification.outcome.place)
+            bends = _curvatures(first, certification.outcome.place)
             rehearsal = Rehearsal.of(first, tested) if first.rules.spec.scan else None
         along = _marks(certification).along - certification.readings.along
         strayed.append((float(np.var(along, ddof=1)), _scatter(certification)))
@@ -139,10 +139,10 @@ def coverage(
     )
 
 
-def tests(
-    bat: str, procedure: str, laboratories: int, first_seed: int, *, summed: bool
-) -> Iterator[Tested]:
-    """Yield the tests of one bat design in laboratories of successive seeds.
+def bat_tests(
+    bat: str, procedure: str, laboratories: int, first_seed: int, summed: bool, progress: Progress
+) -> Iterator[BatTest]:
+    """Yield the tests of one bat design in laboratories of successive seeds, as `coverage`.
 
     Raises
     ------
@@ -152,10 +152,23 @@ def tests(
     if laboratories < 2:
         raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
     if summed:
-        yield from Campaign.of(bat, procedure).run(laboratories, first_seed)
+        played = Campaign.of(bat, procedure).run(laboratories, first_seed)
     else:
-        for seed in range(first_seed, first_seed + laboratories):
-            yield certify_bat(TestSetup.of(bat, procedure=procedure, seed=seed))
+        seeds = range(first_seed, first_seed + laboratories)
+        played = (certify_bat(TestSetup.of(bat, procedure=procedure, seed=seed)) for seed in seeds)
+    for number, tested in enumerate(played, start=1):
+        progress("laboratories", number, laboratories)
+        yield tested
+
+
+def _curvatures(laboratory: Laboratory, place: float) -> dict[str, float]:
+    """Return d²/dz² [1/m²] of the metric (as ``metric``) and of the quantities at a place [m]."""
+    step = 4e-3  # m
+    places = place + step * np.array([-1.0, 0.0, 1.0])
+    procedure = laboratory.rules.spec
+    curve = true_curve(laboratory.impact, laboratory.specimen, procedure, places)
+    values = curve.quantities | {"metric": curve.metric()}
+    return {name: float(np.diff(row, 2)[0]) / step**2 for name, row in values.items()}
 
 
 def _marks(certification: Certification) -> AimMarks:
@@ -168,14 +181,10 @@ def _marks(certification: Certification) -> AimMarks:
 def _scatter(certification: Certification) -> float:
     """Return the variance of the metric within a place, over the hits the result rests on."""
     used = certification.outcome.used
-    metric, place = certification.shot_metric[used], certification.readings.place[used]
-    _, back = np.unique(np.round(place, 6), return_inverse=True)
-    many = np.bincount(back)
-    off = metric - (np.bincount(back, metric) / many)[back]
-    return float(np.sum(off**2)) / (off.size - many.size)
+    return variance_within(certification.readings.place[used], certification.shot_metric[used])
 
 
-def _result(tested: Tested, name: str, beside: float) -> tuple[float, ...]:
+def _result(tested: BatTest, name: str, beside: float) -> tuple[float, ...]:
     """Return on which side the truth was missed, error, u and the error to be expected."""
     certification, true = tested.certification, tested.sealed.measurand[name]
     budget = certification.metric if name == "metric" else certification.quantities[name]

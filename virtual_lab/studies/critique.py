@@ -44,7 +44,7 @@ RELIABLE_SHARE = 0.95  # a ranking that comes out one way this often is that pro
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Placed:
+class BatRank:
     """A bat by a procedure and on the field."""
 
     bat: str
@@ -93,7 +93,7 @@ class Pair:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ranked:
+class ProcedureResults:
     """Results of one procedure for the bats, in the printed unit of its metric."""
 
     procedure: str
@@ -113,13 +113,13 @@ class Critique(StudyResult):
     swings: tuple[float | None, ...]  # exponents n of the swing law; None: constant energy
     balls: Mapping[str, str]  # in the field, of each bat
     field: Array  # greatest v_f [mph], (swing, bat)
-    ranked: tuple[Ranked, ...]
+    ranked: tuple[ProcedureResults, ...]
 
     @property
-    def metrics(self) -> list[Placed]:
+    def metrics(self) -> list[BatRank]:
         """One row per bat and procedure."""
         return [
-            Placed(
+            BatRank(
                 bat=bat,
                 procedure=each.procedure,
                 ball=each.ball,
@@ -245,7 +245,7 @@ def critique(
             for j, bat in enumerate(bats):
                 measured[i, j] = _result(bat, procedure, seed=seed + i, test=j)
         ranked.append(
-            Ranked(
+            ProcedureResults(
                 procedure=rules.name,
                 ball=rules.ball,
                 metric=printed.symbol,
@@ -349,7 +349,7 @@ def _or_none(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _text(metrics: Sequence[Placed], pairs: Sequence[Pair], balls: Mapping[str, str]) -> str:
+def _text(metrics: Sequence[BatRank], pairs: Sequence[Pair], balls: Mapping[str, str]) -> str:
     """Return ranks of all bats by procedure and on the field, and pairs in the wrong order."""
     tables: dict[str, dict[str, str]] = {}
     for row in metrics:
@@ -391,7 +391,7 @@ def _text(metrics: Sequence[Placed], pairs: Sequence[Pair], balls: Mapping[str, 
     )
 
 
-def _placed(row: Placed, rivals: Sequence[float]) -> str:
+def _placed(row: BatRank, rivals: Sequence[float]) -> str:
     """Return an error-free metric with its rank among those of all bats."""
     if row.value is None:
         return "no result"

@@ -10,14 +10,14 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
-from virtual_lab.lab.naming import constant_name
+from virtual_lab.lab.laboratory import constant_name
 from virtual_lab.measurement.reduction.gates import passages
 from virtual_lab.measurement.reduction.observations import BallReadings
 from virtual_lab.measurement.reduction.shot_algebra import measured_balls
@@ -30,7 +30,7 @@ from virtual_lab.simulation.physics.ageing import lasting_loss
 from virtual_lab.simulation.rig import Reality, ShotPlan, Specimen, Stage, WallStation, find_rig
 from virtual_lab.simulation.truth import TrueBalls, draw_balls, made_bat
 from virtual_lab.studies.check_cylinder import check_cylinder
-from virtual_lab.studies.control_charts import RULES, Charted, control_chart
+from virtual_lab.studies.control_charts import RULES, DayCharts, control_chart
 from virtual_lab.studies.daily_chart import draw_control_chart
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import MPH, Array
@@ -69,9 +69,9 @@ class Daily(StudyResult):
     since: int | None  # the day of the change, of wall or rig; None: nothing changes
     values: Array  # mean measured e0 of the check ball
     wall: Array  # what the wall gave back, of what a rigid one would
-    charted: Charted
+    charted: DayCharts
     cylinder: Array  # mean measured e_A of the check cylinder
-    cylinder_charted: Charted
+    cylinder_charted: DayCharts
 
     @property
     def table(self) -> pd.DataFrame:
@@ -233,12 +233,12 @@ def _day(day: int | None) -> str:
     return "none" if day is None else str(day)
 
 
-def _baseline(charted: Charted) -> dict[str, float]:
+def _baseline(charted: DayCharts) -> dict[str, float]:
     base = charted.baseline
     return {"days": charted.baseline_days, "centre": base.centre, "sigma": base.sigma}
 
 
-def _broken(charted: Charted) -> list[str]:
+def _broken(charted: DayCharts) -> list[str]:
     """Return the alarms of each day; none in the baseline."""
     return [""] * charted.baseline_days + [
         "; ".join(name for name, days in charted.alarms.items() if days[day])
@@ -246,7 +246,7 @@ def _broken(charted: Charted) -> list[str]:
     ]
 
 
-def _alarms(standard: str, charted: Charted, since: int | None) -> list[AlarmCount]:
+def _alarms(standard: str, charted: DayCharts, since: int | None) -> list[AlarmCount]:
     rows = []
     for name, flags in charted.alarms.items():
         days = np.flatnonzero(flags) + charted.baseline_days + 1
@@ -281,17 +281,18 @@ def _check_counts(days: int, baseline: int, hits: int, rules: Collection[int]) -
 def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
     """Return the measured e0 of each morning, (day,)."""
     draws = Reality.REAL.draws(seed)
-    station = cast("WallStation", find_rig("ball-wall", Stage.BALLS).commission(draws))
+    station = find_rig("ball-wall", Stage.BALLS).commission(draws)
+    assert isinstance(station, WallStation)
     constants = _constants(station.calibration, spec)
     bat = made_bat(catalog.load_bat(CYLINDER).spec, draws)  # a specimen has one; no wall meets it
     balls = draw_balls(spec, 1, draws)
     first = np.zeros(hits, dtype=int)
     turns = np.arange(hits)
-    order = ShotPlan(slot=turns, ball=first, speed=np.full(hits, SPEED), place=np.zeros(hits))
+    plan = ShotPlan(slot=turns, ball=first, speed=np.full(hits, SPEED), place=np.zeros(hits))
     values = []
     for day, gives in enumerate(wall):
         play = station.with_wall(float(gives)).play(
-            replace(order, slot=day * hits + turns),
+            replace(plan, slot=day * hits + turns),
             Specimen(
                 bat=bat,
                 balls=balls,
@@ -301,7 +302,7 @@ def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
         )
         gates = play.records["gates"]
         assert isinstance(gates, GateRecord)
-        values.append(_measured(gates, spec, order, constants))
+        values.append(_measured(gates, spec, plan, constants))
         if not np.isfinite(values[-1]):
             allowed = "the gates did not see every hit come back; allowed: a livelier ball or wall"
             raise InputError("", "day", day + 1, allowed)
@@ -310,13 +311,13 @@ def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
 
 
 def _measured(
-    gates: GateRecord, spec: BallSpec, order: ShotPlan, constants: dict[str, Array]
+    gates: GateRecord, spec: BallSpec, plan: ShotPlan, constants: dict[str, Array]
 ) -> float:
     """Return the check ball's mean e0 at the nominal speed; its mass is known."""
     readings = BallReadings(
         mass=np.array([spec.mass]),
-        ball=order.ball,
-        nominal_speed=order.speed,
+        ball=plan.ball,
+        nominal_speed=plan.speed,
         passages=passages(gates),
     )
     return float(measured_balls(constants, readings).restitution[0])

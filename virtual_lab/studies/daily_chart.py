@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.output.style import STYLE
-from virtual_lab.studies.control_charts import CUSUM_LIMIT, EWMA_LIMIT, RANGE_LIMIT, RULES, Charted
+from virtual_lab.studies.control_charts import (
+    CUSUM_LIMIT,
+    EWMA_LIMIT,
+    RANGE_LIMIT,
+    RULES,
+    DayCharts,
+)
 from virtual_lab.units import Array, Mask
 
 if TYPE_CHECKING:
@@ -19,7 +25,7 @@ LIMIT = {"color": "black", "linestyle": "--", "linewidth": 0.7}
 FIRST = "#d55e00"
 
 
-def draw_control_chart(values: Array, charted: Charted, label: str, path: Path) -> None:
+def draw_control_chart(values: Array, charted: DayCharts, label: str, path: Path) -> None:
     """Draw the days, their moving range, their moving average and their cumulative sums.
 
     Parameters

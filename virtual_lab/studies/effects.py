@@ -15,7 +15,7 @@ from math import sqrt
 import numpy as np
 
 from virtual_lab.errors import InputError
-from virtual_lab.lab import Tested
+from virtual_lab.lab import BatTest
 from virtual_lab.measurement.procedure import CHOICE
 from virtual_lab.measurement.reduction.observations import (
     REPEATABILITY,
@@ -31,7 +31,7 @@ from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
 from virtual_lab.relations.pendulum import mean_amplitude_factor
 from virtual_lab.simulation.physics.beam import outer_diameter
-from virtual_lab.studies.coverage import tests
+from virtual_lab.studies.coverage import bat_tests
 from virtual_lab.uncertainty.budget import Component
 from virtual_lab.units import INCH, Array
 
@@ -90,9 +90,7 @@ def effects(
         Unknown names, or too few laboratories for the number of terms.
     """
     cases: list[_Case] = []
-    played = tests(bat, procedure, laboratories, seed, summed=summed)
-    for number, tested in enumerate(played, start=1):
-        progress("laboratories", number, laboratories)
+    for tested in bat_tests(bat, procedure, laboratories, seed, summed, progress):
         if tested.certification.verdict.value != "INVALID":
             cases.append(_case(tested))
     names = list(dict.fromkeys(name for case in cases for name in case.components))
@@ -133,7 +131,7 @@ def effects(
     )
 
 
-def _case(tested: Tested) -> _Case:
+def _case(tested: BatTest) -> _Case:
     certification, sealed = tested.certification, tested.sealed
     budget = certification.metric
     assert budget is not None
@@ -151,7 +149,7 @@ def _case(tested: Tested) -> _Case:
     return _Case(error=error, choice=choice, components=components, off=_off(tested), across=across)
 
 
-def _off(tested: Tested) -> dict[str, float]:
+def _off(tested: BatTest) -> dict[str, float]:
     """Return the error of each uncertain constant: the laboratory's minus the true value."""
     session, lot = tested.certification.session, tested.sealed.balls.spec
     true = dict(tested.sealed.constants)
@@ -161,7 +159,7 @@ def _off(tested: Tested) -> dict[str, float]:
     return off | _readings_off(tested, true) | _balls_off(tested, known | true)
 
 
-def _readings_off(tested: Tested, true: Mapping[str, float]) -> dict[str, float]:
+def _readings_off(tested: BatTest, true: Mapping[str, float]) -> dict[str, float]:
     """Return the errors of the mean bench readings, without instrument errors."""
     found = {name: one.value for name, one in bench_constants(tested.certification.session).items()}
     bat, body = tested.sealed.bat_properties, tested.sealed.bat.body
@@ -186,7 +184,7 @@ def _readings_off(tested: Tested, true: Mapping[str, float]) -> dict[str, float]
     return {name: found[name] - value for name, value in exact.items()}
 
 
-def _balls_off(tested: Tested, constants: Mapping[str, float]) -> dict[str, float]:
+def _balls_off(tested: BatTest, constants: Mapping[str, float]) -> dict[str, float]:
     """Return the errors by scatter alone of each ball's mean e0 and of its slope."""
     readings, lot = observe_balls(tested.certification.session), tested.sealed.balls
     names = restitution_names(len(readings.mass))

@@ -26,7 +26,7 @@ from virtual_lab.output.tables import column
 PROCEDURES = ("astm-f1881", "bbcor")
 
 
-def _share(row: Played) -> str:
+def _share(row: FaultOutcome) -> str:
     return f"{row.caught:.0%} ({row.low:.0%} to {row.high:.0%})"
 
 
@@ -39,7 +39,7 @@ def _bias_text(found: Bias) -> str:
     return f"{measured}, predicted {found.predicted:+.5f}, z {found.z:+.1f}"
 
 
-def _outcome(row: Played) -> str:
+def _outcome(row: FaultOutcome) -> str:
     return "as predicted" if row.as_predicted else "NOT as predicted"
 
 
@@ -76,7 +76,7 @@ class Bias:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Played:
+class FaultOutcome:
     """Outcome of a fault in tests by a procedure; fault ``none`` is a day without one.
 
     A laboratory detects (catches) a fault by a flag or by the verdict INVALID; `low` and `high`
@@ -113,7 +113,7 @@ def faults(
     laboratories: int = 60,
     seed: int = 1,
     progress: Progress = quiet,
-) -> Rows[Played]:
+) -> Rows[FaultOutcome]:
     """Simulate faults in many laboratories and compare the outcome with the predictions.
 
     Parameters
@@ -202,7 +202,7 @@ def _row(
     prediction: Prediction | None,
     seen: Sequence[_Seen],
     sound: Sequence[_Seen],
-) -> Played:
+) -> FaultOutcome:
     """Return the outcome of a fault, or without a prediction of the sound day."""
     many = sum(bool(each.catches) for each in seen)
     interval = binomtest(many, len(seen)).proportion_ci(0.95, "exact")
@@ -226,7 +226,7 @@ def _row(
         named = set((prediction.caught_by or "").split(", "))
         caught = float(np.mean([bool(named & set(each.catches)) for each in seen])) >= 0.95
         right = caught if prediction.caught_by else e_A.near and metric.near
-    return Played(
+    return FaultOutcome(
         procedure=procedure,
         fault=fault,
         prediction=predicted,

@@ -58,7 +58,7 @@ def score(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Scored(StudyResult):
+class CertificateScore(StudyResult):
     """A certificate compared with the truth, and whether the seal on both is intact."""
 
     altered: tuple[Alteration, ...]  # what is not as it was sealed
@@ -102,7 +102,7 @@ class Scored(StudyResult):
         return "\n".join([*lines, self.sealing] if self.sealing else lines)
 
 
-def score_folder(folder: str | Path) -> Scored:
+def score_folder(folder: str | Path) -> CertificateScore:
     """Compare the certificate in an output folder with the truth, and check its seal.
 
     Raises
@@ -124,7 +124,7 @@ def score_folder(folder: str | Path) -> Scored:
     bound = {(TRUTH, ""), (CERTIFICATE, "simulation.truth_digest")}  # the one holds a digest of
     if simulation.get("truth_digest", digest) != digest and not named & bound:
         altered.append(Alteration(TRUTH, "", "altered"))  # and the seal to match
-    return Scored(altered=tuple(altered), sealing=simulation.get("sealing"), rows=rows)
+    return CertificateScore(altered=tuple(altered), sealing=simulation.get("sealing"), rows=rows)
 
 
 def _scored(folder: Path) -> tuple[dict[str, str], tuple[QuantityScore, ...]]:

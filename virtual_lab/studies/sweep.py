@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import nan
 from typing import TYPE_CHECKING, Any
 
-from virtual_lab.lab import Campaign, Tested
+from virtual_lab.lab import BatTest, Campaign
 from virtual_lab.measurement.model import QUANTITIES
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
@@ -42,7 +42,7 @@ def sweep_tests(
     return pd.DataFrame(rows)
 
 
-def _row(seed: int, tested: Tested) -> dict[str, Any]:
+def _row(seed: int, tested: BatTest) -> dict[str, Any]:
     found, true = tested.certification, tested.sealed.measurand
     printed = METRICS[found.procedure.metric]
     budget = found.metric

@@ -15,7 +15,7 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import CHECK_STANDARD
 from virtual_lab.files import new_folder
 from virtual_lab.measurement.procedure import Procedure
-from virtual_lab.records import RECORD_TYPES, Record
+from virtual_lab.records import RECORD_NAMES, Record
 from virtual_lab.records.constants import constant_of
 from virtual_lab.records.foreign.laboratory import BLANK, FORM
 from virtual_lab.records.foreign.table import column_names
@@ -79,7 +79,6 @@ def _form(session: Session, procedure: str) -> Iterator[str]:
 
 
 def _channel(stage: str, channel: str, record: Record) -> Iterator[str]:
-    names = {kind: name for name, kind in RECORD_TYPES.items()}
     for line in filter(None, inspect.cleandoc(type(record).__doc__ or "").splitlines()):
         yield f"# {line}"
     sizes = record.sizes()
@@ -93,7 +92,7 @@ def _channel(stage: str, channel: str, record: Record) -> Iterator[str]:
         units = f" (or {', '.join(others)})" if others else ""
         yield f"# {column.name}{units}{once}{', or empty' if column.may_be_missing else ''}"
     yield f"[channels.{stage}.{channel}]"
-    yield f'record = "{names[type(record)]}"'
+    yield f'record = "{RECORD_NAMES[type(record)]}"'
     yield f'file = "{stage}/{channel}.csv"'
 
 

@@ -8,7 +8,7 @@ from scipy import stats
 
 from tests.simulation.instruments.camera.scenes import SHOTS, bat_of, camera_of, course_of, spec_of
 from virtual_lab.errors import InputError
-from virtual_lab.measurement.camera.filmed import Filmed, filmed, frames_u
+from virtual_lab.measurement.camera.filmed import CameraResults, filmed, frames_u
 from virtual_lab.measurement.camera.windows import Sightings, sight
 from virtual_lab.measurement.reduction.flights import Flights
 from virtual_lab.records import ClipRecord
@@ -39,12 +39,12 @@ def timed(course: Course) -> Flights:
     )
 
 
-def seen_by(camera, course: Course, rung: RecordDetail, draws=None, bat=None) -> Sightings:
-    record, _ = camera.watch(course, draws or Quiet(), "clip", np.arange(3), rung, bat)
+def seen_by(camera, course: Course, detail: RecordDetail, draws=None, bat=None) -> Sightings:
+    record, _ = camera.watch(course, draws or Quiet(), "clip", np.arange(3), detail, bat)
     return sight(record, camera.calibration(), 0.0365)
 
 
-def measured(camera, course: Course, seen: Sightings, **changed: np.ndarray) -> Filmed:
+def measured(camera, course: Course, seen: Sightings, **changed: np.ndarray) -> CameraResults:
     x = constants(camera) | {f"{STAGE}.camera.{name}": value for name, value in changed.items()}
     return filmed(x, STAGE, seen, course.passage.drag, timed(course))
 
@@ -152,7 +152,7 @@ def test_uncertainty_of_a_line_in_closed_form() -> None:
     true_dt = dt / float(x["impact.camera.clock"])
     by_hand = scale * sigma * np.sqrt(12 / (frames * (frames**2 - 1))) / true_dt
     one = np.ones(1)
-    found = Filmed(
+    found = CameraResults(
         flights=Flights(speed_in=one, speed_out=one, offset=one, slope_in=one, slope_out=one),
         place=one,
         angle_in=one,

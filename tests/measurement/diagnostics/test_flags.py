@@ -14,9 +14,10 @@ from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.certificate.text import certificate_text
 from virtual_lab.measurement.certification import certify_session
-from virtual_lab.measurement.diagnostics.flag import chance, scatter_component
+from virtual_lab.measurement.diagnostics.flag import chance
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.rig import Reality
+from virtual_lab.uncertainty.budget import type_a
 
 
 @pytest.mark.parametrize("reality", [Reality.IDEAL, Reality.NOISE_FREE])
@@ -37,7 +38,7 @@ def test_sound_days_are_quiet(procedure: str) -> None:
 def test_chance_is_students() -> None:
     """Against SciPy's own t: one scatter, nothing below it."""
     for value, dof in ((2.0, 5.0), (3.3, 40.0), (-4.0, 11.0)):
-        u, likely = chance(value, [scatter_component(1.0, dof)], least=1e-9)
+        u, likely = chance(value, [type_a("scatter", 0.0, 1.0, dof=dof)], least=1e-9)
         assert u == pytest.approx(1.0)
         assert likely == pytest.approx(2 * stats.t.sf(abs(value), dof), rel=1e-6)
 

@@ -56,7 +56,6 @@ def shots(*changes: dict[str, float]) -> tuple[ShotResults, ImpactReadings]:
     )
     readings = ImpactReadings(
         ball=np.arange(n),
-        nominal_speed=np.full(n, 60 * MPH),
         place=column("place", AIMED),
         passages=Passages(
             times=np.ones((n, 2, 2)),

@@ -61,7 +61,6 @@ def why(
     struck = RateFit(rate=np.array([2e4]), angle=np.full(1, nan), **none)
     readings = ImpactReadings(
         ball=np.zeros(1, dtype=int),
-        nominal_speed=np.full(1, procedure.ball_speed),
         place=np.array([place]),
         passages=Passages(
             times=np.ones((1, 2, 3)),

@@ -178,7 +178,6 @@ def worked(x: dict[str, np.ndarray]):
     )
     readings = ImpactReadings(
         ball=np.zeros(1, dtype=int),
-        nominal_speed=np.array([26.8224]),
         place=np.array([LENGTH - 0.15 - B]),
         passages=Passages(
             times=np.array([[[0.0, 0.3 / V], [0.2 + 0.3 / 6.0, 0.2]]]),

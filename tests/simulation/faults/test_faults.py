@@ -25,7 +25,7 @@ from virtual_lab.units import MPH, OUNCE
 NAMES = catalog.names("faults")
 
 
-def played(*faults: str, seed: int = 11) -> lab.Tested:
+def played(*faults: str, seed: int = 11) -> lab.BatTest:
     """Play one laboratory by the ASTM procedure."""
     return certified(seed=seed, faults=faults)
 
@@ -88,7 +88,7 @@ def test_a_sound_day_is_the_day_without_faults(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(
         FaultSet,
         "play",
-        lambda self, stage, station, order, specimen, draws: station.play(order, specimen, draws),
+        lambda self, stage, station, plan, specimen, draws: station.play(plan, specimen, draws),
     )
     bare = certify("r161", procedure="astm-f1881", seed=5).certification
     assert sound.metric == bare.metric

@@ -50,7 +50,7 @@ def balls(speed_in: float, speed_out: float, draws: Streams, rise: float) -> Pas
 
 
 def errors(
-    name: str, speed_in: float, speed_out: float, rise: float, rung: RecordDetail, **changes
+    name: str, speed_in: float, speed_out: float, rise: float, detail: RecordDetail, **changes
 ):
     """Return errors of the four quantities of a flight, (quantity, shot), distances known."""
     spec = catalog.load("instruments", name, LightBoardSpec).spec
@@ -65,7 +65,7 @@ def errors(
         passage = balls(speed_in, speed_out, draws, rise)
         contact = boards.arrival(passage)
         record = boards.watch(
-            passage, contact, contact + 7e-4, draws, "b", np.arange(contact.size), rung
+            passage, contact, contact + 7e-4, draws, "b", np.arange(contact.size), detail
         )
         seen = passages(record, lowest=spec.lowest, pitch=spec.pitch)
         flight = flights(known, "impact", seen, passage.drag)
@@ -96,8 +96,8 @@ def test_boards_that_sum_up_scatter_as_their_edges_do(
 ) -> None:
     """Speeds in and out, offset and slope, thresholds drawn for 80 laboratories of 20 shots."""
     full, summed = (
-        errors(name, speed_in, speed_out, rise, rung)
-        for rung in (RecordDetail.FULL, RecordDetail.SUMMED)
+        errors(name, speed_in, speed_out, rise, detail)
+        for detail in (RecordDetail.FULL, RecordDetail.SUMMED)
     )
     for quantity, each, sums in zip(("in", "out", "offset", "slope"), full, summed, strict=True):
         assert np.array_equal(np.isfinite(each), np.isfinite(sums)), quantity
@@ -112,8 +112,8 @@ def test_boards_that_sum_up_scatter_as_their_edges_do(
 def test_the_edges_jitter_alone() -> None:
     """Without thresholds of their own the beams' noise is the clock's."""
     full, summed = (
-        errors("light-boards", 60.8, 12.0, 0.05, rung, trip_spread=0.0)
-        for rung in (RecordDetail.FULL, RecordDetail.SUMMED)
+        errors("light-boards", 60.8, 12.0, 0.05, detail, trip_spread=0.0)
+        for detail in (RecordDetail.FULL, RecordDetail.SUMMED)
     )
     ratio = np.sqrt((summed**2).mean(axis=1) / (full**2).mean(axis=1))
     assert np.abs(ratio - 1).max() < WITHIN
@@ -164,9 +164,9 @@ def test_gates_that_sum_up_scatter_as_their_edges_do() -> None:
     )
     contact = gates.arrival(passage)
     scatter = []
-    for rung in RecordDetail:
+    for detail in RecordDetail:
         record = gates.watch(
-            passage, contact, contact, Streams(2), "g", np.arange(contact.size), rung
+            passage, contact, contact, Streams(2), "g", np.arange(contact.size), detail
         )
         seen = passages(record)
         scatter.append([seen.duration_in.std(), seen.duration_out.std()])
@@ -190,8 +190,8 @@ def specimen(bat: str, draws: Streams) -> Specimen:
     )
 
 
-def order(
-    shots: int, speed: float, place: float, rung: RecordDetail, turn_rate: float = 0.0
+def plan(
+    shots: int, speed: float, place: float, detail: RecordDetail, turn_rate: float = 0.0
 ) -> ShotPlan:
     return ShotPlan(
         slot=np.arange(shots),
@@ -199,14 +199,14 @@ def order(
         speed=np.full(shots, speed),
         place=np.full(shots, place),
         turn_rate=turn_rate,
-        rung=rung,
+        detail=detail,
     )
 
 
 @pytest.mark.parametrize(("bat", "place"), [("r161", 0.16), ("ea70", 0.10)])
 def test_recoil_summed_up_scatters_as_its_counts_do(bat: str, place: float) -> None:
     """Three laboratories of 150 shots: their rates' errors against what momentum gives."""
-    errors: dict[RecordDetail, list[np.ndarray]] = {rung: [] for rung in RecordDetail}
+    errors: dict[RecordDetail, list[np.ndarray]] = {detail: [] for detail in RecordDetail}
     for seed in (3, 4, 5):
         draws = Streams(seed)
         struck = specimen(bat, draws)
@@ -214,24 +214,24 @@ def test_recoil_summed_up_scatters_as_its_counts_do(bat: str, place: float) -> N
         station = other_sheet(station, "pivot", friction=0.0)
         beam = beam_of(struck.bat.body)
         axis = beam.length - station.holder.from_knob
-        for rung in RecordDetail:
-            asked = order(150, 26.8, place, rung)
+        for detail in RecordDetail:
+            asked = plan(150, 26.8, place, detail)
             play = station.play(asked, struck, draws)
             truth, record = play.truth, play.records["encoder"]
             tilt = contact_angle(struck, truth["place"], truth["across"])
             normal = truth["speed"] * np.cos(tilt) * (1 + truth["collision_efficiency"])
             impulse = struck.balls.mass[asked.ball] * normal * np.cos(tilt)
             true = impulse * (axis - truth["place"]) / beam.inertia(axis)
-            if rung is RecordDetail.FULL:
+            if detail is RecordDetail.FULL:
                 seen = passages(play.records["gates"])
                 far, near = station.gates.distances[[0, -1]]
                 contact = seen.times[:, 0, -1] + near * seen.duration_in / (far - near)
                 record = fit_recoil(record, contact)
             turn = station.encoder.scale * station.encoder.spec.counts_per_turn / 2 / np.pi
             off = record.rate / turn * station.gates.clock - true
-            errors[rung].append(off)
+            errors[detail].append(off)
     full, summed = (
-        np.concatenate(errors[rung]) for rung in (RecordDetail.FULL, RecordDetail.SUMMED)
+        np.concatenate(errors[detail]) for detail in (RecordDetail.FULL, RecordDetail.SUMMED)
     )
     ratio = summed.std() / full.std()
     assert abs(ratio - 1) < WITHIN
@@ -240,7 +240,7 @@ def test_recoil_summed_up_scatters_as_its_counts_do(bat: str, place: float) -> N
 
 def test_swing_summed_up_scatters_as_its_counts_do() -> None:
     """Rates from 36 to 50 rad/s, 30 bats' worth: rounding is white over many, not at each."""
-    errors: dict[RecordDetail, list[np.ndarray]] = {rung: [] for rung in RecordDetail}
+    errors: dict[RecordDetail, list[np.ndarray]] = {detail: [] for detail in RecordDetail}
     angles: list[np.ndarray] = []
     for seed, turn_rate in enumerate(np.linspace(36, 50, 30)):
         draws = Streams(seed)
@@ -249,11 +249,11 @@ def test_swing_summed_up_scatters_as_its_counts_do() -> None:
         boards = replace(station.gates, spec=replace(station.gates.spec, sabot_rate=0.0))
         station = replace(station, gates=boards)
         axis = swung.bat.body.length - station.holder.from_knob
-        for rung in RecordDetail:
-            play = station.play(order(40, 31.3, 0.15, rung, float(turn_rate)), swung, draws)
+        for detail in RecordDetail:
+            play = station.play(plan(40, 31.3, 0.15, detail, float(turn_rate)), swung, draws)
             truth, record = play.truth, play.records["swing"]
             turn = station.encoder.scale * station.encoder.spec.counts_per_turn / 2 / np.pi
-            if rung is RecordDetail.FULL:
+            if detail is RecordDetail.FULL:
                 spec = boards.spec
                 seen = passages(play.records["gates"], lowest=spec.lowest, pitch=spec.pitch)
                 far, near = boards.distances[[0, -1]]
@@ -262,9 +262,9 @@ def test_swing_summed_up_scatters_as_its_counts_do() -> None:
                 record = fit_swing(record, seen.times[:, 0, -1] + near / speed, reach)
                 angles.append(record.angle / turn - truth["angle"])
             true = truth["bat_speed"] / (axis - truth["place"])
-            errors[rung].append(record.rate / turn * station.gates.clock / true - 1)
+            errors[detail].append(record.rate / turn * station.gates.clock / true - 1)
     full, summed = (
-        np.concatenate(errors[rung]) for rung in (RecordDetail.FULL, RecordDetail.SUMMED)
+        np.concatenate(errors[detail]) for detail in (RecordDetail.FULL, RecordDetail.SUMMED)
     )
     # 0.83 to 0.88 in four samples: one fit in a hundred is wide where few counts lie before contact
     assert 0.8 < summed.std() / full.std() < 1.1

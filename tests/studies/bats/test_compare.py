@@ -11,15 +11,16 @@ from virtual_lab import catalog
 from virtual_lab.catalog import load_bat
 from virtual_lab.errors import InputError
 from virtual_lab.relations.peaks import peak
+from virtual_lab.relations.swing import KNOB_OFFSET
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.physics.beam import Free, beam_of
-from virtual_lab.studies.bats.compare import Compared, compare
+from virtual_lab.studies.bats.compare import BatComparison, compare
 from virtual_lab.studies.bats.profile import GameConditions, profiles, read_inertia
 from virtual_lab.units import INCH, MPH, OZ_IN2
 
 
 @pytest.fixture(scope="module")
-def compared() -> Compared:
+def compared() -> BatComparison:
     return compare(["r161", "ea70"])
 
 
@@ -45,7 +46,7 @@ def test_peak_at_an_end_is_taken_there() -> None:
     assert peak(np.arange(5.0), np.arange(5.0) ** 2) == pytest.approx((16, 4))
 
 
-def test_peaks_are_those_of_the_model_itself(compared: Compared) -> None:
+def test_peaks_are_those_of_the_model_itself(compared: BatComparison) -> None:
     """Places 0.01 in apart and no spline."""
     z = np.arange(6.8, 7.8, 0.01)
     model = ModalModel.of(load_bat("ea70").spec.body, Free())
@@ -55,7 +56,7 @@ def test_peaks_are_those_of_the_model_itself(compared: Compared) -> None:
     assert found.place == pytest.approx(z[e_A.argmax()], abs=0.02)
 
 
-def test_differences_are_those_of_the_peaks(compared: Compared) -> None:
+def test_differences_are_those_of_the_peaks(compared: BatComparison) -> None:
     wood, aluminium = compared.peaks[1], compared.peaks[3]
     row = compared.differences[1]
     assert (row.bat, row.against, row.n) == ("ea70", "r161", 0.5)
@@ -137,7 +138,7 @@ def test_the_ball_is_that_of_the_bats_sport_or_the_one_asked_for() -> None:
     [("17000 oz in^2", 17000 * OZ_IN2), (" 0.31 kg m^2", 0.31), ("1.7e4 oz in^2", 1.7e4 * OZ_IN2)],
 )
 def test_an_inertia_with_its_unit(text: str, value: float) -> None:
-    assert read_inertia(text) == pytest.approx(value)
+    assert read_inertia(text, -KNOB_OFFSET) == pytest.approx(value)
 
 
 @pytest.mark.parametrize(
@@ -156,10 +157,10 @@ def test_an_inertia_with_its_unit(text: str, value: float) -> None:
 )
 def test_an_inertia_that_cannot_be_read(text: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
-        read_inertia(text)
+        read_inertia(text, -KNOB_OFFSET)
 
 
-def test_files_hold_what_was_compared(compared: Compared, tmp_path: Path) -> None:
+def test_files_hold_what_was_compared(compared: BatComparison, tmp_path: Path) -> None:
     compared.save(tmp_path / "out")
     found = {path.name for path in (tmp_path / "out").iterdir()}
     assert found == {"compare.csv", "peaks.csv", "differences.csv", "compare.png"}

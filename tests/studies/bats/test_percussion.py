@@ -13,22 +13,22 @@ from virtual_lab.errors import InputError
 from virtual_lab.simulation.faults.fault import other_sheet
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.rig import Reality, ShotPlan, Stage
-from virtual_lab.studies.bats.percussion import Percussed, Struck, percussion
+from virtual_lab.studies.bats.percussion import PercussionStudy, PlaceReadings, percussion
 
 INCH = 0.0254
 
 
 @pytest.fixture(scope="module")
-def found() -> Percussed:
+def found() -> PercussionStudy:
     return percussion("r161", laboratories=2, shots=3)
 
 
-def at(found: Percussed, z: float) -> Struck:
+def at(found: PercussionStudy, z: float) -> PlaceReadings:
     """Return the row of a place."""
     return min(found.rows, key=lambda row: abs(row.z_in - z))
 
 
-def test_the_axis_bears_nothing_at_the_centre_of_percussion(found: Percussed) -> None:
+def test_the_axis_bears_nothing_at_the_centre_of_percussion(found: PercussionStudy) -> None:
     """Eq. (11) for Table I, 6.3956 in; beside it the blow turns round."""
     assert found.percussion_in == pytest.approx(6.3956, abs=2e-3)
     assert at(found, found.percussion_in).reaction_ns == pytest.approx(0, abs=1e-12)
@@ -36,7 +36,7 @@ def test_the_axis_bears_nothing_at_the_centre_of_percussion(found: Percussed) ->
     assert at(found, 12).reaction_ns > 0.5
 
 
-def test_a_plain_bearing_costs_what_it_rubs(found: Percussed) -> None:
+def test_a_plain_bearing_costs_what_it_rubs(found: PercussionStudy) -> None:
     """δω = μ R_j |J| / I_p, 0.09 less the installed 0.003, and δe_A = (1 + e_A) δω/ω."""
     beam = beam_of(catalog.load_bat("r161").spec.body)
     axis = 28 * INCH
@@ -50,7 +50,7 @@ def test_a_plain_bearing_costs_what_it_rubs(found: Percussed) -> None:
         assert row.plain_shift == pytest.approx(-(1 + row.e_A) * lost / turn, rel=0.02)
 
 
-def test_play_costs_nothing_but_hard_by_the_centre_of_percussion(found: Percussed) -> None:
+def test_play_costs_nothing_but_hard_by_the_centre_of_percussion(found: PercussionStudy) -> None:
     """Its angle is a constant of the fit, unless it is taken up while the fit runs."""
     for row in found.rows:
         if abs(row.z_in - found.percussion_in) > 0.1:
@@ -66,13 +66,13 @@ def test_a_loose_bat_turns_as_a_free_one_until_its_journal_bears(place: float) -
     fixed = laboratory.stations[Stage.IMPACT]
     one = np.zeros(1, dtype=int)
     speed = laboratory.rules.spec.ball_speed
-    order = ShotPlan(slot=one, ball=one, speed=np.array([speed]), place=np.array([place * INCH]))
+    plan = ShotPlan(slot=one, ball=one, speed=np.array([speed]), place=np.array([place * INCH]))
     fine = other_sheet(fixed, "pivot", friction=0.0, clearance=0.0)
     fine = replace(fine, encoder=replace(fine.encoder, spec=laboratory_spec(fine)))
     counts, truth = [], {}
     for clearance in (0.0, 0.2e-3):
         play = other_sheet(fine, "pivot", clearance=clearance).play(
-            order, laboratory.specimen, laboratory.draws
+            plan, laboratory.specimen, laboratory.draws
         )
         counts.append(play.records["encoder"].counts[0])
         truth = play.truth
@@ -96,7 +96,7 @@ def laboratory_spec(station: object) -> object:
     return replace(station.encoder.spec, whole_counts=False)  # type: ignore[attr-defined]
 
 
-def test_the_table_and_its_words(found: Percussed, tmp_path: Path) -> None:
+def test_the_table_and_its_words(found: PercussionStudy, tmp_path: Path) -> None:
     said = found.text
     assert "At the centre of percussion, 6.40 in, the axis bears" in said
     assert "The gates miss most rebounds at 2, " in said

@@ -78,14 +78,14 @@ class SpeedGunStation(FittedStation):
     def instruments(self) -> dict[str, Instrument]:
         return {"gates": self.gates, "air": self.air}
 
-    def play(self, order: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
+    def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire at the bat at rest and time the ball through every curtain, both ways."""
-        name, slots, balls = SpeedGunPivot.name, order.slot, specimen.balls
-        speed = order.speed + self.scatter * draws.normal(f"{name}.launch", slots=slots)
-        e0 = balls.draw_hits(order.ball, speed, draws, f"{name}.hit", slots)
-        mass = balls.mass[order.ball]
+        name, slots, balls = SpeedGunPivot.name, plan.slot, specimen.balls
+        speed = plan.speed + self.scatter * draws.normal(f"{name}.launch", slots=slots)
+        e0 = balls.draw_hits(plan.ball, speed, draws, f"{name}.hit", slots)
+        mass = balls.mass[plan.ball]
         model = specimen.collision(specimen.bat.body, _support(specimen))
-        hit = model.collide(scenes_of(specimen, order.ball, order.place, speed, e0))
+        hit = model.collide(scenes_of(specimen, plan.ball, plan.place, speed, e0))
         passage = Passage(
             speed_in=speed,
             speed_out=hit.collision_efficiency * speed,
@@ -97,15 +97,15 @@ class SpeedGunStation(FittedStation):
         leaving = contact + hit.contact_time
         return RigOutput(
             records={
-                "log": ShotLog(ball=order.ball, nominal_speed=order.speed, place=order.place),
+                "log": ShotLog(ball=plan.ball, nominal_speed=plan.speed, place=plan.place),
                 "gates": self.gates.watch(passage, contact, leaving, draws, f"{name}.gates", slots),
             },
             truth={"speed": speed, "collision_efficiency": hit.collision_efficiency},
         )
 
-    def outcome(self, order: ShotPlan, specimen: Specimen) -> TrueOutcome:
-        """Return the measurand at the order's places: this bat, the lot's mean ball."""
-        return error_free(order, specimen, _support(specimen), PIVOT_FROM_KNOB)
+    def outcome(self, plan: ShotPlan, specimen: Specimen) -> TrueOutcome:
+        """Return the measurand at the plan's places: this bat, the lot's mean ball."""
+        return error_free(plan, specimen, _support(specimen), PIVOT_FROM_KNOB)
 
 
 def _support(specimen: Specimen) -> Pinned:

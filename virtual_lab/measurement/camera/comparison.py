@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from virtual_lab.measurement.camera.filmed import Filmed, FramesU, filmed, frames_u
+from virtual_lab.measurement.camera.filmed import CameraResults, FramesU, filmed, frames_u
 from virtual_lab.measurement.camera.windows import Sightings, sight
-from virtual_lab.measurement.reduction.flights import Flown, heights_moved, timed
+from virtual_lab.measurement.reduction.flights import FlightModel, heights_moved, timed
 from virtual_lab.measurement.reduction.shot_algebra import ShotResults, drag_of
-from virtual_lab.measurement.session_reduction import Reduced, best_values, constants_known
+from virtual_lab.measurement.session_reduction import SessionReduction, best_values, constants_known
 from virtual_lab.records import ClipRecord, TrackRecord
 from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.budget import (
@@ -63,14 +63,14 @@ class CameraComparison:
     quantities: Mapping[str, ComparedQuantity]
     hits: int  # that count and both saw
     missed: int  # that count, and the camera did not see well
-    filmed: Filmed
+    filmed: CameraResults
     shots: ShotResults
     u: Mapping[str, Array]  # of each shot's speed_in, speed_out, efficiency, place and angle
 
 
 @constants_known()
 def compare_camera(
-    session: Session, reduced: Reduced, propagator: Propagator = Variants.of
+    session: Session, reduced: SessionReduction, propagator: Propagator = Variants.of
 ) -> CameraComparison | None:
     """Return the camera results of a session, None without a camera.
 
@@ -128,7 +128,7 @@ class _Both:
 
     gates: ShotResults
     video: ShotResults
-    filmed: Filmed
+    filmed: CameraResults
 
     @property
     def results(self) -> dict[str, ShotResults]:
@@ -146,7 +146,9 @@ class _Both:
         }
 
 
-def _by_both(reduced: Reduced, seen: Sightings, x: Mapping[str, Array], by_gates: Flown) -> _Both:
+def _by_both(
+    reduced: SessionReduction, seen: Sightings, x: Mapping[str, Array], by_gates: FlightModel
+) -> _Both:
     gates = reduced.model.shots(x, by_gates)
     drag = drag_of(x, gates.ball_mass)
     found = filmed(x, "impact", seen, drag, by_gates(x, drag))

@@ -22,7 +22,7 @@ Constants = Mapping[str, Array]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Filmed:
+class CameraResults:
     """Camera results of each shot, (..., shot); NaN: not seen."""
 
     flights: Flights  # heights are those of the gates
@@ -31,7 +31,7 @@ class Filmed:
     met: Array  # when, from the first frame that counts, by the camera's clock [s]
 
 
-def filmed(x: Constants, stage: str, seen: Sightings, drag: Array, timed: Flights) -> Filmed:
+def filmed(x: Constants, stage: str, seen: Sightings, drag: Array, timed: Flights) -> CameraResults:
     """Return the flights of the balls of a stage from its camera.
 
     Parameters
@@ -61,7 +61,7 @@ def filmed(x: Constants, stage: str, seen: Sightings, drag: Array, timed: Flight
     speed_in, met = _line(seen, ~seen.out, way)
     speed_out, _ = _line(seen, seen.out, way)
     drift, aside = _line(seen, ~seen.out, along, at=met)
-    return Filmed(
+    return CameraResults(
         flights=Flights(
             speed_in=-speed_in * clock,
             speed_out=speed_out * clock,
@@ -85,7 +85,7 @@ class FramesU:
     angle_in: Array  # [rad]
 
 
-def frames_u(x: Constants, stage: str, seen: Sightings, found: Filmed) -> FramesU:
+def frames_u(x: Constants, stage: str, seen: Sightings, found: CameraResults) -> FramesU:
     """Return the uncertainties of what was `found` from the frames alone.
 
     Noise is independent in every frame. The seam pattern causes similar errors in neighbouring
@@ -99,7 +99,7 @@ def frames_u(x: Constants, stage: str, seen: Sightings, found: Filmed) -> Frames
     return FramesU(speed_in=u_in, speed_out=u_out, place=at, angle_in=u_in / found.flights.speed_in)
 
 
-def _at_contact(seen: Sightings, found: Filmed) -> Array:
+def _at_contact(seen: Sightings, found: CameraResults) -> Array:
     """Return the weight of each frame in the place of contact, (shot, frame)."""
     slope, middle, moment = _line_weights(seen, ~seen.out)
     return np.asarray(middle + slope * (found.met - moment)[:, None])

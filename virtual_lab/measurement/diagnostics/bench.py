@@ -10,8 +10,9 @@ import numpy as np
 
 from virtual_lab.catalog.specs import CHECK_STANDARD
 from virtual_lab.measurement.diagnostics.evidence import Evidence
-from virtual_lab.measurement.diagnostics.flag import FALSE_ALARMS, Flag, chance, scatter_component
+from virtual_lab.measurement.diagnostics.flag import FALSE_ALARMS, Flag, chance
 from virtual_lab.measurement.procedure import lot_of
+from virtual_lab.uncertainty.budget import type_a
 
 DECAY_U = 0.4  # relative, of the loss of amplitude: two readings a few of their steps apart
 
@@ -70,7 +71,7 @@ def pendulum_swing(seen: Evidence) -> Iterator[Flag]:
     if found is None:
         return
     slowing, scatter, dof = found
-    u, likely = chance(slowing - 1, [scatter_component(scatter, dof)], least=DECAY_U)
+    u, likely = chance(slowing - 1, [type_a("scatter", 0.0, scatter, dof=dof)], least=DECAY_U)
     if likely < FALSE_ALARMS:
         yield Flag(
             name="pendulum-swing",
@@ -132,7 +133,7 @@ def wall_drift(seen: Evidence) -> Iterator[Flag]:
     slope = float(along @ e0 / (along @ along))
     rest = e0 - e0.mean() - slope * along
     dof = e0.size - 2
-    scatter = scatter_component(sqrt(rest @ rest / dof / (along @ along)), dof)
+    scatter = type_a("scatter", 0.0, sqrt(rest @ rest / dof / (along @ along)), dof=dof)
     u, likely = chance(slope, [scatter], least=1e-5 / float(np.ptp(order)))
     if likely < FALSE_ALARMS:
         yield Flag(

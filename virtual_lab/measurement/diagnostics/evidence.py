@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.measurement.procedure import Judgement, Procedure
+from virtual_lab.measurement.procedure import Judgement, Procedure, worst_misfit
 from virtual_lab.measurement.reduction.observations import BallReadings, ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import (
     BatProperties,
@@ -44,9 +44,7 @@ class Evidence:
     def off_flight(self) -> NDArray[np.bool_]:
         """Shots whose edges deviate from one flight by more than the procedure allows, (shot,)."""
         most = self.procedure.windows.edge_misfit
-        speeds = np.stack([self.shots.speed, np.abs(self.shots.rebound_speed)], axis=1)
-        misfit = self.readings.passages.misfit * speeds
-        worst = np.where(np.isfinite(misfit), misfit, 0.0).max(axis=1)
+        worst = worst_misfit(self.shots, self.readings)
         return np.asarray(worst > (np.inf if most is None else most))
 
     @property

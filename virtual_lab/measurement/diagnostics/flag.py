@@ -10,11 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf
 
 from scipy.special import stdtr
 
-from virtual_lab.uncertainty.budget import Component, combine
+from virtual_lab.uncertainty.budget import Component, combine, type_a
 
 FALSE_ALARMS = 5e-4  # of one test, in a sound laboratory
 
@@ -33,13 +32,6 @@ def chance(value: float, components: Sequence[Component], *, least: float) -> tu
 
     `least` is a lower bound of the standard uncertainty.
     """
-    floor = scatter_component(least, inf)
+    floor = type_a("scatter", 0.0, least)
     budget = combine(value, [*components, floor])
     return budget.u, 2 * float(stdtr(min(budget.dof, 1e9), -abs(value) / budget.u))
-
-
-def scatter_component(u: float, dof: float) -> Component:
-    """Return the component of a scatter of standard uncertainty `u`."""
-    return Component(
-        name="scatter", value=0.0, u=u, evaluation="A", dof=dof, sensitivity=1.0, contribution=u
-    )

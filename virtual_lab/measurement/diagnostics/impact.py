@@ -8,13 +8,13 @@ from math import sqrt
 import numpy as np
 
 from virtual_lab.measurement.diagnostics.evidence import Evidence
-from virtual_lab.measurement.diagnostics.flag import FALSE_ALARMS, Flag, chance, scatter_component
+from virtual_lab.measurement.diagnostics.flag import FALSE_ALARMS, Flag, chance
 from virtual_lab.measurement.reduction.flights import gate_count
 from virtual_lab.measurement.reduction.gates import INBOUND
 from virtual_lab.measurement.reduction.shot_algebra import drag_of
 from virtual_lab.records import AimMarks
 from virtual_lab.relations.flight import time_before
-from virtual_lab.uncertainty.budget import Component, propagate
+from virtual_lab.uncertainty.budget import Component, propagate, type_a
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array
 
@@ -91,7 +91,7 @@ def aim(seen: Evidence) -> Iterator[Flag]:
 def _certainly_off(off: Array, survey: Sequence[Component]) -> tuple[float, float] | None:
     """Return the mean [m], also in standard uncertainties; None where chance may have made it."""
     mean = float(off.mean())
-    scatter = scatter_component(float(off.std(ddof=1)) / sqrt(off.size), off.size - 1)
+    scatter = type_a("scatter", 0.0, float(off.std(ddof=1)) / sqrt(off.size), dof=off.size - 1)
     u, likely = chance(mean, [*survey, scatter], least=1e-5)
     return (mean, abs(mean) / u) if likely < FALSE_ALARMS else None
 
@@ -150,7 +150,7 @@ def _scatter(seen: Evidence, apart: Array, shared: Sequence[Component]) -> Compo
         marked = lever[0] ** 2 * float(marks.along.var(ddof=1))
         square = (degrees * square + more * marked) / (degrees + more)
         degrees += more
-    return scatter_component(sqrt(square / apart.size), degrees)
+    return type_a("scatter", 0.0, sqrt(square / apart.size), dof=degrees)
 
 
 def _distance(gate: int) -> str:

@@ -1,8 +1,8 @@
-"""A test procedure: orders to a rig, places, valid hits, metric and verdict."""
+"""A test procedure: what a rig is asked for, places, valid hits, metric and verdict."""
 
-from virtual_lab.measurement.procedure.choice import CHOICE, shortfall, with_choice
+from virtual_lab.measurement.procedure.choice import CHOICE, shortfall, variance_within, with_choice
 from virtual_lab.measurement.procedure.eligibility import Finding, findings
-from virtual_lab.measurement.procedure.judge import Acceptance, Judgement, judge
+from virtual_lab.measurement.procedure.judge import Acceptance, Judgement, judge, worst_misfit
 from virtual_lab.measurement.procedure.lot import Lot, SetAside, lot_of
 from virtual_lab.measurement.procedure.metric import Curve, Sought, metric_of, sought_of
 from virtual_lab.measurement.procedure.outcome import (
@@ -37,6 +37,8 @@ __all__ = [
     "shortfall",
     "sought_of",
     "to_set",
+    "variance_within",
     "verdict",
     "with_choice",
+    "worst_misfit",
 ]

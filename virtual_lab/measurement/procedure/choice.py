@@ -48,7 +48,7 @@ def shortfall(procedure: Procedure, place: Array, valid: Mask, metric: Array) ->
     complete = complete_places(procedure, place, valid)
     counted = scan_hits(procedure, place, valid) & np.isin(np.round(place, 6), complete)
     best = best_place(procedure, complete, place, valid, metric)
-    u = sqrt(2 * _within(place[counted], metric[counted]) / procedure.valid_hits)
+    u = sqrt(2 * variance_within(place[counted], metric[counted]) / procedure.valid_hits)
     if not u > 0:
         return Shortfall(0.0, 0.0)
     here = metric[counted & same_place(place, best)].mean()
@@ -69,7 +69,7 @@ def with_choice(metric: Budget, lost: Shortfall) -> Budget:
     return combine(metric.value + lost.mean, [*metric.components, choice])
 
 
-def _within(place: Array, metric: Array) -> float:
+def variance_within(place: Array, metric: Array) -> float:
     """Return the variance of hits about the mean of their place, pooled; NaN of single hits."""
     _, back = np.unique(np.round(place, 6), return_inverse=True)
     many = np.bincount(back)

@@ -112,14 +112,19 @@ def _place(
         )
 
 
+def worst_misfit(results: ShotResults, readings: ImpactReadings) -> Array:
+    """Return how far the edges of a shot are off one flight at most, in or back, (shot,) [m]."""
+    speeds = np.stack([results.speed, np.abs(results.rebound_speed)], axis=1)
+    misfit = readings.passages.misfit * speeds
+    return np.asarray(np.where(np.isfinite(misfit), misfit, 0.0).max(axis=1))
+
+
 def _flight(
     procedure: Procedure, results: ShotResults, readings: ImpactReadings
 ) -> Iterator[Criterion]:
     windows = procedure.windows
     if windows.edge_misfit is not None:
-        speeds = np.stack([results.speed, np.abs(results.rebound_speed)], axis=1)
-        misfit = readings.passages.misfit * speeds
-        worst = np.where(np.isfinite(misfit), misfit, 0.0).max(axis=1)
+        worst = worst_misfit(results, readings)
         yield (
             worst <= windows.edge_misfit,
             f"edges {{:.2f}} mm off one flight, allowed {windows.edge_misfit * 1e3:.2f} mm",

@@ -31,19 +31,6 @@ class Curve:
     restitution: Array
     ball_restitution: Array
 
-    @property
-    def quantities(self) -> dict[str, Array]:
-        """The other quantities of a certificate, by name."""
-        return {
-            "bat_performance_factor": np.asarray(
-                bat_performance_factor(self.restitution, self.ball_restitution)
-            ),
-            "collision_efficiency": self.collision_efficiency,
-            "restitution": self.restitution,
-            "recoil_factor": self.recoil_factor,
-            "ball_restitution": self.ball_restitution,
-        }
-
     @classmethod
     def measured(cls, shots: ShotResults) -> Curve:
         """Return the curve from shots, one place per shot."""

@@ -182,6 +182,6 @@ def verdict(procedure: Procedure, value: float, *, sound: bool, eligible: bool) 
         return Verdict.INVALID
     if not eligible:
         return Verdict.FAIL
-    if procedure.most is None:
+    if procedure.metric_limit is None:
         return Verdict.MEASURED
-    return Verdict.PASS if value <= procedure.most else Verdict.FAIL
+    return Verdict.PASS if value <= procedure.metric_limit else Verdict.FAIL

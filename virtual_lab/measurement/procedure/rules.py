@@ -237,12 +237,12 @@ class Procedure(Spec):
             raise ValueError("scan.seeks = 'batted_speed' takes the top of the fitted curve")
 
     @property
-    def most(self) -> float | None:
+    def metric_limit(self) -> float | None:
         """The limit of the metric, SI; None where the rules set none."""
         return self.limit if self.speed_limit is None else self.speed_limit
 
     @property
-    def most_u(self) -> float:
+    def largest_metric_u(self) -> float:
         """The largest standard uncertainty of a metric that decides, SI."""
         return self.largest_u or self.largest_speed_u or 0.0
 
@@ -264,7 +264,7 @@ class Procedure(Spec):
         return (self.bat_speed or 0.0) / (length - self.pivot_from_knob - 6 * INCH)
 
     @property
-    def asked(self) -> ReductionSettings:
+    def reduction_settings(self) -> ReductionSettings:
         """Settings of the reduction for this procedure."""
         return ReductionSettings(
             reads=self.reads,

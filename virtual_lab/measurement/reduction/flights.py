@@ -27,7 +27,7 @@ class Flights:
     slope_out: Array  # and on the way back
 
 
-Flown = Callable[[Mapping[str, Array], Array], Flights]  # of constants and each ball's drag [1/m]
+FlightModel = Callable[[Mapping[str, Array], Array], Flights]  # of constants, drag [1/m]
 
 
 def gate_count(x: Mapping[str, object], stage: str) -> int:
@@ -76,12 +76,12 @@ def flights(x: Mapping[str, Array], stage: str, seen: Passages, drag: Array) -> 
     )
 
 
-def timed(stage: str, seen: Passages) -> Flown:
+def timed(stage: str, seen: Passages) -> FlightModel:
     """Return `flights` of a stage's passages as a function of the constants."""
     return lambda x, drag: flights(x, stage, seen, drag)
 
 
-def heights_moved(stage: str, seen: Passages) -> Flown:
+def heights_moved(stage: str, seen: Passages) -> FlightModel:
     """Return the flights of one set of constants as `timed`, (3, shot), heights shifted by u.
 
     Each row shifts one of three quantities with independent errors: the height midway between the

@@ -64,7 +64,6 @@ class ImpactReadings:
     """The shots at the bat, arrays of shape (shot,)."""
 
     ball: NDArray[np.int_]
-    nominal_speed: Array  # [m/s]
     place: Array  # aimed at: as set, with what the cannon is off, from the barrel tip [m]
     passages: Passages
     recoil: RateFit | None  # of a bat that was at rest, where an encoder watched it
@@ -143,7 +142,6 @@ def observe_impact(session: Session) -> ImpactReadings:
     )
     return ImpactReadings(
         ball=log.ball.astype(int),
-        nominal_speed=log.nominal_speed,
         place=log.place + along,
         along=along,
         passages=seen,

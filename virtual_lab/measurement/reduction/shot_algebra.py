@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.measurement.reduction.flights import Flights, Flown, flights
+from virtual_lab.measurement.reduction.flights import FlightModel, Flights, flights
 from virtual_lab.measurement.reduction.kinematics import (
     bat_performance_factor,
     efficiency_from_restitution,
@@ -170,7 +170,7 @@ def shot_results(
     balls: MeasuredBalls,
     readings: ImpactReadings,
     asked: ReductionSettings,
-    flown: Flown,
+    flown: FlightModel,
     used: NDArray[np.bool_] | slice = ALL,
 ) -> ShotResults:
     """Return e_A by Eq. (2) or by angular momentum, e by Eq. (6), BPF by Eq. (5).

@@ -23,7 +23,7 @@ from scipy.interpolate import PPoly
 from virtual_lab.catalog.specs import BatBody
 from virtual_lab.simulation.collision.patch import PATCH, patch_shapes, patch_table
 from virtual_lab.simulation.collision.scene import Collisions, EnergySplit, Scenes, joined
-from virtual_lab.simulation.collision.stepping import FINE, CollisionBatch, Followed, Stepper
+from virtual_lab.simulation.collision.stepping import FINE, CollisionBatch, FinalStates, Stepper
 from virtual_lab.simulation.physics.ball import unloading_exponent
 from virtual_lab.simulation.physics.beam import Support, support_words
 from virtual_lab.simulation.physics.modes import Modes, modes_of
@@ -130,7 +130,7 @@ def _struck(model: ModalModel, scenes: Scenes, table: Array, most: int) -> Colli
 
 
 def _collisions(
-    model: ModalModel, scenes: Scenes, shape: Array, struck: CollisionBatch, followed: Followed
+    model: ModalModel, scenes: Scenes, shape: Array, struck: CollisionBatch, followed: FinalStates
 ) -> Collisions:
     modes = model.modes
     rigid, flexible = modes.rigid, modes.count - modes.rigid
@@ -148,7 +148,6 @@ def _collisions(
     momentum = scenes.ball_mass * struck.speed
     e_A = impulse / momentum - 1
     return Collisions(
-        rung=model.rung,
         collision_efficiency=e_A,
         modal_displacements=displacements,
         modal_velocities=velocities,

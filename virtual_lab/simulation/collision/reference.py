@@ -90,7 +90,6 @@ class ReferenceModel:
         failure[(failure == Failure.SOUND) & ~closed] = Failure.OPEN
         scenes.require_sound(failure, self.held)
         return Collisions(
-            rung=self.rung,
             collision_efficiency=e_A,
             modal_displacements=displacements,
             modal_velocities=velocities,

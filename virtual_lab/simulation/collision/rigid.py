@@ -39,7 +39,6 @@ class RigidModel:
         contact = wall_contact(mass / (1 + r), speed, scenes.stiffness, scenes.exponent, e0)
         nothing = np.zeros(len(scenes))
         return Collisions(
-            rung=self.rung,
             collision_efficiency=e_A,
             modal_displacements=np.zeros_like(shape),
             modal_velocities=shape * impulse[:, None],

@@ -149,7 +149,6 @@ class EnergySplit:
 class Collisions:
     """What n collisions came to. The modal state is that of the last release."""
 
-    rung: str
     collision_efficiency: Array  # (n,), negative where the ball goes on
     modal_displacements: Array  # (n, N) [kg^1/2 m], modes as in the model's `modes`
     modal_velocities: Array  # (n, N) [kg^1/2 m/s]
@@ -167,7 +166,7 @@ def joined(parts: Sequence[Collisions]) -> Collisions:
         return parts[0]
 
     def whole(each: Sequence[Any]) -> dict[str, Any]:
-        columns = [part.name for part in fields(each[0]) if part.name not in ("rung", "energy")]
+        columns = [part.name for part in fields(each[0]) if part.name != "energy"]
         return {name: np.concatenate([getattr(one, name) for one in each]) for name in columns}
 
     energy = EnergySplit(**whole([part.energy for part in parts]))

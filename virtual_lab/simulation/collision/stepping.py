@@ -67,7 +67,7 @@ class CollisionBatch:
         own = {name: getattr(self, name)[chosen] for name in self.__slots__ if name != "squares"}
         return replace(self, **own)
 
-    def efficiency_gap(self, one: Followed, other: Followed) -> Array:
+    def efficiency_gap(self, one: FinalStates, other: FinalStates) -> Array:
         """Return the difference in e_A of two ways to follow these scenes, (n,)."""
         with np.errstate(invalid="ignore"):  # of what ran away
             rates = other.states[:, -1] - one.states[:, -1]
@@ -79,7 +79,7 @@ class CollisionBatch:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Followed:
+class FinalStates:
     """States after the last release, and how it went; leading axis n."""
 
     states: Array  # (n, 2 N + 2): p, p', s, s' of `modal_kernel`
@@ -112,7 +112,7 @@ class Followed:
         """Return some of the scenes."""
         return replace(self, **{name: getattr(self, name)[chosen] for name in self.__slots__})
 
-    def put(self, chosen: Counts, other: Followed) -> None:
+    def put(self, chosen: Counts, other: FinalStates) -> None:
         """Overwrite some of the scenes with `other`."""
         for name in self.__slots__:
             getattr(self, name)[chosen] = getattr(other, name)
@@ -121,7 +121,7 @@ class Followed:
 class Stepper(Protocol):
     """A way to follow collisions."""
 
-    def follow(self, struck: CollisionBatch, window: float = WINDOW) -> Followed:
+    def follow(self, struck: CollisionBatch, window: float = WINDOW) -> FinalStates:
         """Follow all contacts that begin within `window` [s] of the first touch."""
         ...
 
@@ -135,7 +135,7 @@ class OneByOne:
     ball_step: float = 0.14  # step times the angular frequency of the ball at its steepest
     last_resort: float = 0.75  # refinement of what no other try is sure of, to about 1e-9
 
-    def follow(self, struck: CollisionBatch, window: float = WINDOW) -> Followed:
+    def follow(self, struck: CollisionBatch, window: float = WINDOW) -> FinalStates:
         """Follow all contacts that begin within `window` [s] of the first touch."""
         from virtual_lab.simulation.collision.modal_kernel import collide
 
@@ -155,12 +155,14 @@ class OneByOne:
             self._steps(struck),
             window,
         )
-        followed = Followed.first_try(states, sums, counts)
+        followed = FinalStates.first_try(states, sums, counts)
         closed = np.abs(followed.open_energy) < STAYS  # not of a nan
         followed.failure[(followed.failure == Failure.SOUND) & ~closed] = Failure.OPEN
         return followed
 
-    def settled(self, struck: CollisionBatch, other: Followed, window: float = WINDOW) -> Followed:
+    def settled(
+        self, struck: CollisionBatch, other: FinalStates, window: float = WINDOW
+    ) -> FinalStates:
         """Follow them in steps halved until e_A stays; say where it does not.
 
         It stays at once where `other` steps already came to the same.
@@ -180,7 +182,7 @@ class OneByOne:
         return found
 
     @staticmethod
-    def _stays(struck: CollisionBatch, one: Followed, other: Followed) -> NDArray[np.bool_]:
+    def _stays(struck: CollisionBatch, one: FinalStates, other: FinalStates) -> NDArray[np.bool_]:
         near = np.abs(struck.efficiency_gap(one, other)) < STAYS  # not of a nan
         return np.asarray(near & (one.failure == Failure.SOUND))
 
@@ -241,7 +243,7 @@ class InStep:
             brush=self.brush / factor**2,
         )
 
-    def follow(self, struck: CollisionBatch, window: float = WINDOW) -> Followed:
+    def follow(self, struck: CollisionBatch, window: float = WINDOW) -> FinalStates:
         """Follow all contacts that begin within `window` [s] of the first touch."""
         followed, doubted = self.one_pass(struck, window)
         left = np.flatnonzero(doubted)
@@ -264,13 +266,13 @@ class InStep:
 
     def one_pass(
         self, struck: CollisionBatch, window: float = WINDOW
-    ) -> tuple[Followed, NDArray[np.bool_]]:
+    ) -> tuple[FinalStates, NDArray[np.bool_]]:
         """Return where one pass gets to, and which scenes (n,) are to be stepped again."""
         followed, sure = self._try(struck, window)
         often = (followed.contacts > 1) | (followed.reloads > 1)
         return followed, ~sure | often | (followed.time > self.long)
 
-    def _try(self, struck: CollisionBatch, window: float) -> tuple[Followed, NDArray[np.bool_]]:
+    def _try(self, struck: CollisionBatch, window: float) -> tuple[FinalStates, NDArray[np.bool_]]:
         """Return where one pass gets to, and which scenes (n,) it is sure of."""
         from virtual_lab.simulation.collision.batch_kernel import Given, StepRule, collide_lanes
 
@@ -297,7 +299,7 @@ class InStep:
             (self.splitting.kicks, self.splitting.drifts),
             StepRule(self.growth, self.turn, self.brush, window),
         )
-        followed = Followed.first_try(states, sums, counts)
+        followed = FinalStates.first_try(states, sums, counts)
         return followed, (counts[:, 2] == 0) & (np.abs(followed.open_energy) < self.tolerance)
 
 

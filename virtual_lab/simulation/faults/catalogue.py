@@ -10,7 +10,13 @@ from typing import Any
 import numpy as np
 
 from virtual_lab.records import BoardRecord
-from virtual_lab.simulation.faults.fault import Fault, Written, constant_off, other_sheet, sheet_off
+from virtual_lab.simulation.faults.fault import (
+    Fault,
+    FaultContext,
+    constant_off,
+    other_sheet,
+    sheet_off,
+)
 from virtual_lab.simulation.rig import ShotPlan, Specimen, Stage, Station
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DEGREE, INCH, MPH, OUNCE
@@ -30,17 +36,17 @@ FAR_SWING, USUAL_SWING = 20 * DEGREE, 4 * DEGREE  # at which the pendulum is let
 SCRAPS = 0.6  # share of the balls that the scraps of a bad sabot are ahead of
 
 
-def misread(factor: float) -> Callable[[Any, Written], Arrays]:
+def misread(factor: float) -> Callable[[Any, FaultContext], Arrays]:
     """Enter every reading as so many times itself."""
     return lambda record, _: {"readings": record.readings * factor}
 
 
-def from_knob(record: Any, written: Written) -> Arrays:
+def from_knob(record: Any, written: FaultContext) -> Arrays:
     """Measure the balance point from the knob's end and enter it as from the tip."""
     return {"readings": float(written.play.truth["length"]) - record.readings}
 
 
-def usual_amplitude(record: Any, _: Written) -> Arrays:
+def usual_amplitude(record: Any, _: FaultContext) -> Arrays:
     """Note the usual amplitude, whatever it was."""
     ends = ("first_amplitude", "last_amplitude")
     return {end: getattr(record, end) * (USUAL_SWING / FAR_SWING) for end in ends}
@@ -76,7 +82,7 @@ def cracked(specimen: Specimen) -> Specimen:
     return replace(specimen, bat=replace(bat, body=replace(bat.body, material=material)))
 
 
-def out_of_round(record: Any, written: Written) -> Arrays:
+def out_of_round(record: Any, written: FaultContext) -> Arrays:
     """Fire balls egg-shaped by 1.5 mm: each passage meets another radius, front and back."""
     times, truth = record.times.copy(), written.play.truth
     speed = truth["speed"]
@@ -89,9 +95,9 @@ def out_of_round(record: Any, written: Written) -> Arrays:
     return {"times": times + late.reshape(*late.shape[:3], *(1,) * beams, 2)}
 
 
-def swapped(record: Any, written: Written) -> Arrays:
+def swapped(record: Any, written: FaultContext) -> Arrays:
     """File the gate records of two shots of one round under each other's number."""
-    slot = written.order.slot
+    slot = written.plan.slot
     first, second = (np.flatnonzero(slot == shot) for shot in (1, 4))
     filed = np.arange(len(slot))
     if first.size and second.size:
@@ -99,14 +105,14 @@ def swapped(record: Any, written: Written) -> Arrays:
     return {"times": record.times[filed]}
 
 
-def every_second_missed(record: Any, written: Written) -> Arrays:
+def every_second_missed(record: Any, written: FaultContext) -> Arrays:
     """Miss every second ball that comes in, at the gate nearest the bat."""
     times = record.times.copy()
-    times[written.order.slot % 2 == 1, Edge.IN, Edge.LAST_GATE] = np.nan
+    times[written.plan.slot % 2 == 1, Edge.IN, Edge.LAST_GATE] = np.nan
     return {"times": times}
 
 
-def cleared_twice(record: Any, written: Written) -> Arrays:
+def cleared_twice(record: Any, written: FaultContext) -> Arrays:
     """Clear the gate nearest the bat a second time: its last edge is 0.4 ms later."""
     times = record.times.copy()
     times[written.some(0.6), Edge.IN, Edge.LAST_GATE, ..., Edge.CLEARED] += 0.4e-3
@@ -118,7 +124,7 @@ def scraps_of_beams(station: Station) -> Station:
     return sheet_off("gates", sabot_rate=SCRAPS)(station) or station
 
 
-def scraps_ahead(record: Any, written: Written) -> Arrays:
+def scraps_ahead(record: Any, written: FaultContext) -> Arrays:
     """Break the first gate 30 mm ahead of many a ball, by scraps of the sabot."""
     if isinstance(record, BoardRecord):
         return {}
@@ -129,9 +135,9 @@ def scraps_ahead(record: Any, written: Written) -> Arrays:
     return {"times": times}
 
 
-def drifting(record: Any, written: Written) -> Arrays:
+def drifting(record: Any, written: FaultContext) -> Arrays:
     """Show a greater and greater e0 at the wall from first hit to last, 6 % in all."""
-    times, slot = record.times.copy(), written.order.slot
+    times, slot = record.times.copy(), written.plan.slot
     back = times[:, Edge.OUT]
     start = back[:, Edge.LAST_GATE, Edge.BROKEN][:, None, None]
     faster = (1 + 0.06 * slot / max(slot.max(), 1))[:, None, None]
@@ -139,12 +145,12 @@ def drifting(record: Any, written: Written) -> Arrays:
     return {"times": times}
 
 
-def too_slow(order: ShotPlan) -> ShotPlan:
+def too_slow(plan: ShotPlan) -> ShotPlan:
     """Fire 3 mph slower than asked for."""
-    return replace(order, speed=order.speed - 3 * MPH)
+    return replace(plan, speed=plan.speed - 3 * MPH)
 
 
-def slipping(record: Any, written: Written) -> Arrays:
+def slipping(record: Any, written: FaultContext) -> Arrays:
     """Slip the encoder's coupling once in some of the shots: 20 counts are lost."""
     samples = record.counts.shape[1]
     when = 0.3 + 0.6 * written.chance(".when")
@@ -152,7 +158,7 @@ def slipping(record: Any, written: Written) -> Arrays:
     return {"counts": record.counts - 20.0 * (slipped & written.some(0.6)[:, None])}
 
 
-def loose(record: Any, written: Written) -> Arrays:
+def loose(record: Any, written: FaultContext) -> Arrays:
     """Loosen the bat on the pivot: the encoder follows once 0.3 degrees are taken up."""
     counts = record.counts
     width = np.round(0.3 / 360 * counts_per_turn(written))
@@ -164,23 +170,23 @@ def loose(record: Any, written: Written) -> Arrays:
     return {"counts": followed}
 
 
-def still_swinging(record: Any, written: Written) -> Arrays:
+def still_swinging(record: Any, written: FaultContext) -> Arrays:
     """Fire while the bat still swings by 0.3 rad/s from being set, either way."""
     way = np.where(written.some(0.5), 1.0, -1.0)
     turned = counts_per_turn(written) / tau * 0.3 * record.times
     return {"counts": record.counts + np.round(way[:, None] * turned)}
 
 
-def counts_per_turn(written: Written) -> float:
+def counts_per_turn(written: FaultContext) -> float:
     """Return what the laboratory takes the encoder for."""
     return written.station.calibration["encoder.counts_per_turn"].value
 
 
-def _at_bench(name: str, channel: str, record: Callable[[Any, Written], Arrays]) -> Fault:
+def _at_bench(name: str, channel: str, record: Callable[[Any, FaultContext], Arrays]) -> Fault:
     return Fault(name=name, stage=Stage.BENCH, channel=channel, record=record)
 
 
-def _at_bat(name: str, channel: str, record: Callable[[Any, Written], Arrays]) -> Fault:
+def _at_bat(name: str, channel: str, record: Callable[[Any, FaultContext], Arrays]) -> Fault:
     return Fault(name=name, channel=channel, record=record)
 
 
@@ -203,7 +209,7 @@ CATALOGUE: Mapping[str, Fault] = {
         Fault(
             name="bearing-friction", station=sheet_off("pivot", constant_torque=1.0, friction=0.1)
         ),
-        Fault(name="cannon-slow", order=too_slow),
+        Fault(name="cannon-slow", plan=too_slow),
         # half the counts a turn that its sheet says
         Fault(name="encoder-half-counts", station=constant_off("encoder", "scale", times=0.5)),
         _at_bat("encoder-play", "encoder", loose),

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.simulation.faults.catalogue import CATALOGUE
-from virtual_lab.simulation.faults.fault import Fault, Written
+from virtual_lab.simulation.faults.fault import Fault, FaultContext
 from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage, Station, installed_rigs
 from virtual_lab.streams import Draws, Quiet
 from virtual_lab.uncertainty.estimate import Estimate
@@ -60,25 +60,25 @@ class FaultSet:
             known = fault.calibration(known) if fault.calibration else known
         return known
 
-    def done(self, stage: Stage, order: ShotPlan, specimen: Specimen) -> tuple[ShotPlan, Specimen]:
-        """Return what is done on this day instead of an order, and what it is done to."""
+    def done(self, stage: Stage, plan: ShotPlan, specimen: Specimen) -> tuple[ShotPlan, Specimen]:
+        """Return what is done on this day instead of a plan, and what it is done to."""
         for fault in self.at(stage):
-            order = fault.order(order) if fault.order else order
+            plan = fault.plan(plan) if fault.plan else plan
             specimen = fault.specimen(specimen) if fault.specimen else specimen
-        return order, specimen
+        return plan, specimen
 
     def play(
-        self, stage: Stage, station: Station, order: ShotPlan, specimen: Specimen, draws: Draws
+        self, stage: Stage, station: Station, plan: ShotPlan, specimen: Specimen, draws: Draws
     ) -> RigOutput:
-        """Carry out an order on this day; the log holds what was asked, whatever was done."""
-        done, specimen = self.done(stage, order, specimen)
+        """Carry out a plan on this day; the log holds what was asked, whatever was done."""
+        done, specimen = self.done(stage, plan, specimen)
         play = station.play(done, specimen, draws)
-        if done is not order and "log" in play.records:
-            play = replace(play, records={**play.records, "log": order.log()})
+        if done is not plan and "log" in play.records:
+            play = replace(play, records={**play.records, "log": plan.log()})
         for fault in self.at(stage):
             if fault.record and fault.channel in play.records:
                 record = play.records[fault.channel]
-                written = Written(stage, station, order, play, draws, fault.name)
+                written = FaultContext(stage, station, plan, play, draws, fault.name)
                 changed = replace(record, **fault.record(record, written))
                 play = replace(play, records={**play.records, fault.channel: changed})
         return play

@@ -21,12 +21,12 @@ from virtual_lab.uncertainty.estimate import Estimate
 Standing = Callable[[Station], Station | None]
 
 
-class Written(NamedTuple):
-    """An order that was played, before its records are filed."""
+class FaultContext(NamedTuple):
+    """A plan that was played, before its records are filed."""
 
     stage: Stage
     station: Station
-    order: ShotPlan
+    plan: ShotPlan
     play: RigOutput
     draws: Draws
     fault: str  # under whose name its chances are drawn
@@ -34,7 +34,7 @@ class Written(NamedTuple):
     def chance(self, part: str = "", shape: tuple[int, ...] = ()) -> NDArray[np.float64]:
         """Return numbers from 0 to 1 of each shot, (shot,) or (shot, *shape)."""
         name = f"fault.{self.fault}{part}"
-        return self.draws.uniform(name, shape, self.order.slot) + 0.5
+        return self.draws.uniform(name, shape, self.plan.slot) + 0.5
 
     def some(self, share: float) -> NDArray[np.bool_]:
         """Return which shots a fault that comes and goes strikes, a `share` of them, (shot,)."""
@@ -50,9 +50,9 @@ class Fault:
     # what really stands there instead of a station; None where that offers no such thing
     station: Standing | None = None
     specimen: Callable[[Specimen], Specimen] | None = None  # the bat and the balls on the rig
-    order: Callable[[ShotPlan], ShotPlan] | None = None  # what the machine really does
+    plan: Callable[[ShotPlan], ShotPlan] | None = None  # what the machine really does
     channel: str = ""  # whose record is changed, and that an impact rig must have
-    record: Callable[[Any, Written], Mapping[str, Any]] | None = None  # arrays as written down
+    record: Callable[[Any, FaultContext], Mapping[str, Any]] | None = None  # arrays as written down
     calibration: Callable[[Mapping[str, Estimate]], Mapping[str, Estimate]] | None = None
 
     def acts_at(self, stage: Stage) -> bool:

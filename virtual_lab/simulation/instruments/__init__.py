@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from enum import Enum
-from typing import Any, Protocol, Self, TypeVar
+from typing import Protocol, Self, TypeVar
 
 from virtual_lab import catalog
 from virtual_lab.simulation.instruments.calibrated import CalibratedSpec
@@ -87,11 +87,11 @@ def errors_of(instruments: Mapping[str, Instrument]) -> dict[str, float]:
 class FittedStation:
     """A station whose fields are its instruments: what is known of them and what is true."""
 
-    def instruments(self) -> Mapping[str, Any]:
+    def instruments(self) -> Mapping[str, Instrument]:
         """Return what measures, by the names of the constants."""
         raise NotImplementedError
 
-    def with_instrument(self, name: str, instrument: Any) -> Self:
+    def with_instrument(self, name: str, instrument: Instrument) -> Self:
         """Return the station with another instrument in the place of one of its own."""
         own = self.instruments()[name]
         (place,) = (part.name for part in fields(self) if getattr(self, part.name) is own)

@@ -104,12 +104,12 @@ class BallGates(CalibratedInstrument[G], ABC):
         draws: Draws,
         name: str,
         slots: Slots,
-        rung: RecordDetail = RecordDetail.FULL,
+        detail: RecordDetail = RecordDetail.FULL,
     ) -> Record:
         """Record balls that reach the target at `contact` and leave it at `leaving` [s]."""
         if slots.shape != contact.shape:
             raise InputError("", "slots", slots.shape, f"allowed: one a shot, {contact.shape}")
-        record = self.edges if rung is RecordDetail.FULL else self.sums
+        record = self.edges if detail is RecordDetail.FULL else self.sums
         written = record(WatchedBatch(passage, contact, leaving, draws, name, slots))
         return passage.seen(written, self.distances)
 

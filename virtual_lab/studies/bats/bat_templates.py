@@ -111,7 +111,7 @@ class Template:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fitted:
+class BodyFit:
     """A fitted bat and its misfits."""
 
     body: BatBody
@@ -121,7 +121,7 @@ class Fitted:
 
 def fit(
     measured: BatMeasurements, wanted: Array | None = None, start: Array | None = None
-) -> Fitted:
+) -> BodyFit:
     """Return the bat of the template that fits the data, nearest to `wanted` parameters.
 
     Parameters
@@ -172,7 +172,7 @@ def fit(
     if missed:
         allowed = "no bat of it meets the data: the nearest misses "
         raise InputError(measured.name, "template", measured.template, allowed + _said(missed))
-    return Fitted(body=body, parameters=np.asarray(parameters), misfits=misfits)
+    return BodyFit(body=body, parameters=np.asarray(parameters), misfits=misfits)
 
 
 def computed(body: BatBody, axis: float, *, frequencies: int, nodes: int) -> dict[str, float]:

@@ -15,7 +15,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.output.result import Json, StudyResult, frame
 from virtual_lab.output.tables import record
 from virtual_lab.studies.bats.curves import draw_comparison
-from virtual_lab.studies.bats.profile import Profiled, chosen_swings, profiles
+from virtual_lab.studies.bats.profile import BatProfile, chosen_swings, profiles
 from virtual_lab.studies.bats.text import Difference, Peaks, comparison_text, placed
 from virtual_lab.units import OZ_IN2
 
@@ -26,10 +26,10 @@ PROFILE_SWINGS = (0.0, 0.5)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Compared(StudyResult):
+class BatComparison(StudyResult):
     """Profiles of several bats for each exponent n of the swing law (None: constant energy)."""
 
-    profiles: tuple[Profiled, ...]  # bat by bat, n by n
+    profiles: tuple[BatProfile, ...]  # bat by bat, n by n
 
     name = "compare"
 
@@ -135,7 +135,7 @@ def profile(
     swing_law: str = "power",
     reference_inertia: str | None = None,
     ball: str | None = None,
-) -> Profiled | Compared:
+) -> BatProfile | BatComparison:
     """Return the profile of one free bat, or the comparison of several, under game conditions.
 
     Parameters
@@ -173,7 +173,7 @@ def compare(
     swings: Sequence[float | None] = PROFILE_SWINGS,
     reference_inertia: str | None = None,
     ball: str | None = None,
-) -> Compared:
+) -> BatComparison:
     """Return the comparison of free bats.
 
     Parameters
@@ -207,4 +207,4 @@ def compare(
     for name in names:
         if names.count(name) > 1:
             raise InputError("", "bats", name, "is given twice; every bat needs its own name")
-    return Compared(profiles=tuple(one for each in found for one in each))
+    return BatComparison(profiles=tuple(one for each in found for one in each))

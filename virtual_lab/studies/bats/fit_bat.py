@@ -25,7 +25,13 @@ from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.physics.beam import Free
 from virtual_lab.streams import Streams
-from virtual_lab.studies.bats.bat_templates import TEMPLATES, BatMeasurements, Fitted, computed, fit
+from virtual_lab.studies.bats.bat_templates import (
+    TEMPLATES,
+    BatMeasurements,
+    BodyFit,
+    computed,
+    fit,
+)
 from virtual_lab.studies.bats.profile import CONDITIONS, GameConditions
 from virtual_lab.units import INCH, MPH
 
@@ -51,7 +57,7 @@ class FittedBat(StudyResult):
 
     measured: BatMeasurements
     source: str  # where the measurements come from
-    fitted: Fitted
+    fitted: BodyFit
     members: int  # bats behind the spread
     spread: list[Spread]
 

@@ -17,11 +17,11 @@ import numpy as np
 
 from virtual_lab.errors import InputError
 from virtual_lab.lab import Laboratory, TestSetup, by_the_book
-from virtual_lab.lab.naming import with_records
+from virtual_lab.lab.test_day import with_records
 from virtual_lab.measurement.procedure import aimed_place
 from virtual_lab.measurement.reduction.observations import along_of
 from virtual_lab.measurement.reduction.shot_algebra import ShotResults
-from virtual_lab.measurement.session_reduction import Reduced, reduce_session
+from virtual_lab.measurement.session_reduction import SessionReduction, reduce_session
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import column, record, table_text
@@ -56,7 +56,7 @@ class ReadError:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Struck:
+class PlaceReadings:
     """A place of the bat: nominal values, and readings from recoil and rebound."""
 
     z_in: float = column("place from the tip", "in", ".2f")
@@ -72,12 +72,12 @@ class Struck:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Percussed(StudyResult):
+class PercussionStudy(StudyResult):
     """Errors of e_A at each place."""
 
     bat: str
     percussion_in: float  # from the tip, of the nominal bat
-    rows: list[Struck]
+    rows: list[PlaceReadings]
 
     name = "percussion"
 
@@ -137,17 +137,17 @@ class _Stand:
 
     def fire(
         self, place: float, shots: int, number: int, **bearing: float
-    ) -> tuple[Reduced, Array, Array]:
+    ) -> tuple[SessionReduction, Array, Array]:
         """Return the reduced shots at a place [m], their true e_A and time of contact."""
         laboratory, stage = self.laboratory, Stage.IMPACT
-        order = ShotPlan(
+        plan = ShotPlan(
             slot=1_000_000 + number * shots + np.arange(shots),  # beyond any of the test
             ball=np.arange(shots) % laboratory.rules.spec.balls,
             speed=np.full(shots, laboratory.rules.spec.ball_speed),
             place=np.full(shots, place - along_of(self.session)),
         )
         station = other_sheet(laboratory.stations[stage], "pivot", **bearing)
-        play = station.play(order, laboratory.specimen, laboratory.draws)
+        play = station.play(plan, laboratory.specimen, laboratory.draws)
         reduced = reduce_session(with_records(self.session, stage, [play]))
         return reduced, play.truth["collision_efficiency"], play.truth["contact_time"]
 
@@ -159,7 +159,7 @@ def percussion(
     seed: int = 1,
     shots: int = 6,
     progress: Progress = quiet,
-) -> Percussed:
+) -> PercussionStudy:
     """Return the errors of e_A at places along the barrel, 2 to 12 in from the tip.
 
     Parameters
@@ -175,7 +175,7 @@ def percussion(
 
     Returns
     -------
-    Percussed
+    PercussionStudy
         One row per place, including the centre of percussion.
 
     Raises
@@ -201,12 +201,12 @@ def percussion(
             progress("places", laboratory * len(places) + number, laboratories * len(places))
             found[number].append(_read(stand, float(place), shots, number))
     rows = [_row(still, place, shots, read) for place, read in zip(places, found, strict=True)]
-    return Percussed(
+    return PercussionStudy(
         bat=still.laboratory.session.bat, percussion_in=float(centre / INCH), rows=rows
     )
 
 
-def _row(still: _Stand, place: float, shots: int, read: list[_Read]) -> Struck:
+def _row(still: _Stand, place: float, shots: int, read: list[_Read]) -> PlaceReadings:
     """Return the model's values at a place, with the laboratories' readings there."""
     reduced, true, lasted = still.fire(place, shots, 0)
     laboratory = still.laboratory
@@ -231,7 +231,7 @@ def _row(still: _Stand, place: float, shots: int, read: list[_Read]) -> Struck:
             u=_root_mean_square([each.u[name] for each in read]),
         )
 
-    return Struck(
+    return PlaceReadings(
         z_in=float(place / INCH),
         e_A=float(true[0]),
         reaction_ns=reaction,
@@ -276,7 +276,7 @@ def _read(stand: _Stand, place: float, shots: int, number: int) -> _Read:
     )
 
 
-def _stated(reduced: Reduced, field: str, error: Array) -> float:
+def _stated(reduced: SessionReduction, field: str, error: Array) -> float:
     """Return the standard uncertainty of the mean of the shots seen; NaN below two.
 
     It has the contributions of the constants and the scatter of the readings about the true e_A of
@@ -300,7 +300,7 @@ def _root_mean_square(values: list[float]) -> float | None:
     return float(np.sqrt((there**2).mean())) if there.size else None
 
 
-def _text(rows: Sequence[Struck], percussion_in: float) -> str:
+def _text(rows: Sequence[PlaceReadings], percussion_in: float) -> str:
     """Return a table of the places, and sentences on the largest errors."""
     near = min(rows, key=lambda row: abs(row.z_in - percussion_in))
     worst = max(rows, key=lambda row: abs(row.plain_shift))

@@ -93,7 +93,7 @@ class GameConditions(Spec):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Profiled(StudyResult):
+class BatProfile(StudyResult):
     """A bat's inertial and modal properties, and its collisions along the barrel."""
 
     bat: BatSpec
@@ -158,7 +158,7 @@ def profiles(
     swings: Sequence[float | None] = (0.0,),
     reference_inertia: str | None = None,
     ball: str | None = None,
-) -> list[Profiled]:
+) -> list[BatProfile]:
     """Return the profiles of a free bat under standard game conditions (the paper's Fig. 2).
 
     Parameters
@@ -208,7 +208,7 @@ def profiles(
         )
         e_A = model.collide(scenes).collision_efficiency
         found.append(
-            Profiled(
+            BatProfile(
                 bat=spec,
                 beam=beam,
                 frequencies=model.modes.bending_frequencies,
@@ -275,11 +275,10 @@ def chosen_swings(
     return (None,)
 
 
-def read_inertia(text: str, axis_beyond_knob: float = -KNOB_OFFSET) -> float:
+def read_inertia(text: str, axis_beyond_knob: float) -> float:
     """Return a moment of inertia [kg m^2] given as a bat's name or as a number with its unit.
 
-    For a bat it is about an axis `axis_beyond_knob` [m], by default the axis of the swing, 1 in
-    from the knob.
+    For a bat it is about an axis `axis_beyond_knob` [m].
 
     Raises
     ------

@@ -27,8 +27,8 @@ from virtual_lab.simulation.collision.scene import Collisions, Scenes
 from virtual_lab.simulation.physics.beam import Beam, Clamped, Free, Pinned, Support, beam_of
 from virtual_lab.studies.bats.profile import (
     CONDITIONS,
+    BatProfile,
     GameConditions,
-    Profiled,
     free_model,
     profiles,
 )
@@ -66,7 +66,7 @@ def beam(bat: str) -> Beam:
 
 
 @lru_cache
-def profiled(bat: str) -> dict[float | None, Profiled]:
+def profiled(bat: str) -> dict[float | None, BatProfile]:
     """Return the profiles under standard game conditions, one for each of `SWINGS`.
 
     I0 of the loaded bats is that of the barrel-loaded one, as the paper takes it.

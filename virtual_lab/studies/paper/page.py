@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from virtual_lab.output.chart_page import chart_page
 from virtual_lab.output.style import STYLE
-from virtual_lab.studies.bats.compare import Compared
+from virtual_lab.studies.bats.compare import BatComparison
 from virtual_lab.studies.bats.curves import plot_comparison, plot_profile
 from virtual_lab.studies.paper.claim import Row
 from virtual_lab.studies.paper.computed import ALUMINIUM, BARREL, KNOB, WOOD, profiled
@@ -37,7 +37,7 @@ def draw_page() -> Figure:
         for part, (title, first, second) in zip(parts[1:], pairs, strict=True):
             swung = tuple(profiled(bat)[n] for bat in (first, second) for n in (0.0, 0.5))
             top, middle, bottom = panels = part.subplots(3, 1, sharex=True)
-            plot_comparison(panels, Compared(profiles=swung).curves)
+            plot_comparison(panels, BatComparison(profiles=swung).curves)
             top.set_title(title)
             for axes in (top, bottom):
                 axes.legend(loc="lower center", ncols=2)

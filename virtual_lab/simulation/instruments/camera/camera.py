@@ -123,7 +123,7 @@ class Camera(CalibratedInstrument[CameraSpec]):
         draws: Draws,
         name: str,
         slots: Slots,
-        rung: RecordDetail = RecordDetail.FULL,
+        detail: RecordDetail = RecordDetail.FULL,
         bat: FilmedBat | None = None,
     ) -> tuple[ClipRecord | TrackRecord, dict[str, Array]]:
         """Record the balls of a batch of shots; return what is written, and the truth of it.
@@ -131,7 +131,7 @@ class Camera(CalibratedInstrument[CameraSpec]):
         The truth is of every frame, (shot, frame, …), NaN where there is none: see `Frames`.
         """
         frames = self.frames(course, draws, name, slots)
-        if rung is RecordDetail.FULL:
+        if detail is RecordDetail.FULL:
             return self._clip(frames, draws, name, slots, bat), frames.truth()
         return self._track(frames, draws, name, slots), frames.truth()
 

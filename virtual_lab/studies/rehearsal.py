@@ -16,9 +16,8 @@ from typing import NamedTuple, Self
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from virtual_lab.lab.laboratory import Laboratory
+from virtual_lab.lab import BatTest, Laboratory
 from virtual_lab.lab.measurand import true_curve
-from virtual_lab.lab.test_day import Tested
 from virtual_lab.lab.true_metric import scan_result
 from virtual_lab.measurement.procedure import (
     Curve,
@@ -37,8 +36,8 @@ from virtual_lab.streams import Draws
 from virtual_lab.units import Array
 
 
-class Straying(NamedTuple):
-    """Deviations of hits from the order: standard deviations from shot to shot."""
+class HitScatter(NamedTuple):
+    """Scatter of hits about what was asked for: standard deviations from shot to shot."""
 
     along: float  # of the place [m]
     scatter: float  # of the metric, the place's part left out
@@ -55,7 +54,7 @@ class Rehearsal:
     curve: Callable[[Array], Array]  # e_A, r and e0 at places, (3, n)
 
     @classmethod
-    def of(cls, laboratory: Laboratory, tested: Tested) -> Self:
+    def of(cls, laboratory: Laboratory, tested: BatTest) -> Self:
         """Return the rehearsal of a laboratory's test on the curve of its true bat."""
         procedure, certification = laboratory.rules.spec, tested.certification
         percussion = certification.outcome.place
@@ -83,7 +82,7 @@ class Rehearsal:
             curve=lambda at: np.asarray(spline(at)),
         )
 
-    def straying(self, along: float, scatter: float) -> Straying:
+    def straying(self, along: float, scatter: float) -> HitScatter:
         """Return the deviations for a total `scatter` of the metric within a place.
 
         The part caused by the scatter of the place is removed, on average over the scan's fit.
@@ -92,7 +91,7 @@ class Rehearsal:
         reach = scan.fit_half_width if scan else 0.0
         about = self.percussion + np.linspace(-reach, reach, 9)
         slope = (self.metric(about, along) - self.metric(about, -along)) / 2
-        return Straying(along, sqrt(max(scatter**2 - float(np.mean(slope**2)), 0.0)))
+        return HitScatter(along, sqrt(max(scatter**2 - float(np.mean(slope**2)), 0.0)))
 
     def metric(self, place: Array, beside: Array | float = 0.0) -> Array:
         """Return the metric measured from hits at a distance `beside` the intended place."""
@@ -114,7 +113,7 @@ class Rehearsal:
         axis = self.bat.length - self.procedure.pivot_from_knob
         return np.asarray(self.turn_rate * (axis - place))
 
-    def error(self, straying: Straying, draws: Draws, number: int) -> float:
+    def error(self, straying: HitScatter, draws: Draws, number: int) -> float:
         """Return the error of the result of rehearsal `number`."""
         rules = self.procedure
         beside, noise = draws.normal("rehearsal", (2, rules.attempts), np.array([number]))[0]
@@ -136,7 +135,7 @@ class Rehearsal:
     def _sought(self, place: Array, metric: Array) -> Sought:
         return sought_of(self.procedure, metric, place, self.bat)
 
-    def bias(self, straying: Straying, draws: Draws, times: int) -> tuple[float, float]:
+    def bias(self, straying: HitScatter, draws: Draws, times: int) -> tuple[float, float]:
         """Return the mean error over a number of rehearsals, and its standard error."""
         errors = np.array([self.error(straying, draws, number) for number in range(times)])
         errors = errors[np.isfinite(errors)]

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from virtual_lab import catalog
-from virtual_lab.lab import Rehearsal, Straying
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.reduction.shot_algebra import BatProperties
 from virtual_lab.streams import Streams
+from virtual_lab.studies.rehearsal import HitScatter, Rehearsal
 from virtual_lab.units import INCH
 
 MODIFIED = catalog.load("procedures", "ncaa-modified", Procedure).spec
@@ -42,14 +42,14 @@ def rehearsal(procedure: Procedure, *, turn_rate: float = 0.0) -> Rehearsal:
 
 @pytest.mark.parametrize("procedure", [BESR, F1881])
 def test_without_straying_nothing_is_missed(procedure: Procedure) -> None:
-    error = rehearsal(procedure).error(Straying(0.0, 0.0), Streams(1), 0)
+    error = rehearsal(procedure).error(HitScatter(0.0, 0.0), Streams(1), 0)
     assert error == pytest.approx(0, abs=1e-10)
 
 
 def test_hits_beside_a_place_cost_half_the_curvature() -> None:
     """At a fixed place the mean of a parabola over a normal place is exact."""
     one = replace(F1881, metric="restitution", correction=None)
-    bias, se = rehearsal(one).bias(Straying(ALONG, 0.0), Streams(2), 2000)
+    bias, se = rehearsal(one).bias(HitScatter(ALONG, 0.0), Streams(2), 2000)
     expected = -(1 + 0.25) * BEND / 2 * ALONG**2  # e is (1 + r) e_A + r
     assert abs(bias - expected) < 4 * se
     assert se < -expected / 10
@@ -58,7 +58,7 @@ def test_hits_beside_a_place_cost_half_the_curvature() -> None:
 def test_a_scan_that_goes_where_hits_came_out_high_pays_for_it() -> None:
     """The lift of a fitted top at fixed places is not what a scan gets: it goes on looking."""
     scatter = 8e-3  # that of a poor laboratory, which shows it in 500 tests by 4 of its se
-    bias, se = rehearsal(BESR).bias(Straying(0.0, scatter), Streams(3), 500)
+    bias, se = rehearsal(BESR).bias(HitScatter(0.0, scatter), Streams(3), 500)
     x = np.repeat(np.arange(-2.0, 3.0) / 2, BESR.valid_hits)  # half widths of the fit
     design = np.vander(x, 4, increasing=True)
     slope_variance = scatter**2 * np.linalg.inv(design.T @ design)[1, 1]
@@ -92,6 +92,6 @@ def test_a_swung_bat_is_read_by_the_balls_speed_back_alone() -> None:
 
 
 def test_a_rehearsal_is_the_same_whenever_it_is_held() -> None:
-    rules, straying = rehearsal(BESR), Straying(ALONG, 2e-3)
+    rules, straying = rehearsal(BESR), HitScatter(ALONG, 2e-3)
     errors = [rules.error(straying, Streams(5), number) for number in (0, 1, 0)]
     assert errors[0] == errors[2] != errors[1]
