@@ -11,9 +11,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import pytest
 
+from virtual_lab.bench import web
 from virtual_lab.bench.exam import Hall
 from virtual_lab.bench.scenario import load_scenario
 from virtual_lab.bench.serving import ServedDay
@@ -66,12 +68,13 @@ def served(
     app = application({"token": day}, hosts=frozenset({f"127.0.0.1:{port}"}), exam=exam)
     server = uvicorn.Server(uvicorn.Config(app, port=port, log_level="error"))
     thread = threading.Thread(target=server.run)
-    thread.start()
-    while not server.started:
-        time.sleep(0.005)
-    yield day, f"http://127.0.0.1:{port}/?token=token"
-    server.should_exit = True
-    thread.join()
+    with mock.patch.object(web, "MOST_A_SECOND", 1000):  # no person presses keys so fast
+        thread.start()
+        while not server.started:
+            time.sleep(0.005)
+        yield day, f"http://127.0.0.1:{port}/?token=token"
+        server.should_exit = True
+        thread.join()
 
 
 def enter(page: Any, key: str = "Enter") -> str:
