@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -36,6 +37,17 @@ def test_a_shift_is_found_to_a_hundredth_of_a_pixel_whatever_moves_before() -> N
         other[40:75, 60:100] = 250
         found = edges.shift(other, NONE)
         assert found == pytest.approx((-way[0], -way[1]), abs=0.03)
+
+
+@pytest.mark.parametrize("covered", ["plain", "another"])
+def test_a_shift_stays_where_nothing_shows_it(covered: str) -> None:
+    """A coat before the lens: neither does a drift go on as before, nor is it taken to be none."""
+    scene, coat = (np.random.default_rng(k).integers(60, 200, (120, 160)) for k in (3, 4))
+    edges = edges_of(cv2.GaussianBlur(scene.astype(np.uint8), (0, 0), 2.0))
+    shown = cv2.GaussianBlur(coat.astype(np.uint8), (0, 0), 2.0)
+    shown = shown if covered == "another" else np.full_like(shown, 90)
+    before, guess = np.array([6.0, -3.0]), np.array([7.5, -2.5])
+    np.testing.assert_allclose(edges.shift(shown, guess, before), before, atol=1.5)
 
 
 def test_drift_and_background_of_a_hand_held_phone() -> None:
