@@ -103,7 +103,7 @@ class Edges:
         costs = np.array([_cost(self.levels[-1], pictures[-1], each) for each in tried])
         costs[0] *= _ALIGN.stand
         far = np.hypot(*(np.array(tried) - tried[1]).T) > _ALIGN.near
-        far[0] &= before is not None
+        far[:-1] &= before is not None  # what the finest level finds near a guess is no jump
         costs[far] /= _ALIGN.far
         return tried[int(np.argmin(costs))]
 
