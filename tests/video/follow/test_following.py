@@ -115,6 +115,15 @@ def test_a_hand_s_drift_that_a_codec_nearly_hides(seed: int, crf: int, tmp_path:
             assert abs(each.restitution.value - true.restitution) < 5 * each.restitution.u
 
 
+def test_a_background_that_leaps_is_said(tmp_path: Path) -> None:
+    scene = UNSEEN["into-a-corner"]
+    made, found = run(replace(scene, codec="H264", crf=27, seed=scene.seed + 80100), tmp_path)
+    seen = found.watched.found
+    shifts = np.stack([seen["picture_x"] - seen["x"], seen["picture_y"] - seen["y"]], axis=1)
+    assert np.abs(shifts - shifts[0] - made.drift[seen["frame"]] + made.drift[0]).max() > 4.0
+    assert "DRIFT_LEAPS" in found.flags
+
+
 def test_a_hand_s_drift_widens_u_along_the_normal(followed: Get) -> None:
     _, found = followed("thrown-on-wall")
     plain = replace(found.watched.still, drifts=False, shows_drift=False)

@@ -14,6 +14,8 @@ from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.find.blobs import BLOB, Blobs, blobs
 from virtual_lab.video.find.still import Image, Still, eight_bits, still_of
 
+LEAP_PX = 3.0  # off what the frames before foretell: no hand moves a camera so, nor turns it
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Watched:
@@ -22,6 +24,8 @@ class Watched:
     still: Still
     found: Blobs  # (blob,) of `find.blobs.BLOB`, frame by frame
     change: Array  # (frame,) greatest from the frame before [DN]; NaN: not looked at
+    # frames before which the background leaps off the way it went, and by how far [pixels]
+    leaps: Mapping[int, float] = field(default_factory=dict)
     # JPEG of 30 kB each, as searched; of 1500 frames at most
     thumbs: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict)
 
@@ -55,6 +59,7 @@ def watch(
     found: list[Blobs] = [np.zeros(0, BLOB)]
     shift, ahead, since = np.zeros(2), np.zeros(2), 1
     before: Image | None = None
+    leaps: dict[int, float] = {}
     thumbs: dict[int, NDArray[np.uint8]] = {}
     kept = clip.count <= 1500 and clip.samples.dtype == np.uint8
     for number, frame in enumerate(clip.pictures()):
@@ -66,6 +71,8 @@ def watch(
         small = still.shrunk(picture)
         drifted = still.shift(small, shift + ahead, shift) - shift
         if (np.abs(drifted) < still.fastest * since).all():
+            if (leapt := float(np.hypot(*(drifted - since * ahead)))) > LEAP_PX:
+                leaps[number] = leapt
             shift, ahead, since = shift + drifted, drifted / since, 1
         else:
             since += 1
@@ -84,7 +91,7 @@ def watch(
         x, y, wide, high = region
         inside = (whole["x"] > x) & (whole["x"] < x + wide)
         whole = whole[inside & (whole["y"] > y) & (whole["y"] < y + high)]
-    return Watched(still=still, found=whole, change=change, thumbs=thumbs)
+    return Watched(still=still, found=whole, change=change, leaps=leaps, thumbs=thumbs)
 
 
 def repeated(watched: Watched) -> Mask:

@@ -341,6 +341,7 @@ def _measured(
             "which is meant; where they are alike flights may be mixed up"
         )
         notes.append(("SECOND_BALL", words))
+    notes += _leaps(watched, ways)
     if lost := scene.lost(ways):
         where = ", ".join(f"{n} before frame {frame}" for frame, n in sorted(lost.items())[:6])
         words = f"frames are missing though time stamps are even ({where}): time was mended"
@@ -390,6 +391,18 @@ def _refit(scene: FlightScene, ways: Sequence[Piece], fit: Fit, **changed: Any) 
     """Return a fit by the same model but for what is changed."""
     like = {"readout": fit.readout, "tilted": bool(fit.tilt.any())}
     return fit_flights(scene, ways, **like | changed)
+
+
+def _leaps(watched: Watched, ways: Sequence[Piece]) -> list[Note]:
+    """Return what speaks against a background that leaps from the first flight to the last."""
+    frames = np.concatenate([way.frames for way in ways]) if ways else np.zeros(1)
+    leaps = {k: by for k, by in watched.leaps.items() if frames.min() < k <= frames.max()}
+    words = (
+        f"the background leaps by {max(leaps.values(), default=0.0):.2g} pixels (before frame "
+        f"{min(leaps, default=0)}): the camera's drift was lost there, and flights about it may be "
+        "bent or broken; --tripod says that the camera stands"
+    )
+    return [("DRIFT_LEAPS", words)] if leaps else []
 
 
 def _while_moving(same: Mask, ways: Sequence[Piece]) -> Mask:
