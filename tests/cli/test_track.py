@@ -201,6 +201,22 @@ def test_a_track_comes_back_corrected(thrown: tuple[Path, Path, dict[str, Any]])
     )
 
 
+def test_flights_at_the_same_time_are_refused(
+    thrown: tuple[Path, Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    """Every other place said to be of a second flight: a mistake of whoever corrects a track."""
+    clip, out, _ = thrown
+    rows = list(csv.DictReader((out / "track.csv").read_text().splitlines()))
+    with (tmp_path / "mixed.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0]))
+        writer.writeheader()
+        writer.writerows(row | {"flight": "ab"[k % 2]} for k, row in enumerate(rows))
+    words = ["--ball", "80mm", "--fps", "30", "--track", str(tmp_path / "mixed.csv")]
+    done = CliRunner().invoke(cli, ["track", str(clip), *words])
+    assert isinstance(done.exception, InputError)
+    assert "begins after the one before has ended" in str(done.exception)
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,7 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
     ------
     InputError
         No such file, a column that is missing, numbers that cannot be read, a frame that the clip
-        does not have or that comes twice.
+        does not have or that comes twice, flights at the same time.
     """
     rows = list(csv.DictReader(read_text(path).splitlines()))
     head = list(rows[0]) if rows else []
@@ -65,7 +66,12 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
         change=np.full(clip.count, np.nan),
     )
     pieces = [Piece.of(found, own, t[own]) for own in flights if len(own) >= FLIGHTS.side_places]
-    return watched, sorted(pieces, key=lambda each: each.frames[0])
+    pieces.sort(key=lambda each: each.frames[0])
+    for one, other in pairwise(pieces):
+        if other.frames[0] <= one.frames[-1]:
+            which, allowed = int(other.frames[0]), "a flight begins after the one before has ended"
+            raise InputError(str(path), f"flight at frame {which}", names[other.blobs[0]], allowed)
+    return watched, pieces
 
 
 def _column(

@@ -455,4 +455,7 @@ def _parted(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
     for k, t in meetings(flights, fit_flights(scene, flights)):
         kept[k] = kept[k].part(kept[k].t < t - half)
         kept[k + 1] = kept[k + 1].part(kept[k + 1].t > t + half)
+    for k, (one, other) in enumerate(pairwise(kept)):  # ways that do not meet may both reach on
+        if len(one.t):
+            kept[k + 1] = other.part(other.frames > one.frames[-1])
     return kept
