@@ -170,7 +170,7 @@ def _video(path: Path) -> Source:
     turn = capture.get(cv2.CAP_PROP_ORIENTATION_META)
     pixels = int(capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)).to_bytes(4, "little")
     grey = pixels in (b"Y800", b"Y1\0\x10")  # FFmpeg's own grey of 8 and 16 bits
-    jpegs = not grey and _is_motion_jpeg(path, capture)
+    jpegs = rate > 0 and not grey and _is_motion_jpeg(path, capture)
     capture.release()
     if declared == 0:
         raise InputError(str(path), "frames", 0, "no frame in it can be read")

@@ -14,7 +14,9 @@ from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.find.blobs import BLOB, Blobs, blobs
 from virtual_lab.video.find.still import Image, Still, eight_bits, still_of
 
-LEAP_PX = 3.0  # off what the frames before foretell: no hand moves a camera so, nor turns it
+# off where the frames before lead: no hand moves a camera by more pixels, or turns it by more of
+# what it turns it by at most
+LEAP_PX, LEAP_SHARE = 3.0, 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +73,8 @@ def watch(
         small = still.shrunk(picture)
         drifted = still.shift(small, shift + ahead, shift) - shift
         if (np.abs(drifted) < still.fastest * since).all():
-            if (leapt := float(np.hypot(*(drifted - since * ahead)))) > LEAP_PX:
+            leapt = float(np.hypot(*(drifted - since * ahead)))
+            if number > 1 and leapt > max(LEAP_PX, LEAP_SHARE * still.fastest.max()):
                 leaps[number] = leapt
             shift, ahead, since = shift + drifted, drifted / since, 1
         else:
