@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.video.scenery.filming import pictures
-from tests.video.scenery.scenes import SCENES
+from tests.video.scenery.filming import moved, pictures
+from tests.video.scenery.scenes import SCENES, UNSEEN
 from tests.video.scenes import Film, matte
 from virtual_lab.video.find.blobs import BLOB, blobs
-from virtual_lab.video.find.drift import edges_of
+from virtual_lab.video.find.drift import edges_of, matrix_of, onward, upon
 from virtual_lab.video.find.still import still_of
 from virtual_lab.video.find.watching import Watched, repeated, repeats
 from virtual_lab.video.track.tracking import middle_of, uncovered_mean
 
-NONE = np.zeros(2)
+NONE = np.zeros(4)
 
 
 def test_a_shift_is_found_to_a_hundredth_of_a_pixel_whatever_moves_before() -> None:
@@ -35,8 +35,45 @@ def test_a_shift_is_found_to_a_hundredth_of_a_pixel_whatever_moves_before() -> N
     for way in ((0.0, 0.0), (1.37, -0.62), (-5.2, 4.9)):
         other = scene(*way, light=1.05)
         other[40:75, 60:100] = 250
-        found = edges.shift(other, NONE)
-        assert found == pytest.approx((-way[0], -way[1]), abs=0.03)
+        found = edges.shifted(other, NONE)
+        assert found == pytest.approx((-way[0], -way[1], 0, 0), abs=0.03)
+
+
+def test_a_turn_is_found_to_a_hundredth_of_a_pixel_at_the_rim() -> None:
+    """One scene seen twice, the second time by a camera that turned and came nearer."""
+    from scipy.ndimage import map_coordinates
+
+    coarse = np.random.default_rng(3).uniform(60, 200, (14, 17))
+    row, column = np.mgrid[:120, :160].astype(float)
+
+    def scene(right: float, down: float, growth: float, turn: float) -> NDArray[np.uint8]:
+        """Return what a pixel at c + (1 + growth) R(turn) (x - c) + shift shows, c the middle."""
+        off = (column - 79.5 - right) + 1j * (row - 59.5 - down)
+        still = off * np.exp(-1j * np.arctan2(turn, 1 + growth)) / np.hypot(1 + growth, turn)
+        at = [(still.imag + 59.5) / 16 + 3, (still.real + 79.5) / 16 + 3]
+        seen = map_coordinates(coarse, at, order=3, mode="mirror")
+        return np.clip(np.rint(seen), 0, 255).astype(np.uint8)
+
+    edges = edges_of(scene(0, 0, 0, 0))
+    for drift in ((0.8, -0.4, 0.006, 0.012), (-0.3, 0.5, -0.004, -0.02)):
+        other = scene(*drift)
+        other[40:75, 60:100] = 250
+        found = NONE
+        for _ in range(3):  # each time it stays near where it was
+            found = edges.turned(other, found)
+        assert found * [1, 1, 80, 80] == pytest.approx(np.array(drift) * [1, 1, 80, 80], abs=0.03)
+
+
+def test_drifts_follow_one_another_as_their_matrices_do() -> None:
+    """A place goes the same way through one picture as at once; an inverse by `numpy.linalg`."""
+    first, second = np.array([3.0, -2.0, 0.01, 0.02]), np.array([-4.0, 6.0, -0.02, 0.03])
+    size = (320, 240)
+    whole = [np.vstack([matrix_of(each, size), [0, 0, 1]]) for each in (first, second)]
+    between = matrix_of(upon(second, first), size)
+    np.testing.assert_allclose(onward(first, upon(second, first)), second, atol=1e-12)
+    np.testing.assert_allclose(between, (whole[1] @ np.linalg.inv(whole[0]))[:2], atol=1e-9)
+    corner = matrix_of(np.array([0, 0, 0, 0.01]), size) @ [319, 119.5, 1]
+    np.testing.assert_allclose(corner, [319, 119.5 + 1.595])  # x turns to y
 
 
 @pytest.mark.parametrize("covered", ["plain", "another"])
@@ -46,8 +83,8 @@ def test_a_shift_stays_where_nothing_shows_it(covered: str) -> None:
     edges = edges_of(cv2.GaussianBlur(scene.astype(np.uint8), (0, 0), 2.0))
     shown = cv2.GaussianBlur(coat.astype(np.uint8), (0, 0), 2.0)
     shown = shown if covered == "another" else np.full_like(shown, 90)
-    before, guess = np.array([6.0, -3.0]), np.array([7.5, -2.5])
-    np.testing.assert_allclose(edges.shift(shown, guess, before), before, atol=1.5)
+    before, guess = np.array([6.0, -3.0, 0.0, 0.0]), np.array([7.5, -2.5, 0.0, 0.0])
+    np.testing.assert_allclose(edges.shifted(shown, guess, (before,)), before, atol=1.5)
 
 
 def test_drift_and_background_of_a_hand_held_phone() -> None:
@@ -60,12 +97,31 @@ def test_drift_and_background_of_a_hand_held_phone() -> None:
     x, y = (-each for each in still.origin)
     inner = still.background[y : y + 240, x : x + 320].astype(int)
     assert np.percentile(np.abs(inner - empty), 95) < 8
-    shift = NONE
+    drift = NONE
     found = []
     for frame in frames:
-        shift = still.shift(still.shrunk(frame), shift, shift)
-        found.append(shift)
+        drift = still.drift(still.shrunk(frame), drift, (drift,))
+        found.append(drift)
     assert np.ptp(found, axis=0).max() > 2
+    assert not still.turns
+
+
+def test_a_phone_that_turns_in_the_hand() -> None:
+    """Places at the rim lie where they do, by the first picture; a shift alone is 3 px off."""
+    scene = replace(UNSEEN["rolled"], count=60)
+    frames = list(pictures(scene))
+    still = still_of(frames[::3], 8, 3)
+    assert still.turns
+    rim = np.array([[20.0, 20], [300, 20], [20, 220], [300, 220]])
+    true = moved(scene, rim, np.arange(scene.count))
+    drift, ahead, off = NONE, NONE, []
+    for k, (frame, places) in enumerate(zip(frames, true - true[0] + rim, strict=True)):
+        between = np.array([np.interp(k, np.arange(0, 60, 3), each) for each in still.sampled.T])
+        found = still.drift(still.shrunk(frame), drift + ahead, (drift, between))
+        drift, ahead = found, found - drift
+        matrix = matrix_of(drift, still.size)
+        off.append(rim @ matrix[:, :2].T + matrix[:, 2] - places)
+    assert np.abs(off).max() < 0.5
 
 
 def test_a_camera_on_a_stand_does_not_drift() -> None:

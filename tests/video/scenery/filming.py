@@ -28,7 +28,7 @@ from tests.video.scenery.scene import (
 )
 from tests.video.scenery.storing import stored_exposures, write
 
-__all__ = ["film", "pictures"]
+__all__ = ["film", "moved", "pictures"]
 
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
@@ -62,6 +62,12 @@ def film(scene: Scene, folder: Path) -> Made:
 def pictures(scene: Scene) -> Iterator[NDArray[np.uint8]]:
     """Yield a scene's exposures, none stored twice or left out, before any codec."""
     return _Filmed(scene).pictures(np.arange(scene.count))
+
+
+def moved(scene: Scene, places: Array, exposures: NDArray[np.intp]) -> Array:
+    """Return where places of the still frame (place, 2) lie in exposures, (exposure, place, 2)."""
+    filmed = _Filmed(scene)
+    return filmed.moved(places, filmed.time(exposures)[:, None])
 
 
 @dataclass
@@ -106,7 +112,9 @@ class _Filmed:
         self.paths = [actor.motion.path(actor.ball, until) for actor in scene.actors]
         self.clock = np.arange(0, until + 1e-3, 1e-3)
         self.drift = self._drift()
-        self.margin = int(np.ceil(np.abs(self.drift).max())) + 3
+        self.turn = self._turn()
+        turned = np.abs(self.turn - 1).max() * max(scene.size) / 2
+        self.margin = int(np.ceil(np.abs(self.drift).max() + turned)) + 3
         self.behind = paint(scene.backdrop, scene.size, self._edge(), self.rng, self.margin)
         wide, high = scene.size
         self.grain = scene.phone.noise * self.rng.standard_normal(
@@ -120,6 +128,19 @@ class _Filmed:
     def drift_at(self, time: Array) -> Array:
         """Return how far the picture has moved, (..., 2) [px]."""
         return np.stack([np.interp(time, self.clock, self.drift[:, k]) for k in (0, 1)], axis=-1)
+
+    def moved(self, still: Array, time: Array) -> Array:
+        """Return where places of the still frame lie in the picture, (..., 2) [px]."""
+        middle = self.lens.middle
+        turned = (still - middle) @ [1, 1j] * np.interp(time, self.clock, self.turn)
+        return middle + np.stack([turned.real, turned.imag], axis=-1) + self.drift_at(time)
+
+    def unmoved(self, picture: Array, time: Array) -> Array:
+        """Return the places of the still frame that lie there in the picture, (..., 2) [px]."""
+        middle = self.lens.middle
+        off = (picture - middle - self.drift_at(time)) @ [1, 1j]
+        turned = off / np.interp(time, self.clock, self.turn)
+        return middle + np.stack([turned.real, turned.imag], axis=-1)
 
     def pictures(self, exposures: NDArray[np.intp]) -> Iterator[NDArray[np.uint8]]:
         """Yield the pictures of some exposures; one asked for again comes back the same."""
@@ -188,7 +209,7 @@ class _Filmed:
             x, y = path.at(time)
             seen = self.lens.seen(x, y)
             still = self.lens.project(seen)
-            picture = still + self.drift_at(time)
+            picture = self.moved(still, time)
             row = np.clip(picture[:, 1], 0, rows - 1)
             time = t + scene.phone.readout * row / (rows - 1)
         radius, half = self._radius(actor, seen), scene.exposure / 2
@@ -222,7 +243,7 @@ class _Filmed:
         """Return at which times all of the ball is in the picture, and a pixel more."""
         seen = self.lens.seen(*path.at(time))
         reach = self._radius(actor, seen)[..., None] + 1
-        at, last = self.lens.project(seen) + self.drift_at(time), np.array(self.scene.size) - 1
+        at, last = self.moved(self.lens.project(seen), time), np.array(self.scene.size) - 1
         return ((at >= reach) & (at <= last - reach)).all(axis=-1)
 
     def _radius(self, actor: Actor, seen: Array) -> Array:
@@ -266,6 +287,17 @@ class _Filmed:
         walk *= min(1.0, FASTEST / speed)
         return walk - walk[0] + panned
 
+    def _turn(self) -> NDArray[np.complex128]:
+        """Return a smooth random walk of growth and turn, a factor of places about the middle."""
+        phone = self.scene.phone
+        wanted = np.array([phone.growth, np.radians(phone.turn)])
+        if not wanted.any():
+            return np.ones(len(self.clock), complex)
+        steps = np.random.default_rng([self.scene.seed, 1]).standard_normal((len(self.clock), 2))
+        walk = gaussian_filter1d(np.cumsum(steps, axis=0), SWAY * 1000, axis=0, mode="nearest")
+        walk *= wanted / np.ptp(walk, axis=0)
+        return 1 + (walk - walk[0]) @ [1, 1j]
+
     def _picture(self, exposure: int) -> NDArray[np.uint8]:
         scene, phone = self.scene, self.scene.phone
         rng = np.random.default_rng([scene.seed, exposure])
@@ -291,24 +323,25 @@ class _Filmed:
 
     def _moved_background(self, time: float) -> Image:
         rows, columns = self.shape
-        first, last = self.drift_at(np.array([time, time + self.scene.phone.readout]))
-        if not first.any() and not last.any():
+        corners = np.array([[0, 0], [columns - 1, 0], [0, rows - 1]], float)
+        when = time + self.scene.phone.readout * np.array([0, 0, 1])
+        seen = self.unmoved(corners, when)
+        if np.array_equal(seen, corners):
             inside = slice(self.margin, -self.margin)
             return self.behind[inside, inside].copy()
-        bend = -(last - first) / (rows - 1)
-        shift = np.array(
-            [[1, bend[0], self.margin - first[0]], [0, 1 + bend[1], self.margin - first[1]]]
-        )
+        ends = (corners.astype(np.float32), (seen + self.margin).astype(np.float32))
         flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
-        return cv2.warpAffine(self.behind, shift, (columns, rows), flags=flags)
+        return cv2.warpAffine(
+            self.behind, cv2.getAffineTransform(*ends), (columns, rows), flags=flags
+        )
 
     def _draw(self, picture: Image, actor: Actor, path: motion.Path, time: float) -> None:
         at = self._picture_place(path, time)
         late = self.scene.phone.readout * float(np.clip(at[1] / (self.shape[0] - 1), 0, 1))
         if path.string_from is not None:
-            ends = [self.lens.project(self.lens.seen(*path.string_from)), at]
-            shifted = [ends[0] + self.drift_at(np.array(time)), ends[1]]
-            one, two = (tuple(np.round(e * 16).astype(int)) for e in shifted)
+            above = self.lens.project(self.lens.seen(*path.string_from))
+            ends = [self.moved(above, np.array(time)), at]
+            one, two = (tuple(np.round(e * 16).astype(int)) for e in ends)
             cv2.line(picture, one, two, (70.0, 70.0, 70.0), 1, cv2.LINE_AA, 4)
         if self.scene.mirror and self.scene.floor is not None:
             self._ball(picture, actor, path, time, mirrored=True)
@@ -326,14 +359,14 @@ class _Filmed:
 
         def to_pixels(places: Array, when: Array) -> Array:
             still = self.lens.project(self.lens.seen(places[..., 0], places[..., 1]))
-            return still + self.drift_at(when)[:, None, None]
+            return self.moved(still, when[:, None, None])
 
         times = time + half * np.array([-0.67, 0, 0.67])
         scale = self.scene.phone.focal / self.scene.phone.distance
         return hand_shares(path, times, actor.ball.radius, to_pixels, scale, self.shape)
 
     def _picture_place(self, path: motion.Path, time: float) -> Array:
-        return self._still(np.array(path.at(np.array(time)))) + self.drift_at(np.array(time))
+        return self.moved(self._still(np.array(path.at(np.array(time)))), np.array(time))
 
     def _ball(
         self, picture: Image, actor: Actor, path: motion.Path, time: float, mirrored: bool = False
@@ -343,19 +376,19 @@ class _Filmed:
         if mirrored:
             y = 2 * scene.floor - y
         seen = self.lens.seen(x, y)
-        drift = self.drift_at(np.array([time, time + phone.readout]))
         radius = 1.15 * phone.focal * actor.ball.radius / seen[:, 2].min() + 4 * phone.blur + 2
         still = self.lens.project(seen)
-        low = np.floor(still.min(axis=0) + drift.min(axis=0) - radius).astype(int)
-        high = np.ceil(still.max(axis=0) + drift.max(axis=0) + radius).astype(int)
+        ends = np.concatenate([self.moved(still, time + late) for late in (0, phone.readout)])
+        low = np.floor(ends.min(axis=0) - radius).astype(int)
+        high = np.ceil(ends.max(axis=0) + radius).astype(int)
         left, top = np.maximum(low, 0)
         right, bottom = np.minimum(high, [self.shape[1], self.shape[0]])
         if right - left < 2 or bottom - top < 2:
             return
         row, column = np.mgrid[top:bottom, left:right].astype(float)
         when = time + phone.readout * row[:, 0] / (self.shape[0] - 1)
-        moved = self.drift_at(when)[:, None, :]
-        rays = self.lens.rays(np.stack([column, row], axis=-1) - moved)
+        unmoved = self.unmoved(np.stack([column, row], axis=-1), when[:, None])
+        rays = self.lens.rays(unmoved)
         length = float(np.abs(np.diff(still, axis=0)).sum())
         length *= scene.exposure / (scene.exposure + phone.readout)
         parts = int(np.clip(np.ceil(length / 0.8), 3, 40))
@@ -369,7 +402,7 @@ class _Filmed:
         if mirrored:
             edge = self._edge()
             level = edge[0] + (edge[1] - edge[0]) * column / self.shape[1]
-            part = scene.mirror * np.clip(row - moved[..., 1] - level, 0, 1).astype(np.float32)
+            part = scene.mirror * np.clip(unmoved[..., 1] - level, 0, 1).astype(np.float32)
             light, share, blur = light * part[..., None], share * part, 1.5 * phone.blur
         light = cv2.GaussianBlur(light, (0, 0), blur)
         share = cv2.GaussianBlur(share, (0, 0), blur)
@@ -384,18 +417,19 @@ class _Filmed:
     def _shadows(self, picture: Image, actor: Actor, path: motion.Path, time: float) -> None:
         scene, phone = self.scene, self.scene.phone
         x, y = (float(v) for v in path.at(np.array(time)))
-        r, drift = actor.ball.radius, self.drift_at(np.array(time))
+        r = actor.ball.radius
         if scene.floor is not None and scene.floor_shadow:
             height = max(0.0, scene.floor - y - r)
-            at = self.lens.project(self.lens.seen(x + 0.15 * height, scene.floor)) + drift
+            at = self.lens.project(self.lens.seen(x + 0.15 * height, scene.floor))
             wide = phone.focal / phone.distance * (r + 0.5 * height)
             tilt = scene.floor / phone.distance + np.radians(phone.pitch)
             dark = scene.floor_shadow * (r / (r + 0.8 * height)) ** 2
-            self._darken(picture, at, (wide, max(0.15, tilt) * wide), dark)
+            self._darken(picture, self.moved(at, time), (wide, max(0.15, tilt) * wide), dark)
         if scene.wall_shadow:
             place = self.lens.seen(x + 0.2 * scene.wall_behind, y + 0.4 * scene.wall_behind)
             wide = phone.focal / phone.distance * (r + 0.2 * scene.wall_behind)
-            self._darken(picture, self.lens.project(place) + drift, (wide, wide), scene.wall_shadow)
+            at = self.moved(self.lens.project(place), time)
+            self._darken(picture, at, (wide, wide), scene.wall_shadow)
 
     def _darken(self, picture: Image, at: Array, wide: tuple[float, float], dark: float) -> None:
         reach = 2 * np.array(wide) + 2

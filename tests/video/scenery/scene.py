@@ -34,6 +34,8 @@ class Phone:
     yaw: float = 0.0  # deg, looking to the right
     drift: float = 0.0  # px over the clip, at most 1 px a frame
     pan: float = 0.0  # px/s to the right, beside the drift
+    turn: float = 0.0  # deg over the clip, about the picture's middle
+    growth: float = 0.0  # share over the clip: the hand comes nearer, or the lens focuses
     readout: float = 0.0  # s from the first row to the last
     blur: float = 0.7  # px, standard deviation of lens and processing
     noise: float = 1.5  # grey values, at all brightnesses as after a gamma
@@ -147,7 +149,7 @@ class Made:
     scene: Scene
     exposures: NDArray[np.intp]  # by stored frame
     times: Array  # by stored frame: middle of the exposure of the first row [s]
-    drift: Array  # by stored frame, (frame, 2): picture less still frame, first row [px]
+    drift: Array  # by stored frame, (frame, 2): of the picture's middle, first row [px]
     truths: tuple[BallTruth, ...]
 
     @property

@@ -411,6 +411,7 @@ UNSEEN = {
         ),
         _thrown("tiny", phone=replace(PHONED, focal=225, distance=2.1), fps=60, count=150),
         _thrown("blurred", exposure=1 / 31, place=(-0.70, 0.0), velocity=(1.1, -2.4)),
+        _thrown("rolled", phone=replace(PHONED, turn=1.4, growth=0.006, drift=40)),
         _thrown("panned", phone=replace(PHONED, pan=90.0, drift=6), fps=60, count=140),
         _thrown(
             "turned-after",

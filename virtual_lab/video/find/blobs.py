@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.units import Array
+from virtual_lab.video.find.drift import matrix_of
 from virtual_lab.video.find.outline import BlobOutline, fit_outline
 from virtual_lab.video.find.still import Image, Still, difference_of, difference_of_light
 
@@ -69,7 +70,7 @@ class _Search:
 _SEARCH = _Search()
 
 
-def blobs(number: int, picture: Image, small: Image, shift: Array, still: Still) -> Blobs:
+def blobs(number: int, picture: Image, small: Image, drift: Array, still: Still) -> Blobs:
     """Return what in a picture may be a ball, an array of `BLOB`.
 
     Parameters
@@ -78,16 +79,16 @@ def blobs(number: int, picture: Image, small: Image, shift: Array, still: Still)
         Of the frame.
     picture, small
         Full size and as searched.
-    shift
-        Of the picture from the still frame, (2,) [pixels].
+    drift
+        Of the picture from the still frame, (4,) as in `find.drift`.
     """
-    light = still.light(small, shift)
-    off = still.difference(small, shift, light)
+    light = still.light(small, drift)
+    off = still.difference(small, drift, light)
     found: list[Row] = []
     for box in _boxes(off, still.shrink):
         if any(_inside(box, each, still.origin) for each in found):
             continue
-        outlined = _outline(number, picture, shift, light, still, box)
+        outlined = _outline(number, picture, drift, light, still, box)
         if outlined is None:
             continue
         rivals = [each for each in found if _same(outlined, each)]
@@ -141,7 +142,7 @@ def _boxes(off: Image, shrink: int) -> Iterator[tuple[int, int, int, int]]:
 def _outline(
     number: int,
     picture: Image,
-    shift: Array,
+    drift: Array,
     light: Array,
     still: Still,
     box: tuple[int, int, int, int],
@@ -152,7 +153,7 @@ def _outline(
     room = max(6, round(0.6 * max(wide, high)))
     x0, y0 = max(0, left - room), max(0, top - room)
     size = (min(columns, left + wide + room) - x0, min(rows, top + high + room) - y0)
-    part, behind = still.cut(picture, shift, light, (x0, y0), size)
+    part, behind = still.cut(picture, drift, light, (x0, y0), size)
     fine = max(1, max(wide, high) // _SEARCH.coarse)
     if fine > 1:  # tenths of a pixel of a large ball take no more than that
         smaller = (max(1, size[0] // fine), max(1, size[1] // fine))
@@ -192,7 +193,7 @@ def _outline(
     x, y = (fine * (each + 0.5) - 0.5 for each in (x, y))
     short, long, spread = fine * short, fine * long, fine * spread
     at = (x + x0 + still.origin[0], y + y0 + still.origin[1])
-    there = (at[0] + float(shift[0]), at[1] + float(shift[1]))
+    there = (matrix_of(drift, still.size) @ [*at, 1.0]).tolist()
     reach = long + 1
     cut = any(not reach <= p <= side - 1 - reach for p, side in zip(there, still.size, strict=True))
     colours = np.broadcast_to(colour, 3)

@@ -1,9 +1,12 @@
-"""How far a picture lies from another one: translation by least squares on what has an edge.
+"""How a picture lies upon another one: shifted, larger and turned, by least squares on its edges.
 
 Gauss and Newton on grey values, coarse to fine, with the light's gain and level beside the shift;
 what moves on its own is left out by its residual (Lucas and Kanade 1981, robust by Tukey's
 biweight). Only the pixels with the steepest edges take part, an equal share of every part of the
 picture: a thousand say as much as all.
+
+A drift is an array (4,): right and down [pixels], growth, and turn [rad] from x to y, the last two
+about the picture's middle. A hand turns a phone by a degree in a clip, and its lens focuses.
 """
 
 from __future__ import annotations
@@ -44,10 +47,15 @@ class _Alignment:
     least_shown: float = 0.2  # of the edges, that lie in the other picture
     stand: float = 0.98  # of its cost: a camera on a stand is the simpler explanation
     far: float = 0.7  # of the cost near the guess, that a shift far from it has at most
+    turned: float = 1.1  # of the cost without, that a turn has at most
+    # of what shows a shift, that keeps growth and turn near where they were, and near none
+    near_turn: float = 0.02
+    no_turn: float = 0.002
     ridge: float = 1e-3  # of what shows a shift: an edge does not hold one along it
 
 
 _ALIGN = _Alignment()
+_SHIFTED, _TURNED = [0, 1], [0, 1, 2, 3]  # parts of a drift that are free
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,8 +63,9 @@ class _Level:
     x: Array
     y: Array
     value: Array
-    design: Array  # (pixel, 4): gradients, value, 1, as below
+    design: Array  # (pixel, 6): gradients by a drift's four, value, 1, as below
     slope: Array  # that pixels are counted by, so that a step of a pixel counts alike [DN/px]
+    middle: Array  # (2,) about which a picture grows and turns [pixels]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,42 +91,53 @@ class Edges:
             found[axis] = (np.ptp(shown) + 1) / _ALIGN.parts if shown.size else 0.0
         return found
 
-    def shift(self, grey: Image, guess: Array, before: Array | None = None) -> Array:
-        """Return how far a picture lies from this one, (2,) [pixels], found from near a guess.
+    def shifted(self, grey: Image, guess: Array, known: Sequence[Array] = ()) -> Array:
+        """Return how a picture lies upon this one, (4,), shifted alone, found from near a guess.
 
-        `before`: of the picture before, if it is known, which is also that of this one where none
-        fits better; far from it one must fit far better.
+        `known`: how the picture before does, and pictures about it, if that is known, which is also
+        how this one does where none fits better; far from the last one must fit far better.
         """
         pictures = _pyramid(grey, len(self.levels))[::-1]
         finest = len(self.levels) - 1
-        tried = [np.zeros(2), np.array(guess if before is None else before, float)]
-        for first in (finest, 0):
-            shift = np.array(guess, float)
+        likely = [np.array(each, float) for each in known or (guess,)]
+        tried = [np.zeros(4), *likely]
+        for start, first in [*((each, finest) for each in known[1:]), (guess, finest), (guess, 0)]:
+            drift = np.array(start, float)
             for k in range(first, finest + 1):
-                scale = 2.0 ** (finest - k)
-                shift = scale * _settled(self.levels[k], pictures[k], shift / scale)
-            tried.append(shift)
-            near = np.hypot(*(shift - guess)) < _ALIGN.near
-            if near and _cost(self.levels[-1], pictures[-1], shift) < _ALIGN.fits:
+                scale = np.array([2.0 ** (finest - k)] * 2 + [1.0, 1.0])
+                drift = scale * _settled(self.levels[k], pictures[k], drift / scale, _SHIFTED)
+            tried.append(drift)
+            near = np.hypot(*(drift - start)[:2]) < _ALIGN.near
+            if near and _cost(self.levels[-1], pictures[-1], drift) < _ALIGN.fits:
                 break  # of what moves so little the coarser levels show no more
         costs = np.array([_cost(self.levels[-1], pictures[-1], each) for each in tried])
         costs[0] *= _ALIGN.stand
-        far = np.hypot(*(np.array(tried) - tried[1]).T) > _ALIGN.near
-        far[:-1] &= before is not None  # what the finest level finds near a guess is no jump
+        far = np.hypot(*(np.array(tried) - likely[-1]).T[:2]) > _ALIGN.near
+        far[:-1] &= bool(known)  # what the finest level finds near a guess is no jump
         costs[far] /= _ALIGN.far
         return tried[int(np.argmin(costs))]
 
-    def cost(self, grey: Image, shift: Array) -> float:
-        """Return how far they lie from where a shift puts them in a picture, a mean [pixels].
+    def turned(self, grey: Image, drift: Array) -> Array:
+        """Return how a picture lies upon this one, (4,), shifted, grown and turned a little more.
+
+        The drift itself where that fits clearly better: what is beside a hand shows little.
+        """
+        level, picture = self.levels[-1], _pyramid(grey, 1)[0]
+        other = _settled(level, picture, drift, _TURNED)
+        costs = [_cost(level, picture, each) for each in (other, drift)]
+        return other if costs[0] < _ALIGN.turned * costs[1] else drift
+
+    def cost(self, grey: Image, drift: Array) -> float:
+        """Return how far they lie from where a drift puts them in a picture, a mean [pixels].
 
         What moves on its own is clipped.
         """
-        return _cost(self.levels[-1], _pyramid(grey, 1)[0], shift)
+        return _cost(self.levels[-1], _pyramid(grey, 1)[0], drift)
 
-    def costs(self, grey: Image, shift: Array, steeper: float) -> Array:
+    def costs(self, grey: Image, drift: Array, steeper: float) -> Array:
         """Return the same of each part of the picture with edges so steep [DN/px], else NaN."""
         level = self.levels[-1]
-        inside, off = _off(level, _pyramid(grey, 1)[0], shift)
+        inside, off = _off(level, _pyramid(grey, 1)[0], drift)
         used = inside & (level.slope > steeper)
         part = _part(level, grey.shape)[used]
         count, total = (np.bincount(part, w, _ALIGN.parts**2) for w in (None, off[used]))
@@ -146,14 +166,64 @@ def upper_median(values: NDArray[np.floating]) -> NDArray[np.floating]:
     return np.asarray(np.partition(values, place, axis=-1)[..., place])
 
 
-def edges_of(grey: Image, origin: Array | None = None) -> Edges:
-    """Return the steep pixels of a picture (row, column); `origin`: x, y of its first pixel."""
+def edges_of(
+    grey: Image, origin: tuple[int, int] = (0, 0), size: tuple[int, int] | None = None
+) -> Edges:
+    """Return the steep pixels of a picture (row, column).
+
+    Parameters
+    ----------
+    origin
+        x and y of its first pixel.
+    size
+        Columns and rows of the pictures to lay upon it, if not its own.
+    """
     count = 1
     while count < _ALIGN.levels and min(grey.shape) >> count >= _ALIGN.smallest:
         count += 1
-    first = np.zeros(2) if origin is None else origin
-    levels = [_level(p, first / 2**k) for k, p in enumerate(_pyramid(grey, count))]
+    first, middle = np.array(origin), _middle(size or grey.shape[::-1])
+    pictures = _pyramid(grey, count)
+    levels = [_level(p, first / 2**k, middle / 2**k) for k, p in enumerate(pictures)]
     return Edges(levels=levels[::-1])
+
+
+def matrix_of(drift: Array, size: tuple[int, int]) -> Array:
+    """Return what takes places to where they lie in a drifted picture of that size, (2, 3)."""
+    grown, turn, middle = 1 + drift[2], drift[3], _middle(size)
+    linear = np.array([[grown, -turn], [turn, grown]])
+    return np.column_stack([linear, middle + drift[:2] - linear @ middle])
+
+
+def upon(drift: Array, first: Array) -> Array:
+    """Return how a picture (4,) lies upon one that lies so itself, (4,)."""
+    (turn, shift), (first_turn, first_shift) = _turn_and_shift(drift), _turn_and_shift(first)
+    left = turn / first_turn
+    return _drift(left, shift - left * first_shift)
+
+
+def onward(drift: Array, step: Array) -> Array:
+    """Return how a picture lies that lies so, by `step`, upon one of a drift, (4,)."""
+    (turn, shift), (next_turn, next_shift) = _turn_and_shift(drift), _turn_and_shift(step)
+    return _drift(next_turn * turn, next_shift + next_turn * shift)
+
+
+def _turn_and_shift(drift: Array) -> tuple[complex, complex]:
+    """Return what places are multiplied by about the middle, as x + iy, and what is added."""
+    return complex(1 + drift[2], drift[3]), complex(drift[0], drift[1])
+
+
+def _drift(turn: complex, shift: complex) -> Array:
+    return np.array([shift.real, shift.imag, turn.real - 1, turn.imag])
+
+
+def at_rim(size: tuple[int, int]) -> Array:
+    """Return what a drift's four are multiplied by to be pixels at the middle of a side, (4,)."""
+    far = float(_middle(size).max())
+    return np.array([1.0, 1.0, far, far])
+
+
+def _middle(size: tuple[int, int]) -> Array:
+    return (np.array(size) - 1.0) / 2
 
 
 def _pyramid(grey: Image, count: int) -> list[NDArray[np.float32]]:
@@ -163,7 +233,7 @@ def _pyramid(grey: Image, count: int) -> list[NDArray[np.float32]]:
     return [each.astype(np.float32) for each in pictures]
 
 
-def _level(picture: NDArray[np.float32], first: Array) -> _Level:
+def _level(picture: NDArray[np.float32], first: Array, middle: Array) -> _Level:
     across = cv2.Scharr(picture, cv2.CV_32F, 1, 0, scale=1 / 32)
     down = cv2.Scharr(picture, cv2.CV_32F, 0, 1, scale=1 / 32)
     rim = _rim(picture)
@@ -171,14 +241,19 @@ def _level(picture: NDArray[np.float32], first: Array) -> _Level:
     places = np.unique(np.concatenate([_steepest(each) for each in slopes]), axis=0)
     y, x = places.T
     value = picture[y, x].astype(float)
-    slope = np.hypot(across[y, x], down[y, x]).astype(float)
-    design = np.stack([across[y, x], down[y, x], value, np.ones_like(value)], axis=1)
+    by_x, by_y = (each[y, x].astype(float) for each in (across, down))
+    slope = np.hypot(by_x, by_y)
+    # growth and turn in pixels at the middle of a side, to count like a shift
+    far, deep = ((np.stack([x, y], axis=1) + first - middle) / middle.max()).T
+    turned = (by_x * far + by_y * deep, by_y * far - by_x * deep)
+    design = np.stack([by_x, by_y, *turned, value, np.ones_like(value)], axis=1)
     return _Level(
         x=x + first[0],
         y=y + first[1],
         value=value,
         design=design / slope[:, None],
         slope=slope,
+        middle=middle,
     )
 
 
@@ -220,15 +295,24 @@ def _part(level: _Level, shape: tuple[int, ...]) -> NDArray[np.intp]:
     return np.asarray(x + _ALIGN.parts * y)
 
 
-def _inside(level: _Level, picture: NDArray[np.float32], shift: Array) -> NDArray[np.bool_]:
+def _at(level: _Level, drift: Array) -> tuple[Array, Array]:
+    """Return where edges lie in a drifted picture, x and y."""
+    right, down, grown, turn = drift
+    if not (grown or turn):
+        return level.x + right, level.y + down
+    x, y = level.x - level.middle[0], level.y - level.middle[1]
+    return level.x + right + grown * x - turn * y, level.y + down + grown * y + turn * x
+
+
+def _inside(level: _Level, picture: NDArray[np.float32], drift: Array) -> NDArray[np.bool_]:
     rows, columns = picture.shape
-    x, y = level.x + shift[0], level.y + shift[1]
+    x, y = _at(level, drift)
     return np.asarray((x > 0) & (x < columns - 1) & (y > 0) & (y < rows - 1))
 
 
-def _cost(level: _Level, picture: NDArray[np.float32], shift: Array) -> float:
+def _cost(level: _Level, picture: NDArray[np.float32], drift: Array) -> float:
     """Return how far edges lie from where they should, what moves on its own clipped [pixels]."""
-    inside, off = _off(level, picture, shift)
+    inside, off = _off(level, picture, drift)
     if inside.sum() <= _ALIGN.least_shown * inside.size:
         return _ALIGN.clipped
     # edges count by their slope: a codec keeps flat ones in place
@@ -236,49 +320,61 @@ def _cost(level: _Level, picture: NDArray[np.float32], shift: Array) -> float:
 
 
 def _off(
-    level: _Level, picture: NDArray[np.float32], shift: Array
+    level: _Level, picture: NDArray[np.float32], drift: Array
 ) -> tuple[NDArray[np.bool_], Array]:
     """Return which edges lie in a picture, and how far each is off there, clipped [pixels]."""
-    inside = _inside(level, picture, shift)
+    inside = _inside(level, picture, drift)
     if not inside.any():
         return inside, np.full(inside.shape, _ALIGN.clipped)
-    left = _seen(level, picture, shift) - level.value
+    left = _seen(level, picture, drift) - level.value
     off = np.abs(left - upper_median(left[inside])) / level.slope
     return inside, np.minimum(off, _ALIGN.clipped)
 
 
-def _seen(level: _Level, picture: NDArray[np.float32], shift: Array) -> Array:
+def _seen(level: _Level, picture: NDArray[np.float32], drift: Array) -> Array:
     if not level.x.size:
         return np.zeros(0)
-    x, y = ((p + s).astype(np.float32) for p, s in zip((level.x, level.y), shift, strict=True))
+    x, y = (each.astype(np.float32) for each in _at(level, drift))
     seen = cv2.remap(picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(seen.ravel(), float)
 
 
-def _settled(level: _Level, picture: NDArray[np.float32], shift: Array) -> Array:
+def _settled(
+    level: _Level, picture: NDArray[np.float32], start: Array, free: Sequence[int]
+) -> Array:
+    """Return the drift of a picture, of which some parts are free, from one near by.
+
+    Growth and turn stay near that, and near none at all, the nearer the less shows them: where all
+    edges are in one place they would run off.
+    """
     if level.x.size < 4:
-        return shift
-    gain, offset = 1.0, 0.0
+        return start
+    count, far = len(free), float(level.middle.max())
+    units, turns = np.array([1.0, 1.0, far, far])[free], np.array([0.0, 0.0, 1.0, 1.0])[free]
+    design = level.design[:, [*free, 4, 5]]
+    drift, gain, offset = start.copy(), 1.0, 0.0
     for _ in range(_ALIGN.steps):
-        inside = _inside(level, picture, shift)
+        inside = _inside(level, picture, drift)
         if not inside.any():
             break
-        left = (_seen(level, picture, shift) - gain * level.value - offset) / level.slope
+        left = (_seen(level, picture, drift) - gain * level.value - offset) / level.slope
         spread = max(_ALIGN.least_spread, 1.4826 * float(upper_median(np.abs(left[inside]))))
         weight = np.where(
             inside, np.maximum(0, 1 - (left / (_ALIGN.tukey * spread)) ** 2) ** 2, 0.0
         )
-        weighted = level.design * weight[:, None]
-        normal = weighted.T @ level.design
+        weighted = design * weight[:, None]
+        normal = weighted.T @ design
         most = float(np.trace(normal[:2, :2]))
         if most < _ALIGN.fewest:
             break
-        normal[[0, 1], [0, 1]] += _ALIGN.ridge * most
-        normal[[2, 3], [2, 3]] += 1e-3
-        step = np.linalg.solve(normal, weighted.T @ left)
+        near, none = _ALIGN.near_turn * most * turns, _ALIGN.no_turn * most * turns
+        normal += np.diag([*(_ALIGN.ridge * most + near + none), 1e-3, 1e-3])
+        right = weighted.T @ left
+        right[:count] += units * (near * (drift - start)[free] + none * drift[free])
+        step = np.linalg.solve(normal, right)
         # a picture shifted by s has, at x + s, the value of x
-        shift = shift - step[:2]
-        gain, offset = gain + step[2], offset + step[3]
-        if np.hypot(*step[:2]) < _ALIGN.settled:
+        drift[free] -= step[:count] / units
+        gain, offset = gain + step[-2], offset + step[-1]
+        if np.abs(step[:count]).max() < _ALIGN.settled:
             break
-    return shift
+    return drift

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import cv2
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.units import Array, Mask
 from virtual_lab.video.clips.reading import Frame, grey_of
-from virtual_lab.video.find.drift import Edges, edges_of
+from virtual_lab.video.find.drift import Edges, at_rim, edges_of, matrix_of, onward, upon
 
 Image = NDArray[np.uint8]
 
@@ -29,13 +30,14 @@ class _StillSettings:
     no_drift: float = 0.15  # pixels over a clip: a camera on a stand
     held: float = 3.0  # pixels a frame of a camera held in a hand
     no_shift: float = 0.05  # pixels searched: pictures laid upon one another as they are
-    turned: float = 0.025  # of the picture's longer side a frame: a camera turned after the ball
+    swung: float = 0.025  # of the picture's longer side a frame: a camera turned after the ball
     coded_still: float = 6.0  # DN/px: H.264 keeps flatter edges in place while the camera drifts
     # of a side, that edges reach over to show a drift, and such as are steep that way to show a
     # turn: a ball's alone do not, nor those of a man who walks past
     span: tuple[float, float] = (0.5, 0.25)
     turn_parts: int = 4  # of 144, that have edges but for one thing's, to show a turn
     rounds: int = 2  # times that the samples are laid upon their median
+    turned: float = 0.8  # of the misfit of shifted pictures: no less shows a turn
     fewest: int = 8  # samples that show which side of the background a ball is on
     side: float = 0.25  # quantile, or its complement, at which the background of a slow ball lies
     touched: float = 8.0  # noises that a pixel's brightness varies by if the ball was there
@@ -46,6 +48,7 @@ class _StillSettings:
     both: tuple[float, float] = (0.88, 0.7)  # the two together: a codec keeps a wall in place
     sharper: tuple[float, float] = (1.3, 0.02)  # factor and pixels that a part's edges lie less off
     standing_parts: int = 3  # of 144: if so many more are sharper unmoved, the camera stands
+    parts: int = 3  # if no more are sharper turned than shifted, it does not turn
     restless: float = 0.75  # quantile of the samples' differences: what a pixel does without a ball
     most_restless: int = 16  # DN: more may be a ball that stays
     rows: int = 64  # at a time: a sorted stack of whole pictures would need the memory of them all
@@ -71,36 +74,51 @@ class Still:
     restless: Image  # (row, column) of that: differences that are no ball's
     shrink: int  # pixels of the full size a pixel of the small one, each way
     edges: Edges  # of `small`
-    drifts: bool
+    sampled: Array  # drifts of the samples (sample, 4) as in `find.drift` [full pixels]
     shows_drift: bool  # edges that no codec keeps in place reach over the picture
     shows_turn: Mask  # which ways, x and y, those do that are steep that way
 
     @property
+    def drifts(self) -> bool:
+        """Whether the camera does."""
+        return bool(self.sampled.any())
+
+    @property
+    def turns(self) -> bool:
+        """Whether it turns, too, or what it sees grows."""
+        return bool(self.sampled[:, 2:].any())
+
+    @property
     def fastest(self) -> Array:
         """How far it may drift each way, (2,) [pixels a frame]."""
-        return np.where(self.shows_turn, _STILL.turned * max(self.size), _STILL.held)
+        return np.where(self.shows_turn, _STILL.swung * max(self.size), _STILL.held)
 
-    def shift(self, small: Image, guess: Array, before: Array) -> Array:
-        """Return how far a small picture lies from the still frame, (2,) [full pixels].
+    def drift(self, small: Image, guess: Array, known: Sequence[Array]) -> Array:
+        """Return how a small picture lies upon the still frame, (4,) as in `find.drift` [full px].
 
-        `before`: how far the picture before does.
+        `known`: how the picture before does, and as the samples about it tell.
         """
         if not self.drifts:
-            return np.zeros(2)
-        near = (each / self.shrink for each in (guess, before))
-        return np.asarray(self.shrink * self.edges.shift(grey_of(small), *near))
+            return np.zeros(4)
+        grey, full = grey_of(small), self._full
+        found = self.edges.shifted(grey, guess / full, [each / full for each in known])
+        return full * (self.edges.turned(grey, found) if self.turns else found)
+
+    @property
+    def _full(self) -> Array:
+        return np.array([self.shrink, self.shrink, 1, 1])
 
     def shrunk(self, picture: Image) -> Image:
         """Return a picture in the size that is searched."""
         return _shrunk(picture, self.shrink)
 
-    def light(self, small: Image, shift: Array) -> Array:
+    def light(self, small: Image, drift: Array) -> Array:
         """Return how much brighter than the background a small picture is, (channel,).
 
         1.0 within half a percent, and where no pixel is bright enough to measure it.
         """
         grid = np.s_[:: _STILL.grid, :: _STILL.grid]
-        here = moved_back(small, (shift + self.origin) / self.shrink, (0, 0), self.small)[grid]
+        here = self._small_here(small, drift, self.small)[grid]
         here, behind = (np.atleast_3d(each).T for each in (here, self.small[grid]))
         gains = np.ones(len(behind))
         for k, (one, lit) in enumerate(zip(here, behind.astype(np.float32), strict=True)):
@@ -111,20 +129,23 @@ class Still:
                     gains[k] = gain
         return gains
 
-    def difference(self, small: Image, shift: Array, light: Array) -> Image:
+    def difference(self, small: Image, drift: Array, light: Array) -> Image:
         """Return how far a small picture is from the background, (row, column) [DN].
 
         The channel that differs most counts, less what the pixel does without a ball.
         """
         behind = _lit(self.small, light)
-        here = moved_back(small, (shift + self.origin) / self.shrink, (0, 0), behind)
-        apart = _strongest(cv2.absdiff(here, behind))
+        apart = _strongest(cv2.absdiff(self._small_here(small, drift, behind), behind))
         return np.asarray(cv2.subtract(apart, self.restless), np.uint8)
+
+    def _small_here(self, small: Image, drift: Array, behind: Image) -> Image:
+        x, y = self.origin
+        return moved_back(small, drift / self._full, (x // self.shrink, y // self.shrink), behind)
 
     def cut(
         self,
         picture: Image,
-        shift: Array,
+        drift: Array,
         light: Array,
         corner: tuple[int, int],
         size: tuple[int, int],
@@ -135,7 +156,7 @@ class Still:
         """
         x, y = corner
         behind = _lit(self.background[y : y + size[1], x : x + size[0]], light)
-        return moved_back(picture, shift + self.origin, corner, behind), behind
+        return moved_back(picture, drift, (x + self.origin[0], y + self.origin[1]), behind), behind
 
 
 def difference_of(part: Image, behind: Image) -> NDArray[np.float32]:
@@ -176,23 +197,28 @@ def still_of(
     shrink = 2**halvings
     small = [_shrunk(each, shrink) for each in pictures]
     greys = [grey_of(each) for each in small]
-    shifts = np.zeros((len(greys), 2))
+    drifts = np.zeros((len(greys), 4))
     if not stands:
-        limits = np.array([_STILL.turned * max(rows, columns), _STILL.held]) * apart / shrink
-        shifts = _laid(greys, *limits.tolist())
-    drifts = bool(np.ptp(shifts * shrink, axis=0).max() > _STILL.no_drift)
-    if not drifts:
-        shifts[:] = 0
-    shifts *= shrink
-    origin = np.minimum(0, np.floor(-shifts.max(axis=0) / shrink) * shrink).astype(int)
-    end = np.array([columns, rows]) + np.maximum(0, np.ceil(-shifts.min(axis=0))).astype(int)
-    wide, high = (int(each) for each in end - origin)
-    background = _covered(pictures, shifts + origin, (high, wide), share_of(pictures))
+        limits = np.array([_STILL.swung * max(rows, columns), _STILL.held]) * apart / shrink
+        drifts = _laid(greys, *limits.tolist())
+    size = greys[0].shape[::-1]
+    if np.ptp(drifts * at_rim(size) * shrink, axis=0).max() <= _STILL.no_drift:
+        drifts[:] = 0
+    matrices = [matrix_of(each, size) for each in drifts]
+    corners = np.array([[x, y] for x in (0, columns) for y in (0, rows)], float) / shrink
+    seen = np.concatenate([(corners - m[:, 2]) @ np.linalg.inv(m[:, :2]).T for m in matrices])
+    first = np.minimum(0, np.floor(seen.min(axis=0))).astype(int)
+    end = np.maximum(corners[-1], seen.max(axis=0))
+    origin = shrink * first
+    drifts[:, :2] *= shrink
+    wide, high = np.ceil(shrink * end).astype(int) - origin
+    background = _covered(pictures, drifts, origin, (high, wide), share_of(pictures))
     behind = _shrunk(background, shrink)
-    edges = edges_of(grey_of(behind), origin / shrink)
+    edges = edges_of(grey_of(behind), first, size)
+    full = [shrink, shrink, 1, 1]
     off = [
-        _strongest(cv2.absdiff(moved_back(each, (shift + origin) / shrink, (0, 0), behind), behind))
-        for each, shift in zip(small, shifts, strict=True)
+        _strongest(cv2.absdiff(moved_back(each, drift / full, first, behind), behind))
+        for each, drift in zip(small, drifts, strict=True)
     ]
     return Still(
         background=background,
@@ -202,58 +228,63 @@ def still_of(
         restless=np.minimum(_quantile(off, _STILL.restless), _STILL.most_restless).astype(np.uint8),
         shrink=shrink,
         edges=edges,
-        drifts=drifts,
+        sampled=drifts,
         shows_drift=bool(_shown(edges, behind, own=False).any()),
         shows_turn=_shown(edges, behind, own=True),
     )
 
 
 def _laid(greys: Sequence[Image], most: float, held: float) -> Array:
-    """Return the shifts that lay pictures upon the first, (picture, 2) [pixels].
+    """Return the drifts that lay pictures upon the first, (picture, 4) [pixels].
 
     From one to the next at most `most`, where edges show that, else `held`: what moves faster is no
-    hand that holds a camera. Each is laid upon the one before, and then upon the median of all.
+    hand that holds a camera. Each is laid upon the one before, and then upon the median of all:
+    shifted alone, and then turned, too, if that lays them clearly better.
     """
     edges = [edges_of(each) for each in greys]
-    chain, step = [np.zeros(2)], np.zeros(2)
+    shifted, turned, step = [np.zeros(4)], [np.zeros(4)], np.zeros(4)
     for one, grey in zip(edges[:-1], greys[1:], strict=True):
-        step = one.shift(grey, step)
-        chain.append(chain[-1] + step)
-    best, least = np.zeros((len(greys), 2)), 1.0
-    unmoved = edges_of(_median(greys))
-    stands = _misfits(edges, unmoved, greys, best)
-    shifts = np.array(chain)
-    for _ in range(_STILL.rounds + 1):
-        if np.abs(shifts).max() < _STILL.no_shift:
-            break
-        middle = _median(greys, shifts)
-        whole = edges_of(middle)
-        steps = np.abs(np.diff(shifts, axis=0)).max(axis=0, initial=0.0)
-        one_by_one, together = _misfits(edges, whole, greys, shifts) / stands
-        limit = np.where(_shown(whole, middle, own=True), most, min(most, held))
-        # the median of pictures that hardly overlap shows nothing
-        misfit = one_by_one * min(1.0, together)
-        drifts = one_by_one < _STILL.turns or misfit < _STILL.drifts
-        drifts |= one_by_one < _STILL.both[0] and misfit < _STILL.both[1]
-        drifts &= (steps <= limit).all() and misfit < least
-        if drifts and _moves(unmoved, whole, greys, shifts):
-            best, least = shifts, misfit
-        shifts = np.array([whole.shift(g, near) for g, near in zip(greys, shifts, strict=True)])
-    return np.asarray(best - best[0])
+        step = one.shifted(grey, step)
+        shifted.append(onward(shifted[-1], step))
+        turned.append(onward(turned[-1], one.turned(grey, step)))
+    best, least = np.zeros((len(greys), 4)), 1.0
+    middles = edges_of(_median(greys))
+    stands = _misfits(edges, middles, greys, best)
+    ways = ((shifted, Edges.shifted, -_STILL.standing_parts), (turned, Edges.turned, _STILL.parts))
+    for chain, lay, parts in ways:
+        laid, before = np.array(chain), (middles, best)
+        for _ in range(_STILL.rounds + 1):
+            if np.abs(laid * at_rim(greys[0].shape[::-1])).max() < _STILL.no_shift:
+                break
+            middle = _median(greys, laid)
+            whole = edges_of(middle)
+            steps = np.abs(np.diff(laid[:, :2], axis=0)).max(axis=0, initial=0.0)
+            one_by_one, together = _misfits(edges, whole, greys, laid) / stands
+            limit = np.where(_shown(whole, middle, own=True), most, min(most, held))
+            # the median of pictures that hardly overlap shows nothing
+            misfit = one_by_one * min(1.0, together)
+            drifts = one_by_one < _STILL.turns or misfit < _STILL.drifts
+            drifts |= one_by_one < _STILL.both[0] and misfit < _STILL.both[1]
+            drifts &= (steps <= limit).all() and misfit < least
+            if drifts and _sharper(greys, before, (whole, laid)) > parts:
+                best, least, middles = laid, misfit, whole
+            laid = np.array([lay(whole, g, near) for g, near in zip(greys, laid, strict=True)])
+        least *= _STILL.turned
+    return np.array([upon(each, best[0]) for each in best])
 
 
-def _moves(unmoved: Edges, whole: Edges, greys: Sequence[Image], shifts: Array) -> bool:
-    """Return whether shifts lay parts of the picture more sharply upon each other than none do.
+def _sharper(greys: Sequence[Image], one: tuple[Edges, Array], other: tuple[Edges, Array]) -> int:
+    """Return in how many more parts the edges lie sharper by the other drifts than by the one.
 
     An arm that swings before a plain wall is no camera that turns: the wall's foot stays.
     """
     costs = []
-    for edges, by in ((unmoved, np.zeros_like(shifts)), (whole, shifts)):
-        each = [edges.costs(g, s, _STILL.coded_still) for g, s in zip(greys, by, strict=True)]
+    for edges, drifts in (one, other):
+        each = [edges.costs(g, d, _STILL.coded_still) for g, d in zip(greys, drifts, strict=True)]
         costs.append(np.mean(each, axis=0))
-    (stand, move), (factor, offset) = costs, _STILL.sharper
-    better, worse = (np.sum(factor * a + offset < b) for a, b in ((move, stand), (stand, move)))
-    return bool(worse < better + _STILL.standing_parts)
+    factor, offset = _STILL.sharper
+    less, more = (np.sum(factor * a + offset < b) for a, b in (costs, costs[::-1]))
+    return int(more - less)
 
 
 def _shown(edges: Edges, grey: Image, *, own: bool) -> Mask:
@@ -262,14 +293,15 @@ def _shown(edges: Edges, grey: Image, *, own: bool) -> Mask:
     return shown & (not own or edges.parts(grey.shape, _STILL.coded_still) >= _STILL.turn_parts)
 
 
-def _misfits(edges: Sequence[Edges], whole: Edges, greys: Sequence[Image], shifts: Array) -> Array:
+def _misfits(edges: Sequence[Edges], whole: Edges, greys: Sequence[Image], drifts: Array) -> Array:
     """Return how far edges lie off: those of pictures in the next ones, those of all in each, (2,).
 
     A turning camera shows in the former alone, one that drifts before a plain wall in the latter.
     """
-    pairs = zip(edges[:-1], greys[1:], np.diff(shifts, axis=0), strict=True)
+    steps = [upon(after, before) for before, after in pairwise(drifts)]
+    pairs = zip(edges[:-1], greys[1:], steps, strict=True)
     one_by_one = [one.cost(grey, step) for one, grey, step in pairs]
-    together = [whole.cost(grey, shift) for grey, shift in zip(greys, shifts, strict=True)]
+    together = [whole.cost(grey, drift) for grey, drift in zip(greys, drifts, strict=True)]
     return np.array([np.mean(one_by_one or 0.0), np.mean(together)])
 
 
@@ -282,16 +314,18 @@ def eight_bits(frame: Frame, depth: int) -> Image:
     return np.asarray(frame >> max(0, depth - 8), np.uint8)
 
 
-def moved_back(picture: Image, shift: Array, corner: tuple[int, int], behind: Image) -> Image:
+def moved_back(picture: Image, drift: Array, corner: tuple[int, int], behind: Image) -> Image:
     """Return a drifted picture where it lies before a background, elsewhere the background.
 
     The corner (x, y) is that of the background in the still frame.
     """
     x, y = corner
     rows, columns = behind.shape[:2]
-    if not np.any(shift) and y + rows <= picture.shape[0] and x + columns <= picture.shape[1]:
+    inside = 0 <= x <= picture.shape[1] - columns and 0 <= y <= picture.shape[0] - rows
+    if inside and not np.any(drift):
         return picture[y : y + rows, x : x + columns]
-    back = np.array([[1.0, 0.0, x + shift[0]], [0.0, 1.0, y + shift[1]]])
+    back = matrix_of(drift, picture.shape[1::-1])
+    back[:, 2] += back[:, :2] @ [x, y]
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     here = behind.copy()
     mode = cv2.BORDER_TRANSPARENT
@@ -317,24 +351,28 @@ def share_of(pictures: Sequence[Image]) -> float:
 
 
 def _covered(
-    pictures: Sequence[Image], shifts: Array, shape: tuple[int, int], share: float
+    pictures: Sequence[Image], drifts: Array, origin: Array, shape: tuple[int, int], share: float
 ) -> Image:
     """Return a quantile of drifted pictures where they reach; black where none does."""
     whole = np.zeros((*shape, *pictures[0].shape[2:]), np.uint8)
-    rows, columns = pictures[0].shape[:2]
+    size = pictures[0].shape[1::-1]
     for top in range(0, shape[0], _STILL.rows):
         block = whole[top : top + _STILL.rows]
+        corner = (int(origin[0]), int(origin[1]) + top)
         stack = np.stack(
-            [moved_back(p, s, (0, top), block) for p, s in zip(pictures, shifts, strict=True)]
+            [moved_back(p, d, corner, block) for p, d in zip(pictures, drifts, strict=True)]
         )
-        if not shifts.any():
+        if not drifts.any():
             whole[top : top + _STILL.rows] = ranked(stack, round(share * (len(stack) - 1)))
             continue
-        y, x = np.ogrid[top : top + len(block), : shape[1]]
+        y, x = np.ogrid[: len(block), : shape[1]]
+        x, y = x + corner[0], y + corner[1]
         count = np.zeros(block.shape[:2], np.uint8)
-        for each, (right, down) in zip(stack, shifts, strict=True):
-            inside = (x + right >= 0) & (x + right <= columns - 1)
-            inside = inside & (y + down >= 0) & (y + down <= rows - 1)
+        for each, drift in zip(stack, drifts, strict=True):
+            inside = np.ones_like(count, bool)
+            for (by_x, by_y, by), side in zip(matrix_of(drift, size), size, strict=True):
+                at = by_x * x + (by_y * y + by)
+                inside &= (at >= 0) & (at <= side - 1)
             each[~inside] = 255  # beyond the others in rank
             count += inside
         if block.ndim == 3:

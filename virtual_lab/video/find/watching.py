@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from virtual_lab.units import Array, Mask
 from virtual_lab.video.clips.clip import Clip
@@ -57,9 +58,11 @@ def watch(
     apart = float(np.diff(clip.sampled).max()) if len(clip.sampled) > 1 else 1.0
     still = still_of(list(clip.samples), depth, apart, stands=stands)
     first, last = frames or (0, clip.count - 1)
+    # a sample or two in a row may be laid wrong
+    sampled = ndimage.median_filter(still.sampled, (5, 1), mode="nearest").T
     change = np.full(clip.count, np.nan)
     found: list[Blobs] = [np.zeros(0, BLOB)]
-    shift, ahead, since = np.zeros(2), np.zeros(2), 1
+    drift, ahead, since = np.zeros(4), np.zeros(4), 1
     before: Image | None = None
     leaps: dict[int, float] = {}
     thumbs: dict[int, NDArray[np.uint8]] = {}
@@ -71,12 +74,13 @@ def watch(
             progress(f"frame {number} of {clip.count}")
         picture = eight_bits(frame, depth)
         small = still.shrunk(picture)
-        drifted = still.shift(small, shift + ahead, shift) - shift
-        if (np.abs(drifted) < still.fastest * since).all():
-            leapt = float(np.hypot(*(drifted - since * ahead)))
+        between = np.array([np.interp(number, clip.sampled, each) for each in sampled])
+        drifted = still.drift(small, drift + ahead, (drift, between)) - drift
+        if (np.abs(drifted[:2]) < still.fastest * since).all():
+            leapt = float(np.hypot(*(drifted - since * ahead)[:2]))
             if number > 1 and leapt > max(LEAP_PX, LEAP_SHARE * still.fastest.max()):
                 leaps[number] = leapt
-            shift, ahead, since = shift + drifted, drifted / since, 1
+            drift, ahead, since = drift + drifted, drifted / since, 1
         else:
             since += 1
         if number < first:
@@ -88,7 +92,7 @@ def watch(
         before = small
         if kept:
             thumbs[number] = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 92])[1]
-        found.append(blobs(number, picture, small, shift, still))
+        found.append(blobs(number, picture, small, drift, still))
     whole = np.concatenate(found)
     if region:
         x, y, wide, high = region

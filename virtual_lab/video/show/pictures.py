@@ -214,7 +214,8 @@ def strobe(course: BallCourse, pictures: Pictures) -> NDArray[np.uint8]:
 def _still(pictures: Pictures, course: BallCourse, k: int) -> NDArray[np.uint8]:
     """Return a picture where the still frame has it."""
     picture = pictures.frames[int(course.frames[k])]
-    return moved_back(picture, course.drift[k] * pictures.scale, (0, 0), picture)
+    drift = np.append(course.drift[k] * pictures.scale, (0.0, 0.0))
+    return moved_back(picture, drift, (0, 0), picture)
 
 
 def _picture(axes: Axes, course: BallCourse, pictures: Pictures) -> None:
