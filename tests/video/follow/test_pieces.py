@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from virtual_lab.video.clips.timing import uneven, usual_step
 from virtual_lab.video.find.blobs import BLOB, Blobs
 from virtual_lab.video.follow.flights import flights_of
+from virtual_lab.video.follow.kinds import swings
 from virtual_lab.video.follow.pieces import Piece, pieces
 from virtual_lab.video.follow.scene import FlightScene
 
@@ -132,3 +133,23 @@ def test_a_phone_that_films_on_more_slowly(after: float) -> None:
     times = np.cumsum([*np.full(30, 1 / 30), *np.full(50, after)]) + rounded
     assert uneven(times) == (after != 1 / 30)
     assert usual_step(times) == pytest.approx(after, rel=0.02)
+
+
+def test_a_hand_that_goes_with_the_ball_does_not_begin_a_flight() -> None:
+    """It is on the way, but what is seen is longer than the ball and its blur."""
+    t = np.arange(30.0)
+    found = blobs_of(np.stack([300 + 4 * t, 400 - 6 * t + PULL * t**2 / 2], axis=1))
+    found["length"][:3] *= 1.9
+    (flight,) = flights_in(found)
+    assert flight.frames[0] == 3
+    assert flight.frames[-1] == 29
+
+
+def test_a_few_places_of_a_pendulum_are_no_flight() -> None:
+    t = np.arange(120.0)
+    angle = 0.3 * np.cos(2 * np.pi * t / 80)
+    found = blobs_of(np.stack([480 + 500 * np.sin(angle), 500 * np.cos(angle)], axis=1), noise=0.05)
+    swing = Piece.of(found, np.arange(120), t)
+    assert swings([swing], [swing.part(slice(36, 44))])
+    assert not swings([swing], [swing])
+    assert not swings([swing], [])

@@ -18,6 +18,7 @@ from virtual_lab.video.find.still import Image, Still, eight_bits, still_of
 # off where the frames before lead: no hand moves a camera by more pixels, or turns it by more of
 # what it turns it by at most
 LEAP_PX, LEAP_SHARE = 3.0, 0.2
+NEAR_FRAMES = 12  # between samples: they lead better than the picture before
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,7 +76,8 @@ def watch(
         picture = eight_bits(frame, depth)
         small = still.shrunk(picture)
         between = np.array([np.interp(number, clip.sampled, each) for each in sampled])
-        drifted = still.drift(small, drift + ahead, (drift, between)) - drift
+        known = (drift, between) if apart <= NEAR_FRAMES else (between, drift)
+        drifted = still.drift(small, drift + ahead, known) - drift
         if (np.abs(drifted[:2]) < still.fastest * since).all():
             leapt = float(np.hypot(*(drifted - since * ahead)[:2]))
             if number > 1 and leapt > max(LEAP_PX, LEAP_SHARE * still.fastest.max()):

@@ -44,6 +44,7 @@ class FlightSearch:
     place_room: tuple[float, float] = (0.2, 5.0)  # radii, and standard deviations, off it
     further_room: tuple[float, float] = (0.1, 4.0)  # the same beyond the places a piece had
     end_room: tuple[float, float] = (0.05, 4.0)  # the same of the first and the last, in the end
+    end_length: float = 1.25  # radii that these are long, but for what they move in a frame
     outer_share: float = 0.125  # of a flight's places at a free end: a fit without them shows u
     dirty: float = 0.75  # of the ring: so much may be beside a place on a flight
     # two flights
@@ -81,9 +82,10 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
     while flights:
         readout = readout_of(scene, flights, FLIGHTS.used_readout)
         fit = fit_flights(scene, flights, readout=readout)
-        ended = _ended(flights, fit)
+        ended = _ended(scene, flights, fit)
         if [len(each.t) for each in ended] != [len(each.t) for each in flights]:
             flights = [each for each in ended if len(each.t) >= FLIGHTS.least_places]
+            flights = [each for each in flights if _travel(each) >= GROWTH.hop * each.radius]
             continue
         if _holds(scene, flights, fit):
             return flights, fit
@@ -91,8 +93,8 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
     return [], None
 
 
-def _ended(flights: Sequence[Piece], fit: Fit) -> list[Piece]:
-    """Return flights without ends that lie off their way: in a hand or on a table.
+def _ended(scene: FlightScene, flights: Sequence[Piece], fit: Fit) -> list[Piece]:
+    """Return flights without ends that lie off their way or are longer: in a hand or on a table.
 
     Ends at a contact stay: there a rolling shutter draws the way out of shape.
     """
@@ -100,7 +102,9 @@ def _ended(flights: Sequence[Piece], fit: Fit) -> list[Piece]:
     ended = []
     for k, (piece, left) in enumerate(zip(flights, fit.residuals, strict=True)):
         room = max(radii * piece.radius, spreads * fit.spread)
-        good = np.flatnonzero(np.hypot(*left.T) < room)
+        fast = np.hypot(*fit.at(k, piece.t)[:, 2:].T)
+        long = scene.found["length"][piece.blobs] - FLIGHTS.end_length * piece.radius
+        good = np.flatnonzero((np.hypot(*left.T) < room) & (long < fast / 2))
         first = good[0] if free[k] and good.size else 0
         last = good[-1] if free[k + 1] and good.size else len(piece.t) - 1
         ended.append(piece.part(slice(first, last + 1)))
@@ -152,8 +156,8 @@ def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]
         )
         if len(piece.t) < FLIGHTS.least_places + 2 or rms > most:
             continue
-        travel = np.ptp(piece.xy, axis=0).max()
-        if np.isin(piece.blobs, taken).any() or travel < FLIGHTS.second_travel * piece.radius:
+        near = _travel(piece) < FLIGHTS.second_travel * piece.radius
+        if near or np.isin(piece.blobs, taken).any():
             continue
         own = np.median(scene.found["contrast"][piece.blobs])
         if own < FLIGHTS.second_contrast * min(contrast):
@@ -281,6 +285,11 @@ def _adjoins(one: Piece, other: Piece) -> bool:
 def _fast(piece: Piece) -> float:
     """Return the mean speed along a piece [pixels/frame]."""
     return float(np.hypot(*(piece.xy[-1] - piece.xy[0])) / np.ptp(piece.t))
+
+
+def _travel(piece: Piece) -> float:
+    """Return how far a piece goes right or down [pixels]."""
+    return float(np.ptp(piece.xy, axis=0).max())
 
 
 def _sag(pull: Array, piece: Piece) -> float:

@@ -26,7 +26,7 @@ from virtual_lab.video.follow.flights import (
     readout_of,
 )
 from virtual_lab.video.follow.joint import Fit, estimate_of, fit_flights
-from virtual_lab.video.follow.kinds import MotionKind, motion_of
+from virtual_lab.video.follow.kinds import MotionKind, motion_of, swings
 from virtual_lab.video.follow.pieces import Piece, pieces
 from virtual_lab.video.follow.scene import FlightScene
 
@@ -209,6 +209,8 @@ def _searched(
         found = pieces(watched.found, scene.time, pull)
         found = [p for p in found if not known.ball_at or _passes(watched, p, known.ball_at)]
         ways, fit = flights_of(scene, found)
+        if swings(found, ways):
+            ways, fit = [], None
         support = _support(scene, ways, fit) if fit else 0.0
         if support > best[0]:
             best = support, found, ways

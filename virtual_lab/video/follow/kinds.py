@@ -25,6 +25,7 @@ class MotionSettings:
     rolling_travel: float = 3.0  # radii
     rolling_share: float = 0.5  # of a ball's places
     pendulum_places: int = 24
+    flown_share: float = 0.5  # of its places: fewer that bend as gravity lets them are no flights
     turns: float = 0.6  # of a period that must be seen: less may be a part of any bend
     off_arc: float = 0.02  # of its swing, that a pendulum may be off its arc
     harmonic: float = 0.03  # of the variance that a pendulum's harmonic may leave
@@ -57,6 +58,15 @@ def motion_of(
     rolled = sum(len(each.t) for each in ball if _rolls(scene, each))
     rolls = rolled > MOTION.rolling_share * sum(len(each.t) for each in ball)
     return MotionKind(kind="rolling" if rolls else "carried")
+
+
+def swings(pieces: Sequence[Piece], flights: Sequence[Piece]) -> bool:
+    """Return whether what was taken for flights are a few places of a pendulum."""
+    if not flights:
+        return False
+    ball = _largest_group(pieces)
+    flown, whole = (sum(len(each.t) for each in some) for some in (flights, ball))
+    return flown < MOTION.flown_share * whole and _pendulum(ball, 1.0) is not None
 
 
 def _only_falls(scene: FlightScene, flights: Sequence[Piece]) -> bool:
