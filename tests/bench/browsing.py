@@ -25,7 +25,7 @@ __all__ = ["FOCUSED", "SEED", "chromium", "enter", "faults_of", "free_port", "op
 
 SEED = 3
 FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
-FOCUSED = "document.activeElement !== document.body"
+FOCUSED = "body :focus"
 
 
 def chromium() -> str:
@@ -79,10 +79,11 @@ def served(
 
 def enter(page: Any, key: str = "Enter") -> str:
     """Press a key on what has the focus, and return what has it on the next page."""
-    page.wait_for_function(FOCUSED)  # given once the page is drawn, which may be after its load
+    # given once the page is drawn, which may be after its load
+    page.wait_for_selector(FOCUSED, state="attached")
     with page.expect_navigation():
         page.keyboard.press(key)
-    page.wait_for_function(FOCUSED)
+    page.wait_for_selector(FOCUSED, state="attached")
     return str(page.evaluate("document.activeElement.textContent"))
 
 

@@ -63,7 +63,7 @@ class Keyboard:
 
     def enter(self) -> None:
         """Press what has the focus: an action."""
-        self.page.wait_for_function(FOCUSED)
+        self.page.wait_for_selector(FOCUSED, state="attached")
         began = time.perf_counter()
         with self.page.expect_navigation():
             self.page.keyboard.press("Enter")

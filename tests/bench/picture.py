@@ -6,7 +6,7 @@ from tempfile import TemporaryDirectory
 import cv2
 import numpy as np
 
-from tests.bench.browsing import enter, opened, served
+from tests.bench.browsing import FOCUSED, enter, opened, served
 
 PICTURE = Path(__file__).parents[2] / "data" / "figures" / "rehearse.png"
 STEPS = 12  # of the book, to the first shot
@@ -17,7 +17,7 @@ def main() -> None:
     with TemporaryDirectory() as place, served(Path(place) / "day") as (_, address), opened() as b:
         page = b.new_page(viewport={"width": 1280, "height": 770})
         page.goto(address)
-        page.wait_for_function("document.activeElement !== document.body")
+        page.wait_for_selector(FOCUSED, state="attached")
         for _ in range(STEPS + 5):  # three shots, two of them decided on
             enter(page)
         page.locator("#cursor").fill("30")
