@@ -71,6 +71,27 @@ def test_a_toss_that_a_hand_leads_and_catches() -> None:
     assert abs(flight.frames[-1] - (len(rise) + len(flown))) <= 3
 
 
+@pytest.mark.parametrize("circled", [False, True])
+def test_circles_alone_are_no_hop_in_a_hand(circled: bool) -> None:
+    """Ten places that gravity bends by a fifth of a radius: of whole blobs they are a flight."""
+    way, (hop, _) = hops([1.5, 6.0])
+    found = blobs_of(way, noise=0.05)
+    found["radius_u"][hop] = np.inf if circled else 0.5
+    first = flights_in(found)[0]
+    assert (first.frames[0] > hop[-1]) == circled
+
+
+@pytest.mark.parametrize("gap", [0, 1, 3])
+def test_a_circle_goes_on_with_a_flight_but_does_not_begin_it_again(gap: int) -> None:
+    way, (flight,) = hops([6.0])
+    found = blobs_of(way)
+    last = flight[-1]
+    found["radius_u"][last] = np.inf
+    found = found[(found["frame"] < last - gap) | (found["frame"] == last)]
+    (followed,) = flights_in(found)
+    assert (followed.frames[-1] == last) == (gap == 0)
+
+
 def test_a_shadow_that_a_low_sun_moves_across_the_ground_is_no_ball() -> None:
     """It has a parabola of its own; its last piece is too short to show which way it bends."""
     way, (_, _, last) = hops([9.0, 8.0, 7.0])

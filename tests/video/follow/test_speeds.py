@@ -48,6 +48,19 @@ def test_a_ball_rolls_over_a_table_s_edge(before: int, noise: float) -> None:
         assert flight.speed_in.u < 0.02 * true
 
 
+@pytest.mark.parametrize("along", [2.0, -2.0])
+def test_a_ball_that_turns_back_along_the_floor_too_met_two_things(along: float) -> None:
+    """A wall and a floor between two pictures: not one normal, so no restitution."""
+    late = np.arange(-50, 50) + 0.5
+    x = np.where(late < 0, 3.0, along) * late
+    y = np.where(late < 0, 8.0, -6.0) * late + 0.07 * late**2 / 2
+    seen = followed(blobs_of(np.stack([300 + x, 400 + y], axis=1)))
+    (contact,) = seen.contacts
+    assert contact.kind == "floor"
+    assert (contact.restitution is None) == (along < 0)
+    assert ("CONTACT_UNCLEAR" in seen.flags) == (along < 0)
+
+
 def test_a_flight_that_scatters_more_than_the_others_knows_less_of_itself() -> None:
     way, wholes = hops([6.0, 5.5, 3.0])
     time = np.arange(len(way), dtype=float)

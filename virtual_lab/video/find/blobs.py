@@ -20,7 +20,7 @@ from virtual_lab.video.find.outline import BlobOutline, fit_outline
 from virtual_lab.video.find.still import Image, Still, difference_of, difference_of_light
 
 Blobs = NDArray[np.void]
-Row = tuple[Any, ...]  # as of `BLOB`
+BlobRow = tuple[Any, ...]  # as of `BLOB`
 
 BLOB = np.dtype(
     [
@@ -29,7 +29,7 @@ BLOB = np.dtype(
         ("y", float),
         ("radius", float),  # across the shorter axis of the outline
         ("length", float),  # half the longer axis
-        ("radius_u", float),  # of its edge: where light ends and the ball begins
+        ("radius_u", float),  # of its edge, where light ends and the ball begins; inf: unmeasured
         ("contrast", float),  # DN
         ("dirty", float),  # share of the ring that is no background
         ("cut", bool),  # touches the picture's edge
@@ -84,7 +84,7 @@ def blobs(number: int, picture: Image, small: Image, drift: Array, still: Still)
     """
     light = still.light(small, drift)
     off = still.difference(small, drift, light)
-    found: list[Row] = []
+    found: list[BlobRow] = []
     for box in _boxes(off, still.shrink):
         if any(_inside(box, each, still.origin) for each in found):
             continue
@@ -98,7 +98,7 @@ def blobs(number: int, picture: Image, small: Image, drift: Array, still: Still)
     return np.array(found, BLOB)
 
 
-def _inside(box: tuple[int, int, int, int], blob: Row, origin: tuple[int, int]) -> bool:
+def _inside(box: tuple[int, int, int, int], blob: BlobRow, origin: tuple[int, int]) -> bool:
     """Return whether a box lies in a blob that is sure already."""
     _, x, y, short, long, spread, _, dirty, *_ = blob
     left, top, wide, high = box[0] + origin[0], box[1] + origin[1], *box[2:]
@@ -107,12 +107,12 @@ def _inside(box: tuple[int, int, int, int], blob: Row, origin: tuple[int, int]) 
     return bool(sure and away + max(wide, high) / 2 < 1.4 * long)
 
 
-def _same(one: Row, other: Row) -> bool:
+def _same(one: BlobRow, other: BlobRow) -> bool:
     away = np.hypot(one[1] - other[1], one[2] - other[2])
     return bool(away < 0.6 * max(one[3], other[3]) and 0.5 < one[3] / other[3] < 2.0)
 
 
-def _surer(one: Row, other: Row) -> bool:
+def _surer(one: BlobRow, other: BlobRow) -> bool:
     return bool(
         (one[7] > _SEARCH.ring_level, one[5] / one[3])
         < (other[7] > _SEARCH.ring_level, other[5] / other[3])
@@ -146,7 +146,7 @@ def _outline(
     light: Array,
     still: Still,
     box: tuple[int, int, int, int],
-) -> Row | None:
+) -> BlobRow | None:
     """Return the outline at half of the contrast in a box as a row of `BLOB`, None: no ball's."""
     left, top, wide, high = box
     rows, columns = still.background.shape[:2]
@@ -173,26 +173,60 @@ def _outline(
     chosen = _contrasted(off, bright)
     if chosen is None:
         return None
-    (x, y, short, long), fitted, contrast, even = chosen
-    spread = _SEARCH.hull_u * short
+    drawn, fitted, contrast, even = chosen
+    outline = fitted or BlobOutline(*drawn, _SEARCH.hull_u * drawn[2])
     if fitted:
         x, y, short, long, spread = fitted
         # a rim in shade takes the edge inward in light, a gamma does in grey values
         luminous = _softened(difference_of_light(part, behind))
-        level = float(np.median(luminous[_disc(luminous.shape, x, y, 0.6 * short)]))
+        level = float(np.median(luminous[disc(luminous.shape, x, y, 0.6 * short)]))
         luminous = luminous if even else np.minimum(luminous, np.float32(level))
         other = fit_outline(luminous, x, y, (short + long) / 2, level, rounds=1)
         if other is not None and abs(other.short - short) < _SEARCH.centre_room * short:
             # the edge lies between the two, nobody knows where
             spread = float(np.hypot(spread, (other.short - short) / np.sqrt(12)))
-            short, long = (short + other.short) / 2, (long + other.long) / 2
-    ring = _disc(off.shape, x, y, 1.5 * long + 3) & ~_disc(off.shape, x, y, 1.25 * long + 1.5)
-    core = _disc(off.shape, x, y, 0.6 * short)
+            outline = BlobOutline(x, y, (short + other.short) / 2, (long + other.long) / 2, spread)
+    corner = (x0 + still.origin[0], y0 + still.origin[1])
+    return blob_of(number, outline, off, part, contrast, corner, fine, drift, still)
+
+
+def blob_of(
+    number: int,
+    outline: BlobOutline,
+    off: NDArray[np.float32],
+    part: Image,
+    contrast: float,
+    corner: tuple[int, int],
+    shrink: int,
+    drift: Array,
+    still: Still,
+) -> BlobRow:
+    """Return a row of `BLOB`.
+
+    Parameters
+    ----------
+    number
+        Of the frame.
+    outline
+        In a part of the picture, in its pixels.
+    off, part
+        How far that part is from the background [DN], and the part.
+    contrast
+        Of the ball [DN].
+    corner
+        x and y of the part's first pixel in the still frame.
+    shrink
+        Pixels of the still frame that one of the part is, each way.
+    drift
+        Of the picture from the still frame, (4,).
+    """
+    x, y, short, long, spread = outline
+    ring = disc(off.shape, x, y, 1.5 * long + 3) & ~disc(off.shape, x, y, 1.25 * long + 1.5)
+    core = disc(off.shape, x, y, 0.6 * short)
     colour = np.median(part[core].reshape(-1, 1 if part.ndim == 2 else 3), axis=0)
     dirty = float((off[ring] > _SEARCH.ring_level * contrast).mean()) if ring.any() else 1.0
-    x, y = (fine * (each + 0.5) - 0.5 for each in (x, y))
-    short, long, spread = fine * short, fine * long, fine * spread
-    at = (x + x0 + still.origin[0], y + y0 + still.origin[1])
+    at = [shrink * (p + 0.5) - 0.5 + first for p, first in zip((x, y), corner, strict=True)]
+    short, long, spread = shrink * short, shrink * long, shrink * spread
     there = (matrix_of(drift, still.size) @ [*at, 1.0]).tolist()
     reach = long + 1
     cut = any(not reach <= p <= side - 1 - reach for p, side in zip(there, still.size, strict=True))
@@ -235,7 +269,7 @@ def _softened(off: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(cv2.GaussianBlur(off, (0, 0), _SEARCH.softened), np.float32)
 
 
-def _disc(shape: tuple[int, ...], x: float, y: float, radius: float) -> NDArray[np.bool_]:
+def disc(shape: tuple[int, ...], x: float, y: float, radius: float) -> NDArray[np.bool_]:
     row = np.arange(shape[0])[:, None] - y
     column = np.arange(shape[1]) - x
     return np.asarray(row**2 + column**2 < radius**2)

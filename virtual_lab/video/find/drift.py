@@ -46,7 +46,7 @@ class _Alignment:
     clipped: float = 2.0  # pixels: what is farther off moves on its own
     least_shown: float = 0.2  # of the edges, that lie in the other picture
     stand: float = 0.98  # of its cost: a camera on a stand is the simpler explanation
-    far: float = 0.7  # of the cost near the guess, that a shift far from it has at most
+    far: float = 0.6  # of the cost near the guess, that a shift far from it has at most
     turned: float = 1.1  # of the cost without, that a turn has at most
     # of what shows a shift, that keeps growth and turn near where they were, and near none
     near_turn: float = 0.02
@@ -91,29 +91,28 @@ class Edges:
             found[axis] = (np.ptp(shown) + 1) / _ALIGN.parts if shown.size else 0.0
         return found
 
-    def shifted(self, grey: Image, guess: Array, known: Sequence[Array] = ()) -> Array:
+    def shifted(self, grey: Image, guess: Array, before: Array | None = None) -> Array:
         """Return how a picture lies upon this one, (4,), shifted alone, found from near a guess.
 
-        `known`: how the picture before does, and pictures about it, if that is known, which is also
-        how this one does where none fits better; far from the last one must fit far better.
+        `before`: how the picture before does, or those about it, if that is known; so does this one
+        where none fits better, and far from there one must fit far better.
         """
         pictures = _pyramid(grey, len(self.levels))[::-1]
         finest = len(self.levels) - 1
-        likely = [np.array(each, float) for each in known or (guess,)]
-        tried = [np.zeros(4), *likely]
-        for start, first in [*((each, finest) for each in known[1:]), (guess, finest), (guess, 0)]:
-            drift = np.array(start, float)
+        tried = [np.zeros(4), np.array(guess if before is None else before, float)]
+        for first in (finest, 0):
+            drift = np.array(guess, float)
             for k in range(first, finest + 1):
                 scale = np.array([2.0 ** (finest - k)] * 2 + [1.0, 1.0])
                 drift = scale * _settled(self.levels[k], pictures[k], drift / scale, _SHIFTED)
             tried.append(drift)
-            near = np.hypot(*(drift - start)[:2]) < _ALIGN.near
+            near = np.hypot(*(drift - guess)[:2]) < _ALIGN.near
             if near and _cost(self.levels[-1], pictures[-1], drift) < _ALIGN.fits:
                 break  # of what moves so little the coarser levels show no more
         costs = np.array([_cost(self.levels[-1], pictures[-1], each) for each in tried])
         costs[0] *= _ALIGN.stand
-        far = np.hypot(*(np.array(tried) - likely[-1]).T[:2]) > _ALIGN.near
-        far[:-1] &= bool(known)  # what the finest level finds near a guess is no jump
+        far = np.hypot(*(np.array(tried) - tried[1]).T[:2]) > _ALIGN.near
+        far[:-1] &= before is not None  # what the finest level finds near a guess is no jump
         costs[far] /= _ALIGN.far
         return tried[int(np.argmin(costs))]
 
@@ -126,6 +125,11 @@ class Edges:
         other = _settled(level, picture, drift, _TURNED)
         costs = [_cost(level, picture, each) for each in (other, drift)]
         return other if costs[0] < _ALIGN.turned * costs[1] else drift
+
+    def lie_in(self, grey: Image, drift: Array) -> bool:
+        """Return whether enough of them lie in a drifted picture to show how it does."""
+        inside = _inside(self.levels[-1], grey, drift)
+        return bool(inside.sum() > _ALIGN.least_shown * inside.size)
 
     def cost(self, grey: Image, drift: Array) -> float:
         """Return how far they lie from where a drift puts them in a picture, a mean [pixels].
@@ -304,7 +308,7 @@ def _at(level: _Level, drift: Array) -> tuple[Array, Array]:
     return level.x + right + grown * x - turn * y, level.y + down + grown * y + turn * x
 
 
-def _inside(level: _Level, picture: NDArray[np.float32], drift: Array) -> NDArray[np.bool_]:
+def _inside(level: _Level, picture: Image | NDArray[np.float32], drift: Array) -> NDArray[np.bool_]:
     rows, columns = picture.shape
     x, y = _at(level, drift)
     return np.asarray((x > 0) & (x < columns - 1) & (y > 0) & (y < rows - 1))

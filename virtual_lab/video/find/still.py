@@ -14,6 +14,7 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from virtual_lab.units import Array, Mask
 from virtual_lab.video.clips.reading import Frame, grey_of
@@ -48,7 +49,7 @@ class _StillSettings:
     both: tuple[float, float] = (0.88, 0.7)  # the two together: a codec keeps a wall in place
     sharper: tuple[float, float] = (1.3, 0.02)  # factor and pixels that a part's edges lie less off
     standing_parts: int = 3  # of 144: if so many more are sharper unmoved, the camera stands
-    parts: int = 3  # if no more are sharper turned than shifted, it does not turn
+    turned_parts: int = 3  # if no more are sharper turned than shifted, it does not turn
     restless: float = 0.75  # quantile of the samples' differences: what a pixel does without a ball
     most_restless: int = 16  # DN: more may be a ball that stays
     rows: int = 64  # at a time: a sorted stack of whole pictures would need the memory of them all
@@ -74,7 +75,8 @@ class Still:
     restless: Image  # (row, column) of that: differences that are no ball's
     shrink: int  # pixels of the full size a pixel of the small one, each way
     edges: Edges  # of `small`
-    sampled: Array  # drifts of the samples (sample, 4) as in `find.drift` [full pixels]
+    # how the camera drifts at the samples, (sample, 4) as in `find.drift` [full pixels]
+    sampled: Array
     shows_drift: bool  # edges that no codec keeps in place reach over the picture
     shows_turn: Mask  # which ways, x and y, those do that are steep that way
 
@@ -93,15 +95,15 @@ class Still:
         """How far it may drift each way, (2,) [pixels a frame]."""
         return np.where(self.shows_turn, _STILL.swung * max(self.size), _STILL.held)
 
-    def drift(self, small: Image, guess: Array, known: Sequence[Array]) -> Array:
+    def drift(self, small: Image, guess: Array, before: Array) -> Array:
         """Return how a small picture lies upon the still frame, (4,) as in `find.drift` [full px].
 
-        `known`: how the picture before does, and as the samples about it tell.
+        `before`: how the picture before does, or the samples about it do.
         """
         if not self.drifts:
             return np.zeros(4)
         grey, full = grey_of(small), self._full
-        found = self.edges.shifted(grey, guess / full, [each / full for each in known])
+        found = self.edges.shifted(grey, guess / full, before / full)
         return full * (self.edges.turned(grey, found) if self.turns else found)
 
     @property
@@ -118,7 +120,7 @@ class Still:
         1.0 within half a percent, and where no pixel is bright enough to measure it.
         """
         grid = np.s_[:: _STILL.grid, :: _STILL.grid]
-        here = self._small_here(small, drift, self.small)[grid]
+        here = self.here(small, drift, self.small)[grid]
         here, behind = (np.atleast_3d(each).T for each in (here, self.small[grid]))
         gains = np.ones(len(behind))
         for k, (one, lit) in enumerate(zip(here, behind.astype(np.float32), strict=True)):
@@ -135,10 +137,11 @@ class Still:
         The channel that differs most counts, less what the pixel does without a ball.
         """
         behind = _lit(self.small, light)
-        apart = _strongest(cv2.absdiff(self._small_here(small, drift, behind), behind))
+        apart = _strongest(cv2.absdiff(self.here(small, drift, behind), behind))
         return np.asarray(cv2.subtract(apart, self.restless), np.uint8)
 
-    def _small_here(self, small: Image, drift: Array, behind: Image) -> Image:
+    def here(self, small: Image, drift: Array, behind: Image) -> Image:
+        """Return a small picture in the still frame, what it does not show as it is behind."""
         x, y = self.origin
         return moved_back(small, drift / self._full, (x // self.shrink, y // self.shrink), behind)
 
@@ -228,7 +231,7 @@ def still_of(
         restless=np.minimum(_quantile(off, _STILL.restless), _STILL.most_restless).astype(np.uint8),
         shrink=shrink,
         edges=edges,
-        sampled=drifts,
+        sampled=_usual(drifts),
         shows_drift=bool(_shown(edges, behind, own=False).any()),
         shows_turn=_shown(edges, behind, own=True),
     )
@@ -239,7 +242,8 @@ def _laid(greys: Sequence[Image], most: float, held: float) -> Array:
 
     From one to the next at most `most`, where edges show that, else `held`: what moves faster is no
     hand that holds a camera. Each is laid upon the one before, and then upon the median of all:
-    shifted alone, and then turned, too, if that lays them clearly better.
+    shifted alone, and then turned, too, if that lays them clearly better; in the end each is looked
+    for where those about it lie.
     """
     edges = [edges_of(each) for each in greys]
     shifted, turned, step = [np.zeros(4)], [np.zeros(4)], np.zeros(4)
@@ -250,7 +254,10 @@ def _laid(greys: Sequence[Image], most: float, held: float) -> Array:
     best, least = np.zeros((len(greys), 4)), 1.0
     middles = edges_of(_median(greys))
     stands = _misfits(edges, middles, greys, best)
-    ways = ((shifted, Edges.shifted, -_STILL.standing_parts), (turned, Edges.turned, _STILL.parts))
+    ways = (
+        (shifted, Edges.shifted, -_STILL.standing_parts),
+        (turned, Edges.turned, _STILL.turned_parts),
+    )
     for chain, lay, parts in ways:
         laid, before = np.array(chain), (middles, best)
         for _ in range(_STILL.rounds + 1):
@@ -263,14 +270,26 @@ def _laid(greys: Sequence[Image], most: float, held: float) -> Array:
             limit = np.where(_shown(whole, middle, own=True), most, min(most, held))
             # the median of pictures that hardly overlap shows nothing
             misfit = one_by_one * min(1.0, together)
-            drifts = one_by_one < _STILL.turns or misfit < _STILL.drifts
-            drifts |= one_by_one < _STILL.both[0] and misfit < _STILL.both[1]
-            drifts &= (steps <= limit).all() and misfit < least
-            if drifts and _sharper(greys, before, (whole, laid)) > parts:
+            moves = one_by_one < _STILL.turns or misfit < _STILL.drifts
+            moves |= one_by_one < _STILL.both[0] and misfit < _STILL.both[1]
+            moves &= (steps <= limit).all() and misfit < least
+            if moves and _sharper(greys, before, (whole, laid)) > parts:
                 best, least, middles = laid, misfit, whole
             laid = np.array([lay(whole, g, near) for g, near in zip(greys, laid, strict=True)])
         least *= _STILL.turned
+    if best.any():
+        about = _usual(best)
+        found = [middles.shifted(g, near, near) for g, near in zip(greys, about, strict=True)]
+        if best[:, 2:].any():
+            found = [middles.turned(g, near) for g, near in zip(greys, found, strict=True)]
+        shown = [middles.lie_in(g, near) for g, near in zip(greys, about, strict=True)]
+        best = np.where(np.array(shown)[:, None], found, best)
     return np.array([upon(each, best[0]) for each in best])
+
+
+def _usual(drifts: Array) -> Array:
+    """Return the drifts of pictures by those about them: one or two in a row may be laid wrong."""
+    return np.asarray(ndimage.median_filter(drifts, (5, 1), mode="nearest"))
 
 
 def _sharper(greys: Sequence[Image], one: tuple[Edges, Array], other: tuple[Edges, Array]) -> int:

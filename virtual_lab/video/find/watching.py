@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from virtual_lab.units import Array, Mask
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.find.blobs import BLOB, Blobs, blobs
+from virtual_lab.video.find.circles import circles
 from virtual_lab.video.find.still import Image, Still, eight_bits, still_of
 
 # off where the frames before lead: no hand moves a camera by more pixels, or turns it by more of
@@ -30,8 +30,14 @@ class Watched:
     change: Array  # (frame,) greatest from the frame before [DN]; NaN: not looked at
     # frames before which the background leaps off the way it went, and by how far [pixels]
     leaps: Mapping[int, float] = field(default_factory=dict)
-    # JPEG of 30 kB each, as searched; of 1500 frames at most
+    # JPEG of 30 kB each, as searched, and their drifts (4,); of 4000 frames at most
     thumbs: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict)
+    drifts: Mapping[int, Array] = field(default_factory=dict)
+
+    def again(self, number: int, radius: float) -> Blobs:
+        """Return where the rim of a ball of a radius [pixels] shows in a frame."""
+        small = cv2.imdecode(self.thumbs[number], cv2.IMREAD_UNCHANGED)
+        return circles(number, np.asarray(small), self.drifts[number], self.still, radius)
 
 
 def watch(
@@ -59,15 +65,14 @@ def watch(
     apart = float(np.diff(clip.sampled).max()) if len(clip.sampled) > 1 else 1.0
     still = still_of(list(clip.samples), depth, apart, stands=stands)
     first, last = frames or (0, clip.count - 1)
-    # a sample or two in a row may be laid wrong
-    sampled = ndimage.median_filter(still.sampled, (5, 1), mode="nearest").T
     change = np.full(clip.count, np.nan)
     found: list[Blobs] = [np.zeros(0, BLOB)]
     drift, ahead, since = np.zeros(4), np.zeros(4), 1
     before: Image | None = None
     leaps: dict[int, float] = {}
     thumbs: dict[int, NDArray[np.uint8]] = {}
-    kept = clip.count <= 1500 and clip.samples.dtype == np.uint8
+    drifts: dict[int, Array] = {}
+    kept = clip.count <= 4000
     for number, frame in enumerate(clip.pictures()):
         if number > last:
             break
@@ -75,9 +80,9 @@ def watch(
             progress(f"frame {number} of {clip.count}")
         picture = eight_bits(frame, depth)
         small = still.shrunk(picture)
-        between = np.array([np.interp(number, clip.sampled, each) for each in sampled])
-        known = (drift, between) if apart <= NEAR_FRAMES else (between, drift)
-        drifted = still.drift(small, drift + ahead, known) - drift
+        between = np.array([np.interp(number, clip.sampled, each) for each in still.sampled.T])
+        near = (between, between) if apart <= NEAR_FRAMES else (drift + ahead, drift)
+        drifted = still.drift(small, *near) - drift
         if (np.abs(drifted[:2]) < still.fastest * since).all():
             leapt = float(np.hypot(*(drifted - since * ahead)[:2]))
             if number > 1 and leapt > max(LEAP_PX, LEAP_SHARE * still.fastest.max()):
@@ -94,13 +99,25 @@ def watch(
         before = small
         if kept:
             thumbs[number] = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 92])[1]
+            drifts[number] = drift
         found.append(blobs(number, picture, small, drift, still))
-    whole = np.concatenate(found)
-    if region:
-        x, y, wide, high = region
-        inside = (whole["x"] > x) & (whole["x"] < x + wide)
-        whole = whole[inside & (whole["y"] > y) & (whole["y"] < y + high)]
-    return Watched(still=still, found=whole, change=change, leaps=leaps, thumbs=thumbs)
+    return Watched(
+        still=still,
+        found=in_region(np.concatenate(found), region),
+        change=change,
+        leaps=leaps,
+        thumbs=thumbs,
+        drifts=drifts,
+    )
+
+
+def in_region(found: Blobs, region: tuple[float, float, float, float] | None) -> Blobs:
+    """Return the blobs of a region: x, y, width, height [pixels]."""
+    if region is None:
+        return found
+    x, y, wide, high = region
+    inside = (found["x"] > x) & (found["x"] < x + wide)
+    return found[inside & (found["y"] > y) & (found["y"] < y + high)]
 
 
 def repeated(watched: Watched) -> Mask:

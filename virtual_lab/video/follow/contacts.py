@@ -24,6 +24,7 @@ class ContactSettings:
     least_change: float = 0.2  # of the speed: a smaller change is no contact
     off_normal: float = 35 * DEGREE  # that a change of velocity may be, to be along it
     slant_u: float = 0.5 * DEGREE  # of a floor or a wall off g, and of g as the camera sees it
+    turned_back: float = 0.2  # of the speed into it, along a floor or wall: it was struck twice
     least_u: float = 0.001  # of a restitution: no clip shows more
     vague_u: float = 0.25  # of a restitution that says nothing
     coverage: float = 2.0  # u: what lies beyond is no chance
@@ -158,6 +159,10 @@ def _restitution(
     if normal is not None:  # a floor is level, a wall upright, but for so much
         _, before, after = _closest(fit, first, t)
         side = np.array([-normal[1], normal[0]])
+        along = np.array([before @ side, after @ side]) / abs(before @ normal)
+        if along.prod() < 0 and np.abs(along).min() > CONTACTS.turned_back:
+            why = f"the ball turns back along the {kind}, too: it met two; no restitution is given"
+            return None, "CONTACT_UNCLEAR", why
         slope = float((after + ratio.value * before) @ side / (before @ normal))
         ratio = replace(ratio, u=float(np.hypot(ratio.u, CONTACTS.slant_u * slope)))
     if why := excessive(ratio):

@@ -53,9 +53,13 @@ class FlightSearch:
     # a second ball
     second_travel: float = 4.0  # radii
     second_contrast: float = 0.5  # of the ball's: what has less is its shadow or mirror image
+    tilted_misfit: float = 0.6  # what a perspective shrinks it to, to be believed
+    # of places by circles alone; such a flight must be bent by so many radii: a hand has circles
+    circled: float = 0.5
+    circled_sag: float = 1.0
     # a readout that is not known
     readouts: tuple[float, ...] = (0.0, 0.25, 0.5, 0.75, 1.0)  # frames, tried
-    good_spread: float = 0.015  # radii, that no other readout need mend
+    good_spread: float = 0.015  # radii, that no other readout or perspective need mend
     stated_readout: float = 4.0  # factor that the misfit shrinks by with another one: to say so,
     used_readout: float = 1.5  # and to decide which places belong
 
@@ -69,7 +73,7 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
     flights = _of_one_gravity(scene, long)
     if not flights:
         return [], None
-    fitted = partial(fit_flights, scene, readout=readout_of(scene, flights, FLIGHTS.used_readout))
+    fitted = partial(_fitted, scene, readout=readout_of(scene, flights, FLIGHTS.used_readout))
     for _ in range(FLIGHTS.rounds):
         flights = _merged(scene, flights, fitted(flights))
         flights = _aligned(scene, flights, fitted(flights))
@@ -81,11 +85,14 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
     flights = [each for each in flights if len(each.t) >= FLIGHTS.least_places]
     while flights:
         readout = readout_of(scene, flights, FLIGHTS.used_readout)
-        fit = fit_flights(scene, flights, readout=readout)
+        fit = _fitted(scene, flights, readout=readout)
         ended = _ended(scene, flights, fit)
         if [len(each.t) for each in ended] != [len(each.t) for each in flights]:
             flights = [each for each in ended if len(each.t) >= FLIGHTS.least_places]
             flights = [each for each in flights if _travel(each) >= GROWTH.hop * each.radius]
+            continue
+        if not all(shown := [_shown(scene, each, fit) for each in flights]):
+            flights = [each for each, good in zip(flights, shown, strict=True) if good]
             continue
         if _holds(scene, flights, fit):
             return flights, fit
@@ -93,8 +100,23 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
     return [], None
 
 
+def _fitted(scene: FlightScene, flights: Sequence[Piece], readout: float) -> Fit:
+    """Return the fit of flights, with a perspective where they fit that clearly better."""
+    flat = fit_flights(scene, flights, readout=readout)
+    if flat.spread < FLIGHTS.good_spread * float(np.median([each.radius for each in flights])):
+        return flat
+    tilted = fit_flights(scene, flights, readout=readout, tilted=True)
+    return tilted if tilted.cost < FLIGHTS.tilted_misfit * flat.cost else flat
+
+
+def _shown(scene: FlightScene, flight: Piece, fit: Fit) -> bool:
+    """Return whether a flight is more than circles that a hand may have."""
+    bent = _sag(fit.pull[0], flight) > FLIGHTS.circled_sag * flight.radius
+    return bent or float(scene.circled(flight.blobs).mean()) < FLIGHTS.circled
+
+
 def _ended(scene: FlightScene, flights: Sequence[Piece], fit: Fit) -> list[Piece]:
-    """Return flights without ends that lie off their way or are longer: in a hand or on a table.
+    """Return flights without ends off their way, alone or longer: in a hand or on a table.
 
     Ends at a contact stay: there a rolling shutter draws the way out of shape.
     """
@@ -104,7 +126,10 @@ def _ended(scene: FlightScene, flights: Sequence[Piece], fit: Fit) -> list[Piece
         room = max(radii * piece.radius, spreads * fit.spread)
         fast = np.hypot(*fit.at(k, piece.t)[:, 2:].T)
         long = scene.found["length"][piece.blobs] - FLIGHTS.end_length * piece.radius
-        good = np.flatnonzero((np.hypot(*left.T) < room) & (long < fast / 2))
+        steps = np.diff(piece.t)
+        near = steps < 1.5 * np.median(steps)
+        beside = np.append(near, False) | np.append(False, near)
+        good = np.flatnonzero((np.hypot(*left.T) < room) & (long < fast / 2) & beside)
         first = good[0] if free[k] and good.size else 0
         last = good[-1] if free[k + 1] and good.size else len(piece.t) - 1
         ended.append(piece.part(slice(first, last + 1)))
@@ -139,7 +164,8 @@ def _holds(scene: FlightScene, flights: Sequence[Piece], fit: Fit) -> bool:
     longest = max(flights, key=lambda each: len(each.t))
     own = 1.0 if len(flights) > 1 else FLIGHTS.sharp_radii / FLIGHTS.smooth_radii
     u = float(np.sqrt(fit.covariance[0, 0]))
-    return _smooth(fit.spread, longest) and _falls(scene, longest, fit.pull[0], u, own * fit.spread)
+    smooth = _smooth(longest, fit.pull[0], fit.spread)
+    return smooth and _falls(scene, longest, fit.pull[0], u, own * fit.spread)
 
 
 def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> list[Piece]:
@@ -229,7 +255,7 @@ def _of_one_gravity(scene: FlightScene, pieces: list[Piece]) -> list[Piece]:
     """Return the pieces, one at a time, that share the acceleration with most places behind it."""
     bends = [(each, *_bent(scene, each)) for each in pieces]
     # a shadow on the ground goes as its ball does, but across
-    bends = [e for e in bends if _smooth(e[3], e[0]) and _may_fall(e[0], e[1])]
+    bends = [e for e in bends if _smooth(e[0], e[1], e[3]) and _may_fall(e[0], e[1])]
     best: tuple[float, list[Piece]] = (0.0, [])
     for piece, pull, u, rms in bends:
         if len(piece.t) < FLIGHTS.least_places or not _falls(scene, piece, pull, u, rms):
@@ -264,8 +290,9 @@ def _of_one_gravity(scene: FlightScene, pieces: list[Piece]) -> list[Piece]:
     return best[1]
 
 
-def _smooth(rms: float, piece: Piece) -> bool:
-    return rms < max(FLIGHTS.smooth_radii * piece.radius, FLIGHTS.smooth_pixels)
+def _smooth(piece: Piece, pull: Array, rms: float) -> bool:
+    least = max(FLIGHTS.smooth_radii * piece.radius, FLIGHTS.smooth_pixels)
+    return rms < max(least, FLIGHTS.sharp_share * _sag(pull, piece))
 
 
 def _chance(piece: Piece, u: float) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -15,7 +15,7 @@ from virtual_lab.video.calibration.plane import PixelScale, distance_of
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.timing import uneven, usual_step
-from virtual_lab.video.find.watching import Watched, repeated, watch
+from virtual_lab.video.find.watching import Watched, in_region, repeated, watch
 from virtual_lab.video.follow.contacts import Contact, Note, contacts_of
 from virtual_lab.video.follow.flights import (
     FLIGHTS,
@@ -27,7 +27,7 @@ from virtual_lab.video.follow.flights import (
 )
 from virtual_lab.video.follow.joint import Fit, estimate_of, fit_flights
 from virtual_lab.video.follow.kinds import MotionKind, motion_of, swings
-from virtual_lab.video.follow.pieces import Piece, pieces
+from virtual_lab.video.follow.pieces import GROWTH, Piece, pieces
 from virtual_lab.video.follow.scene import FlightScene
 
 
@@ -37,13 +37,15 @@ class ClipSettings:
 
     roundest: float = 0.34  # of the places: those with the least blur show the ball's size
     rounds: int = 4  # that pieces grow in, each knowing the gravity that the last one found
+    kept: float = 0.6  # of a flight's frames, that are a flight's if the ball is looked for again
+    alike: float = 0.15  # of the radius, that a blob may differ by and needs no circle
+    again: float = 0.9  # of the support without, that a ball looked for again must have
     same_pull: float = 0.01  # of gravity: nothing new will be found by it
     # u of the acceleration that it may be off g by, and a share of it; of all flights, and of one
     off_gravity: tuple[float, float] = (3.0, 0.04)
     off_gravity_alone: tuple[float, float] = (5.0, 0.1)
     bent: float = 0.05  # radii that no gravity bends a short way by
-    tilted_misfit: float = 0.6  # what a perspective shrinks it to, to be believed
-    tilt: float = 0.03  # over the extent of the places, to be believed
+    tilt: float = 0.03  # of a perspective over the extent of the places, to be believed
     reconciled: float = 0.7  # of what flights' accelerations differ by, if that explains it
     strays: float = 3.0  # standard uncertainties that a flight's end leaves its way by
     usual_readout: float = 0.5  # frames, of a phone
@@ -129,6 +131,17 @@ class FollowedClip:
         return tuple(dict.fromkeys(words for _, words in self.notes))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Search:
+    """What was found by one reading of the clip's time."""
+
+    scene: FlightScene
+    support: float
+    pieces: list[Piece] = field(default_factory=list)
+    ways: list[Piece] = field(default_factory=list)
+    pull: Array | None = None
+
+
 def known_of(clip: Clip, calibration: ClipCalibration) -> Known:
     """Return what a calibration file says, as the following of any clip takes it.
 
@@ -173,8 +186,34 @@ def following(
     if same.sum() >= CLIP.least_repeats and not scene.doubled:
         squeezed = _scene(clip, watched, known, same, squeezed=True)
         tries.append(_searched(watched, known, squeezed))
-    _, scene, found, ways = max(tries, key=lambda each: each[0])
-    return _measured(clip, watched, known, scene, found, ways, same)
+    best = max(tries, key=lambda each: each.support)
+    if best.pieces:
+        looked = _again(watched, known, best.ways or best.pieces)
+        again = _searched(looked, known, replace(best.scene, found=looked.found), best.pull)
+        if again.support > CLIP.again * best.support and _kept(best.ways, again.ways):
+            best, watched = again, looked
+    return _measured(clip, watched, known, best.scene, best.pieces, best.ways, same)
+
+
+def _again(watched: Watched, known: Known, ways: list[Piece]) -> Watched:
+    """Return what was watched with the ball looked for again where it has no place."""
+    radius = float(np.median(np.repeat([w.radius for w in ways], [len(w.t) for w in ways])))
+    placed = np.concatenate([way.frames for way in ways])
+    numbers = sorted(set(watched.thumbs) - set(placed.tolist()))
+    circles = np.concatenate([watched.found[:0], *(watched.again(k, radius) for k in numbers)])
+    clean = np.abs(watched.found["radius"] / radius - 1) < CLIP.alike
+    clean &= watched.found["dirty"] < GROWTH.dirty
+    for blob in watched.found[clean]:
+        off = np.hypot(circles["x"] - blob["x"], circles["y"] - blob["y"])
+        circles = circles[(circles["frame"] != blob["frame"]) | (off > 0.5 * radius)]
+    whole = np.concatenate([watched.found, in_region(circles, known.region)])
+    return replace(watched, found=whole[np.argsort(whole["frame"], kind="stable")])
+
+
+def _kept(before: list[Piece], after: list[Piece]) -> bool:
+    """Return whether most frames of each flight are those of flights still."""
+    frames = np.concatenate([way.frames for way in after]) if after else np.zeros(0)
+    return all(np.isin(way.frames, frames).mean() > CLIP.kept for way in before)
 
 
 def _scene(
@@ -200,11 +239,10 @@ def _scene(
 
 
 def _searched(
-    watched: Watched, known: Known, scene: FlightScene
-) -> tuple[float, FlightScene, list[Piece], list[Piece]]:
-    """Return support, scene, all pieces and the flights."""
-    best: tuple[float, list[Piece], list[Piece]] = (-1.0, [], [])
-    pull = None
+    watched: Watched, known: Known, scene: FlightScene, pull: Array | None = None
+) -> _Search:
+    """Return what is found, by a gravity (2,) [px/frame²] that is known or not."""
+    best = _Search(scene=scene, support=-1.0)
     for _ in range(CLIP.rounds):  # where gravity is known also through frames that are missing
         found = pieces(watched.found, scene.time, pull)
         found = [p for p in found if not known.ball_at or _passes(watched, p, known.ball_at)]
@@ -212,14 +250,14 @@ def _searched(
         if swings(found, ways):
             ways, fit = [], None
         support = _support(scene, ways, fit) if fit else 0.0
-        if support > best[0]:
-            best = support, found, ways
         before, pull = pull, fit.pull[0] if fit else None
+        if support > best.support:
+            best = _Search(scene=scene, support=support, pieces=found, ways=ways, pull=pull)
         if pull is None:
             break
         if before is not None and np.hypot(*(pull - before)) < CLIP.same_pull * np.hypot(*pull):
             break
-    return best[0], scene, *best[1:]
+    return best
 
 
 def _passes(watched: Watched, piece: Piece, at: tuple[float, float, int]) -> bool:
@@ -329,7 +367,11 @@ def _measured(
         contacts, against = contacts_of(scene, ways, fit, [*others, *read], step, unit)
         flights = _flights(scene, ways, fit, others, contacts, scale, step)
         gravity = estimate_of(
-            partial(_pull, 0), fit, unit=unit / step**2, relative_u=scale.relative_u
+            partial(_pull, 0),
+            fit,
+            [(other, 1 / np.sqrt(3))] if other else [],  # any between is as likely
+            unit=unit / step**2,
+            relative_u=scale.relative_u,
         )
         notes += against + _doubts(known, ways, flights, unit, step)
         if known.readout is None and not fit.readout:
@@ -380,7 +422,7 @@ def _fits(scene: FlightScene, ways: list[Piece]) -> tuple[Fit, Fit | None]:
     )
     extent = np.ptp(np.concatenate([each.xy for each in ways]), axis=0).max()
     turned = np.hypot(*tilted.tilt) * extent > CLIP.tilt
-    if tilted.cost >= CLIP.tilted_misfit * flat.cost or not turned:
+    if tilted.cost >= FLIGHTS.tilted_misfit * flat.cost or not turned:
         return flat, None
     apart = []
     for each in (False, True):
@@ -435,6 +477,9 @@ def _scale(
     if not known.ball or not ways:
         return None
     some = watched.found[np.concatenate([each.blobs for each in ways])]
+    some = some[np.isfinite(some["radius_u"])]
+    if not len(some):
+        return None
     ratio, size = some["length"] / some["radius"], (some["radius"] + some["length"]) / 2
     if fit:
         size = size / (1 - (np.stack([some["x"], some["y"]], axis=1) - fit.centre) @ fit.tilt)

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.units import Array
+from virtual_lab.units import Array, Mask
 from virtual_lab.video.find.blobs import Blobs
 from virtual_lab.video.follow.pieces import Piece
 
@@ -55,3 +55,7 @@ class FlightScene:
         at = self.found["picture_x" if axis == 0 else "picture_y"][blobs]
         share = np.clip(at / (self.size[axis] - 1), 0, 1)
         return np.asarray(share if sense > 0 else 1 - share)
+
+    def circled(self, blobs: NDArray[np.intp] | int) -> Mask:
+        """Return which blobs are circles of the ball's size alone."""
+        return np.asarray(np.isinf(self.found["radius_u"][blobs]))

@@ -64,7 +64,8 @@ def pictures_of(course: BallCourse, thumbs: Mapping[int, Image]) -> Pictures:
     low, high = _range(course)
     size = (max(1, round(columns * scale)), max(1, round(rows * scale)))
     way = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
-    kept = [int(each) for each in wanted if each in thumbs]
+    eight_bits = course.clip.samples.dtype == np.uint8  # as thumbs have
+    kept = [int(each) for each in wanted if each in thumbs and eight_bits]
     small = {k: np.asarray(cv2.imdecode(thumbs[k], cv2.IMREAD_UNCHANGED)) for k in kept}
     left = np.array([each for each in wanted if each not in small], np.intp)
     frames = {
