@@ -78,27 +78,30 @@ def circles(number: int, small: Image, drift: Array, still: Still, radius: float
 def _middles(off: NDArray[np.float32], r: float) -> Iterator[Array]:
     """Yield the middles (2,) of the circles of a radius that show in a difference [pixels]."""
     across, down = (cv2.Scharr(off, cv2.CV_32F, *way, scale=1 / 32) for way in ((1, 0), (0, 1)))
-    slope = np.hypot(across, down)
-    y, x = np.nonzero(slope > _CIRCLE.steepest)
-    weight = slope[y, x].astype(float)
-    place, inward = (np.stack(each, axis=1) for each in ((x, y), (across[y, x], down[y, x])))
-    inward = inward / weight[:, None]
-    size = np.array(off.shape[::-1])
-    voted = np.rint(place + r * inward).astype(int)
-    voted = voted[((voted >= 0) & (voted < size)).all(axis=1)]
-    votes = np.zeros(off.shape, np.float32)
-    np.add.at(votes, (voted[:, 1], voted[:, 0]), 1.0)
+    slope, size = cv2.magnitude(across, down), np.array(off.shape[::-1])
+    y, x = np.divmod(steep := np.flatnonzero(slope > _CIRCLE.steepest), size[0])
+    away = r / slope.ravel()[steep]
+    x = np.rint(x + away * across.ravel()[steep]).astype(int)
+    y = np.rint(y + away * down.ravel()[steep]).astype(int)
+    shown = (x >= 0) & (x < size[0]) & (y >= 0) & (y < size[1])
+    count = np.bincount(x[shown] + size[0] * y[shown], minlength=off.size)
     room = max(_CIRCLE.least_off, _CIRCLE.off * r)
+    votes = np.reshape(count, off.shape).astype(np.float32)
     votes = np.asarray(cv2.GaussianBlur(votes, (0, 0), room), np.float32)
     side = 2 * int(np.ceil(_CIRCLE.apart * r)) + 1
     highest = cv2.dilate(votes, np.ones((side, side), np.uint8))
     rows, columns = np.nonzero((votes >= highest) & (votes > 0))
+    reach = round(r + 2 * _CIRCLE.room * room)
     for k in np.argsort(-votes[rows, columns], kind="stable")[: _CIRCLE.tried]:
+        left, top = max(0, columns[k] - reach), max(0, rows[k] - reach)
+        part = np.s_[top : rows[k] + reach + 1, left : columns[k] + reach + 1]
+        y, x = np.nonzero(slope[part] > _CIRCLE.steepest)
+        place = np.stack([x + left, y + top], axis=1).astype(float)
+        weight = slope[part][y, x].astype(float)
+        inward = np.stack([across[part][y, x], down[part][y, x]], axis=1) / weight[:, None]
         middle = np.array([columns[k], rows[k]], float)
-        near = np.abs(place - middle).max(axis=1) < r + 2 * _CIRCLE.room * room
-        rim = place[near], inward[near], weight[near]
         for _ in range(_CIRCLE.rounds):
-            middle = _nearer(middle, *rim, r, _CIRCLE.room * room)
+            middle = _nearer(middle, place, inward, weight, r, _CIRCLE.room * room)
         if ((middle >= 0) & (middle < size)).all():
             yield middle
 

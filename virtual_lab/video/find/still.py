@@ -119,9 +119,9 @@ class Still:
 
         1.0 within half a percent, and where no pixel is bright enough to measure it.
         """
-        grid = np.s_[:: _STILL.grid, :: _STILL.grid]
-        here = self.here(small, drift, self.small)[grid]
-        here, behind = (np.atleast_3d(each).T for each in (here, self.small[grid]))
+        grid = self.small[:: _STILL.grid, :: _STILL.grid]
+        here = self.here(small, drift, grid, _STILL.grid)
+        here, behind = (np.atleast_3d(each).T for each in (here, grid))
         gains = np.ones(len(behind))
         for k, (one, lit) in enumerate(zip(here, behind.astype(np.float32), strict=True)):
             shown = lit > _STILL.lit
@@ -140,10 +140,13 @@ class Still:
         apart = _strongest(cv2.absdiff(self.here(small, drift, behind), behind))
         return np.asarray(cv2.subtract(apart, self.restless), np.uint8)
 
-    def here(self, small: Image, drift: Array, behind: Image) -> Image:
-        """Return a small picture in the still frame, what it does not show as it is behind."""
-        x, y = self.origin
-        return moved_back(small, drift / self._full, (x // self.shrink, y // self.shrink), behind)
+    def here(self, small: Image, drift: Array, behind: Image, every: int = 1) -> Image:
+        """Return a small picture in the still frame, what it does not show as it is behind.
+
+        `every`: pixels from one to the next that is asked for, each way.
+        """
+        corner = (self.origin[0] // self.shrink, self.origin[1] // self.shrink)
+        return moved_back(small, drift / self._full, corner, behind, every)
 
     def cut(
         self,
@@ -333,18 +336,22 @@ def eight_bits(frame: Frame, depth: int) -> Image:
     return np.asarray(frame >> max(0, depth - 8), np.uint8)
 
 
-def moved_back(picture: Image, drift: Array, corner: tuple[int, int], behind: Image) -> Image:
+def moved_back(
+    picture: Image, drift: Array, corner: tuple[int, int], behind: Image, every: int = 1
+) -> Image:
     """Return a drifted picture where it lies before a background, elsewhere the background.
 
-    The corner (x, y) is that of the background in the still frame.
+    The corner (x, y) is that of the background in the still frame, which has `every` pixel of it.
     """
     x, y = corner
     rows, columns = behind.shape[:2]
-    inside = 0 <= x <= picture.shape[1] - columns and 0 <= y <= picture.shape[0] - rows
+    right, below = x + every * (columns - 1) + 1, y + every * (rows - 1) + 1
+    inside = x >= 0 and y >= 0 and right <= picture.shape[1] and below <= picture.shape[0]
     if inside and not np.any(drift):
-        return picture[y : y + rows, x : x + columns]
+        return picture[y:below:every, x:right:every]
     back = matrix_of(drift, picture.shape[1::-1])
     back[:, 2] += back[:, :2] @ [x, y]
+    back[:, :2] *= every
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     here = behind.copy()
     mode = cv2.BORDER_TRANSPARENT

@@ -194,13 +194,13 @@ def fit_flights(
 
 
 def _parts(vector: Array, flights: int) -> dict[str, Any]:
-    """Return what a vector of parameters consists of, by the names of `Fit`."""
-    k = len(vector) - 4 * flights - 3
+    """Return what vectors (…, parameter) consist of, by the names of `Fit`."""
+    some, k = vector.shape[:-1], vector.shape[-1] - 4 * flights - 3
     return {
-        "pull": np.broadcast_to(vector[:k].reshape(-1, 2), (flights, 2)),
-        "drag": max(0.0, float(vector[k])),
-        "tilt": vector[k + 1 : k + 3],
-        "states": vector[k + 3 :].reshape(flights, 4),
+        "pull": np.broadcast_to(vector[..., :k].reshape(*some, -1, 2), (*some, flights, 2)),
+        "drag": np.maximum(0.0, vector[..., k]),
+        "tilt": vector[..., k + 1 : k + 3],
+        "states": vector[..., k + 3 :].reshape(*some, flights, 4),
     }
 
 
@@ -225,18 +225,18 @@ class _FlightModel:
         return np.concatenate([pull.ravel(), np.zeros(3), np.hstack([place, velocity]).ravel()])
 
     def places(self, vector: Array) -> Array:
-        """Return the places, (place, 2)."""
+        """Return the places of vectors (…, parameter), (…, place, 2)."""
         parts = _parts(vector, self.of[-1] + 1)
-        states, pull = parts["states"][self.of], parts["pull"][self.of]
+        states, pull = (parts[name][..., self.of, :] for name in ("states", "pull"))
         flown = _flown(states, pull, parts["drag"], self.dt)
-        return _pictured(flown[:, :2], parts["tilt"], self.centre)
+        return _pictured(flown[..., :2], parts["tilt"], self.centre)
 
     def jacobian(self, vector: Array, free: Ints) -> Array:
         """Return the derivative of places, (place, 2, free parameter).
 
         A parameter is moved for all flights at once: a place depends on its own flight's alone.
         """
-        base, rows = self.places(vector), np.arange(len(self.dt))
+        rows = np.arange(len(self.dt))
         reach = max(1.0, float(np.abs(self.dt).max()))
         k = len(vector) - 4 * (self.of[-1] + 1) - 3
         own = 0 * self.of if k == 2 else 2 * self.of
@@ -250,11 +250,13 @@ class _FlightModel:
             (slice(k + 3 + n, None, 4), k + 3 + n + 4 * self.of, step)
             for n, step in enumerate((0.1, 0.1, 0.1 / reach, 0.1 / reach))
         ]
+        moved = np.tile(vector, (len(moves) + 1, 1))
+        for one, (some, _, step) in zip(moved, moves, strict=False):
+            one[some] += step
+        *there, base = self.places(moved)
         jacobian = np.zeros((len(rows), 2, len(vector)))
-        for some, columns, step in moves:
-            moved = vector.copy()
-            moved[some] += step
-            jacobian[rows, :, columns] = (self.places(moved) - base) / step
+        for place, (_, columns, step) in zip(there, moves, strict=True):
+            jacobian[rows, :, columns] = (place - base) / step
         return jacobian[:, :, free]
 
 
@@ -269,17 +271,18 @@ def _alike(left: Array, of: Ints) -> float:
     return (1 + alike) / (1 - alike)
 
 
-def _flown(states: Array, pull: Array, drag: float, dt: Array) -> Array:
-    """Return states (place, 4) after times, by Runge and Kutta's method."""
-    later = dt[:, None]
-    if drag == 0.0:
-        place = states[:, :2] + states[:, 2:] * later + pull * later**2 / 2
-        return np.hstack([place, states[:, 2:] + pull * later])
+def _flown(states: Array, pull: Array, drag: Array | float, dt: Array) -> Array:
+    """Return states (…, place, 4) after times (place,), by Runge and Kutta's method."""
+    later, slowing = dt[:, None], np.asarray(drag)[..., None, None]
+    if not np.any(drag):
+        place = states[..., :2] + states[..., 2:] * later + pull * later**2 / 2
+        return np.concatenate([place, states[..., 2:] + pull * later], axis=-1)
 
     def rate(s: Array) -> Array:
-        changed = np.empty_like(s)
-        changed[:, :2] = s[:, 2:]
-        changed[:, 2:] = pull - drag * np.hypot(s[:, 2], s[:, 3])[:, None] * s[:, 2:]
+        changed, velocity = np.empty_like(s), s[..., 2:]
+        changed[..., :2] = velocity
+        fast = np.hypot(velocity[..., :1], velocity[..., 1:])
+        changed[..., 2:] = pull - slowing * fast * velocity
         return changed
 
     step = later / FLIGHT_FIT.runge_kutta_steps
@@ -296,4 +299,4 @@ def _pictured(places: Array, tilt: Array, centre: Array) -> Array:
     if not tilt.any():
         return places
     off = places - centre
-    return centre + off / (1 + off @ tilt)[:, None]
+    return np.asarray(centre + off / (1 + (off * tilt[..., None, :]).sum(axis=-1, keepdims=True)))

@@ -7,7 +7,9 @@ out of the file though its time stamps are even: the ball is then ahead by as ma
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import combinations
+from statistics import median
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,10 +110,17 @@ def parabola(t: Array, xy: Array) -> tuple[Array, float, float]:
 
 def _polynomial(t: Array, xy: Array, degree: int) -> tuple[Array, Array, float]:
     """Return a polynomial's coefficients, what takes places to them, and the rms residual."""
-    design = np.vander(t, degree + 1, increasing=True)
-    solver = np.asarray(np.linalg.pinv(design), np.float64)
-    left = xy - design @ (solver @ xy)
-    return solver @ xy, solver, float(np.sqrt((left**2).sum() / max(1, 2 * (len(t) - degree - 1))))
+    design, solver = _solver(t.tobytes(), degree)
+    solved = solver @ xy
+    left = xy - design @ solved
+    return solved, solver, float(np.sqrt((left**2).sum() / max(1, 2 * (len(t) - degree - 1))))
+
+
+@lru_cache(maxsize=4096)
+def _solver(times: bytes, degree: int) -> tuple[Array, Array]:
+    """Return a polynomial's powers at times and their inverse: growth meets few sets of times."""
+    design = np.vander(np.frombuffer(times), degree + 1, increasing=True)
+    return design, np.asarray(np.linalg.pinv(design), np.float64)
 
 
 def pieces(found: Blobs, time: Array, pull: Array | None = None) -> list[Piece]:
@@ -223,7 +232,7 @@ class _Growth:
     def _grown(self, seed: tuple[int, int, int]) -> tuple[list[int], list[float]]:
         places, t = list(seed), [float(self.time[self.frame[k]]) for k in seed]
         ahead = 0.0  # lost so far
-        radius = float(np.median(self.radius[places]))
+        radius = median(self.radius[places].tolist())
         for frame in self.counted[self.place[int(self.frame[seed[-1]])] + 1 :].tolist():
             if frame - self.frame[places[-1]] > GROWTH.gap_frames + 1:
                 break
@@ -237,7 +246,7 @@ class _Growth:
             places.append(which)
             t.append(time + lost)
             if len(places) % 4 == 0:
-                radius = float(np.median(self.radius[places]))
+                radius = median(self.radius[places].tolist())
         return places, t
 
     def _next(
