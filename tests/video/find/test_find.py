@@ -293,6 +293,19 @@ def test_a_ball_at_the_top_of_a_low_hop_is_no_repeat() -> None:
     assert np.flatnonzero(repeated(watched)).tolist() == [6]
 
 
+def test_one_blob_of_noise_is_no_motion_in_a_repeat() -> None:
+    """Of a frame stored twice most blobs stay where they are; of one beside a codec's noise may."""
+    change = np.array([np.nan, 40, 38, 3, 36, 40.0])
+    found = np.zeros((6, 3), BLOB)  # of each frame the ball, its shadow, noise
+    found["frame"], found["radius"] = np.arange(6)[:, None], [15.0, 11.0, 4.0]
+    found["x"][:, :2] = np.array([100, 110, 120, 120, 130, 140.0])[:, None]
+    found["y"] = np.array([[90, 300, y] for y in (60, 64, 60, 61.5, 60, 64)])
+    found = found.ravel()
+    still = still_of([np.zeros((40, 40), np.uint8)] * 3, 8, stands=True)
+    watched = Watched(still=still, found=found, change=change)
+    assert np.flatnonzero(repeated(watched)).tolist() == [3]
+
+
 def test_frames_stored_twice_change_less_than_those_beside() -> None:
     moving = np.array([np.nan, 40, 2, 42, 3, 39, 2, 41, 38, 40, 3, 44, 40.0])
     assert np.flatnonzero(repeats(moving)).tolist() == [2, 4, 6, 10]

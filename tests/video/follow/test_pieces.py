@@ -28,7 +28,7 @@ def blobs_of(xy: Array, colour: Array | float = 100.0, noise: float = 0.2) -> Bl
     return found
 
 
-def flights_in(found: Blobs) -> list[Piece]:
+def flights_in(found: Blobs, fall: float = PULL / RADIUS) -> list[Piece]:
     """Return the flights, of a camera with a global shutter; g is known after the first round."""
     time = np.arange(found["frame"].max() + 1.0)
     scene = FlightScene(
@@ -37,7 +37,7 @@ def flights_in(found: Blobs) -> list[Piece]:
         stamped=time,
         size=(960, 540),
         exposure=0.5,
-        fall=PULL / RADIUS,
+        fall=fall,
     )
     flights, fit = flights_of(scene, pieces(found, time))
     if fit is not None:
@@ -104,6 +104,24 @@ def test_a_shadow_that_a_low_sun_moves_across_the_ground_is_no_ball() -> None:
     flights = flights_in(both[np.argsort(both["frame"], kind="stable")])
     assert len(flights) >= 2
     assert all((each.xy[:, 0] < 500).all() for each in flights)
+
+
+def test_leaves_that_sail_down_slowly_are_not_the_ball_that_falls_among_them() -> None:
+    """There are more of them, all alike; over so many frames gravity would show."""
+    late = np.arange(16.0)
+    ball = blobs_of(np.stack([300 + 8 * late, 100 + PULL * late**2], axis=1))
+    leaves = [
+        blobs_of(np.stack([x + 6 * late, y + 5 * late + 0.02 * late**2], axis=1))
+        for x, y in ((40.0, 60.0), (60.0, 300.0), (500.0, 40.0))
+    ]
+    leaves.append(leaves[0][:7].copy())  # too short to show that it does not fall
+    for k, leaf in enumerate(leaves):
+        leaf["frame"] += 18 * k
+        leaf["radius"] = leaf["length"] = 12.0
+    both = np.concatenate([ball, *leaves])
+    (flight,) = flights_in(both[np.argsort(both["frame"], kind="stable")], fall=2 * PULL / RADIUS)
+    assert len(flight.t) == 16
+    assert np.allclose(flight.xy[:, 0], 300 + 8 * late, atol=1.0)
 
 
 @pytest.mark.parametrize("drawn", [0.0, 3.0])

@@ -19,7 +19,7 @@ RATE = 240.0
 BALL = 0.073  # m
 
 
-def followed(found: Blobs) -> FollowedClip:
+def followed(found: Blobs, readout: float | None = 0.0) -> FollowedClip:
     """Return flights and contacts of blobs that a camera on a stand saw."""
     count = int(found["frame"].max()) + 1
     clip = SimpleNamespace(
@@ -30,7 +30,7 @@ def followed(found: Blobs) -> FollowedClip:
         found=found,
         change=np.full(count, np.nan),
     )
-    known = Known(rate=RATE, ball=BALL, ball_u=1e-4, stands=True, readout=0.0)
+    known = Known(rate=RATE, ball=BALL, ball_u=1e-4, stands=True, readout=readout)
     return following(cast("Clip", clip), watched, known)
 
 
@@ -46,6 +46,21 @@ def test_a_ball_rolls_over_a_table_s_edge(before: int, noise: float) -> None:
     assert abs(flight.speed_in.value - true) < 3 * flight.speed_in.u
     if not before:
         assert flight.speed_in.u < 0.02 * true
+
+
+@pytest.mark.parametrize("readout", [0.0, 0.5, 1.0])
+def test_the_u_of_gravity_covers_a_readout_that_nobody_knows(readout: float) -> None:
+    """Rows that are read later show a falling ball later: its acceleration looks larger."""
+    seen = np.arange(40.0)
+    late, y = seen, np.zeros(40)
+    for _ in range(20):
+        y = 60 + 0.3 * late**2 / 2
+        late = seen + readout * y / 540
+    found = blobs_of(np.stack([200 + 0 * y, y], axis=1), noise=0.1)
+    measured = followed(found, readout=None).gravity
+    assert measured is not None
+    true = 0.3 * RATE**2 * BALL / (2 * RADIUS)
+    assert abs(measured.value - true) < 2.5 * measured.u
 
 
 @pytest.mark.parametrize("along", [2.0, -2.0])

@@ -128,13 +128,14 @@ def repeated(watched: Watched) -> Mask:
     found, same = watched.found, repeats(watched.change)
     clean = found[(found["dirty"] < 0.35) & ~found["cut"]]
     for k in np.flatnonzero(same):
-        old = clean[clean["frame"] == k - 1]
+        old, moved = clean[clean["frame"] == k - 1], []
         for one in clean[clean["frame"] == k]:
             alike = old[np.abs(old["radius"] / one["radius"] - 1) < 0.1]
             away = np.hypot(alike["x"] - one["x"], alike["y"] - one["y"]).min(initial=np.inf)
-            # a codec that stores a picture twice moves a blob by half a pixel
-            if max(0.7, 0.03 * one["radius"]) < away < one["radius"]:
-                same[k] = False
+            if away < one["radius"]:
+                # a codec that stores a picture twice moves a blob by half a pixel
+                moved.append(away > max(0.7, 0.03 * one["radius"]))
+        same[k] = not moved or np.mean(moved) < 0.5
     return same
 
 

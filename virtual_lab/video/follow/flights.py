@@ -256,15 +256,19 @@ def _of_one_gravity(scene: FlightScene, pieces: list[Piece]) -> list[Piece]:
     bends = [(each, *_bent(scene, each)) for each in pieces]
     # a shadow on the ground goes as its ball does, but across
     bends = [e for e in bends if _smooth(e[0], e[1], e[3]) and _may_fall(e[0], e[1])]
+    falls = [_falls(scene, *each) for each in bends]
     best: tuple[float, list[Piece]] = (0.0, [])
-    for piece, pull, u, rms in bends:
-        if len(piece.t) < FLIGHTS.least_places or not _falls(scene, piece, pull, u, rms):
+    for (piece, pull, u, _), fell in zip(bends, falls, strict=True):
+        if len(piece.t) < FLIGHTS.least_places or not fell:
             continue
         like: list[Piece] = []
         loose: list[Piece] = []
         size = float(np.hypot(*pull))
         shows = size > _chance(piece, u)
-        for other, own, own_u, _ in bends:
+        bent = _sag(pull, piece) > FLIGHTS.sag * piece.radius
+        for (other, own, own_u, _), also in zip(bends, falls, strict=True):
+            if not (bent or also):
+                continue  # leaves sail as one that is too short to show what it does
             chance = _chance(other, own_u)
             slowed = (
                 (FLIGHT_FIT.drag + FLIGHT_FIT.drag_u)

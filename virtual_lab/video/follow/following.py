@@ -362,18 +362,22 @@ def _measured(
         unit = scale.metres_per_pixel
         read = []
         if fit.readout and scene.readout is None:  # found among so many that were tried
-            near = fit.readout - FLIGHTS.readouts[1]
-            read = [(_refit(scene, ways, fit, readout=near), 1 / np.sqrt(3))]
+            near = _refit(scene, ways, fit, readout=fit.readout - FLIGHTS.readouts[1])
+            read = [(near, 1 / np.sqrt(3))]
         contacts, against = contacts_of(scene, ways, fit, [*others, *read], step, unit)
         flights = _flights(scene, ways, fit, others, contacts, scale, step)
         gravity = estimate_of(
             partial(_pull, 0),
             fit,
-            [(other, 1 / np.sqrt(3))] if other else [],  # any between is as likely
+            [  # any between is as likely
+                (each, 1 / np.sqrt(3))
+                for each in (other, scene.readout is None and _refit(scene, ways, fit, readout=1.0))
+                if each
+            ],
             unit=unit / step**2,
             relative_u=scale.relative_u,
         )
-        notes += against + _doubts(known, ways, flights, unit, step)
+        notes += against + _doubts(known, ways, flights, gravity, unit, step)
         if known.readout is None and not fit.readout:
             rolled = _refit(scene, ways, fit, readout=CLIP.usual_readout)
             other_contacts, _ = contacts_of(scene, ways, rolled, [], step, unit)
@@ -584,24 +588,23 @@ def _speed(flight: int, t: float, late: float, fit: Fit) -> float:
 
 
 def _doubts(
-    known: Known, ways: list[Piece], flights: list[MeasuredFlight], unit: float, step: float
+    known: Known,
+    ways: list[Piece],
+    flights: list[MeasuredFlight],
+    shared: Estimate,
+    unit: float,
+    step: float,
 ) -> list[Note]:
-    """Return what speaks against scale, ball and frame rate."""
-    notes = []
-    pulls, bent = [], []
+    """Return what speaks against scale, ball and frame rate; `shared`: all flights' gravity."""
+    notes, judged = [], []
     for way, flight in zip(ways, flights, strict=True):
         pull = flight.acceleration
         sag = (step * np.ptp(way.t)) ** 2 / 8 / (unit * way.radius)  # radii, of 1 m/s²
-        if sag * max(known.gravity, pull.value) > 1:
-            pulls.append(pull)
-        elif sag * abs(pull.value - known.gravity) > CLIP.bent:
-            bent.append(pull)
-    judged = [(each, *CLIP.off_gravity_alone) for each in pulls + bent]
-    if some := pulls or bent:
-        weights = [1 / max(each.u, 1e-9) ** 2 for each in some]
-        mean = float(np.average([each.value for each in some], weights=weights))
-        together = Estimate(value=mean, u=min(each.u for each in some))
-        judged.append((together, *CLIP.off_gravity))
+        shown = sag * max(known.gravity, pull.value) > 1
+        if shown or sag * abs(pull.value - known.gravity) > CLIP.bent:
+            judged.append((pull, *CLIP.off_gravity_alone))
+    if judged:
+        judged.append((shared, *CLIP.off_gravity))
     for each, coverage, share in judged:
         if abs(each.value - known.gravity) > max(coverage * each.u, share * known.gravity):
             words = (
