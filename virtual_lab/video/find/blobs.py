@@ -270,6 +270,7 @@ def _softened(off: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def disc(shape: tuple[int, ...], x: float, y: float, radius: float) -> NDArray[np.bool_]:
+    """Return which pixels (row, column) lie nearer to a place than a radius [pixels]."""
     row = np.arange(shape[0])[:, None] - y
     column = np.arange(shape[1]) - x
     return np.asarray(row**2 + column**2 < radius**2)

@@ -1,7 +1,8 @@
 """The ball looked for again where its size is known, by what of its rim shows.
 
-A ball before a hand, or of its background's brightness in parts, is no whole blob, but half of its
-rim tells where its middle lies: a radius inward (Hough's transform, then least squares).
+A ball before a hand, or partly as bright as its background, is no whole blob, but half of its rim
+is enough: each of its pixels votes for a middle one radius inward (Hough transform); least squares
+on the rim then place the middle.
 """
 
 from __future__ import annotations

@@ -59,6 +59,7 @@ class ClipSettings:
 
 
 CLIP = ClipSettings()
+EVEN_SHARE = 1 / np.sqrt(3)  # of a difference is u, where anything up to it is as likely
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -360,20 +361,13 @@ def _measured(
                 )
                 notes.append(("DRIFT_UNSEEN", words))
         unit = scale.metres_per_pixel
-        read = []
-        if fit.readout and scene.readout is None:  # found among so many that were tried
-            near = _refit(scene, ways, fit, readout=fit.readout - FLIGHTS.readouts[1])
-            read = [(near, 1 / np.sqrt(3))]
-        contacts, against = contacts_of(scene, ways, fit, [*others, *read], step, unit)
-        flights = _flights(scene, ways, fit, others, contacts, scale, step)
+        longest, next_one = _other_readouts(scene, ways, fit)
+        contacts, against = contacts_of(scene, ways, fit, [*others, *next_one], step, unit)
+        flights = _flights(scene, ways, fit, [*others, *longest], contacts, scale, step)
         gravity = estimate_of(
             partial(_pull, 0),
             fit,
-            [  # any between is as likely
-                (each, 1 / np.sqrt(3))
-                for each in (other, scene.readout is None and _refit(scene, ways, fit, readout=1.0))
-                if each
-            ],
+            [*longest, *([(other, EVEN_SHARE)] if other else [])],
             unit=unit / step**2,
             relative_u=scale.relative_u,
         )
@@ -439,6 +433,22 @@ def _refit(scene: FlightScene, ways: Sequence[Piece], fit: Fit, **changed: Any) 
     """Return a fit by the same model but for what is changed."""
     like = {"readout": fit.readout, "tilted": bool(fit.tilt.any())}
     return fit_flights(scene, ways, **like | changed)
+
+
+def _other_readouts(
+    scene: FlightScene, ways: Sequence[Piece], fit: Fit
+) -> tuple[list[tuple[Fit, float]], list[tuple[Fit, float]]]:
+    """Return fits by the longest readout, and by the one tried next to a found one; none if known.
+
+    Each with the share of its difference that is u.
+    """
+    if scene.readout is not None:
+        return [], []
+    longest = _refit(scene, ways, fit, readout=1.0)
+    if not fit.readout:
+        return [(longest, EVEN_SHARE)], []
+    near = _refit(scene, ways, fit, readout=fit.readout - FLIGHTS.readouts[1])
+    return [(longest, EVEN_SHARE)], [(near, EVEN_SHARE)]
 
 
 def _leaps(watched: Watched, ways: Sequence[Piece]) -> list[Note]:
@@ -510,10 +520,8 @@ def _flights(
     own = _refit(scene, ways, fit, shared=False)
     tilted = [each.tilt.any() for each in (fit, *(other for other, _ in others))]
     owns = [(fit, 1.0)] if not tilted[0] and any(tilted) else []
-    if scene.readout is None:  # any readout up to a frame is as likely
-        share = 1 / np.sqrt(3)
-        others = [*others, (_refit(scene, ways, fit, readout=1.0), share)]
-        owns.append((_refit(scene, ways, fit, readout=1.0, shared=False), share))
+    if scene.readout is None:
+        owns.append((_refit(scene, ways, fit, readout=1.0, shared=False), EVEN_SHARE))
     unit = scale.metres_per_pixel / step
     before = {each.after: each.t for each in contacts}
     after = {each.before: each.t for each in contacts}
