@@ -284,8 +284,10 @@ def _steepest(slope: NDArray[np.float32]) -> NDArray[np.intp]:
                 top : (i + 1) * rows // _ALIGN.parts, left : (j + 1) * columns // _ALIGN.parts
             ]
             flat = part.ravel()
-            kept = np.argpartition(-flat, min(share, flat.size - 1))[:share]
-            y, x = np.unravel_index(kept[flat[kept] > _ALIGN.steepest], part.shape)
+            kept = np.flatnonzero(flat > _ALIGN.steepest)
+            if kept.size > share:
+                kept = kept[np.argpartition(flat[kept], -share)[-share:]]
+            y, x = np.divmod(kept, part.shape[1])
             chosen.append((y + top, x + left))
     return np.concatenate(chosen, axis=1).T
 
