@@ -48,6 +48,17 @@ def test_a_ball_rolls_over_a_table_s_edge(before: int, noise: float) -> None:
         assert flight.speed_in.u < 0.02 * true
 
 
+@pytest.mark.parametrize("before", [0, 3, 5, 8])
+def test_a_ball_rests_before_it_is_let_go(before: int) -> None:
+    """In slow motion some rest lies as near to the flight's way as an outline may be off."""
+    late = np.arange(-before, 140.0)
+    fallen = np.where(late > 0, 0.04 * late**2 / 2, 0.0)
+    found = blobs_of(np.stack([200 + 0 * late, 60 + fallen], axis=1), noise=0.02)
+    (flight,) = followed(found).flights
+    true = 0.04 * max(0, flight.first_frame - before) * RATE * BALL / (2 * RADIUS)
+    assert abs(flight.speed_in.value - true) < 3 * flight.speed_in.u
+
+
 @pytest.mark.parametrize("readout", [0.0, 0.5, 1.0])
 def test_the_u_of_gravity_covers_a_readout_that_nobody_knows(readout: float) -> None:
     """Rows that are read later show a falling ball later: its acceleration looks larger."""

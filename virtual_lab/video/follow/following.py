@@ -535,8 +535,10 @@ def _flights(
             speed = estimate_of(speed_at, fit, others, unit=unit, relative_u=scale.relative_u)
             right, down = fit.at(k, t + fit.readout * late)[0, 2:]
             if k not in met:
-                speed = _let_go(speed, unit, fit, np.array([right, down]), fit.pull[k])
-                strays = unit * _strays(way.t[::end], fit.residuals[k][::end], fit.spread)
+                left = fit.residuals[k][::end]
+                off = max(fit.spread, float(np.hypot(*left[0])))
+                speed = _let_go(speed, unit, off, np.array([right, down]), fit.pull[k])
+                strays = unit * _strays(way.t[::end], left, fit.spread)
                 speed = replace(speed, u=float(np.hypot(speed.u, strays)))
             angle = Estimate(value=float(np.arctan2(-down, right)), u=speed.u / speed.value)
             ends.append((speed, angle))
@@ -559,16 +561,16 @@ def _flights(
     return found
 
 
-def _let_go(speed: Estimate, unit: float, fit: Fit, velocity: Array, pull: Array) -> Estimate:
+def _let_go(speed: Estimate, unit: float, off: float, velocity: Array, pull: Array) -> Estimate:
     """Return the speed at a flight's free end; its u covers the uncertain time of the release.
 
-    Just after a release the ball has moved by less than the scatter of its places.
+    Just after a release the ball has moved by less than places scatter, or than the last is `off`.
     """
     size = float(np.hypot(*pull))
     if size == 0:
         return speed
     falls = float(velocity @ pull) / size
-    if abs(falls) > size * (1 + np.sqrt(8 * fit.spread / size)):
+    if abs(falls) > size * (1 + np.sqrt(8 * off / size)):
         return speed
     across = abs(float(velocity[0] * pull[1] - velocity[1] * pull[0])) / size
     return replace(speed, u=float(np.hypot(speed.u, speed.value - unit * across)))
