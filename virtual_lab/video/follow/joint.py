@@ -278,20 +278,18 @@ def _flown(states: Array, pull: Array, drag: Array | float, dt: Array) -> Array:
         place = states[..., :2] + states[..., 2:] * later + pull * later**2 / 2
         return np.concatenate([place, states[..., 2:] + pull * later], axis=-1)
 
-    def rate(s: Array) -> Array:
-        changed, velocity = np.empty_like(s), s[..., 2:]
-        changed[..., :2] = velocity
-        fast = np.hypot(velocity[..., :1], velocity[..., 1:])
-        changed[..., 2:] = pull - slowing * fast * velocity
-        return changed
+    def rate(v: Array) -> Array:
+        return pull - slowing * np.hypot(v[..., :1], v[..., 1:]) * v
 
+    place, velocity = states[..., :2], states[..., 2:]
     step = later / FLIGHT_FIT.runge_kutta_steps
     for _ in range(FLIGHT_FIT.runge_kutta_steps):
-        one = rate(states)
-        two = rate(states + step / 2 * one)
-        three = rate(states + step / 2 * two)
-        states = states + step / 6 * (one + 2 * two + 2 * three + rate(states + step * three))
-    return states
+        one = rate(velocity)
+        two = rate(velocity + step / 2 * one)
+        three = rate(velocity + step / 2 * two)
+        place = place + step * (velocity + step / 6 * (one + two + three))
+        velocity = velocity + step / 6 * (one + 2 * (two + three) + rate(velocity + step * three))
+    return np.concatenate([place, velocity], axis=-1)
 
 
 def _pictured(places: Array, tilt: Array, centre: Array) -> Array:
