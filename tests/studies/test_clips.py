@@ -1,10 +1,13 @@
 """The study of clips, reduced; the full one is in the README, its table beside this file."""
 
+from math import nan, sqrt
+
+import numpy as np
 import pytest
 from scipy.stats import binom
 
 from virtual_lab.errors import InputError
-from virtual_lab.studies.clips import clip_coverage
+from virtual_lab.studies.clips import _row, clip_coverage
 
 
 def test_intervals_hold_where_a_camera_writes_places() -> None:
@@ -28,3 +31,22 @@ def test_one_clip_is_no_study() -> None:
     """An interval of one count says nothing."""
     with pytest.raises(InputError, match="clips"):
         clip_coverage(clips=1)
+
+
+def test_the_statistics_of_clips_by_hand() -> None:
+    """20 clips of truth 50 m/s and u .5, one without a result beside them.
+
+    Eighteen are right, one is .97 off (1.94 u: held), one .99 (1.98 u: not). 19 of 20: .7513 to
+    .9987 by the tables. Relative errors of 1.94 % and 1.98 %: mean 3.92/20 %, rms √(7.684/20) %,
+    s² of the others about it by Σx² - n x̄².
+    """
+    off = np.array([0.97, 0.99, *[0.0] * 18, nan])
+    row = _row("v_in", 50 + off, np.full(21, 0.5), np.full(21, 50.0))
+    assert (row.clips, row.missed, row.coverage) == (20, 1, 0.95)
+    assert (row.low, row.high) == pytest.approx((0.7513, 0.9987), abs=5e-5)
+    squares = 1.94**2 + 1.98**2
+    assert row.mean_error_percent == pytest.approx(0.196)
+    assert row.rms_error_percent == pytest.approx(sqrt(squares / 20))
+    assert row.rms_u_percent == pytest.approx(1.0)
+    variance = (squares - 20 * 0.196**2) / 19
+    assert row.mean_error_se_percent == pytest.approx(sqrt(variance / 20))

@@ -11,7 +11,8 @@ import pytest
 from virtual_lab import catalog
 from virtual_lab.catalog.faults import FaultSheet, Prediction
 from virtual_lab.errors import InputError
-from virtual_lab.studies.faults import PROCEDURES, Bias, faults
+from virtual_lab.studies import faults as study
+from virtual_lab.studies.faults import PROCEDURES, Bias, FaultOutcome, faults
 
 FEW = ("gate-moved", "wrong-lot", "encoder-slip", "ball-out-of-round")
 LABORATORIES = 4
@@ -75,6 +76,59 @@ def test_a_wrong_prediction_shows() -> None:
     error = float(differences.std(ddof=1)) / 10
     assert Bias.of(differences, 1.0, 0.0).z == pytest.approx(0.0, abs=1e-9)
     assert Bias.of(differences, 1 - 10 * error, 0.0).z == pytest.approx(10.0)
+
+
+def test_z_is_over_the_errors_of_the_mean_and_of_the_prediction() -> None:
+    """Mean 1 ± .05 of (.95, 1.05), prediction .87 ± .12: .13 over √(.05² + .12²) = .13."""
+    found = Bias.of(np.array([0.95, 1.05]), 0.87, 0.12)
+    assert (found.bias, found.bias_se) == (pytest.approx(1), pytest.approx(0.05))
+    assert found.z == pytest.approx(1)
+
+
+def outcome(
+    catches: list[tuple[str, ...]], prediction: Prediction | None, off: float = 0.0
+) -> FaultOutcome:
+    """Return the outcome in laboratories that saw these, e_A and metric `off` the sound day's."""
+    seen, sound = (
+        [study._Seen(each, 0.25 + by + 1e-3 * (i % 2), 0.9 + by) for i, each in enumerate(catches)]
+        for by in (off, 0.0)
+    )
+    return study._row("a fault", "bbcor", prediction, seen, sound)
+
+
+@pytest.mark.parametrize(("caught", "right"), [(19, True), (18, False)])
+def test_caught_is_caught_by_a_named_flag_in_19_of_20(caught: int, right: bool) -> None:
+    """Another flag than those predicted is seen, and is not what was predicted.
+
+    19 of 20: .7513 to .9987 by the tables of exact binomial limits.
+    """
+    prediction = Prediction(procedure="bbcor", caught_by="encoder-fit, INVALID")
+    named = [("INVALID",), *[("aim", "encoder-fit")] * (caught - 1), *[("aim",)] * (19 - caught)]
+    found = outcome([*named, ()], prediction)
+    assert (found.as_predicted, found.caught) == (right, 0.95)
+    assert (found.low, found.high) == (
+        pytest.approx(0.7513, abs=5e-5),
+        pytest.approx(0.9987, abs=5e-5),
+    )
+    assert found.by.split(", ")[0] == f"aim {18}"
+
+
+@pytest.mark.parametrize(("flagged", "right"), [(2, True), (3, False)])
+def test_a_sound_day_is_flagged_no_oftener_than_one_percent_allows(
+    flagged: int, right: bool
+) -> None:
+    """Of 60 days: P(2 or more | 1 %) = .121, P(3 or more | 1 %) = .0224 < .025."""
+    assert outcome([("aim",)] * flagged + [()] * (60 - flagged), None).as_predicted == right
+
+
+@pytest.mark.parametrize(("off", "right"), [(0.0029, True), (0.0031, False), (-0.0029, False)])
+def test_a_bias_is_met_within_three_standard_uncertainties(off: float, right: bool) -> None:
+    """Predicted 0 ± .001; every laboratory off alike, of which nobody is told."""
+    known = {"efficiency_bias_u": 0.001, "metric_bias_u": 0.001}
+    prediction = Prediction(
+        procedure="bbcor", efficiency_bias=0.0, metric_bias=0.0 if off > 0 else 0.001, **known
+    )
+    assert outcome([()] * 4, prediction, off).as_predicted == right
 
 
 def test_a_prediction_is_one_of_two_kinds() -> None:

@@ -1,0 +1,132 @@
+"""The statistics of the coverage study on laboratories made by hand."""
+
+from __future__ import annotations
+
+from math import sqrt
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from virtual_lab.measurement.model import QUANTITIES
+from virtual_lab.output.result import Rows
+from virtual_lab.records import AimMarks
+from virtual_lab.studies import coverage as study
+from virtual_lab.studies.coverage import Coverage, coverage
+from virtual_lab.uncertainty.budget import combine, type_a
+
+TRUE = 0.95  # of every quantity
+PLACE, AIM = 0.16, 0.5e-3  # m, and how far the balls strike beside it, which the laboratory knows
+BEND = -40.0  # d²/dz² of every quantity [1/m²]
+
+Array = NDArray[np.float64]
+
+
+def laboratory(
+    errors: float, u: float = 0.01, *, stray: float = 0.0, valid: int = 6, verdict: str = "PASS"
+) -> Any:
+    """Return a test whose results all lie `errors` above the truth, of six hits.
+
+    `stray` [m]: marks lie so far to either side of the mean aim.
+    """
+    budget = combine(TRUE + errors, [type_a("hits", TRUE + errors, u)])
+    aside = AIM + stray * np.array([1.0, -1.0] * 3)
+    certification = SimpleNamespace(
+        verdict=SimpleNamespace(value=verdict),
+        judgement=SimpleNamespace(valid=np.arange(6) < valid),
+        outcome=SimpleNamespace(place=PLACE, used=np.arange(6) < valid),
+        readings=SimpleNamespace(along=AIM, place=np.full(6, PLACE)),
+        shot_metric=np.full(6, budget.value),
+        session=SimpleNamespace(records={"impact": {"aim": AimMarks(along=aside, across=aside)}}),
+        metric=budget,
+        quantities=dict.fromkeys(QUANTITIES, budget),
+    )
+    measurand = dict.fromkeys(("metric", *QUANTITIES), TRUE)
+    return SimpleNamespace(certification=certification, sealed=SimpleNamespace(measurand=measurand))
+
+
+@pytest.fixture
+def studied(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Return the study of tests made by hand, of a bat whose curve is a parabola."""
+
+    def curve(_station: Any, _specimen: Any, _rules: Any, places: Array) -> Any:
+        values = TRUE + BEND / 2 * (places - PLACE) ** 2
+        return SimpleNamespace(quantities=dict.fromkeys(QUANTITIES, values), metric=lambda: values)
+
+    opened = SimpleNamespace(
+        impact=None, specimen=None, rules=SimpleNamespace(spec=SimpleNamespace(scan=None))
+    )
+    campaign = SimpleNamespace(laboratory=lambda _seed: opened)
+    monkeypatch.setattr(study, "Campaign", SimpleNamespace(of=lambda *_: campaign))
+    monkeypatch.setattr(study, "true_curve", curve)
+
+    def run(tests: list[Any]) -> Rows[Coverage]:
+        monkeypatch.setattr(study, "bat_tests", lambda *_: iter(tests))
+        return coverage("r161", laboratories=len(tests))
+
+    return run
+
+
+def test_a_truth_above_the_interval_is_counted_above(studied: Any) -> None:
+    """U = .01, 1.96 u = .0196: two laboratories read .03 too low, one too high, seven hold it."""
+    tests = [laboratory(error) for error in (-0.03, -0.03, 0.03, *[0.0] * 7)]
+    for row in studied(tests):
+        assert (row.coverage, row.above, row.below) == pytest.approx((0.7, 0.2, 0.1))
+
+
+def test_the_edge_of_an_interval_is_students(studied: Any) -> None:
+    """1.95 u off is held, 1.97 u is not, on either side."""
+    tests = [laboratory(sign * off) for off in (0.0195, 0.0197) for sign in (1, -1)]
+    assert all(row.coverage == 0.5 for row in studied(tests))
+    assert all((row.above, row.below) == (0.25, 0.25) for row in studied(tests))
+
+
+def test_bounds_are_clopper_and_pearsons_of_95_percent(studied: Any) -> None:
+    """19 of 20: .7513 to .9987 (tables of exact binomial limits; beta quantiles .025 and .975)."""
+    (row, *_) = studied([laboratory(0.1), *[laboratory(0.0)] * 19])
+    assert (row.low, row.high) == pytest.approx((0.7513, 0.9987), abs=5e-5)
+
+
+def test_thirds_go_by_u(studied: Any) -> None:
+    """The two smallest u hold the truth, of the middle two one, of the largest none.
+
+    Errors fall as u grows and the tests come in another order than either.
+    """
+    by_u = [(0.001, 0.0005), (0.002, 0.0003), (0.003, -0.02), (0.004, 0.0002)]
+    by_u += [(0.005, -0.0300), (0.006, -0.0400)]
+    tests = [laboratory(by_u[at][1], by_u[at][0]) for at in (4, 1, 3, 0, 5, 2)]
+    assert all(row.thirds == (1.0, 0.5, 0.0) for row in studied(tests))
+
+
+def test_mean_and_scatter_of_errors_by_hand(studied: Any) -> None:
+    """Errors 1, 2, 6 hundredths with u 1, 1, 2: z = 1, 2, 3, mean 2, s 1, standard error 1/√3.
+
+    rms error √(41/3), rms u √2, mean error 3 with s² = (4 + 1 + 9)/2 = 7.
+    """
+    tests = [laboratory(e / 100, u / 100) for e, u in ((1, 1), (2, 1), (6, 2))]
+    (row, *_) = studied(tests)
+    assert (row.mean_z, row.sd_z, row.mean_z_se) == pytest.approx((2, 1, 1 / sqrt(3)))
+    assert (100 * row.rms_error, 100 * row.rms_u) == pytest.approx((sqrt(41 / 3), sqrt(2)))
+    assert (100 * row.bias, 100 * row.bias_se) == pytest.approx((3, sqrt(7 / 3)))
+
+
+def test_the_bias_expected_of_a_parabola_is_half_its_bend_times_the_scatter(studied: Any) -> None:
+    """Places ± 2 mm about the one stated: f''/2 · (2 mm)² = -20 · 4e-6 = -8e-5 (GUM F.2.4.4).
+
+    Half of the laboratories strike at one place, so the mean is half of that; the mean aim, which
+    the laboratory knows, adds nothing.
+    """
+    tests = [laboratory(0.0, stray=stray) for stray in (2e-3, 0.0, 2e-3, 0.0)]
+    for row in studied(tests):
+        assert row.expected == pytest.approx(-4e-5, rel=1e-6)
+        assert row.expected_se == 0
+
+
+def test_a_test_without_a_result_counts_apart_and_its_hits_count(studied: Any) -> None:
+    """One of three is INVALID with no hit valid: 6 of 18 hits rejected, two results."""
+    tests = [laboratory(0.0), laboratory(0.5, valid=0, verdict="INVALID"), laboratory(0.001)]
+    for row in studied(tests):
+        assert (row.laboratories, row.invalid, row.coverage) == (2, 1, 1.0)
+        assert row.rejected == pytest.approx(1 / 3)

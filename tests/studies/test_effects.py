@@ -1,0 +1,97 @@
+"""The study of effects on cases made by hand: least squares, root mean squares, their errors."""
+
+from __future__ import annotations
+
+from math import sqrt
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from virtual_lab.measurement.procedure import CHOICE
+from virtual_lab.output.result import Rows
+from virtual_lab.studies import effects as study
+from virtual_lab.studies.effects import HITS, Effect, effects
+from virtual_lab.uncertainty.budget import Component
+
+COUNT = 40
+CLOCK, SENSITIVITY = "impact.gates.clock", -0.5
+
+
+def component(name: str, u: float, sensitivity: float) -> Component:
+    return Component(
+        name=name,
+        value=0.0,
+        u=u,
+        evaluation="B",
+        dof=np.inf,
+        sensitivity=sensitivity,
+        contribution=abs(sensitivity) * u,
+    )
+
+
+@pytest.fixture
+def found(monkeypatch: pytest.MonkeyPatch) -> tuple[Rows[Effect], np.ndarray, np.ndarray]:
+    """Return the study of cases of one constant, hits and a choice; the errors and the constant's.
+
+    u of the constant is .01 or .02 by turns, the hits' contribution 3e-3 or 4e-3.
+    """
+    rng = np.random.default_rng(3)
+    off = rng.normal(0, 0.015, COUNT)
+    error = 1e-3 + -0.7 * off + rng.normal(0, 2e-3, COUNT)
+    cases = [
+        study._Case(
+            error=float(error[k]),
+            choice=(1e-3, 3e-3)[k % 2],
+            components={
+                CLOCK: component(CLOCK, (0.01, 0.02)[k % 2], SENSITIVITY),
+                HITS: component(HITS, (3e-3, 4e-3)[k % 2], 1.0),
+                CHOICE: component(CHOICE, 1e-3, 1.0),
+            },
+            off={CLOCK: float(off[k])},
+            across=np.zeros(2),
+        )
+        for k in range(COUNT)
+    ]
+    sound = SimpleNamespace(certification=SimpleNamespace(verdict=SimpleNamespace(value="PASS")))
+    numbered: Any = iter(cases)
+    monkeypatch.setattr(study, "bat_tests", lambda *_: [sound] * COUNT)
+    monkeypatch.setattr(study, "_case", lambda _: next(numbered))
+    return effects("r161"), error, off
+
+
+def test_effects_are_the_slopes_of_least_squares(found: Any) -> None:
+    """scipy.stats.linregress of the errors on the constant's, over its rms u √((1 + 4)/2) 1e-2."""
+    rows, error, off = found
+    (row,) = (each for each in rows if each.term == CLOCK)
+    u = sqrt(2.5e-4)
+    line = stats.linregress(off / u, error)
+    assert row.stated == pytest.approx(SENSITIVITY * u)
+    assert row.realised == pytest.approx(line.slope, rel=1e-9)
+    assert row.se == pytest.approx(line.stderr, rel=1e-9)
+    assert row.apart == pytest.approx((line.slope - SENSITIVITY * u) / line.stderr, rel=1e-9)
+
+
+def test_hits_are_what_the_line_leaves(found: Any) -> None:
+    """s² of 40 - 2 degrees, its own error s/√(2 · 38) (GUM E.4.3); stated √((9 + 16)/2) 1e-3."""
+    rows, error, off = found
+    (row,) = (each for each in rows if each.term == HITS)
+    line = stats.linregress(off, error)
+    rest = error - line.intercept - line.slope * off
+    s = sqrt(float(rest @ rest) / 38)
+    assert row.stated == pytest.approx(sqrt(12.5e-6))
+    assert (row.realised, row.se) == pytest.approx((s, s / sqrt(2 * 38)), rel=1e-9)
+
+
+def test_a_choice_is_its_root_mean_square(found: Any) -> None:
+    """1 and 3 by turns: mean square 5, s of the squares 4 √(40/39); d√x = dx/2√x."""
+    rows, *_ = found
+    (row,) = (each for each in rows if each.term == CHOICE)
+    assert row.realised == pytest.approx(1e-3 * sqrt(5))
+    assert row.se == pytest.approx(1e-3 * 4 * sqrt(40 / 39) / sqrt(40) / (2 * sqrt(5)))
+
+
+def test_the_largest_term_is_first(found: Any) -> None:
+    assert [row.term for row in found[0]] == [CLOCK, HITS, CHOICE]
