@@ -4,6 +4,7 @@ import hashlib
 import json
 import re
 import shutil
+from math import nextafter
 from pathlib import Path
 from typing import Any
 
@@ -78,6 +79,16 @@ def test_what_nobody_altered_is_whole(folder: Path) -> None:
 def test_an_edited_value_of_the_certificate_is_named(key: str, folder: Path) -> None:
     edit(folder / "certificate.json", key, EDITS[key])
     assert named(folder) == [f"certificate.json, {key}: altered since it was sealed"]
+
+
+def test_the_last_digits_of_a_value_are_held(folder: Path) -> None:
+    """One part in 1e12 of the metric, which no table prints, and the last bit of its u."""
+    path = folder / "certificate.json"
+    metric = json.loads(path.read_text())["metric"]
+    for key, value in (("value", metric["value"] * (1 + 1e-12)), ("u", nextafter(metric["u"], 1))):
+        edit(path, f"metric.{key}", value)
+        assert named(folder) == [f"certificate.json, metric.{key}: altered since it was sealed"]
+        edit(path, f"metric.{key}", metric[key])
 
 
 def test_every_key_of_the_certificate_is_held(folder: Path) -> None:

@@ -218,3 +218,28 @@ def test_a_nonlinear_model_by_its_derivative() -> None:
     """Y = x³ at 2 ± 1e-4: the central difference is 3x² + u², to 1e-8."""
     parts = propagate(lambda x: {"y": x["x"][:, 0] ** 3}, {"x": Estimate(value=2.0, u=1e-4)})["y"]
     assert parts[0].sensitivity == pytest.approx(12 + 1e-8, rel=1e-9)
+
+
+def test_curvature_shifts_the_mean_by_half_of_it() -> None:
+    """E[x²] = x² + u² of any x, E[a²/2 - b²] = … + u_a²/2 - u_b² (GUM F.2.4.4, note 2).
+
+    Of a pool the shifts add up, of a straight line there is none.
+    """
+
+    def model(x):
+        a, b, c = (x[name][:, 0] for name in "abc")
+        return {"square": a**2, "both": a**2 / 2 - b**2 + c}
+
+    constants = {
+        "a": Estimate(value=3.0, u=0.2, pool="twins"),
+        "b": Estimate(value=-5.0, u=0.1, pool="twins"),
+        "c": Estimate(value=1.0, u=0.4),
+    }
+    parts = propagate(model, constants)
+    assert combine(9.0, parts["square"]).shift == pytest.approx(0.04, rel=1e-9)
+    found = combine(-19.5, parts["both"])
+    assert found.shift == pytest.approx(0.04 / 2 - 0.01, rel=1e-9)
+    assert {part.name: round(part.shift, 12) for part in found.components} == {
+        "twins": 0.01,
+        "c": 0,
+    }
