@@ -1,0 +1,281 @@
+"""The scores of days worked out on paper: what the rules of the debrief make of ten players."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from math import sqrt
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.bench.days import Asked, asked, scenario
+from virtual_lab.bench import debrief as told
+from virtual_lab.bench.day import Day, DayEvent, replayed
+from virtual_lab.bench.debrief import Debrief, debrief
+from virtual_lab.bench.desk import OwnResult
+from virtual_lab.bench.deviations import DENIED, JUSTIFIED, OPEN, Deviation
+
+TRUTH, LIMIT, U = 0.95, 1.0, 0.01  # of the metric; U = 2 u = .02
+MINUTES, SHOTS = 100.0, 2  # that a good day takes
+ACTION = 5.0  # minutes of each action of these days
+SHOT: tuple[Asked, ...] = (
+    *((name, {}) for name in ("zero-encoder", "clear-scrap", "wait-pressure", "wait-rest")),
+    ("load-ball", {"ball": 1}),
+    ("fire", {}),
+)
+BENCH: tuple[Asked, ...] = tuple(
+    (name, {})
+    for name in ("tare", "weigh-bat", "level-stand", "measure-balance", "fit-clamp", "swing")
+)
+BOOK = (*BENCH, *SHOT, ("accept", {"shot": 1}), *SHOT, ("accept", {"shot": 2}))
+DUE = 3 + 4 + 5  # steps: of the bench, of the first shot (there is no scrap yet), of the second
+
+
+def doubt(name: str, confidence: float) -> Asked:
+    return "note-doubt", {"doubt": name, "confidence": confidence}
+
+
+def verdict(word: str, confidence: float, worst: str = "none") -> tuple[Asked, Asked]:
+    given = {"verdict": word, "confidence": confidence, "doubt": worst}
+    return ("give-verdict", given), ("hand-in", {})
+
+
+@dataclass
+class HandDesk:
+    """What the debrief asks of a desk, given by hand."""
+
+    day: Day
+    result: tuple[float, float] | None = (TRUTH, U)
+    reasons: tuple[str, ...] = ("", "")
+    entered: tuple[OwnResult, ...] = ()
+    missing: str = ""
+    hits: tuple[Any, ...] = ()
+    rules: Any = field(
+        default_factory=lambda: SimpleNamespace(
+            spec=SimpleNamespace(metric="bat_performance_factor", metric_limit=LIMIT)
+        )
+    )
+    certification: Any = field(default_factory=lambda: SimpleNamespace(findings=()))
+
+    def last(self, action: str) -> DayEvent | None:
+        found = [event for event in self.day.events if event.action == action]
+        return found[-1] if found else None
+
+    def own(self, _: Mapping[str, object]) -> tuple[OwnResult, ...]:
+        return self.entered
+
+
+@pytest.fixture
+def debriefed(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Return the debrief of a day's actions, its records given by hand and its truth `TRUTH`."""
+    sealed = SimpleNamespace(measurand={"metric": TRUTH})
+    machines: Any = SimpleNamespace(finish=lambda _: SimpleNamespace(sealed=sealed))
+    for name, instead in {
+        "taken": lambda *_: None,
+        "_expert": lambda *_, **__: None,
+        "_costly": lambda *_: (),
+        "_fault_reviews": lambda *_: (),
+    }.items():
+        monkeypatch.setattr(told, name, instead)
+
+    def run(
+        actions: Iterable[Asked],
+        *,
+        faults: tuple[str, ...] = (),
+        departed: tuple[Deviation, ...] = (),
+        **records: Any,
+    ) -> Debrief:
+        events = (
+            DayEvent(number=at, action=each.name, arguments=each.arguments, seconds=60 * ACTION)
+            for at, each in enumerate(asked(actions), 1)
+        )
+        untouched: Any = None
+        day = replayed(Day(morning=untouched, balls=6), events)
+        monkeypatch.setattr(told, "Desk", lambda own: HandDesk(own or day, **records))
+        monkeypatch.setattr(told, "deviations", lambda _: iter(departed))
+        return debrief(machines, day, scenario(faults, minutes=60 * MINUTES, shots=SHOTS))
+
+    return run
+
+
+def scores(found: Debrief) -> dict[str, float]:
+    return {score.name: score.value for score in found.scores}
+
+
+def test_who_keeps_the_book_and_is_sure(debriefed: Any) -> None:
+    """.05 U off, PASS at 90 %: .1² of Brier. 22 actions of 5 min, of 100: 100/110; 2 shots of 2."""
+    found = debriefed([*BOOK, *verdict("PASS", 90)], result=(TRUTH + 0.05 * 2 * U, U))
+    assert scores(found) == pytest.approx(
+        {
+            "result": 1,
+            "detection": 0.99,
+            "protocol": 1,
+            "record": 1,
+            "economy": 100 / (5 * (len(BOOK) + 2)),
+        }
+    )
+    assert (found.right_verdict, found.brier) == ("PASS", pytest.approx(0.01))
+
+
+@pytest.mark.parametrize(("off", "score"), [(0.99, 1.0), (1.01, 1 / 1.01), (1.5, 2 / 3), (-2, 0.5)])
+def test_who_measures_wrongly(off: float, score: float, debriefed: Any) -> None:
+    """Within U all of it, beyond it U over what it is off; the verdict is right all the same."""
+    found = debriefed([*BOOK, *verdict("PASS", 60)], result=(TRUTH + off * 2 * U, U))
+    assert scores(found)["result"] == pytest.approx(score)
+    assert scores(found)["detection"] == pytest.approx(1 - 0.4**2)
+
+
+def test_who_fails_a_good_bat(debriefed: Any) -> None:
+    """However near the number: nothing. Sure at 90 % of what is wrong: .81 of Brier."""
+    found = debriefed([*BOOK, *verdict("FAIL", 90)])
+    assert scores(found)["result"] == 0
+    assert scores(found)["detection"] == pytest.approx(0.19)
+
+
+def test_who_judges_by_a_number_of_their_own(debriefed: Any) -> None:
+    """Entered .98, 1.5 U off, where the records give .95: 2/3. One of two own results agrees.
+
+    The record: two hits of two as the windows have it and one of two own results: 3/4.
+    """
+    own = (
+        OwnResult(name="BPF", entered=0.98, reduced=TRUTH, u=U),
+        OwnResult(name="e_A", entered=0.25, reduced=0.2501, u=0.001),
+    )
+    enter = ("enter-result", {"BPF": 0.98, "e_A": 0.25})
+    found = debriefed([*BOOK, enter, *verdict("PASS", 90)], entered=own)
+    assert found.value == 0.98
+    assert scores(found)["result"] == pytest.approx(2 / 3)
+    assert scores(found)["record"] == pytest.approx(3 / 4)
+
+
+def test_who_refuses_a_sound_day(debriefed: Any) -> None:
+    """Half of what the number is worth. A false alarm at 30 %, INVALID at 50 %: (.09 + .25)/2."""
+    found = debriefed([*BOOK, doubt("gate-moved", 30), *verdict("INVALID", 50)])
+    assert scores(found)["result"] == pytest.approx(0.5)
+    assert scores(found)["detection"] == pytest.approx(1 - (0.09 + 0.25) / 2)
+    assert (found.right_verdict, found.false_alarms) == ("PASS", ("gate-moved",))
+
+
+@pytest.mark.parametrize(("off", "right"), [(0.99, "PASS"), (1.01, "INVALID")])
+def test_who_finds_the_fault_and_refuses(off: float, right: str, debriefed: Any) -> None:
+    """Named at 80 %, refused at 100 %: (.04 + 0)/2, whether the fault put x beyond U or not."""
+    found = debriefed(
+        [*BOOK, doubt("gate-moved", 80), *verdict("INVALID", 100)],
+        faults=("gate-moved",),
+        result=(TRUTH + off * 2 * U, U),
+    )
+    assert found.right_verdict == right
+    assert scores(found)["result"] == 1
+    assert scores(found)["detection"] == pytest.approx(0.98)
+    assert found.found == ("gate-moved",)
+
+
+def test_who_judges_a_spoilt_day_and_names_half_of_it(debriefed: Any) -> None:
+    """2 U off: .2. One fault at 100 %, one missed, PASS at 70 %: (0 + 1 + .49)/3."""
+    faults = ("gate-moved", "scale-not-tared")
+    found = debriefed(
+        [*BOOK, doubt("gate-moved", 100), *verdict("PASS", 70)],
+        faults=faults,
+        result=(TRUTH + 4 * U, U),
+    )
+    assert scores(found)["result"] == pytest.approx(0.2)
+    assert scores(found)["detection"] == pytest.approx(1 - 1.49 / 3)
+    assert (found.found, found.missed) == (("gate-moved",), ("scale-not-tared",))
+
+
+def test_who_strikes_a_doubt_out_has_not_named_it(debriefed: Any) -> None:
+    """The fault is missed: (1 + 1)/2 with a PASS at 100 % beyond U. Noted anew, 60 %, it counts."""
+    noted = doubt("gate-moved", 90)
+    strike = ("strike-out", {"entry": len(BOOK) + 1, "because": "it was the wind"})
+    spoilt = {"faults": ("gate-moved",), "result": (TRUTH + 4 * U, U)}
+    found = debriefed([*BOOK, noted, strike, *verdict("PASS", 100)], **spoilt)
+    assert (found.found, found.missed) == ((), ("gate-moved",))
+    assert scores(found)["detection"] == pytest.approx(0.0)
+    again = debriefed(
+        [*BOOK, noted, strike, doubt("gate-moved", 60), *verdict("PASS", 0)], **spoilt
+    )
+    assert scores(again)["detection"] == pytest.approx(1 - (0.16 + 0) / 2)
+
+
+def test_who_names_the_worst_doubt_with_the_verdict_alone(debriefed: Any) -> None:
+    """As sure as not, 50 %: (.25 + 0)/2; noted before, what was noted counts."""
+    spoilt = {"faults": ("gate-moved",), "result": (TRUTH + 4 * U, U)}
+    worst = verdict("INVALID", 100, "gate-moved")
+    found = debriefed([*BOOK, *worst], **spoilt)
+    assert scores(found)["detection"] == pytest.approx(1 - 0.25 / 2)
+    found = debriefed([*BOOK, doubt("gate-moved", 90), *worst], **spoilt)
+    assert scores(found)["detection"] == pytest.approx(1 - 0.01 / 2)
+
+
+def departure(entry: int, judged: str, step: str = "") -> Deviation:
+    return Deviation(entry=entry, what="", because="", judged=judged, why="", step=step)
+
+
+def test_who_hurries(debriefed: Any) -> None:
+    """Twelve steps are due. Left out: tare, no reason noted; level-stand, open to the trainer.
+
+    And wait-rest before both shots, denied by the records: 9 of 12.
+    """
+    left = ("tare", "level-stand", "wait-rest")
+    days = [each for each in BOOK if each[0] not in left]
+    departed = (departure(1, OPEN, "level-stand"), departure(2, DENIED, "wait-rest"))
+    found = debriefed([*days, *verdict("PASS", 90)], departed=departed)
+    assert DUE == 12
+    assert scores(found)["protocol"] == pytest.approx(9 / 12)
+    late = [*days, ("tare", {}), *verdict("PASS", 90)]  # done after what it is for
+    assert scores(debriefed(late, departed=departed))["protocol"] == pytest.approx(9 / 12)
+
+
+def test_who_decides_by_feeling(debriefed: Any) -> None:
+    """Of four hits the windows reject the last. Rejected: 1, odd in its trace, and 2, by feeling.
+
+    Accepted: 3, and 4 against the windows. Right are 1 and 3: 2 of 4.
+    """
+    decided = (
+        ("reject", {"shot": 1, "because": "trace"}),
+        ("reject", {"shot": 2, "because": "no"}),
+        ("accept", {"shot": 3}),
+        ("accept", {"shot": 4, "because": "near enough"}),
+    )
+    days: list[Asked] = [*BENCH]
+    for each in decided:
+        days += [*SHOT, (each[0], {"because": "", **each[1]})]
+    first = len(BENCH) + len(SHOT) + 1
+    departed = (departure(first, JUSTIFIED), departure(first + 7, DENIED))
+    found = debriefed(
+        [*days, *verdict("PASS", 90)], departed=departed, reasons=("", "", "", "too slow")
+    )
+    assert scores(found)["record"] == pytest.approx(2 / 4)
+    assert scores(found)["economy"] == pytest.approx(100 / (5 * (len(days) + 2)) * 2 / 4)
+
+
+def test_who_looks_where_a_sign_asked_for_it(debriefed: Any) -> None:
+    """Its five minutes do not count: 100 of 110 min again; those of a check nobody asked for do."""
+    days = [("gauge-gates", {}), *BOOK, *verdict("PASS", 90)]
+    for judged, minutes in ((JUSTIFIED, 5 * (len(days) - 1)), (OPEN, 5 * len(days))):
+        found = debriefed(days, departed=(departure(1, judged),))
+        assert scores(found)["economy"] == pytest.approx(100 / minutes)
+
+
+def test_the_u_of_a_cost_is_that_of_the_hits_by_which_two_days_differ() -> None:
+    """Hits 1, 2, 3, 4 of s² = 5/3; the mean of all less that of three: weights 1/4, thrice -1/12.
+
+    u² = 5/3 (1/16 + 3/144) = 5/36.
+    """
+    metric = np.array([1.0, 2.0, 3.0, 4.0, 9.0])
+    valid = np.array([True, True, True, True, False])
+
+    def desk(weights: list[float]) -> Any:
+        return SimpleNamespace(
+            reduced=SimpleNamespace(
+                outcome=SimpleNamespace(weights=np.array(weights)),
+                shot_metric=metric,
+                judgement=SimpleNamespace(valid=valid),
+            )
+        )
+
+    found = told._scatter(desk([1 / 4] * 4 + [0]), desk([0, *[1 / 3] * 3, 0]))
+    assert found == pytest.approx(sqrt(5 / 36), rel=1e-12)

@@ -1,0 +1,189 @@
+"""The numbers that decide on a fault, each worked out from what an action shows."""
+
+from __future__ import annotations
+
+from math import hypot
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from virtual_lab.bench import inspection
+from virtual_lab.bench.day import DayEvent
+from virtual_lab.bench.inspection import Sign, detectable
+from virtual_lab.uncertainty.estimate import Estimate
+
+MM = 1e-3
+CONSEQUENCES = SimpleNamespace(
+    check_mass=0.5, gauge_u=0.3 * MM, pivot_rule_u=1.2 * MM, clamp_u=8e-6
+)
+KNOWN = {
+    "bench.scale.zero": Estimate(value=1e-3, u=0.2e-3),
+    "bench.scale.span": Estimate(value=1.002, u=0.4e-3),  # of 500 g: .2 g
+    "bench.scale.resolution": Estimate(value=0.1e-3),
+    "bench.pendulum.clamp_inertia": Estimate(value=2e-4, u=6e-6),
+    "impact.pivot.from_knob": Estimate(value=0.152, u=0.5 * MM),
+    "impact.gates.distance_0": Estimate(value=0.9, u=0.4 * MM),
+    "impact.gates.distance_1": Estimate(value=0.3, u=0.4 * MM),
+    "impact.cannon.along": Estimate(value=1.5 * MM),
+    "impact.pivot.height": Estimate(value=-2.0 * MM),
+    "ball.radius": Estimate(value=36.5 * MM),
+}
+CHART = "standard deviation of a morning"
+Shown = tuple[tuple[str, float | str, str], ...]
+
+
+def desk(*events: tuple[str, dict[str, float], dict[str, Any]]) -> Any:
+    done = [
+        DayEvent(
+            number=number,
+            action=name,
+            arguments=given,
+            seconds=60.0,
+            shown=tuple((what, value, "") for what, value in shown.items()),
+        )
+        for number, (name, shown, given) in enumerate(events, 1)
+    ]
+
+    def last(action: str) -> DayEvent | None:
+        found = [event for event in done if event.action == action]
+        return found[-1] if found else None
+
+    day = SimpleNamespace(
+        events=done, struck=frozenset(), morning=SimpleNamespace(calibration=KNOWN), fired=()
+    )
+    window = SimpleNamespace(ball_mass_low=0.142, ball_mass_high=0.146)
+    return SimpleNamespace(
+        day=day,
+        last=last,
+        session=SimpleNamespace(calibration=KNOWN),
+        rules=SimpleNamespace(spec=SimpleNamespace(windows=window)),
+    )
+
+
+@pytest.fixture
+def number(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Return the number of a fault's sign in what some actions showed."""
+    table = SimpleNamespace(consequences=CONSEQUENCES)
+    monkeypatch.setattr(inspection, "action_table", lambda: table)
+
+    def found(fault: str, *events: tuple[str, dict[str, float], dict[str, Any]]) -> float:
+        (sign,) = (each for each in inspection.signs(desk(*events)) if each.fault == fault)
+        return sign.number
+
+    return found
+
+
+def shown(action: str, **numbers: float) -> tuple[str, dict[str, float], dict[str, Any]]:
+    return action, {what.replace("_", " "): value for what, value in numbers.items()}, {}
+
+
+def test_the_check_mass(number: Any) -> None:
+    """1.002 · 500 g + 1 g = 502.0 g; shown 502.9: .9 over √(.2² + .2² + .1²) = .3."""
+    event = ("weigh-check-mass", {"reading 1": 502.8, "reading 2": 503.0, "shows": 1.0}, {})
+    assert number("scale-not-tared", event) == pytest.approx(3)
+
+
+def test_a_bat_and_balls_typed_in_ounces(number: Any) -> None:
+    """31 for 800 and more; balls of 5.1 where the windows' middle is 144 g."""
+    event = shown("weigh-bat", reading_1=31.0, reading_2=31.4)
+    assert number("bat-ounces-as-grams", event) == pytest.approx(1 - 31.2 / 800)
+    event = shown("weigh-balls", ball_1=5.0, ball_2=5.2)
+    assert number("ounces-as-grams", event) == pytest.approx(1 - 5.1 / 144)
+
+
+def test_a_balance_from_the_knob(number: Any) -> None:
+    length = shown("measure-length", reading=850.0)
+    balance = ("measure-balance", {"reading": 561.0}, {"end": "tip"})
+    assert number("balance-from-knob", length, balance) == pytest.approx(0.66)
+
+
+def test_the_clamp_alone(number: Any) -> None:
+    """30 kg mm² over √(6² + 8²)."""
+    event = ("swing-clamp", {"clamp, measured": 230.0, "clamp, as entered": 200.0}, {})
+    assert number("clamp-forgotten", event) == pytest.approx(3)
+
+
+def test_balls_weighed_again(number: Any) -> None:
+    """The displays 144.2 and 145.0, entered 144.0 and 144.6: .3 g off, of steps of .1 g."""
+    again = {
+        "ball 1, display": 144.2,
+        "ball 1, entered": 144.0,
+        "ball 2, display": 145.0,
+        "ball 2, entered": 144.6,
+    }
+    events = shown("tare"), shown("weigh-balls", ball_1=144.0), ("reweigh-balls", again, {})
+    assert number("ball-mass-typed", *events) == pytest.approx(3)
+
+
+def test_balls_fired_again(number: Any) -> None:
+    """1.02 and 1.04 of the morning's: 3 % more."""
+    again = {"ball 1, now": 0.561, "ball 1": 0.55, "ball 2, now": 0.5928, "ball 2": 0.57}
+    assert number("wrong-lot", ("recheck-balls", again, {})) == pytest.approx(0.03)
+
+
+def test_a_worn_out_ball(number: Any) -> None:
+    """.54 where the middle of five is .6: a tenth lacks."""
+    event = shown("hit-wall", a=0.6, b=0.61, c=0.54, d=0.6, e=0.59)
+    assert number("ball-worn-out", event) == pytest.approx(0.1)
+
+
+def test_the_axis_from_the_knob(number: Any) -> None:
+    """3.9 mm off, over √(.5² + 1.2²) = 1.3 mm."""
+    event = {
+        "axis from the knob, measured": 148.1,
+        "axis from the knob, surveyed": 152.0,
+    }
+    assert number("pivot-off", ("measure-pivot", event, {})) == pytest.approx(3)
+
+
+def test_the_gates_clock(number: Any) -> None:
+    name = inspection.CLOCK
+    event = {f"{name}, today": -9.0, f"{name}, chart": 6.0, f"{name}, {CHART}": 5.0}
+    assert number("gate-clock", ("compare-clock", event, {})) == pytest.approx(3)
+
+
+def test_a_gauged_gate(number: Any) -> None:
+    """1 mm off its certificate's place, over √(.4² + .3²) = .5 mm; the other one stands."""
+    event = {
+        "gate 1, gauged": 900.0,
+        "gate 1, certificate": 900.0,
+        "gate 2, gauged": 301.0,
+        "gate 2, certificate": 300.0,
+    }
+    found = [s for s in inspection.signs(desk(("gauge-gates", event, {}))) if "moved" in s.fault]
+    assert [sign.number for sign in found] == pytest.approx([0, 2])
+
+
+def test_a_check_standard_against_its_chart(number: Any) -> None:
+    """.52 where the chart has .5 ± .003, itself known to .2 %: .02 over √(.003² + .001²)."""
+
+    def charted(name: str, today: float) -> dict[str, float]:
+        return {f"{name}, today": today, f"{name}, chart": 0.5, f"{name}, {CHART}": 0.003}
+
+    event = ("fire-check-ball", charted("speed out / in", 0.48), {})
+    assert number("wall-drift", event) == pytest.approx(0.02 / hypot(0.003, 0.001))
+    turned = charted("ball's speed out / in", 0.5) | charted("turn x time between gates", 0.48)
+    event = ("fire-check-cylinder", turned, {})
+    assert number("bearing-friction", event) == pytest.approx(0.04)
+    assert number("encoder-half-counts", event) == pytest.approx(0.04)
+
+
+def test_a_bat_that_rings_lower(number: Any) -> None:
+    """From 170 to 153 Hz: a tenth."""
+    taps = [("tap-bat", {"frequency": each}, {}) for each in (170.0, 160.0, 153.0)]
+    assert number("bat-cracked", *taps) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(("off", "decides"), [(0.7, True), (0.051, True), (0.049, False)])
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(("way", "aimed"), [("along", 1.5), ("across", -2.0)])
+def test_marks_are_off_in_diameters_of_the_ball(
+    way: str, aimed: float, sign: int, off: float, decides: bool, number: Any
+) -> None:
+    """Of 73 mm, from where the cannon is known to aim along, from the axis' height across."""
+    event = {"mean along": 1.5, "mean across": -2.0} | {f"mean {way}": aimed + sign * off * 73.0}
+    found = number(f"aim-{way}", ("aim-paper", event, {}))
+    assert found == pytest.approx(off)
+    assert detectable()[f"aim-{way}"].beyond == 0.05
+    assert Sign(f"aim-{way}", found, "").decides is decides
