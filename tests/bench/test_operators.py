@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 import virtual_lab as vl
-from tests.bench.days import PLAIN, SALT, apparatus, asked, scenario
+from tests.bench.days import PLAIN, SALT, SEED, apparatus, asked, scenario
 from virtual_lab import catalog
 from virtual_lab.bench.apparatus import Apparatus
 from virtual_lab.bench.day import Day
@@ -164,6 +164,22 @@ def test_confidence_counts() -> None:
 def test_a_false_pass_is_worth_nothing() -> None:
     day = replace(played(apparatus(), asked([*PLAIN, *END])), verdict="FAIL")
     assert scores(debrief(apparatus(), day, scenario()))["result"] == 0
+
+
+def test_a_fail_says_at_the_bench_and_in_the_debrief_what_was_not_met() -> None:
+    """A limit of .9 for a bat of .947: by what was measured, and by the truth."""
+    strict = scenario(limit=0.9)
+    there = Apparatus(laboratory_of(strict, SEED, SALT))
+    end = (("reduce", {}), ("give-verdict", {"verdict": "FAIL"}), ("hand-in", {}))
+    day = played(there, asked([*PLAIN, *end]))
+    (reduced,) = (event for event in day.events if event.action == "reduce")
+    said = {name: value for name, value, _ in reduced.shown}["by the rules"]
+    found = debrief(there, day, strict)
+    assert said == f"FAIL: BPF {found.value:.4f} is above the limit 0.900"
+    assert found.right_verdict == "FAIL"
+    assert found.right_because == f"BPF {found.truth:.4f} is above the limit 0.900"
+    assert found.right_because in debrief_page(found)
+    assert debriefed("book").right_because == ""
 
 
 def test_the_debrief_waits_for_the_end() -> None:

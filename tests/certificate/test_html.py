@@ -50,6 +50,10 @@ def again(*changes: tuple[str, str], **fields: object) -> Certification:
 
 
 LIMIT, SPEED = "limit = { value = 1.2", "speed_tolerance = { value = 1.0"
+HEAVY = """[eligibility]
+length_less_weight = { value = 2, unit = "1", source = "assumed", verified = false }
+
+"""
 
 
 CASES: Mapping[str, Callable[[], Certification]] = {
@@ -151,6 +155,41 @@ def test_the_verdict_stands_in_words(name: str, verdict: str) -> None:
     assert verdict in card
 
 
+def test_a_fail_names_the_rule_that_is_not_met_and_no_other() -> None:
+    """R161: 34 in less 31.16 oz are 2.8; its BPF of .95 is far below the limit 1.2."""
+    heavy = again(("[windows]", f"{HEAVY}[windows]"))
+    document = certificate(heavy)
+    mass, length = (heavy.bat[name].value for name in ("mass", "length"))
+    less = length / 0.0254 - mass / 0.028349523125
+    said = f"length less weight {less:.2f} (in, oz), allowed up to 2"
+    assert document.verdict == "FAIL"
+    assert document.reasons == (said,)
+    assert f"FAIL: {said}\n" in certificate_text(document)
+    assert f"The bat does not meet the rules: {said}" in words(notebook_card(document))
+    text = words(certificate_page(document))
+    assert f"The bat does not meet the rules: {said}" in text
+    assert not re.search("exceeds|above the limit|result is (not )?marginal", text)
+
+
+def test_a_fail_by_the_limit_gives_value_and_limit() -> None:
+    value = quick().metric.value
+    said = f"BPF {value:.4f} is above the limit 0.800"
+    document = certificate(case("fail"))
+    assert document.reasons == (said,)
+    for where in (page("fail"), notebook_card(document)):
+        assert f"The bat does not meet the rules: {said}" in words(where)
+    assert certificate(quick()).reasons == ()
+
+
+def test_a_bat_that_fails_by_weight_is_not_marginal() -> None:
+    """Though the limit lies within the interval: a test more would give the same verdict."""
+    near = (LIMIT, f"limit = {{ value = {quick().metric.value - 0.001:.4f}")
+    found = again(near, ("[windows]", f"{HEAVY}[windows]"))
+    assert case("marginal").marginal
+    assert len(found.reasons) == 2
+    assert not found.marginal
+
+
 def test_verdicts_differ_in_shape_and_not_in_colour() -> None:
     shapes = {
         re.search(r'<p class="verdict">(.*?)</svg>', page(name), re.DOTALL)[1]
@@ -182,6 +221,32 @@ def test_simulated_stands_on_every_sheet_of_a_simulated_test_only() -> None:
     assert page("pass").count("SIMULATED: no real bat was tested") == sheets == 2
     assert "SIMULATED" not in page("real laboratory")
     assert "Seed commitment" not in page("real laboratory")
+
+
+@pytest.mark.parametrize("name", ["pass", "scan with fresh hits"])
+def test_the_head_that_print_repeats_names_certificate_and_statement(name: str) -> None:
+    """Each sheet begins with it, however many pages the sheet takes."""
+    number = hashlib.sha256(certificate(case(name)).text().encode()).hexdigest()[:12]
+    root = ElementTree.fromstring(page(name))
+    sheets = [each for each in root.iter("section") if each.get("class") == "sheet"]
+    assert len(sheets) == 2
+    for sheet in sheets:
+        assert sheet[0].get("class") == "every-page"
+        head = " ".join("".join(sheet[0].itertext()).split())
+        assert number in head
+        assert "SIMULATED: no real bat was tested" in head
+    assert re.search(r"\.every-page \{ display: table-header-group;", page(name))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_no_word_of_a_figure_is_cut_at_its_edge(name: str) -> None:
+    """Letters reach 6 pt above and 2 pt below the line that they stand on, at 8 pt."""
+    for drawing in ElementTree.fromstring(page(name)).iter(f"{SVG}svg"):
+        *_, width, height = map(float, drawing.get("viewBox").split())
+        for text in drawing.iter(f"{SVG}text"):
+            if "rotate" not in text.get("transform", ""):
+                assert 6 <= float(text.get("y")) <= height - 2, "".join(text.itertext())
+            assert 0 <= float(text.get("x")) <= width
 
 
 def test_names_are_escaped() -> None:

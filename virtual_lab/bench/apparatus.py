@@ -359,11 +359,12 @@ class Apparatus:
         found = desk.certification
         if found.metric is None:
             return Reading(shown=(("no result", "; ".join(found.reasons), ""),))
+        by_rules = ": ".join(filter(None, (found.verdict.value, "; ".join(found.reasons))))
         return Reading(
             shown=(
                 (desk.rules.spec.metric, float(f"{found.metric.value:.4g}"), ""),
                 ("standard uncertainty", float(f"{found.metric.u:.2g}"), ""),
-                ("by the rules", found.verdict.value, ""),
+                ("by the rules", by_rules, ""),
             )
         )
 

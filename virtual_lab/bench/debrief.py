@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
 from itertools import islice, zip_longest
 from math import sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from virtual_lab.bench.protocol import StepDue, excused, left_out, steps_due
 from virtual_lab.bench.scenario import SCORES, UNITS, Scenario
 from virtual_lab.bench.table import PREPARING, action_table
 from virtual_lab.errors import InputError
+from virtual_lab.measurement.procedure import not_met, verdict
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.template import page_template
 
@@ -119,6 +120,7 @@ class Debrief:
     truth: float | None
     limit: float | None
     right_verdict: str
+    right_because: str  # what the bat does not meet, or why the day cannot be judged; or empty
     faults: tuple[str, ...]
     found: tuple[str, ...]
     missed: tuple[str, ...]
@@ -162,7 +164,7 @@ def debrief(apparatus: Apparatus, day: Day, scenario: Scenario, seal: str = "") 
     assert given is not None
     named = _named(day, str(given.arguments["doubt"]))
     faults = scenario.faults
-    truth, right = _right_verdict(apparatus, desk, value, u, spoilt=bool(faults))
+    right, because, truth = _right_verdict(apparatus, desk, value, u, spoilt=bool(faults))
     refused = day.verdict == "INVALID" and (bool(set(faults) & set(named)) or value is None)
     rightly = day.verdict == right or refused
     confidence = float(given.arguments["confidence"]) / 100
@@ -196,6 +198,7 @@ def debrief(apparatus: Apparatus, day: Day, scenario: Scenario, seal: str = "") 
         truth=truth,
         limit=limit,
         right_verdict=right,
+        right_because=because,
         faults=faults,
         found=tuple(name for name in faults if name in named),
         missed=tuple(name for name in faults if name not in named),
@@ -315,7 +318,7 @@ def _expert(
         if event.action not in mine and sheets[event.action].part in {"bench", "wall", "rig"}
     )
     value, u = beside.result or (None, None)
-    own = _right_verdict(apparatus, beside, value, u, spoilt=spoilt)[1]
+    own = _right_verdict(apparatus, beside, value, u, spoilt=spoilt).word
     return ExpertDay(
         verdict=theirs.verdict,
         confidence=float(given.arguments["confidence"]) / 100,
@@ -360,22 +363,29 @@ def _apart(right: str, own: str, beside: Desk, desk: Desk) -> str:
     return f"Both hold: {right} is right of what you measured, {given} of what the expert measured"
 
 
+class _RightVerdict(NamedTuple):
+    """The verdict of who knows the truth."""
+
+    word: str
+    because: str
+    truth: float | None
+
+
 def _right_verdict(
     apparatus: Apparatus, desk: Desk, value: float | None, u: float | None, *, spoilt: bool
-) -> tuple[float | None, str]:
-    """Return the truth and the verdict of who knows it: INVALID where a fault put x beyond U."""
-    truth, limit = None, desk.rules.spec.metric_limit
+) -> _RightVerdict:
+    """Return the verdict by the truth: INVALID where a fault put x beyond U."""
+    truth = None
     if value is not None:
         truth = apparatus.finish(desk.day).sealed.measurand.get("metric")
     if value is None or u is None or truth is None:
-        return None, "INVALID" if spoilt else "MEASURED"
+        return _RightVerdict("INVALID" if spoilt else "MEASURED", "the day gave no result", None)
     if spoilt and abs(value - truth) > 2 * u:
-        return truth, "INVALID"
-    if not all(each.met for each in desk.certification.findings):
-        return truth, "FAIL"
-    if limit is None:
-        return truth, "MEASURED"
-    return truth, "PASS" if truth <= limit else "FAIL"
+        return _RightVerdict("INVALID", "a fault put the result beyond its U", truth)
+    rules = desk.rules.spec
+    unmet = not_met(rules, desk.certification.findings, truth)
+    word = verdict(rules, sound=True, met=not unmet).value
+    return _RightVerdict(word, "; ".join(unmet), truth)
 
 
 def _result_score(

@@ -33,7 +33,8 @@ class RehearsedDay:
     def text(self) -> str:
         """The verdict, the scores and what cost most, in lines."""
         told = self.debrief
-        lines = [f"{told.title}: {told.verdict} given, {told.right_verdict} right"]
+        because = f": {told.right_because}" if told.right_because else ""
+        lines = [f"{told.title}: {told.verdict} given, {told.right_verdict} right{because}"]
         lines += [f"  {each.name:<10} {each.value:.2f}  {each.because}" for each in told.scores]
         for each in told.costly:
             cost = "" if each.cost is None else f" {each.cost:+.4f}"

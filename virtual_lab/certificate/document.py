@@ -328,7 +328,7 @@ class CertificateDocument(Spec):
     findings: tuple[RuleFinding, ...]
     flags: tuple[FlagRaised, ...]
     incomplete: str
-    reasons: tuple[str, ...]  # why the verdict is INVALID
+    reasons: tuple[str, ...]  # why the verdict is INVALID or FAIL
     valid_hits: int
     rejected_hits: tuple[RejectedHit, ...]
     shots: tuple[ShotRow, ...]

@@ -20,7 +20,7 @@ def hits_figure(document: CertificateDocument) -> str:
     metric, printed = document.metric, METRICS[document.metric.name]
     height = 166.0 if document.places else 122.0
     limit = None if metric.limit is None else metric.limit / printed.unit_si
-    most = "no limit" if limit is None else f"limit {limit:.{printed.places}f}"
+    most = "no limit" if metric.limit is None else f"limit {printed.limit(metric.limit)}"
     stated = metric.value is not None
     panels = [_hits_panel(document, RIGHT - 136 if stated else RIGHT, height - X_LABEL_ROOM)]
     if stated:
@@ -182,8 +182,8 @@ def _result_panel(document: CertificateDocument, left: float, bottom: float) -> 
     )
     panel.whisker(0.0, low, high)
     panel.dots([0.0], [value], radius=1.6)
-    if limit is not None:
-        _put_limit(panel, limit, f"limit {limit:.{printed.places}f}")
+    if limit is not None and metric.limit is not None:
+        _put_limit(panel, limit, f"limit {printed.limit(metric.limit)}")
     return panel
 
 

@@ -100,8 +100,8 @@ def certificate(
         metric=_metric(certification),
         verdict=certification.verdict.value,
         marginal=certification.marginal,
-        decision_rule="PASS where the value is at most the limit (simple acceptance); "
-        "marginal where the limit lies within the 95 % interval",
+        decision_rule="PASS where the value is at most the limit (simple acceptance) and the bat "
+        "meets every other rule; marginal where the limit lies within the 95 % interval",
         **stated,
         recoil=RecoilStated(
             which=procedure.recoil,

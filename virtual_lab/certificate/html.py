@@ -23,14 +23,13 @@ from virtual_lab.certificate.document import (
 )
 from virtual_lab.certificate.figures import encoder_figure, hits_figure, swings_figure
 from virtual_lab.output.metrics import METRICS
-from virtual_lab.output.rounding import decimals
+from virtual_lab.output.rounding import decimals, digits
 from virtual_lab.output.template import page_template
 from virtual_lab.records.constants import PER_SI, constant_of
 from virtual_lab.units import INCH, OUNCE, OZ_IN2
 
 PACKAGE = "virtual_lab.certificate"
 NONE = "–"
-PLACES = 7  # decimals at most; what needs more is the computer's own arithmetic
 STAGES = {"bench": "Bench", "balls": "Wall rig", "impact": "Bat rig", "hall": "Hall"}
 INPUTS = {  # of a budget, no constants of a calibration: words and unit in print
     "hits": ("Scatter from hit to hit", ""),
@@ -52,10 +51,10 @@ INPUTS = {  # of a budget, no constants of a calibration: words and unit in prin
     "camera.place_z": ("camera, height", "mm"),
 }
 VERDICTS = {
-    "PASS": "the bat meets the limit",
-    "FAIL": "the bat exceeds the limit",
-    "INVALID": "the test was not valid, and nothing is said of the bat",
-    "MEASURED": "the rules set no limit",
+    "PASS": "The bat meets the limit",
+    "FAIL": "The bat does not meet the rules",
+    "INVALID": "The test was not valid, and nothing is said of the bat",
+    "MEASURED": "The rules set no limit",
 }
 
 
@@ -104,7 +103,7 @@ def _swings(document: CertificateDocument) -> list[dict[str, str]]:
             {
                 "exponent": f"{row.exponent:g}",
                 "value": _number(row.value / unit_si, places),
-                "u": _number(row.u / unit_si, places),
+                "u": digits(row.u / unit_si),
                 "interval": f"{low} to {high}",
                 "place": f"{row.place_in:.2f}",
             }
@@ -118,17 +117,23 @@ def _result(document: CertificateDocument) -> dict[str, object]:
     hits = f"{document.valid_hits} valid hits"
     if verdict == "INVALID":
         hits += f", the procedure asks for {document.procedure.hits_needed}"
-    limit, unit = metric.limit, f" {printed.unit}" if printed.unit else ""
+    unit = f" {printed.unit}" if printed.unit else ""
+    said = VERDICTS[verdict]
+    if verdict == "FAIL":
+        said = ": ".join((said, "; ".join(document.reasons)))
     stated = _stated(metric, printed.unit_si)
     return {
         "words": printed.words,
         "symbol": printed.symbol,
         "unit": unit,
         "verdict": verdict,
-        "said": VERDICTS[verdict],
+        "said": said,
         "hits": hits,
-        "limit": "none" if limit is None else f"{limit / printed.unit_si:.{printed.places}f}{unit}",
+        "limit": "none" if metric.limit is None else printed.limit(metric.limit),
         "stated": bool(stated),
+        "decides": bool(stated)
+        and verdict != "INVALID"
+        and all(finding.met for finding in document.findings),
         **stated,
     }
 
@@ -141,16 +146,16 @@ def _stated(metric: MetricStated, unit_si: float) -> dict[str, object]:
         return {}
     value, u, u_type_a, u_type_b, low, high = numbers
     expanded, dof = high - value, metric.degrees_of_freedom
-    places, certain = _places(expanded), _digits(u) == "0"
+    places, certain = decimals(expanded), digits(u) == "0"
     return {
         "uncertain": not certain,
         "value": f"{value:.{places}f}",
-        "expanded": _digits(expanded),
+        "expanded": digits(expanded),
         "low": f"{low:.{places}f}",
         "high": f"{high:.{places}f}",
-        "u": _digits(u),
-        "u_type_a": _digits(u_type_a),
-        "u_type_b": _digits(u_type_b),
+        "u": digits(u),
+        "u_type_a": digits(u_type_a),
+        "u_type_b": digits(u_type_b),
         "k": NONE if certain else f"{expanded / u:.2f}",
         "dof": "∞" if dof is None else f"{dof:.1f}" if dof < 100 else f"{dof:.0f}",
     }
@@ -210,7 +215,7 @@ def _choice(document: CertificateDocument) -> str:
     if document.choice is None:
         return ""
     printed = METRICS[document.metric.name]
-    return f"{_digits(document.choice.correction / printed.unit_si)} {printed.unit}".rstrip()
+    return f"{digits(document.choice.correction / printed.unit_si)} {printed.unit}".rstrip()
 
 
 def _width(width: WidthStated | None) -> dict[str, str] | None:
@@ -263,9 +268,9 @@ def _camera(camera: CameraWord | None) -> list[dict[str, str]]:
             stated: Stated = getattr(compared, by)
             assert stated.u is not None
             row[by] = _number(stated.value, places)
-            row[f"{by}_u"] = _number(stated.u, decimals(stated.u))
+            row[f"{by}_u"] = digits(stated.u)
         row["difference"] = f"{off.value + 0.0:+.{places}f}".replace("-", "−")
-        row["difference_u"] = _number(off.u, places)
+        row["difference_u"] = digits(off.u)
         rows.append(row)
     return rows
 
@@ -274,9 +279,9 @@ def _budget(document: CertificateDocument) -> list[dict[str, str]]:
     """Return the largest components, and all others together in the last line."""
     unit_si = METRICS[document.metric.name].unit_si
     rows, u = document.budget, (document.metric.u or 0.0) / unit_si
-    if not rows or _digits(u) == "0":
+    if not rows or digits(u) == "0":
         return []
-    places = _places(u) + 1
+    places = decimals(u) + 1
     large = [row for row in rows if row.share_percent >= 1]
     small = rows[len(large) :]  # rows come largest first
     lines = [
@@ -319,7 +324,7 @@ def _input(name: str, u: float) -> dict[str, str]:
         words = f"{STAGES[stage]}: {words}"
     else:
         return {"words": name, "u": f"{u:.2g} (SI)"}
-    return {"words": words, "u": f"{_digits(u * PER_SI[unit])} {unit}".strip()}
+    return {"words": words, "u": f"{digits(u * PER_SI[unit])} {unit}".strip()}
 
 
 def _rebound(check: ReboundCheck | None) -> dict[str, object]:
@@ -338,16 +343,7 @@ def _with_u(known: Stated | WidthStated | ControlRatio, factor: float = 1.0) -> 
     value, u = known.value, known.u
     if value is None or u is None:
         return {"value": NONE, "u": NONE}
-    return {"value": f"{value * factor:.{_places(u * factor)}f}", "u": _digits(u * factor)}
-
-
-def _places(u: float) -> int:
-    return min(decimals(u), PLACES)
-
-
-def _digits(u: float) -> str:
-    """Return an uncertainty to two significant digits, 0 if it is only rounding error."""
-    return f"{u:.{_places(u)}f}" if u > 0.5 * 10**-PLACES else "0"
+    return {"value": f"{value * factor:.{decimals(u * factor)}f}", "u": digits(u * factor)}
 
 
 def _number(value: float | None, places: int, otherwise: str = NONE) -> str:

@@ -32,9 +32,10 @@ def certificate_text(document: CertificateDocument) -> str:
     """Return the certificate as text of about a dozen lines."""
     metric, procedure = document.metric, document.procedure
     marginal = ", marginal: the limit lies within the 95 % interval" if document.marginal else ""
+    said = f": {'; '.join(document.reasons)}" if document.verdict == "FAIL" else ""
     lines = [
         f"{document.bat.name} by {procedure.name} ({procedure.edition})",
-        f"  {document.verdict}{marginal}",
+        f"  {document.verdict}{said}{marginal}",
     ]
     if metric.value is not None:
         lines.append("  " + _metric_line(metric))
@@ -51,9 +52,10 @@ def certificate_text(document: CertificateDocument) -> str:
         lines += _swing_lines(metric, document.swing_range)
         lines += _control_lines(document.ball_correction)
         lines += _camera_lines(document.second_witness)
-    lines += [f"  invalid: {reason}" for reason in document.reasons]
+    if document.verdict == "INVALID":
+        lines += [f"  invalid: {reason}" for reason in document.reasons]
     lines += [
-        f"  {'meets' if finding.met else 'FAILS'}: {finding.sentence}"
+        f"  {'meets' if finding.met else 'does not meet'}: {finding.sentence}"
         for finding in document.findings
     ]
     lines += [f"  FLAG {flag.name}: {flag.sentence}" for flag in document.flags]
@@ -75,11 +77,7 @@ def _metric_line(metric: MetricStated) -> str:
     assert metric.interval_95 is not None
     low, high = (bound / printed.unit_si for bound in metric.interval_95)
     unit = f" {printed.unit}" if printed.unit else ""
-    most = (
-        "no limit"
-        if metric.limit is None
-        else f"limit {metric.limit / printed.unit_si:.{printed.places}f}"
-    )
+    most = "no limit" if metric.limit is None else f"limit {printed.limit(metric.limit)}"
     places = printed.places + 1
     value = with_uncertainty(metric.value / printed.unit_si, metric.u / printed.unit_si)
     interval = f"95 % interval {low:.{places}f} to {high:.{places}f}"

@@ -23,6 +23,7 @@ from virtual_lab.measurement.procedure import (
     SetAside,
     Verdict,
     findings,
+    not_met,
     shortfall,
     verdict,
     with_choice,
@@ -60,13 +61,14 @@ class Certification:
     set_aside: tuple[SetAside, ...]  # balls that the rules do not admit
     findings: tuple[Finding, ...]  # what the rules ask of a bat before it is hit
     flags: tuple[Flag, ...]  # what does not hang together in the records
-    reasons: tuple[str, ...]  # why the verdict is INVALID
+    reasons: tuple[str, ...]  # why the verdict is INVALID or FAIL
     verdict: Verdict
 
     @property
     def marginal(self) -> bool:
-        """Whether the limit lies within the 95 % interval of a test that is not INVALID."""
-        if self.reasons or self.metric is None or self.procedure.metric_limit is None:
+        """Whether the limit decides the verdict and lies within the 95 % interval."""
+        decides = self.verdict is not Verdict.INVALID and all(each.met for each in self.findings)
+        if not decides or self.metric is None or self.procedure.metric_limit is None:
             return False
         low, high = self.metric.interval_95
         return low <= self.procedure.metric_limit <= high
@@ -105,7 +107,8 @@ def evaluate(
         metric = with_choice(quantities.pop("metric"), lost)
     found = findings(procedure, reduced.bat)
     flagged = flags(_evidence(session, reduced))
-    reasons = tuple(_reasons(procedure, outcome, metric, flagged))
+    invalid = tuple(_reasons(procedure, outcome, metric, flagged))
+    unmet = not_met(procedure, found, metric.value if metric else None)
     return Certification(
         session=session,
         procedure=procedure,
@@ -125,13 +128,8 @@ def evaluate(
         set_aside=reduced.model.lot.set_aside,
         findings=found,
         flags=flagged,
-        reasons=reasons,
-        verdict=verdict(
-            procedure,
-            metric.value if metric else np.nan,
-            sound=not reasons,
-            eligible=all(finding.met for finding in found),
-        ),
+        reasons=invalid or unmet,
+        verdict=verdict(procedure, sound=not invalid, met=not unmet),
     )
 
 

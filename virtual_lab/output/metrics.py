@@ -18,6 +18,10 @@ class MetricFormat:
     si_unit: str
     places: int  # decimals of a limit
 
+    def limit(self, value: float, more: int = 0) -> str:
+        """Return a limit in SI as printed, with its unit; `more` decimals for a value beside it."""
+        return f"{value / self.unit_si:.{self.places + more}f} {self.unit}".rstrip()
+
 
 METRICS = {
     "bat_performance_factor": MetricFormat("Bat performance factor", "BPF", "", 1.0, "", 3),

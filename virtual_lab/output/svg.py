@@ -152,8 +152,9 @@ class Panel:
         parts = [*self._marks, self._axes()]
         if self.title:
             parts.append(_text(self.left, self.top - 17, self.title))
+        below = self.bottom + (12 if self.x_ticks is not None and not self.x_ticks else 23)
         for number, words in enumerate(self.x_label.splitlines()):
-            parts.append(_text(middle, self.bottom + 23 + 9.5 * number, words, "middle"))
+            parts.append(_text(middle, below + 9.5 * number, words, "middle"))
         if self.y_label:
             height = (self.top + self.bottom) / 2
             turned = f' transform="rotate(-90 {_at(self.left - 33, height)})"'

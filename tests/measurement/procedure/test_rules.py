@@ -10,11 +10,13 @@ import pytest
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import (
+    Finding,
     Judgement,
     Procedure,
     Verdict,
     aimed_place,
     judge,
+    not_met,
     outcome_of,
     to_set,
     verdict,
@@ -143,26 +145,47 @@ def test_a_shot_that_missed_the_bat_is_rejected_not_raised() -> None:
     assert re.match(r"recoil known to .*, allowed 0\.30%", missed)
 
 
+HEAVY = Finding("length less weight 3.07 (in, oz), allowed up to 3", met=False)
+WIDE_ENOUGH = Finding("barrel 2.496 in across, the ring passes 2.610 in", met=True)
+
+
 @pytest.mark.parametrize(
-    ("value", "complete", "eligible", "expected"),
+    ("value", "found", "unmet"),
     [
-        (1.2, True, True, Verdict.PASS),
-        (np.nextafter(1.2, 2), True, True, Verdict.FAIL),
-        (0.5, True, True, Verdict.PASS),
-        (0.5, True, False, Verdict.FAIL),
-        (1.2, False, True, Verdict.INVALID),
-        (nan, False, True, Verdict.INVALID),
+        (1.2, [WIDE_ENOUGH], ()),
+        (np.nextafter(1.2, 2), [WIDE_ENOUGH], ("BPF 1.2000 is above the limit 1.200",)),
+        (0.5, [HEAVY, WIDE_ENOUGH], (HEAVY.sentence,)),
+        (1.3, [HEAVY], (HEAVY.sentence, "BPF 1.3000 is above the limit 1.200")),
+        (None, [], ()),
     ],
 )
-def test_verdict(value: float, complete: bool, eligible: bool, expected: Verdict) -> None:
+def test_each_rule_not_met_is_named(
+    value: float | None, found: list[Finding], unmet: tuple[str, ...]
+) -> None:
     """Limit 1.2 of the shipped procedure: at the limit is within it."""
-    assert verdict(RULES, float(value), sound=complete, eligible=eligible) is expected
+    assert not_met(RULES, found, value) == unmet
 
 
-def test_without_a_limit_a_bat_is_measured() -> None:
+def test_a_limit_not_met_is_said_in_the_unit_of_print() -> None:
+    slow = catalog.load("procedures", "asa", Procedure).spec
+    (said,) = not_met(slow, [], slow.metric_limit + 0.1 * MPH)
+    printed = slow.metric_limit / MPH
+    assert said == f"v_f {printed + 0.1:.2f} mph is above the limit {printed:.1f} mph"
+
+
+def test_verdict() -> None:
+    assert verdict(RULES, sound=True, met=True) is Verdict.PASS
+    assert verdict(RULES, sound=True, met=False) is Verdict.FAIL
+    assert verdict(RULES, sound=False, met=True) is Verdict.INVALID
+    assert verdict(RULES, sound=False, met=False) is Verdict.INVALID
+
+
+def test_without_a_limit_a_bat_is_measured_or_fails_by_another_rule() -> None:
     """The paper's own proposal sets none."""
     free = replace(RULES, limit=None)
-    assert verdict(free, 1.9, sound=True, eligible=True) is Verdict.MEASURED
+    assert not_met(free, [], 1.9) == ()
+    assert verdict(free, sound=True, met=True) is Verdict.MEASURED
+    assert verdict(free, sound=True, met=False) is Verdict.FAIL
 
 
 @pytest.mark.parametrize(("hits", "said"), [(5, "5 valid hits of 6"), (6, ""), (7, "")])

@@ -8,6 +8,7 @@ from virtual_lab.measurement.procedure.metric import Curve, Sought, metric_of, s
 from virtual_lab.measurement.procedure.outcome import (
     HitWeights,
     Verdict,
+    not_met,
     outcome_of,
     verdict,
 )
@@ -33,6 +34,7 @@ __all__ = [
     "lot_of",
     "metric_of",
     "next_places",
+    "not_met",
     "outcome_of",
     "shortfall",
     "sought_of",

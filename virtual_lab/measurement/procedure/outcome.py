@@ -8,15 +8,18 @@ v_f, has its maximum there, the hits also shift the place and thereby the result
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from virtual_lab.measurement.procedure.eligibility import Finding
 from virtual_lab.measurement.procedure.metric import Sought
 from virtual_lab.measurement.procedure.rules import SETTING_STEP, Procedure, Scan
 from virtual_lab.measurement.procedure.schedule import best_place, final_hits, scan_hits
+from virtual_lab.output.metrics import METRICS
 from virtual_lab.units import Array, Mask
 
 
@@ -176,12 +179,25 @@ def _nothing(shots: int, reason: str) -> HitWeights:
     return HitWeights(weights=nothing, effects=nothing, place=np.nan, reason=reason)
 
 
-def verdict(procedure: Procedure, value: float, *, sound: bool, eligible: bool) -> Verdict:
-    """Return PASS up to and including the limit, FAIL above it, INVALID for an invalid test."""
+def not_met(procedure: Procedure, found: Iterable[Finding], value: float | None) -> tuple[str, ...]:
+    """Return what a bat does not meet, each rule with value and limit; () if it meets all.
+
+    `found` are the findings of its eligibility; `value` is the metric in SI, met up to and
+    including the limit, None if it is unknown.
+    """
+    rules = [finding.sentence for finding in found if not finding.met]
+    limit = procedure.metric_limit
+    if limit is not None and value is not None and value > limit:
+        metric = METRICS[procedure.metric]
+        own, most = metric.limit(value, more=1), metric.limit(limit)
+        rules.append(f"{metric.symbol} {own} is above the limit {most}")
+    return tuple(rules)
+
+
+def verdict(procedure: Procedure, *, sound: bool, met: bool) -> Verdict:
+    """Return INVALID for an invalid test, FAIL if the bat does not meet every rule, else PASS."""
     if not sound:
         return Verdict.INVALID
-    if not eligible:
+    if not met:
         return Verdict.FAIL
-    if procedure.metric_limit is None:
-        return Verdict.MEASURED
-    return Verdict.PASS if value <= procedure.metric_limit else Verdict.FAIL
+    return Verdict.MEASURED if procedure.metric_limit is None else Verdict.PASS
