@@ -70,7 +70,10 @@ def test_a_procedure_changed_in_a_call(tested: vl.Certificate, tmp_path: Path) -
     assert rules.spec.valid_hits == 9
     changed = vl.certify("r161", procedure=rules, seed=7)
     assert changed.document["valid_hits"] == 9
-    assert changed.document["procedure"]["name"] == "astm-f1881-changed"
+    assert (
+        changed.document["procedure"]["name"]
+        == "astm-f1881 (windows.speed_tolerance=1 m per s, valid_hits=9)"
+    )
     assert changed.document["procedure"]["title"].endswith("windows.speed_tolerance, valid_hits")
     row = rules.numbers.set_index("key").loc["valid_hits"]
     assert (row["source"], row["verified"]) == ("changed", False)
@@ -99,15 +102,18 @@ def test_bats_and_balls_as_sheets() -> None:
     bat = vl.bat("r161").with_({"body.material.density": 700.0})
     assert bat.spec.body.material.density == 700.0
     heavier = vl.certify(bat, seed=7).document["bat"]
-    assert heavier["name"] == "r161-changed"
+    assert heavier["name"] == "r161 (body.material.density=700.0)"
     assert (
         heavier["mass_kg"]["value"]
         > 1.05 * vl.certify("r161", seed=7).document["bat"]["mass_kg"]["value"]
     )
     ball = vl.ball("baseball-2003").with_(mass="5.2 oz")
-    assert vl.certify("r161", ball=ball, seed=7).document["ball"]["name"] == "baseball-2003-changed"
+    assert (
+        vl.certify("r161", ball=ball, seed=7).document["ball"]["name"]
+        == "baseball-2003 (mass=5.2 oz)"
+    )
     profiled = vl.profile(bat)
-    assert profiled.document["bat"] == "r161-changed"
+    assert profiled.document["bat"] == "r161 (body.material.density=700.0)"
 
 
 @pytest.mark.parametrize(
@@ -171,6 +177,146 @@ def test_a_sweep_is_its_tests_one_by_one() -> None:
     assert row["low"] < row["value"] < row["high"]
     with pytest.raises(vl.InputError, match="seed"):
         vl.sweep("r161", seeds=[0.5], progress=lambda *_: None)  # type: ignore[list-item]
+
+
+def test_variants_of_a_sheet_in_one_sweep_are_the_tests_alone() -> None:
+    """The u of r161, seed 0, 6, 12 and 24 hits, as each alone had it before they shared a call."""
+    base = vl.procedure("astm-f1881")
+    variants = [base.with_(valid_hits=hits, attempts=3 * hits) for hits in (6, 12, 24)]
+    said = {"progress": lambda *_: None, "seeds": [0]}
+    together = vl.sweep("r161", procedures=variants, **said)
+    assert together["u"].round(5).tolist() == [0.00549, 0.00424, 0.00349]
+    assert together["procedure"].tolist() == [
+        f"astm-f1881 (valid_hits={hits}, attempts={3 * hits})" for hits in (6, 12, 24)
+    ]
+    alone = vl.sweep("r161", procedures=variants[1], **said)
+    assert alone.iloc[0].to_dict() == together.iloc[1].to_dict()
+
+
+def test_critique_keeps_variants_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A test that gives the hits its rules ask for: each variant ran as itself, in its own row."""
+    from virtual_lab import catalog
+    from virtual_lab.measurement.procedure import Procedure
+    from virtual_lab.studies import critique
+
+    def hits(_bat: str, procedure: str, **_known: object) -> float:
+        return float(catalog.load("procedures", procedure, Procedure).spec.valid_hits)
+
+    monkeypatch.setattr(critique, "_result", hits)
+    variants = [vl.procedure("astm-f1881").with_(valid_hits=hits) for hits in (6, 12)]
+    found = vl.critique(["r161", "ea70"], procedures=variants, laboratories=2)
+    assert {row.procedure: row.mean for row in found.metrics} == {
+        "astm-f1881 (valid_hits=6)": 6.0,
+        "astm-f1881 (valid_hits=12)": 12.0,
+    }
+    assert "(3)" not in found.text
+
+
+def test_the_name_of_a_changed_sheet_is_a_files_name_too(tmp_path: Path) -> None:
+    rules = vl.procedure("astm-f1881").with_({"windows.speed_tolerance": "1 m/s"})
+    assert rules.name == "astm-f1881 (windows.speed_tolerance=1 m per s)"
+    again = rules.with_(valid_hits=8).with_(valid_hits=9)
+    assert again.name == "astm-f1881 (windows.speed_tolerance=1 m per s, valid_hits=9)"
+    long = vl.bat("r161").with_({"body.profile.z": np.linspace(0, 0.86, 19), "title": "a/b<c>|d"})
+    other = vl.bat("r161").with_({"body.profile.z": np.linspace(0, 0.87, 19)})
+    assert len({long.name, other.name}) == 2
+    assert (tmp_path / long.name).write_text("") == 0
+    assert not set('/\\<>:"|?*') & set(long.name)
+    with pytest.raises(vl.InputError, match="an entry of the catalog"):
+        rules.with_(name="bbcor")
+
+
+def test_entries_of_one_name_in_one_call_are_refused(tmp_path: Path) -> None:
+    first, second = (
+        vl.procedure("astm-f1881").with_(name="mine", valid_hits=hits) for hits in (6, 9)
+    )
+    with pytest.raises(vl.InputError, match="two different sheets have this name"):
+        vl.sweep("r161", procedures=[first, second], seeds=[0])
+    paths = [each.save(tmp_path / f"{each.spec.valid_hits}.toml") for each in (first, second)]
+    with pytest.raises(vl.InputError, match="'mine'; is given twice"):
+        vl.sweep("r161", procedures=paths, seeds=[0])
+    gates = [vl.instrument("pivot-gates"), vl.instrument("pivot-gates").with_(tick="2 us")]
+    with pytest.raises(vl.InputError, match="pivot-gates"):
+        vl.certify("r161", instruments=gates)
+
+
+def test_an_instrument_of_no_rig_in_the_test_is_refused() -> None:
+    """By what the rigs read: so too for a rig of another package."""
+    camera = vl.instrument("camera-overhead").with_(pixel="20 um")
+    with pytest.raises(vl.InputError, match=r"camera-overhead.*in use: .*pivot-gates") as caught:
+        vl.sweep("r161", seeds=[0], instruments=[camera], progress=lambda *_: None)
+    assert "light-boards" not in str(caught.value)
+    with pytest.raises(vl.InputError, match="in use: none"):
+        vl.profile("r161", instruments=[camera])
+
+
+WRONG_CALLS = {  # a call that a scientist writes: a part of the sentence that says what to write
+    "vl.certify(None)": r"bat = None; allowed: a bat: its name \(vl.shelf\('bats'\)\), a .toml",
+    "vl.certify(['r161', 'ea70'])": "allowed: a bat: its name",
+    "vl.certify('r161', seed=True)": "one whole number from 0; for several, vl.sweep",
+    "vl.certify('r161', seed=-1)": "one whole number from 0",
+    "vl.certify('r161', 'bbcor')": r"argument 2 = 'bbcor'; write it by name: procedure=…",
+    "vl.certify()": "bat; is missing",
+    "vl.certify('r161', procedures='bbcor')": "unknown argument, did you mean procedure",
+    "vl.certify(vl.procedure('bbcor'))": "allowed: a bat",
+    "vl.certify('r161', ball=0.073)": r"ball = 0.073; allowed: a ball: its name",
+    "vl.certify('r161', film='yes')": "True or False",
+    "vl.certify('r161', faults=3)": "names of faults",
+    "vl.certify('r161', reality=None)": "real, noise-free or ideal",
+    "vl.sweep('r161', procedure='bbcor')": "did you mean procedures",
+    "vl.sweep('r161', seeds=5)": r"range\(5\) for five laboratories",
+    "vl.sweep([])": "at least one",
+    "vl.sweep({'r161'}, seeds=[1])": "or a list",
+    "vl.sweep(['r161', 'r161'], seeds=[1])": "given twice",
+    "vl.score(tested)": r"has a function of its own: write .score\(\) after it",
+    "vl.reduce(tested)": "the path of a folder",
+    "vl.shelf('bat')": "did you mean bats",
+    "vl.Sheet.of('bat', 'r161')": "did you mean bats",
+    "vl.bat(None)": "a name, or a path",
+    "vl.critique('r161')": "bats = 'r161'; allowed: two and more",
+    "vl.critique(['r161', 'ea70'], procedures=[])": "at least one",
+    "vl.faults(procedures=[vl.procedure('bbcor').with_(valid_hits=9)])": (
+        r"procedure = 'bbcor \(valid_hits=9\)'; these faults have predictions for astm-f1881, bbcor"
+    ),
+    "vl.profile('r161', ball=0.073)": "ball = 0.073; allowed: a ball",
+    "vl.profile('r161', swing=0.5)": "did you mean swings",
+    "vl.coverage('r161', laboratories=2.5)": "whole number",
+    "vl.daily(drift='1')": "drift = '1'; allowed: a number",
+    "vl.calibrate('x.png', board=3)": "charuco:14x9",
+    "vl.procedure('bbcor').with_(['valid_hits'])": "keys and values",
+    "vl.procedure('bbcor').with_(name='')": "allowed: a text",
+}
+
+
+@pytest.mark.parametrize("call", WRONG_CALLS)
+def test_a_wrong_call_says_what_to_write(call: str, tested: vl.Certificate) -> None:
+    with pytest.raises(vl.InputError, match=WRONG_CALLS[call]) as caught:
+        eval(call, {"vl": vl, "tested": tested})
+    assert "\n" not in str(caught.value)
+
+
+def test_arguments_in_other_forms_mean_the_same(tested: vl.Certificate) -> None:
+    """One instrument without a list, names as an array, a path for a name, a rig as a sheet."""
+    gates = vl.instrument("pivot-gates")
+    assert vl.certify("r161", seed=np.uint8(7), instruments=gates).value == tested.value
+    rig = vl.rig("astm-pivot").with_({"pivot.from_knob": "152 mm"})
+    assert vl.certify(Path("r161"), seed=7, rig=rig).value == tested.value
+    found = vl.sweep(np.array(["r161"]), seeds=(n for n in [3]), progress=lambda *_: None)
+    assert found["seed"].tolist() == [3]
+
+
+def test_every_public_function_reads_its_arguments() -> None:
+    """All but the camera's `track`, which reads words of the command line."""
+    from inspect import signature
+
+    from virtual_lab.api.arguments import ARGUMENTS
+
+    for name in vl.__all__:
+        function = getattr(vl, name)
+        if callable(function) and not isinstance(function, type) and name != "track":
+            assert set(signature(function).parameters) <= ARGUMENTS.keys(), name
+            with pytest.raises(vl.InputError, match="nonsense; unknown argument"):
+                function(nonsense=1)
 
 
 def test_a_seed_of_anybodys_kind() -> None:

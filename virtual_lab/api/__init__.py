@@ -9,11 +9,11 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
-from operator import index
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
-from virtual_lab.api.sheets import Sheet, with_sheets
+from virtual_lab.api.arguments import reads_arguments, takes_instruments
+from virtual_lab.api.sheets import Sheet
 from virtual_lab.errors import InputError
 from virtual_lab.output.progress import Progress, quiet, shown
 
@@ -22,10 +22,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from virtual_lab.api.charts import chart, stability
+    from virtual_lab.catalog import Entry
     from virtual_lab.certificate.document import CertificateDocument
     from virtual_lab.fidelity.mode_convergence import convergence
     from virtual_lab.lab import BatTest
     from virtual_lab.measurement.certification import Certification
+    from virtual_lab.measurement.procedure import Procedure
     from virtual_lab.output.metrics import MetricFormat
     from virtual_lab.simulation.truth import SealedTruth
     from virtual_lab.studies.bats.ball_law import sensitivity
@@ -91,7 +93,8 @@ __all__ = [
 ]
 
 STUDIES = "virtual_lab.studies"
-ELSEWHERE = {  # name: module, name there; functions take sheets and paths in the place of names
+ALONE = ("score", "shelf", "show", "template")  # test nothing: they take no `instruments`
+ELSEWHERE = {  # name: module, name there
     "BatComparison": (f"{STUDIES}.bats.compare", "BatComparison"),
     "BatProfile": (f"{STUDIES}.bats.profile", "BatProfile"),
     "InputError": ("virtual_lab.errors", "InputError"),
@@ -125,30 +128,37 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, there = ELSEWHERE[name]
     found = getattr(import_module(module), there)
-    globals()[name] = found if isinstance(found, type) else with_sheets(found)
-    return globals()[name]
+    if not isinstance(found, type):
+        found = reads_arguments(found if name in ALONE else takes_instruments(found), name)
+    globals()[name] = found
+    return found
 
 
+@reads_arguments
 def bat(name: str | Path) -> Sheet:
     """Return the sheet of a bat: a name in the catalog or a .toml file."""
     return Sheet.of("bats", name)
 
 
+@reads_arguments
 def ball(name: str | Path) -> Sheet:
     """Return the sheet of a ball: a name in the catalog or a .toml file."""
     return Sheet.of("balls", name)
 
 
+@reads_arguments
 def procedure(name: str | Path) -> Sheet:
     """Return the sheet of a test procedure: a name in the catalog or a .toml file."""
     return Sheet.of("procedures", name)
 
 
+@reads_arguments
 def instrument(name: str | Path) -> Sheet:
     """Return the sheet of an instrument: a name in the catalog or a .toml file."""
     return Sheet.of("instruments", name)
 
 
+@reads_arguments
 def rig(name: str | Path) -> Sheet:
     """Return the sheet of a rig: a name in the catalog or a .toml file."""
     return Sheet.of("rigs", name)
@@ -317,6 +327,7 @@ class Certificate:
         return notebook_card(self.printed)
 
 
+@reads_arguments
 def certify(
     bat: str | Path | Sheet,
     *,
@@ -378,48 +389,29 @@ def certify(
         An unknown name, a file that cannot be used, a seed that is no whole number from 0, a film
         at a rig without a camera.
     """
+    from virtual_lab import catalog
     from virtual_lab.lab import TestSetup, certify_bat
+    from virtual_lab.measurement.procedure import Procedure
     from virtual_lab.simulation.rig import Reality, named
 
-    given = None if seed is None else _whole(seed)
+    rules: str | Entry[Procedure] = cast("str", procedure)  # sheets are names by now
     if ball is not None:
-        procedure = _with_ball(procedure, ball)
-        instruments = (*instruments, *([ball] if isinstance(ball, Sheet) else []))
-
-    def test(bat: str, procedure: str, control_bat: str | None) -> BatTest:
-        setup = TestSetup.of(
-            bat,
-            procedure=procedure,
-            rig=rig,
-            seed=given,
-            reality=named(Reality, "reality", reality),
-            rung=rung,
-            motion=motion,
-            faults=(faults,) if isinstance(faults, str) else faults,
-            control_bat=control_bat,
-            correction=correction,
-            film=film,
-        )
-        return certify_bat(setup, progress)
-
-    return _certificate(
-        with_sheets(test)(bat, procedure, control_bat, instruments=instruments), given
+        other = Sheet.of("procedures", cast("str", procedure)).with_(ball=ball)
+        rules = catalog.read(other.text, other.name, Procedure)
+    setup = TestSetup.of(
+        cast("str", bat),
+        procedure=rules,
+        rig=rig,
+        seed=seed,
+        reality=named(Reality, "reality", reality),
+        rung=rung,
+        motion=motion,
+        faults=faults,
+        control_bat=cast("str | None", control_bat),
+        correction=correction,
+        film=film,
     )
-
-
-def _with_ball(procedure: str | Path | Sheet, ball: str | Path | Sheet) -> Sheet:
-    """Return a procedure with another ball."""
-    rules = procedure if isinstance(procedure, Sheet) else Sheet.of("procedures", procedure)
-    return rules.with_(ball=ball.name if isinstance(ball, Sheet) else str(ball))
-
-
-def _whole(seed: object) -> int:
-    """Return a seed as a Python int, from any integer type."""
-    try:
-        return index(seed)  # type: ignore[arg-type]
-    except TypeError as fault:
-        allowed = "one whole number from 0; for several, vl.sweep"
-        raise InputError("", "seed", seed, f"allowed: {allowed}") from fault
+    return _certificate(certify_bat(setup, progress), seed)
 
 
 def _certificate(tested: BatTest, seed: int | None) -> Certificate:
@@ -432,6 +424,7 @@ def _certificate(tested: BatTest, seed: int | None) -> Certificate:
     )
 
 
+@reads_arguments
 def reduce(records: str | Path) -> Certificate:
     """Return the certificate of a folder of raw records, without the truth.
 
@@ -458,11 +451,12 @@ def reduce(records: str | Path) -> Certificate:
     return Certificate(certification=certify_session(load_session(folder)))
 
 
+@reads_arguments
 def sweep(
     bats: str | Path | Sheet | Sequence[str | Path | Sheet],
     *,
     procedures: str | Path | Sheet | Sequence[str | Path | Sheet] = ("astm-f1881",),
-    seeds: int | Iterable[int] = range(100),
+    seeds: Iterable[int] = range(100),
     instruments: Sequence[Sheet] = (),
     progress: Progress | None = None,
 ) -> pd.DataFrame:
@@ -476,7 +470,7 @@ def sweep(
     bats, procedures
         One or several: names, paths or sheets.
     seeds
-        One or several whole numbers from 0; each is a laboratory.
+        Whole numbers from 0; each is a laboratory: ``range(20)``.
     instruments
         Sheets with changed values, as for `certify`.
     progress
@@ -497,15 +491,11 @@ def sweep(
     """
     from virtual_lab.studies.sweep import sweep_tests
 
-    many = [_whole(seed) for seed in (seeds if isinstance(seeds, Iterable) else (seeds,))]
-    several = [
-        (each,) if isinstance(each, str | Path | Sheet) else each for each in (bats, procedures)
-    ]
-    run = with_sheets(sweep_tests)
+    asked: tuple[Any, ...] = bats, procedures, seeds  # names and numbers by now
     if progress is not None:
-        return run(*several, many, instruments=instruments, progress=progress)
+        return sweep_tests(*asked, progress=progress)
     with shown() as shown_progress:
-        return run(*several, many, instruments=instruments, progress=shown_progress)
+        return sweep_tests(*asked, progress=shown_progress)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -645,6 +635,7 @@ class Calibration:
         return f"<Calibration with {len(self.document['views'])} pictures of a board>"
 
 
+@reads_arguments
 def calibrate(
     pictures: str | Path | Sequence[str | Path],
     *,
@@ -679,7 +670,7 @@ def calibrate(
     from virtual_lab.video.calibration.calibrating import calibrate_camera as fit
     from virtual_lab.video.clips.reading import read_pictures
 
-    several = (pictures,) if isinstance(pictures, str | Path) else pictures
+    several = cast("Sequence[Path]", pictures)
     known = board_of(board)
     plan = Plan(
         board=known,
@@ -688,9 +679,10 @@ def calibrate(
         height_u=length_of(height_u or "0m", "--height-u", 0, 0.1),
         plane=plane,
     )
-    return Calibration(found=fit(read_pictures([Path(each) for each in several]), plan))
+    return Calibration(found=fit(read_pictures(several), plan))
 
 
+@reads_arguments
 def board(
     folder: str | Path,
     *,
@@ -722,10 +714,6 @@ def board(
     from virtual_lab.lab.boards import film_board
     from virtual_lab.relations.board import board_of
 
-    given = None if seed is None else _whole(seed)
-
-    def film(camera: str) -> Path:
-        return film_board(camera, board_of(board), Path(folder), views=views, seed=given)
-
-    with_sheets(film)(camera)
-    return Path(folder)
+    target = Path(folder)
+    film_board(cast("str", camera), board_of(board), target, views=views, seed=seed)
+    return target

@@ -1,20 +1,22 @@
 """Catalog entries (sheets) as objects: read them, or change values for a call.
 
 A changed sheet keeps source and verification of every unchanged number; a changed number has the
-source ``changed`` and is not verified. The title of the sheet lists the changes.
+source ``changed`` and is not verified. The name of a changed bat, ball or procedure says what was
+changed, ``astm-f1881 (valid_hits=9)``, so that two variants never share a row of a table; the title
+of every changed sheet lists the keys.
 """
 
 from __future__ import annotations
 
-import inspect
+import hashlib
 import json
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import asdict, dataclass
-from functools import cached_property, wraps
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any
 
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.files import parse_toml
@@ -22,10 +24,11 @@ from virtual_lab.files import parse_toml
 if TYPE_CHECKING:
     import pandas as pd
 
-T = TypeVar("T")
 NAMED = ("bats", "balls", "procedures")  # kinds whose changed sheets take another name
 NUMBER = re.compile(r"\s*([-+.\d][-+.\deE]*)\s+(\S.*?)\s*")  # a number and its unit
 LONGEST_TITLE = 200
+LONGEST_NAME = 100
+UNFIT = re.compile(r"[^\w .,=+()°µ±²³-]+")  # in the name of a file, on one system or another
 
 
 @dataclass(frozen=True, repr=False)
@@ -33,18 +36,22 @@ class Sheet:
     """A sheet of the catalog, or of a user's file.
 
     `kind` is ``bats``, ``balls``, ``procedures``, ``instruments``, ``rigs``, …; `name` its name
-    or path; `text` the TOML.
+    or path; `text` the TOML; `origin` the name of the sheet it was made from, and `changes` what
+    was changed since, by key.
     """
 
     kind: str
     name: str
     text: str
+    origin: str = ""
+    changes: tuple[tuple[str, str], ...] = ()
 
     @classmethod
     def of(cls, kind: str, name: str | Path) -> Sheet:
         """Return the sheet of a catalog name or a .toml file; `InputError` if there is none."""
         from virtual_lab import catalog
 
+        catalog.require_kind(kind)
         text, where = catalog.source(kind, str(name))
         sheet = cls(kind, str(name), text)
         sheet._check(where)
@@ -91,22 +98,43 @@ class Sheet:
         InputError
             An unknown key, a value that is not allowed, a unit of another quantity.
         """
+        if not isinstance(changes, Mapping | None):
+            allowed = "allowed: keys and values, {'windows.rebound_angle': 5} or valid_hits=9"
+            raise InputError(self.name, "with_", changes, allowed)
         every = {**(changes or {}), **named}
         document = deepcopy(self.document)
         for key, value in every.items():
             self._set(document, key.split("."), key, value)
-        name = self.name
-        if self.kind in NAMED:
-            if "name" not in every:
-                own = str(document.get("name", Path(name).stem))
-                document["name"] = own if own.endswith("-changed") else f"{own}-changed"
-            name = str(document["name"])
         if "title" not in every:
             title = f"{document['title']}; changed: {', '.join(every)}"
             document["title"] = title[:LONGEST_TITLE]
-        changed = Sheet(self.kind, name, toml_text(document))
-        changed._check(name)
+        if self.kind not in NAMED:  # a rig finds its instruments by their names
+            changed = Sheet(self.kind, self.name, toml_text(document))
+        else:
+            changed = self._renamed(document, every)
+        changed._check(changed.name)
         return changed
+
+    def _renamed(self, document: dict[str, Any], every: Mapping[str, Any]) -> Sheet:
+        """Return the sheet of a changed document; its name tells the changes, or is given."""
+        from virtual_lab import catalog
+
+        if "name" in every:
+            name = every["name"]
+            if not isinstance(name, str) or not name.strip():
+                raise InputError(self.name, "name", name, "allowed: a text")
+            if name in catalog.names(self.kind):
+                allowed = "is the name of an entry of the catalog; allowed: another"
+                raise InputError(self.name, "name", name, allowed)
+            return Sheet(self.kind, name, toml_text(document))
+        origin = self.origin or str(document.get("name", Path(self.name).stem))
+        changes = dict(self.changes) | {key: _in_name(value) for key, value in every.items()}
+        name = f"{origin} ({', '.join(f'{key}={value}' for key, value in changes.items())})"
+        if len(name) > LONGEST_NAME:
+            digest = hashlib.sha256(name.encode()).hexdigest()[:8]
+            name = f"{name[: LONGEST_NAME - len(digest) - 2]}, {digest}"
+        document["name"] = name
+        return Sheet(self.kind, name, toml_text(document), origin, tuple(changes.items()))
 
     def save(self, path: str | Path) -> Path:
         """Write the sheet as a .toml file, which can be used by its path."""
@@ -185,49 +213,6 @@ class Sheet:
         return f"<p><b>{self.name}</b>: {self.title}</p>{table}"
 
 
-def with_sheets(function: Callable[..., T]) -> Callable[..., T]:
-    """Return a function that accepts sheets and paths instead of names.
-
-    It also accepts `instruments`: sheets of instruments and rigs with changed values, which
-    replace those of the catalog.
-    """
-
-    @wraps(function)
-    def called(*given: Any, instruments: Sequence[Sheet] = (), **named: Any) -> T:
-        from virtual_lab import catalog
-
-        found: dict[tuple[str, str], str] = {}
-        for each in instruments:
-            if not isinstance(each, Sheet):
-                allowed = "allowed: sheets, such as vl.instrument('pivot-gates').with_(tick='2 us')"
-                raise InputError("", "instruments", each, allowed)
-            found[each.kind, each.name] = each.text
-        names = [_named(value, found) for value in given]
-        keys = {key: _named(value, found) for key, value in named.items()}
-        with catalog.sheets_in_place(found):
-            return function(*names, **keys)
-
-    signature = inspect.signature(function)
-    extra = inspect.Parameter(
-        "instruments", inspect.Parameter.KEYWORD_ONLY, default=(), annotation="Sequence[Sheet]"
-    )
-    parameters = [*signature.parameters.values(), extra]
-    cast("Any", called).__signature__ = signature.replace(parameters=parameters)
-    return called
-
-
-def _named(value: Any, found: dict[tuple[str, str], str]) -> Any:
-    """Return the name of a sheet (its text is stored) or path, or the names of a list."""
-    if isinstance(value, Sheet):
-        found[value.kind, value.name] = value.text
-        return value.name
-    if isinstance(value, Path):
-        return str(value)
-    if isinstance(value, list | tuple):
-        return type(value)(_named(each, found) for each in value)
-    return value
-
-
 def toml_text(document: Mapping[str, Any]) -> str:
     """Return a sheet as TOML."""
     return "\n".join(_lines(document, "")) + "\n"
@@ -265,6 +250,14 @@ def _is_table(value: Any) -> bool:
     if isinstance(value, dict):
         return not _is_number(value)
     return isinstance(value, list) and bool(value) and isinstance(value[0], dict)
+
+
+def _in_name(value: Any) -> str:
+    """Return a new value as a part of a name, of characters that any file's name may have."""
+    if _is_list(value) and not isinstance(value, Mapping):
+        return " ".join(_in_name(each) for each in value)
+    text = "none" if value is None else str(_plain(value))
+    return UNFIT.sub("_", re.sub(r"(?<=\w)/(?=\w)", " per ", text)).strip()
 
 
 def _is_list(value: Any) -> bool:

@@ -7,7 +7,7 @@ A catalog name (``r161``) is looked up in the shipped ``data``; anything that en
 from __future__ import annotations
 
 import os
-from collections.abc import Hashable, Iterator, Mapping
+from collections.abc import Hashable, Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
@@ -34,7 +34,7 @@ from virtual_lab.files import parse_toml, read_text
 DATA = Path(str(files("virtual_lab.data")))
 KINDS = ("bats", "balls", "procedures", "instruments", "rigs", "conditions", "faults")
 T = TypeVar("T")
-_in_place: ContextVar[Mapping[tuple[str, str], str]] = ContextVar("in_place", default={})  # noqa: B039
+Key = tuple[str, str]  # kind and name of an entry
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,12 +50,29 @@ class Datum:
 
 
 @dataclass(frozen=True, slots=True)
+class SheetsInPlace:
+    """Texts that stand in the place of files, and the keys of all entries read meanwhile."""
+
+    texts: Mapping[Key, str]
+    used: set[Key]
+
+
+_in_place: ContextVar[SheetsInPlace | None] = ContextVar("in_place", default=None)
+
+
+@dataclass(frozen=True, slots=True)
 class Entry(Generic[T]):
     """A spec with the file text it came from and the provenance of its numbers."""
 
     spec: T
     text: str
     sheet: tuple[Datum, ...]
+
+
+def require_kind(kind: str) -> None:
+    """Refuse a kind that the catalog does not have."""
+    if kind not in KINDS:
+        raise InputError("", "kind", kind, f"{nearest(kind, KINDS)}known: {', '.join(KINDS)}")
 
 
 @lru_cache
@@ -203,21 +220,37 @@ def _replaced(key: str, change: ModifiedBat, own: set[str]) -> bool:
 
 def source(kind: str, name: str) -> tuple[str, str]:
     """Return an entry's text, and its name in errors: of one that ships, without its folder."""
-    own = _in_place.get().get((kind, name))
-    if own is not None:
-        return own, name
+    given = _in_place.get()
+    if given is not None:
+        given.used.add((kind, name))
+        if (kind, name) in given.texts:
+            return given.texts[kind, name], name
     path = find(kind, name)
     return read_text(path), path.name if path.is_relative_to(DATA) else str(path)
 
 
 @contextmanager
-def sheets_in_place(texts: Mapping[tuple[str, str], str]) -> Iterator[None]:
-    """Let texts stand in the place of files, by kind and name, as long as the context lasts."""
-    token = _in_place.set({**_in_place.get(), **texts})
+def sheets_in_place(texts: Mapping[Key, str]) -> Iterator[Set[Key]]:
+    """Let texts stand in the place of files, by kind and name, as long as the context lasts.
+
+    Yields the keys of all entries that are read meanwhile.
+    """
+    outer = _in_place.get()
+    given = SheetsInPlace({**(outer.texts if outer else {}), **texts}, set())
+    token = _in_place.set(given)
     try:
-        yield
+        yield given.used
     finally:
         _in_place.reset(token)
+        if outer:
+            outer.used.update(given.used)
+
+
+def require_own_names(key: str, names: Sequence[str]) -> None:
+    """Refuse two entries of one name, as tables would take them for one."""
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError("", key, name, "is given twice; each needs a name of its own")
 
 
 def datums(document: Any, prefix: str = "") -> Iterator[Datum]:

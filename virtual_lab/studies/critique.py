@@ -227,16 +227,21 @@ def critique(
     Raises
     ------
     InputError
-        Fewer than 2 laboratories, or an error of `compare` or `certify_bat`.
+        Fewer than 2 laboratories, two procedures of one name, or an error of `compare` or
+        `certify_bat`.
     """
     if laboratories < 2:
         raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
     exponents = chosen_swings(swing_law, swings, (0.0, 0.3, 0.5))
     compared = compare(bats, swings=exponents, reference_inertia=reference_inertia, ball=ball)
     top = [row.peaks["v_f_mph"] for row in compared.peaks]  # bat by bat, n by n
+    chosen = {
+        each: catalog.load("procedures", each, Procedure).spec
+        for each in procedures or _of_this_game(compared.sports)
+    }
+    catalog.require_own_names("procedures", [rules.name for rules in chosen.values()])
     ranked = []
-    for procedure in procedures or _of_this_game(compared.sports):
-        rules = catalog.load("procedures", procedure, Procedure).spec
+    for procedure, rules in chosen.items():
         printed = METRICS[rules.metric]
         exact = [_result(bat, procedure, seed=0, reality=Reality.IDEAL) for bat in bats]
         measured = np.empty((laboratories, len(bats)))

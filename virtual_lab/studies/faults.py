@@ -144,7 +144,7 @@ def faults(
         catalog.load("faults", name, FaultSheet).spec for name in names or catalog.names("faults")
     ]
     for procedure in procedures:
-        catalog.find("procedures", procedure)
+        catalog.text("procedures", procedure)
     if procedures:
         _require_played(sheets, procedures)
     seeds = range(seed, seed + laboratories)
@@ -176,15 +176,15 @@ def faults(
 def _require_played(sheets: Sequence[FaultSheet], procedures: Sequence[str]) -> None:
     """Refuse faults and procedures for which there is nothing to simulate."""
     able = {sheet.name: {each.procedure for each in sheet.predictions} for sheet in sheets}
-    for fault, own in able.items():
-        if not own & set(procedures):
-            allowed = f"it has predictions for {', '.join(sorted(own))}"
-            raise InputError("", "fault", fault, f"{allowed}, not for {', '.join(procedures)}")
     known = set().union(*able.values())
     for procedure in procedures:
         if procedure not in known:
             allowed = f"these faults have predictions for {', '.join(sorted(known))}"
             raise InputError("", "procedure", procedure, allowed)
+    for fault, own in able.items():
+        if not own & set(procedures):
+            allowed = f"it has predictions for {', '.join(sorted(own))}"
+            raise InputError("", "fault", fault, f"{allowed}, not for {', '.join(procedures)}")
 
 
 def _play(bat: str, procedure: str, seed: int, on: tuple[str, ...]) -> _Seen:

@@ -31,8 +31,10 @@ class ShelfEntry:
 def shelf(kind: str | None = None) -> Rows[ShelfEntry]:
     """Return kind, name and title of all entries of the catalog, or of one kind.
 
-    Rigs are all installed ones, including those of other packages.
+    Rigs are all installed ones, including those of other packages. `InputError` for another kind.
     """
+    if kind is not None:
+        catalog.require_kind(kind)
     rows = []
     for each in catalog.KINDS if kind is None else (kind,):
         found = {name: catalog.title(each, name) for name in catalog.names(each)}

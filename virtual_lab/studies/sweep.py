@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from math import nan
 from typing import TYPE_CHECKING, Any
 
+from virtual_lab import catalog
 from virtual_lab.lab import BatTest, Campaign
 from virtual_lab.measurement.model import QUANTITIES
+from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 
@@ -27,10 +29,13 @@ def sweep_tests(
     Raises
     ------
     InputError
-        Unknown names, files that cannot be used.
+        Unknown names, two bats or procedures of one name, files that cannot be used.
     """
     import pandas as pd
 
+    catalog.require_own_names("bats", [catalog.load_bat(each).spec.name for each in bats])
+    rules = [catalog.load("procedures", each, Procedure).spec.name for each in procedures]
+    catalog.require_own_names("procedures", rules)
     rows: list[dict[str, Any]] = []
     total = len(bats) * len(procedures) * len(seeds)
     for bat in bats:

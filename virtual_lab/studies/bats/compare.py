@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from virtual_lab import catalog
 from virtual_lab.catalog.specs import Sport
 from virtual_lab.errors import InputError
 from virtual_lab.output.result import Json, StudyResult, frame
@@ -203,8 +204,5 @@ def compare(
         profiles(bat, swings=exponents, reference_inertia=reference_inertia, ball=ball)
         for bat in bats
     ]
-    names = [each[0].bat.name for each in found]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError("", "bats", name, "is given twice; every bat needs its own name")
+    catalog.require_own_names("bats", [each[0].bat.name for each in found])
     return BatComparison(profiles=tuple(one for each in found for one in each))
