@@ -217,8 +217,9 @@ def test_the_name_of_a_changed_sheet_is_a_files_name_too(tmp_path: Path) -> None
     assert rules.name == "astm-f1881 (windows.speed_tolerance=1 m per s)"
     again = rules.with_(valid_hits=8).with_(valid_hits=9)
     assert again.name == "astm-f1881 (windows.speed_tolerance=1 m per s, valid_hits=9)"
-    long = vl.bat("r161").with_({"body.profile.z": np.linspace(0, 0.86, 19), "title": "a/b<c>|d"})
-    other = vl.bat("r161").with_({"body.profile.z": np.linspace(0, 0.87, 19)})
+    places = np.linspace(0, 34, 12)
+    long = vl.bat("r161").with_({"title": "a/b<c>|d", "body.profile.z": places})
+    other = vl.bat("r161").with_({"title": "a/b<c>|d", "body.profile.z": places * 0.99})
     assert len({long.name, other.name}) == 2
     assert (tmp_path / long.name).write_text("") == 0
     assert not set('/\\<>:"|?*') & set(long.name)
@@ -242,7 +243,7 @@ def test_entries_of_one_name_in_one_call_are_refused(tmp_path: Path) -> None:
 
 def test_an_instrument_of_no_rig_in_the_test_is_refused() -> None:
     """By what the rigs read: so too for a rig of another package."""
-    camera = vl.instrument("camera-overhead").with_(pixel="20 um")
+    camera = vl.instrument("camera-overhead").with_({"sensor.pixel": "20 um"})
     with pytest.raises(vl.InputError, match=r"camera-overhead.*in use: .*pivot-gates") as caught:
         vl.sweep("r161", seeds=[0], instruments=[camera], progress=lambda *_: None)
     assert "light-boards" not in str(caught.value)

@@ -25,7 +25,7 @@ Store = dict[tuple[str, str], str]  # the texts of sheets, by kind and name
 
 
 @dataclass(frozen=True, slots=True)
-class Argument:
+class ArgumentRule:
     """What an argument may be: its reader, and the words for an error.
 
     `read` returns the value in the form that the function takes, and puts sheets into the store.
@@ -36,8 +36,8 @@ class Argument:
     allowed: str
 
 
-def _entry(kind: str) -> Argument:
-    """Return the argument of one entry of the catalog: a name, a path or a sheet."""
+def _entry(kind: str) -> ArgumentRule:
+    """Return the rule of one entry of the catalog: a name, a path or a sheet."""
     one = kind.removesuffix("s")
 
     def read(value: Any, store: Store) -> str:
@@ -51,11 +51,11 @@ def _entry(kind: str) -> Argument:
         return value.name
 
     where = f"vl.shelf('{kind}')"
-    return Argument(read, f"a {one}: its name ({where}), a .toml file or a sheet, vl.{one}(…)")
+    return ArgumentRule(read, f"a {one}: its name ({where}), a .toml file or a sheet, vl.{one}(…)")
 
 
-def _several(one: Argument, what: str = "") -> Argument:
-    """Return the argument of one value or a list of them, read as a tuple."""
+def _several(one: ArgumentRule, what: str = "") -> ArgumentRule:
+    """Return the rule of one value or a list of them, read as a tuple."""
 
     def read(value: Any, store: Store) -> tuple[Any, ...]:
         if isinstance(value, Sheet) or not _is_list(value):
@@ -65,7 +65,7 @@ def _several(one: Argument, what: str = "") -> Argument:
             raise ValueError("empty")
         return values
 
-    return Argument(read, f"{what or one.allowed}; one, or a list of at least one")
+    return ArgumentRule(read, f"{what or one.allowed}; one, or a list of at least one")
 
 
 def _is_list(value: Any) -> bool:
@@ -147,30 +147,30 @@ WORDS = {
     "plane": "the name of a picture",
     **dict.fromkeys(("height", "height_u", "square_u"), "a length with its unit: '36.5mm'"),
 }
-PATH = Argument(_path, "a path")
-FOLDER = Argument(_path, "the path of a folder")
-NAME = Argument(_text, "a name, or a path")
-WHOLE = Argument(_whole, "one whole number from 0")
+PATH = ArgumentRule(_path, "a path")
+FOLDER = ArgumentRule(_path, "the path of a folder")
+NAME = ArgumentRule(_text, "a name, or a path")
+WHOLE = ArgumentRule(_whole, "one whole number from 0")
 WHOLES = _several(WHOLE)
-NUMBER = Argument(_number, "a number")
-YES_OR_NO = Argument(_yes_or_no, "True or False")
-FAULTS = _several(Argument(_word, ""), "names of faults (vl.shelf('faults'))")
-ANY = Argument(lambda value, _store: value, "")
+NUMBER = ArgumentRule(_number, "a number")
+YES_OR_NO = ArgumentRule(_yes_or_no, "True or False")
+FAULTS = _several(ArgumentRule(_word, ""), "names of faults (vl.shelf('faults'))")
+ANY = ArgumentRule(lambda value, _store: value, "")
 ARGUMENTS = {
     "bat": BAT,
     "bats": _several(BAT),
     "control_bat": BAT,
-    "reference_inertia": Argument(BAT.read, f"{BAT.allowed}, or a text: '17000 oz in^2'"),
+    "reference_inertia": ArgumentRule(BAT.read, f"{BAT.allowed}, or a text: '17000 oz in^2'"),
     "ball": BALL,
     "procedure": PROCEDURE,
     "procedures": _several(PROCEDURE),
     "camera": _entry("instruments"),
     "rig": _entry("rigs"),
-    LABORATORIES: Argument(
+    LABORATORIES: ArgumentRule(
         _instruments, "sheets of instruments: [vl.instrument('pivot-gates').with_(tick='2 us')]"
     ),
-    "seed": Argument(_whole, "one whole number from 0; for several, vl.sweep(seeds=range(20))"),
-    "seeds": Argument(
+    "seed": ArgumentRule(_whole, "one whole number from 0; for several, vl.sweep(seeds=range(20))"),
+    "seeds": ArgumentRule(
         _wholes,
         "a list of whole numbers from 0: range(5) for five laboratories, [5] for the one of seed 5",
     ),
@@ -187,12 +187,12 @@ ARGUMENTS = {
         WHOLE,
     ),
     **dict.fromkeys(("film", "summed"), YES_OR_NO),
-    **{key: Argument(_word, allowed) for key, allowed in WORDS.items()},
+    **{key: ArgumentRule(_word, allowed) for key, allowed in WORDS.items()},
     **dict.fromkeys(("name", "path", "scenario"), NAME),
     **dict.fromkeys(("folder", "records"), FOLDER),
     "script": PATH,
     "pictures": _several(PATH, "paths of pictures"),
-    "progress": Argument(_callable, "a function that is called with a sentence"),
+    "progress": ArgumentRule(_callable, "a function that is called with a sentence"),
     "operator": ANY,
 }
 
