@@ -120,7 +120,10 @@ class AstmPivotStation(RestingBatStation):
         name, slots = "astm-pivot.encoder", plan.slot
         if plan.detail is RecordDetail.SUMMED:
             rate = self._rate(fired, specimen)
-            span = self.encoder.spec.duration - fired.leaving - GAP
+            # to the record's end, or until the bat that is not yet slowed would meet its stop
+            with np.errstate(divide="ignore"):
+                turning = self.stop.angle / np.abs(rate)
+            span = np.minimum(self.encoder.spec.duration - fired.leaving, turning) - GAP
             encoder: Record = self.encoder.sum_up(
                 rate / self.gates.clock, draws, name, slots, span=span, gap=GAP
             )

@@ -242,6 +242,7 @@ class RingStated(Spec):
 
     frequencies_hz: Numbers
     decays_per_s: Numbers
+    fitted_ms: float | None = None  # length of the record that was used; null: not recorded
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

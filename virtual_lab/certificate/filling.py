@@ -131,6 +131,7 @@ def certificate(
         ring=RingStated(
             frequencies_hz=tuple(recoil.ring_frequency.tolist()),
             decays_per_s=tuple(recoil.ring_decay.tolist()),
+            fitted_ms=_known(1e3 * float(np.fmin.reduce(recoil.span, initial=np.nan))),
         )
         if recoil
         else None,

@@ -53,6 +53,10 @@ def shots(*changes: dict[str, float]) -> tuple[ShotResults, ImpactReadings]:
         ring_decay=np.zeros(0),
         rest=np.zeros(n),
         residual=np.zeros(n),
+        by_half=np.full(n, nan),
+        by_half_u=np.full(n, nan),
+        span=np.full(n, nan),
+        counting=0.3,
         angle=np.full(n, nan),
         **{name: column(name, good) for name, good in COUNTS.items()},
     )

@@ -42,6 +42,8 @@ def why(
     misfit: tuple[float, float] = (0.0, 0.0),
     angle: float = 0.0,
     recoil: bool = False,
+    residual: float = 0.0,
+    rest: float = nan,
     **change: float,
 ) -> str:
     """Return why a shot at `procedure` does not count; `misfit` in seconds, `angle` in degrees."""
@@ -50,11 +52,15 @@ def why(
     results |= {name: np.array([value]) for name, value in good.items()}
     none = {
         "rate_u": np.ones(1),
+        "by_half": np.full(1, nan),
+        "by_half_u": np.full(1, nan),
+        "span": np.full(1, nan),
+        "counting": 0.4,
         "before": np.zeros(1),
         "ring_frequency": np.zeros(0),
         "ring_decay": np.zeros(0),
-        "rest": np.zeros(1),
-        "residual": np.zeros(1),
+        "rest": np.full(1, rest),
+        "residual": np.full(1, residual),
     }
     turned = COUNTS * np.array([good["swing_rate"]])
     swing = RateFit(rate=turned, angle=COUNTS * np.radians([angle]), **none)
@@ -134,6 +140,21 @@ def test_recoil_and_rebound_must_agree_where_that_is_asked() -> None:
     assert said == "e_A by recoil and by rebound 0.0101 apart, allowed 0.0100"
     assert why(strict, recoil_efficiency=0.2, rebound_efficiency=0.2099, **shot) == ""
     assert why(strict, recoil_efficiency=0.2, rebound_efficiency=nan, **shot) == ""
+
+
+def test_a_turn_that_no_fit_follows_does_not_count() -> None:
+    """Counting leaves 0.4 here, noise at rest 0.3, together 0.5: up to 0.75 is allowed."""
+    struck = {"place": 0.15, "rebound_speed": 7.0, "recoil_rate": 14.0, "recoil": True}
+    for asked in ({"procedure": F1881, **struck}, {}):
+        said = why(**asked, residual=0.751, rest=0.3)
+        assert said == (
+            "no smooth turn fits the encoder: 1.5 times the rms that counting and noise at rest "
+            "leave, allowed 1.5"
+        )
+        assert why(**asked, residual=0.749, rest=0.3) == ""
+        assert why(**asked, residual=0.61, rest=nan).startswith("no smooth turn fits")
+        assert why(**asked, residual=0.59, rest=nan) == ""
+        assert why(**asked, residual=nan, rest=nan) == ""
 
 
 def bat(

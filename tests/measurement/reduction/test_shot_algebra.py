@@ -175,6 +175,10 @@ def worked(x: dict[str, np.ndarray]):
         ring_decay=np.zeros(0),
         rest=np.zeros(1),
         residual=np.zeros(1),
+        by_half=counts,
+        by_half_u=np.zeros(1),
+        span=np.ones(1),
+        counting=0.3,
     )
     readings = ImpactReadings(
         ball=np.zeros(1, dtype=int),

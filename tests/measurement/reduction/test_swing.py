@@ -119,3 +119,38 @@ def test_a_ball_that_was_not_seen_has_no_rate() -> None:
 def test_nothing_to_fit_at_all_is_said(contact: float, said: str) -> None:
     with pytest.raises(ValueError, match=said):
         fitted(turn()[0], np.array([contact]))
+
+
+def test_u_of_a_swing_is_its_scatter_and_so_is_that_of_its_halves() -> None:
+    """4 000 shots with white noise of a count: z of both has variance 1, to four of its √(2/4000).
+
+    Divided by n, not by n less the cubic's 4, the variance of z would be 4/600 larger; so the
+    residual's own divisor is asked for to 1e-3: rms² n / (n - 4) is u² over the leverage.
+    """
+    rng = np.random.default_rng(20261125)
+    angles, rate = turn()
+    shots, samples = 4000, int(np.searchsorted(TIMES, CONTACT - 1e-3))
+    record = EncoderRecord(
+        counts=COUNTS * angles + rng.normal(size=(shots, TIMES.size)), times=TIMES
+    )
+    found = fit_swing(record, np.full(shots, CONTACT), np.zeros(shots))
+    for z in (
+        (found.rate - COUNTS * rate) / found.rate_u,
+        (found.by_half - found.rate) / found.by_half_u,
+    ):
+        assert np.mean(z**2) == pytest.approx(1, abs=4 * (2 / shots) ** 0.5)
+    clock = (TIMES[:samples] - CONTACT) / CONTACT
+    powers = np.vander(clock, 4, increasing=True)
+    leverage = np.linalg.inv(powers.T @ powers)[1, 1] / CONTACT**2
+    variance = found.residual**2 * samples / (samples - 4)
+    assert found.rate_u == pytest.approx(np.sqrt(variance * leverage), rel=1e-4)
+    assert found.span == pytest.approx((samples - 1) / 20e3)
+
+
+def test_a_jump_in_the_turn_shows() -> None:
+    """20 counts gained at once half way: the residual is far above counting's 1/√12."""
+    angles, _ = turn()
+    jumped = angles + 20 / COUNTS * (TIMES > CONTACT / 2)
+    contact = np.array([CONTACT])
+    assert fitted(angles, contact, whole=True).misfit[0] < 1.2
+    assert fitted(jumped, contact, whole=True).misfit[0] > 5

@@ -11,6 +11,7 @@ from virtual_lab.measurement.diagnostics.evidence import Evidence
 from virtual_lab.measurement.diagnostics.flag import FALSE_ALARMS, Flag, chance
 from virtual_lab.measurement.reduction.flights import gate_count
 from virtual_lab.measurement.reduction.gates import INBOUND
+from virtual_lab.measurement.reduction.rate import MOST_MISFIT
 from virtual_lab.measurement.reduction.shot_algebra import drag_of
 from virtual_lab.records import AimMarks
 from virtual_lab.relations.flight import time_before
@@ -97,19 +98,19 @@ def _certainly_off(off: Array, survey: Sequence[Component]) -> tuple[float, floa
 
 
 def encoder_fit(seen: Evidence) -> Iterator[Flag]:
-    """Compare the residual of each shot's fit with the resolution and the noise at rest."""
-    fit = seen.readings.recoil
-    if fit is None:
-        return
-    known = np.hypot(1 / sqrt(12), np.nan_to_num(fit.rest))  # whole counts, and the noise at rest
-    rough = np.flatnonzero(fit.residual > 1.5 * known)
-    if rough.size:
-        worst = int(rough[fit.residual[rough].argmax()])
-        yield Flag(
-            name="encoder-fit",
-            sentence=f"{rough.size} of {fit.residual.size} shots leave more of the encoder's "
-            f"counts than counting and noise at rest, shot {worst} {fit.residual[worst]:.2f} rms",
-        )
+    """Count shots whose fit leaves more of the counts than resolution and noise at rest."""
+    for fit in (seen.readings.recoil, seen.readings.swing):
+        if fit is None:
+            continue
+        rough = np.flatnonzero(fit.misfit > MOST_MISFIT)
+        if rough.size:
+            worst = int(rough[fit.misfit[rough].argmax()])
+            yield Flag(
+                name="encoder-fit",
+                sentence=f"{rough.size} of {fit.misfit.size} shots leave more of the encoder's "
+                f"counts than counting and noise at rest, shot {worst} "
+                f"{fit.residual[worst]:.2f} rms",
+            )
 
 
 def recoil_and_rebound(seen: Evidence) -> Iterator[Flag]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from virtual_lab.measurement.procedure.rules import SETTING_STEP, Procedure
 from virtual_lab.measurement.reduction.observations import ImpactReadings
+from virtual_lab.measurement.reduction.rate import MOST_MISFIT, RateFit
 from virtual_lab.measurement.reduction.shot_algebra import ShotResults
 from virtual_lab.units import DEGREE, INCH, MPH, OUNCE, Array, Mask
 
@@ -155,6 +156,7 @@ def _recoil(
             f"bat turned at {{:.3f}} rad/s before the hit, allowed {windows.rate_before:.3f}",
             before,
         )
+    yield _fitted(recoil)
     if windows.recoil_u is not None:
         yield (
             unclear <= windows.recoil_u,
@@ -170,6 +172,16 @@ def _recoil(
         )
 
 
+def _fitted(turn: RateFit) -> Criterion:
+    """Ask that the model of the turn holds over the record it was fitted to."""
+    return (
+        ~(turn.misfit > MOST_MISFIT),
+        "no smooth turn fits the encoder: {:.1f} times the rms that counting and noise at rest "
+        f"leave, allowed {MOST_MISFIT:g}",
+        turn.misfit,
+    )
+
+
 def _swing(
     procedure: Procedure, results: ShotResults, readings: ImpactReadings, turn_rate: float
 ) -> Iterator[Criterion]:
@@ -178,6 +190,7 @@ def _swing(
         return
     turned = results.swing_rate
     yield np.isfinite(turned), "the encoder shows no turn up to contact", turned
+    yield _fitted(swing)
     if windows.bat_speed_tolerance is not None:
         # the bat's speed is named 6 in from the tip, so the window is taken there
         lever = (procedure.bat_speed or 0.0) / turn_rate

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import sqrt
 
 import numpy as np
 
 from virtual_lab.records import RateRecord
 from virtual_lab.units import Array
+
+MOST_MISFIT = 1.5  # of a fit that holds, over what counting and noise at rest leave
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -16,39 +19,56 @@ class RateFit:
 
     rate: Array  # at contact: its end for a struck bat, its beginning for a swung one, (shot,)
     rate_u: Array  # its standard uncertainty from the fit, (shot,)
+    by_half: Array  # rate by the half of the record nearest contact, NaN: not recorded, (shot,)
+    by_half_u: Array  # standard uncertainty of its difference from `rate`, (shot,)
+    span: Array  # of the record that was fitted, NaN: not recorded, (shot,) [s]
     before: Array  # rate before contact, of a bat that should be at rest, (shot,)
     angle: Array  # at contact, of a bat that is swung, from square to the ball, (shot,) [counts]
     ring_frequency: Array  # (ring,) [Hz]
     ring_decay: Array  # (ring,) [1/s]
     rest: Array  # rms noise at rest, before contact, NaN: it was not recorded, (shot,) [counts]
-    residual: Array  # rms, (shot,) [counts]
+    residual: Array  # rms, NaN: not recorded, (shot,) [counts]
+    counting: float  # rms error of whole counts [counts]
+
+    @property
+    def misfit(self) -> Array:
+        """Residual over what counting and noise at rest leave, NaN: not recorded, (shot,)."""
+        return np.asarray(self.residual / np.hypot(self.counting, np.nan_to_num(self.rest)))
+
+
+def counting_noise(counts: Array) -> float:
+    """Return the rms error of an encoder's counts, which may go in steps of several [counts]."""
+    steps = np.diff(counts)
+    if not np.array_equal(steps, np.rint(steps)):
+        return 1 / sqrt(12)
+    return max(int(np.gcd.reduce(steps.astype(np.int64), axis=None)), 1) / sqrt(12)
 
 
 def unseen(shots: int) -> RateFit:
     """Return empty rates, for shots without a known contact."""
-    none = np.full(shots, np.nan)
-    empty = np.zeros(0)
+    none, empty = np.full(shots, np.nan), np.zeros(0)
     return RateFit(
         rate=none,
         rate_u=none,
+        by_half=none,
+        by_half_u=none,
+        span=none,
         before=none,
         angle=none,
         ring_frequency=empty,
         ring_decay=empty,
         rest=none,
         residual=none,
+        counting=1 / sqrt(12),
     )
 
 
 def summed_up(record: RateRecord) -> RateFit:
-    """Return the rates computed by the encoder's recorder."""
-    return RateFit(
+    """Return the rates computed by the encoder's recorder, which does not say how it fitted."""
+    return replace(
+        unseen(len(record.rate)),
         rate=record.rate,
         rate_u=record.rate_u,
         before=record.before,
         angle=record.angle,
-        ring_frequency=np.zeros(0),
-        ring_decay=np.zeros(0),
-        rest=np.full(record.rate.shape, np.nan),
-        residual=np.full(record.rate.shape, np.nan),
     )

@@ -4,7 +4,8 @@ The encoder shows the rigid rotation, slowed by bearing and air, plus the bendin
 (ring), whose rate at the pivot is as large as that of the rotation. All shots of a batch are at
 one bat, so they share frequencies and decays of the vibration; rotation, slowing, phases and
 amplitudes differ between shots and enter linearly. The shared parameters are found by variable
-projection (Golub & Pereyra 1973, Jacobian of Kaufman 1975).
+projection (Golub & Pereyra 1973, Jacobian of Kaufman 1975). The fit ends where the first bat is
+farthest: beyond, it has met its stop and turns back.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from math import sqrt
 
 import numpy as np
 
-from virtual_lab.measurement.reduction.rate import RateFit
+from virtual_lab.measurement.reduction.rate import RateFit, counting_noise
 from virtual_lab.records import EncoderRecord
 from virtual_lab.units import Array
 
@@ -25,6 +26,7 @@ class RecoilFit:
 
     polynomial_order: int = 3  # turn, and two terms of its slowing
     most_rings: int = 6
+    slowest_ring: float = 60.0  # Hz; no bat rings so slowly, but a slip of the coupling looks so
     settling_time: float = 3e-3  # s after contact: ball gone, forced motion over
     # s, the turn is extrapolated to the end of contact; ball data say 0.6 to 1.0, at 60 mph
     # nearer 0.7. Friction takes 1e-4 of the rate a millisecond, so a tenth of one is 1e-5.
@@ -34,6 +36,7 @@ class RecoilFit:
     peak_over_median: float = 20.0  # of a ring in the periodogram
     most_steps: int = 10
     shots_searched: int = 48  # which give the rings to far below what one shot's noise hides
+    odd: float = 2.0  # residual of a shot that gives no rings, over the median
     shots_together: int = 32  # their residuals stay in the cache
     converged_step: float = 1e-5  # in units of 1/record, far below what noise hides
     residual: float = 1e-3  # counts, rms that is no ring where what is shown are no whole counts
@@ -56,41 +59,46 @@ def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
     Raises
     ------
     ValueError
-        The record ends too soon after contact to fit anything.
+        The record ends, or a bat turns back, too soon after contact to fit anything.
     """
     seen = contact[np.isfinite(contact)]
     after = record.times > (seen.max() if seen.size else np.inf) + RECOIL.settling_time
-    if after.sum() < 20 * (RECOIL.polynomial_order + 1 + 2 * RECOIL.most_rings):
+    fewest = 20 * (RECOIL.polynomial_order + 1 + 2 * RECOIL.most_rings)
+    if after.sum() < fewest:
         raise ValueError("the encoder record ends too soon after contact")
-    tail = slice(int(after.argmax()), None)
+    first = int(after.argmax())
+    tail = slice(first, first + _farthest(record.counts[:, first:]))
     times, counts = record.times[tail], record.counts[:, tail]
+    if times.size < fewest:
+        raise ValueError("the bat turns back too soon after contact")
     origin, span = times[0], times[-1] - times[0]
     clock = (times - origin) / span
     # all shots ring alike, so a few of a large batch give the frequencies
     whole = bool(np.array_equal(counts[:1], np.rint(counts[:1])))
-    rings, basis = _find_rings(
-        clock,
-        counts[: RECOIL.shots_searched].T,
-        span,
-        no_ring=RECOIL.residual_of_counts if whole else RECOIL.residual,
-    )
-    orthogonal, triangle = np.linalg.qr(basis)
-    seen, square = np.empty((contact.size, basis.shape[1])), np.empty(contact.size)
-    for first in range(0, contact.size, RECOIL.shots_together):
-        part = slice(first, first + RECOIL.shots_together)
-        seen[part] = counts[part] @ orthogonal
-        left = counts[part] - seen[part] @ orthogonal.T
-        square[part] = np.einsum("st,st->s", left, left)
+    no_ring = RECOIL.residual_of_counts if whole else RECOIL.residual
+    searched = counts[: RECOIL.shots_searched].T
+    rings, basis = _find_rings(clock, searched, span, no_ring)
+    left = np.sqrt((_project(basis, searched)[1] ** 2).mean(axis=0))
+    odd = left > RECOIL.odd * np.median(left)  # a jump in one shot is a ring of none
+    if odd.any():
+        rings, basis = _find_rings(clock, searched[:, ~odd], span, no_ring)
     row = np.zeros((contact.size, basis.shape[1]))
     release = (contact + RECOIL.contact_duration - origin) / span
     for power in range(1, RECOIL.polynomial_order + 1):
         row[:, power] = power * release ** (power - 1) / span
-    freedom = len(times) - basis.shape[1] - len(rings)
-    weight = np.linalg.solve(triangle.T, row.T)
+    rate, leverage, square = _rates(basis, counts, row)
+    half = len(times) // 2
+    by_half, half_leverage, _ = _rates(basis[:half], counts[:, :half], row)
+    variance = square / (len(times) - basis.shape[1] - len(rings))
     before, rest = _at_rest(record, contact)
     return RateFit(
-        rate=np.einsum("ps,sp->s", weight, seen),
-        rate_u=np.sqrt(square / freedom * (weight**2).sum(axis=0)),
+        rate=rate,
+        rate_u=np.sqrt(variance * leverage),
+        by_half=by_half,
+        # of a part against a least-squares fit of the whole: u² = u_part² - u_whole²
+        by_half_u=np.sqrt(variance * np.maximum(half_leverage - leverage, 0.0)),
+        span=np.where(np.isfinite(contact), span, np.nan),
+        counting=counting_noise(record.counts),
         before=before,
         angle=np.full(contact.shape, np.nan),
         ring_frequency=rings[:, 0] / span,
@@ -100,17 +108,43 @@ def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
     )
 
 
+def _farthest(counts: Array) -> int:
+    """Return the number of samples up to which no bat turns back from its stop.
+
+    A count that is farthest in the first half of the usual way, as of a bat that was not hit or
+    of an encoder that jumps, is not taken for a stop: the residual of that shot shows it.
+    """
+    farthest = np.abs(counts - counts[:, :1]).argmax(axis=1)
+    usual = farthest[farthest > np.median(farthest) / 2]
+    return int(usual.min()) + 1 if usual.size else counts.shape[1]
+
+
+def _rates(basis: Array, counts: Array, row: Array) -> tuple[Array, Array, Array]:
+    """Return rate, its variance for noise of one count, and the sum of squares left, (shot,)."""
+    orthogonal, triangle = np.linalg.qr(basis)
+    weight = np.linalg.solve(triangle.T, row.T)
+    rate, square = np.empty((2, len(counts)))
+    for first in range(0, len(counts), RECOIL.shots_together):
+        part = slice(first, first + RECOIL.shots_together)
+        seen = counts[part] @ orthogonal
+        left = counts[part] - seen @ orthogonal.T
+        rate[part] = np.einsum("ps,sp->s", weight[:, part], seen)
+        square[part] = np.einsum("st,st->s", left, left)
+    return rate, (weight**2).sum(axis=0), square
+
+
 def _find_rings(clock: Array, counts: Array, span: float, no_ring: float) -> tuple[Array, Array]:
     """Add vibrations one by one while the residual contains one; refine all after each.
 
     Counting alone causes spectral lines too, in a residual whose rms is `no_ring` [counts].
     """
     rings = np.empty((0, 2))  # frequency and decay in units of 1/span
+    slowest = max(RECOIL.polynomial_order, RECOIL.slowest_ring * span)
     basis = _basis(clock, rings)
     while len(rings) < RECOIL.most_rings:
         _, residual = _project(basis, counts)
         small = np.sqrt((residual**2).mean()) < no_ring
-        peak = None if small else _strongest(clock, residual)
+        peak = None if small else _strongest(clock, residual, slowest)
         if peak is None:
             break
         try:
@@ -126,13 +160,13 @@ def _find_rings(clock: Array, counts: Array, span: float, no_ring: float) -> tup
     return rings, basis
 
 
-def _strongest(clock: Array, residual: Array) -> float | None:
+def _strongest(clock: Array, residual: Array, slowest: float) -> float | None:
     """Return the frequency of the residual's strongest line, None without a clear one."""
     n = len(clock)
     spectrum = np.fft.rfft(np.hanning(n)[:, None] * residual, 4 * n, axis=0)
     power = (np.abs(spectrum) ** 2).sum(axis=1)
     frequency = np.fft.rfftfreq(4 * n, clock[1] - clock[0])
-    power[frequency < RECOIL.polynomial_order] = 0.0  # slower than the polynomial itself
+    power[frequency < slowest] = 0.0
     best = int(power.argmax())
     return (
         float(frequency[best]) if power[best] > RECOIL.peak_over_median * np.median(power) else None
@@ -141,6 +175,7 @@ def _strongest(clock: Array, residual: Array) -> float | None:
 
 def _refine(clock: Array, counts: Array, rings: Array, span: float) -> Array:
     """Return the vibrations of least residual, by Gauss-Newton from a near start."""
+    fastest_decay = RECOIL.greatest_decay * span
     for _ in range(RECOIL.most_steps):
         basis = _basis(clock, rings)
         orthogonal, triangle = np.linalg.qr(basis)
@@ -154,7 +189,7 @@ def _refine(clock: Array, counts: Array, rings: Array, span: float) -> Array:
         matrix = flat @ np.einsum("mn,pns->pms", between, shares).reshape(flat.shape).T
         step = np.linalg.lstsq(matrix, flat @ (moves.T @ residual).ravel(), rcond=None)[0]
         step = np.clip(step.reshape(-1, 2), [-0.5, -20.0], [0.5, 20.0])
-        rings = np.clip(rings + step, 0.0, [np.inf, RECOIL.greatest_decay * span])
+        rings = np.clip(rings + step, [RECOIL.slowest_ring * span, 0.0], [np.inf, fastest_decay])
         if np.abs(step).max() < RECOIL.converged_step:
             break
     return rings

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from virtual_lab.measurement.reduction.rate import RateFit
+from virtual_lab.measurement.reduction.rate import RateFit, counting_noise
 from virtual_lab.records import EncoderRecord
 from virtual_lab.units import Array
 
@@ -45,42 +45,43 @@ def fit_swing(record: EncoderRecord, contact: Array, reach: Array) -> RateFit:
     enough = np.isfinite(contact) & (samples >= 5 * (DEGREE + 1))
     if not enough.any():
         raise ValueError("the encoder record holds too little before contact")
-    fitted = np.full((4, contact.size), np.nan)  # rate, its u, angle, residual
+    fitted = np.full((7, contact.size), np.nan)  # the names below
     # shots of as many samples before contact share the matrix of their fit
     for number in np.unique(samples[enough]):
         shots = enough & (samples == number)
         before = record.counts[shots, :number]
         fitted[:, shots] = _fit(record.times[:number], before, contact[shots], reach[shots])
-    rate, rate_u, angle, residual = fitted
+    rate, rate_u, angle, residual, by_half, by_half_u, span = fitted
     return RateFit(
         rate=rate,
         rate_u=rate_u,
+        by_half=by_half,
+        by_half_u=by_half_u,
+        span=span,
         before=np.full(contact.shape, np.nan),
         angle=angle,
         ring_frequency=np.zeros(0),
         ring_decay=np.zeros(0),
         rest=np.full(contact.shape, np.nan),
         residual=residual,
+        counting=counting_noise(record.counts),
     )
 
 
-def _fit(
-    times: Array, counts: Array, contact: Array, reach: Array
-) -> tuple[Array, Array, Array, Array]:
-    """Return rate, its u, angle and residual at contact, for records of equal times, (shot,)."""
-    span = times[-1] - times[0]
-    orthogonal, triangle = np.linalg.qr(
-        np.vander((times - times[-1]) / span, DEGREE + 1, increasing=True)
-    )
-    seen = counts @ orthogonal
-    coefficients = np.linalg.solve(triangle, seen.T)
-    left = counts - seen @ orthogonal.T
-    square = (left**2).sum(axis=1)
+def _fit(times: Array, counts: Array, contact: Array, reach: Array) -> tuple[Array, ...]:
+    """Return what is known at contact, for records of equal times, (shot,) each.
+
+    Rate, its u, angle, residual, rate by the later half of the record, u of its difference from
+    that by the whole, and the time fitted.
+    """
+    origin, span = times[-1], times[-1] - times[0]
+    clock = (times - origin) / span
     powers = np.arange(DEGREE + 1)[:, None]
+    coefficients, triangle, square = _cubic(clock, counts)
 
     def at(time: Array) -> tuple[Array, Array, Array]:
         """Return angle, rate and the rate's row of the fit at a time."""
-        beyond = (time - times[-1]) / span
+        beyond = (time - origin) / span
         row = powers * beyond ** np.maximum(powers - 1, 0) / span
         return (beyond**powers * coefficients).sum(axis=0), (row * coefficients).sum(axis=0), row
 
@@ -89,4 +90,24 @@ def _fit(
     angle, rate, row = at(contact - sooner)
     leverage = (np.linalg.solve(triangle.T, row) ** 2).sum(axis=0)
     variance = square / (times.size - DEGREE - 1)
-    return rate, np.sqrt(variance * leverage), angle, np.sqrt(square / times.size)
+    later = slice(times.size // 2, None)
+    by_half, triangle, _ = _cubic(clock[later], counts[:, later])
+    more = (np.linalg.solve(triangle.T, row) ** 2).sum(axis=0) - leverage
+    return (
+        rate,
+        np.sqrt(variance * leverage),
+        angle,
+        np.sqrt(square / times.size),
+        (row * by_half).sum(axis=0),
+        # of a part against a least-squares fit of the whole: u² = u_part² - u_whole²
+        np.sqrt(variance * np.maximum(more, 0.0)),
+        np.full(rate.shape, span),
+    )
+
+
+def _cubic(clock: Array, counts: Array) -> tuple[Array, Array, Array]:
+    """Return coefficients (power, shot), the triangle of the fit and the squares left (shot,)."""
+    orthogonal, triangle = np.linalg.qr(np.vander(clock, DEGREE + 1, increasing=True))
+    seen = counts @ orthogonal
+    left = counts - seen @ orthogonal.T
+    return np.linalg.solve(triangle, seen.T), triangle, (left**2).sum(axis=1)
