@@ -23,6 +23,7 @@ from virtual_lab.records import GateRecord, Record
 from virtual_lab.records.session import load_session, save_session
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.instruments.light_gate import LightGates
+from virtual_lab.simulation.physics.beam import Pinned
 from virtual_lab.simulation.rig import Reality, ShotPlan, Specimen, Stage, find_rig
 from virtual_lab.simulation.truth import draw_balls, made_bat
 from virtual_lab.streams import Streams, commitment
@@ -252,6 +253,38 @@ def test_fires_until_enough_hits_are_valid(tmp_path: Path) -> None:
     # the mean is that of the valid hits, by its definition
     bpf = result.shots.bat_performance_factor[result.judgement.valid]
     assert result.metric.value == pytest.approx(bpf.mean(), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("bat", "procedure", "tests"),
+    [("r161", PROCEDURE, 40), ("softball-wood-34", "asa", 4), ("ea70", "bbcor", 4)],
+)
+def test_what_is_said_of_the_simulation_follows_from_the_setup_alone(
+    bat: str, procedure: str, tests: int
+) -> None:
+    """Forty individual bats, axes and lots, every other with a fault: one text, one number.
+
+    The error of the rung once followed the bat on the rig: -0.94 with its modulus.
+    """
+    said, moduli = [], set()
+    for seed in range(tests):
+        faults = ["scale-not-tared"] if seed % 2 else []
+        laboratory = opened(bat, procedure=procedure, seed=seed, faults=faults)
+        body = laboratory.specimen.bat.body
+        laboratory.specimen.collision(body, Pinned(body.length - 0.15 - 1e-5 * seed))
+        found = dict(laboratory.session.simulation) | laboratory.collision.report()
+        assert len(found.pop("seed_commitment")) == 64
+        said.append(found)
+        moduli.add(body.material.youngs_modulus)
+    assert len(moduli) == tests
+    assert all(each == said[0] for each in said)
+
+
+def test_the_certificates_of_two_individuals_say_the_same_of_the_simulation(played: Play) -> None:
+    """The rungs of the whole test, as they are printed."""
+    one, other = (dict(played(seed=seed).certification.session.simulation) for seed in (1, 2))
+    assert one.pop("seed_commitment") != other.pop("seed_commitment")
+    assert one == other
 
 
 def _specimen() -> Specimen:

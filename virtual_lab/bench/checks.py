@@ -19,6 +19,7 @@ from virtual_lab.bench.inspection import CLOCK
 from virtual_lab.bench.table import action_table
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.lab import Laboratory
+from virtual_lab.lab.laboratory import collision_of
 from virtual_lab.records import BoardRecord, EncoderRecord, GateRecord, Record
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.faults.fault import instrument_of
@@ -146,6 +147,6 @@ def _standing(laboratory: Laboratory) -> Laboratory:
         specimen=Specimen(
             bat=made_bat(cylinder, laboratory.draws),
             balls=draw_balls(ball, 1, laboratory.draws),
-            collision=laboratory.collision,
+            collision=collision_of(cylinder, ball, laboratory.rules.spec),
         ),
     )

@@ -28,7 +28,7 @@ from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.motion.played import PlayedShots
 from virtual_lab.simulation.motion.pymunk_scene import play_pymunk
 from virtual_lab.simulation.motion.scene import ShotScene
-from virtual_lab.simulation.physics.beam import Support, beam_of
+from virtual_lab.simulation.physics.beam import Free, Support, beam_of
 from virtual_lab.simulation.rig import FilmingStation, ShotPlan, Specimen, Stage, find_rig
 from virtual_lab.simulation.truth import draw_balls, made_bat
 from virtual_lab.streams import Quiet
@@ -141,12 +141,17 @@ def film_as_seen(setup: TestSetup, event: DayEvent) -> bytes:
     if "rebound" not in event.sketch or not isinstance(station, FilmingStation):
         return b""
     rules, ball = setup.rules.spec, setup.ball.spec
-    probe = probing_scenes(ball, rules.ball_speed)
-    rebound = clear_rebound(event.sketch)
+    collision = FixedRebound(
+        nominal=setup.bat.spec.body,
+        support=Free(),
+        probe=probing_scenes(ball, rules.ball_speed),
+        standard_uncertainty=None,
+        rebound=clear_rebound(event.sketch),
+    )
     specimen = Specimen(
         bat=made_bat(setup.bat.spec, Quiet()),
         balls=draw_balls(ball, 1, Quiet()),
-        collision=FixedRebound(probe=probe, standard_uncertainty=None, rebound=rebound),
+        collision=collision,
     )
     plan = ShotPlan(
         slot=np.array([0]),

@@ -15,11 +15,10 @@ import numpy as np
 
 from virtual_lab.catalog.specs import BallSpec, BatSpec
 from virtual_lab.lab.fitting import nominal_places
-from virtual_lab.lab.laboratory import EFFICIENCY_U, Laboratory
+from virtual_lab.lab.laboratory import Laboratory, collision_of
 from virtual_lab.lab.setup import TestSetup
 from virtual_lab.lab.test_day import BatTest, by_the_book
 from virtual_lab.measurement.procedure import Procedure
-from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.collision.surrogate import Box
 from virtual_lab.simulation.instruments import RecordDetail
@@ -36,12 +35,7 @@ class Campaign:
         """Return the campaign of a bat by a procedure; `InputError` as `TestSetup.of`."""
         setup = TestSetup.of(bat, procedure=procedure, detail=RecordDetail.SUMMED)
         rules, ball, drawn = setup.rules.spec, setup.ball.spec, setup.bat.spec
-        speed = rules.ball_speed + (rules.bat_speed or 0.0)
-        collision = Ladder(
-            probe=probing_scenes(ball, speed, nominal_places(rules, drawn)),
-            standard_uncertainty=EFFICIENCY_U,
-            box=box_of(rules, drawn, ball),
-        )
+        collision = collision_of(drawn, ball, rules).with_box(box_of(rules, drawn, ball))
         return cls(setup=replace(setup, made=False, collision=collision))
 
     def laboratory(self, seed: int) -> Laboratory:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from virtual_lab.errors import InputError
 from virtual_lab.lab.fitting import require_places
-from virtual_lab.lab.laboratory import Laboratory
+from virtual_lab.lab.laboratory import Laboratory, collision_of
 from virtual_lab.lab.setup import TestSetup
 from virtual_lab.lab.test_day import BatTest, by_the_book
 from virtual_lab.measurement.model import CONTROL
@@ -46,12 +46,14 @@ def certify_bat(setup: TestSetup, progress: Progress = quiet) -> BatTest:
     own = setup.reality.draws(laboratory.seed, 1_000_000)  # beyond any number of tests
     progress(f"control bat {bat.name}, with the same balls")
     session = _with_ratio(laboratory.session, Estimate(value=1.0))
+    collision = collision_of(bat, setup.ball.spec, rules, setup.rung)
     control = by_the_book(
         replace(
             laboratory,
             setup=replace(setup, film=False),
             draws=own,
-            specimen=replace(laboratory.specimen, bat=made_bat(bat, own)),
+            collision=collision,
+            specimen=replace(laboratory.specimen, bat=made_bat(bat, own), collision=collision),
             session=replace(session, bat=bat.name, bat_sport=bat.sport or ""),
         ),
         progress,

@@ -6,10 +6,11 @@ import datetime
 import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import cast
 
 from virtual_lab.catalog import Entry
-from virtual_lab.catalog.specs import BallSpec
+from virtual_lab.catalog.specs import BallSpec, BatSpec
 from virtual_lab.lab.fitting import (
     nominal_places,
     require_ball,
@@ -22,6 +23,7 @@ from virtual_lab.lab.setup import TestSetup
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
+from virtual_lab.simulation.physics.beam import Pinned
 from virtual_lab.simulation.rig import (
     ImpactStation,
     Reality,
@@ -87,13 +89,7 @@ class Laboratory:
             for stage, station in stations.items()
             for name, estimate in station.calibration.items()
         }
-        collision = setup.collision or Ladder(
-            probe=probing_scenes(
-                ball, rules.ball_speed + (rules.bat_speed or 0.0), nominal_places(rules, bat)
-            ),
-            standard_uncertainty=EFFICIENCY_U,
-            rung=setup.rung,
-        )
+        collision = setup.collision or collision_of(bat, ball, rules, setup.rung)
         return cls(
             setup=setup,
             seed=seed,
@@ -139,6 +135,22 @@ class Laboratory:
         """Carry out ordered shots, with the faults of this day."""
         station = self.stations[stage]
         return self.setup.faults.play(stage, station, plan, self.specimen, self.draws)
+
+
+@lru_cache(maxsize=32)
+def collision_of(bat: BatSpec, ball: BallSpec, rules: Procedure, rung: str | None = None) -> Ladder:
+    """Return the collision of a bat's individuals in tests by a procedure.
+
+    Tests of one setup share it, so its rung is chosen once.
+    """
+    speed = rules.ball_speed + (rules.bat_speed or 0.0)
+    return Ladder(
+        nominal=bat.body,
+        support=Pinned(bat.body.length - rules.pivot_from_knob),
+        probe=probing_scenes(ball, speed, nominal_places(rules, bat)),
+        standard_uncertainty=EFFICIENCY_U,
+        rung=rung,
+    )
 
 
 def constant_name(stage: Stage, name: str) -> str:

@@ -27,6 +27,7 @@ from virtual_lab.output.tables import column, record, table_text
 from virtual_lab.records import GateRecord
 from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
 from virtual_lab.simulation.physics.ageing import lasting_loss
+from virtual_lab.simulation.physics.beam import Free
 from virtual_lab.simulation.rig import Reality, ShotPlan, Specimen, Stage, WallStation, find_rig
 from virtual_lab.simulation.truth import TrueBalls, draw_balls, made_bat
 from virtual_lab.studies.check_cylinder import check_cylinder
@@ -284,7 +285,13 @@ def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
     station = find_rig("ball-wall", Stage.BALLS).commission(draws)
     assert isinstance(station, WallStation)
     constants = _constants(station.calibration, spec)
-    bat = made_bat(catalog.load_bat(CYLINDER).spec, draws)  # a specimen has one; no wall meets it
+    cylinder = catalog.load_bat(CYLINDER).spec  # a specimen has a bat; no wall meets it
+    collision = Ladder(
+        nominal=cylinder.body,
+        support=Free(),
+        probe=probing_scenes(spec, SPEED),
+        standard_uncertainty=None,
+    )
     balls = draw_balls(spec, 1, draws)
     first = np.zeros(hits, dtype=int)
     turns = np.arange(hits)
@@ -293,11 +300,7 @@ def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
     for day, gives in enumerate(wall):
         play = station.with_wall(float(gives)).play(
             replace(plan, slot=day * hits + turns),
-            Specimen(
-                bat=bat,
-                balls=balls,
-                collision=Ladder(probe=probing_scenes(spec, SPEED), standard_uncertainty=None),
-            ),
+            Specimen(bat=made_bat(cylinder, draws), balls=balls, collision=collision),
             draws,
         )
         gates = play.records["gates"]

@@ -1,5 +1,8 @@
 """Which rung is taken, and whether what it is said to err by is so."""
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -29,6 +32,12 @@ WOOD, ALUMINIUM = load_bat("r161").spec.body, load_bat("ea70").spec.body
 PIVOT = Pinned(28 * INCH)
 PROBE = usual([4.0, 6.0, 8.0])
 BOX = Box.about(PROBE)
+
+
+def ladder(**other: Any) -> Ladder:
+    """Return the ladder of tests of the wooden bat that yield e_A to 0.002."""
+    given = {"nominal": WOOD, "support": Free(), "probe": PROBE, "standard_uncertainty": 0.002}
+    return Ladder(**{**given, **other})
 
 
 @pytest.mark.parametrize("rung", COLLISION_RUNGS)
@@ -203,15 +212,14 @@ def test_a_scene_outside_the_box_goes_to_the_modal_rung_alone() -> None:
     """Every scene's e_A, bit for bit, is that of its rung asked for it alone, in any order."""
     modal, scenes = choose(WOOD, Free(), PROBE).model, usual(np.linspace(3, 9, 601))
     box = Box.about(usual([4.0, 8.0]))
-    ladder = Ladder(probe=PROBE, standard_uncertainty=0.002, box=box)
-    found = ladder.efficiency(WOOD, Free(), scenes)
+    found = ladder(box=box).efficiency(WOOD, Free(), scenes)
     exact = modal.collide(scenes).collision_efficiency
     inside = box.inside(scenes)
     assert inside.sum() == 401
     assert np.array_equal(found[~inside], exact[~inside])
     assert (found[inside] != exact[inside]).mean() > 0.9
     assert np.abs(found - exact).max() < PROBING.surrogate_tolerance
-    again = Ladder(probe=PROBE, standard_uncertainty=0.002, box=box)
+    again = ladder(box=box)
     for some in (np.arange(600, -1, -1), np.array([3]), np.array([300]), np.arange(90, 110)):
         assert np.array_equal(again.efficiency(WOOD, Free(), scenes.part(some)), found[some])
 
@@ -219,22 +227,66 @@ def test_a_scene_outside_the_box_goes_to_the_modal_rung_alone() -> None:
 def test_without_a_box_there_is_no_surrogate() -> None:
     """However many scenes come at once: what a scene gives depends on no other."""
     scenes = usual(np.linspace(4, 8, 6000))
-    found = Ladder(probe=PROBE, standard_uncertainty=0.002).efficiency(WOOD, Free(), scenes)
+    found = ladder().efficiency(WOOD, Free(), scenes)
     modal = ModalModel.of(WOOD, Free()).collide(scenes).collision_efficiency
     assert np.array_equal(found, modal)
 
 
 def test_a_rung_asked_for_is_no_surrogate() -> None:
-    ladder = Ladder(probe=PROBE, standard_uncertainty=0.005, rung="rigid", box=BOX)
-    ladder.efficiency(WOOD, Free(), usual(np.linspace(4, 8, 60)))
-    assert ladder.report()["rung"] == "rigid"
+    asked = ladder(rung="rigid", box=BOX)
+    asked.efficiency(WOOD, Free(), usual(np.linspace(4, 8, 60)))
+    assert asked.report()["rung"] == "rigid"
+
+
+def test_an_individual_takes_the_rung_of_the_nominal_bat_with_its_own_modes() -> None:
+    """Three times as stiff, it needs fewer modes; on another axis. The report knows of neither."""
+    stiff = replace(WOOD, material=replace(WOOD.material, youngs_modulus=5e10))
+    tests = ladder(support=PIVOT)
+    axis = Pinned(PIVOT.z + 0.01)
+    found = tests(stiff, axis).collide(PROBE).collision_efficiency
+    own = ModalModel.of(stiff, axis, 20).collide(PROBE).collision_efficiency
+    assert found == pytest.approx(own, abs=1e-6)
+    assert choose(stiff, axis, PROBE, standard_uncertainty=0.002).name == "modal, 14 modes,"
+    assert tests.report()["reason"].startswith("modal, 20 modes, is the cheapest good enough")
+    assert tests.report() == ladder(support=PIVOT).report()
+
+
+@pytest.mark.parametrize("rung", COLLISION_RUNGS)
+def test_a_rung_asked_for_is_each_individuals(rung: str) -> None:
+    model = ladder(rung=rung)(ALUMINIUM, PIVOT)
+    own = choose(ALUMINIUM, PIVOT, PROBE, rung=rung).model
+    assert model.rung == rung
+    assert np.array_equal(model.modes.angular_frequencies, own.modes.angular_frequencies)
+
+
+@pytest.mark.parametrize(
+    ("bat", "lot"), [("r161", "baseball-2003"), ("softball-wood-34", "softball-slowpitch")]
+)
+def test_the_error_of_the_nominal_bat_holds_for_its_individuals(bat: str, lot: str) -> None:
+    """Of two standard deviations softer and lighter: with the margin for places alone."""
+    spec, ball = load_bat(bat).spec, load("balls", lot, BallSpec).spec
+    material, spread = spec.body.material, spec.spread
+    soft, light = 1 - 2 * spread.youngs_modulus, 1 - 2 * spread.density
+    softer = replace(
+        material,
+        youngs_modulus=soft * material.youngs_modulus,
+        shear_modulus=soft * material.shear_modulus,
+    )
+    lighter = replace(material, density=light * material.density)
+    probe = probing_scenes(ball, 60 * MPH)
+    stated = [each.error for each in rungs._rungs(spec.body, PIVOT, probe)]
+    for other in (softer, lighter):
+        found = rungs._rungs(replace(spec.body, material=other), PIVOT, probe)
+        assert all(
+            1.5 * each.error / PROBING.margin < most
+            for each, most in zip(found, stated, strict=True)
+        )
 
 
 @pytest.mark.parametrize(("rung", "modes"), [(None, 14), ("modal", 20), ("rigid", 20)])
 def test_the_truth_rests_on_the_rung_of_the_shots_but_never_on_a_rigid_bat(
     rung: str | None, modes: int
 ) -> None:
-    ladder = Ladder(probe=PROBE, standard_uncertainty=0.002, rung=rung)
-    found = ladder.true_efficiency(ALUMINIUM, Free(), PROBE)
+    found = ladder(rung=rung, nominal=ALUMINIUM).true_efficiency(ALUMINIUM, Free(), PROBE)
     modal = ModalModel.of(ALUMINIUM, Free(), modes).collide(PROBE).collision_efficiency
     assert found == pytest.approx(modal, abs=1e-7)
