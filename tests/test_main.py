@@ -9,11 +9,13 @@ from pathlib import Path
 import pytest
 
 STOPS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
-# the program with another command line in it; Ctrl-C works even where pytest runs without
+# the program with another command line in it; signals work even where pytest ignores them (nohup)
 PROGRAM = """
 import os, signal, sys, time
 from pathlib import Path
 signal.signal(signal.SIGINT, signal.default_int_handler)
+for stop in (signal.SIGTERM, signal.SIGHUP):
+    signal.signal(stop, signal.SIG_DFL)
 import virtual_lab.__main__ as program, virtual_lab.cli
 def run():
     {body}
