@@ -61,6 +61,53 @@ def test_a_certificate_is_drawn(tested: vl.Certificate, tmp_path: Path) -> None:
     axes = tested.plot(tmp_path / "hits.png").axes[0]
     assert len(axes.lines[0].get_ydata()) == tested.document["valid_hits"]
     assert (tmp_path / "hits.png").read_bytes().startswith(b"\x89PNG")
+    assert (
+        axes.lines[0].get_xdata().tolist() == tested.shots["shot"][tested.shots["valid"]].tolist()
+    )
+
+
+def test_a_scan_is_drawn_over_the_place_with_its_curve() -> None:
+    """The curve passes through the result at its place: the value is read from it."""
+    scanned = vl.certify("r161", procedure="ncaa-besr", seed=7)
+    axes = scanned.plot().axes[0]
+    lines = {line.get_label(): line for line in axes.lines}
+    shots = scanned.shots
+    used = shots["weight"].to_numpy() != 0
+    assert axes.get_xlabel() == "place from the tip, in"
+    assert lines["in the result"].get_xdata().tolist() == shots["place_in"][used].tolist()
+    ((place,), (value,)) = lines["place of the result"].get_data()
+    curve = lines["fitted curve"].get_data()
+    assert np.interp(place, *curve) == pytest.approx(scanned.value, abs=2e-5)
+    assert value == scanned.value
+
+
+def test_a_test_without_a_result_says_so(tmp_path: Path) -> None:
+    """In words where a number is asked for; in a table of many with its reason and NaN."""
+    rules = vl.procedure("astm-f1881").with_({"windows.speed_tolerance": "0.001 mph"})
+    nothing = vl.certify("r161", procedure=rules, seed=2)
+    for ask in (nothing.score, lambda: nothing.budget):
+        with pytest.raises(vl.InputError, match="gave no result: fewer than two hits were valid"):
+            ask()
+    with pytest.raises(vl.InputError, match="without a truth"):
+        vl.reduce(nothing.save(tmp_path / "test") / "records").score()
+    assert "no score: the test gave no result" in vl.score(tmp_path / "test").text
+    row = vl.sweep("r161", procedures=rules, seeds=[2], progress=lambda *_: None).iloc[0]
+    assert (row["verdict"], row["reason"]) == ("INVALID", "fewer than two hits were valid")
+    assert np.isnan([row["value"], row["true"], row["restitution_true"]]).all()
+
+
+def test_a_sweep_tells_why_a_bat_fails() -> None:
+    """R161 lies on the line of 34 in and 31 oz; the public rules ask no test of one-piece wood."""
+    rules = vl.procedure("bbcor").with_({"eligibility.length_less_weight": 2.5, "limit": 0.4})
+    row = vl.sweep("r161", procedures=rules, seeds=[0], progress=lambda *_: None).iloc[0]
+    weight, limit = row["reason"].split("; ")
+    assert weight.startswith("length less weight 3.0")
+    assert weight.endswith("allowed up to 2.5 (one-piece wood bats are exempt)")
+    assert "above the limit 0.400" in limit
+    rules = vl.procedure("bbcor").with_({"eligibility.length_less_weight": 3.5})
+    assert (
+        vl.sweep("r161", procedures=rules, seeds=[0], progress=lambda *_: None)["reason"][0] == ""
+    )
 
 
 def test_a_procedure_changed_in_a_call(tested: vl.Certificate, tmp_path: Path) -> None:

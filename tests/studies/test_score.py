@@ -29,6 +29,15 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+def test_the_fault_that_was_played_is_named(folder: Path) -> None:
+    truth = folder / "truth" / "truth.json"
+    rewrite(truth, faults=["gate-moved", "clamp-forgotten"])
+    write_seal(folder)
+    scored = score_folder(folder)
+    assert scored.document["faults"] == ["gate-moved", "clamp-forgotten"]
+    assert "faults of the test day: gate-moved, clamp-forgotten" in scored.text
+
+
 def rewrite(path: Path, **changes: Any) -> None:
     path.write_text(json.dumps(json.loads(path.read_text()) | changes))
 
@@ -36,7 +45,7 @@ def rewrite(path: Path, **changes: Any) -> None:
 def test_a_whole_seal(folder: Path) -> None:
     scored = score_folder(folder)
     document = scored.document
-    assert set(document) == {"seal", "altered", "sealing"} | ROWS
+    assert set(document) == {"seal", "altered", "sealing", "faults"} | ROWS
     assert (document["seal"], document["altered"]) == ("whole", [])
     assert document["metric"]["z"] == pytest.approx(1)
     assert scored.text.splitlines()[-2:] == ["seal intact", SEALING]

@@ -210,7 +210,8 @@ class Certificate:
 
         metric = self.certification.metric
         if metric is None:
-            raise ValueError("too few valid hits for an uncertainty budget")
+            reason = "; ".join(self.certification.reasons)
+            raise InputError("", "budget", None, f"the test gave no result: {reason}")
         return budget_table(metric)
 
     @property
@@ -261,11 +262,18 @@ class Certificate:
         return figure
 
     def score(self) -> dict[str, QuantityScore]:
-        """Compare with the sealed truth: measured and true values, errors in units and in u."""
+        """Compare with the sealed truth: measured and true values, errors in units and in u.
+
+        Raises `InputError` without a truth or without a result.
+        """
         from virtual_lab.studies.score import score
 
         if self.sealed is None:
-            raise ValueError("these records came without a sealed truth")
+            allowed = "these records came without a truth; it stays with the test: vl.score(FOLDER)"
+            raise InputError("", "score", None, allowed)
+        if self.certification.metric is None:
+            reason = "; ".join(self.certification.reasons)
+            raise InputError("", "score", None, f"the test gave no result: {reason}")
         return score(self.document, self.sealed.document()["measurand"])
 
     def save(self, folder: str | Path) -> Path:
@@ -479,10 +487,11 @@ def sweep(
     Returns
     -------
     pandas.DataFrame
-        ``bat``, ``procedure``, ``seed``, ``verdict``, ``metric`` (its symbol), ``unit``,
-        ``value``, ``u``, ``low`` and ``high`` of the 95 % interval, ``true`` and ``error``, all in
-        the unit; for e_A, e, r, e0 the value, its u and the true value (``restitution``,
-        ``restitution_u``, ``restitution_true``, …). A test without a result has NaN.
+        ``bat``, ``procedure``, ``seed``, ``verdict``, ``reason`` (of FAIL or INVALID, else empty),
+        ``metric`` (its symbol), ``unit``, ``value``, ``u``, ``low`` and ``high`` of the 95 %
+        interval, ``true`` and ``error``, all in the unit; for e_A, e, r, e0 the value, its u and
+        the true value (``restitution``, ``restitution_u``, ``restitution_true``, …). A test
+        without a result has NaN.
 
     Raises
     ------

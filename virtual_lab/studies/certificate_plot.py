@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from virtual_lab.measurement.procedure import curve_of
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.style import INTERVAL_GREY, PAGE_WIDTH_IN, STYLE
+from virtual_lab.units import INCH
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -16,28 +18,55 @@ if TYPE_CHECKING:
 
 
 def plot_hits(found: Certification) -> Figure:
-    """Return the figure over the shot number: valid hits filled, rejected hits open."""
+    """Return the figure over the shot number, of a scan over the place with its fitted curve.
+
+    Hits of the result are filled discs, other valid ones open, rejected shots crosses; shots
+    count from 0, as on the certificate.
+    """
     from matplotlib import style
     from matplotlib.figure import Figure
+    from matplotlib.ticker import MaxNLocator
 
-    printed = METRICS[found.procedure.metric]
-    values = found.shot_metric / printed.unit_si
-    shots, valid = np.arange(1, values.size + 1), found.judgement.valid
+    printed, procedure = METRICS[found.procedure.metric], found.procedure
+    values, place = found.shot_metric / printed.unit_si, found.readings.place / INCH
+    across = np.arange(values.size) if procedure.scan is None else place
+    valid, used = found.judgement.valid, found.outcome.used
     with style.context(STYLE, after_reset=True):
         figure = Figure(figsize=(PAGE_WIDTH_IN, 2.6), dpi=150, layout="constrained")
         axes = figure.add_subplot()
-        axes.plot(shots[valid], values[valid], "o", color="black", label="valid hits")
-        axes.plot(shots[~valid], values[~valid], "x", color="0.5", label="rejected shots")
+        for kind, marker, color, fill, label in (
+            (valid & used, "o", "black", "black", "in the result"),
+            (
+                valid & ~used,
+                "o",
+                "black",
+                "white",
+                "other valid hits" if used.any() else "valid hits",
+            ),
+            (~valid, "x", "0.5", "0.5", "rejected shots"),
+        ):
+            if kind.any():
+                axes.plot(across[kind], values[kind], marker, color=color, mfc=fill, label=label)
         if found.metric:
             low, high = (end / printed.unit_si for end in found.metric.interval_95)
             value = found.metric.value / printed.unit_si
             axes.axhspan(low, high, color=INTERVAL_GREY, zorder=0, label="95 % interval")
             axes.axhline(value, color="black", linewidth=0.8, label="result")
-        if found.procedure.metric_limit is not None:
-            limit = found.procedure.metric_limit / printed.unit_si
+        curve = curve_of(procedure, found.readings.place, used, values) if found.metric else None
+        if curve is not None:
+            along, heights = curve.linspace()
+            axes.plot(along / INCH, heights, color="black", linestyle=":", label="fitted curve")
+            axes.plot(
+                found.outcome.place / INCH, value, "+", color="black", label="place of the result"
+            )
+        if procedure.metric_limit is not None:
+            limit = procedure.metric_limit / printed.unit_si
             axes.axhline(limit, color="black", linestyle="--", linewidth=0.8, label="limit")
         unit = f", {printed.unit}" if printed.unit else ""
-        axes.set(xlabel="shot", ylabel=f"{printed.words}{unit}")
-        axes.set_title(f"{found.session.bat} by {found.procedure.name}: {found.verdict.value}")
+        x_label = "shot" if procedure.scan is None else "place from the tip, in"
+        axes.set(xlabel=x_label, ylabel=f"{printed.words}{unit}")
+        if procedure.scan is None:
+            axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        axes.set_title(f"{found.session.bat} by {procedure.name}: {found.verdict.value}")
         axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
     return figure

@@ -46,8 +46,11 @@ def score(
     """Return measured and true values of the metric and the other quantities, by name.
 
     For a scan the metric is compared twice: with the procedure's result on the exact curve, and
-    with the maximum of the curve. The width of the curve [m], if stated, is last.
+    with the maximum of the curve. The width of the curve [m], if stated, is last. A test without a
+    result has no true value either: {}.
     """
+    if not measurand:
+        return {}
     stated = {"metric": certificate["metric"]}
     if CONTINUOUS in measurand:
         stated[CONTINUOUS] = certificate["metric"]
@@ -64,6 +67,7 @@ class CertificateScore(StudyResult):
     altered: tuple[Alteration, ...]  # what is not as it was sealed
     sealing: str | None  # whether who knows the records could find the truth again
     rows: tuple[QuantityScore, ...]  # none where what was altered cannot be scored
+    faults: tuple[str, ...] = ()  # of the test day, by their names in the catalog
 
     name = "score"
 
@@ -71,6 +75,10 @@ class CertificateScore(StudyResult):
     def seal(self) -> str:
         """``whole`` or ``broken``, the words of the JSON document."""
         return "broken" if self.altered else "whole"
+
+    @property
+    def _lack(self) -> str:
+        return "too much was changed" if self.altered else "the test gave no result"
 
     @property
     def title(self) -> str:
@@ -89,16 +97,19 @@ class CertificateScore(StudyResult):
         for row in rows.values():
             del row["quantity"]
         altered = [asdict(each) for each in self.altered]
-        return {"seal": self.seal, "altered": altered, "sealing": self.sealing, **rows}
+        stated = {"seal": self.seal, "altered": altered, "sealing": self.sealing}
+        return {**stated, "faults": list(self.faults), **rows}
 
     @property
     def text(self) -> str:
         """The comparison as a table, and one line for each change since the test."""
         lines = [
-            table_text(self.rows) if self.rows else "no score: too much was changed",
+            table_text(self.rows) if self.rows else f"no score: {self._lack}",
             "seal broken, changed since the test:" if self.altered else "seal intact",
             *(f"  {each}" for each in self.altered),
         ]
+        if self.faults:
+            lines.append(f"faults of the test day: {', '.join(self.faults)}")
         return "\n".join([*lines, self.sealing] if self.sealing else lines)
 
 
@@ -115,25 +126,31 @@ def score_folder(folder: str | Path) -> CertificateScore:
     digest = hashlib.sha256(read_bytes(folder / TRUTH)).hexdigest()
     altered = alterations(folder)
     try:
-        simulation, rows = _scored(folder)
+        simulation, rows, faults = _scored(folder)
     except InputError:
         if not altered:
             raise
-        simulation, rows = {}, ()
+        simulation, rows, faults = {}, (), ()
     named = {(each.file, each.key) for each in altered}
     bound = {(TRUTH, ""), (CERTIFICATE, "simulation.truth_digest")}  # the one holds a digest of
     if simulation.get("truth_digest", digest) != digest and not named & bound:
         altered.append(Alteration(TRUTH, "", "altered"))  # and the seal to match
-    return CertificateScore(altered=tuple(altered), sealing=simulation.get("sealing"), rows=rows)
+    sealing = simulation.get("sealing")
+    return CertificateScore(altered=tuple(altered), sealing=sealing, rows=rows, faults=faults)
 
 
-def _scored(folder: Path) -> tuple[dict[str, str], tuple[QuantityScore, ...]]:
-    """Return the simulation entry of a certificate and its scores; `InputError` if none."""
+def _scored(
+    folder: Path,
+) -> tuple[dict[str, str], tuple[QuantityScore, ...], tuple[str, ...]]:
+    """Return the simulation entry of a certificate, its scores, and the faults of the day.
+
+    `InputError` if there is nothing to score.
+    """
     certificate, truth = read_json(folder / CERTIFICATE), read_json(folder / TRUTH)
     try:
         rows = tuple(score(certificate, truth["measurand"]).values())
         json.dumps([asdict(row) for row in rows], allow_nan=False)  # finite numbers alone
-        return {**certificate["simulation"]}, rows
+        return {**certificate["simulation"]}, rows, tuple(map(str, truth.get("faults", ())))
     except (ArithmeticError, AttributeError, KeyError, TypeError, ValueError) as fault:
         raise InputError(
             str(folder),

@@ -58,14 +58,15 @@ def _row(seed: int, tested: BatTest) -> dict[str, Any]:
         "u": u,
         "low": low,
         "high": high,
-        "true": true["metric"],
-        "error": value - true["metric"],
+        "true": true.get("metric", nan),
+        "error": value - true.get("metric", nan),
     }
     row: dict[str, Any] = {
         "bat": found.session.bat,
         "procedure": found.procedure.name,
         "seed": seed,
         "verdict": found.verdict.value,
+        "reason": "; ".join(found.reasons),
         "metric": printed.symbol,
         "unit": printed.unit,
     }
@@ -75,6 +76,6 @@ def _row(seed: int, tested: BatTest) -> dict[str, Any]:
         row |= {
             name: one.value if one else nan,
             f"{name}_u": one.u if one else nan,
-            f"{name}_true": true[name],
+            f"{name}_true": true.get(name, nan),
         }
     return row

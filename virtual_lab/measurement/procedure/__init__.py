@@ -8,6 +8,7 @@ from virtual_lab.measurement.procedure.metric import Curve, Sought, metric_of, s
 from virtual_lab.measurement.procedure.outcome import (
     HitWeights,
     Verdict,
+    curve_of,
     not_met,
     outcome_of,
     verdict,
@@ -29,6 +30,7 @@ __all__ = [
     "Verdict",
     "Windows",
     "aimed_place",
+    "curve_of",
     "findings",
     "judge",
     "lot_of",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,7 +23,14 @@ class Finding:
 
 def findings(procedure: Procedure, bat: BatProperties) -> tuple[Finding, ...]:
     """Return the findings of the eligibility rules for a measured bat."""
-    return tuple(_findings(procedure, bat))
+    exempt = procedure.eligibility.exempt if procedure.eligibility else None
+    found = _findings(procedure, bat)
+    if exempt is None:
+        return tuple(found)
+    return tuple(
+        each if each.met else replace(each, sentence=f"{each.sentence} ({exempt} are exempt)")
+        for each in found
+    )
 
 
 def _findings(procedure: Procedure, bat: BatProperties) -> Iterator[Finding]:

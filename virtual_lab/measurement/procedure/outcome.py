@@ -143,8 +143,7 @@ def _top_of_curve(
     """
     middle = place[near].mean()
     unit = (place[near] - middle) / scan.fit_half_width
-    # at equal steps the odd term costs nothing at the middle
-    degree = min(3, len(np.unique(np.round(unit, 6))) - 1)
+    degree = _degree(unit)
     solved = np.linalg.pinv(np.vander(unit, degree + 1, increasing=True))
     fitted = Polynomial(solved @ sought.value[near])
     turn = _turn(fitted)
@@ -161,6 +160,21 @@ def _top_of_curve(
         moved = -slopes * sought.gain[near] / fitted.deriv(2)(top)
         effects[near] += slopes @ metric[near] * moved
     return weights, effects, middle + top * scan.fit_half_width
+
+
+def _degree(place: Array) -> int:
+    """Return the degree of the curve through hits; at equal steps the odd term costs nothing."""
+    return min(3, len(np.unique(np.round(place, 6))) - 1)
+
+
+def curve_of(procedure: Procedure, place: Array, used: Mask, metric: Array) -> Polynomial | None:
+    """Return the curve of the metric over the place [m] from which a scan reads its result.
+
+    `used` are the shots in the result, (shot,). None where the result is a mean of hits.
+    """
+    if procedure.scan is None or procedure.scan.final_hits or used.sum() < 2:
+        return None
+    return Polynomial.fit(place[used], metric[used], _degree(place[used]))
 
 
 def _turn(cubic: Polynomial) -> float:

@@ -154,6 +154,7 @@ class Eligibility(Spec):
     barrel_diameter: Annotated[float | None, Dimension("length")] = None  # a ring must pass
     inertia_lengths: Annotated[tuple[float, ...], Dimension("length")] = ()
     inertia_floors: Annotated[tuple[float, ...], Dimension("inertia")] = ()  # about the pivot
+    exempt: Title | None = None  # whom no test is asked of; the records do not tell such a bat
 
     def __post_init__(self) -> None:
         if len(self.inertia_lengths) != len(self.inertia_floors):
