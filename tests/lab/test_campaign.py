@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 
 from virtual_lab import catalog, lab
+from virtual_lab.catalog import reading
+from virtual_lab.files import parse_toml
 from virtual_lab.lab.campaign import Campaign
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.instruments import RecordDetail
@@ -146,6 +148,23 @@ def test_scenes_of_a_test_lie_in_its_box(procedure: str) -> None:
     for axis in ("impact_position", "relative_speed", "ball_restitution"):
         low, high = getattr(box, axis)
         assert np.ptp(getattr(scenes, axis)) > 0.4 * (high - low), axis
+
+
+def test_no_sheet_is_parsed_for_a_further_laboratory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The setup has worked out what is unverified; the rigs' sheets are read once in a process."""
+    campaign = Campaign.of("r161", "astm-f1881")
+    campaign.laboratory(1)
+    parsed: list[str] = []
+
+    def parse(text: str, where: str) -> dict[str, object]:
+        parsed.append(where)
+        return parse_toml(text, where)
+
+    monkeypatch.setattr(reading, "parse_toml", parse)
+    doubts = campaign.laboratory(2).session.simulation["unverified_numbers"]
+    assert parsed == []
+    assert doubts == lab.TestSetup.of("r161", procedure="astm-f1881").unverified
+    assert "pendulum.toml" in parsed  # of a new setup
 
 
 @pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor", "ncaa-besr"])
