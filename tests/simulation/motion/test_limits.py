@@ -13,7 +13,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.simulation.motion import pymunk_scene
 from virtual_lab.simulation.motion.played import Target
 from virtual_lab.simulation.motion.pymunk_scene import PymunkSettings, longest_step, play_pymunk
-from virtual_lab.simulation.motion.scene import FrameSpec
+from virtual_lab.simulation.motion.scene import FrameSpec, ShotScene
 from virtual_lab.units import INCH
 
 
@@ -39,24 +39,27 @@ def test_unsafe_settings_are_refused(key: str, settings: dict[str, Any], allowed
 
 def test_the_longest_step_is_that_of_ball_and_barrel() -> None:
     """By hand: a swung tip adds to the ball, a thin post takes away from the barrel."""
-    limit = longest_step(scene())
+    limit = longest(scene())
     PymunkSettings(step=limit * 0.999).check(scene())
     with pytest.raises(InputError, match="step"):
         PymunkSettings(step=limit * 1.001).check(scene())
     outer = np.array(BODY.profile.outer_diameter)[np.array(BODY.profile.z) <= BODY.length / 3]
     assert limit == pytest.approx((0.0366 + outer.min() / 2) / 26.8, rel=0.02)
-    posts = longest_step(scene(frames=(frame_at(-0.5, radius=0.01),)))
-    assert posts == pytest.approx((0.0366 + 0.01) / 26.8)
+    assert longest(scene(frames=(frame_at(-0.5, radius=0.01),))) == pytest.approx(0.0466 / 26.8)
     swung = scene(rate=-40.0, angle=1.0)
-    assert longest_step(swung) / limit == pytest.approx(26.8 / (26.8 + 40 * swung.bat.axis))
+    assert longest(swung) / limit == pytest.approx(26.8 / (26.8 + 40 * swung.bat.axis))
+    assert longest(scene(vx=0.0)) == np.inf
+
+
+def longest(played: ShotScene) -> float:
+    return longest_step(played, played.start)
 
 
 def test_without_settings_the_step_is_short_enough() -> None:
+    """A ball so fast that it passes ball and barrel in less than a usual step."""
     fast = scene(vx=190.0, duration=0.02)
     with pytest.raises(InputError, match="step"):
-        PymunkSettings().check(fast)
-    PymunkSettings.safe(fast).check(fast)
-    assert PymunkSettings.safe(scene()) == PymunkSettings()
+        PymunkSettings(step=1e-3).check(fast)
     hits = [play(fast, rung).first(Target.BAT).time for rung in ("pymunk", "closed-form")]
     assert hits[0] == pytest.approx(hits[1])
 

@@ -22,6 +22,7 @@ from tests.simulation.motion.scenes import (
     stop,
 )
 from virtual_lab.relations.flight import speed_after, time_before
+from virtual_lab.simulation.motion import pymunk_scene
 from virtual_lab.simulation.motion.played import PlayedShots, Target
 from virtual_lab.simulation.motion.pymunk_scene import PymunkSettings, play_pymunk
 from virtual_lab.simulation.motion.scene import ShotScene, ShotState
@@ -75,6 +76,41 @@ def test_the_rungs_agree_whatever_the_step() -> None:
             assert found == pytest.approx(true, abs=1e-11, nan_ok=True), name
         found, true = (np.array(each.at(played, times)) for each in (carried, closed))
         assert found == pytest.approx(true, abs=1e-9)
+
+
+def test_steps_by_the_present_speed_find_the_same_contacts(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Balls left almost dead by the bat, which comes back from its stop; a frame behind them."""
+    shots, rng = 6, np.random.default_rng(11)
+    played = scene(
+        z=rng.uniform(3, 5, shots) * INCH,
+        y=rng.uniform(-1e-3, 1e-3, shots),
+        vx=rng.uniform(24, 60, shots),
+        vz=rng.uniform(-0.3, 0.3, shots),
+        efficiency=lambda place, *_: np.full(len(place), -0.02),
+        stop=stop(0.6),
+        frames=(frame_at(-0.3, bottom=-0.12),),
+        gravity=0.5,
+        duration=0.25,
+    )
+    steps: list[float] = []
+    carried = pymunk_scene._Shot._carry
+
+    def carry(shot: pymunk_scene._Shot, span: float) -> Array:
+        steps.append(span)
+        return carried(shot, span)
+
+    monkeypatch.setattr(pymunk_scene._Shot, "_carry", carry)
+    own = play_pymunk(played).pieces
+    assert len(steps) < shots * played.duration / 3e-3  # the speed at the start asks for 0.9 ms
+    fixed = play_pymunk(played, PymunkSettings(step=2e-4)).pieces
+    assert own.struck.tolist() == fixed.struck.tolist()
+    assert {*own.struck} == set(Target)
+    for name in ("shot", "time", "place", "speed"):
+        found, true = getattr(own, name), getattr(fixed, name)
+        assert found == pytest.approx(true, rel=1e-11, nan_ok=True), name
+    assert np.array(own.state) == pytest.approx(np.array(fixed.state), rel=1e-9, abs=1e-9)
 
 
 @BOTH

@@ -1,6 +1,7 @@
 """Shots one by one: a pymunk space carries ball and bat, one shot at a time.
 
-Each step is given the mean velocity of the exact motion, so that its length costs no accuracy.
+Each step is given the mean velocity of the exact motion, so that its length costs no accuracy: it
+is that in which nothing can pass through anything, by the speeds as they then are.
 Ball and bat never collide in pymunk: the step that would bring them together ends at their touch,
 and the collision model's e_A and the angular momentum say how they part. The bat turns back at its
 stop. Posts and bars are pymunk's own shapes: a swept circle shows when the ball comes to one, the
@@ -10,8 +11,8 @@ step ends there, and pymunk throws the ball back.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, inf, isfinite, sin
-from typing import Any, NamedTuple, Self
+from math import cos, inf, sin
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,57 +31,69 @@ from virtual_lab.simulation.motion.touch import (
 from virtual_lab.units import Array
 
 ONE = np.zeros(1, dtype=np.int_)
+SHARE = 0.9  # of the longest safe step, what one by the present speed takes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PymunkSettings:
     """Of the pymunk space, SI: its own defaults are for pixels."""
 
-    step: float = 1e-3  # [s]; a shorter one is dearer and no better
+    step: float | None = None  # [s]; None: by the present speed. A shorter one is no better
     iterations: int = 10
     slop: float = 1e-6  # overlap that is left alone [m]
 
-    @classmethod
-    def safe(cls, scene: ShotScene) -> Self:
-        """Return the usual settings, their step at most half of what a scene allows."""
-        return cls(step=min(cls().step, longest_step(scene) / 2))
-
     def check(self, scene: ShotScene) -> None:
         """Raise `InputError` where a setting is unsafe for a scene."""
-        most = longest_step(scene)
+        most, step = longest_step(scene, scene.start), self.step
         for key, value, good, allowed in (
-            ("step", self.step, 1e-7 <= self.step < most, f"from 1e-07 s, below {most:.3g} s"),
+            (
+                "step",
+                step,
+                step is None or 1e-7 <= step < most,
+                f"from 1e-07 s, below {most:.3g} s",
+            ),
             ("iterations", self.iterations, 10 <= self.iterations <= 1000, "10 to 1000"),
             ("slop", self.slop, 0 <= self.slop <= 1e-4, "0 to 0.0001 m"),
         ):
-            if not (good and isfinite(value)):
+            if not good:
                 raise InputError("motion settings", key, value, f"allowed: {allowed}")
 
 
-def longest_step(scene: ShotScene) -> float:
-    """Return the time [s] in which a ball and what it should strike close by less than their size.
+USUAL = PymunkSettings()
 
-    In a longer step the ball could pass through.
+
+def longest_step(scene: ShotScene, state: ShotState) -> float:
+    """Time [s] in which no ball and what it should strike close by their radii.
+
+    In a longer step the ball could pass through. Infinite where nothing moves.
+
+    Parameters
+    ----------
+    state
+        (n,): the shots of the scene at one moment. Between contacts they only slow down.
     """
-    bat, start = scene.bat, scene.start
-    sizes = [float(np.min(bat.radius(np.linspace(0.0, bat.length / 3, 50))))]
-    sizes += [frame.spec.radius for frame in scene.frames]
-    sizes += [scene.stop.radius] if scene.stop else []
-    speed = np.max(np.hypot(start.vx, start.vz) + np.abs(start.rate) * bat.axis)
-    return float((scene.ball_radius + min(sizes)) / speed) if speed > 0 else inf
+    bat, ball = scene.bat, np.hypot(state.vx, state.vz)
+    # where the bat is as the ball comes to it, within a step
+    lever = np.hypot(state.x, state.z - bat.axis) + scene.ball_radius + bat.widest
+    closing = ball + np.abs(state.rate) * np.minimum(lever, bat.axis)
+    solids = [frame.spec.radius for frame in scene.frames]
+    solids += [scene.stop.radius] if scene.stop else []
+    with np.errstate(divide="ignore"):
+        steps = (scene.ball_radius + bat.thinnest) / closing
+        if solids:
+            steps = np.minimum(steps, (scene.ball_radius + min(solids)) / ball)
+    return float(steps.min())
 
 
-def play_pymunk(scene: ShotScene, settings: PymunkSettings | None = None) -> PlayedShots:
+def play_pymunk(scene: ShotScene, settings: PymunkSettings = USUAL) -> PlayedShots:
     """Return the results of the shots.
 
-    Without `settings` these are the usual ones, with a step short enough for the scene.
     `InputError` for unsafe settings, a ball that starts inside the bat.
     """
     gap = float(nearness(scene, scene.start).gap.min(initial=inf))
     if gap <= 0:
         allowed = "allowed: above 0, the ball starts in the open"
         raise InputError("motion", "gap to the bat [m]", gap, allowed)
-    settings = settings or PymunkSettings.safe(scene)
     settings.check(scene)
     return carry(scene, settings)
 
@@ -165,7 +178,7 @@ class _Shot:
         """Carry the shot to the end of the record; a refused one has no pieces."""
         pieces = [Pieces.of(ONE, np.zeros(1), Target.START, self.state)]
         while self.now < self.scene.duration and not self.refused:
-            step = min(self.settings.step, self.scene.duration - self.now)
+            step = min(self._longest(), self.scene.duration - self.now)
             touch = self._touch(step)
             stop = float(time_to_stop(self.scene, self.state)[0])
             solid = self._solid(min(step, touch, stop))
@@ -181,6 +194,12 @@ class _Shot:
             if len(self.struck) > 100:
                 self.refused = "more than 100 contacts in one record"
         return [] if self.refused else pieces
+
+    def _longest(self) -> float:
+        """Return how long the next step may be [s]."""
+        if self.settings.step is not None:
+            return self.settings.step
+        return SHARE * longest_step(self.scene, self.state)
 
     def _piece(self, struck: Target, *hit: Array) -> Pieces:
         self.struck.append(struck)
@@ -228,9 +247,10 @@ class _Shot:
         speed, first = float(np.hypot(start.vx[0], start.vz[0])), inf
         for solid in self.solids:
             hit = solid.shape.segment_query(here, there, scene.ball_radius)
+            if not (hit and hit.shape) or hit.normal.dot(way) >= 0:
+                continue
             # one it is already over, by more than rounding explains, it rolls over
-            over = solid.shape.point_query(here).distance < scene.ball_radius - 1e-6
-            if over or not (hit and hit.shape) or hit.normal.dot(way) >= 0:
+            if solid.shape.point_query(here).distance < scene.ball_radius - 1e-6:
                 continue
             # pymunk sees a shape only as the ball overlaps it
             flown = hit.alpha * np.hypot(*way) + 1e-9

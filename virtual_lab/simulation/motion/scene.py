@@ -71,6 +71,11 @@ class PivotedBat:
         return max(self.profile.outer_diameter) / 2
 
     @cached_property
+    def thinnest(self) -> float:
+        """Least radius of the outer third, where balls strike [m]."""
+        return float(np.min(self.radius(np.linspace(0.0, self.length / 3, 50))))
+
+    @cached_property
     def steepest(self) -> float:
         """Greatest slope of the radius, a bound: a cubic of Fritsch and Carlson keeps to 3."""
         z, d = np.array(self.profile.z), np.array(self.profile.outer_diameter)
