@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import pydoc
 import subprocess
 import sys
@@ -41,6 +42,28 @@ def test_the_names_load_nothing_heavy() -> None:
     code = "import sys, virtual_lab.api; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert not {"numpy", "scipy", "numba", "pandas", "click"} & set(done.stdout.split())
+
+
+@pytest.mark.parametrize(
+    ("chosen", "found"),
+    [
+        ({}, "1"),
+        ({"OPENBLAS_NUM_THREADS": "2"}, "2"),
+        ({"OMP_NUM_THREADS": "2"}, "None"),  # a choice for all that count threads
+    ],
+)
+def test_linear_algebra_takes_one_thread_unless_told(chosen: dict[str, str], found: str) -> None:
+    """Threads as the system counts them, after a QR as large as that of a recoil fit."""
+    code = """if True:
+        import os, virtual_lab, numpy
+        numpy.linalg.qr(numpy.ones((3000, 30)))
+        print(os.environ.get("OPENBLAS_NUM_THREADS"), len(os.listdir("/proc/self/task")))"""
+    free = {name: value for name, value in os.environ.items() if "_THREADS" not in name}
+    words = [sys.executable, "-c", code]
+    done = subprocess.run(words, check=True, capture_output=True, text=True, env=free | chosen)
+    setting, threads = done.stdout.split()
+    assert setting == found
+    assert (threads == "1") or chosen
 
 
 def test_a_certificate_in_numbers(tested: vl.Certificate) -> None:

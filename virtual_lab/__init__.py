@@ -10,7 +10,14 @@ name of a bat, ball or procedure it also takes the path of a .toml file or a she
 ``vl.procedure("bbcor")``.
 """
 
+import os
 from typing import TYPE_CHECKING, Any
+
+# The matrices here are small: threads inside one product wait for one another, and burn the
+# processor while they do. Read as numpy loads; who has set one of them, or all, is left alone.
+if "OMP_NUM_THREADS" not in os.environ:
+    for variable in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
+        os.environ.setdefault(variable, "1")
 
 from virtual_lab import api
 

@@ -7,7 +7,6 @@ Exit codes: 0 finished, whatever the verdict; 1 a bug; 2 bad input; 3 sealed fil
 from __future__ import annotations
 
 import io
-import os
 import sys
 
 import click
@@ -28,8 +27,6 @@ PROGRAM = "virtual-lab"
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
-    # the matrices here are small: threads inside one product only get in each other's way
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     for stream in (sys.stdout, sys.stderr):  # of terminals that have no ² and no ±
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
