@@ -5,6 +5,8 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+DISTRIBUTION = "virtual-bat-lab"  # as installed; on public indexes another has the program's name
+
 
 class InputError(ValueError):
     """Input that cannot be used; the text is one line that says how to correct it."""
@@ -21,6 +23,11 @@ def nearest(name: object, known: Iterable[str]) -> str:
     folded = {each.lower(): each for each in known}
     near = difflib.get_close_matches(str(name).lower(), folded, n=2, cutoff=0.5)
     return f"did you mean {' or '.join(folded[each] for each in near)}? " if near else ""
+
+
+def with_extra(name: str) -> str:
+    """Return the way to install an extra; the package is not on a public index."""
+    return f"in a clone of the repository: pip install '.[{name}]'"
 
 
 def _short(value: object) -> str:

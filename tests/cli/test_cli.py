@@ -193,6 +193,7 @@ def test_ideal_says_the_truth(run: Run) -> None:
     document = json.loads(run("score", "ideal", "--json")[1])
     assert document.pop("sealing") == "reproducible: nothing is random, not sealed"
     assert (document.pop("seal"), document.pop("altered")) == ("whole", [])
+    assert document.pop("faults") == []
     for name, row in document.items():
         assert row["measured"] == pytest.approx(row["true"], rel=1e-9), name
 
@@ -527,3 +528,20 @@ def test_critique_prints_its_tables_and_writes_its_folder(run: Run, tmp_path: Pa
     code, _, err = run(*asked, "--out", "two")
     assert code == 2
     assert "not empty" in err
+
+
+def test_a_missing_extra_is_installed_from_a_clone(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In a sentence; on a public index the program's name is that of another project."""
+    import importlib.util
+    from importlib.metadata import distribution
+
+    real = importlib.util.find_spec
+    monkeypatch.setattr(
+        importlib.util, "find_spec", lambda name: None if name == "uvicorn" else real(name)
+    )
+    code, _, err = run("rehearse")
+    said = "the page needs the extra 'bench'; in a clone of the repository: pip install '.[bench]'"
+    assert (code, err.strip()) == (2, f"virtual-lab: {said}")
+    assert distribution("virtual-bat-lab").entry_points.select(name="virtual-lab")

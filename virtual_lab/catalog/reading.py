@@ -250,7 +250,7 @@ def require_own_names(key: str, names: Sequence[str]) -> None:
     """Refuse two entries of one name, as tables would take them for one."""
     for name in names:
         if names.count(name) > 1:
-            raise InputError("", key, name, "is given twice; each needs a name of its own")
+            raise InputError("", key, name, "is given twice; each needs its own name")
 
 
 def datums(document: Any, prefix: str = "") -> Iterator[Datum]:

@@ -38,6 +38,7 @@ from virtual_lab.certificate.document import (
     UnverifiedValue,
     WidthStated,
 )
+from virtual_lab.errors import DISTRIBUTION
 from virtual_lab.measurement.camera.comparison import CameraComparison, ComparedQuantity
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.measurement.model import CONTROL, QUANTITIES
@@ -148,9 +149,8 @@ def certificate(
             for datum in certification.unverified
         ),
         simulation=dict(session.simulation) | digest,
-        versions={
-            name: version(name) for name in ("virtual-lab", "numpy", "scipy", "pandas", "numba")
-        },
+        versions={"virtual-lab": version(DISTRIBUTION)}
+        | {name: version(name) for name in ("numpy", "scipy", "pandas", "numba")},
     )
 
 

@@ -18,7 +18,7 @@ from virtual_lab.cli.fidelity import chart, convergence, stability
 from virtual_lab.cli.plumbing import Sections
 from virtual_lab.cli.rehearse import rehearse
 from virtual_lab.cli.studying import bias, coverage, critique, daily, faults, paper
-from virtual_lab.errors import InputError
+from virtual_lab.errors import DISTRIBUTION, InputError
 
 __all__ = ["main"]
 
@@ -105,4 +105,4 @@ cli = Sections(
         "Shell": (completion,),
     },
 )
-click.version_option(package_name=PROGRAM, prog_name=PROGRAM)(cli)
+click.version_option(package_name=DISTRIBUTION, prog_name=PROGRAM)(cli)

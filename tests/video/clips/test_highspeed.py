@@ -98,5 +98,7 @@ def test_what_cannot_be_read_names_format_and_extra(
     with pytest.raises(InputError, match="frames that can be read = 6"):
         list(open_source(cut).pictures())
     monkeypatch.setitem(sys.modules, "cinereader", None)
-    with pytest.raises(InputError, match="highspeed"):
+    with pytest.raises(
+        InputError, match=r"needs the extra 'highspeed' \(cinereader\); in a clone of the"
+    ):
         open_source(tmp_path / "a.cine")

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.errors import InputError
+from virtual_lab.errors import InputError, with_extra
 
 HIGHSPEED = (".cine", ".mraw", ".cihx", ".cih")
 Header = tuple[int, float | None, Any]  # frames, rate [1/s], what yields them
@@ -86,8 +86,8 @@ def _reader(name: str, path: Path, kind: str) -> ModuleType:
     try:
         return import_module(name)
     except ImportError as fault:
-        allowed = f"needs {name}: pip install 'virtual-lab[highspeed]'"
-        raise InputError(str(path), kind, None, allowed) from fault
+        needed = f"{kind} needs the extra 'highspeed' ({name})"
+        raise InputError(str(path), needed, None, with_extra("highspeed")) from fault
 
 
 def _unreadable(path: Path, kind: str, fault: Exception) -> InputError:
