@@ -288,6 +288,7 @@ class Certificate:
         from virtual_lab.certificate.html import certificate_page
         from virtual_lab.files import new_folder
         from virtual_lab.lab.seal import TRUTH, write_seal
+        from virtual_lab.output.tables import write_csv
         from virtual_lab.records.session import save_session
 
         target = Path(folder)
@@ -295,7 +296,7 @@ class Certificate:
             (draft / "certificate.json").write_text(self.printed.text(), encoding="utf-8")
             page = certificate_page(self.printed)
             (draft / "certificate.html").write_text(page, encoding="utf-8")
-            self.shots.to_csv(draft / "readings.csv", index=False)
+            write_csv(self.shots, draft / "readings.csv")
             (draft / "records").mkdir()
             save_session(self.certification.session, draft / "records")
             if self.sealed:

@@ -22,6 +22,7 @@ import click
 from virtual_lab.errors import InputError
 from virtual_lab.files import check_new_folder, first_free, new_files
 from virtual_lab.output.progress import shown
+from virtual_lab.output.tables import write_csv
 
 Function = Callable[..., Any]
 HELP_WIDTH = 1000  # characters: no sentence of ours is cut short
@@ -114,7 +115,7 @@ def command(
                     found.save(target)
                 if csv is not None:
                     with new_files(csv.parent) as draft:
-                        found.table.to_csv(draft / csv.name, index=False)
+                        write_csv(found.table, draft / csv.name)
                 if plot is not None:
                     with new_files(plot.parent) as draft:
                         found.plot(draft / plot.name)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from virtual_lab.output.chart_page import chart_page
 from virtual_lab.output.result import StudyResult
-from virtual_lab.output.tables import Column, table_text
+from virtual_lab.output.tables import Column, table_text, write_csv
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -62,7 +62,7 @@ class SpeedChart(StudyResult):
     def fill(self, folder: Path) -> None:
         """Write the rows as CSV, and what was drawn of them as PNG and HTML page."""
         figure = self.figure(self.rows, self.title)
-        self.table.to_csv(folder / f"{self.name}.csv", index=False)
+        write_csv(self.table, folder / f"{self.name}.csv")
         figure.savefig(folder / f"{self.name}.png")
         page = chart_page(self.title, self.words, figure, self.rows)
         (folder / f"{self.name}.html").write_text(page, encoding="utf-8")

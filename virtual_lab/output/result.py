@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder
-from virtual_lab.output.tables import Column, record, table_text
+from virtual_lab.output.tables import Column, record, table_text, write_csv
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -91,7 +91,7 @@ class StudyResult(ABC):
     def fill(self, folder: Path) -> None:
         """Write the files of `save` into an existing folder."""
         for name, table in self.tables.items():
-            table.to_csv(folder / f"{name}.csv", index=False)
+            write_csv(table, folder / f"{name}.csv")
         for name in self.pictures:
             self.plot(folder / f"{name}.png")
 

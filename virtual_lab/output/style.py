@@ -23,3 +23,8 @@ STYLE: dict[str, Any] = {
     "lines.markersize": 5,
 }
 INTERVAL_GREY = "0.85"  # the interval: light enough that markers stand out on a grey printer
+
+
+def as_drawn(name: str) -> str:
+    """Return a user's text for a figure, where $ begins a formula and a first _ hides a label."""
+    return f"{' ' if name.startswith('_') else ''}{name}".replace("$", r"\$")

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, fields, is_dataclass
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 INLINE = "inline"
 
@@ -127,6 +131,14 @@ def quoted(cell: object) -> str:
     except ValueError:
         return "'" + text
     return text
+
+
+def write_csv(table: pd.DataFrame, path: Path) -> None:
+    """Write a table as CSV in which no text, a bat's name perhaps, is taken for a formula."""
+    safe = table.rename(columns=quoted)
+    for name in safe.select_dtypes(exclude=["number", "bool"]):
+        safe[name] = [quoted(cell) if isinstance(cell, str) else cell for cell in safe[name]]
+    safe.to_csv(path, index=False)
 
 
 def number(value: float | None, form: str = ".6f") -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from virtual_lab.measurement.procedure import curve_of
 from virtual_lab.output.metrics import METRICS
-from virtual_lab.output.style import INTERVAL_GREY, PAGE_WIDTH_IN, STYLE
+from virtual_lab.output.style import INTERVAL_GREY, PAGE_WIDTH_IN, STYLE, as_drawn
 from virtual_lab.units import INCH
 
 if TYPE_CHECKING:
@@ -67,6 +67,7 @@ def plot_hits(found: Certification) -> Figure:
         axes.set(xlabel=x_label, ylabel=f"{printed.words}{unit}")
         if procedure.scan is None:
             axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        axes.set_title(f"{found.session.bat} by {procedure.name}: {found.verdict.value}")
+        tested, rules = as_drawn(found.session.bat), as_drawn(procedure.name)
+        axes.set_title(f"{tested} by {rules}: {found.verdict.value}")
         axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
     return figure

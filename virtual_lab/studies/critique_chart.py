@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import cos, radians, sin
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from virtual_lab.output.style import STYLE
+from virtual_lab.output.style import STYLE, as_drawn
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,8 +32,9 @@ class PageLayout(NamedTuple):
     least_width: float = 7.2  # for the sentences above and the legend below
     right: float = 0.1
     above: float = 1.05
-    below: float = 1.6
-    letter: float = 0.06  # of a bat's name
+    below: float = 1.6  # and more for long names
+    legend: float = 0.3
+    letter: float = 0.06  # of a name
     gap: float = 0.62  # between panels: the field's own differences stand there
 
 
@@ -48,6 +50,7 @@ MARKS = {
     "no result": Mark("gives no result", "x", 8, "0.5", "0.5", "0.5"),
 }
 PAGE = PageLayout()
+SLANT = 55  # degrees, of the procedures' names
 
 
 def draw_critique(pairs: pd.DataFrame, path: Path) -> None:
@@ -70,11 +73,16 @@ def draw_critique(pairs: pd.DataFrame, path: Path) -> None:
     swings = list(dict.fromkeys(row.n for row in rows))
     bats = list(dict.fromkeys((row.first, row.second) for row in rows))
     procedures = {row.procedure: _said(row) for row in rows}
-    left_of_all = PAGE.gap + PAGE.letter * max(len(_named(pair)) for pair in bats)
+    letters = max(len(name.replace("$", "")) for name in procedures.values())
+    longest = PAGE.letter * letters  # its name stands slanted below
+    down, aside = sin(radians(SLANT)) * longest, cos(radians(SLANT)) * longest
+    bottom = max(PAGE.below, PAGE.legend + down)
+    named = PAGE.gap + PAGE.letter * max(len(_named(pair)) for pair in bats)
+    left_of_all = max(named, aside)
     panel = PAGE.cell * len(procedures), PAGE.cell * len(bats)
     panels = PAGE.gap * (len(swings) - 1) + panel[0] * len(swings)
     width = max(left_of_all + PAGE.right + panels, PAGE.least_width)
-    height = PAGE.above + PAGE.below + panel[1]
+    height = PAGE.above + bottom + panel[1]
     swing = "constant energy of bat and batter" if swings[0] is None else "$I^{-n}$"
     sentences = (
         ("Does the test rank two bats as the field does?", 0.2, 10),
@@ -94,13 +102,13 @@ def draw_critique(pairs: pd.DataFrame, path: Path) -> None:
         figure = Figure(figsize=(width, height), dpi=150)
         for i, n in enumerate(swings):
             left = left_of_all + i * (panel[0] + PAGE.gap)
-            box = (left / width, PAGE.below / height, panel[0] / width, panel[1] / height)
+            box = (left / width, bottom / height, panel[0] / width, panel[1] / height)
             axes = figure.add_axes(box)
             own = [row for row in rows if row.n == n]
             _panel(axes, own, bats, procedures)
             axes.set_title("constant energy" if n is None else f"$n={n:g}$", pad=12, loc="center")
             if i == 0:
-                axes.set_yticks(range(len(bats)), [_named(pair) for pair in bats])
+                axes.set_yticks(range(len(bats)), [as_drawn(_named(pair)) for pair in bats])
                 axes.tick_params(axis="y", pad=30)
         for text, below, size in sentences:
             figure.text(0.08 / width, 1 - below / height, text, fontsize=size, va="center")
@@ -140,7 +148,11 @@ def _panel(
     axes.set_xlim(-0.5, len(procedures) - 0.5)
     axes.set_ylim(len(bats) - 0.5, -0.5)
     axes.set_xticks(
-        range(len(procedures)), procedures.values(), rotation=55, ha="right", rotation_mode="anchor"
+        range(len(procedures)),
+        procedures.values(),
+        rotation=SLANT,
+        ha="right",
+        rotation_mode="anchor",
     )
     axes.set_yticks([])
     axes.tick_params(length=0)
@@ -158,7 +170,7 @@ def _said(row: Any) -> str:
 
     own = "" if isna(row.own_n) else f", $n={row.own_n:g}$"
     metric = {"e": "$e$", "v_f": "$v_f$"}.get(row.metric, row.metric)
-    return f"{row.procedure} ({metric}{own})"
+    return f"{as_drawn(row.procedure)} ({metric}{own})"
 
 
 def _handle(verdict: str) -> Any:

@@ -1,5 +1,6 @@
 """Profiles and comparisons against the collision model asked directly, place by place."""
 
+import html
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,24 @@ from virtual_lab.units import INCH, MPH, OZ_IN2
 @pytest.fixture(scope="module")
 def compared() -> BatComparison:
     return compare(["r161", "ea70"])
+
+
+def test_names_are_drawn_and_written_as_they_are(tmp_path: Path) -> None:
+    """A $ begins no formula in a figure, an = none in a table; a first _ hides no bat."""
+    import virtual_lab as vl
+
+    names = [r"$\frac{1$", "costs $5 or $6", "=cmd|' /C calc'!A0", "_hidden"]
+    bats = [vl.bat("r161").with_(name=name, title=name) for name in names]
+    found = vl.profile(bats, swings=0)
+    drawn = found.plot(tmp_path / "bats.svg").read_text("utf-8")
+    for name in names:
+        assert name in html.unescape(drawn), name
+    vl.profile(bats[0]).plot(tmp_path / "bat.png")
+    found.save(tmp_path / "saved")
+    (table,) = (tmp_path / "saved").glob("compare.csv")
+    written = pd.read_csv(table)["bat"].unique().tolist()
+    assert written == [*names[:2], "'" + names[2], names[3]]
+    assert found.peaks[2].bat == names[2]
 
 
 def test_peak_of_a_known_curve() -> None:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from virtual_lab.output.style import STYLE
+from virtual_lab.output.style import STYLE, as_drawn
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,7 +37,7 @@ def draw_profile(table: pd.DataFrame, title: str, path: Path) -> None:
         figure = Figure(figsize=(6.0, 6.6), dpi=150, layout="constrained")
         above, below = figure.subplots(2, 1, sharex=True)
         plot_profile(above, below, table)
-        above.set_title(title)
+        above.set_title(as_drawn(title))
         figure.savefig(path)
 
 
@@ -93,6 +93,7 @@ def plot_comparison(panels: Sequence[Axes], curves: pd.DataFrame) -> None:
     shown = curves[curves["z_in"].between(*SHOWN_IN)]
     bats, exponents = shown["bat"].unique(), shown["n"].unique()
     for i, bat in enumerate(bats):
+        name = as_drawn(bat)
         for j, n in enumerate(exponents):
             # pandas has NaN for the law of constant energy, which equals nothing
             same = shown["n"].isna() if isna(n) else shown["n"] == n
@@ -104,9 +105,9 @@ def plot_comparison(panels: Sequence[Axes], curves: pd.DataFrame) -> None:
                 "linestyle": DASHES[(i + j) % len(DASHES)],
             }
             if j == 0:
-                panels[0].plot(own["z_in"], own["BPF"], label=bat, **look)
-                panels[1].plot(own["z_in"], own["e_A"], label=bat, **look)
-            panels[2].plot(own["z_in"], own["v_f_mph"], label=f"{bat}, {swung}", **look)
+                panels[0].plot(own["z_in"], own["BPF"], label=name, **look)
+                panels[1].plot(own["z_in"], own["e_A"], label=name, **look)
+            panels[2].plot(own["z_in"], own["v_f_mph"], label=f"{name}, {swung}", **look)
     for axes, label in zip(panels, ("BPF", "$e_A$", "$v_f$, mph"), strict=True):
         axes.set_ylabel(label)
         axes.grid(True, linewidth=0.3)

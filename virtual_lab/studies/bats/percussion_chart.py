@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from virtual_lab.output.style import STYLE
+from virtual_lab.output.style import STYLE, as_drawn
 from virtual_lab.studies.bats.curves import PLACE
 
 if TYPE_CHECKING:
@@ -45,7 +45,9 @@ def draw_percussion(table: pd.DataFrame, percussion_in: float, bat: str, path: P
             errors.plot(z, rms, mark, color=colour, label=f"by {name}: rms error")
             errors.plot(z, u, "-", color=colour, label=f"by {name}: stated $u$")
         errors.set(ylabel="error of $e_A$, 10$^{-3}$", ylim=(0, None))
-        figure.suptitle(f"{bat} on its pivot: how well $e_A$ is read, by place", fontsize=10)
+        figure.suptitle(
+            f"{as_drawn(bat)} on its pivot: how well $e_A$ is read, by place", fontsize=10
+        )
         beside = errors.twinx()
         beside.spines["right"].set_visible(True)
         beside.plot(z, 100 * shown["seen"], ":", color="0.4", label="rebounds seen (right)")

@@ -9,7 +9,7 @@ from pathlib import Path
 from virtual_lab.catalog.reading import DATA
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult
-from virtual_lab.output.tables import table_text
+from virtual_lab.output.tables import table_text, write_csv
 from virtual_lab.studies.paper import computed, examples, metrics, models, procedures
 from virtual_lab.studies.paper.claim import Claim, Row, read_claims
 from virtual_lab.studies.paper.page import draw_page, write_page
@@ -56,7 +56,7 @@ class Findings(StudyResult):
 
     def fill(self, folder: Path) -> None:
         """Write table, picture and page."""
-        self.table.to_csv(folder / "paper.csv", index=False)
+        write_csv(self.table, folder / "paper.csv")
         figure = draw_page()
         write_page(self.found, figure, folder / "paper.html")
         figure.savefig(folder / "paper.png")

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.output.style import STYLE
+from virtual_lab.output.style import STYLE, as_drawn
 from virtual_lab.video.clips.reading import Frame
 from virtual_lab.video.find.still import moved_back
 from virtual_lab.video.show.course import BallCourse
@@ -190,7 +190,7 @@ def draw_track(course: BallCourse, pictures: Pictures, title: str, path: Path) -
         picture, along, across = figure.subplots(3, 1, height_ratios=(high, 1.3, 1.3))
         _picture(picture, course, pictures)
         _residuals(along, across, course)
-        figure.suptitle(fill(title, LAYOUT.title_letters), fontsize=9)
+        figure.suptitle(as_drawn(fill(title, LAYOUT.title_letters)), fontsize=9)
         figure.savefig(path, pil_kwargs={"compress_level": 3})
 
 
