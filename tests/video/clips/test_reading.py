@@ -1,6 +1,8 @@
 """Clips of every kind come out as they went in; what is no clip is said in one line."""
 
 import re
+import struct
+import zlib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +16,7 @@ from tests.video.scenes import write_video
 from virtual_lab.errors import InputError
 from virtual_lab.video.clips.calibration_file import ClipCalibration, read_calibration
 from virtual_lab.video.clips.clip import MEMORY, open_clip
-from virtual_lab.video.clips.reading import grey_of, open_source
+from virtual_lab.video.clips.reading import grey_of, open_source, read_pictures
 
 Frames = list[NDArray[np.generic]]
 FAST = ClipCalibration(metres_per_pixel=1e-3, frames_per_second=5000.0)
@@ -283,3 +285,52 @@ def test_a_short_clip_is_decoded_once(tmp_path: Path, monkeypatch: pytest.Monkey
         else:
             with pytest.raises(FileNotFoundError):
                 list(clip.pictures())
+
+
+def bomb(path: Path, wide: int, high: int) -> Path:
+    """Write the header of an image of that size, and nothing after it."""
+    short, long = (struct.Struct(each).pack for each in ("<HHII", ">I"))
+    ihdr = b"IHDR" + long(wide) + long(high) + bytes([8, 0, 0, 0, 0])
+    page = struct.pack("<H", 2) + short(256, 4, 1, wide) + short(257, 4, 1, high)
+    heads = {
+        ".png": b"\x89PNG\r\n\x1a\n" + long(13) + ihdr + long(zlib.crc32(ihdr)),
+        # an innocent page of 9 x 9 before it
+        ".tif": b"II*\0"
+        + struct.pack("<I", 8)
+        + struct.pack("<H", 2)
+        + short(256, 3, 1, 9)
+        + short(257, 3, 1, 9)
+        + struct.pack("<I", 38)
+        + page
+        + bytes(4),
+        ".jpg": b"\xff\xd8\xff\xe0\0\4xx\xff\xc2\0\x0b\x08"
+        + struct.pack(">HH", high % 2**16, wide % 2**16)
+        + bytes(9),
+        ".bmp": b"BM" + bytes(16) + struct.pack("<ii", wide, -high) + bytes(9),
+    }
+    path.write_bytes(heads[path.suffix])
+    return path
+
+
+@pytest.mark.parametrize("kind", [".png", ".tif", ".jpg", ".bmp"])
+def test_a_picture_too_large_is_refused_by_its_header(kind: str, tmp_path: Path) -> None:
+    """Eight of 31 000 x 31 000 are 7.2 GiB of pixels in a few hundred bytes; none is decoded."""
+    (tmp_path / "shots").mkdir()
+    for k in range(8):
+        bomb(tmp_path / "shots" / f"{k}{kind}", 31_000, 31_000)
+    said = "size = '31000 x 31000'; allowed: up to 50 million pixels in a picture"
+    with pytest.raises(InputError, match=said):
+        open_source(tmp_path / "shots")
+    with pytest.raises(InputError, match=said):
+        next(read_pictures([tmp_path / "shots" / f"3{kind}"]))
+
+
+def test_a_stack_with_a_page_too_large_is_refused_by_its_header(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="size = '31000 x 31000'"):
+        open_source(bomb(tmp_path / "stack.tif", 31_000, 31_000))
+
+
+def test_an_array_file_of_pictures_too_large_is_refused_by_its_header(tmp_path: Path) -> None:
+    np.lib.format.open_memmap(tmp_path / "a.npy", "w+", np.uint8, (2, 9000, 9000))
+    with pytest.raises(InputError, match="size = '9000 x 9000'"):
+        open_source(tmp_path / "a.npy")

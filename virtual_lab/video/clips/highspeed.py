@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError, with_extra
+from virtual_lab.video.clips.picture_size import require_size
 
 HIGHSPEED = (".cine", ".mraw", ".cihx", ".cih")
 Header = tuple[int, float | None, Any]  # frames, rate [1/s], what yields them
@@ -59,6 +60,7 @@ def mraw(path: Path) -> Header:
         raise _unreadable(beside, "header of .mraw", fault) from fault
     if bits not in {8, 12, 16}:
         raise InputError(str(path), ".mraw", f"{bits} bits", "allowed: grey of 8, 12 or 16 bits")
+    require_size(path, columns, rows)
     size = rows * columns * bits // 8
 
     def read(_: int) -> Iterator[tuple[NDArray[Any], float]]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.video.clips.highspeed import HIGHSPEED, cine, mraw
+from virtual_lab.video.clips.picture_size import require_size, require_sizes
 
 if TYPE_CHECKING:
     import cv2
@@ -104,6 +105,8 @@ def _folder(path: Path) -> Source:
     files = _image_files(path)
     if len(kinds := sorted({each.suffix.lower() for each in files})) > 1:
         raise InputError(str(path), "images", ", ".join(kinds), "one kind of image in a folder")
+    for file in files:
+        require_sizes(file)
 
     def read(_: int) -> Iterator[tuple[Frame, float]]:
         import cv2
@@ -120,6 +123,7 @@ def _folder(path: Path) -> Source:
 def _stack(path: Path) -> Source:
     import cv2
 
+    require_sizes(path)
     pages = cv2.imcount(str(path), cv2.IMREAD_UNCHANGED)
     if pages == 0:
         raise InputError(str(path), "TIFF", None, "cannot be read as a stack of images")
@@ -150,6 +154,7 @@ def _array(path: Path) -> Source:
         allowed = "expected (frame, row, column) or (frame, row, column, colour) in C order"
         raise InputError(str(path), "array", f"shape {shape}", allowed)
     del whole
+    require_size(path, shape[2], shape[1])
     size = int(np.prod(shape[1:]))
 
     def read(_: int) -> Iterator[tuple[Frame, float]]:
@@ -165,6 +170,8 @@ def _video(path: Path) -> Source:
     import cv2
 
     capture = _open(path)
+    size = [capture.get(k) for k in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)]
+    require_size(path, *map(int, size))
     declared = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
     rate = float(capture.get(cv2.CAP_PROP_FPS))
     turn = capture.get(cv2.CAP_PROP_ORIENTATION_META)
@@ -261,6 +268,7 @@ def read_pictures(paths: Iterable[Path]) -> Iterator[tuple[str, Frame]]:
 
     for file in chain.from_iterable(_image_files(e) if e.is_dir() else (e,) for e in paths):
         if file.suffix.lower() in IMAGES and file.is_file():
+            require_sizes(file)
             pictures = cv2.imreadmulti(str(file), flags=cv2.IMREAD_UNCHANGED)[1]
             if not pictures:
                 raise InputError(str(file), "image", None, "cannot be read (is it cut short?)")
