@@ -75,6 +75,7 @@ def test_options_go_before_the_calibration_file(folder: Path, tmp_path: Path, wo
     assert done.exit_code == 0, done.output
     found = json.loads(done.stdout)
     u = np.hypot(0.01, np.sqrt(2) / 100)
+    assert found["scale"].pop("checks") == []
     assert found["scale"] == pytest.approx(
         {"metres_per_pixel": 2e-3, "relative_u": u, "from": "given"}
     )
@@ -232,6 +233,7 @@ def test_flights_at_the_same_time_are_refused(
         (["--readout", "8ms", "--global-shutter"], "give one"),
         (["--gravity", "0"], "0.1 to 100"),
         (["--track", "none.csv"], "none.csv"),
+        (["--ruler", "ball", "--scale", "10,20:200,20=19cm"], "a length in the picture"),
     ],
 )
 def test_words_of_another_form(folder: Path, words: list[str], told: str) -> None:
@@ -250,3 +252,42 @@ def test_python_gives_tables(folder: Path) -> None:
     assert list(found.contacts["kind"]) == ["struck"]
     assert len(found.places) >= 40
     assert "flights" in repr(found)
+
+
+FRAMES = np.zeros((3, 20, 20), np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("clip", "said", "told"),
+    [
+        (FRAMES, {"fps": "x"}, "fps = 'x'; expected a value like fps=240"),
+        (FRAMES, {"fps": True}, "fps = True"),
+        (FRAMES, {"ball": 0.073}, 'ball = 0.073; expected a value like ball="73mm±0.5mm"'),
+        (FRAMES, {"exposure": 0.002}, 'exposure="1/120"'),
+        (FRAMES, {"foo": 1}, "foo; options: calibration, ball, fps"),
+        (FRAMES, {"tripot": True}, "tripot; did you mean tripod"),
+        (FRAMES, {"tripod": "yes"}, "tripod=True"),
+        (FRAMES, {"calibration": 4}, "calibration = 4"),
+        (FRAMES, {"ball": "73mm", "ruler": "moon"}, "ruler = 'moon'; allowed: gravity, ball"),
+        (FRAMES, {"ruler": "ball", "fps": 9}, "no length is known"),
+        (FRAMES, {"ball": "73mm"}, "give --fps"),
+        (FRAMES / 255, {"ball": "73mm", "fps": 240}, "expected 8 or 16 bits"),
+        (FRAMES[0], {"ball": "73mm", "fps": 240}, "expected (frame, row, column)"),
+        (list(FRAMES), {"ball": "73mm", "fps": 240}, "a numpy array (frame, row, column)"),
+        (None, {"ball": "73mm"}, "expected a path"),
+    ],
+)
+def test_python_s_wrong_types_say_what_to_write(clip: Any, said: dict[str, Any], told: str) -> None:
+    with pytest.raises(InputError) as refused:
+        vl.track(clip, **said)
+    assert told in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_an_array_of_frames_is_followed_as_its_file_is(folder: Path) -> None:
+    frames = np.stack(list(FILM.frames()))
+    np.save(folder / "same.npy", frames)
+    said = {"ball": "28mm±0.1mm", "fps": np.int64(5000), "global_shutter": True}
+    one, other = (vl.track(each, **said).document for each in (frames, folder / "same.npy"))
+    assert one["clip"] == "array"
+    assert one | {"clip": ""} == other | {"clip": ""}

@@ -20,6 +20,7 @@ from virtual_lab.output.progress import Progress, quiet, shown
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
+    from numpy.typing import NDArray
 
     from virtual_lab.api.charts import chart, stability
     from virtual_lab.catalog import Entry
@@ -558,7 +559,7 @@ class Track:
 
 
 def track(
-    clip: str | Path,
+    clip: str | Path | NDArray[Any],
     *,
     ball: str | None = None,
     calibration: str | Path | None = None,
@@ -571,27 +572,34 @@ def track(
     Parameters
     ----------
     clip
-        A video, a folder of images, a TIFF stack or a .npy array.
+        A video, a folder of images, a TIFF stack or a .npy array; or an array of 8 or 16 bits,
+        (frame, row, column) or (frame, row, column, colour), with its rate as ``fps``.
     ball
-        Diameter of the ball, ``"73mm±0.5mm"``.
+        Diameter of the ball with its unit, ``"73mm±0.5mm"``; a bare number is refused.
     calibration, corrected
         A calibration file; a track.csv of an earlier run, corrected by hand.
     progress
         Called with what goes on.
     known
-        fps, gravity as numbers; exposure, frames, region, ball_at, scale, readout as on the
-        command line; global_shutter, tripod.
+        fps, gravity as numbers; exposure, frames, region, ball_at, scale, readout, ruler as on
+        the command line; global_shutter, tripod.
 
     Raises
     ------
     InputError
-        A clip that cannot be read, or values of another form.
+        A clip that cannot be read, an unknown option, or a value of another form.
     """
+    import numpy as np
+
     from virtual_lab.video.show.tracked_clip import Asked, track_clip
 
-    files = [None if each is None else Path(each) for each in (calibration, corrected)]
-    asked = Asked(ball=ball, calibration=files[0], track=files[1], **known)
-    return Track(clip=track_clip(Path(clip), asked, progress=progress))
+    said = {"ball": ball, "calibration": calibration, "corrected": corrected} | known
+    asked = Asked.of(**said)
+    if not isinstance(clip, str | Path | np.ndarray):
+        allowed = "expected a path, or a numpy array (frame, row, column) of 8 or 16 bits with fps="
+        raise InputError("", "clip", type(clip).__name__, allowed)
+    file = clip if isinstance(clip, np.ndarray) else Path(clip)
+    return Track(clip=track_clip(file, asked, progress=progress))
 
 
 def _table(rows: list[dict[str, Any]]) -> pd.DataFrame:

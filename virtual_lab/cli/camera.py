@@ -40,10 +40,10 @@ def _beside_the_clip(asked: Mapping[str, Any]) -> Path:
     help="Calibration file, .toml: from 'calibrate', or with metres_per_pixel, "
     "frames_per_second, exposure_s, timestamps, …",
 )
-@click.option("--ball", metavar="73mm±0.5mm", help="Ball diameter, in mm, cm, m or in: the scale.")
+@click.option("--ball", metavar="73mm±0.5mm", help="Ball diameter, in mm, cm, m or in.")
 @click.option("--fps", type=float, help="Frames per second of real time, repeated frames included.")
 @click.option("--exposure", metavar="1/120", help="Exposure time of a frame, in s or ms.")
-@click.option("--gravity", type=float, help="Local gravity [m/s²]  [default: 9.81]")
+@click.option("--gravity", type=float, help="Local gravity [m/s²]  [default: 9.81 ± 0.025]")
 @click.option("--frames", metavar="17:52", help="First and last frame to use.")
 @click.option("--region", metavar="X,Y,W,H", help="Part of the picture to use [pixels].")
 @click.option(
@@ -55,6 +55,12 @@ def _beside_the_clip(asked: Mapping[str, Any]) -> Path:
     "--scale",
     metavar="X,Y:X,Y=50cm",
     help="Two points [pixels] and their distance.",
+)
+@click.option(
+    "--ruler",
+    type=click.Choice(["gravity", "ball"]),
+    help="What sets the scale without --scale: gravity (camera level to 5 deg) or the ball's size  "
+    "[default: the one with the smaller uncertainty]",
 )
 @click.option("--readout", metavar="16ms", help="Readout time of a rolling shutter for one frame.")
 @click.option(

@@ -10,8 +10,9 @@ from tests.video.follow.test_pieces import RADIUS, blobs_of, hops
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.find.blobs import Blobs
 from virtual_lab.video.find.watching import Watched
-from virtual_lab.video.follow.following import FollowedClip, Known, following
+from virtual_lab.video.follow.following import FollowedClip, following
 from virtual_lab.video.follow.joint import estimate_of, fit_flights
+from virtual_lab.video.follow.known import Known
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.scene import FlightScene
 
@@ -23,14 +24,18 @@ def followed(found: Blobs, readout: float | None = 0.0) -> FollowedClip:
     """Return flights and contacts of blobs that a camera on a stand saw."""
     count = int(found["frame"].max()) + 1
     clip = SimpleNamespace(
-        count=count, times=np.arange(count) / RATE, shape=(540, 960), warnings=()
+        count=count,
+        times=np.arange(count) / RATE,
+        shape=(540, 960),
+        warnings=(),
+        source=SimpleNamespace(path="clip"),
     )
     watched = Watched(
         still=cast("Any", SimpleNamespace(shows_drift=True, drifts=False)),
         found=found,
         change=np.full(count, np.nan),
     )
-    known = Known(rate=RATE, ball=BALL, ball_u=1e-4, stands=True, readout=readout)
+    known = Known(rate=RATE, ball=BALL, ball_u=1e-4, stands=True, readout=readout, ruler="ball")
     return following(cast("Clip", clip), watched, known)
 
 
@@ -62,15 +67,15 @@ def test_a_ball_rests_before_it_is_let_go(before: int) -> None:
 @pytest.mark.parametrize("readout", [0.0, 0.5, 1.0])
 def test_the_u_of_gravity_covers_a_readout_that_nobody_knows(readout: float) -> None:
     """Rows that are read later show a falling ball later: its acceleration looks larger."""
-    seen = np.arange(40.0)
-    late, y = seen, np.zeros(40)
+    seen = np.arange(80.0)
+    late, y = seen, np.zeros(80)
     for _ in range(20):
-        y = 60 + 0.3 * late**2 / 2
+        y = 60 + 0.075 * late**2 / 2
         late = seen + readout * y / 540
     found = blobs_of(np.stack([200 + 0 * y, y], axis=1), noise=0.1)
     measured = followed(found, readout=None).gravity
     assert measured is not None
-    true = 0.3 * RATE**2 * BALL / (2 * RADIUS)
+    true = 0.075 * RATE**2 * BALL / (2 * RADIUS)
     assert abs(measured.value - true) < 2.5 * measured.u
 
 

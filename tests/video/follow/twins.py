@@ -9,7 +9,8 @@ from tests.video.scenery.scene import BallTruth, Made, Scene
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import open_clip
 from virtual_lab.video.clips.timing import usual_step
-from virtual_lab.video.follow.following import FollowedClip, Known, follow
+from virtual_lab.video.follow.following import FollowedClip, follow
+from virtual_lab.video.follow.known import Known
 
 __all__ = ["require_contacts", "require_flights", "run"]
 

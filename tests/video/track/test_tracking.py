@@ -18,7 +18,8 @@ from virtual_lab.video.clips.calibration_file import (
     read_calibration,
 )
 from virtual_lab.video.clips.clip import open_clip
-from virtual_lab.video.follow.following import FollowedClip, follow, known_of
+from virtual_lab.video.follow.following import FollowedClip, follow
+from virtual_lab.video.follow.known import known_of
 from virtual_lab.video.locate.located import PlaceFlag
 from virtual_lab.video.show.track_text import track_document, track_text
 from virtual_lab.video.track.speeds import with_speeds

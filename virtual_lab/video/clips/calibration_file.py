@@ -112,16 +112,22 @@ class ClipCalibration(Spec):
             raise ValueError(f"exposure_s is longer than a frame, {step:.4g} s")
 
 
-def read_calibration(path: Path | None, keys: Mapping[str, Any] | None = None) -> ClipCalibration:
+def read_calibration(
+    path: Path | None, keys: Mapping[str, Any] | None = None, needs_length: bool = True
+) -> ClipCalibration:
     """Return the calibration in a TOML file, None: of an unknown camera; `keys` replace the file's.
 
-    A relative name of `timestamps` counts from its folder.
+    A relative name of `timestamps` counts from its folder. Raises `InputError`, also where no
+    length is known though one is needed.
     """
     document = (read_toml(path) if path else {}) | dict(keys or {})
     found = validate(document, str(path or ""), ClipCalibration)
     if path and found.timestamps is not None:
         found = replace(found, timestamps=str(path.parent / found.timestamps))
-    if not (found.metres_per_pixel or found.camera or found.ball_diameter_m):
-        allowed = "give --ball, --scale, or metres_per_pixel or [camera] in a calibration file"
+    if needs_length and not (found.metres_per_pixel or found.camera or found.ball_diameter_m):
+        allowed = (
+            "give --ball, --scale or --ruler gravity, or metres_per_pixel or [camera] in a "
+            "calibration file"
+        )
         raise InputError(str(path or ""), "scale", None, f"no length is known: {allowed}")
     return found

@@ -66,19 +66,19 @@ class Clip:
                 yield number, frame
 
 
-def open_clip(path: Path, calibration: ClipCalibration) -> Clip:
-    """Return a clip after reading it once.
+def open_clip(file: Path | Frame, calibration: ClipCalibration) -> Clip:
+    """Return a clip after reading it once: a file, a folder, or an array of its frames.
 
     Raises `InputError`: no clip, a file cut short, no frames, frames of several sizes or another
     than the calibrated camera's, time stamps that do not fit.
     """
-    source = open_source(path)
+    source = open_source(file)
     first, _ = next(source.pictures())
     camera, size = calibration.camera, (first.shape[1], first.shape[0])
     if camera and camera.image_size != size:
         wide, high = camera.image_size
         allowed = f"the calibrated camera's are {wide} x {high}: is it another camera's?"
-        raise InputError(str(path), "frames", f"{size[0]} x {size[1]}", allowed)
+        raise InputError(str(source.path), "frames", f"{size[0]} x {size[1]}", allowed)
     room = MEMORY.samples_bytes / first.nbytes
     count = int(np.clip(room, MEMORY.least_samples, MEMORY.samples))
     every = max(1, -(-source.declared // count))

@@ -72,8 +72,19 @@ class Source:
             raise InputError(str(self.path), "frames that can be read", count, allowed)
 
 
-def open_source(path: Path) -> Source:
-    """Return the frames of a clip; `InputError` where there is none that can be read."""
+def open_source(path: Path | Frame) -> Source:
+    """Return the frames of a clip; `InputError` where there is none that can be read.
+
+    `path`: a file or a folder; or the frames, (frame, row, column) or with a last axis of colours,
+    blue first as OpenCV has them.
+    """
+    if isinstance(path, np.ndarray):
+        _require_frames(path.shape, "array")
+        return Source(
+            path=Path("array"),
+            declared=len(path),
+            read=lambda _: ((np.ascontiguousarray(each), np.nan) for each in path),
+        )
     if path.is_dir():
         return _folder(path)
     if not path.is_file():
@@ -140,6 +151,14 @@ def _stack(path: Path) -> Source:
     return Source(path=path, declared=pages, read=read)
 
 
+def _require_frames(shape: tuple[int, ...], where: Path | str) -> None:
+    """Raise `InputError` unless an array of that shape is one of frames."""
+    if len(shape) not in {3, 4}:
+        allowed = "expected (frame, row, column) or (frame, row, column, colour)"
+        raise InputError(str(where), "array", f"shape {shape}", allowed)
+    require_size(Path(where), shape[2], shape[1])
+
+
 def _array(path: Path) -> Source:
     try:
         whole = np.load(path, mmap_mode="r", allow_pickle=False)
@@ -150,11 +169,10 @@ def _array(path: Path) -> Source:
         why = f"cannot be read as an array (is it cut short?): {fault}"
         raise InputError(str(path), "array", None, why) from fault
     shape, dtype, offset = whole.shape, whole.dtype, getattr(whole, "offset", 0)
-    if whole.ndim not in {3, 4} or not whole.flags.c_contiguous:
-        allowed = "expected (frame, row, column) or (frame, row, column, colour) in C order"
-        raise InputError(str(path), "array", f"shape {shape}", allowed)
+    if not whole.flags.c_contiguous:
+        raise InputError(str(path), "array", f"shape {shape}", "expected it in C order")
     del whole
-    require_size(path, shape[2], shape[1])
+    _require_frames(shape, path)
     size = int(np.prod(shape[1:]))
 
     def read(_: int) -> Iterator[tuple[Frame, float]]:

@@ -55,7 +55,7 @@ def frame_times(
                 )
         return np.arange(count) / given, tuple(warnings)
     if source.rate is None:
-        allowed = "the clip says nothing of time: give frames_per_second or timestamps"
+        allowed = "the clip says nothing of time: give --fps, frames_per_second or timestamps"
         raise InputError(str(source.path), "frames_per_second", None, allowed)
     warnings.append(
         f"the frame rate is the file's own, {source.rate:.6g} a second: a slow-motion file "

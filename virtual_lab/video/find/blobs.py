@@ -36,6 +36,7 @@ BLOB = np.dtype(
         ("picture_x", float),  # in the frame itself
         ("picture_y", float),
         ("colour", float, (3,)),
+        ("shade_u", float),  # of the radius, by the shade on the ball
     ]
 )
 
@@ -176,7 +177,7 @@ def _outline(
     drawn, fitted, contrast, even = chosen
     outline = fitted or BlobOutline(*drawn, _SEARCH.hull_u * drawn[2])
     if fitted:
-        x, y, short, long, spread = fitted
+        x, y, short, long, spread, shade_u = fitted
         # a rim in shade takes the edge inward in light, a gamma does in grey values
         luminous = _softened(difference_of_light(part, behind))
         level = float(np.median(luminous[disc(luminous.shape, x, y, 0.6 * short)]))
@@ -185,7 +186,8 @@ def _outline(
         if other is not None and abs(other.short - short) < _SEARCH.centre_room * short:
             # the edge lies between the two, nobody knows where
             spread = float(np.hypot(spread, (other.short - short) / np.sqrt(12)))
-            outline = BlobOutline(x, y, (short + other.short) / 2, (long + other.long) / 2, spread)
+            axes = (short + other.short) / 2, (long + other.long) / 2
+            outline = BlobOutline(x, y, *axes, spread, shade_u)
     corner = (x0 + still.origin[0], y0 + still.origin[1])
     return blob_of(number, outline, off, part, contrast, corner, fine, drift, still)
 
@@ -220,18 +222,18 @@ def blob_of(
     drift
         Of the picture from the still frame, (4,).
     """
-    x, y, short, long, spread = outline
+    x, y, short, long, spread, shade_u = outline
     ring = disc(off.shape, x, y, 1.5 * long + 3) & ~disc(off.shape, x, y, 1.25 * long + 1.5)
     core = disc(off.shape, x, y, 0.6 * short)
     colour = np.median(part[core].reshape(-1, 1 if part.ndim == 2 else 3), axis=0)
     dirty = float((off[ring] > _SEARCH.ring_level * contrast).mean()) if ring.any() else 1.0
     at = [shrink * (p + 0.5) - 0.5 + first for p, first in zip((x, y), corner, strict=True)]
-    short, long, spread = shrink * short, shrink * long, shrink * spread
+    short, long, spread, shade_u = (shrink * p for p in (short, long, spread, shade_u))
     there = (matrix_of(drift, still.size) @ [*at, 1.0]).tolist()
     reach = long + 1
     cut = any(not reach <= p <= side - 1 - reach for p, side in zip(there, still.size, strict=True))
     colours = np.broadcast_to(colour, 3)
-    return number, *at, short, long, spread, contrast, dirty, cut, *there, colours
+    return number, *at, short, long, spread, contrast, dirty, cut, *there, colours, shade_u
 
 
 class _Contrasted(NamedTuple):

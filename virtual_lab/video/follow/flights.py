@@ -105,7 +105,7 @@ def _fitted(scene: FlightScene, flights: Sequence[Piece], readout: float) -> Fit
     flat = fit_flights(scene, flights, readout=readout)
     if flat.spread < FLIGHTS.good_spread * float(np.median([each.radius for each in flights])):
         return flat
-    tilted = fit_flights(scene, flights, readout=readout, tilted=True)
+    tilted = fit_flights(scene, flights, readout=readout, tilt_u=FLIGHT_FIT.tilt_u)
     return tilted if tilted.cost < FLIGHTS.tilted_misfit * flat.cost else flat
 
 

@@ -5,29 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from virtual_lab.uncertainty.estimate import Estimate
-from virtual_lab.units import STANDARD_GRAVITY, Array, Mask
-from virtual_lab.video.calibration.plane import PixelScale, distance_of
-from virtual_lab.video.clips.calibration_file import ClipCalibration
+from virtual_lab.units import Array, Mask
+from virtual_lab.video.calibration.plane import PixelScale
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.timing import uneven, usual_step
 from virtual_lab.video.find.watching import Watched, in_region, repeated, watch
 from virtual_lab.video.follow.contacts import Contact, Note, contacts_of
-from virtual_lab.video.follow.flights import (
-    FLIGHTS,
-    beside,
-    flights_of,
-    inner,
-    outer_places,
-    readout_of,
-)
-from virtual_lab.video.follow.joint import Fit, estimate_of, fit_flights
+from virtual_lab.video.follow.doubts import Falls, against_size
+from virtual_lab.video.follow.flights import FLIGHTS, beside, flights_of, outer_places
+from virtual_lab.video.follow.joint import Fit, estimate_of
 from virtual_lab.video.follow.kinds import MotionKind, motion_of, swings
+from virtual_lab.video.follow.known import GRAVITY, Known
+from virtual_lab.video.follow.models import EVEN_SHARE, FittedFlights, fits_of, refit
 from virtual_lab.video.follow.pieces import GROWTH, Piece, pieces
+from virtual_lab.video.follow.ruler import TILT_U, Ruler, level_tilt, rulers_of
 from virtual_lab.video.follow.scene import FlightScene
 
 
@@ -35,21 +30,13 @@ from virtual_lab.video.follow.scene import FlightScene
 class ClipSettings:
     """How a clip's scale, time and motion are judged."""
 
-    roundest: float = 0.34  # of the places: those with the least blur show the ball's size
     rounds: int = 4  # that pieces grow in, each knowing the gravity that the last one found
     kept: float = 0.6  # of a flight's frames, that are a flight's if the ball is looked for again
     alike: float = 0.15  # of the radius, that a blob may differ by and needs no circle
     again: float = 0.9  # of the support without, that a ball looked for again must have
     same_pull: float = 0.01  # of gravity: nothing new will be found by it
-    # u of the acceleration that it may be off g by, and a share of it; of all flights, and of one
-    off_gravity: tuple[float, float] = (3.0, 0.04)
-    off_gravity_alone: tuple[float, float] = (5.0, 0.1)
-    bent: float = 0.05  # radii that no gravity bends a short way by
-    tilt: float = 0.03  # of a perspective over the extent of the places, to be believed
-    reconciled: float = 0.7  # of what flights' accelerations differ by, if that explains it
     strays: float = 3.0  # standard uncertainties that a flight's end leaves its way by
     usual_readout: float = 0.5  # frames, of a phone
-    drag_u: float = 0.35  # of the difference between fits with and without drag
     hand_drift: float = 0.02  # of the longer side a second, each way: 0.005 to 0.03 in real clips
     drift_matters: float = 0.002  # of a flight's speed
     moved: float = 0.1  # radii a frame: a ball that moves less may well look the same
@@ -59,26 +46,6 @@ class ClipSettings:
 
 
 CLIP = ClipSettings()
-EVEN_SHARE = 1 / np.sqrt(3)  # of a difference is u, where anything up to it is as likely
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Known:
-    """What a person knows of a clip, SI."""
-
-    rate: float  # pictures stored in a true second, repeats counted
-    ball: float | None = None  # diameter [m]
-    ball_u: float = 0.0
-    metres_per_pixel: float | None = None
-    metres_per_pixel_u: float = 0.0
-    exposure: float | None = None  # [s]
-    gravity: float = STANDARD_GRAVITY
-    stands: bool = False  # the camera is known to
-    readout: float | None = None  # [s]; None: unknown, up to a frame
-    readout_axis: tuple[int, int] = (1, 1)
-    frames: tuple[int, int] | None = None
-    region: tuple[float, float, float, float] | None = None
-    ball_at: tuple[float, float, int] | None = None  # x, y, frame
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,7 +59,7 @@ class MeasuredFlight:
     speed_out: Estimate
     angle_in: Estimate  # of the velocity, from the picture's right, anticlockwise as seen [rad]
     angle_out: Estimate
-    acceleration: Estimate  # its own, without drag
+    acceleration: Estimate | None  # its own, without drag; None: gravity is the only ruler
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,8 +77,9 @@ class FollowedClip:
     flights: list[MeasuredFlight]
     contacts: list[Contact]
     motion: MotionKind
-    scale: PixelScale | None
-    gravity: Estimate | None  # that the flights share [m/s²]
+    scale: PixelScale | None  # by the ruler
+    checks: tuple[PixelScale, ...]  # by what else shows one
+    gravity: Estimate | None  # that the flights share, by another ruler than gravity [m/s²]
     drag_per_m: float | None
     repeated: Mask  # (frame,)
     notes: tuple[Note, ...]
@@ -141,27 +109,6 @@ class _Search:
     pieces: list[Piece] = field(default_factory=list)
     ways: list[Piece] = field(default_factory=list)
     pull: Array | None = None
-
-
-def known_of(clip: Clip, calibration: ClipCalibration) -> Known:
-    """Return what a calibration file says, as the following of any clip takes it.
-
-    Whoever calibrates a camera is taken to have one that opens all its rows at once.
-    """
-    scale, camera = calibration.metres_per_pixel, calibration.camera
-    if camera and (far := distance_of(camera)):
-        scale = far / camera.matrix[0][0]
-    return Known(
-        rate=1 / usual_step(clip.times),
-        ball=calibration.ball_diameter_m,
-        ball_u=calibration.ball_diameter_m_u,
-        metres_per_pixel=scale,
-        metres_per_pixel_u=calibration.metres_per_pixel_u,
-        exposure=calibration.exposure_s,
-        gravity=float(np.hypot(*calibration.gravity_mps2)) or STANDARD_GRAVITY,
-        readout=0.0,
-        stands=True,
-    )
 
 
 def follow(
@@ -330,52 +277,35 @@ def _measured(
     step = _step(known, scene, ways)
     flights: list[MeasuredFlight] = []
     contacts: list[Contact] = []
-    fit = other = gravity = None
+    fit = other = level = falls = None
+    drift = 0.0  # of the camera, that nothing shows
+    if not (known.stands or watched.still.shows_drift):
+        drift = CLIP.hand_drift * max(scene.size) * step
     if ways:
-        fit, other = _fits(scene, ways)
-    if other:
-        words = (
-            "the acceleration changes over the picture as before a tilted camera: scale and "
-            "speeds are those of its middle, by a fitted perspective where flights agree by "
-            "that, and their u and the restitution's cover it"
-        )
-        notes.append(("TILTED", words))
-    scale = _scale(watched, known, ways or found, fit)
-    if fit and scale:
-        if fit.readout and scene.readout is None:
-            words = (
-                f"the shutter rolls: the flights fit a readout of about {fit.readout:.2g} of a "
-                "frame, and the speeds' u covers any up to a frame; --readout says how long it is"
-            )
-            notes.append(("ROLLING_SHUTTER", words))
-        others = [(_refit(scene, ways, fit, drag=False, shared=False), CLIP.drag_u)]
-        others += [(each, 1.0) for each in (_refit(scene, inner(ways), fit), other) if each]
-        if not (known.stands or watched.still.shows_drift):
-            hand = CLIP.hand_drift * max(scene.size) * step
-            others += [(fit.drifting(each), 1.0) for each in hand * np.eye(2)]
-            if hand > CLIP.drift_matters * np.hypot(*fit.states[:, 2:].T).min():
-                words = (
-                    "the background has too few edges to show whether the camera moves: the u of "
-                    "speeds and restitutions covers a hand's usual drift; --tripod says that the "
-                    "camera stands"
-                )
-                notes.append(("DRIFT_UNSEEN", words))
+        fit, other = fits_of(scene, ways)
+        plumb = refit(scene, ways, fit, tilt_u=TILT_U)
+        level = FittedFlights.beside(scene, ways, plumb, drift=drift, shared=True)
+    ball = watched.found[[k for each in ways or found for k in each.blobs]]
+    where = str(clip.source.path)
+    rulers = rulers_of(known, ball, fit, level, ways, max(scene.size), step, where)
+    scale = rulers[0] if rulers else None
+    if fit and level and scale:
+        notes += _of_camera(scene, fit, other, drift)
+        model = FittedFlights.beside(scene, ways, fit, other=other, drift=drift)
         unit = scale.metres_per_pixel
-        longest, next_one = _other_readouts(scene, ways, fit)
-        contacts, against = contacts_of(scene, ways, fit, [*others, *next_one], step, unit)
-        flights = _flights(scene, ways, fit, [*others, *longest], contacts, scale, step)
-        gravity = estimate_of(
-            partial(_pull, 0),
-            fit,
-            [*longest, *([(other, EVEN_SHARE)] if other else [])],
-            unit=unit / step**2,
-            relative_u=scale.relative_u,
-        )
-        notes += against + _doubts(known, ways, flights, gravity, unit, step)
+        contacts, against = contacts_of(scene, ways, fit, [*model.others, *model.near], step, unit)
+        if size := next((each for each in rulers if each.source != GRAVITY), None):
+            falls = _falls(known, scene, ways, model, level, size, step)
+            falls.require_rate(where)
+            against += falls.against()
+        used = level if scale.source == GRAVITY else model
+        flights = _flights(scene, ways, used, falls, contacts, scale, step)
+        notes += against
         if known.readout is None and not fit.readout:
-            rolled = _refit(scene, ways, fit, readout=CLIP.usual_readout)
+            rolled = refit(scene, ways, fit, readout=CLIP.usual_readout)
             other_contacts, _ = contacts_of(scene, ways, rolled, [], step, unit)
             notes.append(("READOUT_UNKNOWN", _of_readout(contacts, other_contacts)))
+    notes += against_size(rulers)
     if ways and (more := beside(scene, ways, found)):
         first = min(int(each.frames[0]) for each in more)
         words = (
@@ -405,50 +335,12 @@ def _measured(
         contacts=contacts,
         motion=motion_of(scene, found, ways, step),
         scale=scale,
-        gravity=gravity,
+        checks=tuple(rulers[1:]),
+        gravity=falls.shared if falls else None,
         drag_per_m=fit.drag / scale.metres_per_pixel if fit and scale else None,
         repeated=same,
         notes=tuple(notes),
     )
-
-
-def _fits(scene: FlightScene, ways: list[Piece]) -> tuple[Fit, Fit | None]:
-    """Return the fit, and with or without a perspective another one where that matters."""
-    readout = readout_of(scene, ways)
-    flat, tilted = (
-        fit_flights(scene, ways, readout=readout, tilted=each) for each in (False, True)
-    )
-    extent = np.ptp(np.concatenate([each.xy for each in ways]), axis=0).max()
-    turned = np.hypot(*tilted.tilt) * extent > CLIP.tilt
-    if tilted.cost >= FLIGHTS.tilted_misfit * flat.cost or not turned:
-        return flat, None
-    apart = []
-    for each in (False, True):
-        own = fit_flights(scene, ways, readout=readout, shared=False, tilted=each)
-        apart.append(np.ptp(np.hypot(*own.pull.T)))
-    return (tilted, flat) if apart[1] < CLIP.reconciled * apart[0] else (flat, tilted)
-
-
-def _refit(scene: FlightScene, ways: Sequence[Piece], fit: Fit, **changed: Any) -> Fit:
-    """Return a fit by the same model but for what is changed."""
-    like = {"readout": fit.readout, "tilted": bool(fit.tilt.any())}
-    return fit_flights(scene, ways, **like | changed)
-
-
-def _other_readouts(
-    scene: FlightScene, ways: Sequence[Piece], fit: Fit
-) -> tuple[list[tuple[Fit, float]], list[tuple[Fit, float]]]:
-    """Return fits by the longest readout, and by the one tried next to a found one; none if known.
-
-    Each with the share of its difference that is u.
-    """
-    if scene.readout is not None:
-        return [], []
-    longest = _refit(scene, ways, fit, readout=1.0)
-    if not fit.readout:
-        return [(longest, EVEN_SHARE)], []
-    near = _refit(scene, ways, fit, readout=fit.readout - FLIGHTS.readouts[1])
-    return [(longest, EVEN_SHARE)], [(near, EVEN_SHARE)]
 
 
 def _leaps(watched: Watched, ways: Sequence[Piece]) -> list[Note]:
@@ -474,54 +366,17 @@ def _while_moving(same: Mask, ways: Sequence[Piece]) -> Mask:
     return counted if counted.sum() >= CLIP.least_repeats else np.zeros_like(counted)
 
 
-def _scale(
-    watched: Watched, known: Known, ways: Sequence[Piece], fit: Fit | None
-) -> PixelScale | None:
-    """Return the scale: given, or by the ball's size in its roundest pictures.
-
-    Blur draws an outline out by as much as it narrows it at half of the contrast, or little more,
-    and so does shading: the mean of the axes is not biased. A perspective makes balls larger or
-    smaller than in the middle of the picture, where the scale is taken.
-    """
-    if known.metres_per_pixel:
-        relative = known.metres_per_pixel_u / known.metres_per_pixel
-        return PixelScale(
-            metres_per_pixel=known.metres_per_pixel, relative_u=relative, source="given"
-        )
-    if not known.ball or not ways:
-        return None
-    some = watched.found[np.concatenate([each.blobs for each in ways])]
-    some = some[np.isfinite(some["radius_u"])]
-    if not len(some):
-        return None
-    ratio, size = some["length"] / some["radius"], (some["radius"] + some["length"]) / 2
-    if fit:
-        size = size / (1 - (np.stack([some["x"], some["y"]], axis=1) - fit.centre) @ fit.tilt)
-    round_ = ratio <= np.quantile(ratio, CLIP.roundest)
-    radius = float(np.median(size[round_]))
-    scatter = 1.4826 * float(np.median(np.abs(size[round_] - radius)))
-    edge = float(np.median(some["radius_u"][round_]))
-    relative_u = np.linalg.norm([known.ball_u / known.ball, edge / radius, 0.5 * scatter / radius])
-    return PixelScale(
-        metres_per_pixel=known.ball / (2 * radius), relative_u=float(relative_u), source="ball"
-    )
-
-
 def _flights(
     scene: FlightScene,
     ways: list[Piece],
-    fit: Fit,
-    others: list[tuple[Fit, float]],
+    model: FittedFlights,
+    falls: Falls | None,
     contacts: list[Contact],
-    scale: PixelScale,
+    scale: Ruler,
     step: float,
 ) -> list[MeasuredFlight]:
-    """Return the flights; `others`: fits by other models, and their differences' share of u."""
-    own = _refit(scene, ways, fit, shared=False)
-    tilted = [each.tilt.any() for each in (fit, *(other for other, _ in others))]
-    owns = [(fit, 1.0)] if not tilted[0] and any(tilted) else []
-    if scene.readout is None:
-        owns.append((_refit(scene, ways, fit, readout=1.0, shared=False), EVEN_SHARE))
+    """Return the flights."""
+    fit, others = model.fit, [*model.others, *model.longest]
     unit = scale.metres_per_pixel / step
     before = {each.after: each.t for each in contacts}
     after = {each.before: each.t for each in contacts}
@@ -531,8 +386,8 @@ def _flights(
         ends = []
         for met, end in ((before, 1), (after, -1)):
             t = met.get(k, float(way.t[::end][0]))
-            speed_at = partial(_speed, k, t, late)
-            speed = estimate_of(speed_at, fit, others, unit=unit, relative_u=scale.relative_u)
+            speed_at = partial(_speed, k, t, late, scale)
+            speed = estimate_of(speed_at, fit, others, unit=1 / step, relative_u=scale.rest_u)
             right, down = fit.at(k, t + fit.readout * late)[0, 2:]
             if k not in met:
                 left = fit.residuals[k][::end]
@@ -543,9 +398,6 @@ def _flights(
             angle = Estimate(value=float(np.arctan2(-down, right)), u=speed.u / speed.value)
             ends.append((speed, angle))
         (speed_in, angle_in), (speed_out, angle_out) = ends
-        pull = estimate_of(
-            partial(_pull, k), own, owns, unit=unit / step, relative_u=scale.relative_u
-        )
         found.append(
             MeasuredFlight(
                 first_frame=int(way.frames[0]),
@@ -555,10 +407,69 @@ def _flights(
                 speed_out=speed_out,
                 angle_in=angle_in,
                 angle_out=angle_out,
-                acceleration=pull,
+                acceleration=falls.pulls[k] if falls else None,
             )
         )
     return found
+
+
+def _of_camera(scene: FlightScene, fit: Fit, other: Fit | None, drift: float) -> list[Note]:
+    """Return what the flights show of the camera; `drift`: that nothing shows [px/frame]."""
+    notes = []
+    if other:
+        words = (
+            "the acceleration changes over the picture as before a tilted camera: scale and "
+            "speeds are those of its middle, by a fitted perspective where flights agree by "
+            "that, and their u and the restitution's cover it"
+        )
+        notes.append(("TILTED", words))
+    if fit.readout and scene.readout is None:
+        words = (
+            f"the shutter rolls: the flights fit a readout of about {fit.readout:.2g} of a "
+            "frame, and the speeds' u covers any up to a frame; --readout says how long it is"
+        )
+        notes.append(("ROLLING_SHUTTER", words))
+    if drift > CLIP.drift_matters * np.hypot(*fit.states[:, 2:].T).min():
+        words = (
+            "the background has too few edges to show whether the camera moves: the u of "
+            "speeds and restitutions covers a hand's usual drift; --tripod says that the "
+            "camera stands"
+        )
+        notes.append(("DRIFT_UNSEEN", words))
+    return notes
+
+
+def _falls(
+    known: Known,
+    scene: FlightScene,
+    ways: list[Piece],
+    model: FittedFlights,
+    level: FittedFlights,
+    scale: Ruler,
+    step: float,
+) -> Falls:
+    """Return each flight's acceleration by a ruler, and that of all before a camera so level."""
+    own = refit(scene, ways, model.fit, shared=False)
+    tilted = [each.tilt.any() for each in (model.fit, *(other for other, _ in model.others))]
+    owns = [(model.fit, 1.0)] if not tilted[0] and any(tilted) else []
+    if scene.readout is None:
+        owns.append((refit(scene, ways, model.fit, readout=1.0, shared=False), EVEN_SHARE))
+    unit, relative_u = scale.metres_per_pixel / step**2, scale.relative_u
+    all_of = level
+    if not level_tilt(float(np.hypot(*level.fit.tilt)) * max(scene.size)):
+        all_of = model
+    others = [*all_of.longest, *([(model.other, EVEN_SHARE)] if model.other else [])]
+    return Falls(
+        known=known,
+        ways=ways,
+        pulls=[
+            estimate_of(partial(_pull, k), own, owns, unit=unit, relative_u=relative_u)
+            for k in range(len(ways))
+        ],
+        shared=estimate_of(partial(_pull, 0), all_of.fit, others, unit=unit, relative_u=relative_u),
+        scale=scale,
+        step=step,
+    )
 
 
 def _let_go(speed: Estimate, unit: float, off: float, velocity: Array, pull: Array) -> Estimate:
@@ -592,39 +503,9 @@ def _pull(flight: int, fit: Fit) -> float:
     return float(np.hypot(*fit.pull[flight]))
 
 
-def _speed(flight: int, t: float, late: float, fit: Fit) -> float:
-    """Return a flight's speed at a time of the first row; the ball was read so `late`."""
-    return float(np.hypot(*fit.at(flight, t + fit.readout * late)[0, 2:]))
-
-
-def _doubts(
-    known: Known,
-    ways: list[Piece],
-    flights: list[MeasuredFlight],
-    shared: Estimate,
-    unit: float,
-    step: float,
-) -> list[Note]:
-    """Return what speaks against scale, ball and frame rate; `shared`: all flights' gravity."""
-    notes, judged = [], []
-    for way, flight in zip(ways, flights, strict=True):
-        pull = flight.acceleration
-        sag = (step * np.ptp(way.t)) ** 2 / 8 / (unit * way.radius)  # radii, of 1 m/s²
-        shown = sag * max(known.gravity, pull.value) > 1
-        if shown or sag * abs(pull.value - known.gravity) > CLIP.bent:
-            judged.append((pull, *CLIP.off_gravity_alone))
-    if judged:
-        judged.append((shared, *CLIP.off_gravity))
-    for each, coverage, share in judged:
-        if abs(each.value - known.gravity) > max(coverage * each.u, share * known.gravity):
-            words = (
-                f"the ball falls with {each.value:.3g} m/s², not {known.gravity:.3g}: the "
-                "scale, the ball's diameter or the frame rate is wrong (slow motion declares "
-                "the rate it plays at: --fps), and every speed with it"
-            )
-            notes.append(("GRAVITY", words))
-            break
-    return notes
+def _speed(flight: int, t: float, late: float, scale: Ruler, fit: Fit) -> float:
+    """Return a flight's speed at a time of the first row [m/frame]; the ball was read so `late`."""
+    return scale.unit(fit) * float(np.hypot(*fit.at(flight, t + fit.readout * late)[0, 2:]))
 
 
 def _of_readout(contacts: list[Contact], rolled: list[Contact]) -> str:

@@ -29,7 +29,7 @@ class FlightFit:
 
     drag: float = 0.003  # k r before the clip says anything
     drag_u: float = 0.008
-    tilt_u: float = 0.5  # over the picture's longer side, of the perspective before: 30 degrees
+    tilt_u: float = 0.5  # of a camera's perspective, of which nothing is known: 30 degrees
     runge_kutta_steps: int = 2  # from a flight's middle to a place: 1e-6 of the way
     rounds: int = 12
     settled_u: float = 0.02  # standard uncertainties that a parameter still moves by at the end
@@ -58,6 +58,7 @@ class Fit:
     spread: float  # robust standard deviation of a coordinate's residual
     cost: float  # sum of squares, far ones clipped
     readout: float  # [frames]
+    tilt_u: float  # of the perspective before, 0: there is none
 
     def with_vector(self, vector: Array) -> Fit:
         """Return the fit with other parameters."""
@@ -113,7 +114,7 @@ def fit_flights(
     readout: float | None = None,
     drag: bool = True,
     shared: bool = True,
-    tilted: bool = False,
+    tilt_u: float = 0.0,
 ) -> Fit:
     """Return the joint fit of flights of four places or more each.
 
@@ -121,8 +122,10 @@ def fit_flights(
     ----------
     readout
         From the first row to the last [frames]; None: the scene's, 0 where that is unknown.
-    drag, shared, tilted
-        Whether there is drag, one g for all, and a perspective.
+    drag, shared
+        Whether there is drag, and one g for all.
+    tilt_u
+        Of the perspective before, over the picture's longer side; 0: there is none.
     """
     readout = (scene.readout or 0.0) if readout is None else readout
     times = [each.t + readout * scene.late(each.blobs) for each in flights]
@@ -140,9 +143,9 @@ def fit_flights(
     k = len(vector) - 4 * len(flights) - 3  # drag's place in the vector, before the tilt's
     before, u = np.zeros(len(vector)), np.full(len(vector), np.inf)
     before[k], u[k] = FLIGHT_FIT.drag / radius, FLIGHT_FIT.drag_u / radius
-    u[k + 1 : k + 3] = FLIGHT_FIT.tilt_u / max(scene.size)
+    u[k + 1 : k + 3] = tilt_u / max(scene.size)
     parts = [k, 1, 2, 4 * len(flights)]
-    free = np.flatnonzero(np.repeat([True, drag, tilted, True], parts))
+    free = np.flatnonzero(np.repeat([True, drag, tilt_u > 0, True], parts))
     vector[k] = before[k] if drag else 0.0
     dragless = False
     for _ in range(FLIGHT_FIT.rounds):
@@ -190,6 +193,7 @@ def fit_flights(
         spread=scatter,
         cost=float(clipped.sum()),
         readout=readout,
+        tilt_u=tilt_u,
     )
 
 

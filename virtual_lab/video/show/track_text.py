@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from virtual_lab.output.rounding import decimals, with_uncertainty
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DEGREE, miles_per_hour
+from virtual_lab.video.calibration.plane import PixelScale
 from virtual_lab.video.follow.following import FollowedClip, MeasuredFlight
+from virtual_lab.video.follow.ruler import SAID, off_u
 from virtual_lab.video.locate.located import PlaceFlag
 
 if TYPE_CHECKING:
@@ -66,6 +69,15 @@ def track_document(found: FollowedClip, tracked: Tracked | None = None) -> dict[
             "metres_per_pixel": scale.metres_per_pixel,
             "relative_u": scale.relative_u,
             "from": scale.source,
+            "checks": [
+                {
+                    "metres_per_pixel": each.metres_per_pixel,
+                    "relative_u": each.relative_u,
+                    "from": each.source,
+                    "off_u": off_u(scale, each),
+                }
+                for each in found.checks
+            ],
         },
         "exposure_s": tracked.exposure if tracked else found.known.exposure,
         "drag_per_m": found.drag_per_m,
@@ -127,8 +139,9 @@ def track_text(found: FollowedClip, tracked: Tracked | None = None) -> str:
             f"  flight {k + 1}: frames {flight.first_frame} to {flight.last_frame}, "
             f"{flight.places} places, {' to '.join(map(_rounded, speeds))} m/s ({mph} mph)"
         )
-        if flight.acceleration.u < flight.acceleration.value:  # else it bends too little to say
-            words += f", acceleration {_rounded(flight.acceleration)} m/s²"
+        pull = flight.acceleration
+        if pull and pull.u < pull.value:  # else it bends too little to say
+            words += f", acceleration {_rounded(pull)} m/s²"
         lines.append(words)
         if contact := contacts.get(k):
             value = contact.restitution
@@ -139,8 +152,29 @@ def track_text(found: FollowedClip, tracked: Tracked | None = None) -> str:
                 f"restitution {f'{_rounded(value)} (ratio of {of})' if value else 'not stated'}, "
                 f"turned by {turned / DEGREE % 360:.1f} deg"
             )
+    if found.scale and flights:
+        lines.append(f"  {_scale_said(found.scale, found.checks)}")
     lines += [f"  flags: {', '.join(found.flags)}"] if found.flags else []
     return "\n".join([*lines, *(f"  warning: {each}" for each in found.warnings)])
+
+
+def _scale_said(scale: PixelScale, checks: Sequence[PixelScale]) -> str:
+    """Return which ruler sets the scale, its u, and how far others are off."""
+    said = (
+        f"scale {with_uncertainty(1e3 * scale.metres_per_pixel, 1e3 * _scale_u(scale))} mm a pixel "
+        f"by {SAID[scale.source]} ({100 * scale.relative_u:.2g} %)"
+    )
+    for each in checks:
+        ratio = 100 * (each.metres_per_pixel / scale.metres_per_pixel - 1)
+        said += (
+            f"; by {SAID[each.source]} {ratio:+.2g} % (u {100 * each.relative_u:.2g} %, "
+            f"{abs(off_u(scale, each)):.1f} u off)"
+        )
+    return said
+
+
+def _scale_u(scale: PixelScale) -> float:
+    return scale.metres_per_pixel * scale.relative_u
 
 
 def track_title(found: FollowedClip) -> str:

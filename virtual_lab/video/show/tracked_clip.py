@@ -11,17 +11,20 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
+from numbers import Real
 from pathlib import Path
+from types import UnionType
 from typing import TYPE_CHECKING, Any
 
-from virtual_lab.errors import InputError
+from virtual_lab.errors import InputError, nearest
 from virtual_lab.files import new_folder
 from virtual_lab.video.clips import options
 from virtual_lab.video.clips.calibration_file import ClipCalibration, read_calibration
 from virtual_lab.video.clips.clip import Clip, open_clip
-from virtual_lab.video.clips.reading import open_source
+from virtual_lab.video.clips.reading import Frame, open_source
 from virtual_lab.video.follow.correction import read_track
-from virtual_lab.video.follow.following import FollowedClip, Known, follow, following, known_of
+from virtual_lab.video.follow.following import FollowedClip, follow, following
+from virtual_lab.video.follow.known import BALL, GRAVITY, Known, known_of
 from virtual_lab.video.show.course import (
     BallCourse,
     course_of_followed,
@@ -32,6 +35,25 @@ from virtual_lab.video.show.track_text import track_document, track_text, track_
 
 if TYPE_CHECKING:
     from virtual_lab.video.bat.clip import BatSeen
+
+
+OPTIONS: dict[str, tuple[type | UnionType, str]] = {  # of an option's value, and an example
+    "calibration": (str | Path, '"calibration.toml"'),
+    "ball": (str, '"73mm±0.5mm" (a length carries its unit)'),
+    "fps": (Real, "240"),
+    "exposure": (str, '"1/120" or "8ms"'),
+    "gravity": (Real, "9.81"),
+    "frames": (str, '"17:52"'),
+    "region": (str, '"10,20,300,200"'),
+    "ball_at": (str, '"210,85@17"'),
+    "scale": (str, '"100,200:300,200=50cm"'),
+    "ruler": (str, '"gravity"'),
+    "readout": (str, '"16ms"'),
+    "global_shutter": (bool, "True"),
+    "tripod": (bool, "True"),
+    "corrected": (str | Path, '"clip-track/track.csv"'),
+}
+FILES = ("calibration", "corrected")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,10 +69,28 @@ class Asked:
     region: str | None = None
     ball_at: str | None = None
     scale: str | None = None
+    ruler: str | None = None
     readout: str | None = None
     global_shutter: bool = False
     tripod: bool = False
-    track: Path | None = None  # CSV of an earlier run, corrected
+    corrected: Path | None = None  # track.csv of an earlier run
+
+    @classmethod
+    def of(cls, **said: object) -> Asked:
+        """Take what a person says in Python, of any type.
+
+        Raises `InputError`: an option that there is not, or a value of another type.
+        """
+        for name, value in said.items():
+            if name not in OPTIONS:
+                allowed = f"{nearest(name, OPTIONS)}options: {', '.join(OPTIONS)}"
+                raise InputError("", name, None, allowed)
+            kind, expected = OPTIONS[name]
+            good = isinstance(value, kind) and (kind is bool or not isinstance(value, bool))
+            if not good and value is not None:
+                raise InputError("", name, value, f"expected a value like {name}={expected}")
+        files = {k: Path(v) for k, v in said.items() if k in FILES and isinstance(v, str | Path)}
+        return cls(**said | files)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,19 +129,19 @@ class TrackedClip:
 
 
 def track_clip(
-    path: Path, asked: Asked, *, progress: Callable[[str], None] = lambda _: None
+    file: Path | Frame, asked: Asked, *, progress: Callable[[str], None] = lambda _: None
 ) -> TrackedClip:
-    """Return the ball's way through a clip.
+    """Return the ball's way through a clip: a file, a folder, or an array of its frames.
 
     Raises `InputError`: what cannot be read, words of another form, or no length known.
     """
-    open_source(path)  # what is no clip needs no scale
-    calibration, said, notes = _known(path, asked)
-    progress(f"reading {path}")
-    clip = open_clip(path, calibration)
+    source = open_source(file)  # what is no clip needs no scale
+    calibration, said, notes = _known(asked)
+    progress(f"reading {source.path}")
+    clip = open_clip(file, calibration)
     known = _for_clip(clip, calibration, said, asked)
-    if asked.track:
-        watched, ways = read_track(asked.track, clip)
+    if asked.corrected:
+        watched, ways = read_track(asked.corrected, clip)
         found = following(clip, watched, known, ways)
     else:
         found = follow(clip, known, progress=progress)
@@ -131,7 +171,7 @@ def track_clip(
     )
 
 
-def _known(path: Path, asked: Asked) -> tuple[ClipCalibration, dict[str, Any], list[str]]:
+def _known(asked: Asked) -> tuple[ClipCalibration, dict[str, Any], list[str]]:
     """Return the calibration with what was said beside it, the rest, and sentences."""
     keys: dict[str, Any] = {}  # of a calibration file, that words replace
     said: dict[str, Any] = {}
@@ -161,16 +201,33 @@ def _known(path: Path, asked: Asked) -> tuple[ClipCalibration, dict[str, Any], l
     if asked.gravity is not None:
         if not 0.1 <= asked.gravity <= 100:
             raise InputError("", "--gravity", asked.gravity, "allowed: 0.1 to 100 m/s²")
-        said["gravity"] = asked.gravity
+        said |= {"gravity": asked.gravity, "gravity_u": 0.0}
     if asked.readout is not None and asked.global_shutter:
         raise InputError("", "--readout", asked.readout, "a global shutter has none: give one")
     if asked.global_shutter:
         said["readout"] = 0.0
-    calibration, notes = read_calibration(asked.calibration, keys), []
+    calibration, notes = read_calibration(asked.calibration, keys, asked.ruler != GRAVITY), []
+    said["ruler"] = _ruler(calibration, asked)
     if assumed and not (calibration.metres_per_pixel or calibration.camera):
         diameter_u = 1e3 * calibration.ball_diameter_m_u
         notes = [f"no u of the ball's diameter is given: {diameter_u:.2g} mm was assumed"]
     return calibration, said, notes
+
+
+def _ruler(calibration: ClipCalibration, asked: Asked) -> str | None:
+    """Return what sets the scale where no length in the picture does, None: what is surer.
+
+    Sharp places, of a calibrated camera, know the ball's size better than gravity.
+    """
+    if asked.ruler is None:
+        return BALL if asked.calibration else None
+    if asked.ruler not in (GRAVITY, BALL):
+        raise InputError("", "--ruler", asked.ruler, f"allowed: {GRAVITY}, {BALL}")
+    if calibration.metres_per_pixel or calibration.camera:
+        raise InputError("", "--ruler", asked.ruler, "a length in the picture is given: it is one")
+    if asked.ruler == BALL and not calibration.ball_diameter_m:
+        raise InputError("", "--ruler", BALL, "its diameter is not known: give --ball")
+    return asked.ruler
 
 
 def _for_clip(
@@ -201,6 +258,8 @@ def _for_clip(
 
 def _wants_sharp(asked: Asked, found: FollowedClip) -> bool:
     """Return whether the purpose needs more: a calibrated camera that stands, and one hit."""
-    if asked.calibration is None or asked.track is not None or found.watched.still.drifts:
+    if asked.calibration is None or asked.corrected is not None or found.watched.still.drifts:
+        return False
+    if asked.ruler == GRAVITY:
         return False
     return 0 < len(found.ways) <= 2 and not found.repeated.any()

@@ -72,6 +72,7 @@ def with_speeds(
         flights=flights,
         contacts=contacts,
         scale=plane,
+        checks=(),
         drag_per_m=calibration.drag_per_m,
         notes=(*kept, *_against(tracked, calibration, off), *notes),
     )

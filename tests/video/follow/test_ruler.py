@@ -1,0 +1,145 @@
+"""The ruler of a phone's clip: gravity or the ball's size, the one checked by the other.
+
+36 scenes at full size: python -m tests.video.follow.light_study.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from tests.video.follow.light_study import clip_of, known_of, speeds_of
+from tests.video.follow.lit_ball import LIGHTS, Filmed, Throw, film
+from virtual_lab.errors import InputError
+from virtual_lab.video.follow.following import FollowedClip, follow, following
+from virtual_lab.video.show.track_text import track_document, track_text
+
+SMALL = {"rows": 240, "columns": 320, "count": 58, "fps": 60.0, "radius": 8.0}
+SEED = 5  # the camera looks up or down by some 4 degrees in two of three lights
+
+Seen = Callable[[str], tuple[Filmed, FollowedClip]]
+
+
+@pytest.fixture(scope="module")
+def seen() -> Seen:
+    """Return what films a ball in a light and follows it, once."""
+
+    @cache
+    def get(light: str) -> tuple[Filmed, FollowedClip]:
+        throw = Throw(light=light, seed=SEED, **SMALL)
+        made = film(throw)
+        return made, follow(clip_of(throw, made), known_of(throw))
+
+    return get
+
+
+def again(found: FollowedClip, **changed: object) -> FollowedClip:
+    """Return the same clip followed by a person who knows something else of it."""
+    return following(found.clip, found.watched, replace(found.known, **changed))
+
+
+@pytest.mark.parametrize("light", LIGHTS)
+def test_speeds_are_right_in_any_light(light: str, seen: Seen) -> None:
+    """By the ball's size those of side light are 25 % too high."""
+    made, found = seen(light)
+    assert found.scale is not None
+    assert found.scale.source == "gravity"
+    for said, true in zip(speeds_of(found), made.speeds, strict=True):
+        assert abs(said.value - true) < min(2 * said.u, 0.01 * true)
+        assert said.u < 0.03 * true
+    restitution = found.contacts[0].restitution
+    assert restitution is not None
+    assert abs(restitution.value - made.restitution) < 2.5 * restitution.u
+
+
+@pytest.mark.parametrize("light", LIGHTS)
+def test_the_u_of_the_ball_s_size_covers_its_shade(light: str, seen: Seen) -> None:
+    made, found = seen(light)
+    by_ball = again(found, ruler="ball")
+    assert by_ball.scale is not None
+    off = by_ball.scale.metres_per_pixel / made.metres_per_pixel - 1
+    assert abs(off) < 3 * by_ball.scale.relative_u or "GRAVITY" in by_ball.flags
+    assert (abs(off) > 0.2) == (light == "side")
+    assert (by_ball.scale.relative_u < 0.03) == (light == "flat")
+    assert by_ball.gravity is not None
+    if light != "side":
+        assert abs(by_ball.gravity.value - made.gravity) < 3 * by_ball.gravity.u
+
+
+def test_each_ruler_checks_the_other(seen: Seen) -> None:
+    """The text names the ruler, its u, and how far the other is off in u of both."""
+    _, found = seen("flat")
+    (check,) = found.checks
+    assert found.scale is not None
+    ratio = np.log(check.metres_per_pixel / found.scale.metres_per_pixel)
+    apart = ratio / np.hypot(check.relative_u, found.scale.relative_u)
+    document = track_document(found)["scale"]
+    assert document["from"] == "gravity"
+    assert document["checks"][0]["from"] == "ball"
+    assert document["checks"][0]["off_u"] == pytest.approx(apart)
+    said = f"by gravity ({100 * found.scale.relative_u:.2g} %); by the ball's size "
+    assert said in track_text(found)
+    assert f"{abs(apart):.1f} u off)" in track_text(found)
+    assert [each.source for each in again(found, ruler="ball").checks] == ["gravity"]
+
+
+def test_a_wrong_diameter_is_a_flag_and_moves_no_speed(seen: Seen) -> None:
+    _, found = seen("flat")
+    wrong = again(found, ball=1.25 * 0.073)
+    assert "GRAVITY" in wrong.flags
+    for one, other in zip(speeds_of(wrong), speeds_of(found), strict=True):
+        assert one.value == pytest.approx(other.value, rel=2e-3)
+    assert wrong.gravity is not None
+    assert wrong.gravity.value == pytest.approx(1.25 * found.gravity.value, rel=5e-3)
+
+
+def test_g_is_not_measured_by_itself(seen: Seen) -> None:
+    _, found = seen("flat")
+    alone = again(found, ball=None, ruler="gravity")
+    assert alone.gravity is None
+    assert [each.acceleration for each in alone.flights] == [None] * len(alone.flights)
+    document = track_document(alone)
+    assert document["gravity_mps2"] is None
+    assert document["scale"]["checks"] == []
+    assert "m/s²" not in track_text(alone)
+    for one, other in zip(speeds_of(alone), speeds_of(found), strict=True):
+        assert one.value == pytest.approx(other.value, rel=2e-3)
+    # speeds go as the square root of lengths by it: all of g's u, and none of the ball's
+    moon = again(found, ball=None, ruler="gravity", gravity=1.62, gravity_u=0.0)
+    for one, other in zip(speeds_of(moon), speeds_of(alone), strict=True):
+        assert one.value == pytest.approx(other.value * 1.62 / found.known.gravity, rel=1e-6)
+
+
+def test_a_length_in_the_picture_comes_before_both(seen: Seen) -> None:
+    made, found = seen("flat")
+    unit = made.metres_per_pixel
+    given = again(found, metres_per_pixel=unit, metres_per_pixel_u=0.002 * unit)
+    assert given.scale is not None
+    assert (given.scale.source, given.scale.metres_per_pixel) == ("given", unit)
+    assert {each.source for each in given.checks} == {"gravity", "ball"}
+    assert set(given.flags) <= {"TILTED"}
+    assert given.gravity is not None
+    assert abs(given.gravity.value - made.gravity) < 3 * given.gravity.u < 0.4
+    wrong = again(found, metres_per_pixel=unit, metres_per_pixel_u=0.002 * unit, ball=0.09)
+    assert set(wrong.flags) - {"TILTED"} == {"BALL_SIZE"}
+
+
+def test_a_rate_that_makes_g_absurd_is_refused_with_the_one_that_fits(seen: Seen) -> None:
+    """Ten times the frames a second are a hundred times g: 981 m/s²."""
+    _, found = seen("flat")
+    with pytest.raises(InputError, match=r"ball would fall with 9\d\d.*--fps (59|60|61)\b"):
+        again(found, rate=600.0)
+    slow = again(found, rate=7.5)
+    assert "GRAVITY" in slow.flags
+    assert "--fps 6" in " ".join(slow.warnings) or "--fps 59" in " ".join(slow.warnings)
+
+
+def test_gravity_that_no_flight_shows_is_no_ruler(seen: Seen) -> None:
+    _, found = seen("flat")
+    few = found.watched.found["frame"] < found.contacts[0].frame
+    few &= found.watched.found["frame"] > found.contacts[0].frame - 5
+    short = replace(found.watched, found=found.watched.found[few], thumbs={})
+    with pytest.raises(InputError, match="no flight shows gravity"):
+        following(found.clip, short, replace(found.known, ruler="gravity"))

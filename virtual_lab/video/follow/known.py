@@ -1,0 +1,57 @@
+"""What a person knows of a clip, SI."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from virtual_lab.units import STANDARD_GRAVITY
+from virtual_lab.video.calibration.plane import distance_of
+from virtual_lab.video.clips.calibration_file import ClipCalibration
+from virtual_lab.video.clips.clip import Clip
+from virtual_lab.video.clips.timing import usual_step
+
+GIVEN, BALL, GRAVITY = "given", "ball", "gravity"  # rulers
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Known:
+    """What a person knows of a clip, SI."""
+
+    rate: float  # pictures stored in a true second, repeats counted
+    ball: float | None = None  # diameter [m]
+    ball_u: float = 0.0
+    metres_per_pixel: float | None = None
+    metres_per_pixel_u: float = 0.0
+    exposure: float | None = None  # [s]
+    gravity: float = STANDARD_GRAVITY
+    gravity_u: float = 0.025 / 3**0.5  # over the Earth: 9.78 to 9.83
+    ruler: str | None = None  # GRAVITY | BALL, None: the one of smaller u; a length given is first
+    stands: bool = False  # the camera is known to
+    readout: float | None = None  # [s]; None: unknown, up to a frame
+    readout_axis: tuple[int, int] = (1, 1)
+    frames: tuple[int, int] | None = None
+    region: tuple[float, float, float, float] | None = None
+    ball_at: tuple[float, float, int] | None = None  # x, y, frame
+
+
+def known_of(clip: Clip, calibration: ClipCalibration) -> Known:
+    """Return what a calibration file says, as the following of any clip takes it.
+
+    Whoever calibrates a camera is taken to have one that opens all its rows at once.
+    """
+    scale, camera = calibration.metres_per_pixel, calibration.camera
+    if camera and (far := distance_of(camera)):
+        scale = far / camera.matrix[0][0]
+    return Known(
+        rate=1 / usual_step(clip.times),
+        ball=calibration.ball_diameter_m,
+        ball_u=calibration.ball_diameter_m_u,
+        metres_per_pixel=scale,
+        metres_per_pixel_u=calibration.metres_per_pixel_u,
+        exposure=calibration.exposure_s,
+        gravity=float(np.hypot(*calibration.gravity_mps2)) or STANDARD_GRAVITY,
+        readout=0.0,
+        stands=True,
+    )
