@@ -204,6 +204,19 @@ def test_a_marginal_result_is_said_to_be_and_another_is_not() -> None:
     assert "marginal" in words(notebook_card(certificate(case("marginal"))))
 
 
+@pytest.mark.parametrize(("share", "marginal"), [(0.97, True), (1.03, False)])
+@pytest.mark.parametrize("side", [-1, 1])
+def test_marginal_is_by_the_interval_and_not_by_u(share: float, side: int, marginal: bool) -> None:
+    """Half of it is t u, here 2.3 u: limits just within it and just beyond, on both sides."""
+    metric = quick().metric
+    half = metric.interval_95[1] - metric.value
+    limit = metric.value + side * share * half
+    found = again((LIMIT, f"limit = {{ value = {limit:.9f}"))
+    assert half > 2.2 * metric.u
+    assert found.marginal == certificate(found).marginal == marginal
+    assert found.verdict.value == ("PASS" if side > 0 else "FAIL")
+
+
 def test_an_invalid_test_states_no_value_and_names_every_reason() -> None:
     text = words(page("no valid hit"))
     assert "No BPF can be stated" in text
@@ -341,6 +354,37 @@ def test_a_figure_shows_the_numbers_to_scale() -> None:
     assert scaled == pytest.approx((values - values.min()) / np.ptp(values), abs=0.002)
     steps = np.diff([x for x, _ in shown]) / np.diff([row.shot for row in rows])
     assert np.ptp(steps) < 0.02
+
+
+def test_the_encoders_figure_shows_the_counts_as_degrees_after_contact() -> None:
+    """Of the first valid shot, with an encoder that counts 1 % too many; by hand from the records.
+
+    360°/(10 000 x 1.01) a count; contact is where the ball's way from gate to gate goes on to.
+    """
+    session = quick().session
+    known = dict(session.calibration)
+    known["impact.encoder.scale"] = dataclasses.replace(known["impact.encoder.scale"], value=1.01)
+    trace = certificate(certify_session(dataclasses.replace(session, calibration=known))).encoder
+    assert trace is not None
+    record, gates = session.records["impact"]["encoder"], session.records["impact"]["gates"]
+    far, near = (known[f"impact.gates.distance_{gate}"].value for gate in (0, 1))
+    first, last = gates.times[trace.shot, 0].mean(axis=-1)
+    after = record.times - last - near * (last - first) / (far - near)
+    angle = record.counts[trace.shot] * 360 / 10_000 / 1.01
+    assert trace.turn.time_ms == pytest.approx(1e3 * after[::8], abs=6e-5)
+    assert trace.turn.angle_deg == pytest.approx(angle[::8], abs=6e-6)
+    shown = np.searchsorted(after, np.array(trace.ring.time_ms) / 1e3 - 1e-6)
+    assert (after[shown[0]] >= 0) & (after[shown[-1]] <= 0.02)
+    assert len(shown) == np.sum((after >= 0) & (after <= 0.02))
+    late = np.array(trace.turn.time_ms) > trace.settled_ms
+    ring = np.interp(trace.turn.time_ms, trace.ring.time_ms, trace.ring.angle_deg)
+    rest = np.array(trace.turn.angle_deg) - trace.turn.fit_deg
+    near_contact = late & (np.array(trace.turn.time_ms) < 19)
+    assert rest[near_contact] == pytest.approx(ring[near_contact], abs=0.01)
+    count = 360 / 10_000
+    left = np.array(trace.ring.angle_deg) - trace.ring.fit_deg
+    settled = np.array(trace.ring.time_ms) > trace.settled_ms
+    assert np.std(left[settled]) < count
 
 
 def test_a_card_is_one_element_of_html() -> None:

@@ -57,6 +57,24 @@ def test_invalid_and_surplus_hits_have_no_weight() -> None:
     assert outcome.weights[-2:].tolist() == [0, 0]
 
 
+def test_of_ten_fresh_hits_the_last_six_are_the_result() -> None:
+    """A bench or another laboratory may go on; by bbcor the consecutive ones that end the test."""
+    best = 6 * INCH
+    place = np.concatenate([PLACES, np.full(10, best)])
+    metric = np.concatenate([parabola(PLACES), np.arange(10.0)])
+    valid = np.ones(place.size, dtype=bool)
+    outcome = outcome_of(BBCOR, place, valid, metric)
+    assert outcome.weights[: PLACES.size].tolist() == [0.0] * PLACES.size
+    assert outcome.weights[PLACES.size :] == pytest.approx([0.0] * 4 + [1 / 6] * 6)
+    assert outcome.weights @ metric == pytest.approx(6.5)
+    assert outcome.place == pytest.approx(best)
+    # an invalid shot among them begins them again
+    valid[PLACES.size + 5] = False
+    again = outcome_of(BBCOR, place, valid, metric)
+    assert again.reason == "4 of 6 consecutive hits at the best place"
+    assert again.weights[PLACES.size :] == pytest.approx([0.0] * 6 + [0.25] * 4)
+
+
 def test_two_places_are_no_scan() -> None:
     """And one hit is no test: no weights, and a sentence."""
     two = PLACES < 5.7 * INCH
