@@ -12,7 +12,7 @@ import json
 import math
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
@@ -480,3 +480,69 @@ def test_the_text_has_the_documents_numbers(case: str) -> None:
     (found,) = re.findall(r"at ([\d.]+) mph, ([\d.]+) in from the tip", text)
     assert agrees(found[0], told["v_rel_mph"])
     assert agrees(found[1], told["impact_position_in"])
+
+
+# the figures, read by their own axes
+
+SVG = "{http://www.w3.org/2000/svg}"
+WORD = r"<text x=\"([\d.]+)\" y=\"([\d.]+)\" text-anchor=\"end\">([\d.−]+)</text>"
+
+
+def drawing(case: str, name: str) -> str:
+    (found,) = [
+        each
+        for each in page(case).iter(f"{SVG}svg")
+        if (each.get("aria-labelledby") or "").startswith(name)
+    ]
+    return ElementTree.tostring(found, encoding="unicode").replace("ns0:", "").replace("html:", "")
+
+
+def read_off(drawn: str, left: float) -> Callable[[float], float]:
+    """Return what value a height of the panel whose axis stands at `left` has, by its ticks."""
+    ticks = [
+        (float(y) - 2.8, float(value.replace("−", "-")))
+        for x, y, value in re.findall(WORD, drawn)
+        if abs(float(x) + 5 - left) < 0.01
+    ]
+    assert len(ticks) > 1
+    heights, values = np.transpose(ticks)
+    slope, level = np.polyfit(heights, values, 1)
+    return lambda height: float(level + slope * height)
+
+
+@pytest.mark.parametrize("case", ["astm-f1881", "ncaa-modified", "bbcor"])
+def test_the_figure_of_the_hits_shows_interval_result_and_limit_to_scale(case: str) -> None:
+    """Read off by the ticks, to a hundredth of a point."""
+    metric, drawn = document(case)["metric"], drawing(case, "hits")
+    size = MPH if metric["name"] == "batted_speed" else 1.0
+    value, low, high, limit = (
+        each / size for each in (metric["value"], *metric["interval_95"], metric["limit"])
+    )
+    (whisker,) = re.findall(r'd="M([\d.]+) ([\d.]+)V([\d.]+)M[^"]*h8"', drawn)
+    lefts = sorted({float(x) + 5 for x, _, _ in re.findall(WORD, drawn)})
+    first, second = lefts[0], lefts[-1]
+    along, against = read_off(drawn, first), read_off(drawn, second)
+    near = 0.02 * abs(against(1.0) - against(0.0))
+    assert [against(float(y)) for y in whisker[1:]] == pytest.approx([high, low], abs=near)
+    (line,) = re.findall(
+        r'd="M[\d.]+ ([\d.]+)L[\d.]+ ([\d.]+)"[^>]*stroke-dasharray="5 2.5"', drawn
+    )
+    assert [against(float(y)) for y in line] == pytest.approx([limit, limit], abs=near)
+    near = 0.02 * abs(along(1.0) - along(0.0))
+    band = re.findall(r'd="M[\d.]+ ([\d.]+)H[\d.]+V([\d.]+)H[^"]*Z" fill="#d9d9d9"', drawn)[0]
+    assert [along(float(y)) for y in band] == pytest.approx([high, low], abs=near)
+    level = re.findall(r'd="M[\d.]+ ([\d.]+)L[\d.]+ ([\d.]+)" fill="none" stroke="black"', drawn)[0]
+    assert [along(float(y)) for y in level] == pytest.approx([value, value], abs=near)
+
+
+def test_the_figure_of_the_swing_laws_shows_values_and_intervals_to_scale() -> None:
+    rows, drawn = document("proposed")["swing_range"], drawing("proposed", "swings")
+    height = read_off(drawn, 46.0)
+    near = 0.02 * abs(height(1.0) - height(0.0))
+    (ribbon,) = re.findall(r'd="M([^"HV]+)Z" fill="#d9d9d9"', drawn)
+    shown = [height(float(point.split()[1])) for point in ribbon.split("L")]
+    low, high = np.transpose([row["interval_95"] for row in rows]) / MPH
+    assert shown == pytest.approx([*low, *high[::-1]], abs=near)
+    dots = re.findall(r'translate\([\d.]+,([\d.]+)\)"><circle r="1.6"', drawn)[: len(rows)]
+    values = [row["value"] / MPH for row in rows]
+    assert [height(float(y)) for y in dots] == pytest.approx(values, abs=near)

@@ -1,0 +1,116 @@
+"""Thresholds of the reduction and its checks, each tried just within and just beyond."""
+
+from dataclasses import replace
+from math import pi
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from tests.laboratories import certified
+from virtual_lab.errors import InputError
+from virtual_lab.measurement.diagnostics.bench import bat_shape, lot_rules
+from virtual_lab.measurement.diagnostics.impact import edges
+from virtual_lab.measurement.session_reduction import prepare
+from virtual_lab.simulation.rig import Reality
+from virtual_lab.units import Array
+
+LENGTH, RADIUS = 0.86, 0.0325  # m
+
+
+def shape(
+    *, density: float = 311.0, balance: float = 0.33, gyration: float = 0.27
+) -> SimpleNamespace:
+    """Return a bat of a density over its barrel [kg/m³], the others by its length."""
+    mass = density * pi * RADIUS**2 * LENGTH
+    bat = SimpleNamespace(
+        mass=mass,
+        length=LENGTH,
+        barrel_radius=RADIUS,
+        z_cm=balance * LENGTH,
+        inertia_cm=mass * (gyration * LENGTH) ** 2,
+    )
+    return SimpleNamespace(bat=bat)
+
+
+@pytest.mark.parametrize(
+    ("within", "beyond"),
+    [
+        ({"balance": 0.251}, {"balance": 0.249}),
+        ({"balance": 0.549}, {"balance": 0.551}),
+        ({"gyration": 0.201}, {"gyration": 0.199}),
+        ({"gyration": 0.359}, {"gyration": 0.361}),
+        (
+            {"density": 0.401 / (pi * RADIUS**2 * LENGTH)},
+            {"density": 0.399 / (pi * RADIUS**2 * LENGTH)},
+        ),
+        ({"density": 6999.0}, {"density": 7015.0}),  # of 20 kg
+    ],
+)
+def test_a_bat_of_no_likely_shape_is_remarked(
+    within: dict[str, float], beyond: dict[str, float]
+) -> None:
+    assert list(bat_shape(shape(**within))) == []
+    (flag,) = bat_shape(shape(**beyond))
+    assert not flag.invalidates
+
+
+@pytest.mark.parametrize(("density", "impossible"), [(101, 0), (99, 1), (11_900, 0), (12_100, 1)])
+def test_a_density_of_no_material_makes_a_test_invalid(density: float, impossible: int) -> None:
+    flags = [flag for flag in bat_shape(shape(density=density)) if flag.invalidates]
+    assert len(flags) == impossible
+
+
+@pytest.mark.parametrize(("off", "refused"), [(4.9e-3, False), (5.1e-3, True), (-5.1e-3, True)])
+def test_an_axis_of_another_rig_is_refused(off: float, refused: bool) -> None:
+    """The rules ask for 6 in; what the rig's axis is off by is known to tenths of a millimetre."""
+    session = certified(seed=7, reality=Reality.IDEAL).certification.session
+    known = dict(session.calibration)
+    key = "impact.pivot.from_knob"
+    known[key] = replace(known[key], value=6 * 0.0254 + off)
+    moved = replace(session, calibration=known)
+    if refused:
+        with pytest.raises(InputError, match="pivot_from_knob"):
+            prepare(moved)
+    else:
+        assert prepare(moved).procedure.spec.pivot_from_knob == pytest.approx(0.1524)
+
+
+@pytest.mark.parametrize(("bad", "flagged"), [(1, False), (2, True)])
+def test_more_shots_off_their_flight_than_scraps_explain(bad: int, flagged: bool) -> None:
+    """A tenth of ten shots, and two of them."""
+    off: Array = np.arange(10) < bad
+    assert bool(list(edges(SimpleNamespace(off_flight=off)))) == flagged
+
+
+@pytest.mark.parametrize(
+    ("e0", "fired", "said"),
+    [
+        (0.5595, False, ""),
+        (0.5605, False, "worn, or of another kind"),
+        (0.5205, False, ""),
+        (0.5195, False, "worn, or of another kind"),
+        (0.5595, True, "was fired"),
+        (0.5545, True, ""),
+    ],
+)
+def test_a_ball_far_outside_the_windows_or_fired_all_the_same_is_told(
+    e0: float, fired: bool, said: str
+) -> None:
+    """The window is .525 to .555 at 60 mph; 5e-3 beyond it no sound ball lies."""
+    procedure = certified(seed=7, reality=Reality.IDEAL).certification.procedure
+    at = procedure.windows.ball_restitution_speed
+    balls = SimpleNamespace(
+        mass=np.full(3, 0.145),
+        restitution=np.array([0.54, e0, 0.54]),
+        slope=0.0,
+        speed=at,
+    )
+    seen = SimpleNamespace(
+        procedure=procedure,
+        measured_balls=balls,
+        readings=SimpleNamespace(ball=np.array([0, 1 if fired else 2])),
+    )
+    flags = list(lot_rules(seen))
+    assert len(flags) == bool(said)
+    assert all(said in flag.sentence for flag in flags)
