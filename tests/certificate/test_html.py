@@ -22,6 +22,7 @@ from virtual_lab.certificate.html import certificate_page, notebook_card
 from virtual_lab.certificate.text import certificate_text
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.certification import Certification, certify_session
+from virtual_lab.records.origin import Supplied
 from virtual_lab.simulation.rig import Reality
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -56,6 +57,7 @@ length_less_weight = { value = 2, unit = "1", source = "assumed", verified = fal
 """
 
 
+ELSEWHERE = Supplied(laboratory='Crosstown "Bat" Laboratory', customer="Ashwood & Sons")
 CASES: Mapping[str, Callable[[], Certification]] = {
     "pass": quick,
     "ideal": lambda: quick(Reality.IDEAL),
@@ -63,7 +65,7 @@ CASES: Mapping[str, Callable[[], Certification]] = {
     "marginal": lambda: again((LIMIT, f"limit = {{ value = {quick().metric.value - 0.001:.4f}")),
     "no valid hit": lambda: again((SPEED, "speed_tolerance = { value = 0.001")),
     "too few valid hits": lambda: again(("valid_hits = { value = 6", "valid_hits = { value = 7")),
-    "real laboratory": lambda: again(simulation={}),
+    "real laboratory": lambda: again(origin=ELSEWHERE),
     "odd name": lambda: again(bat='<b> & "c"'),
     "scan with fresh hits": lambda: scanned("bbcor"),
     "scan and a fitted top": lambda: scanned("ncaa-besr"),
@@ -229,14 +231,24 @@ def test_too_few_hits_give_a_value_for_information_only() -> None:
     assert "for information only" in words(page("too few valid hits"))
 
 
-def test_simulated_stands_on_every_sheet_of_a_simulated_test_only() -> None:
-    sheets = page("pass").count('class="sheet"')
-    assert page("pass").count("SIMULATED: no real bat was tested") == sheets == 2
-    assert "SIMULATED" not in page("real laboratory")
-    assert "Seed commitment" not in page("real laboratory")
+def test_a_result_of_supplied_records_never_passes_for_a_simulated_or_verified_one() -> None:
+    """Statement on each sheet, in text, card and JSON; no other page says so."""
+    said = 'from records supplied by Crosstown "Bat" Laboratory; not verified.'
+    document = certificate(case("real laboratory"))
+    html = page("real laboratory")
+    assert html.count('class="sheet"') == words(html).count(said) == 2
+    assert said in words(notebook_card(document))
+    assert said in certificate_text(document)
+    assert document.as_json()["statement"].endswith(said)
+    assert (document.origin, document.simulation) == ("supplied", None)
+    assert "SIMULATED" not in html + certificate_text(document)
+    assert "Seed commitment" not in html
+    assert "not verified" in re.search(r"@bottom-left {.*?}", html)[0]
+    assert "supplied" not in page("pass")
+    assert "SIMULATED" in re.search(r"@bottom-left {.*?}", page("pass"))[0]
 
 
-@pytest.mark.parametrize("name", ["pass", "scan with fresh hits"])
+@pytest.mark.parametrize("name", ["pass", "scan with fresh hits", "real laboratory"])
 def test_the_head_that_print_repeats_names_certificate_and_statement(name: str) -> None:
     """Each sheet begins with it, however many pages the sheet takes."""
     number = hashlib.sha256(certificate(case(name)).text().encode()).hexdigest()[:12]
@@ -247,7 +259,7 @@ def test_the_head_that_print_repeats_names_certificate_and_statement(name: str) 
         assert sheet[0].get("class") == "every-page"
         head = " ".join("".join(sheet[0].itertext()).split())
         assert number in head
-        assert "SIMULATED: no real bat was tested" in head
+        assert certificate(case(name)).statement in head
     assert re.search(r"\.every-page \{ display: table-header-group;", page(name))
 
 

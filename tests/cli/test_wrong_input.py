@@ -6,6 +6,7 @@ key, what is allowed.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import re
@@ -104,18 +105,30 @@ def renamed(name: str) -> Setup:
 
 
 def record(name: str, change: Callable[[str], str | bytes]) -> Setup:
-    """Copy a whole session and change a record, which session.json no longer vouches for."""
+    """Copy a whole session and change a record, its digest in session.json too."""
 
     def setup(at: Path, records: Path) -> None:
         stage, channel = name.split("/")
+        data = change((records / f"{name}.csv").read_text())
+        data = data if isinstance(data, bytes) else data.encode()
 
-        def drop(document: dict) -> None:
-            del document["channels"][stage][channel]["sha256"]
+        def renew(document: dict) -> None:
+            digest = hashlib.sha256(data).hexdigest()
+            document["channels"][stage][channel]["sha256"] = digest
 
-        session(drop)(at, records)
-        path = at / "r" / f"{name}.csv"
-        data = change(path.read_text())
-        path.write_bytes(data if isinstance(data, bytes) else data.encode())
+        session(renew)(at, records)
+        (at / "r" / f"{name}.csv").write_bytes(data)
+
+    return setup
+
+
+def piped(name: str) -> Setup:
+    """Copy a whole session, one of whose files is a pipe that nobody writes to."""
+
+    def setup(at: Path, records: Path) -> None:
+        session(lambda _: None)(at, records)
+        (at / "r" / name).unlink(missing_ok=True)
+        os.mkfifo(at / "r" / name)
 
     return setup
 
@@ -417,12 +430,56 @@ CASES: dict[str, Case] = {
     "a record that is a link": (
         linked("impact/gates.csv", "../../outside"),
         "reduce r",
-        ["impact/gates.csv", "leads out of r"],
+        ["impact/gates.csv", "file = 'a link'"],
     ),
     "a record that links to itself": (
         linked("impact/gates.csv", "gates.csv"),
         "reduce r",
-        ["impact/gates.csv", "cannot be read"],
+        ["impact/gates.csv", "file = 'a link'"],
+    ),
+    "a record that is a pipe": (
+        piped("impact/gates.csv"),
+        "reduce r",
+        ["impact/gates.csv", "file = 'a pipe'"],
+    ),
+    "records that are a pipe": (
+        piped("session.json"),
+        "reduce r",
+        ["r/session.json", "is no file"],
+    ),
+    "a form that is a pipe": (
+        lambda at, _: (
+            form()(at, at),
+            (at / "r" / "laboratory.toml").unlink(),
+            os.mkfifo(at / "r" / "laboratory.toml"),
+        ),
+        "reduce r",
+        ["laboratory.toml", "no file"],
+    ),
+    "a file that no session lists": (
+        lambda at, records: (
+            session(lambda _: None)(at, records),
+            (at / "r/impact/more.csv").write_text(""),
+        ),
+        "reduce r",
+        ["impact/more.csv", "is not listed in r/session.json"],
+    ),
+    "a limit changed": (
+        lambda at, records: (
+            session(lambda _: None)(at, records),
+            changed(
+                "r/procedure.toml",
+                (records / "procedure.toml").read_text(),
+                ("limit = { value = 1.2", "limit = { value = 2.2"),
+            )(at, records),
+        ),
+        "reduce r",
+        ["procedure.toml", "was changed after session.json was written"],
+    ),
+    "a simulation that says nothing": (
+        session(lambda d: d.update(simulation={}, laboratory="National Bat Laboratory")),
+        "reduce r --out o",
+        ["simulation.", "missing"],
     ),
     "a key of a session twice": (
         session('{"schema": 1, "bat": "r161", "bat": "ea70"}'),
@@ -480,7 +537,9 @@ CASES: dict[str, Case] = {
     "a session in UTF-16": (session("{}".encode("utf-16")), "reduce r", ["no UTF-8 text"]),
     "rules of an empty file": (
         lambda at, records: (
-            session(lambda _: None)(at, records),
+            session(lambda d: d.update(procedure_sha256=hashlib.sha256(b"").hexdigest()))(
+                at, records
+            ),
             (at / "r/procedure.toml").write_text(""),
         ),
         "reduce r",

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 import re
 import shutil
 from math import nextafter
@@ -162,6 +163,34 @@ def test_records_removed_and_added(folder: Path) -> None:
     ]
 
 
+def test_links_and_pipes_among_records_are_told(folder: Path, tmp_path: Path) -> None:
+    """In place of a file, of a folder, and beside them; none is opened."""
+    records = folder / "records"
+    gates = (records / "impact" / "gates.csv").rename(tmp_path / "gates.csv")
+    (records / "impact" / "gates.csv").symlink_to(gates)
+    (records / "impact" / "log.csv").unlink()
+    os.mkfifo(records / "impact" / "log.csv")
+    os.mkfifo(records / "more.csv")
+    (folder / "truth" / "other.json").symlink_to(gates)
+    (records / "balls").rename(tmp_path / "balls")
+    (records / "balls").symlink_to(tmp_path / "balls")
+    assert sorted(named(folder)) == [
+        "records/balls/gates.csv: removed since it was sealed",
+        "records/balls/log.csv: removed since it was sealed",
+        "records/balls: added, a link, since it was sealed",
+        "records/impact/gates.csv: replaced by a link since it was sealed",
+        "records/impact/log.csv: replaced by a pipe since it was sealed",
+        "records/more.csv: added, a pipe, since it was sealed",
+        "truth/other.json: added, a link, since it was sealed",
+    ]
+
+
+def test_a_seal_that_is_a_link_is_named(folder: Path, tmp_path: Path) -> None:
+    seal = (folder / "truth" / "seal.json").rename(tmp_path / "seal.json")
+    (folder / "truth" / "seal.json").symlink_to(seal)
+    assert named(folder) == ["truth/seal.json: replaced by a link since it was sealed"]
+
+
 def test_the_rules_and_the_calibration(folder: Path) -> None:
     rules = folder / "records" / "procedure.toml"
     text = rules.read_text()
@@ -220,4 +249,7 @@ def test_folders_within(folder: Path, tmp_path: Path) -> None:
     write_seal(folder)
     edit(folder / "control" / "certificate.json", "verdict", "FAIL")
     assert named(folder) == ["control/certificate.json, verdict: altered since it was sealed"]
+    (folder / "control" / "records" / "more.csv").write_text("")
+    assert "control/records/more.csv: added since it was sealed" in named(folder)
+    (folder / "control" / "records" / "more.csv").unlink()
     assert named(folder / "control") == ["certificate.json, verdict: altered since it was sealed"]

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from math import inf
@@ -17,6 +18,7 @@ from tests.records.test_records import ANY, bits
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.certification import certify_session
 from virtual_lab.records import ClipRecord, GateRecord, MassReadings, Record, ShotLog, join
+from virtual_lab.records.origin import RungTaken, Simulated, Supplied
 from virtual_lab.records.session import Session, load_session, save_session
 from virtual_lab.uncertainty.estimate import Estimate
 
@@ -34,8 +36,6 @@ EXAMPLE = Session(
     date="2026-11-20",
     bat_sport="softball",
     ball_sport="baseball",
-    laboratory="Übungslabor",
-    customer="Ashwood & Sons",
     rigs={"impact": "astm-pivot"},
     procedure_text='name = "übung"\n',
     calibration={"impact.gates.clock": Estimate(value=1.0, u=2e-5, dof=7.0, source="x")},
@@ -46,8 +46,15 @@ EXAMPLE = Session(
         },
         "bench": {"bat-mass": MassReadings(readings=np.ones((1, 3)))},
     },
-    simulation={"reality": "real", "seed_commitment": "ab", "rungs": {"collision": "modal"}},
+    origin=Simulated(
+        reality="real",
+        sealing="sealed",
+        seed_commitment="ab",
+        unverified_numbers={"bats/r161": "1 of 2"},
+        rungs={"collision": RungTaken(rung="modal", reason="was asked for", error=1e-5)},
+    ),
 )
+SUPPLIED = replace(EXAMPLE, origin=Supplied(laboratory="Übungslabor", customer="Ashwood & Sons"))
 
 
 @given(record=ANY, known=st.dictionaries(st.text(min_size=1), ESTIMATES, max_size=3))
@@ -65,14 +72,14 @@ def test_every_record_comes_back_bit_for_bit(record: Record, known: dict) -> Non
     }
 
 
-def test_what_is_no_record_comes_back_too(tmp_path: Path) -> None:
-    """Names, rigs, the procedure's very text, what is said of the simulation."""
-    save_session(EXAMPLE, tmp_path)
+@pytest.mark.parametrize("example", [EXAMPLE, SUPPLIED])
+def test_what_is_no_record_comes_back_too(example: Session, tmp_path: Path) -> None:
+    """Names, rigs, the procedure's very text, where the records come from."""
+    save_session(example, tmp_path)
     loaded = load_session(tmp_path)
-    sports = ("bat_sport", "ball_sport")
-    named = ("bat", "ball", *sports, "date", "laboratory", "customer", "rigs")
-    for field in (*named, "procedure_text", "calibration", "simulation"):
-        assert getattr(loaded, field) == getattr(EXAMPLE, field)
+    named = ("bat", "ball", "bat_sport", "ball_sport", "date", "rigs")
+    for field in (*named, "procedure_text", "calibration", "origin"):
+        assert getattr(loaded, field) == getattr(example, field)
     assert {stage: set(found) for stage, found in loaded.records.items()} == {
         "impact": {"log", "gates"},
         "bench": {"bat-mass"},
@@ -90,14 +97,30 @@ def _edit(change: Callable[[dict], object]) -> Callable[[Path], object]:
 
 
 def _file(name: str, old: str, new: str) -> Callable[[Path], object]:
-    """Return a change of a record that its digest in session.json was removed for."""
+    """Return a change of a record whose digest in session.json is right."""
 
     def change(folder: Path) -> None:
         path = folder / name
         text = path.read_text("utf-8")
         assert old in text
         path.write_text(text.replace(old, new, 1), "utf-8")
-        _edit(lambda d: d["channels"]["impact"]["gates"].pop("sha256"))(folder)
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        _edit(lambda d: d["channels"]["impact"]["gates"].update(sha256=digest))(folder)
+
+    return change
+
+
+def _rules(folder: Path) -> None:
+    path = folder / "procedure.toml"
+    path.write_text(path.read_text("utf-8") + "# a limit\n", "utf-8")
+
+
+def _linked(name: str) -> Callable[[Path], object]:
+    """Replace a file or a folder by a link to the same elsewhere."""
+
+    def change(folder: Path) -> None:
+        elsewhere = (folder / name).rename(folder.with_name("elsewhere"))
+        (folder / name).symlink_to(elsewhere)
 
     return change
 
@@ -119,7 +142,73 @@ GATES = "impact/gates.csv"
         (lambda f: (f / "procedure.toml").unlink(), "procedure.toml", "file", "cannot be read"),
         (lambda f: (f / "session.json").write_text("{"), "session.json", "JSON", "parsed"),
         (lambda f: (f / "session.json").write_text("[]"), "session.json", "JSON", "object"),
-        (lambda f: (f / "procedure.toml").write_bytes(b"\xff"), "procedure.toml", "file", ""),
+        (_rules, "procedure.toml", "sha256", "was changed after"),
+        (_edit(lambda d: d.pop("procedure_sha256")), "session.json", "procedure_sha256", "missing"),
+        (
+            _edit(lambda d: d["channels"]["impact"]["gates"].pop("sha256")),
+            "session.json",
+            "impact.gates.sha256",
+            "missing",
+        ),
+        (
+            _edit(lambda d: d["channels"]["impact"]["gates"].pop("rows")),
+            "session.json",
+            "impact.gates.rows",
+            "missing",
+        ),
+        (_linked("procedure.toml"), "procedure.toml", "file", "plain files"),
+        (_linked("session.json"), "session.json", "file", "plain files"),
+        (_linked(GATES), "gates.csv", "file", "plain files"),
+        (_linked("impact"), "impact", "file", "plain files"),
+        (lambda f: (f / "notes.txt").write_text(""), "notes.txt", "file", "is not listed in"),
+        (lambda f: (f / "impact/x.csv").write_text(""), "x.csv", "file", "is not listed in"),
+        (lambda f: os.mkfifo(f / "impact/pipe"), "pipe", "file", "plain files"),
+        (
+            lambda f: ((f / GATES).unlink(), os.mkfifo(f / GATES)),
+            "gates.csv",
+            "file",
+            "plain files",
+        ),
+        (_edit(lambda d: d.pop("origin")), "session.json", "origin", "missing"),
+        (_edit(lambda d: d.update(origin="ours")), "session.json", "origin", "'simulated'"),
+        (_edit(lambda d: d.pop("simulation")), "session.json", "simulation", "'simulated'"),
+        (_edit(lambda d: d.update(simulation={})), "session.json", "simulation", "missing"),
+        (
+            _edit(lambda d: d["simulation"].pop("sealing")),
+            "session.json",
+            "simulation.sealing",
+            "missing",
+        ),
+        (
+            _edit(lambda d: d["simulation"]["rungs"]["collision"].update(error="1e-5")),
+            "session.json",
+            "rungs.collision.error",
+            "number",
+        ),
+        (
+            _edit(lambda d: d.update(simulation={}, laboratory="National Bat Laboratory")),
+            "session.json",
+            "simulation",
+            "missing",
+        ),
+        (
+            _edit(lambda d: d.update(laboratory="National Bat Laboratory")),
+            "session.json",
+            "laboratory",
+            "not allowed: the origin of these records is 'simulated'",
+        ),
+        (
+            _edit(lambda d: d.update(origin="supplied", laboratory="National Bat Laboratory")),
+            "session.json",
+            "simulation",
+            "not allowed: the origin of these records is 'supplied'",
+        ),
+        (
+            _edit(lambda d: (d.update(origin="supplied"), d.pop("simulation"))),
+            "session.json",
+            "laboratory",
+            "missing",
+        ),
         (_file(GATES, "time_s", "time_ms"), "gates.csv", "columns", "time_s"),
         (_file(GATES, "1,1,0,1,15.0", "1,1,0,1,soon"), "gates.csv", "time_s", "numbers"),
         (_file(GATES, "1,1,0,1,15.0", "1,1,0,0,15.0"), "gates.csv", "rows", "same"),
@@ -133,7 +222,7 @@ GATES = "impact/gates.csv"
         ),
         (lambda f: (f / GATES).write_bytes(b""), "gates.csv", "CSV", "cannot be read"),
         (lambda f: (f / GATES).write_bytes(b"\xff\xfe"), "gates.csv", "CSV", "cannot be read"),
-        (_edit(lambda d: d.update(schema=99)), "session.json", "schema", "must be 1"),
+        (_edit(lambda d: d.update(schema=99)), "session.json", "schema", "must be 2"),
         (_edit(lambda d: d.pop("schema")), "session.json", "schema", "missing"),
         (_edit(lambda d: d.pop("calibration")), "session.json", "calibration", "missing"),
         (_edit(lambda d: d.update(channels=[])), "session.json", "channels", ""),
@@ -173,11 +262,13 @@ def test_a_broken_folder(
     break_it: Callable[[Path], object], file: str, key: str, allowed: str, tmp_path: Path
 ) -> None:
     """Each fault alone in a folder that otherwise reads: file, key and mend in one line."""
-    save_session(EXAMPLE, tmp_path)
-    load_session(tmp_path)
-    break_it(tmp_path)
+    folder = tmp_path / "records"
+    folder.mkdir()
+    save_session(EXAMPLE, folder)
+    load_session(folder)
+    break_it(folder)
     with pytest.raises(InputError) as caught:
-        load_session(tmp_path)
+        load_session(folder)
     sentence = str(caught.value)
     assert "\n" not in sentence
     assert file in caught.value.where
@@ -185,11 +276,30 @@ def test_a_broken_folder(
     assert allowed in caught.value.allowed
 
 
-def test_an_edited_record_is_taken_where_the_digest_was_removed(tmp_path: Path) -> None:
-    """The way session.json itself names for a change that is meant."""
-    save_session(EXAMPLE, tmp_path)
-    _file(GATES, "15.0", "15.5")(tmp_path)
-    assert load_session(tmp_path).records["impact"]["gates"].times[1, 1, 0, 1] == 15.5
+def test_a_session_written_by_hand_as_the_manual_says(tmp_path: Path) -> None:
+    """No program of ours: the keys of data/README.md, tables of text, digests of the library."""
+    (tmp_path / "bench").mkdir()
+    (tmp_path / "bench" / "bat-mass.csv").write_text("item,repeat,mass_kg\n0,0,0.91\n0,1,0.92\n")
+    (tmp_path / "procedure.toml").write_text('name = "ours"\n')
+    mass, rules = (
+        hashlib.sha256((tmp_path / name).read_bytes()).hexdigest()
+        for name in ("bench/bat-mass.csv", "procedure.toml")
+    )
+    document = {
+        "schema": 2,
+        "origin": "supplied",
+        "laboratory": "Crosstown Bat Laboratory",
+        "bat": "r161",
+        "ball": "baseball-2003",
+        "rigs": {"bench": "a table"},
+        "procedure_sha256": rules,
+        "channels": {"bench": {"bat-mass": {"record": "mass-readings", "rows": 2, "sha256": mass}}},
+        "calibration": {"bench.scale.zero": {"value": 0.0, "u": 5e-5}},
+    }
+    (tmp_path / "session.json").write_text(json.dumps(document))
+    session = load_session(tmp_path)
+    assert session.origin == Supplied(laboratory="Crosstown Bat Laboratory")
+    assert session.records["bench"]["bat-mass"].readings.tolist() == [[0.91, 0.92]]
 
 
 def test_a_missing_edge_is_an_empty_cell(tmp_path: Path) -> None:

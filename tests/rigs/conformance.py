@@ -23,6 +23,7 @@ import numpy as np
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec, BatBody
 from virtual_lab.records import RECORD_TYPES, Record
+from virtual_lab.records.origin import Supplied
 from virtual_lab.records.session import Session, load_session, save_session
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import CollisionModel, Scenes
@@ -146,7 +147,7 @@ def records_survive_the_disk(bench: Bench) -> None:
         procedure_text="",
         calibration={f"{stage}.{key}": known for key, known in calibration.items()},
         records={stage: records},
-        simulation={},
+        origin=Supplied(laboratory="conformance"),
     )
     save_session(session, bench.folder)
     loaded = load_session(bench.folder)

@@ -25,8 +25,8 @@ def test_an_ideal_laboratory_by_pymunk_recovers_the_truth(rig: str) -> None:
     metric, true = found.certification.metric, found.sealed.measurand["metric"]
     assert metric is not None
     assert metric.value == pytest.approx(true, rel=1e-9)
-    simulation = found.certification.session.simulation
-    assert simulation["rungs"]["motion"] == {"rung": "pymunk", "reason": "pymunk, as asked for"}
+    motion = found.certification.session.origin.rungs["motion"]
+    assert (motion.rung, motion.reason) == ("pymunk", "pymunk, as asked for")
 
 
 @pytest.mark.parametrize("rig", DONE)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from virtual_lab.records import RECORD_NAMES, RECORD_TYPES, Record
+from virtual_lab.records.origin import Simulated
 from virtual_lab.records.session import Session, entry_of_constant
 from virtual_lab.uncertainty.estimate import Estimate
 
@@ -36,7 +37,7 @@ def entry_of_session(session: Session) -> dict[str, Any]:
         "date": session.date,
         "rigs": dict(session.rigs),
         "procedure_text": session.procedure_text,
-        "simulation": dict(session.simulation),
+        "simulation": cast("Simulated", session.origin).as_json(),
         "calibration": {
             name: entry_of_constant(known) for name, known in session.calibration.items()
         },
@@ -46,4 +47,6 @@ def entry_of_session(session: Session) -> dict[str, Any]:
 def session_of_entry(entry: Mapping[str, Any]) -> Session:
     """Return the session of an entry."""
     calibration = {name: Estimate(**known) for name, known in entry["calibration"].items()}
-    return Session(**{**entry, "calibration": calibration, "records": {}})
+    rest = {name: value for name, value in entry.items() if name != "simulation"}
+    known = {"origin": Simulated(**entry["simulation"]), "calibration": calibration}
+    return Session(**{**rest, **known, "records": {}})

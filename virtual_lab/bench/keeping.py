@@ -49,13 +49,12 @@ def laboratory_of(scenario: Scenario, seed: int, salt: bytes) -> Laboratory:
         faults=scenario.faults,
     )
     opened = Laboratory.open(setup)
-    known = {
-        "reality": setup.reality.value,
-        "sealing": "rehearsal: the truth is opened at the debrief",
-        "seed_commitment": commitment(salt, seed),
-        "unverified_numbers": setup.unverified,
-    }
-    return replace(opened, salt=salt, session=replace(opened.session, simulation=known))
+    origin = replace(
+        opened.origin,
+        sealing="rehearsal: the truth is opened at the debrief",
+        seed_commitment=commitment(salt, seed),
+    )
+    return replace(opened, salt=salt, session=replace(opened.session, origin=origin))
 
 
 def _rules(scenario: Scenario) -> Entry[Procedure]:

@@ -21,7 +21,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import Procedure
 
 LOG = "day.sqlite"  # its name in the folder of a day
-SCHEMA = 1
+SCHEMA = 2
 TABLE = """
 CREATE TABLE entries (number INTEGER PRIMARY KEY CHECK (number >= 0), entry TEXT NOT NULL) STRICT;
 CREATE TRIGGER no_change BEFORE UPDATE ON entries BEGIN SELECT RAISE(ABORT, 'append only'); END;

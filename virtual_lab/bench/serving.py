@@ -30,6 +30,7 @@ from virtual_lab.bench.slow_motion import Motion
 from virtual_lab.catalog import Entry
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.records.origin import Simulated
 from virtual_lab.records.session import Session
 
 if TYPE_CHECKING:
@@ -96,7 +97,9 @@ class ServedDay:
             procedure_text=rules.text,
             calibration={},
             records={},
-            simulation={},
+            origin=Simulated(
+                reality="", sealing="", seed_commitment="", unverified_numbers={}, rungs={}
+            ),
         )
         return Desk(Day(morning=session, balls=rules.spec.balls))
 

@@ -16,8 +16,11 @@ from virtual_lab.catalog.specs import Spec
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError
 from virtual_lab.files import read_json
+from virtual_lab.records.origin import Simulated
 
-SCHEMA = 2
+SCHEMA = 3
+SIMULATED = "SIMULATED: no real bat was tested and no accredited laboratory issued this."
+SUPPLIED = "Computed by this program from records supplied by {}; not verified."
 OPTIONAL = (  # not stated where the metric is the same quantity
     "bat_performance_factor",
     "collision_efficiency",
@@ -296,16 +299,24 @@ class UnverifiedValue(Spec):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SimulationStated(Simulated):
+    """How the test was simulated, and the digest of its truth; null: reduced from records alone."""
+
+    truth_digest: str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CertificateDocument(Spec):
     """The complete certificate."""
 
     schema: int
-    statement: str
+    origin: Literal["simulated", "supplied"]
+    statement: str  # what the result is worth, on every page
     procedure: ProcedureStated
     bat: BatAsMeasured
     ball: BallsUsed
     rigs: dict[str, str]
-    laboratory: str
+    laboratory: str  # that supplied the records; empty of a simulated test
     customer: str
     date: str
     metric: MetricStated
@@ -341,7 +352,7 @@ class CertificateDocument(Spec):
     conditional_on: str
     budget: tuple[BudgetLine, ...]  # largest first
     unverified: tuple[UnverifiedValue, ...]
-    simulation: dict[str, Any]  # how it was simulated; {} of real records
+    simulation: SimulationStated | None  # null: of supplied records
     versions: dict[str, str]
 
     @property
@@ -362,6 +373,11 @@ class CertificateDocument(Spec):
     def text(self) -> str:
         """Return the text of ``certificate.json``."""
         return json.dumps(self.as_json(), indent=2, allow_nan=False) + "\n"
+
+
+def statement_of(laboratory: str | None) -> str:
+    """Return what a result is worth: simulated, or from the records of a laboratory."""
+    return SIMULATED if laboratory is None else SUPPLIED.format(laboratory)
 
 
 def document_of(parsed: dict[str, Any], where: str) -> CertificateDocument:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from importlib.metadata import version
 from math import isfinite, sqrt
+from typing import cast
 
 import numpy as np
 
@@ -32,11 +33,13 @@ from virtual_lab.certificate.document import (
     RingStated,
     RuleFinding,
     ShotRow,
+    SimulationStated,
     Stated,
     SwingRow,
     Trace,
     UnverifiedValue,
     WidthStated,
+    statement_of,
 )
 from virtual_lab.errors import DISTRIBUTION
 from virtual_lab.measurement.camera.comparison import CameraComparison, ComparedQuantity
@@ -48,10 +51,9 @@ from virtual_lab.measurement.reduction.recoil import RECOIL
 from virtual_lab.measurement.swing_range import SwingResult
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.records import EncoderRecord
+from virtual_lab.records.origin import Simulated, Supplied
 from virtual_lab.uncertainty.budget import Budget
 from virtual_lab.units import INCH, MPH, Array
-
-SIMULATED = "SIMULATED: no real bat was tested and no accredited laboratory issued this."
 
 
 def certificate(
@@ -70,10 +72,12 @@ def certificate(
         for name in QUANTITIES
         if name != procedure.metric or _of_standard_ball(procedure)
     }
-    digest = {"truth_digest": truth_digest} if truth_digest else {}
+    origin = session.origin
+    supplied = origin if isinstance(origin, Supplied) else None
     return CertificateDocument(
         schema=SCHEMA,
-        statement=SIMULATED if session.simulation else "",
+        origin="supplied" if supplied else "simulated",
+        statement=statement_of(supplied.laboratory if supplied else None),
         procedure=ProcedureStated(
             name=procedure.name,
             title=procedure.title,
@@ -95,8 +99,8 @@ def certificate(
             set_aside=tuple(BallSetAside(**asdict(each)) for each in certification.set_aside),
         ),
         rigs=dict(session.rigs),
-        laboratory=session.laboratory,
-        customer=session.customer,
+        laboratory=supplied.laboratory if supplied else "",
+        customer=supplied.customer if supplied else "",
         date=session.date,
         metric=_metric(certification),
         verdict=certification.verdict.value,
@@ -148,10 +152,15 @@ def certificate(
             )
             for datum in certification.unverified
         ),
-        simulation=dict(session.simulation) | digest,
+        simulation=None if supplied else _simulation(cast("Simulated", origin), truth_digest),
         versions={"virtual-lab": version(DISTRIBUTION)}
         | {name: version(name) for name in ("numpy", "scipy", "pandas", "numba")},
     )
+
+
+def _simulation(origin: Simulated, truth_digest: str | None) -> SimulationStated:
+    known = {each.name: getattr(origin, each.name) for each in fields(origin)}
+    return SimulationStated(**known, truth_digest=truth_digest)
 
 
 def budget_lines(budget: Budget) -> list[BudgetLine]:
@@ -257,7 +266,7 @@ def _conditional_on(certification: Certification) -> str:
     model = (
         "the model of the collision (the force law of the ball alone moves the peak e of a bat "
         "by 0.045) and on "  # of r161: virtual-lab sensitivity r161
-        if certification.session.simulation
+        if isinstance(certification.session.origin, Simulated)
         else ""
     )
     return (

@@ -63,10 +63,9 @@ def certificate_text(document: CertificateDocument) -> str:
     lines += [f"    shot {hit.shot}: {hit.reason}" for hit in document.rejected_hits]
     lines += [f"  ball {each.ball} set aside: {each.reason}" for each in document.ball.set_aside]
     lines.append(f"  {document.conditional_on}")
-    if document.statement:
-        lines.append(f"  {document.statement}")
-    if "sealing" in document.simulation:
-        lines.append(f"  {document.simulation['sealing']}")
+    lines.append(f"  {document.statement}")
+    if document.simulation:
+        lines.append(f"  {document.simulation.sealing}")
     return "\n".join(lines)
 
 

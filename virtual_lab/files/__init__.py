@@ -2,6 +2,7 @@
 
 from virtual_lab.files.documents import (
     check_new_folder,
+    contents,
     first_free,
     inside,
     new_files,
@@ -18,6 +19,7 @@ from virtual_lab.files.drafts import remove_drafts
 
 __all__ = [
     "check_new_folder",
+    "contents",
     "first_free",
     "inside",
     "new_files",

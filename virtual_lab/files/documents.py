@@ -123,6 +123,31 @@ def inside(folder: Path, name: str, where: str, key: str) -> Path:
     raise InputError(where, key, name, f"leads out of {folder}; allowed: files within it")
 
 
+KINDS = (
+    (stat.S_ISREG, "file"),
+    (stat.S_ISLNK, "link"),
+    (stat.S_ISFIFO, "pipe"),
+    (stat.S_ISSOCK, "socket"),
+)
+
+
+def contents(folder: Path) -> dict[str, str]:
+    """Return what lies in a folder and in the folders in it: kind by path within it, in order.
+
+    A kind is ``file``, ``link`` (of a folder too; it is not followed), ``pipe``, ``socket`` or
+    ``device``.
+    """
+    found = {}
+    for root, folders, files in os.walk(folder):
+        for name in (*folders, *files):
+            path = Path(root, name)
+            mode = path.lstat().st_mode
+            if not stat.S_ISDIR(mode):
+                kind = next((word for test, word in KINDS if test(mode)), "device")
+                found[path.relative_to(folder).as_posix()] = kind
+    return dict(sorted(found.items()))
+
+
 def read_table(path: Path, *, delimiter: str = ",", decimal: str = ".") -> pd.DataFrame:
     """Return the table in a CSV file: a header, then rows as long as it.
 

@@ -21,6 +21,7 @@ from virtual_lab.lab.fitting import (
 )
 from virtual_lab.lab.setup import TestSetup
 from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.records.origin import Simulated
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
 from virtual_lab.simulation.physics.beam import Pinned
@@ -112,12 +113,13 @@ class Laboratory:
                 procedure_text=setup.rules.text,
                 calibration=setup.faults.calibration(known | lot_constants(ball)),
                 records={},
-                simulation={
-                    "reality": setup.reality.value,
-                    "sealing": _sealing(setup),
-                    "seed_commitment": commitment(salt, seed),
-                    "unverified_numbers": setup.unverified,
-                },
+                origin=Simulated(
+                    reality=setup.reality.value,
+                    sealing=_sealing(setup),
+                    seed_commitment=commitment(salt, seed),
+                    unverified_numbers=setup.unverified,
+                    rungs={},
+                ),
             ),
         )
 
@@ -125,6 +127,11 @@ class Laboratory:
     def rules(self) -> Entry[Procedure]:
         """The procedure, with its text."""
         return self.setup.rules
+
+    @property
+    def origin(self) -> Simulated:
+        """What a session of this laboratory may say of its simulation."""
+        return cast("Simulated", self.session.origin)
 
     @property
     def impact(self) -> ImpactStation:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from virtual_lab.errors import InputError
-from virtual_lab.files import read_json, read_toml
+from virtual_lab.files import contents, read_json, read_toml
 
 TRUTH, SEAL = "truth/truth.json", "truth/seal.json"
 
@@ -36,7 +36,7 @@ class Alteration:
 
 def write_seal(folder: Path) -> None:
     """Seal all files of a test in `folder`, including its truth."""
-    content = {name: _content(folder, name) for name in _files(folder)}
+    content = {name: _content(folder, name) for name in contents(folder) if name != SEAL}
     document = {"schema": 1, "digest": _digest(content), "content": content}
     (folder / SEAL).write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
 
@@ -47,6 +47,8 @@ def alterations(folder: Path) -> list[Alteration]:
     If the seal itself was altered, only this is reported. Raises `InputError` without a seal.
     """
     path = folder / SEAL
+    if path.is_symlink():
+        return [Alteration(SEAL, "", "replaced by a link")]
     if not path.exists():
         allowed = "is missing: taken away, or the test is older than seals; certify the bat again"
         raise InputError(str(path), "seal", None, allowed)
@@ -57,19 +59,21 @@ def alterations(folder: Path) -> list[Alteration]:
     sealed = seal.get("content")
     if not isinstance(sealed, dict) or seal.get("digest") != _digest(sealed):
         return [Alteration(SEAL, "", "altered")]
-    complete = ("records", "truth")  # nothing may be added to them
-    found = _files(folder)
-    added = [name for name in found if name not in sealed and name.split("/")[0] in complete]
+    complete = {"records", "truth"}  # nothing may be added to them
+    found = contents(folder)
+    found.pop(SEAL, None)
+    added = [name for name in found if name not in sealed and complete & {*name.split("/")}]
     return [
-        *(each for name, content in sealed.items() for each in _altered(folder, name, content)),
-        *(Alteration(name, "", "added") for name in added),
+        *(
+            each
+            for name, content in sealed.items()
+            for each in _altered(folder, name, content, found.get(name))
+        ),
+        *(
+            Alteration(name, "", "added" if found[name] == "file" else f"added, a {found[name]},")
+            for name in added
+        ),
     ]
-
-
-def _files(folder: Path) -> list[str]:
-    """Return the names of the files under `folder` but the seal, in order."""
-    names = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
-    return sorted(name for name in names if name != SEAL)
 
 
 def _content(folder: Path, name: str) -> str | dict[str, str]:
@@ -82,9 +86,12 @@ def _content(folder: Path, name: str) -> str | dict[str, str]:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _altered(folder: Path, name: str, sealed: str | dict[str, str]) -> Iterator[Alteration]:
-    if not (folder / name).is_file():
-        yield Alteration(name, "", "removed")
+def _altered(
+    folder: Path, name: str, sealed: str | dict[str, str], kind: str | None
+) -> Iterator[Alteration]:
+    """Yield what was altered of a sealed file, of which there is now one of `kind`, or none."""
+    if kind != "file":
+        yield Alteration(name, "", f"replaced by a {kind}" if kind else "removed")
         return
     try:
         found = _content(folder, name)

@@ -28,6 +28,7 @@ from virtual_lab.measurement.session_reduction import (
 )
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.records import Record, join
+from virtual_lab.records.origin import RungTaken
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.collision.modal import kernel_is_compiled
 from virtual_lab.simulation.rig import (
@@ -162,7 +163,7 @@ class TestDay:
             "collision": laboratory.collision.report(),
             "motion": _motion_report(laboratory.setup.motion),
         }
-        session = replace(self.session, simulation={**self.session.simulation, "rungs": rungs})
+        session = replace(self.session, origin=replace(laboratory.origin, rungs=rungs))
         return BatTest(
             certification=evaluate(session, self.reduced),
             sealed=self._seal(self.reduced),
@@ -252,9 +253,9 @@ def with_records(session: Session, stage: Stage, rounds: Sequence[RigOutput]) ->
     return replace(session, records={**session.records, stage.value: records})
 
 
-def _motion_report(motion: MotionRung) -> dict[str, str]:
+def _motion_report(motion: MotionRung) -> RungTaken:
     pinned = "" if motion is MotionRung.CLOSED_FORM else ", as asked for"
-    return {"rung": motion.value, "reason": f"{motion.value}{pinned}"}
+    return RungTaken(rung=motion.value, reason=f"{motion.value}{pinned}")
 
 
 def _round_in_words(places: Array) -> str:

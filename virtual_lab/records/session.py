@@ -3,6 +3,8 @@
 On disk a session is a folder: ``session.json`` (tested bat, rigs, calibration constants),
 ``procedure.toml`` (the procedure as used), and for each stage a folder with one CSV file per
 channel. It contains neither truth nor seed, and suffices for the complete reduction.
+``session.json`` says where the records come from and names every other file with its SHA-256; a
+folder with another file in it, or a file that is not as it says, is refused.
 """
 
 from __future__ import annotations
@@ -21,19 +23,16 @@ import numpy as np
 from virtual_lab.catalog.specs import BatSport, Name, Real, Spec, Sport, Title, Whole
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError, nearest
-from virtual_lab.files import inside, parse_table, read_bytes, read_json, read_text
+from virtual_lab.files import contents, parse_table, read_bytes, read_json, read_text
 from virtual_lab.records import RECORD_NAMES, RECORD_TYPES, Record
 from virtual_lab.records.constants import require_plausible
+from virtual_lab.records.origin import Origin, Simulated, Supplied
 from virtual_lab.uncertainty.estimate import Estimate
 
-SCHEMA = 1
-SESSION = "session.json"
-OPTIONAL = (  # left out where the records do not say
-    "bat_sport",
-    "ball_sport",
-    "laboratory",
-    "customer",
-)
+SCHEMA = 2
+SESSION, RULES = "session.json", "procedure.toml"
+SPORTS = ("bat_sport", "ball_sport")  # left out where the records do not say
+CHANGED = "the file was changed after session.json was written"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,12 +45,10 @@ class Session:
     procedure_text: str
     calibration: Mapping[str, Estimate]  # "stage.instrument.constant"
     records: Mapping[str, Mapping[str, Record]]  # stage: channel: record
+    origin: Origin
     date: str = ""  # of the test, as the laboratory writes dates
     bat_sport: str = ""  # what the bat is marked for, as its data sheet says; "": not known
     ball_sport: str = ""
-    laboratory: str = ""
-    customer: str = ""
-    simulation: Mapping[str, Any]  # rungs, reality and seed commitment; {} for a real laboratory
 
 
 def save_session(session: Session, folder: Path) -> None:
@@ -66,25 +63,39 @@ def save_session(session: Session, folder: Path) -> None:
             channels.setdefault(stage, {})[channel] = {
                 "record": RECORD_NAMES[type(record)],
                 "rows": len(table),
-                "sha256": hashlib.sha256(data).hexdigest(),
+                "sha256": _digest(data),
                 **_attached(record, folder / stage / channel),
             }
+    rules = session.procedure_text.encode()
     document = {
         "schema": SCHEMA,
+        **entry_of_origin(session.origin),
         "bat": session.bat,
         "ball": session.ball,
         "date": session.date,
-        **{key: getattr(session, key) for key in OPTIONAL if getattr(session, key)},
+        **{key: getattr(session, key) for key in SPORTS if getattr(session, key)},
         "rigs": dict(session.rigs),
-        "simulation": dict(session.simulation),
+        "procedure_sha256": _digest(rules),
         "channels": channels,
         "calibration": {
             key: entry_of_constant(known) for key, known in session.calibration.items()
         },
     }
-    (folder / "procedure.toml").write_text(session.procedure_text, encoding="utf-8")
+    (folder / RULES).write_bytes(rules)
     text = json.dumps(document, indent=1, allow_nan=False)
     (folder / SESSION).write_text(text + "\n", encoding="utf-8")
+
+
+def entry_of_origin(origin: Origin) -> dict[str, Any]:
+    """Return an origin as keys of JSON."""
+    if isinstance(origin, Simulated):
+        return {"origin": "simulated", "simulation": origin.as_json()}
+    customer = {"customer": origin.customer} if origin.customer else {}
+    return {"origin": "supplied", "laboratory": origin.laboratory, **customer}
+
+
+def _digest(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
 
 
 def _attached(record: Record, path: Path) -> dict[str, Any]:
@@ -106,8 +117,8 @@ class ChannelEntry(Spec):
     """Entry of ``session.json`` for one channel's file."""
 
     record: str
-    rows: Whole | None = None
-    sha256: str | None = None
+    rows: Whole
+    sha256: str
     attached: Mapping[str, str] = field(default_factory=dict)  # name: SHA-256 of the array
 
 
@@ -125,29 +136,35 @@ class ConstantEntry(Spec):
 class SessionForm(Spec):
     """The keys of ``session.json``."""
 
-    schema: Literal[1]
+    schema: Literal[2]
+    origin: Literal["simulated", "supplied"]
     bat: Name
     ball: Name
     rigs: Mapping[str, str]
+    procedure_sha256: str
     channels: Mapping[str, Mapping[str, ChannelEntry]]
     calibration: Mapping[str, ConstantEntry]
     date: Name = ""
     bat_sport: BatSport | Literal[""] = ""
     ball_sport: Sport | Literal[""] = ""
+    simulation: Simulated | None = None
     laboratory: Title = ""
     customer: Title = ""
-    simulation: Mapping[str, Any] = field(default_factory=dict)
 
 
 def load_session(folder: Path) -> Session:
     """Read a session. `InputError` names file, key and what is allowed."""
     where = folder / SESSION
     form = validate(read_json(where), str(where), SessionForm)
+    _require_listed(folder, form, where)
+    rules = read_bytes(folder / RULES)
+    if form.procedure_sha256 != _digest(rules):
+        raise InputError(str(folder / RULES), "sha256", None, CHANGED)
     return Session(
         bat=form.bat,
         ball=form.ball,
         rigs=form.rigs,
-        procedure_text=read_text(inside(folder, "procedure.toml", str(where), "procedure")),
+        procedure_text=read_text(folder / RULES),
         calibration={key: _known(entry, key, where) for key, entry in form.calibration.items()},
         records={
             stage: {
@@ -156,10 +173,43 @@ def load_session(folder: Path) -> Session:
             }
             for stage, channels in form.channels.items()
         },
+        origin=_origin(form, where),
         date=form.date,
-        **{key: getattr(form, key) for key in OPTIONAL},
-        simulation=form.simulation,
+        **{key: getattr(form, key) for key in SPORTS},
     )
+
+
+def _origin(form: SessionForm, where: Path) -> Origin:
+    """Return the origin of a session: of what it says, nothing may be of the other kind."""
+    simulated = form.origin == "simulated"
+    needed = "simulation" if simulated else "laboratory"
+    excluded = ("laboratory", "customer") if simulated else ("simulation",)
+    for key in excluded:
+        if getattr(form, key):
+            allowed = f"not allowed: the origin of these records is {form.origin!r}"
+            raise InputError(str(where), key, None, allowed)
+    if not getattr(form, needed):
+        allowed = f"this key is missing: the origin of these records is {form.origin!r}"
+        raise InputError(str(where), needed, None, allowed)
+    if form.simulation:
+        return form.simulation
+    return Supplied(laboratory=form.laboratory, customer=form.customer)
+
+
+def _require_listed(folder: Path, form: SessionForm, where: Path) -> None:
+    """Refuse a folder with links, pipes or files that ``session.json`` does not name."""
+    listed = {SESSION, RULES}
+    for stage, channels in form.channels.items():
+        for channel, entry in channels.items():
+            require_channel(stage, channel, where)
+            listed.add(f"{stage}/{channel}.csv")
+            listed.update(f"{stage}/{channel}-{name}.npy" for name in entry.attached)
+    for name, kind in contents(folder).items():
+        if kind != "file":
+            allowed = "allowed among records: plain files in plain folders"
+            raise InputError(str(folder / name), "file", f"a {kind}", allowed)
+        if name not in listed:
+            raise InputError(str(folder / name), "file", None, f"is not listed in {where}")
 
 
 def require_channel(stage: str, channel: str, where: Path) -> None:
@@ -190,24 +240,18 @@ def _known(entry: ConstantEntry, key: str, where: Path) -> Estimate:
 
 
 def _record(folder: Path, name: tuple[str, str], entry: ChannelEntry, where: Path) -> Record:
-    require_channel(*name, where)
     key = f"channels.{'.'.join(name)}"
     if entry.record not in RECORD_TYPES:
         allowed = f"{nearest(entry.record, RECORD_TYPES)}allowed: {', '.join(RECORD_TYPES)}"
         raise InputError(str(where), f"{key}.record", entry.record, allowed)
-    path = inside(folder, f"{'/'.join(name)}.csv", str(where), key)
+    path = folder / f"{'/'.join(name)}.csv"
     data = read_bytes(path)
     table = parse_table(data, str(path))
-    if entry.rows not in (None, len(table)):
+    if entry.rows != len(table):
         allowed = f"session.json says {entry.rows} (is the record cut short?)"
         raise InputError(str(path), "rows", len(table), allowed)
-    if entry.sha256 not in (None, hashlib.sha256(data).hexdigest()):
-        raise InputError(
-            str(path),
-            "sha256",
-            None,
-            "the file was changed after session.json was written (if on purpose, remove this key)",
-        )
+    if entry.sha256 != _digest(data):
+        raise InputError(str(path), "sha256", None, CHANGED)
     record = RECORD_TYPES[entry.record].from_table(table, str(path))
     return _with_arrays(record, entry, path)
 
@@ -218,7 +262,7 @@ def _with_arrays(record: Record, entry: ChannelEntry, path: Path) -> Record:
         if name not in record.attached:
             allowed = f"allowed: {', '.join(record.attached) or 'nothing'}"
             raise InputError(str(path), "attached", name, allowed)
-        beside = inside(path.parent, f"{path.stem}-{name}.npy", str(path), "attached")
+        beside = path.with_name(f"{path.stem}-{name}.npy")
         try:
             with beside.open("rb") as file:
                 same = hashlib.file_digest(file, "sha256").hexdigest() == digest
@@ -226,9 +270,7 @@ def _with_arrays(record: Record, entry: ChannelEntry, path: Path) -> Record:
         except (OSError, ValueError) as fault:
             raise InputError(str(beside), "file", None, f"cannot be read ({fault})") from fault
         if not same:
-            raise InputError(
-                str(beside), "sha256", None, "the file was changed after session.json was written"
-            )
+            raise InputError(str(beside), "sha256", None, CHANGED)
         try:
             record = replace(record, **{name: values})
         except ValueError as fault:

@@ -133,7 +133,7 @@ def score_folder(folder: str | Path) -> CertificateScore:
         simulation, rows, faults = {}, (), ()
     named = {(each.file, each.key) for each in altered}
     bound = {(TRUTH, ""), (CERTIFICATE, "simulation.truth_digest")}  # the one holds a digest of
-    if simulation.get("truth_digest", digest) != digest and not named & bound:
+    if simulation.get("truth_digest") not in (None, digest) and not named & bound:
         altered.append(Alteration(TRUTH, "", "altered"))  # and the seal to match
     sealing = simulation.get("sealing")
     return CertificateScore(altered=tuple(altered), sealing=sealing, rows=rows, faults=faults)

@@ -52,8 +52,9 @@ def _form(session: Session, procedure: str) -> Iterator[str]:
     yield f"# Fill in every {BLANK!r} and the tables, then: virtual-lab reduce FOLDER"
     yield "# Tables may have other units, names and shapes: data/README.md says how."
     yield ""
-    yield f'laboratory = "{BLANK}"  # this line, the next and the date may go'
-    for key in ("customer", "date", "bat"):
+    yield f'laboratory = "{BLANK}"'
+    yield f'customer = "{BLANK}"  # this line and the next may go'
+    for key in ("date", "bat"):
         yield f'{key} = "{BLANK}"'
     yield f'ball = "{session.ball}"'
     for key, other in (("bat_sport", f", {CHECK_STANDARD}"), ("ball_sport", "")):

@@ -22,6 +22,7 @@ from virtual_lab.measurement.reduction.shot_algebra import (
     shot_results,
 )
 from virtual_lab.records import AimMarks, LengthReadings, MassReadings, PendulumRecord, ShotLog
+from virtual_lab.records.origin import Supplied
 from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.estimate import Estimate
 
@@ -85,7 +86,7 @@ def bench() -> Session:
                 ),
             }
         },
-        simulation={},
+        origin=Supplied(laboratory="worked by hand"),
     )
 
 

@@ -17,6 +17,7 @@ from virtual_lab.api import reduce
 from virtual_lab.errors import InputError
 from virtual_lab.records.foreign.laboratory import LaboratoryForm, load_laboratory
 from virtual_lab.records.foreign.table import ChannelForm
+from virtual_lab.records.origin import Supplied
 
 KNOWN = json.loads(ANSWER.read_text())
 QUANTITIES = [name for name in KNOWN if name != "verdict"]
@@ -34,10 +35,11 @@ def test_the_known_answer(name: str) -> None:
 
 def test_names_and_sources_are_kept() -> None:
     session = load_laboratory(RECORDS)
-    assert (session.laboratory, session.customer) == ("Crosstown Bat Laboratory", "Ashwood & Sons")
+    assert session.origin == Supplied(
+        laboratory="Crosstown Bat Laboratory", customer="Ashwood & Sons"
+    )
     assert (session.bat, session.ball, session.date) == ("r161", "baseball-2003", "2026-11-20")
     assert session.rigs == {"bench": "bench", "balls": "ball-wall", "impact": "astm-pivot"}
-    assert session.simulation == {}
     assert session.calibration["bench.scale.span"].source == "certificate 4411"
 
 
@@ -47,11 +49,13 @@ def test_by_the_command_line(run: Run, tmp_path: Path) -> None:  # noqa: F811
     document = json.loads(out)
     assert code == 0
     assert document["verdict"] == KNOWN["verdict"]
-    assert document["statement"] == ""  # not simulated here
-    assert document["simulation"] == {}
+    said = "Computed by this program from records supplied by Crosstown Bat Laboratory"
+    assert document["statement"] == f"{said}; not verified."
+    assert (document["origin"], document["simulation"]) == ("supplied", None)
     assert document["laboratory"] == "Crosstown Bat Laboratory"
     page = (tmp_path / "theirs/certificate.html").read_text("utf-8")
-    assert "Crosstown Bat Laboratory; reduced by the Virtual laboratory" in page
+    assert "Crosstown Bat Laboratory, which supplied the records; computed by the Virtual" in page
+    assert page.count(said) == 2
     assert "<dt>Customer</dt><dd>Ashwood &amp; Sons</dd>" in page
     known = KNOWN["bat_performance_factor"]
     assert abs(document["metric"]["value"] - known["value"]) < 0.02 * known["u"]
@@ -102,6 +106,7 @@ def _no_line(start: str) -> Change:
         ),
         (_form("^bat = ", "bats = 1\nbat = "), ["bats", "unknown key"]),
         (_no_line("bat ="), ["bat", "missing"]),
+        (_no_line("laboratory ="), ["laboratory", "missing"]),
         (_no_line("ball ="), ["ball", "missing"]),
         (_form("index_from = 1", "index_from = 2"), ["index_from", "0 or 1"]),
         (_form("index_from = 1", "index_from = "), ["TOML", "parsed"]),

@@ -235,7 +235,7 @@ def test_without_a_box_there_is_no_surrogate() -> None:
 def test_a_rung_asked_for_is_no_surrogate() -> None:
     asked = ladder(rung="rigid", box=BOX)
     asked.efficiency(WOOD, Free(), usual(np.linspace(4, 8, 60)))
-    assert asked.report()["rung"] == "rigid"
+    assert asked.report().rung == "rigid"
 
 
 def test_an_individual_takes_the_rung_of_the_nominal_bat_with_its_own_modes() -> None:
@@ -247,7 +247,7 @@ def test_an_individual_takes_the_rung_of_the_nominal_bat_with_its_own_modes() ->
     own = ModalModel.of(stiff, axis, 20).collide(PROBE).collision_efficiency
     assert found == pytest.approx(own, abs=1e-6)
     assert choose(stiff, axis, PROBE, standard_uncertainty=0.002).name == "modal, 14 modes,"
-    assert tests.report()["reason"].startswith("modal, 20 modes, is the cheapest good enough")
+    assert tests.report().reason.startswith("modal, 20 modes, is the cheapest good enough")
     assert tests.report() == ladder(support=PIVOT).report()
 
 

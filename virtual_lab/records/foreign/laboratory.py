@@ -15,6 +15,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.files import inside, read_toml
 from virtual_lab.records.foreign.constants import read_constants
 from virtual_lab.records.foreign.table import ChannelForm, FirstIndex, read_channel
+from virtual_lab.records.origin import Supplied
 from virtual_lab.records.session import Session, require_channel
 
 FORM = "laboratory.toml"
@@ -31,10 +32,10 @@ class LaboratoryForm(Spec):
     rigs: Mapping[str, str]  # stage: name
     calibration: Mapping[str, Any]  # "stage.instrument.constant"
     channels: Mapping[str, Mapping[str, Any]]  # stage: channel
+    laboratory: Title
     date: str | datetime.date = ""
     bat_sport: BatSport | Literal[""] = ""
     ball_sport: Sport | Literal[""] = ""
-    laboratory: Title = ""
     customer: Title = ""
     index_from: FirstIndex = 0
 
@@ -56,8 +57,7 @@ def load_laboratory(folder: Path) -> Session:
         date=str(form.date),
         bat_sport=form.bat_sport,
         ball_sport=form.ball_sport,
-        laboratory=form.laboratory,
-        customer=form.customer,
+        origin=Supplied(laboratory=form.laboratory, customer=form.customer),
         rigs=form.rigs,
         procedure_text=_procedure_text(form.procedure, folder, path),
         calibration=read_constants(form.calibration, str(path)),
@@ -68,7 +68,6 @@ def load_laboratory(folder: Path) -> Session:
             }
             for stage, channels in form.channels.items()
         },
-        simulation={},
     )
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.catalog.specs import BallSpec, BatBody
 from virtual_lab.errors import InputError
+from virtual_lab.records.origin import RungTaken
 from virtual_lab.simulation.collision.modal import (
     BENDING_MODES,
     STIFF_MODES,
@@ -287,10 +288,10 @@ class Ladder:
             model = ModalModel.of(body, support)
         return model.collide(scenes).collision_efficiency
 
-    def report(self) -> dict[str, str | float]:
+    def report(self) -> RungTaken:
         """Return the rung, its error in e_A, and why; of the surrogate where there is one."""
         taken = next(iter(self.fitted.values()), None) or self.choice
-        return {"rung": taken.rung, "error": taken.error, "reason": taken.reason}
+        return RungTaken(rung=taken.rung, error=taken.error, reason=taken.reason)
 
 
 def probing_scenes(
