@@ -127,6 +127,7 @@ def test_a_sweep_tells_why_a_bat_fails() -> None:
     assert weight.startswith("length less weight 3.0")
     assert weight.endswith("allowed up to 2.5 (one-piece wood bats are exempt)")
     assert "above the limit 0.400" in limit
+    assert vl.certify("r161", procedure=rules, seed=0).reasons[0].startswith("length less weight")
     rules = vl.procedure("bbcor").with_({"eligibility.length_less_weight": 3.5})
     assert (
         vl.sweep("r161", procedures=rules, seeds=[0], progress=lambda *_: None)["reason"][0] == ""
@@ -189,6 +190,7 @@ def test_bats_and_balls_as_sheets() -> None:
 @pytest.mark.parametrize(
     ("sheet", "changes", "said"),
     [
+        ("bat", {"density": 700}, "did you mean body.material.density or spread.density"),
         ("procedure", {"valid_hit": 8}, "did you mean valid_hits?"),
         ("procedure", {"valid_hits": "8 mph"}, "valid_hits"),
         ("procedure", {"valid_hits": "many"}, "a number in 1"),
@@ -395,6 +397,15 @@ def test_a_seed_of_anybodys_kind() -> None:
     setup = lab.TestSetup.of("ea70", procedure="astm-f1881", seed=3)
     plain = lab.certify_bat(setup).certification.metric.value
     assert vl.certify("ea70", seed=np.int64(3)).value == plain
+
+
+def test_what_a_prompt_shows_is_short_or_the_text() -> None:
+    """A row asked for by a name is told of the table; what `show` finds is read at once."""
+    assert repr(vl.show("bbcor")).startswith("bbcor: Ball-bat coefficient of restitution")
+    with pytest.raises(vl.InputError, match=r"\.table has columns by name"):
+        vl.shelf("bats")["r161"]
+    nested = vl.bat("r161").with_({"body.material": {"density": 700}})
+    assert nested.name == "r161 (body.material.density=700)"
 
 
 def test_results_of_studies_have_one_shape(tmp_path: Path) -> None:

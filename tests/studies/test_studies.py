@@ -70,7 +70,7 @@ def test_effects_of_every_term() -> None:
 
 
 def test_effects_need_laboratories() -> None:
-    with pytest.raises(InputError, match="4 and more with a result for each of"):
+    with pytest.raises(InputError, match=r"and more with a result, 4 for each of"):
         effects("r161", laboratories=5, summed=True)
 
 

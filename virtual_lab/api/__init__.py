@@ -221,6 +221,16 @@ class Certificate:
         return self.certification.verdict.value
 
     @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the verdict is FAIL or INVALID; () if it is neither."""
+        return self.certification.reasons
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """Names of the flags: what does not hang together in the records."""
+        return tuple(flag.name for flag in self.certification.flags)
+
+    @property
     def value(self) -> float | None:
         """The metric in its `unit`, None with too few valid hits."""
         return self._in_print(self.printed.metric.value)

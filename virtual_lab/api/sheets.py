@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -112,8 +112,23 @@ class Sheet:
             changed = Sheet(self.kind, self.name, toml_text(document))
         else:
             changed = self._renamed(document, every)
-        changed._check(changed.name)
+        try:
+            changed._check(changed.name)
+        except InputError as fault:
+            raise self._misnamed(every) or fault from fault
         return changed
+
+    def _misnamed(self, every: Mapping[str, Any]) -> InputError | None:
+        """Return the error for a key that stands within a table of this sheet."""
+        from virtual_lab import catalog
+
+        known = [datum.key for datum in catalog.datums(self.document)]
+        for key in every:
+            within = [each for each in known if each.endswith(f".{key}")]
+            if within and key not in self.document:
+                allowed = f"unknown key, did you mean {' or '.join(within)}?"
+                return InputError(self.name, key, None, allowed)
+        return None
 
     def _renamed(self, document: dict[str, Any], every: Mapping[str, Any]) -> Sheet:
         """Return the sheet of a changed document; its name tells the changes, or is given."""
@@ -128,7 +143,7 @@ class Sheet:
                 raise InputError(self.name, "name", name, allowed)
             return Sheet(self.kind, name, toml_text(document))
         origin = self.origin or str(document.get("name", Path(self.name).stem))
-        changes = dict(self.changes) | {key: _in_name(value) for key, value in every.items()}
+        changes = dict(self.changes) | {key: _in_name(value) for key, value in _dotted(every)}
         name = f"{origin} ({', '.join(f'{key}={value}' for key, value in changes.items())})"
         if len(name) > LONGEST_NAME:
             digest = hashlib.sha256(name.encode()).hexdigest()[:8]
@@ -252,9 +267,18 @@ def _is_table(value: Any) -> bool:
     return isinstance(value, list) and bool(value) and isinstance(value[0], dict)
 
 
+def _dotted(changes: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the values within tables, each under its key with dots."""
+    for key, value in changes.items():
+        if isinstance(value, Mapping):
+            yield from _dotted(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}", value
+
+
 def _in_name(value: Any) -> str:
     """Return a new value as a part of a name, of characters that any file's name may have."""
-    if _is_list(value) and not isinstance(value, Mapping):
+    if _is_list(value):
         return " ".join(_in_name(each) for each in value)
     text = "none" if value is None else str(_plain(value))
     return UNFIT.sub("_", re.sub(r"(?<=\w)/(?=\w)", " per ", text)).strip()

@@ -17,7 +17,7 @@ from virtual_lab.bench.scenario import load_scenario
 from virtual_lab.files import new_folder, read_json
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class RehearsedDay:
     """A day that an operator has taken: its debrief, its log and its sealed file."""
 
@@ -50,6 +50,9 @@ class RehearsedDay:
             (draft / SECRET).chmod(0o600)
             save_debrief(self.debrief, draft)
         return target
+
+    def __repr__(self) -> str:
+        return f"<Day of {self.text.splitlines()[0]}>"
 
 
 def rehearse(

@@ -130,4 +130,9 @@ class Rows(StudyResult, Generic[Row]):
         return len(self.rows)
 
     def __getitem__(self, place: int) -> Row:
-        return self.rows[place]
+        """Return a row by its number; `InputError` for a name, which the table has."""
+        try:
+            return self.rows[place]
+        except TypeError as fault:
+            allowed = "allowed: the number of a row; .table has columns by name"
+            raise InputError("", "row", place, allowed) from fault

@@ -95,7 +95,7 @@ def effects(
             cases.append(_case(tested))
     names = list(dict.fromkeys(name for case in cases for name in case.components))
     if len(cases) < 4 * len(names) or not cases:
-        least = f"4 and more with a result for each of {len(names)} terms"
+        least = f"{4 * len(names)} and more with a result, 4 for each of {len(names)} terms"
         raise InputError("", "laboratories", len(cases), f"allowed: {least}")
     regressors = {name: _errors_of(name, cases) for name in names}
     known = {name: errors for name, errors in regressors.items() if errors is not None}

@@ -98,7 +98,7 @@ class SlowestRebound:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class ShownSheet:
     """A catalog entry: title, every number with unit and source, and the list of sources."""
 
@@ -140,8 +140,11 @@ class ShownSheet:
         parts += [""] + [f"{key}: {text}" for key, text in self.sources.items()]
         return "\n".join(parts).rstrip()
 
+    def __repr__(self) -> str:
+        return self.text
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class ShownCertificate:
     """A certificate read from its file."""
 
@@ -156,6 +159,9 @@ class ShownCertificate:
     def text(self) -> str:
         """The result for a terminal."""
         return certificate_text(self.certificate)
+
+    def __repr__(self) -> str:
+        return self.text
 
 
 def show(name: str) -> ShownSheet | ShownCertificate:
