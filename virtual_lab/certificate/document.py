@@ -339,6 +339,7 @@ class CertificateDocument(Spec):
     places: tuple[PlaceRow, ...]  # of a scan
     findings: tuple[RuleFinding, ...]
     flags: tuple[FlagRaised, ...]
+    not_checked: tuple[str, ...] = ()  # checks for which a recorder that sums up keeps too little
     incomplete: str
     reasons: tuple[str, ...]  # why the verdict is INVALID or FAIL
     valid_hits: int

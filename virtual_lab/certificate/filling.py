@@ -122,6 +122,7 @@ def certificate(
         places=tuple(_places(certification)) if procedure.scan else (),
         findings=tuple(RuleFinding(**asdict(each)) for each in certification.findings),
         flags=tuple(FlagRaised(**asdict(each)) for each in certification.flags),
+        not_checked=certification.not_checked,
         incomplete=outcome.reason,
         reasons=certification.reasons,
         valid_hits=int(judgement.valid.sum()),

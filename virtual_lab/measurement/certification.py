@@ -13,7 +13,7 @@ import numpy as np
 
 from virtual_lab.catalog import Datum
 from virtual_lab.measurement.camera.comparison import CameraComparison, compare_camera
-from virtual_lab.measurement.diagnostics import Evidence, Flag, flags
+from virtual_lab.measurement.diagnostics import Discrepancy, Evidence, Flag, check
 from virtual_lab.measurement.other_support import OtherSupport, other_support
 from virtual_lab.measurement.procedure import (
     Finding,
@@ -61,6 +61,8 @@ class Certification:
     set_aside: tuple[SetAside, ...]  # balls that the rules do not admit
     findings: tuple[Finding, ...]  # what the rules ask of a bat before it is hit
     flags: tuple[Flag, ...]  # what does not hang together in the records
+    pairs: tuple[Discrepancy, ...]  # by which two measurements of one thing differ
+    not_checked: tuple[str, ...]  # what a recorder that sums up keeps too little for
     reasons: tuple[str, ...]  # why the verdict is INVALID or FAIL
     verdict: Verdict
 
@@ -106,8 +108,8 @@ def evaluate(
         lost = shortfall(procedure, where, valid, reduced.shot_metric)
         metric = with_choice(quantities.pop("metric"), lost)
     found = findings(procedure, reduced.bat)
-    flagged = flags(_evidence(session, reduced))
-    invalid = tuple(_reasons(procedure, outcome, metric, flagged))
+    checked = check(_evidence(session, reduced, metric))
+    invalid = tuple(_reasons(procedure, outcome, metric, checked.flags))
     unmet = not_met(procedure, found, metric.value if metric else None)
     return Certification(
         session=session,
@@ -127,7 +129,9 @@ def evaluate(
         camera=compare_camera(session, reduced, propagator),
         set_aside=reduced.model.lot.set_aside,
         findings=found,
-        flags=flagged,
+        flags=checked.flags,
+        pairs=checked.pairs,
+        not_checked=checked.left_out,
         reasons=invalid or unmet,
         verdict=verdict(procedure, sound=not invalid, met=not unmet),
     )
@@ -148,7 +152,7 @@ def _reasons(
             yield f"by the flag {flag.name}"
 
 
-def _evidence(session: Session, reduced: SessionReduction) -> Evidence:
+def _evidence(session: Session, reduced: SessionReduction, metric: Budget | None) -> Evidence:
     return Evidence(
         session=session,
         procedure=reduced.procedure,
@@ -158,5 +162,7 @@ def _evidence(session: Session, reduced: SessionReduction) -> Evidence:
         readings=reduced.readings,
         shots=reduced.shots,
         judgement=reduced.judgement,
-        results=reduced.model.shots,
+        model=reduced.model,
+        effects=reduced.outcome.effects,
+        metric=metric,
     )

@@ -10,15 +10,16 @@ import pytest
 from scipy import stats
 from scipy.optimize import brentq
 
-from tests.laboratories import certified
+from tests.laboratories import certified, certify
 from virtual_lab.certificate.document import FlagRaised
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.certificate.text import certificate_text
 from virtual_lab.measurement.certification import certify_session
 from virtual_lab.measurement.diagnostics.bench import wall_drift
-from virtual_lab.measurement.diagnostics.flag import FALSE_ALARMS, chance
+from virtual_lab.measurement.diagnostics.flag import REMARKED, chance, pair
 from virtual_lab.records.session import Session
+from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import Reality
 from virtual_lab.uncertainty.budget import type_a
 
@@ -159,8 +160,57 @@ def test_gates_and_encoder_on_separate_triggers_decide_nothing(sound: Session) -
     assert "no smooth turn fits the encoder" in certificate_page(document)
 
 
-def test_recoil_and_rebound_that_contradict_each_other_decide_nothing(sound: Session) -> None:
-    """An encoder that shows 3 % less than its certificate says."""
+@pytest.mark.parametrize(("chance_of", "raised"), [(6e-4, None), (4e-4, False), (9e-6, True)])
+def test_a_pair_is_remarked_on_below_5e_4_and_contradicts_below_1e_5(
+    chance_of: float, raised: bool | None
+) -> None:
+    """The normal deviate that is exceeded either way with this chance, in units of u."""
+    apart = float(stats.norm.isf(chance_of / 2))
+    for value in (0.2 * apart, -0.2 * apart):
+        found = pair("of-two", "said", value, [type_a("scatter", 0.0, 0.2)], least=1e-9)
+        assert found.likely == pytest.approx(chance_of, rel=1e-6)
+        assert found.sigmas == pytest.approx(apart)
+        assert (found.flag and found.flag.invalidates) is raised
+
+
+def test_a_difference_that_hardly_moves_the_result_is_no_more_than_a_remark() -> None:
+    """20 of its own u, and .02 u of the result: a twentieth of a u counts as noise."""
+    given = {"value": 20.0, "components": [type_a("fit", 0.0, 1.0)], "least": 1e-9}
+    harmless = pair("of-two", "said", moves=0.001, **given)
+    assert harmless.flag is not None
+    assert not harmless.flag.invalidates
+    # of normal noise of hypot(1, 0.05 / 0.01) of its u, 20 is 3.92 standard deviations
+    bad = pair("of-two", "said", moves=0.01, **given)
+    assert bad.harmful == pytest.approx(2 * stats.norm.sf(20 / 26**0.5))
+    assert not bad.flag.invalidates
+    worse = pair("of-two", "said", moves=0.0125, **given)  # 20 / hypot(1, 4) = 4.85
+    assert worse.flag.invalidates
+    assert pair("of-two", "said", moves=0.0, **given).harmful == 1.0
+
+
+def test_the_worst_of_several_is_less_surprising() -> None:
+    """Of 6 the chance is 1 - (1 - p)^6."""
+    given = {"value": 3.0, "components": [type_a("fit", 0.0, 1.0)], "least": 1e-9}
+    one, six = pair("x", "said", **given), pair("x", "said", among=6, **given)
+    assert six.likely == pytest.approx(1 - (1 - one.likely) ** 6)
+
+
+@pytest.mark.parametrize(("factor", "raised"), [(1.004, None), (1.010, False), (1.016, True)])
+def test_recoil_and_rebound_on_both_sides_of_each_limit(
+    sound: Session, factor: float, raised: bool | None
+) -> None:
+    """An encoder that shows less than its certificate says: by .4, 1.0 and 1.6 %."""
+    key = "impact.encoder.scale"
+    scale = replace(sound.calibration[key], value=factor * sound.calibration[key].value)
+    found = certify_session(replace(sound, calibration={**sound.calibration, key: scale}))
+    (apart,) = [each for each in found.pairs if each.name == "recoil-and-rebound"]
+    named = {flag.name: flag.invalidates for flag in found.flags}
+    assert named.get("recoil-and-rebound") is raised
+    assert (found.verdict.value == "INVALID") is (raised is True)
+    assert apart.sigmas < 9
+
+
+def test_a_contradiction_stands_on_every_certificate(sound: Session) -> None:
     key = "impact.encoder.scale"
     scale = replace(sound.calibration[key], value=1.03 * sound.calibration[key].value)
     found = certify_session(replace(sound, calibration={**sound.calibration, key: scale}))
@@ -171,6 +221,34 @@ def test_recoil_and_rebound_that_contradict_each_other_decide_nothing(sound: Ses
     assert document.verdict == "INVALID"
     assert "invalid: by the flag recoil-and-rebound" in certificate_text(document)
     assert "by the flag recoil-and-rebound" in certificate_page(document)
+
+
+def test_a_slow_slip_that_hides_in_the_residual_decides_nothing(sound: Session) -> None:
+    """Two counts lost over 20 ms in every shot: within 1.5 of counting, 4 u of the result."""
+    record = sound.records["impact"]["encoder"]
+    lost = np.round(2 * np.clip((record.times - 0.04) / 0.02, 0, 1))
+    found = certify_session(changed(sound, "impact", "encoder", counts=record.counts - lost))
+    assert set(found.judgement.reasons) == {""}
+    assert found.reasons == ("by the flag encoder-halves",)
+    (said,) = [flag.sentence for flag in found.flags if flag.name == "encoder-halves"]
+    assert said.startswith("half of each record of impact/encoder moves the result by ")
+    assert " of its u, in shots 0, 1, 2, 3, 4, 5, " in said
+
+
+def test_marks_off_the_aim_decide_nothing_where_the_result_hangs_on_them() -> None:
+    """Half an inch along the bat: 7.7 u of bbcor's result, once a remark that left it standing."""
+    found = certified("r161", procedure="bbcor", seed=12, faults=("aim-along",)).certification
+    assert "by the flag aim" in found.reasons
+
+
+def test_what_a_recorder_that_sums_up_cannot_show_is_said() -> None:
+    found = certify("r161", procedure="astm-f1881", seed=300, detail=RecordDetail.SUMMED)
+    assert found.certification.not_checked == ("chords", "edges", "encoder-fit", "encoder-halves")
+    said = certificate_text(certificate(found.certification))
+    assert "not checked, as recorders summed up: chords, edges, encoder-fit" in said
+    assert "Not checked, as recorders summed up" in certificate_page(
+        certificate(found.certification)
+    )
 
 
 def test_a_bat_of_an_impossible_density_decides_nothing(sound: Session) -> None:
@@ -229,13 +307,15 @@ def test_a_trend_of_the_lot_is_judged_as_a_regression_is(side: float) -> None:
         return e0 + scatter + slope * np.arange(4)
 
     steep = brentq(
-        lambda slope: stats.linregress(np.arange(4), lot(slope)).pvalue - FALSE_ALARMS, 1e-4, 0.1
+        lambda slope: stats.linregress(np.arange(4), lot(slope)).pvalue - REMARKED, 1e-4, 0.1
     )
     seen = SimpleNamespace(
         measured_balls=SimpleNamespace(restitution=lot(side * steep)),
         balls=SimpleNamespace(ball=np.repeat(np.arange(4), 3)),
+        sensitivities={},
     )
-    assert len(list(wall_drift(seen))) == (side > 1)
+    (found,) = wall_drift(seen)
+    assert (found.flag is not None) == (side > 1)
 
 
 @pytest.mark.parametrize(("size", "flagged"), [(1.0, False), (1.015, False), (1.03, True)])

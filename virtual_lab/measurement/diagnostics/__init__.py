@@ -1,7 +1,7 @@
 """Consistency checks of a session's records, in addition to the procedure's windows."""
 
 from virtual_lab.measurement.diagnostics.evidence import Evidence
-from virtual_lab.measurement.diagnostics.flag import Flag
-from virtual_lab.measurement.diagnostics.flags import CHECKS, flags
+from virtual_lab.measurement.diagnostics.flag import Discrepancy, Flag
+from virtual_lab.measurement.diagnostics.flags import CHECKS, Checked, check
 
-__all__ = ["CHECKS", "Evidence", "Flag", "flags"]
+__all__ = ["CHECKS", "Checked", "Discrepancy", "Evidence", "Flag", "check"]

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import pi, sqrt
+from math import inf, pi, sqrt
 from typing import Any
 
 import numpy as np
 
 from virtual_lab.catalog.specs import CHECK_STANDARD
 from virtual_lab.measurement.diagnostics.evidence import Evidence
-from virtual_lab.measurement.diagnostics.flag import FALSE_ALARMS, Flag, chance
+from virtual_lab.measurement.diagnostics.flag import Discrepancy, Flag, pair
 from virtual_lab.measurement.procedure import lot_of
+from virtual_lab.measurement.reduction.observations import restitution_names
 from virtual_lab.uncertainty.budget import type_a
 
 DECAY_U = 0.4  # relative, of the loss of amplitude: two readings a few of their steps apart
@@ -65,19 +66,25 @@ def bat_shape(seen: Evidence) -> Iterator[Flag]:
             )
 
 
-def pendulum_swing(seen: Evidence) -> Iterator[Flag]:
+def pendulum_swing(seen: Evidence) -> Iterator[Discrepancy]:
     """Compare the change of the pendulum period with the amplitudes that were read."""
-    found = swing_slowing(seen.session.records["bench"]["pendulum"])
+    record: Any = seen.session.records["bench"]["pendulum"]
+    found = swing_slowing(record)
     if found is None:
         return
     slowing, scatter, dof = found
-    u, likely = chance(slowing - 1, [type_a("scatter", 0.0, scatter, dof=dof)], least=DECAY_U)
-    if likely < FALSE_ALARMS:
-        yield Flag(
-            name="pendulum-swing",
-            sentence=f"periods shorten {slowing:.1f} times as much as the amplitudes "
-            f"read allow, which is {abs(slowing - 1) / u:.1f} standard uncertainties off",
-        )
+    # the period is that of small swings times 1 + θ²/16, and θ² would be so many times as large
+    square = float((record.first_amplitude * record.last_amplitude).mean())
+    period = seen.sensitivities.get("bat.period", inf) * float(seen.best["bat.period"])
+    yield pair(
+        "pendulum-swing",
+        f"periods shorten {slowing:.1f} times as much as the amplitudes read allow, in "
+        f"{len(record.times)} releases of bench/pendulum",
+        slowing - 1,
+        [type_a("scatter", 0.0, scatter, dof=dof)],
+        least=DECAY_U,
+        moves=abs(period) * square / 16,
+    )
 
 
 def swing_slowing(record: Any) -> tuple[float, float, int] | None:
@@ -122,22 +129,27 @@ def lot_rules(seen: Evidence) -> Iterator[Flag]:
         yield Flag(name="lot-rules", sentence=sentence)
 
 
-def wall_drift(seen: Evidence) -> Iterator[Flag]:
+def wall_drift(seen: Evidence) -> Iterator[Discrepancy]:
     """Look for a trend of e0 over the order in which the balls were measured."""
     e0 = seen.measured_balls.restitution
     hits = np.bincount(seen.balls.ball, minlength=e0.size)
     order = np.bincount(seen.balls.ball, np.arange(seen.balls.ball.size), e0.size) / hits
     if e0.size < 4:
         return
-    along = order - order.mean()
+    along, length = order - order.mean(), float(np.ptp(order))
     slope = float(along @ e0 / (along @ along))
     rest = e0 - e0.mean() - slope * along
     dof = e0.size - 2
-    scatter = type_a("scatter", 0.0, sqrt(rest @ rest / dof / (along @ along)), dof=dof)
-    u, likely = chance(slope, [scatter], least=1e-5 / float(np.ptp(order)))
-    if likely < FALSE_ALARMS:
-        yield Flag(
-            name="wall-drift",
-            sentence=f"e0 at the wall changed by {slope * np.ptp(order):+.4f} from first ball to "
-            f"last, {abs(slope) / u:.1f} standard uncertainties",
-        )
+    change, scatter = slope * length, sqrt(rest @ rest / dof / (along @ along)) * length
+    # as the trend goes on or began there, the mean is off by half the change
+    known = seen.sensitivities
+    shared = sum(known.get(name, 0.0) for name in restitution_names(e0.size))
+    yield pair(
+        "wall-drift",
+        f"e0 at the wall changed by {change:+.4f} from first ball to last of {e0.size} "
+        "(balls/gates)",
+        change,
+        [type_a("scatter", 0.0, scatter, dof=dof)],
+        least=1e-5,
+        moves=abs(shared) / 2 if known else inf,
+    )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.measurement.model import MeasurementModel
 from virtual_lab.measurement.procedure import Judgement, Procedure, worst_misfit
 from virtual_lab.measurement.reduction.observations import BallReadings, ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import (
@@ -17,6 +19,7 @@ from virtual_lab.measurement.reduction.shot_algebra import (
     measured_balls,
 )
 from virtual_lab.records.session import Session
+from virtual_lab.uncertainty.budget import Budget, Component
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array
 
@@ -33,7 +36,9 @@ class Evidence:
     readings: ImpactReadings
     shots: ShotResults
     judgement: Judgement
-    results: Callable[[Mapping[str, Array]], ShotResults]  # of any values of the constants
+    model: MeasurementModel  # the results as functions of the constants
+    effects: Array  # of each shot's metric on the result, NaN: there is none, (shot,)
+    metric: Budget | None  # the result
 
     @property
     def best(self) -> dict[str, Array]:
@@ -46,6 +51,27 @@ class Evidence:
         most = self.procedure.windows.edge_misfit
         worst = worst_misfit(self.shots, self.readings)
         return np.asarray(worst > (np.inf if most is None else most))
+
+    @property
+    def sensitivities(self) -> dict[str, float]:
+        """The result's sensitivities to the constants, in its u a unit; {} without a result."""
+        if self.metric is None or not self.metric.u:
+            return {}
+        every = [part for line in self.metric.components for part in (line.parts or (line,))]
+        return {part.name: part.sensitivity / self.metric.u for part in every}
+
+    def moves(self, components: Sequence[Component]) -> float:
+        """Return what a unit of a difference does to the result if one constant is its cause.
+
+        `components` are those of the difference; in the result's u, of the worst constant.
+        """
+        known = self.sensitivities
+        ratios = [
+            abs(known[part.name] / part.sensitivity)
+            for part in components
+            if part.name in known and part.sensitivity
+        ]
+        return max(ratios, default=inf)
 
     @property
     def measured_balls(self) -> MeasuredBalls:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 
 from virtual_lab.measurement.diagnostics.bench import (
     bat_shape,
@@ -14,17 +15,19 @@ from virtual_lab.measurement.diagnostics.bench import (
 )
 from virtual_lab.measurement.diagnostics.chords import chords
 from virtual_lab.measurement.diagnostics.evidence import Evidence
-from virtual_lab.measurement.diagnostics.flag import Flag
+from virtual_lab.measurement.diagnostics.flag import Discrepancy, Flag
 from virtual_lab.measurement.diagnostics.impact import (
     aim,
     ball_seen,
     boards_in_line,
     edges,
     encoder_fit,
+    encoder_halves,
     recoil_and_rebound,
 )
+from virtual_lab.records import PassageRecord, RateRecord
 
-CHECKS: Mapping[str, Callable[[Evidence], Iterator[Flag]]] = {
+CHECKS: Mapping[str, Callable[[Evidence], Iterator[Flag | Discrepancy]]] = {
     "sports": sports,
     "check-standard": check_standard,
     "bat-shape": bat_shape,
@@ -37,11 +40,40 @@ CHECKS: Mapping[str, Callable[[Evidence], Iterator[Flag]]] = {
     "boards-in-line": boards_in_line,
     "aim": aim,
     "encoder-fit": encoder_fit,
+    "encoder-halves": encoder_halves,
     "recoil-and-rebound": recoil_and_rebound,
 }
 
 
-def flags(seen: Evidence) -> tuple[Flag, ...]:
-    """Return the flags of a session, at most one per check: the most serious one."""
-    found = (next(check(seen), None) for check in CHECKS.values())
-    return tuple(flag for flag in found if flag)
+OF_READINGS = {  # checks of what a recorder that sums up does not keep
+    PassageRecord: ("chords", "edges"),
+    RateRecord: ("encoder-fit", "encoder-halves"),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Checked:
+    """What the checks of a session found."""
+
+    flags: tuple[Flag, ...]  # at most one a check: the most serious one
+    pairs: tuple[Discrepancy, ...]  # the differences compared with their uncertainties
+    left_out: tuple[str, ...]  # checks of readings that a recorder which sums up does not keep
+
+
+def check(seen: Evidence) -> Checked:
+    """Return what the checks find in a session."""
+    every = [tuple(one(seen)) for one in CHECKS.values()]
+    flags = [tuple(_raised(found)) for found in every]
+    kinds = {type(record) for record in seen.session.records["impact"].values()}
+    return Checked(
+        flags=tuple(max(own, key=lambda flag: flag.invalidates) for own in flags if own),
+        pairs=tuple(found for own in every for found in own if isinstance(found, Discrepancy)),
+        left_out=tuple(name for kind, own in OF_READINGS.items() if kind in kinds for name in own),
+    )
+
+
+def _raised(found: Iterable[Flag | Discrepancy]) -> Iterator[Flag]:
+    for each in found:
+        flag = each.flag if isinstance(each, Discrepancy) else each
+        if flag:
+            yield flag

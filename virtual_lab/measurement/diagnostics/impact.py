@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from math import sqrt
+from dataclasses import replace
+from math import inf, sqrt
 
 import numpy as np
 
 from virtual_lab.measurement.diagnostics.evidence import Evidence
-from virtual_lab.measurement.diagnostics.flag import FALSE_ALARMS, Flag, chance
+from virtual_lab.measurement.diagnostics.flag import Discrepancy, Flag, pair
 from virtual_lab.measurement.reduction.flights import gate_count
 from virtual_lab.measurement.reduction.gates import INBOUND
 from virtual_lab.measurement.reduction.rate import MOST_MISFIT
@@ -17,8 +18,10 @@ from virtual_lab.records import AimMarks
 from virtual_lab.relations.flight import time_before
 from virtual_lab.uncertainty.budget import Component, propagate, type_a
 from virtual_lab.uncertainty.estimate import Estimate
-from virtual_lab.units import Array
+from virtual_lab.units import Array, Mask
 
+AIM_ALONG = "impact.cannon.along"
+RATE_ROUNDING = 1e-5  # relative, of a rate: what its extrapolation to contact is good for
 FEWEST_SHOTS = 3  # shots that a mean and its scatter may rest on
 
 
@@ -44,7 +47,7 @@ def edges(seen: Evidence) -> Iterator[Flag]:
         )
 
 
-def boards_in_line(seen: Evidence) -> Iterator[Flag]:
+def boards_in_line(seen: Evidence) -> Iterator[Discrepancy]:
     """Compare each board between first and last with the flight through these two."""
     known, best = seen.constants, seen.best
     last = gate_count(known, "impact") - 1
@@ -53,48 +56,65 @@ def boards_in_line(seen: Evidence) -> Iterator[Flag]:
     times, valid = seen.readings.passages.times[:, INBOUND], seen.judgement.valid
     for board in range(1, last):
         part = (times[:, board] - times[:, 0]) / (times[:, last] - times[:, 0])
-        off = (reach[board] - reach[0] - part * (reach[last] - reach[0]))[valid]
-        off, share = off[np.isfinite(off)], part[valid][np.isfinite(off)]
-        if off.size < FEWEST_SHOTS:
+        off = reach[board] - reach[0] - part * (reach[last] - reach[0])
+        used = valid & np.isfinite(off)
+        if used.sum() < FEWEST_SHOTS:
             continue
         place = {_distance(k): known[_distance(k)] for k in (0, board, last)}
-        survey = propagate(_between(board, last, float(share.mean())), place)["off"]
-        if found := _certainly_off(off, survey):
-            yield Flag(
-                name="boards-in-line",
-                sentence=f"board {board} stands {found[0] * 1e3:+.2f} mm off the flight through "
-                f"its neighbours, {found[1]:.1f} standard uncertainties",
-            )
+        survey = propagate(_between(board, last, float(part[used].mean())), place)["off"]
+        mean = float(off[used].mean())
+        yield pair(
+            "boards-in-line",
+            f"board {board} stands {mean * 1e3:+.2f} mm off the flight through its neighbours, in "
+            f"{_shots(used)} of impact/gates",
+            mean,
+            [*survey, _of_mean(off[used])],
+            of=f"board {board}",
+            least=1e-5,
+            moves=seen.moves(survey),
+        )
 
 
-def aim(seen: Evidence) -> Iterator[Flag]:
+def aim(seen: Evidence) -> Iterator[Discrepancy]:
     """Compare the mean of the marks on the aim paper with the aim, both ways."""
     marks = seen.session.records["impact"].get("aim")
     if not isinstance(marks, AimMarks):
         return
     nothing = Estimate(value=0.0)
-    lined_up = seen.constants.get("impact.cannon.along", nothing)
+    lined_up = seen.constants.get(AIM_ALONG, nothing)
     height = seen.constants.get("impact.pivot.height", nothing)
-    aimed = (("along", marks.along, lined_up), ("across", marks.across, height))
-    for way, marked, at in aimed:
+    survey = propagate(lambda x: {"off": x[AIM_ALONG][:, 0]}, {AIM_ALONG: lined_up})["off"]
+    aimed = (
+        ("along", marks.along, lined_up, seen.moves(survey)),
+        ("across", marks.across, height, inf),
+    )
+    for way, marked, at, moves in aimed:
         off = marked - at.value
         if off.size < FEWEST_SHOTS:
             continue
-        survey = propagate(lambda x: {"off": x["along"][:, 0]}, {"along": lined_up})["off"]
-        if found := _certainly_off(off, survey):
-            yield Flag(
-                name="aim",
-                sentence=f"the marks lie {found[0] * 1e3:+.1f} mm off the aim {way} the bat, "
-                f"{found[1]:.1f} standard uncertainties",
-            )
+        mean = float(off.mean())
+        yield pair(
+            "aim",
+            f"{off.size} marks of impact/aim lie {mean * 1e3:+.1f} mm off the aim {way} the bat",
+            mean,
+            [*survey, _of_mean(off)],
+            of=way,
+            least=1e-5,
+            moves=moves,
+        )
 
 
-def _certainly_off(off: Array, survey: Sequence[Component]) -> tuple[float, float] | None:
-    """Return the mean [m], also in standard uncertainties; None where chance may have made it."""
-    mean = float(off.mean())
-    scatter = type_a("scatter", 0.0, float(off.std(ddof=1)) / sqrt(off.size), dof=off.size - 1)
-    u, likely = chance(mean, [*survey, scatter], least=1e-5)
-    return (mean, abs(mean) / u) if likely < FALSE_ALARMS else None
+def _of_mean(values: Array) -> Component:
+    """Return the scatter of the mean of some values."""
+    return type_a(
+        "scatter", 0.0, float(values.std(ddof=1)) / sqrt(values.size), dof=values.size - 1
+    )
+
+
+def _shots(used: Mask) -> str:
+    """Return the shots by number, or how many there are."""
+    shots = np.flatnonzero(used)
+    return f"shots {', '.join(map(str, shots))}" if shots.size <= 6 else f"{shots.size} shots"
 
 
 def encoder_fit(seen: Evidence) -> Iterator[Flag]:
@@ -113,7 +133,63 @@ def encoder_fit(seen: Evidence) -> Iterator[Flag]:
             )
 
 
-def recoil_and_rebound(seen: Evidence) -> Iterator[Flag]:
+def encoder_halves(seen: Evidence) -> Iterator[Discrepancy]:
+    """Compare the rate by the half of a record nearest contact with that by the whole record.
+
+    Twice: the result by halves with the result, and the worst shot. Both in units of the result,
+    which a shot moves by its weight.
+    """
+    for channel, which in (("encoder", "recoil"), ("swing", "swing")):
+        fit = getattr(seen.readings, which)
+        if fit is None or seen.metric is None or not seen.metric.u:
+            continue
+        used = (seen.effects != 0) & np.isfinite(fit.by_half) & np.isfinite(seen.effects)
+        if not used.any():
+            continue
+        lever = seen.effects * _by_rate(seen, which)
+        apart, u = lever * (fit.by_half - fit.rate), np.abs(lever) * fit.by_half_u
+        rounding, moves = RATE_ROUNDING * lever * fit.rate, 1 / seen.metric.u
+        change = float(apart[used].sum())
+        yield pair(
+            "encoder-halves",
+            f"half of each record of impact/{channel} moves the result by "
+            f"{change * moves:+.2f} of its u, in {_shots(used)}",
+            change,
+            [type_a("fit", 0.0, sqrt(float((u[used] ** 2).sum())))],
+            of="mean",
+            least=abs(float(rounding[used].sum())),
+            moves=moves,
+        )
+        singly = [
+            pair(
+                "encoder-halves",
+                f"half of the record of shot {shot} of impact/{channel} moves the result by "
+                f"{apart[shot] * moves:+.2f} of its u",
+                float(apart[shot]),
+                [type_a("fit", 0.0, float(u[shot]))],
+                of="worst shot",
+                least=abs(float(rounding[shot])),
+                moves=moves,
+                among=int(used.sum()),
+            )
+            for shot in np.flatnonzero(used)
+        ]
+        yield min(singly, key=lambda each: (each.harmful, each.likely))
+
+
+def _by_rate(seen: Evidence, which: str) -> Array:
+    """Return the metric's change per count a second of an encoder's rate, (shot,)."""
+    fit, step = getattr(seen.readings, which), 1e-4
+
+    def metric(factor: float) -> Array:
+        turned = replace(fit, rate=fit.rate * factor)
+        model = replace(seen.model, readings=replace(seen.readings, **{which: turned}))
+        return model.metric(seen.best, model.shots(seen.best))
+
+    return np.asarray((metric(1 + step) - metric(1 - step)) / (2 * step * fit.rate))
+
+
+def recoil_and_rebound(seen: Evidence) -> Iterator[Discrepancy]:
     """Compare the mean e_A from the bat's recoil with that from the ball's rebound."""
     shots, valid = seen.shots, seen.judgement.valid
     apart = shots.recoil_efficiency - shots.rebound_efficiency
@@ -122,19 +198,19 @@ def recoil_and_rebound(seen: Evidence) -> Iterator[Flag]:
         return
 
     def mean_apart(x: Mapping[str, Array]) -> dict[str, Array]:
-        found = seen.results(x)
+        found = seen.model.shots(x)
         difference = found.recoil_efficiency - found.rebound_efficiency
         return {"apart": difference[..., both].mean(axis=-1)}
 
     mean, shared = float(apart[both].mean()), propagate(mean_apart, seen.constants)["apart"]
-    u, likely = chance(mean, [*shared, _scatter(seen, apart[both], shared)], least=1e-5)
-    if likely < FALSE_ALARMS:
-        yield Flag(
-            name="recoil-and-rebound",
-            sentence=f"e_A by recoil less e_A by rebound is {mean:+.4f} in the mean, "
-            f"{abs(mean) / u:.1f} standard uncertainties",
-            invalidates=abs(mean) > 6 * u,
-        )
+    yield pair(
+        "recoil-and-rebound",
+        f"e_A by recoil (impact/encoder) less e_A by rebound (impact/gates) is {mean:+.4f} in the "
+        f"mean of {_shots(both)}",
+        mean,
+        [*shared, _scatter(seen, apart[both], shared)],
+        least=1e-5,
+    )
 
 
 def _scatter(seen: Evidence, apart: Array, shared: Sequence[Component]) -> Component:
@@ -145,7 +221,7 @@ def _scatter(seen: Evidence, apart: Array, shared: Sequence[Component]) -> Compo
     """
     degrees, square = apart.size - 1.0, float(apart.var(ddof=1))
     marks = seen.session.records["impact"].get("aim")
-    lever = [part.sensitivity for part in shared if part.name == "impact.cannon.along"]
+    lever = [part.sensitivity for part in shared if part.name == AIM_ALONG]
     if isinstance(marks, AimMarks) and marks.along.size >= FEWEST_SHOTS and lever:
         more = marks.along.size - 1.0
         marked = lever[0] ** 2 * float(marks.along.var(ddof=1))
