@@ -347,6 +347,7 @@ WRONG_CALLS = {  # a call that a scientist writes: a part of the sentence that s
     "vl.Sheet.of('bat', 'r161')": "did you mean bats",
     "vl.bat(None)": "a name, or a path",
     "vl.critique('r161')": "bats = 'r161'; allowed: two and more",
+    "vl.critique('r161', 'ea70')": r"several bats are one list, \[A, B\]; or write it by name",
     "vl.critique(['r161', 'ea70'], procedures=[])": "at least one",
     "vl.faults(procedures=[vl.procedure('bbcor').with_(valid_hits=9)])": (
         r"procedure = 'bbcor \(valid_hits=9\)'; these faults have predictions for astm-f1881, bbcor"

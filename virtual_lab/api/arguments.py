@@ -34,6 +34,7 @@ class ArgumentRule:
 
     read: Callable[[Any, Store], Any]
     allowed: str
+    several: bool = False  # whether a list is allowed
 
 
 def _entry(kind: str) -> ArgumentRule:
@@ -65,7 +66,7 @@ def _several(one: ArgumentRule, what: str = "") -> ArgumentRule:
             raise ValueError("empty")
         return values
 
-    return ArgumentRule(read, f"{what or one.allowed}; one, or a list of at least one")
+    return ArgumentRule(read, f"{what or one.allowed}; one, or a list of at least one", True)
 
 
 def _is_list(value: Any) -> bool:
@@ -260,6 +261,8 @@ def _bound(
     if len(given) > len(by_place):
         others = [f"{key}=…" for key in own if key not in by_place]
         allowed = f"write it by name: {', '.join(others)}" if others else "is too many"
+        if by_place and ARGUMENTS[by_place[-1]].several:
+            allowed = f"several {by_place[-1]} are one list, [A, B]; or {allowed}"
         raise InputError(
             f"vl.{name}", f"argument {len(by_place) + 1}", given[len(by_place)], allowed
         )
