@@ -336,16 +336,66 @@ def test_a_certificate_is_printed_from_its_own_file(tmp_path: Path) -> None:
         assert certificate_page(again) == page(name)
 
 
-def test_a_certificate_that_is_none_names_the_key(tmp_path: Path) -> None:
-    parsed = certificate(quick()).as_json()
-    for change, key in (
-        ({"schema": 1}, "schema"),
-        ({"verdict": "GOOD"}, "verdict"),
-        ({"metric": {**parsed["metric"], "u": "small"}}, r"metric\.u"),
-        ({"colour": "red"}, "colour"),
-    ):
-        with pytest.raises(InputError, match=f"x.json: {key}"):
-            document_of({**parsed, **change}, "x.json")
+@pytest.mark.parametrize(
+    ("name", "key", "value", "said"),
+    [
+        ("pass", "schema", 1, "schema = 1; allowed: 3"),
+        ("pass", "verdict", "GOOD", "verdict = 'GOOD'"),
+        ("pass", "colour", "red", "colour; unknown key"),
+        ("pass", "metric.name", "bat_factor", "metric.name = 'bat_factor'.*did you mean bat_perf"),
+        ("pass", "metric.unit", "mph", "metric.unit = 'mph'; allowed: ''"),
+        ("pass", "metric.u", -1, "metric.u = -1; must be greater than or equal to 0"),
+        ("pass", "metric.u", "small", "metric.u = 'small'"),
+        ("pass", "metric.value", "0.94", "metric.value = '0.94'.*number"),
+        ("pass", "metric.value", None, "metric; needs value, u"),
+        ("pass", "metric.value", 1.3, "metric.interval_95 = .* must hold 1.3"),
+        ("pass", "metric.limit", 0.8, "verdict = 'PASS'.*: FAIL"),
+        ("pass", "metric.limit", None, "verdict = 'PASS'.*: MEASURED"),
+        ("pass", "metric.limit", True, "metric.limit = True.*number"),
+        ("pass", "verdict", "FAIL", "verdict = 'FAIL'.*: PASS"),
+        ("pass", "verdict", "INVALID", "reasons; .* FAIL and INVALID"),
+        ("pass", "marginal", True, "marginal = True"),
+        ("pass", "marginal", 0, "marginal = 0"),
+        ("pass", "findings", [{"sentence": "too heavy", "met": False}], "verdict = 'PASS'.*: FAIL"),
+        (
+            "pass",
+            "flags",
+            [{"name": "x", "sentence": "x", "invalidates": True}],
+            "verdict = 'PASS'.*: INVALID",
+        ),
+        ("pass", "restitution.u", -0.001, "restitution.u = -0.001; must be"),
+        ("pass", "restitution.value", None, "restitution.*needs value and u, or null for both"),
+        ("pass", "v_rel_mph", None, "v_rel_mph; needs a number"),
+        ("pass", "valid_hits", "6", "valid_hits = '6'.*integer"),
+        ("pass", "statement", "", "statement.*allowed: SIMULATED"),
+        ("pass", "origin", "supplied", "simulation; is for the origin 'simulated'"),
+        ("pass", "simulation", None, "simulation; is for the origin 'simulated'"),
+        ("pass", "simulation", {}, "simulation.*missing"),
+        ("pass", "laboratory", "National", "laboratory = 'National'; does not fit"),
+        ("real laboratory", "laboratory", "", "laboratory = ''; does not fit"),
+        ("real laboratory", "laboratory", "National", "statement.*supplied by National"),
+        ("fail", "verdict", "PASS", "verdict = 'PASS'.*: FAIL"),
+        ("fail", "reasons", [], "reasons; "),
+        ("marginal", "marginal", False, "marginal = False"),
+    ],
+)
+def test_a_certificate_that_contradicts_itself_is_refused(
+    name: str, key: str, value: object, said: str
+) -> None:
+    """One value changed: one line with file, key, value and what is allowed."""
+    parsed = certificate(case(name)).as_json()
+    assert document_of(parsed, "x.json").as_json() == parsed
+    *above, last = key.split(".")
+    part = parsed
+    for step in above:
+        part = part[step]
+    part[last] = value
+    with pytest.raises(InputError, match=f"^x.json: {said}") as caught:
+        document_of(parsed, "x.json")
+    assert "\n" not in str(caught.value)
+
+
+def test_the_schema_of_a_certificate_has_its_name() -> None:
     assert "CertificateDocument" in json_schema()["title"]
 
 

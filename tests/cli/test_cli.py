@@ -133,6 +133,23 @@ def test_what_was_altered_is_named(tested: Path, tmp_path: Path, run: Run) -> No
     assert "copy/truth/seal.json" in err
 
 
+def test_show_refuses_a_certificate_that_contradicts_itself(
+    tested: Path, tmp_path: Path, run: Run
+) -> None:
+    """A metric nobody knows was a traceback, a PASS above its limit was printed."""
+    document = json.loads((tested / "certificate.json").read_text())
+    assert run("show", str(tested / "certificate.json"))[0] == 0
+    for key, value, words in (
+        ("name", "bat_factor", "metric.name = 'bat_factor'; did you mean bat_performance_factor?"),
+        ("limit", 0.8, "verdict = 'PASS'"),
+    ):
+        changed = document | {"metric": document["metric"] | {key: value}}
+        (tmp_path / "changed.json").write_text(json.dumps(changed))
+        code, out, err = run("show", "changed.json")
+        assert (code, out, err.count("\n")) == (2, "", 1)
+        assert f"changed.json: {words}" in err
+
+
 def test_a_seed_of_the_operators_is_said_everywhere(tested: Path, run: Run) -> None:
     words = "reproducible: seed chosen by the operator, not sealed"
     assert words in (tested / "certificate.html").read_text()

@@ -8,14 +8,18 @@ unit; unknown values are null.
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from virtual_lab.catalog.specs import Spec
+from annotated_types import Ge
+
+from virtual_lab.catalog.specs import Exact, Real, Spec, Whole, YesNo
 from virtual_lab.catalog.validation import validate
-from virtual_lab.errors import InputError
+from virtual_lab.errors import InputError, nearest
 from virtual_lab.files import read_json
+from virtual_lab.output.metrics import METRICS
 from virtual_lab.records.origin import Simulated
 
 SCHEMA = 3
@@ -28,15 +32,20 @@ OPTIONAL = (  # not stated where the metric is the same quantity
     "recoil_factor",
     "ball_restitution",
 )
-Numbers = tuple[float, ...]
+Numbers = tuple[Real, ...]
+Uncertainty = Annotated[float, Exact(), Ge(0)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stated(Spec):
     """A value with its standard uncertainty; null if the test gave no result."""
 
-    value: float | None
-    u: float | None
+    value: Real | None
+    u: Uncertainty | None
+
+    def __post_init__(self) -> None:
+        if (self.value is None) != (self.u is None):
+            raise ValueError("needs value and u, or null for both")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,9 +55,9 @@ class ProcedureStated(Spec):
     name: str
     title: str
     edition: str
-    hits_needed: int
-    at_percussion: bool  # whether the bat is hit at its centre of percussion
-    swing_exponent: float | None  # of the swing law that the metric is judged by
+    hits_needed: Whole
+    at_percussion: YesNo  # whether the bat is hit at its centre of percussion
+    swing_exponent: Real | None  # of the swing law that the metric is judged by
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +75,7 @@ class BatAsMeasured(Spec):
 class BallSetAside(Spec):
     """A ball outside the procedure's windows for balls."""
 
-    ball: int
+    ball: Whole
     reason: str
 
 
@@ -84,15 +93,15 @@ class MetricStated(Spec):
     """The result that decides the verdict, in SI."""
 
     name: str
-    value: float | None
-    u: float | None
-    interval_95: tuple[float, float] | None
-    degrees_of_freedom: float | None  # null: infinite
-    u_type_a: float | None
-    u_type_b: float | None
+    value: Real | None
+    u: Uncertainty | None
+    interval_95: tuple[Real, Real] | None
+    degrees_of_freedom: Real | None  # null: infinite
+    u_type_a: Uncertainty | None
+    u_type_b: Uncertainty | None
     unit: str
-    limit: float | None
-    place_in: float | None
+    limit: Real | None
+    place_in: Real | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,9 +109,9 @@ class OtherRecoil(Spec):
     """Results from the same e_A with the recoil factor of the other support."""
 
     which: str
-    recoil_factor: float
-    restitution: float
-    bat_performance_factor: float
+    recoil_factor: Real
+    restitution: Real
+    bat_performance_factor: Real
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,8 +126,8 @@ class RecoilStated(Spec):
 class ControlRatio(Spec):
     """Measured e of a control bat with these balls over its known e."""
 
-    value: float
-    u: float
+    value: Real
+    u: Uncertainty
     source: str
 
 
@@ -127,7 +136,7 @@ class CorrectionStated(Spec):
     """Correction for balls that differ from the standard ball."""
 
     method: str
-    standard: float
+    standard: Real
     control: ControlRatio | None
 
 
@@ -135,33 +144,33 @@ class CorrectionStated(Spec):
 class WidthStated(Spec):
     """Length of barrel on which the curve stays near its maximum [m]."""
 
-    value: float
-    u: float | None
-    drop: float
-    at_least: bool
-    from_in: float
-    to_in: float
+    value: Real
+    u: Uncertainty | None
+    drop: Real
+    at_least: YesNo
+    from_in: Real
+    to_in: Real
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SwingRow(Spec):
     """The metric for another exponent of the swing law."""
 
-    exponent: float
-    value: float
-    u: float
-    interval_95: tuple[float, float]
-    place_in: float
+    exponent: Real
+    value: Real
+    u: Uncertainty
+    interval_95: tuple[Real, Real]
+    place_in: Real
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceRow(Spec):
     """One place of a scan: hits, their mean metric and its scatter."""
 
-    place_in: float
-    hits: int
-    mean: float
-    s: float | None
+    place_in: Real
+    hits: Whole
+    mean: Real
+    s: Uncertainty | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -169,7 +178,7 @@ class RuleFinding(Spec):
     """One rule of eligibility, and whether the bat meets it."""
 
     sentence: str
-    met: bool
+    met: YesNo
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -178,14 +187,14 @@ class FlagRaised(Spec):
 
     name: str
     sentence: str
-    invalidates: bool
+    invalidates: YesNo
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RejectedHit(Spec):
     """A shot that does not count."""
 
-    shot: int
+    shot: Whole
     reason: str
 
 
@@ -193,16 +202,16 @@ class RejectedHit(Spec):
 class ShotRow(Spec):
     """One shot; null if nothing was seen or the rig has no such instrument."""
 
-    shot: int
-    ball: int
-    place_in: float
-    speed_mph: float | None
-    bat_speed_mph: float | None
-    recoil_rad_per_s: float | None
-    recoil_efficiency: float | None
-    rebound_efficiency: float | None
-    metric: float | None
-    used: bool  # in the result
+    shot: Whole
+    ball: Whole
+    place_in: Real
+    speed_mph: Real | None
+    bat_speed_mph: Real | None
+    recoil_rad_per_s: Real | None
+    recoil_efficiency: Real | None
+    rebound_efficiency: Real | None
+    metric: Real | None
+    used: YesNo  # in the result
     reason: str  # why it does not count; empty where it does
 
 
@@ -210,10 +219,10 @@ class ShotRow(Spec):
 class ReboundCheck(Spec):
     """e_A from the rebound of the ball, compared with e_A from the recoil of the bat."""
 
-    shots: int
-    collision_efficiency: float | None
-    difference: float | None
-    u: float | None  # of the difference's mean, by scatter
+    shots: Whole
+    collision_efficiency: Real | None
+    difference: Real | None
+    u: Uncertainty | None  # of the difference's mean, by scatter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -224,16 +233,20 @@ class ComparedResult(Spec):
     video: Stated
     joined: Stated
     difference: Stated
-    share_of_video: float
-    agree: bool
+    share_of_video: Real
+    agree: YesNo
+
+    def __post_init__(self) -> None:
+        if None in (each.u for each in (self.gates, self.video, self.joined, self.difference)):
+            raise ValueError("needs numbers of gates, video, joined and difference")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraWord(Spec):
     """Results of the camera for the same hits."""
 
-    hits: int
-    missed: int
+    hits: Whole
+    missed: Whole
     collision_efficiency: ComparedResult | None
     restitution: ComparedResult | None
     bat_performance_factor: ComparedResult | None
@@ -245,7 +258,7 @@ class RingStated(Spec):
 
     frequencies_hz: Numbers
     decays_per_s: Numbers
-    fitted_ms: float | None = None  # length of the record that was used; null: not recorded
+    fitted_ms: Real | None = None  # length of the record that was used; null: not recorded
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -261,8 +274,8 @@ class Trace(Spec):
 class EncoderTrace(Spec):
     """The encoder's record of one shot, for the figure."""
 
-    shot: int
-    settled_ms: float  # from where on the ring is fitted
+    shot: Whole
+    settled_ms: Real  # from where on the ring is fitted
     turn: Trace
     ring: Trace
 
@@ -271,8 +284,8 @@ class EncoderTrace(Spec):
 class ChoiceStated(Spec):
     """Correction of a scan's result for the choice of the place."""
 
-    correction: float
-    u: float
+    correction: Real
+    u: Uncertainty
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -280,13 +293,13 @@ class BudgetLine(Spec):
     """One component of the metric's uncertainty."""
 
     component: str
-    value: float
-    u: float
+    value: Real
+    u: Uncertainty
     type: Literal["A", "B"]
-    degrees_of_freedom: float | None  # null: infinite
-    sensitivity: float
-    contribution: float
-    share_percent: float
+    degrees_of_freedom: Real | None  # null: infinite
+    sensitivity: Real
+    contribution: Real
+    share_percent: Real
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -309,7 +322,7 @@ class SimulationStated(Simulated):
 class CertificateDocument(Spec):
     """The complete certificate."""
 
-    schema: int
+    schema: Whole
     origin: Literal["simulated", "supplied"]
     statement: str  # what the result is worth, on every page
     procedure: ProcedureStated
@@ -321,7 +334,7 @@ class CertificateDocument(Spec):
     date: str
     metric: MetricStated
     verdict: Literal["PASS", "FAIL", "INVALID", "MEASURED"]
-    marginal: bool
+    marginal: YesNo
     decision_rule: str
     bat_performance_factor: Stated | None = None
     collision_efficiency: Stated | None = None
@@ -330,10 +343,10 @@ class CertificateDocument(Spec):
     ball_restitution: Stated | None = None
     recoil: RecoilStated
     ball_correction: CorrectionStated | None
-    nominal_speed_mph: float
-    nominal_bat_speed_mph: float
-    v_rel_mph: float | None
-    impact_position_in: float | None
+    nominal_speed_mph: Real
+    nominal_bat_speed_mph: Real
+    v_rel_mph: Real | None
+    impact_position_in: Real | None
     width_m: WidthStated | None
     swing_range: tuple[SwingRow, ...]
     places: tuple[PlaceRow, ...]  # of a scan
@@ -342,7 +355,7 @@ class CertificateDocument(Spec):
     not_checked: tuple[str, ...] = ()  # checks for which a recorder that sums up keeps too little
     incomplete: str
     reasons: tuple[str, ...]  # why the verdict is INVALID or FAIL
-    valid_hits: int
+    valid_hits: Whole
     rejected_hits: tuple[RejectedHit, ...]
     shots: tuple[ShotRow, ...]
     rebound_check: ReboundCheck | None
@@ -382,11 +395,74 @@ def statement_of(laboratory: str | None) -> str:
 
 
 def document_of(parsed: dict[str, Any], where: str) -> CertificateDocument:
-    """Return the document of parsed JSON; `InputError` names a key that does not fit."""
+    """Return the document of parsed JSON; `InputError` names a key that does not fit the rest."""
     if parsed.get("schema") != SCHEMA:
         allowed = f"allowed: {SCHEMA}; make the certificate again with 'virtual-lab reduce RECORDS'"
         raise InputError(where, "schema", parsed.get("schema"), allowed)
-    return validate(parsed, where, CertificateDocument)
+    document = validate(parsed, where, CertificateDocument)
+    for key, value, allowed in _contradictions(document):
+        raise InputError(where, key, value, allowed)
+    return document
+
+
+def _contradictions(document: CertificateDocument) -> Iterator[tuple[str, Any, str]]:
+    """Yield what of a certificate contradicts the rest of it: key, value, what is allowed."""
+    metric = document.metric
+    if metric.name not in METRICS:
+        allowed = f"{nearest(metric.name, METRICS)}allowed: {', '.join(METRICS)}"
+        yield "metric.name", metric.name, allowed
+    elif metric.unit != METRICS[metric.name].si_unit:
+        yield "metric.unit", metric.unit, f"allowed: {METRICS[metric.name].si_unit!r}"
+    yield from _foreign_words(document)
+    result = (metric.value, metric.u, metric.u_type_a, metric.u_type_b, metric.interval_95)
+    if len({each is None for each in result}) > 1:
+        yield "metric", None, "needs value, u, u_type_a, u_type_b and interval_95, or null for all"
+    for key, stated in (
+        ("metric.place_in", metric.place_in),
+        ("v_rel_mph", document.v_rel_mph),
+        ("impact_position_in", document.impact_position_in),
+    ):
+        if metric.value is not None and stated is None:
+            yield key, None, "needs a number beside a metric with a value"
+    if metric.value is None or metric.interval_95 is None:
+        met, inside = True, False
+    else:
+        low, high = metric.interval_95
+        if not low <= metric.value <= high:
+            yield "metric.interval_95", f"{low:g} to {high:g}", f"must hold {metric.value:g}"
+        met = metric.limit is None or metric.value <= metric.limit
+        inside = metric.limit is not None and low <= metric.limit <= high
+    eligible = all(finding.met for finding in document.findings)
+    sound = document.verdict != "INVALID" and metric.value is not None
+    if document.verdict != "INVALID" and document.verdict != (right := _verdict(document, met)):
+        yield "verdict", document.verdict, f"by value, limit, findings and flags: {right}"
+    if bool(document.reasons) != (document.verdict in ("FAIL", "INVALID")):
+        allowed = "reasons belong to FAIL and INVALID, and to no other verdict"
+        yield "reasons", "; ".join(document.reasons) or None, allowed
+    if document.marginal != (sound and eligible and inside):
+        allowed = "true where only the limit decides and lies within interval_95, else false"
+        yield "marginal", document.marginal, allowed
+
+
+def _verdict(document: CertificateDocument, met: bool) -> str:
+    """Return the verdict on a bat whose metric meets its limit or not, INVALID aside."""
+    if document.metric.value is None or any(flag.invalidates for flag in document.flags):
+        return "INVALID"
+    if not (met and all(finding.met for finding in document.findings)):
+        return "FAIL"
+    return "MEASURED" if document.metric.limit is None else "PASS"
+
+
+def _foreign_words(document: CertificateDocument) -> Iterator[tuple[str, Any, str]]:
+    """Yield what does not belong to the origin of a certificate."""
+    simulated = document.origin == "simulated"
+    if simulated != (document.simulation is not None):
+        yield "simulation", None, f"is for the origin 'simulated', here it is {document.origin!r}"
+    if simulated == bool(document.laboratory):
+        yield "laboratory", document.laboratory, f"does not fit the origin {document.origin!r}"
+    statement = statement_of(None if simulated else document.laboratory)
+    if document.statement != statement:
+        yield "statement", document.statement, f"allowed: {statement}"
 
 
 def read_document(path: Path) -> CertificateDocument:
