@@ -15,6 +15,7 @@ from virtual_lab.measurement.session_reduction import reduce_session
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import Reality
 from virtual_lab.streams import Streams
+from virtual_lab.uncertainty.budget import Budget
 from virtual_lab.uncertainty.estimate import Estimate
 
 LABORATORIES = 10
@@ -202,3 +203,26 @@ def test_the_certificate_tells_both(certifications: list[Certification]) -> None
     plain = certify("r161", procedure="bbcor", seed=3, detail=RecordDetail.SUMMED).certification
     assert certificate(plain).second_witness is None
     assert "video" not in certificate_text(certificate(plain))
+
+
+@pytest.mark.parametrize("name", COMPARED)
+def test_joined_is_of_least_variance(name: str, comparisons: list[CameraComparison]) -> None:
+    """Over a grid of shares: constants add with their signs, each method has its own noise.
+
+    Noise is half of the difference's variance for each; what the hits scatter by is in both.
+    """
+
+    def constants(budget: Budget) -> dict[str, float]:
+        parts = [part for line in budget.components for part in line.parts or (line,)]
+        return {part.name: part.sensitivity * part.u for part in parts if part.name != "hits"}
+
+    shares = np.linspace(0, 1, 1001)[:, None]
+    for each in comparisons:
+        told = each.quantities[name]
+        gates, video = constants(told.gates), constants(told.video)
+        names = sorted(gates | video)
+        one, other = (np.array([part.get(n, 0.0) for n in names]) for part in (gates, video))
+        noise = next(c.u for c in told.difference.components if c.name == "hits") ** 2 / 2
+        variance = ((1 - shares) * one + shares * other) ** 2
+        total = variance.sum(axis=1) + ((1 - shares) ** 2 + shares**2)[:, 0] * noise
+        assert told.share == pytest.approx(shares[np.argmin(total), 0], abs=2e-3)
