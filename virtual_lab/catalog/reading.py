@@ -11,7 +11,7 @@ from collections.abc import Hashable, Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Generic, TypeVar, cast
@@ -225,8 +225,16 @@ def source(kind: str, name: str) -> tuple[str, str]:
         given.used.add((kind, name))
         if (kind, name) in given.texts:
             return given.texts[kind, name], name
+    if name in names(kind):
+        return _shipped(kind, name), f"{name}.toml"
     path = find(kind, name)
     return read_text(path), path.name if path.is_relative_to(DATA) else str(path)
+
+
+@cache
+def _shipped(kind: str, name: str) -> str:
+    """Read a text once: the rigs ask for their instruments in every laboratory."""
+    return read_text(find(kind, name))
 
 
 @contextmanager

@@ -15,6 +15,7 @@ from virtual_lab.simulation.collision.scene import Collisions, Scenes
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.physics.ball import Event, PowerLaw
 from virtual_lab.simulation.physics.beam import Free, Pinned, Support, outer_diameter
+from virtual_lab.simulation.physics.mesh import gauss_points
 from virtual_lab.simulation.physics.modes import Modes, modes_of
 from virtual_lab.simulation.rig import ShotPlan, Specimen
 from virtual_lab.simulation.truth import TrueOutcome, TrueRecoil
@@ -136,7 +137,7 @@ def wall_restitution(scenes: Scenes) -> Array:
     The speed back is what is left of the work that the force does, by Gauss's rule over the
     compression.
     """
-    x, weights = np.polynomial.legendre.leggauss(64)  # exact to rounding for any ball
+    x, weights = gauss_points(64)  # exact to rounding for any ball
     share, width = ((1 + x) / 2) ** 4, ((1 + x) / 2) ** 3 * weights  # crowded where powers begin
     each, back = np.unique(
         [scenes.stiffness, scenes.exponent, scenes.ball_restitution], axis=1, return_inverse=True

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import inf
 
 import numpy as np
@@ -24,7 +25,7 @@ from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Evidence:
     """Records, constants and results of one test."""
 
@@ -40,7 +41,7 @@ class Evidence:
     effects: Array  # of each shot's metric on the result, NaN: there is none, (shot,)
     metric: Budget | None  # the result
 
-    @property
+    @cached_property
     def best(self) -> dict[str, Array]:
         """The constants' values."""
         return {name: np.array(known.value) for name, known in self.constants.items()}
@@ -73,7 +74,7 @@ class Evidence:
         ]
         return max(ratios, default=inf)
 
-    @property
+    @cached_property
     def measured_balls(self) -> MeasuredBalls:
         """Mass and e0 of each ball of the lot."""
         return measured_balls(self.best, self.balls)

@@ -72,8 +72,8 @@ def _scan(procedure: Procedure, scan: Scan, place: Array, valid: Mask, sought: A
             if lacking.size:
                 return lacking
             # the result will be taken about the best of all the places, wherever it lies
-            complete = [at for at in fine if _hits(place, valid, at) >= procedure.valid_hits]
-            if not complete:
+            complete = fine[_hits(fine, place, valid) >= procedure.valid_hits]
+            if not complete.size:
                 return np.zeros(0)
             best = best_place(procedure, complete, place, valid, sought)
             settled = best == middle
@@ -96,9 +96,9 @@ def _hopeful(places: Array, hits: int, place: Array, sought: Array) -> Array:
 
     There the bat returns almost no speed, so such a place cannot have the maximum.
     """
-    lost = [int((same_place(place, at) & ~np.isfinite(sought)).sum()) for at in places]
-    back = [int((same_place(place, at) & np.isfinite(sought)).sum()) for at in places]
-    return places[(np.array(lost) < hits) | (np.array(back) > np.array(lost))]
+    here, came = same_place(place, places[:, None]), np.isfinite(sought)
+    lost, back = (here & ~came).sum(axis=1), (here & came).sum(axis=1)
+    return np.asarray(places[(lost < hits) | (back > lost)])
 
 
 def best_place(
@@ -112,11 +112,9 @@ def best_place(
 
 def scan_hits(procedure: Procedure, place: Array, valid: Mask) -> Mask:
     """Return which hits are the scan's: at each place the first `valid_hits` valid ones."""
-    chosen = np.zeros(len(place), dtype=bool)
-    for at in np.unique(np.round(place, 6)):
-        here = np.flatnonzero(valid & same_place(place, at))
-        chosen[here[: procedure.valid_hits]] = True
-    return chosen
+    places = np.unique(np.round(place, 6))
+    here = valid & same_place(place, places[:, None])
+    return np.asarray((here & (here.cumsum(axis=1) <= procedure.valid_hits)).any(axis=0))
 
 
 def final_hits(
@@ -134,14 +132,18 @@ def final_hits(
     return shots[valid[shots]]
 
 
-def same_place(place: Array, at: float) -> Mask:
-    """Return which shots were set at one place: within half a step of setting."""
+def same_place(place: Array, at: float | Array) -> Mask:
+    """Return which shots were set at a place: within half a step of setting.
+
+    `at` (place, 1) gives a row a place, (place, shot).
+    """
     return np.asarray(np.abs(place - at) < SETTING_STEP / 2 + 1e-9)
 
 
 def _lacking(places: Array, hits: int, place: Array, valid: Mask) -> Array:
-    return np.repeat(places, [max(hits - _hits(place, valid, at), 0) for at in places])
+    return np.repeat(places, np.maximum(hits - _hits(places, place, valid), 0))
 
 
-def _hits(place: Array, valid: Mask, at: float) -> int:
-    return int((valid & same_place(place, at)).sum())
+def _hits(places: Array, place: Array, valid: Mask) -> NDArray[np.int_]:
+    """Return the number of valid hits at each of `places`."""
+    return np.asarray((valid & same_place(place, places[:, None])).sum(axis=1))

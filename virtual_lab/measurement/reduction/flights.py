@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import count
 from math import prod
 
 import numpy as np
@@ -32,7 +33,7 @@ FlightModel = Callable[[Mapping[str, Array], Array], Flights]  # of constants, d
 
 def gate_count(x: Mapping[str, object], stage: str) -> int:
     """Return the number of gates in a stage's calibration."""
-    return sum(key.startswith(f"{stage}.gates.distance_") for key in x)
+    return next(gate for gate in count() if f"{stage}.gates.distance_{gate}" not in x)
 
 
 def flights(x: Mapping[str, Array], stage: str, seen: Passages, drag: Array) -> Flights:

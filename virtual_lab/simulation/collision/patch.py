@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.interpolate import CubicSpline, PPoly
 
+from virtual_lab.simulation.physics.mesh import gauss_points
 from virtual_lab.simulation.physics.modes import Modes
 from virtual_lab.units import Array
 
@@ -30,7 +31,7 @@ def patch_shape(modes: Modes, z: Array, width: float) -> Array:
 
 def patch_shapes(parts: Sequence[Modes], z: Array, width: float) -> list[Array]:
     """Return `patch_shape` of several modes of one bat."""
-    x, gauss = np.polynomial.legendre.leggauss(8)
+    x, gauss = gauss_points(8)
     pressure = gauss * np.cos(np.pi / 2 * x)
     pressure /= pressure.sum()
     bat = parts[0]

@@ -18,7 +18,7 @@ from scipy.interpolate import PchipInterpolator
 
 from virtual_lab.catalog.specs import BatBody, Lump, Profile
 from virtual_lab.errors import InputError
-from virtual_lab.simulation.physics.mesh import Mesh, mesh_through, reference_element
+from virtual_lab.simulation.physics.mesh import Mesh, gauss_points, mesh_through, reference_element
 from virtual_lab.units import Array
 
 ORDER = 8
@@ -197,14 +197,11 @@ def beam_of(
     return Beam(mesh=mesh, mass_matrix=mass, stiffness_matrix=stiffness)
 
 
-_gauss_points = lru_cache(np.polynomial.legendre.leggauss)
-
-
 def _assemble(mesh: Mesh, body: BatBody) -> tuple[Array, Array]:
     reference = reference_element(mesh.order)
     # outline cubic in z: E I is of degree 12 in z and meets two derivatives of degree order - 1,
     # so this many Gauss points integrate every term exactly
-    x, gauss = _gauss_points(mesh.order + 6)
+    x, gauss = gauss_points(mesh.order + 6)
     half = np.diff(mesh.boundaries)[:, None] / 2
     z = mesh.boundaries[:-1, None] + half * (1 + x)
     N = reference.basis(x)

@@ -14,6 +14,14 @@ from scipy.sparse import csr_array
 from virtual_lab.units import Array
 
 
+@lru_cache
+def gauss_points(number: int) -> tuple[Array, Array]:
+    """Points between -1 and 1 and weights of Gauss's rule, shared: not to be written to."""
+    points, weights = legendre.leggauss(number)
+    points.flags.writeable = weights.flags.writeable = False
+    return points, weights
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReferenceElement:
     """Lagrange basis on the Legendre-Gauss-Lobatto nodes of [-1, 1]."""
