@@ -293,6 +293,8 @@ def test_the_name_of_a_changed_sheet_is_a_files_name_too(tmp_path: Path) -> None
     long = vl.bat("r161").with_({"title": "a/b<c>|d", "body.profile.z": places})
     other = vl.bat("r161").with_({"title": "a/b<c>|d", "body.profile.z": places * 0.99})
     assert len({long.name, other.name}) == 2
+    assert len(long.name) == 100
+    assert long.name.endswith(")")
     assert (tmp_path / long.name).write_text("") == 0
     assert not set('/\\<>:"|?*') & set(long.name)
     with pytest.raises(vl.InputError, match="an entry of the catalog"):

@@ -147,7 +147,7 @@ class Sheet:
         name = f"{origin} ({', '.join(f'{key}={value}' for key, value in changes.items())})"
         if len(name) > LONGEST_NAME:
             digest = hashlib.sha256(name.encode()).hexdigest()[:8]
-            name = f"{name[: LONGEST_NAME - len(digest) - 2]}, {digest}"
+            name = f"{name[: LONGEST_NAME - len(digest) - 3]}… {digest})"
         document["name"] = name
         return Sheet(self.kind, name, toml_text(document), origin, tuple(changes.items()))
 
