@@ -6,6 +6,7 @@ Section V of the paper, written out: given e_A along the barrel, what does each 
 from collections.abc import Callable
 from dataclasses import replace
 from math import sqrt
+from pathlib import Path
 from typing import cast
 
 import numpy as np
@@ -30,12 +31,13 @@ from virtual_lab.studies.bats.profile import profiles
 INCH, MPH, OUNCE = 0.0254, 0.44704, 0.028349523125
 BASEBALL = ("r161", "ea70", "barrel-loaded", "knob-loaded")
 SCANS = ("ncaa-besr", "ncaa-modified", "proposed", "bbcor")
-# of exact curves, by an independent reading of Sec. V B 3: BESR where v_f is greatest
+# of exact curves, by an independent reading of Sec. V B 3: BESR where v_f is greatest; the loaded
+# bats by Verlet steps of 0.25 us over 100 modes, which give ea70's too
 BESR_AT_GREATEST_SPEED = {
     "r161": 0.6843,
     "ea70": 0.7082,
-    "barrel-loaded": 0.7136,
-    "knob-loaded": 0.6886,
+    "barrel-loaded": 0.7199,
+    "knob-loaded": 0.6945,
 }
 
 Line = Callable[[float], float]
@@ -119,10 +121,22 @@ def test_besr_is_that_of_the_greatest_speed(bat: str, played: Play) -> None:
     """Not the greatest BESR, which stands 1 to 1.6 in farther from the tip and 0.011 higher."""
     true = played(bat, Reality.IDEAL, procedure="ncaa-besr").sealed.measurand
     curve = exact_curve(bat, "ncaa-besr")
-    # the loaded bats were fitted to Table I once more since
-    apart = 4e-4 if "loaded" in bat else 1e-4
-    assert true["metric"] == pytest.approx(BESR_AT_GREATEST_SPEED[bat], abs=apart)
+    assert true["metric"] == pytest.approx(BESR_AT_GREATEST_SPEED[bat], abs=1e-4)
     assert curve.collision_efficiency.max() + 0.5 > true["metric"] + 0.01
+
+
+@pytest.mark.parametrize(("factor", "factor_of_bat"), [(0.9, 1.0435), (0.8, 1.0359)])
+def test_a_thinner_wall_is_livelier_until_its_hoop_keeps_the_energy(
+    factor: float, factor_of_bat: float, tmp_path: Path
+) -> None:
+    """By an outside check, whose hoop follows the wall as a ring does; ea70 has 1.0362.
+
+    With the hoop of the whole wall BPF fell at once, to 1.0304 at 0.8.
+    """
+    file = tmp_path / "thin.toml"
+    file.write_text(f'name = "thin"\ntitle = "thin"\nbase = "ea70"\nwall_factor = {factor}\n')
+    ideal = certify(str(file), procedure="astm-f1881", reality=Reality.IDEAL, seed=1)
+    assert ideal.sealed.measurand["metric"] == pytest.approx(factor_of_bat, abs=1e-4)
 
 
 @pytest.mark.parametrize("bat", BASEBALL)

@@ -18,6 +18,7 @@ from typing import Annotated, Any, Generic, TypeVar, cast
 
 from virtual_lab.catalog.specs import (
     BatSpec,
+    BatSport,
     BatSpread,
     Dimension,
     HoopMode,
@@ -158,10 +159,17 @@ def load_bat(name: str) -> Entry[BatSpec]:
 
 
 def read_bat(text: str, where: str) -> Entry[BatSpec]:
-    """Return the bat that TOML `text` describes, resolving ``base`` in the catalog."""
+    """Return the bat that TOML `text` describes, resolving ``base`` in the catalog.
+
+    A plain number may stand for the table of `wall_factor`; its source is then ``not stated``.
+    """
     document = parse_toml(text, where)
     if "base" not in document:
         return Entry(validate(document, where, BatSpec), text, tuple(datums(document)))
+    factor = document.get("wall_factor")
+    if isinstance(factor, int | float):
+        plain = {"value": factor, "unit": "1", "source": "not stated", "verified": False}
+        document = {**document, "wall_factor": plain}
     change = validate(document, where, ModifiedBat)
     if change.base not in names("bats"):
         hint = nearest(change.base, names("bats"))
@@ -174,12 +182,17 @@ def read_bat(text: str, where: str) -> Entry[BatSpec]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModifiedBat(Spec):
-    """A bat made from another: thinner or thicker wall, weights added, hoop mode retuned."""
+    """A bat made from another: thinner or thicker wall, weights added, hoop mode retuned.
+
+    Without a `hoop` of its own the hoop mode of the base follows the wall, see
+    `BatBody.with_wall`; without a `sport` the bat is of the base's.
+    """
 
     name: Name
     title: Title
     base: str
-    wall_factor: Annotated[float, Dimension("number", 0.2, 5)]
+    sport: BatSport | None = None
+    wall_factor: Annotated[float | None, Dimension("number", 0.2, 5)] = None
     lumps: tuple[Lump, ...] = ()
     hoop: HoopMode | None = None
     spread: BatSpread | None = None
@@ -187,17 +200,12 @@ class ModifiedBat(Spec):
 
 
 def _modified(base: BatSpec, change: ModifiedBat, where: str) -> BatSpec:
-    profile = base.body.profile
-    if profile.wall is None:
-        raise InputError(where, "base", change.base, "a solid bat has no wall to thin")
-    wall = tuple(thickness * change.wall_factor for thickness in profile.wall)
+    if change.wall_factor is not None and base.body.profile.wall is None:
+        allowed = f"none: {change.base} is solid, it has no wall to thin"
+        raise InputError(where, "wall_factor", f"{change.wall_factor:g}", allowed)
     try:
-        body = replace(
-            base.body,
-            profile=replace(profile, wall=wall),
-            lumps=(*base.body.lumps, *change.lumps),
-            hoop=change.hoop or base.body.hoop,
-        )
+        body = base.body.with_wall(1.0 if change.wall_factor is None else change.wall_factor)
+        body = replace(body, lumps=(*body.lumps, *change.lumps), hoop=change.hoop or body.hoop)
     except ValueError as fault:
         raise InputError(where, "wall_factor, lumps", None, str(fault)) from fault
     return BatSpec(
@@ -205,7 +213,7 @@ def _modified(base: BatSpec, change: ModifiedBat, where: str) -> BatSpec:
         title=change.title,
         body=body,
         spread=change.spread or base.spread,
-        sport=base.sport,
+        sport=change.sport or base.sport,
         published=change.published,
     )
 

@@ -9,7 +9,7 @@ file as ``{ value, unit, source, verified }`` and here as an SI float.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, cast
 
 import numpy as np
@@ -235,6 +235,25 @@ class BatBody(Spec):
     def length(self) -> float:
         """Length of the bat [m]."""
         return self.profile.z[-1]
+
+    def with_wall(self, factor: float) -> BatBody:
+        """Return the bat with every wall `factor` times as thick; a solid bat stays as it is.
+
+        The hoop mode follows the wall t as a thin ring's does that bends without stretching
+        (Hoppe 1871; Rayleigh, The Theory of Sound, § 233): f = 6/√5 √(E/12ρ) t / 2πR², so the
+        frequency and, as a share of the ring's, the modal mass are proportional to t, and the
+        stiffness to t³. The mean radius R is taken as constant (1 % of f for a tenth of a barrel's
+        wall), and so is the share of the stiffness that the barrel's ends give by stretching.
+        """
+        if self.profile.wall is None:
+            return self
+        wall = tuple(factor * thickness for thickness in self.profile.wall)
+        hoop = self.hoop and replace(
+            self.hoop,
+            frequency=factor * self.hoop.frequency,
+            modal_mass=factor * self.hoop.modal_mass,
+        )
+        return replace(self, profile=replace(self.profile, wall=wall), hoop=hoop)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

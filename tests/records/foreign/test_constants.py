@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from math import inf, nan
 
 import pytest
@@ -9,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from virtual_lab import catalog
+from virtual_lab.catalog.reading import DATA
 from virtual_lab.errors import InputError
 from virtual_lab.records.constants import constant_of
 from virtual_lab.records.foreign.constants import read_constants
@@ -64,6 +66,17 @@ def test_inches_by_hand() -> None:
     assert known["bench.pendulum.clamp_moment"].value == pytest.approx(
         2 * 0.028349523125 * 0.0254, rel=1e-15
     )
+
+
+def test_the_page_lists_the_constants_of_a_pivoted_test() -> None:
+    """All that the form of the test asks for, and none that it does not."""
+    page = (DATA / "README.md").read_text("utf-8")
+    sentence = page.split("needs these calibration constants:")[1].split("\n\n")[0]
+    listed = []
+    for found in re.findall(r"`([^`]+)`", sentence.replace("\n", " ")):
+        before, _, inner = found.partition("{")
+        listed += [before + name.strip() for name in inner.rstrip("}").split(",")]
+    assert sorted(listed) == sorted(our_own("astm-f1881").calibration)
 
 
 @pytest.mark.parametrize("procedure", catalog.names("procedures"))

@@ -5,7 +5,6 @@ Places are in inches and speeds in mph here, as in the paper; a bat is named as 
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -177,22 +176,3 @@ def nominal(bat: str, z: ArrayLike, swing: float | None = 0.0) -> Array:
     """Return the bat's speed in the standard game [mph]."""
     table = profiled(bat)[swing].table
     return np.asarray(np.interp(np.asarray(z, dtype=float), table["z_in"], table["v_bat_mph"]))
-
-
-def thinned(bat: str, factor: float) -> BatBody:
-    """Return a body with a thinner shell, its hoop mode softer and lighter as a shell's is.
-
-    The frequency of a shell that bends goes as its thickness, and so does the mass.
-    """
-    own = body(bat)
-    assert own.profile.wall is not None
-    assert own.hoop is not None
-    return replace(
-        own,
-        profile=replace(own.profile, wall=tuple(factor * wall for wall in own.profile.wall)),
-        hoop=replace(
-            own.hoop,
-            frequency=factor * own.hoop.frequency,
-            modal_mass=factor * own.hoop.modal_mass,
-        ),
-    )

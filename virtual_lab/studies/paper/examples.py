@@ -38,7 +38,6 @@ from virtual_lab.studies.paper.computed import (
     profiled,
     recoil,
     restitution,
-    thinned,
     top,
 )
 from virtual_lab.units import INCH, MPH, OUNCE, OZ_IN2
@@ -115,7 +114,7 @@ def mass_share(light: str, heavy: str) -> float:
 
 def thinner_is_livelier() -> float:
     """Return the gain of peak BPF as EA70's shell gets as thin as the loaded bats', no weight."""
-    struck_body = thinned(ALUMINIUM, _thickness())
+    struck_body = body(ALUMINIUM).with_wall(_thickness())
     own, mass = beam_of(struck_body), paper_ball().mass
     r = recoil_factor_free(mass, own.mass, own.inertia_cm, Z * INCH - own.z_cm)
     e_A = peak_of(ModalModel.of(struck_body, Free()), Z).collision_efficiency
