@@ -15,7 +15,14 @@ import pytest
 
 from tests.laboratories import certified
 from virtual_lab.api import Certificate
-from virtual_lab.certificate.document import document_of, json_schema, read_document
+from virtual_lab.certificate.document import (
+    CameraWord,
+    ComparedResult,
+    Stated,
+    document_of,
+    json_schema,
+    read_document,
+)
 from virtual_lab.certificate.figures import encoder_figure, hits_figure
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page, notebook_card
@@ -447,6 +454,46 @@ def test_the_encoders_figure_shows_the_counts_as_degrees_after_contact() -> None
     left = np.array(trace.ring.angle_deg) - trace.ring.fit_deg
     settled = np.array(trace.ring.time_ms) > trace.settled_ms
     assert np.std(left[settled]) < count
+
+
+def test_the_cameras_numbers_stand_on_page_and_text_each_in_its_column() -> None:
+    """Every value and u another one, so that none can stand for another."""
+
+    def compared(start: float, *, agree: bool) -> ComparedResult:
+        values = (Stated(value=start + n / 100, u=0.0011 + 0.0003 * n) for n in range(3))
+        gates, video, joined = values
+        return ComparedResult(
+            gates=gates,
+            video=video,
+            joined=joined,
+            difference=Stated(value=-0.0123, u=0.0045),
+            share_of_video=0.4,
+            agree=agree,
+        )
+
+    camera = CameraWord(
+        hits=5,
+        missed=2,
+        collision_efficiency=compared(0.21, agree=True),
+        restitution=compared(0.51, agree=False),
+        bat_performance_factor=compared(0.91, agree=True),
+    )
+    document = dataclasses.replace(certificate(quick()), second_witness=camera)
+    root = ElementTree.fromstring(certificate_page(document))
+    rows = [["".join(cell.itertext()) for cell in row] for row in root.iter("tr")]
+    shown = [row for row in rows if len(row) == 10]
+    assert shown[0][0] == "Of 5 hits"
+    for symbol, start, agreed in (("eA", 0.21, "agree"), ("e", 0.51, "disagree")):
+        gates, video, joined = (f"{start + n / 100:.4f}" for n in range(3))
+        row = [symbol, gates, "0.0011", video, "0.0014", joined, "0.0017", "−0.0123", "0.0045"]
+        assert [*row, agreed] in shown
+    text = certificate_text(document)
+    assert "gates and video for 5 hits, 2 more not seen well:" in text
+    assert (
+        "e    gates 0.5100 (u 0.0011), video 0.5200 (u 0.0014), joined 0.5300 (u 0.0017); "
+        "DISAGREE, difference -0.0123 (u 0.0045)"
+    ) in text
+    assert re.search(r"BPF .*joined 0\.9300 \(u 0\.0017\); agree, difference", text)
 
 
 def test_a_card_is_one_element_of_html() -> None:

@@ -199,7 +199,20 @@ def test_the_certificate_tells_both(certifications: list[Certification]) -> None
     assert "gates and video for" in text
     assert "agree" in text
     table = shot_table(certification)
-    assert {"video_speed_mph", "video_rebound_mph", "video_place_in"} <= set(table.columns)
+    flown, u = certification.camera.filmed, certification.camera.u
+    for column, values in {
+        "video_speed_mph": flown.flights.speed_in / 0.44704,
+        "video_speed_u_mph": u["speed_in"] / 0.44704,
+        "video_rebound_mph": flown.flights.speed_out / 0.44704,
+        "video_rebound_u_mph": u["speed_out"] / 0.44704,
+        "video_place_in": flown.place / 0.0254,
+        "video_place_u_in": u["place"] / 0.0254,
+        "video_angle_deg": np.degrees(flown.angle_in),
+        "video_angle_u_deg": np.degrees(u["angle"]),
+        "video_efficiency": certification.camera.shots.rebound_efficiency,
+        "video_efficiency_u": u["efficiency"],
+    }.items():
+        assert table[column].to_numpy() == pytest.approx(values, rel=1e-12, nan_ok=True), column
     plain = certify("r161", procedure="bbcor", seed=3, detail=RecordDetail.SUMMED).certification
     assert certificate(plain).second_witness is None
     assert "video" not in certificate_text(certificate(plain))
