@@ -456,6 +456,25 @@ def test_the_encoders_figure_shows_the_counts_as_degrees_after_contact() -> None
     assert np.std(left[settled]) < count
 
 
+def test_the_check_by_the_rebound_takes_the_hits_that_count() -> None:
+    """Two of the six shots are too far from 60 mph for a window of half a mile an hour."""
+    document = certificate(again((SPEED, "speed_tolerance = { value = 0.5")))
+    count = [shot for shot in document.shots if not shot.reason]
+    assert len(count) == document.valid_hits == 4
+    assert all(shot.rebound_efficiency for shot in document.shots if shot.reason)
+    gap = [
+        shot.rebound_efficiency - shot.recoil_efficiency
+        for shot in count
+        if shot.rebound_efficiency is not None
+    ]
+    check = document.rebound_check
+    assert check.shots == len(gap) > 1
+    assert check.difference == pytest.approx(np.mean(gap), rel=1e-12)
+    assert check.u == pytest.approx(np.std(gap, ddof=1) / len(gap) ** 0.5, rel=1e-12)
+    speeds = [shot.speed_mph for shot in count]
+    assert document.v_rel_mph == pytest.approx(np.mean(speeds), rel=1e-12)
+
+
 def test_the_cameras_numbers_stand_on_page_and_text_each_in_its_column() -> None:
     """Every value and u another one, so that none can stand for another."""
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import stats
 
 from virtual_lab import catalog
 from virtual_lab.lab import Campaign
@@ -71,6 +72,16 @@ def test_the_scatter_of_many_scans_is_the_stated_uncertainty(flanks: float) -> N
     spread = np.std([each.budget.value for each in found if each])
     stated = np.sqrt(np.mean([each.budget.u**2 for each in found if each]))
     assert 1.0 < stated / spread < 1.5
+
+
+def test_the_degrees_of_freedom_of_a_width_are_the_hits_less_the_quintics_six() -> None:
+    noise = Streams(3).normal("noise", (1, PLACES.size))[0]
+    found = width_of(RULES, PLACES, ALL, skewed(0.03, 0.0, 6 * INCH) + 2e-3 * noise)
+    assert found is not None
+    assert found.budget.dof == pytest.approx(PLACES.size - 6)
+    low, high = found.budget.interval_95
+    factor = stats.t.ppf(0.975, PLACES.size - 6)
+    assert (high - low) / 2 == pytest.approx(factor * found.budget.u, rel=1e-6)
 
 
 def test_a_curve_that_never_falls_is_at_least_as_wide_as_the_hits() -> None:
