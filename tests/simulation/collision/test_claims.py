@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from tests.simulation.collision.scenes import usual
-from virtual_lab.catalog import load_bat
+from virtual_lab.catalog import load, load_bat
+from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.measurement.reduction import kinematics
 from virtual_lab.relations.swing import KNOB_OFFSET, PowerLawSwing, bat_speed
 from virtual_lab.simulation.collision.modal import BENDING_MODES, ModalModel
+from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.physics.beam import Clamped, Free, Pinned, beam_of
 from virtual_lab.units import INCH, MPH, OUNCE, OZ_IN2
 
@@ -124,3 +126,43 @@ def test_the_support_changes_restitution_but_not_efficiency(name: str) -> None:
     r = kinematics.recoil_factor_free(MASS, beam.mass, beam.inertia_cm, z * INCH - beam.z_cm)
     e = np.asarray(kinematics.restitution_from_efficiency(free, r))
     assert np.all(e - free > 0.1)  # clamped: r = 0, so e is e_A
+
+
+@pytest.mark.parametrize("modes", [BENDING_MODES, 30])
+def test_a_soft_softball_bat_feels_its_pivot(modes: int) -> None:
+    """By an outside check .0954 pinned and .0961 free at 6.5 in, whatever the modes; wood does not.
+
+    In contact for 1.05 ms, not .6 to .8, it still pushes when its handle answers.
+    """
+    ball = load("balls", "softball-slowpitch", BallSpec).spec
+    scene = Scenes.with_ball(ball, impact_position=np.array([6.5 * INCH]), relative_speed=60 * MPH)
+    gaps = {}
+    for name in ("softball-34", "softball-wood-34"):
+        body = load_bat(name).spec.body
+        free, held = (
+            ModalModel.of(body, support, modes).collide(scene)
+            for support in (Free(), Pinned(28 * INCH))
+        )
+        gaps[name] = float(held.collision_efficiency[0] - free.collision_efficiency[0])
+        if name == "softball-34":
+            assert free.contact_time[0] == pytest.approx(1.05e-3, abs=0.02e-3)
+    assert gaps["softball-34"] == pytest.approx(-7e-4, abs=0.6e-4)
+    assert abs(gaps["softball-wood-34"]) < 2e-5
+
+
+def test_a_stiff_dull_ball_touches_twice_from_13_inches() -> None:
+    """F = 1e9 u², e0 .4, 32 mph at a free R161: Verlet steps of .5 us over 60 modes say the same.
+
+    e_A of -.05211 in one contact at 13.2 in, -.05560 in two at 13.5 in.
+    """
+    scenes = Scenes.of(
+        impact_position=np.array([13.2, 13.5]) * INCH,
+        relative_speed=np.full(2, 32 * MPH),
+        ball_mass=np.full(2, MASS),
+        ball_restitution=np.full(2, 0.4),
+        stiffness=1e9,
+        exponent=2.0,
+    )
+    found = ModalModel.of(load_bat("r161").spec.body, Free()).collide(scenes)
+    assert found.contacts.tolist() == [1, 2]
+    assert found.collision_efficiency == pytest.approx([-0.05211, -0.05560], abs=1e-4)
