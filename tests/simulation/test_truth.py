@@ -1,0 +1,33 @@
+"""Individuals against their drawings: what is drawn together, and whom a mean is of."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from virtual_lab.catalog import load, load_bat
+from virtual_lab.catalog.specs import BallSpec
+from virtual_lab.simulation.truth import draw_balls, made_bat
+from virtual_lab.streams import Streams
+
+
+@pytest.mark.parametrize("name", ["r161", "ea70"])
+def test_a_made_bats_shear_modulus_is_as_much_stiffer_as_youngs(name: str) -> None:
+    """One draw for both: of five bats none has another ratio than the drawing, nor its modulus."""
+    spec = load_bat(name).spec
+    drawn = spec.body.material
+    for seed in range(5):
+        made = made_bat(spec, Streams(seed)).body.material
+        stiffer = made.youngs_modulus / drawn.youngs_modulus
+        assert abs(stiffer - 1) > 1e-6
+        assert made.shear_modulus / drawn.shear_modulus == pytest.approx(stiffer, rel=1e-12)
+
+
+def test_the_mean_ball_is_that_of_the_balls_used() -> None:
+    """Of balls of 140, 150 and 190 g the last is set aside: 145 g, and e0 likewise."""
+    lot = draw_balls(load("balls", "baseball-2003", BallSpec).spec, 3, Streams(1))
+    mass, e0 = np.array([0.140, 0.150, 0.190]), np.array([0.54, 0.56, 0.70])
+    used = np.array([True, True, False])
+    mean = replace(lot, mass=mass, restitution=e0, used=used).mean_ball()
+    assert mean.mass == pytest.approx([0.145], rel=1e-12)
+    assert mean.restitution == pytest.approx([0.55], rel=1e-12)
