@@ -70,7 +70,8 @@ def main() -> None:
                         "flags": " ".join(found.flags),
                     }
                 )
-                print(*rows[-1].values(), flush=True)
+                numbers = [f"{rows[-1][key]:+.2f}" for key in ("error %", "off u")]
+                print(light, name, seed, found.scale.source, *numbers, *found.flags, flush=True)
     table = pd.DataFrame(rows)
     for (light, ruler), some in table.groupby(["light", "ruler"], sort=False):
         off = some["off u"].abs()

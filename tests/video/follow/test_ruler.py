@@ -143,3 +143,32 @@ def test_gravity_that_no_flight_shows_is_no_ruler(seen: Seen) -> None:
     short = replace(found.watched, found=found.watched.found[few], thumbs={})
     with pytest.raises(InputError, match="no flight shows gravity"):
         following(found.clip, short, replace(found.known, ruler="gravity"))
+
+
+def test_gravity_s_u_has_what_no_flight_shows(seen: Seen) -> None:
+    """That g is 9.78 to 9.83 over the Earth, a tilt of 5 degrees, and air that bears the ball.
+
+    A ball of diameter d that loses k v² to drag has k d = 3/4 C_d ρ/ρ_b.
+    """
+    _, found = seen("flat")
+    assert found.scale is not None
+    assert found.fit is not None
+    density = found.fit.drag * 2 * SMALL["radius"] / (0.75 * 0.45)  # air's over the ball's
+    known = [0.025 / 9.81 / 3**0.5, 1 / np.cos(np.radians(5)) - 1, 1.5 * density / 3**0.5]
+    least = float(np.linalg.norm(known))
+    assert 0.97 * least < found.scale.relative_u < 1.5 * least
+    for said in speeds_of(found):
+        assert said.u > 0.97 * least * said.value
+    there = again(found, gravity_u=0.0)
+    assert there.scale is not None
+    apart = found.scale.relative_u**2 - there.scale.relative_u**2
+    assert apart == pytest.approx(known[0] ** 2, rel=0.02)
+
+
+def test_of_two_rulers_the_surer_one_is_used(seen: Seen) -> None:
+    _, found = seen("flat")
+    for gravity_u, used in ((0.01, "gravity"), (1.0, "ball")):
+        by = again(found, gravity_u=gravity_u)
+        assert by.scale is not None
+        assert by.scale.source == used
+        assert by.scale.relative_u < by.checks[0].relative_u
