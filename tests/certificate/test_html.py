@@ -248,6 +248,7 @@ def test_a_result_of_supplied_records_never_passes_for_a_simulated_or_verified_o
     assert said in certificate_text(document)
     assert document.as_json()["statement"].endswith(said)
     assert (document.origin, document.simulation) == ("supplied", None)
+    assert Certificate(certification=case("real laboratory")).plot().get_supxlabel().endswith(said)
     assert "SIMULATED" not in html + certificate_text(document)
     assert "Seed commitment" not in html
     assert "not verified" in re.search(r"@bottom-left {.*?}", html)[0]

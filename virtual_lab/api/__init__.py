@@ -267,7 +267,7 @@ class Certificate:
         """Return a figure of the metric of each hit with result, interval and limit; save it."""
         from virtual_lab.studies.certificate_plot import plot_hits
 
-        figure = plot_hits(self.certification)
+        figure = plot_hits(self.certification, self.printed.statement)
         if path is not None:
             figure.savefig(path)
         return figure

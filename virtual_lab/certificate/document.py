@@ -390,7 +390,7 @@ class CertificateDocument(Spec):
 
 
 def statement_of(laboratory: str | None) -> str:
-    """Return what a result is worth: simulated, or from the records of a laboratory."""
+    """Return what a result is worth: simulated (None), or from the records of a laboratory."""
     return SIMULATED if laboratory is None else SUPPLIED.format(laboratory)
 
 

@@ -17,8 +17,10 @@ if TYPE_CHECKING:
     from virtual_lab.measurement.certification import Certification
 
 
-def plot_hits(found: Certification) -> Figure:
+def plot_hits(found: Certification, statement: str) -> Figure:
     """Return the figure over the shot number, of a scan over the place with its fitted curve.
+
+    Below it stands the `statement` of the certificate on what the result is worth.
 
     Hits of the result are filled discs, other valid ones open, rejected shots crosses; shots
     count from 0, as on the certificate.
@@ -70,4 +72,5 @@ def plot_hits(found: Certification) -> Figure:
         tested, rules = as_drawn(found.session.bat), as_drawn(procedure.name)
         axes.set_title(f"{tested} by {rules}: {found.verdict.value}")
         axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
+        figure.supxlabel(as_drawn(statement), fontsize="x-small", x=0.01, ha="left", wrap=True)
     return figure
