@@ -50,10 +50,12 @@ def key_of(seed: int, branch: tuple[int, ...], name: str) -> tuple[int, ...]:
     return unpack("<3I", hashlib.blake2b(owner.encode(), digest_size=12).digest())
 
 
-def uniform_of(seed: int, branch: tuple[int, ...], name: str, slot: int, index: int) -> float:
+def uniform_of(
+    seed: int, branch: tuple[int, ...], name: str, slot: int, index: int, laboratory: int = 0
+) -> float:
     """Return one number between -1/2 and 1/2, from its counter alone."""
     *key, tag = key_of(seed, branch, name)
-    words = philox((index // 2, slot, 0, tag), tuple(key))
+    words = philox((index // 2, slot, laboratory, tag), tuple(key))
     low, high = words[2 * (index % 2) :][:2]
     return ((high << 32 | low) >> 12) * 2.0**-52 - 0.5 + 2.0**-53
 
@@ -70,15 +72,22 @@ def test_the_oracle_gives_the_known_answers(counter: str, key: str, answer: str)
     name=NAMES,
     slots=st.lists(WORDS, min_size=1, max_size=5),
     each=st.integers(1, 7),
+    laboratory=WORDS,
 )
 def test_every_number_is_that_of_its_counter(
-    seed: int, branch: list[int], name: str, slots: list[int], each: int
+    seed: int, branch: list[int], name: str, slots: list[int], each: int, laboratory: int
 ) -> None:
-    """Seed, branch and name by key, slot and index by counter; nothing else comes into it."""
+    """Seed, branch and name by key, laboratory, slot and index by counter; nothing else."""
     own = tuple(branch)
-    found = Streams(seed, own).uniform(name, each, np.array(slots))
-    expected = [[uniform_of(seed, own, name, slot, i) for i in range(each)] for slot in slots]
-    assert found.tolist() == expected
+    found = Streams(seed, own, laboratory).uniform(name, each, np.array(slots))
+    rows = [[(slot, index, laboratory) for index in range(each)] for slot in slots]
+    assert found.tolist() == [[uniform_of(seed, own, name, *at) for at in row] for row in rows]
+
+
+@pytest.mark.parametrize("laboratory", [-1, 2**32])
+def test_laboratories_that_cannot_be_counted_are_refused(laboratory: int) -> None:
+    with pytest.raises(InputError, match=r"laboratory = .*allowed: 0 to 2\^32 - 1"):
+        Streams(1, (), laboratory)
 
 
 @pytest.mark.parametrize("each", [1, 2, 3, 255, 256, 257, 511, 512, 513, 1537])
@@ -136,7 +145,7 @@ def test_words_at_the_ends_stay_between_the_halves() -> None:
 def test_slots_that_cannot_be_counted_are_refused(slots: list[int]) -> None:
     with pytest.raises(InputError, match="allowed as slots"):
         Streams(1).normal("a", 2, np.array(slots))
-    assert not fill((0, 0, 0), np.array(slots), 2, True, np.empty(2 * len(slots)))
+    assert not fill((0, 0, 0), 0, np.array(slots), 2, True, np.empty(2 * len(slots)))
 
 
 @given(seed=SEEDS, name=NAMES, other=NAMES, slot=WORDS)
@@ -159,23 +168,25 @@ def test_without_slots_numbers_are_those_of_slot_0() -> None:
 @pytest.mark.parametrize(
     "pair",
     [
-        ((1, (), "a", 0), (1, (), "b", 0)),
-        ((1, (), "a", 0), (1, (), "a", 1)),
-        ((1, (), "a", 0), (2, (), "a", 0)),
-        ((2**127, (), "a", 0), (2**127 + 1, (), "a", 0)),
-        ((7, (), "a", 0), (7, (0,), "a", 0)),
-        ((7, (0,), "a", 0), (7, (1,), "a", 0)),
+        ((1, (), 0, "a", 0), (1, (), 0, "b", 0)),
+        ((1, (), 0, "a", 0), (1, (), 0, "a", 1)),
+        ((1, (), 0, "a", 0), (1, (), 1, "a", 0)),
+        ((1, (), 0, "a", 1), (1, (), 1, "a", 0)),
+        ((1, (), 0, "a", 0), (2, (), 0, "a", 0)),
+        ((2**127, (), 0, "a", 0), (2**127 + 1, (), 0, "a", 0)),
+        ((7, (), 0, "a", 0), (7, (0,), 0, "a", 0)),
+        ((7, (0,), 0, "a", 0), (7, (1,), 0, "a", 0)),
     ],
 )
 def test_streams_are_uncorrelated(pair: tuple) -> None:
-    """Seeds, branches, names and slots: N = 100 000 pairs, fixed seed, |r| < 4/√n (6e-5 by chance).
+    """All that a number belongs to: N = 100 000 pairs, fixed seed, |r| < 4/√n (6e-5 by chance).
 
     Squares and products of neighbours too, which a linear relation alone would not show.
     """
     n = 100_000
     x, y = (
-        Streams(seed, branch).normal(name, n, np.array([slot]))[0]
-        for seed, branch, name, slot in pair
+        Streams(seed, branch, laboratory).normal(name, n, np.array([slot]))[0]
+        for seed, branch, laboratory, name, slot in pair
     )
     assert not np.any(x == y)
     for left, right in ((x, y), (x**2, y**2), (x[1:], y[:-1]), (x[1:] * x[:-1], y[1:] * y[:-1])):

@@ -121,7 +121,7 @@ def _play(procedure: str, detail: RecordDetail, shots: int) -> Work:
         records = {**session.records, "impact": play.records}
         readings = observe_impact(replace(session, records=records))
         by_gates = timed("impact", readings.passages)
-        results = shot_results(known, bat, balls, readings, rules.asked, by_gates)
+        results = shot_results(known, bat, balls, readings, rules.reduction_settings, by_gates)
         return metric(Curve.measured(results), bat)
 
     return work

@@ -1,5 +1,6 @@
 """The whole laboratory: what it recovers, what it repeats, where it stops."""
 
+import re
 from dataclasses import replace
 from math import sqrt
 from pathlib import Path
@@ -163,6 +164,39 @@ def test_every_bit_of_a_seed_counts(bit: int) -> None:
     )
     assert first.bat.body.material.density != other.bat.body.material.density
     assert not (first.balls.mass == other.balls.mass).any()
+
+
+def test_laboratories_of_one_seed_share_nothing() -> None:
+    """Number 0 is the one without a number; number 5, its tests and their control bat draw anew."""
+    alone, first, other = (
+        opened("r161", procedure=PROCEDURE, seed=1, test=2, **given)
+        for given in ({}, {"number": 0}, {"number": 5})
+    )
+    assert alone.draws == first.draws == Streams(1, (2,))
+    assert other.draws == Streams(1, (2,), 5)
+    assert other.setup.draws(1, 1_000_000) == Streams(1, (1_000_000,), 5)
+    assert alone.specimen.bat == first.specimen.bat != other.specimen.bat
+    assert np.array_equal(alone.specimen.balls.mass, first.specimen.balls.mass)
+    assert not np.any(first.specimen.balls.mass == other.specimen.balls.mass)
+    for stage, station in first.stations.items():
+        assert station.true_constants == alone.stations[stage].true_constants
+        found = station.true_constants, other.stations[stage].true_constants
+        uncertain = [name for name in found[0] if name in station.calibration]
+        assert uncertain
+        assert not [name for name in uncertain if found[0][name] == found[1][name]]
+
+
+@pytest.mark.parametrize(
+    ("given", "allowed"),
+    [
+        ({"seed": 1, "number": -1}, "number = -1; allowed: 0 to 2^32 - 1"),
+        ({"seed": 1, "number": 2**32}, "number = 4294967296; allowed: 0 to 2^32 - 1"),
+        ({"number": 3}, "number = 3; allowed with a seed: a laboratory of its study"),
+    ],
+)
+def test_a_laboratory_no_study_has_is_refused(given: dict[str, int], allowed: str) -> None:
+    with pytest.raises(InputError, match=re.escape(allowed)):
+        opened("r161", procedure=PROCEDURE, **given)
 
 
 def test_the_records_say_whether_the_truth_is_sealed() -> None:

@@ -356,6 +356,7 @@ def certify(
     instruments: Sequence[Sheet] = (),
     rig: str | None = None,
     seed: int | None = None,
+    number: int = 0,
     reality: str = "real",
     rung: str | None = None,
     motion: str = "closed-form",
@@ -384,6 +385,9 @@ def certify(
     seed
         Seed of all random numbers; makes the test reproducible, not sealed. None: a random seed
         of 128 bits, stored only in the sealed truth.
+    number
+        Number of the laboratory in the study of this seed: each has another bat, other balls and
+        other calibration errors.
     reality
         ``real``; ``noise-free``: no randomness, but vibration, counts, drag and friction;
         ``ideal``: bat, balls and instruments equal their nominal values.
@@ -406,8 +410,8 @@ def certify(
     Raises
     ------
     InputError
-        An unknown name, a file that cannot be used, a seed that is no whole number from 0, a film
-        at a rig without a camera.
+        An unknown name, a file that cannot be used, a seed that is no whole number from 0, a
+        number without a seed, a film at a rig without a camera.
     """
     from virtual_lab import catalog
     from virtual_lab.lab import TestSetup, certify_bat
@@ -423,6 +427,7 @@ def certify(
         procedure=rules,
         rig=rig,
         seed=seed,
+        number=number,
         reality=named(Reality, "reality", reality),
         rung=rung,
         motion=motion,

@@ -183,7 +183,7 @@ ARGUMENTS = {
     **dict.fromkeys(
         (
             *("laboratories", "clips", "days", "baseline", "hits", "since"),
-            *("members", "shots", "views", "operator_seed"),
+            *("members", "shots", "views", "operator_seed", "number"),
         ),
         WHOLE,
     ),

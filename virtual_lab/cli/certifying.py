@@ -33,6 +33,15 @@ if TYPE_CHECKING:
 )
 @seed_option("; makes the test reproducible, not sealed  [default: a random seed]", None)
 @click.option(
+    "--number",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    metavar="NUMBER",
+    help="Number of the laboratory in the study of this seed: another bat, other balls and "
+    "calibration errors.",
+)
+@click.option(
     "--ideal",
     is_flag=True,
     help="Bat, balls and instruments equal their nominal values, without noise.",

@@ -156,14 +156,15 @@ def _shared_options(
 def _usual_folder(
     folder: str | Callable[[Mapping[str, Any]], Path], asked: Mapping[str, Any]
 ) -> Path:
-    """Return the default folder; its name contains the seed only if the user gave one."""
+    """Return the default folder; its name contains seed and number only if the user gave them."""
     if not isinstance(folder, str):
         return folder(asked)
     parts = {key: _part(value) for key, value in asked.items() if isinstance(value, str)}
     name = folder.format_map(parts)
-    source = click.get_current_context().get_parameter_source("seed")
-    if source is click.core.ParameterSource.COMMANDLINE:
-        name += f"-seed-{asked['seed']}"
+    for key in ("seed", "number"):
+        source = click.get_current_context().get_parameter_source(key)
+        if source is click.core.ParameterSource.COMMANDLINE:
+            name += f"-{key}-{asked[key]}"
     return Path("out") / name
 
 

@@ -43,7 +43,7 @@ def certify_bat(setup: TestSetup, progress: Progress = quiet) -> BatTest:
     assert rules.correction is not None
     bat, standard = given.spec, rules.correction.standard
     require_places(rules, bat)
-    own = setup.reality.draws(laboratory.seed, 1_000_000)  # beyond any number of tests
+    own = setup.draws(laboratory.seed, 1_000_000)  # beyond any number of tests
     progress(f"control bat {bat.name}, with the same balls")
     session = _with_ratio(laboratory.session, Estimate(value=1.0))
     collision = collision_of(bat, setup.ball.spec, rules, setup.rung)

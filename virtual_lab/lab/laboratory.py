@@ -78,8 +78,8 @@ class Laboratory:
         require_ball(rules, ball)
         seed = secrets.randbits(SEED_BITS) if setup.seed is None else setup.seed
         salt = secrets.token_bytes(16)
-        draws = setup.reality.draws(seed)
-        own = draws if setup.test is None else setup.reality.draws(seed, setup.test)
+        draws = setup.draws(seed)
+        own = draws if setup.test is None else setup.draws(seed, setup.test)
         ideal = setup.reality is Reality.IDEAL
         stations = {
             stage: setup.faults.station(stage, find_rig(name, stage).commission(draws, ideal=ideal))

@@ -16,6 +16,7 @@ from virtual_lab.simulation.collision.ladder import Ladder
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import MotionRung, Reality, Stage, named
+from virtual_lab.streams import LABORATORIES, Draws
 
 NO_FAULTS = FaultSet()
 METHODS = ("ratio", "trampoline")  # of converting a result to a standard ball
@@ -31,6 +32,7 @@ class TestSetup:
     rig: str
     doubtful_rigs: Mapping[str, str]  # unverified numbers behind the rigs, by sheet
     seed: int | None = None  # None draws one, which stands in the sealed truth alone
+    number: int = 0  # of the laboratory in the study of this seed
     reality: Reality = Reality.REAL
     rung: str | None = None  # of the collision; None takes the cheapest that is good enough
     motion: MotionRung = MotionRung.CLOSED_FORM
@@ -50,6 +52,7 @@ class TestSetup:
         procedure: str | Entry[Procedure],
         rig: str | None = None,
         seed: int | None = None,
+        number: int = 0,
         reality: Reality = Reality.REAL,
         rung: str | None = None,
         motion: str = MotionRung.CLOSED_FORM.value,
@@ -72,6 +75,9 @@ class TestSetup:
             An installed rig that records what the procedure needs; None takes the procedure's rig.
         seed
             Seed of all random numbers.
+        number
+            Number of the laboratory in the study of this seed, whose laboratories have different
+            bats, balls and calibration errors.
         reality
             Which imperfections are simulated.
         rung
@@ -99,6 +105,10 @@ class TestSetup:
         """
         if seed is not None and seed < 0:
             raise InputError("", "seed", seed, "allowed: whole numbers from 0")
+        if not 0 <= number < LABORATORIES:
+            raise InputError("", "number", number, "allowed: 0 to 2^32 - 1")
+        if number and seed is None:
+            raise InputError("", "number", number, "allowed with a seed: a laboratory of its study")
         rules = (
             catalog.load("procedures", procedure, Procedure)
             if isinstance(procedure, str)
@@ -119,6 +129,7 @@ class TestSetup:
             rig=rig,
             doubtful_rigs=unverified_rigs(_rigs(rig).values()),
             seed=seed,
+            number=number,
             reality=reality,
             rung=rung,
             motion=named(MotionRung, "motion", motion),
@@ -128,6 +139,10 @@ class TestSetup:
             film=film,
             detail=detail,
         )
+
+    def draws(self, seed: int, *branch: int) -> Draws:
+        """Return the random numbers of this laboratory, or of a branch, by the seed it has."""
+        return self.reality.draws(seed, *branch, laboratory=self.number)
 
     @property
     def rigs(self) -> dict[Stage, str]:

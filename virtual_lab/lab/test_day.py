@@ -201,6 +201,7 @@ class TestDay:
         laboratory, rounds = self.laboratory, self.rounds
         return SealedTruth(
             seed=laboratory.seed,
+            number=laboratory.setup.number,
             salt=laboratory.salt,
             reality=laboratory.setup.reality.value,
             bat=laboratory.specimen.bat,

@@ -100,6 +100,7 @@ class SealedTruth:
     """All that really was, for the scorer: kept apart from everything a laboratory may see."""
 
     seed: int
+    number: int  # of the laboratory in the study of this seed
     salt: bytes
     reality: str
     bat: TrueBat
@@ -117,6 +118,7 @@ class SealedTruth:
         return {
             "schema": 1,
             "seed": self.seed,
+            "number": self.number,
             "salt": self.salt.hex(),
             "reality": self.reality,
             "measurand": dict(self.measurand),

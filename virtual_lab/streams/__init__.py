@@ -1,4 +1,4 @@
-"""Random numbers by (seed, branch, name) and by (slot, index): the same bits whoever asks.
+"""Random numbers by (seed, branch, name) and by (laboratory, slot, index): the same bits always.
 
 A slot is the number of a shot in its laboratory, or of a reading. A number depends on nothing that
 was drawn before it or beside it: not on rounds, batches or the order of actions.
@@ -23,10 +23,11 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 
-__all__ = ["Draws", "Quiet", "Slots", "Streams", "commitment"]
+__all__ = ["LABORATORIES", "Draws", "Quiet", "Slots", "Streams", "commitment"]
 
 Array = NDArray[np.float64]
 Slots = NDArray[np.int_]
+LABORATORIES = 2**32  # that one study can count
 
 
 class Draws(Protocol):
@@ -51,14 +52,22 @@ class Draws(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Streams:
-    """The numbers of one seed, a whole number of any size.
+    """The numbers of one laboratory of a study.
 
-    Each `branch` of a seed has numbers of its own: what one laboratory draws for each of
-    its tests.
+    The study has a `seed`, a whole number of any size, and its laboratories are counted, by whole
+    numbers of 32 bits. Each `branch` of a seed has numbers of its own: what one laboratory draws
+    for each of its tests.
+
+    Raises `InputError` for a laboratory that cannot be counted.
     """
 
     seed: int
     branch: tuple[int, ...] = ()
+    laboratory: int = 0
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.laboratory < LABORATORIES:
+            raise InputError("draws", "laboratory", self.laboratory, "allowed: 0 to 2^32 - 1")
 
     def normal(
         self, name: str, shape: int | tuple[int, ...] = (), slots: Slots | None = None
@@ -76,7 +85,8 @@ class Streams:
         each = shape if isinstance(shape, int) else prod(shape)
         rows = np.ascontiguousarray([0] if slots is None else slots, dtype=np.int64)
         out = np.empty(rows.size * each)
-        if not _kernel()(_key(self.seed, self.branch, name), rows, each, normal, out):
+        key = _key(self.seed, self.branch, name)
+        if not _kernel()(key, self.laboratory, rows, each, normal, out):
             raise InputError("draws", name, slots, "allowed as slots: 0 to 2^32 - 1")
         return out.reshape(_laid(shape, slots))
 

@@ -29,16 +29,20 @@ LN_2 = log(2.0)
 
 
 @njit(cache=True)
-def fill(key: tuple[int, int, int], slots: Whole, each: int, normal: bool, out: Floats) -> bool:
+def fill(
+    key: tuple[int, int, int], laboratory: int, slots: Whole, each: int, normal: bool, out: Floats
+) -> bool:
     """Fill `out` with `each` numbers of every slot; return whether all slots can be counted.
 
-    Number i of a slot is word i % 2 of the counter (i // 2, slot, 0, third word of the key): the
-    third word of a counter is the laboratory's, for studies that share a key.
+    Number i of a slot is word i % 2 of the counter (i // 2, slot, laboratory, third word of the
+    key).
 
     Parameters
     ----------
     key
         Three words of 32 bits.
+    laboratory
+        Its number in a study of many, which share a key: a whole number of 32 bits.
     slots
         (slot,), whole numbers of 32 bits.
     normal
@@ -67,7 +71,7 @@ def fill(key: tuple[int, int, int], slots: Whole, each: int, normal: bool, out: 
             pair += more
             if pair == pairs:
                 row, pair = row + 1, 0
-        _philox(key, of_index[:used], of_slot[:used], first, second)
+        _philox(key, laboratory, of_index[:used], of_slot[:used], first, second)
         if odd:
             for i in range(used):
                 words[wanted] = first[i]
@@ -90,11 +94,16 @@ def fill(key: tuple[int, int, int], slots: Whole, each: int, normal: bool, out: 
 
 @njit(cache=True)
 def _philox(
-    key: tuple[int, int, int], index: Words, slot: Words, first: Words, second: Words
+    key: tuple[int, int, int],
+    laboratory: int,
+    index: Words,
+    slot: Words,
+    first: Words,
+    second: Words,
 ) -> None:
     """Fill in the two words of each counter."""
     for i in range(index.size):
-        a, b, c, d = index[i], slot[i], np.uint64(0), np.uint64(key[2])
+        a, b, c, d = index[i], slot[i], np.uint64(laboratory), np.uint64(key[2])
         x, y = np.uint64(key[0]), np.uint64(key[1])
         for _ in range(10):
             p, q = a * MULTIPLIERS[0], c * MULTIPLIERS[1]
