@@ -477,6 +477,11 @@ def test_the_text_has_the_documents_numbers(case: str) -> None:
             *_, found = re.findall(rf"^  {symbol} +([\d.]+) \(u ([\d.]+)\)", text, re.MULTILINE)
             assert agrees(found[0], told[key]["value"])
             assert agrees(found[1], told[key]["u"])
+    laws = re.findall(r"^    ([\d.]+) +([\d.]+) \(u ([\d.]+)\) +([\d.]+)$", text, re.MULTILINE)
+    assert len(laws) == len(told["swing_range"])
+    for shown, row in zip(laws, told["swing_range"], strict=True):
+        numbers = (row["exponent"], row["value"] / MPH, row["u"] / MPH, row["place_in"])
+        assert all(map(agrees, shown, numbers))
     (found,) = re.findall(r"at ([\d.]+) mph, ([\d.]+) in from the tip", text)
     assert agrees(found[0], told["v_rel_mph"])
     assert agrees(found[1], told["impact_position_in"])

@@ -376,4 +376,4 @@ def test_the_misfit_is_the_scatter_of_the_edges_of_a_beam_without_bias() -> None
     edges = np.stack([middle - half, middle + half], axis=-1)
     noise = rng.normal(0, sigma, (4000, 2, 1, 8, 2))
     seen = passages(BoardRecord(times=edges + noise), lowest=LOWEST, pitch=PITCH)
-    assert np.mean(seen.misfit**2) == pytest.approx(sigma**2 / 2, rel=0.03)
+    assert np.mean((seen.misfit / sigma) ** 2) == pytest.approx(1 / 2, rel=0.03)
