@@ -26,6 +26,7 @@ class RecoilFit:
 
     polynomial_order: int = 3  # turn, and two terms of its slowing
     most_rings: int = 6
+    ringing: float = 5e-3  # of the angle turned, by which a ring may turn the bat back at the end
     slowest_ring: float = 60.0  # Hz; no bat rings so slowly, but a slip of the coupling looks so
     settling_time: float = 3e-3  # s after contact: ball gone, forced motion over
     # s, the turn is extrapolated to the end of contact; ball data say 0.6 to 1.0, at 60 mph
@@ -114,7 +115,9 @@ def _farthest(counts: Array) -> int:
     A count that is farthest in the first half of the usual way, as of a bat that was not hit or
     of an encoder that jumps, is not taken for a stop: the residual of that shot shows it.
     """
-    farthest = np.abs(counts - counts[:, :1]).argmax(axis=1)
+    turned = np.abs(counts - counts[:, :1])
+    back = turned[:, -1] < (1 - RECOIL.ringing) * turned.max(axis=1)
+    farthest = np.where(back, turned.argmax(axis=1), counts.shape[1] - 1)
     usual = farthest[farthest > np.median(farthest) / 2]
     return int(usual.min()) + 1 if usual.size else counts.shape[1]
 
