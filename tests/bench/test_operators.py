@@ -268,7 +268,7 @@ def test_the_debrief_sets_an_experts_day_beside_the_trainees() -> None:
             None,
             "INVALID is right of your day; the expert mended the day (gau",
         ),
-        ("book", ("encoder-slip",), None, "may refuse to judge"),
+        ("book", ("ball-worn-out",), None, "may refuse to judge"),
         ("book", (), 0.948, "Here the expert is wrong, as U allows"),
         ("book", ("bat-cracked",), None, ""),
         ("expert", ("gate-moved",), None, ""),
