@@ -9,8 +9,9 @@
 `sound` plays full laboratories, one a seed, and adds a row each to the file; seeds that are there
 already are left out, so that it can be stopped and resumed and cut into ranges. `table` sums such
 files up. `injected` changes one record of a sound session, writes the session to disk, reads it
-back, reduces it and compares the result with the truth; `faults` does so with each fault of the
-catalog, and `stop` with faster balls, whose bats meet their stop. Each adds a row a case.
+back, reduces it and compares the result with the truth; `faults` compares that of each fault of the
+catalog, whose records are written with it, and `stop` that of faster balls, whose bats meet their
+stop. Each adds a row a case.
 """
 
 from __future__ import annotations
@@ -286,7 +287,7 @@ def faults(procedure: str, first: int, number: int) -> Iterator[dict[str, object
             setup = lab.TestSetup.of(bat, procedure=procedure, seed=seed, faults=names)
             found = lab.certify_bat(setup)
             truth = found.sealed.measurand.get("metric", np.nan)
-            outcomes.append((reduced(found.certification.session), truth))
+            outcomes.append((found.certification, truth))
         return outcomes
 
     twins = played()

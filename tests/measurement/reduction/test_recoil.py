@@ -196,10 +196,10 @@ def test_a_bat_that_meets_its_stop_is_fitted_until_then(part: float) -> None:
 
 
 def test_the_whole_tail_is_fitted_where_no_bat_turns_back() -> None:
-    """1500 ticks of 0.1 ms; contact at 22 ms, 3 ms to settle; a ring of 6 ms may hide the end."""
+    """1500 ticks of 0.1 ms; contact up to 22.2 ms, 3 ms to settle: a ring may hide the end."""
     spans = np.array([fit.span[0] for _, fit in fitted()])
     assert spans.max() < 0.125
-    assert spans.min() > 0.118
+    assert spans.min() > 0.1245
 
 
 def test_one_odd_shot_does_not_shorten_the_others() -> None:
@@ -218,10 +218,11 @@ def test_one_odd_shot_does_not_shorten_the_others() -> None:
     assert fit.misfit[2] > 1.5
 
 
-def test_a_stop_right_after_contact_is_refused() -> None:
+def test_a_stop_right_after_contact_leaves_no_shot() -> None:
+    """Too little is left to fit, and the whole record leaves too much."""
     one = make(6)
-    with pytest.raises(ValueError, match="turns back too soon"):
-        fit_recoil(stopped(one, 0.2 * farthest(one).min()), one.contact)
+    fit = fit_recoil(stopped(one, 0.2 * farthest(one).min()), one.contact)
+    assert fit.misfit.min() > 1.5
 
 
 def test_counts_in_steps_of_four_are_no_misfit() -> None:

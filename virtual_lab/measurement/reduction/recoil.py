@@ -4,8 +4,8 @@ The encoder shows the rigid rotation, slowed by bearing and air, plus the bendin
 (ring), whose rate at the pivot is as large as that of the rotation. All shots of a batch are at
 one bat, so they share frequencies and decays of the vibration; rotation, slowing, phases and
 amplitudes differ between shots and enter linearly. The shared parameters are found by variable
-projection (Golub & Pereyra 1973, Jacobian of Kaufman 1975). The fit ends where the first bat is
-farthest: beyond, it has met its stop and turns back.
+projection (Golub & Pereyra 1973, Jacobian of Kaufman 1975). Where that leaves too much, the fit
+ends where the first bat is farthest: beyond, it has met its stop and turns back.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from math import sqrt
 
 import numpy as np
 
-from virtual_lab.measurement.reduction.rate import RateFit, counting_noise
+from virtual_lab.measurement.reduction.rate import MOST_MISFIT, RateFit, counting_noise
 from virtual_lab.records import EncoderRecord
 from virtual_lab.units import Array
 
@@ -60,7 +60,7 @@ def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
     Raises
     ------
     ValueError
-        The record ends, or a bat turns back, too soon after contact to fit anything.
+        The record ends too soon after contact to fit anything.
     """
     seen = contact[np.isfinite(contact)]
     after = record.times > (seen.max() if seen.size else np.inf) + RECOIL.settling_time
@@ -68,10 +68,16 @@ def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
     if after.sum() < fewest:
         raise ValueError("the encoder record ends too soon after contact")
     first = int(after.argmax())
-    tail = slice(first, first + _farthest(record.counts[:, first:]))
+    whole = _fit(record, contact, slice(first, None))
+    until = _farthest(record.counts[:, first:])
+    if (whole.misfit > MOST_MISFIT).any() and fewest <= until < after.sum():
+        return _fit(record, contact, slice(first, first + until))
+    return whole
+
+
+def _fit(record: EncoderRecord, contact: Array, tail: slice) -> RateFit:
+    """Return the fit of a part of the record."""
     times, counts = record.times[tail], record.counts[:, tail]
-    if times.size < fewest:
-        raise ValueError("the bat turns back too soon after contact")
     origin, span = times[0], times[-1] - times[0]
     clock = (times - origin) / span
     # all shots ring alike, so a few of a large batch give the frequencies
