@@ -33,7 +33,12 @@ class RateFit:
     @property
     def misfit(self) -> Array:
         """Residual over what counting and noise at rest leave, NaN: not recorded, (shot,)."""
-        return np.asarray(self.residual / np.hypot(self.counting, np.nan_to_num(self.rest)))
+        return np.asarray(self.residual / self.noise)
+
+    @property
+    def noise(self) -> Array:
+        """Rms that counting and noise at rest leave, (shot,) [counts]."""
+        return np.hypot(self.counting, np.nan_to_num(self.rest))
 
 
 def counting_noise(counts: Array) -> float:

@@ -4,8 +4,8 @@ The encoder shows the rigid rotation, slowed by bearing and air, plus the bendin
 (ring), whose rate at the pivot is as large as that of the rotation. All shots of a batch are at
 one bat, so they share frequencies and decays of the vibration; rotation, slowing, phases and
 amplitudes differ between shots and enter linearly. The shared parameters are found by variable
-projection (Golub & Pereyra 1973, Jacobian of Kaufman 1975). Where that leaves too much, the fit
-ends where the first bat is farthest: beyond, it has met its stop and turns back.
+projection (Golub & Pereyra 1973, Jacobian of Kaufman 1975). Where the end
+of a record does not fit, the fit ends where the first bat is farthest: it has met its stop.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from math import sqrt
 
 import numpy as np
 
-from virtual_lab.measurement.reduction.rate import MOST_MISFIT, RateFit, counting_noise
+from virtual_lab.measurement.reduction.rate import RateFit, counting_noise
 from virtual_lab.records import EncoderRecord
 from virtual_lab.units import Array
 
@@ -26,7 +26,6 @@ class RecoilFit:
 
     polynomial_order: int = 3  # turn, and two terms of its slowing
     most_rings: int = 6
-    ringing: float = 5e-3  # of the angle turned, by which a ring may turn the bat back at the end
     slowest_ring: float = 60.0  # Hz; no bat rings so slowly, but a slip of the coupling looks so
     settling_time: float = 3e-3  # s after contact: ball gone, forced motion over
     # s, the turn is extrapolated to the end of contact; ball data say 0.6 to 1.0, at 60 mph
@@ -38,6 +37,7 @@ class RecoilFit:
     most_steps: int = 10
     shots_searched: int = 48  # which give the rings to far below what one shot's noise hides
     odd: float = 2.0  # residual of a shot that gives no rings, over the median
+    turned: float = 3.0  # misfit of a record's end that shows a bat at its stop; counting: 1.7
     shots_together: int = 32  # their residuals stay in the cache
     converged_step: float = 1e-5  # in units of 1/record, far below what noise hides
     residual: float = 1e-3  # counts, rms that is no ring where what is shown are no whole counts
@@ -68,15 +68,15 @@ def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
     if after.sum() < fewest:
         raise ValueError("the encoder record ends too soon after contact")
     first = int(after.argmax())
-    whole = _fit(record, contact, slice(first, None))
     until = _farthest(record.counts[:, first:])
-    if (whole.misfit > MOST_MISFIT).any() and fewest <= until < after.sum():
-        return _fit(record, contact, slice(first, first + until))
+    whole, beyond = _fit(record, contact, slice(first, None), until)
+    if (beyond > RECOIL.turned).any() and until >= fewest:
+        return _fit(record, contact, slice(first, first + until), until)[0]
     return whole
 
 
-def _fit(record: EncoderRecord, contact: Array, tail: slice) -> RateFit:
-    """Return the fit of a part of the record."""
+def _fit(record: EncoderRecord, contact: Array, tail: slice, until: int) -> tuple[RateFit, Array]:
+    """Return the fit of a part of the record, and its misfit from sample `until` on, (shot,)."""
     times, counts = record.times[tail], record.counts[:, tail]
     origin, span = times[0], times[-1] - times[0]
     clock = (times - origin) / span
@@ -93,12 +93,12 @@ def _fit(record: EncoderRecord, contact: Array, tail: slice) -> RateFit:
     release = (contact + RECOIL.contact_duration - origin) / span
     for power in range(1, RECOIL.polynomial_order + 1):
         row[:, power] = power * release ** (power - 1) / span
-    rate, leverage, square = _rates(basis, counts, row)
+    rate, leverage, square, late = _rates(basis, counts, row, until)
     half = len(times) // 2
-    by_half, half_leverage, _ = _rates(basis[:half], counts[:, :half], row)
+    by_half, half_leverage, _, _ = _rates(basis[:half], counts[:, :half], row, half)
     variance = square / (len(times) - basis.shape[1] - len(rings))
     before, rest = _at_rest(record, contact)
-    return RateFit(
+    fit = RateFit(
         rate=rate,
         rate_u=np.sqrt(variance * leverage),
         by_half=by_half,
@@ -113,6 +113,7 @@ def _fit(record: EncoderRecord, contact: Array, tail: slice) -> RateFit:
         rest=rest,
         residual=np.sqrt(square / len(times)),
     )
+    return fit, np.sqrt(late / max(len(times) - until, 1)) / fit.noise
 
 
 def _farthest(counts: Array) -> int:
@@ -121,25 +122,29 @@ def _farthest(counts: Array) -> int:
     A count that is farthest in the first half of the usual way, as of a bat that was not hit or
     of an encoder that jumps, is not taken for a stop: the residual of that shot shows it.
     """
-    turned = np.abs(counts - counts[:, :1])
-    back = turned[:, -1] < (1 - RECOIL.ringing) * turned.max(axis=1)
-    farthest = np.where(back, turned.argmax(axis=1), counts.shape[1] - 1)
+    farthest = np.abs(counts - counts[:, :1]).argmax(axis=1)
     usual = farthest[farthest > np.median(farthest) / 2]
     return int(usual.min()) + 1 if usual.size else counts.shape[1]
 
 
-def _rates(basis: Array, counts: Array, row: Array) -> tuple[Array, Array, Array]:
-    """Return rate, its variance for noise of one count, and the sum of squares left, (shot,)."""
+def _rates(
+    basis: Array, counts: Array, row: Array, until: int
+) -> tuple[Array, Array, Array, Array]:
+    """Return rates, their variance for noise of a count, the squares left, those from `until` on.
+
+    (shot,) each.
+    """
     orthogonal, triangle = np.linalg.qr(basis)
     weight = np.linalg.solve(triangle.T, row.T)
-    rate, square = np.empty((2, len(counts)))
+    rate, square, late = np.empty((3, len(counts)))
     for first in range(0, len(counts), RECOIL.shots_together):
         part = slice(first, first + RECOIL.shots_together)
         seen = counts[part] @ orthogonal
         left = counts[part] - seen @ orthogonal.T
         rate[part] = np.einsum("ps,sp->s", weight[:, part], seen)
         square[part] = np.einsum("st,st->s", left, left)
-    return rate, (weight**2).sum(axis=0), square
+        late[part] = np.einsum("st,st->s", left[:, until:], left[:, until:])
+    return rate, (weight**2).sum(axis=0), square, late
 
 
 def _find_rings(clock: Array, counts: Array, span: float, no_ring: float) -> tuple[Array, Array]:
