@@ -235,6 +235,19 @@ def test_a_slow_slip_that_hides_in_the_residual_decides_nothing(sound: Session) 
     assert " of its u, in shots 0, 1, 2, 3, 4, 5, " in said
 
 
+def test_an_encoder_record_filed_for_two_shots_decides_nothing(sound: Session) -> None:
+    """The rates would scatter too little; a bat that two balls missed stands alike, and is none."""
+    counts = sound.records["impact"]["encoder"].counts.copy()
+    counts[[0, 1]] = 17.0
+    still = certify_session(changed(sound, "impact", "encoder", counts=counts))
+    assert "records-repeated" not in [flag.name for flag in still.flags]
+    counts[4] = counts[2]
+    found = certify_session(changed(sound, "impact", "encoder", counts=counts))
+    (said,) = [flag for flag in found.flags if flag.name == "records-repeated"]
+    assert said.invalidates
+    assert said.sentence.startswith("shots 2 and 4 have one and the same record in impact/encoder")
+
+
 def test_marks_off_the_aim_decide_nothing_where_the_result_hangs_on_them() -> None:
     """Half an inch along the bat: 7.7 u of bbcor's result, once a remark that left it standing."""
     found = certified("r161", procedure="bbcor", seed=12, faults=("aim-along",)).certification

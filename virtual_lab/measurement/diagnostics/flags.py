@@ -24,6 +24,7 @@ from virtual_lab.measurement.diagnostics.impact import (
     encoder_fit,
     encoder_halves,
     recoil_and_rebound,
+    records_repeated,
 )
 from virtual_lab.records import PassageRecord, RateRecord
 
@@ -39,6 +40,7 @@ CHECKS: Mapping[str, Callable[[Evidence], Iterator[Flag | Discrepancy]]] = {
     "edges": edges,
     "boards-in-line": boards_in_line,
     "aim": aim,
+    "records-repeated": records_repeated,
     "encoder-fit": encoder_fit,
     "encoder-halves": encoder_halves,
     "recoil-and-rebound": recoil_and_rebound,

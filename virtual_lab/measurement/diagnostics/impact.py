@@ -14,7 +14,7 @@ from virtual_lab.measurement.reduction.flights import gate_count
 from virtual_lab.measurement.reduction.gates import INBOUND
 from virtual_lab.measurement.reduction.rate import MOST_MISFIT
 from virtual_lab.measurement.reduction.shot_algebra import drag_of
-from virtual_lab.records import AimMarks
+from virtual_lab.records import AimMarks, EncoderRecord
 from virtual_lab.relations.flight import time_before
 from virtual_lab.uncertainty.budget import Component, propagate, type_a
 from virtual_lab.uncertainty.estimate import Estimate
@@ -131,6 +131,26 @@ def encoder_fit(seen: Evidence) -> Iterator[Flag]:
                 f"counts than counting and noise at rest, shot {worst} "
                 f"{fit.residual[worst]:.2f} rms",
             )
+
+
+def records_repeated(seen: Evidence) -> Iterator[Flag]:
+    """Look for shots with the same encoder record whose gates differ: it was filed twice."""
+    record = seen.session.records["impact"].get("encoder")
+    if not isinstance(record, EncoderRecord):
+        return
+    turned = np.flatnonzero(np.ptp(record.counts, axis=1))  # a bat that was not hit stands
+    first: dict[bytes, int] = {}
+    for shot in map(int, turned):
+        other = first.setdefault(record.counts[shot].tobytes(), shot)
+        flown = seen.readings.passages.times[[other, shot]]
+        if not np.array_equal(flown[0], flown[1], equal_nan=True):
+            yield Flag(
+                name="records-repeated",
+                sentence=f"shots {other} and {shot} have one and the same record in "
+                "impact/encoder, and other times at the gates",
+                invalidates=True,
+            )
+            return
 
 
 def encoder_halves(seen: Evidence) -> Iterator[Discrepancy]:
