@@ -161,7 +161,7 @@ def test_no_sheet_is_parsed_for_a_further_laboratory(monkeypatch: pytest.MonkeyP
         return parse_toml(text, where)
 
     monkeypatch.setattr(reading, "parse_toml", parse)
-    doubts = campaign.laboratory(2).session.simulation["unverified_numbers"]
+    doubts = campaign.laboratory(2).origin.unverified_numbers
     assert parsed == []
     assert doubts == lab.TestSetup.of("r161", procedure="astm-f1881").unverified
     assert "pendulum.toml" in parsed  # of a new setup
