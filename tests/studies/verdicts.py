@@ -124,7 +124,8 @@ def table(files: list[Path]) -> list[dict[str, object]]:
             }
         )
     for procedure, n in sorted(laboratories.items()):
-        print(f"{procedure:14} {n} laboratories, {invalid[procedure]} with a verdict or a hit lost")
+        lost = f"{invalid[procedure]} of them with a verdict or a hit lost"
+        print(f"{procedure:14} {n} laboratories, {lost}", file=sys.stderr)
     return rows
 
 

@@ -247,6 +247,22 @@ def test_half_a_record_says_the_same() -> None:
     assert np.mean(np.abs(z) < 2) > 0.9
 
 
+def test_u_of_the_halves_is_what_the_whole_has_less() -> None:
+    """Without rings, by the normal equations of a cubic: u² = u_half² - u_whole², over σ²."""
+    one = make(2, rings=0)
+    fit = fit_recoil(one.record, one.contact)
+    assert len(fit.ring_frequency) == 0
+    time = one.record.times[-(round(fit.span[0] * 1e4) + 1) :]
+    since = time - one.contact[0] - RECOIL.contact_duration
+
+    def leverage(since: np.ndarray) -> float:
+        powers = np.vander(since / 0.1, 4, increasing=True)
+        return float(np.linalg.inv(powers.T @ powers)[1, 1])
+
+    more = leverage(since[: len(since) // 2]) / leverage(since) - 1
+    assert (fit.by_half_u[0] / fit.rate_u[0]) ** 2 == pytest.approx(more, rel=1e-6)
+
+
 def test_a_slow_slip_shows_in_the_halves() -> None:
     """Twenty counts lost over 50 ms late in one shot bend the whole, and not the first half."""
     one = make(7)
