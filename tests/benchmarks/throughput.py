@@ -25,7 +25,6 @@ from tests.benchmarks.rows import Row, tell
 from virtual_lab import catalog
 from virtual_lab.lab import Campaign, by_the_book
 from virtual_lab.measurement.procedure import Curve, metric_of
-from virtual_lab.measurement.reduction.flights import timed
 from virtual_lab.measurement.reduction.observations import observe_balls, observe_impact
 from virtual_lab.measurement.reduction.shot_algebra import (
     bat_properties,
@@ -120,8 +119,7 @@ def _play(procedure: str, detail: RecordDetail, shots: int) -> Work:
         )
         records = {**session.records, "impact": play.records}
         readings = observe_impact(replace(session, records=records))
-        by_gates = timed("impact", readings.passages)
-        results = shot_results(known, bat, balls, readings, rules.reduction_settings, by_gates)
+        results = shot_results(known, bat, balls, readings, rules.reduction_settings)
         return metric(Curve.measured(results), bat)
 
     return work

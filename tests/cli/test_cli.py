@@ -298,7 +298,7 @@ def test_list_and_show(kind: str | None, run: Run) -> None:
     rows = json.loads(run("list", *([kind] if kind else []), "--json")[1])
     assert rows
     for row in rows:
-        if row["name"] == "speed-gun-pivot":
+        if row["name"] in {"speed-gun-pivot", "radar-range"}:
             continue
         document = json.loads(run("show", row["name"], "--json")[1])
         for number in document["numbers"]:

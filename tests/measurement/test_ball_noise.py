@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from virtual_lab.measurement.reduction.flights import timed
-from virtual_lab.measurement.reduction.gates import Passages
+from virtual_lab.measurement.reduction.gates import GateReadings, Passages
 from virtual_lab.measurement.reduction.kinematics import restitution_of_standard_ball
 from virtual_lab.measurement.reduction.observations import (
     BallReadings,
@@ -40,17 +39,19 @@ MEAN_E0 = 0.55
 SIX = np.full(6, 1 / 6)
 
 
-def passages(speed_out: np.ndarray) -> Passages:
+def gates(stage: str, speed_out: np.ndarray) -> GateReadings:
     """Return what two gates write of balls in at `SPEED`, back at `speed_out`."""
     shots, way = speed_out.size, FAR - NEAR
     into = np.tile([0.0, way / SPEED], (shots, 1))
     back = np.stack([1 + FAR / speed_out, 1 + NEAR / speed_out], axis=1)
-    return Passages(
+    passages = Passages(
         times=np.stack([into, back], axis=1),
         heights=np.full((shots, 2, 2), np.nan),
         heights_u=np.zeros((shots, 2, 2)),
         misfit=np.full((shots, 2), np.nan),
     )
+    distances = np.array([FAR, NEAR])
+    return GateReadings(stage=stage, passages=passages, distances=distances, shows_height=False)
 
 
 CONSTANTS = {
@@ -105,21 +106,20 @@ def play(
         mass=np.full(BALLS, MASS),
         ball=struck,
         nominal_speed=np.full(struck.size, SPEED),
-        passages=passages(SPEED * seen),
+        seen=gates("balls", SPEED * seen),
     )
     e = BPF * e0[ball] + hit * rng.standard_normal(ball.size)
     readings = ImpactReadings(
         ball=ball,
         place=np.full(ball.size, PLACE),
-        passages=passages(SPEED * (e - RECOIL) / (1 + RECOIL)),
+        seen=gates("impact", SPEED * (e - RECOIL) / (1 + RECOIL)),
         recoil=None,
         swing=None,
     )
     known = {name: Estimate(value=value) for name, value in CONSTANTS.items()}
     variants = Variants.of(known | ball_constants(balls))
-    flown = timed("impact", readings.passages)
     shots = shot_results(
-        variants.columns, BAT, measured_balls(variants.columns, balls), readings, ASKED, flown
+        variants.columns, BAT, measured_balls(variants.columns, balls), readings, ASKED
     )
     lot = shots.lot_restitution
     hits = {

@@ -22,7 +22,7 @@ import numpy as np
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec, BatBody
-from virtual_lab.records import RECORD_TYPES, Record
+from virtual_lab.records import Record, record_types
 from virtual_lab.records.origin import Supplied
 from virtual_lab.records.session import Session, load_session, save_session
 from virtual_lab.simulation.collision.modal import ModalModel
@@ -125,7 +125,7 @@ def attributes(bench: Bench) -> None:
     assert rig.channels
     for channel, kind in rig.channels.items():
         assert channel == Path(channel).name, "a channel is the name of a file"
-        assert kind in RECORD_TYPES.values()
+        assert kind in record_types().values()
 
 
 def records_are_as_declared(bench: Bench) -> None:

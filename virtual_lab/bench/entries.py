@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from virtual_lab.records import RECORD_NAMES, RECORD_TYPES, Record
+from virtual_lab.records import Record, record_name, record_types
 from virtual_lab.records.origin import Simulated
 from virtual_lab.records.session import Session, entry_of_constant
 from virtual_lab.uncertainty.estimate import Estimate
@@ -18,12 +18,12 @@ def entry_of_record(record: Record) -> dict[str, Any]:
     arrays = {
         name: np.ma.masked_invalid(getattr(record, name)).tolist(None) for name in record.columns
     }
-    return {"kind": RECORD_NAMES[type(record)], **arrays}
+    return {"kind": record_name(record), **arrays}
 
 
 def record_of(entry: Mapping[str, Any]) -> Record:
     """Return the record of an entry, to the bit."""
-    kind = RECORD_TYPES[entry["kind"]]
+    kind = record_types()[entry["kind"]]
     return kind(**{name: np.array(entry[name], dtype=np.float64) for name in kind.columns})
 
 

@@ -228,7 +228,7 @@ def _shots(desk: Desk) -> Iterator[Sign]:
     if not desk.day.fired or desk.missing:
         return
     found = desk.by_rules
-    missed = ~np.isfinite(found.readings.passages.times[:, 0]).all(axis=1)
+    missed = ~found.readings.seen.raw.complete
     why = f"a gate did not see {missed.sum()} of {missed.size} balls come in"
     yield Sign("gate-misses", float(missed.mean()), why)
     record = desk.session.records["impact"]["gates"]

@@ -385,10 +385,8 @@ def _angle_of(
     certification: Certification, record: EncoderRecord, shot: int
 ) -> tuple[Array, Array]:
     """Return time after contact [s] and angle [°] of one shot, (sample,)."""
-    known, seen = certification.session.calibration, certification.readings.passages
-    far = known["impact.gates.distance_0"].value
-    near = known[f"impact.gates.distance_{seen.times.shape[2] - 1}"].value
-    contact = seen.times[shot, 0, -1] + near * seen.duration_in[shot] / (far - near)
+    known = certification.session.calibration
+    contact = certification.readings.seen.raw.contact[shot]
     turn = known["impact.encoder.counts_per_turn"].value * known["impact.encoder.scale"].value
     return record.times - contact, record.counts[shot] * (360 / turn)
 

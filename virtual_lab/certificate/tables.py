@@ -10,6 +10,8 @@ import numpy as np
 from virtual_lab.certificate.filling import budget_lines
 from virtual_lab.measurement.camera.comparison import CameraComparison
 from virtual_lab.measurement.certification import Certification
+from virtual_lab.measurement.reduction.flights import FlightReadings
+from virtual_lab.measurement.reduction.gates import INBOUND, OUTBOUND, GateReadings
 from virtual_lab.uncertainty.budget import Budget
 from virtual_lab.units import DEGREE, INCH, MPH, OUNCE
 
@@ -28,8 +30,7 @@ def shot_table(certification: Certification) -> pd.DataFrame:
         "ball": readings.ball,
         "ball_mass_oz": shots.ball_mass / OUNCE,
         "place_in": readings.place / INCH,
-        "gate_time_in_us": readings.passages.duration_in * 1e6,
-        "gate_time_out_us": readings.passages.duration_out * 1e6,
+        **_gate_columns(readings.seen),
         "speed_mph": shots.speed / MPH,
         "rebound_mph": shots.rebound_speed / MPH,
     }
@@ -67,6 +68,17 @@ def budget_table(budget: Budget) -> pd.DataFrame:
     import pandas as pd
 
     return pd.DataFrame([asdict(line) for line in budget_lines(budget)])
+
+
+def _gate_columns(seen: FlightReadings) -> dict[str, Any]:
+    """Return the times that gates or boards read, as columns of the readings."""
+    if not isinstance(seen, GateReadings):
+        return {}
+    times = seen.passages.times
+    return {
+        "gate_time_in_us": (times[:, INBOUND, -1] - times[:, INBOUND, 0]) * 1e6,
+        "gate_time_out_us": (times[:, OUTBOUND, 0] - times[:, OUTBOUND, -1]) * 1e6,
+    }
 
 
 def _camera_columns(camera: CameraComparison | None) -> dict[str, Any]:

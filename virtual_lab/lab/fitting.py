@@ -8,6 +8,7 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec, BatSpec
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import Procedure, aimed_place
+from virtual_lab.records import BallRecord
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.rig import MotionRig, MotionRung, Rig, Stage, installed_rigs
 from virtual_lab.units import INCH, OUNCE
@@ -25,12 +26,11 @@ def nominal_places(procedure: Procedure, bat: BatSpec) -> tuple[float, float]:
 
 def require_rig(rig: Rig, procedure: Procedure) -> None:
     """Refuse a rig without a record that the procedure needs."""
-    lacking = sorted(procedure.needs - rig.channels.keys())
-    if lacking:
+    if lacking := _lacking(rig, procedure):
         able = [
             name
             for name, other in installed_rigs().items()
-            if other.stage is Stage.IMPACT and procedure.needs <= other.channels.keys()
+            if other.stage is Stage.IMPACT and not _lacking(other, procedure)
         ]
         allowed = (
             f"records no {', '.join(lacking)}, which {procedure.name} needs; "
@@ -39,6 +39,12 @@ def require_rig(rig: Rig, procedure: Procedure) -> None:
         raise InputError("", "rig", rig.name, allowed)
     if "swing" in rig.channels and procedure.bat_speed is None:
         raise InputError("", "rig", rig.name, f"swings the bat; {procedure.name} needs it at rest")
+
+
+def _lacking(rig: Rig, procedure: Procedure) -> list[str]:
+    """Return the channels that a procedure needs and a rig does not write."""
+    timed = any(issubclass(kind, BallRecord) for kind in rig.channels.values())
+    return sorted(procedure.needs - rig.channels.keys() | (set() if timed else {"gates"}))
 
 
 def require_motion(rig: Rig, motion: MotionRung) -> None:

@@ -40,7 +40,6 @@ class MeasurementModel:
     balls: BallReadings
     lot: Lot
     readings: ImpactReadings
-    by_gates: FlightModel
 
     def __call__(self, constants: Mapping[str, Array]) -> dict[str, Array]:
         """Return the quantities of a certificate and ``metric``, each (..., shot)."""
@@ -51,14 +50,14 @@ class MeasurementModel:
     def shots(
         self, constants: Mapping[str, Array], flown: FlightModel | None = None
     ) -> ShotResults:
-        """Return the results of the shots, with flights from the gates or from `flown`."""
+        """Return the results of the shots, with flights from the readings or from `flown`."""
         return shot_results(
             constants,
             bat_properties(constants),
             measured_balls(constants, self.balls),
             self.readings,
             self.rules.reduction_settings,
-            flown or self.by_gates,
+            flown,
             self.lot.used,
         )
 

@@ -24,7 +24,6 @@ from virtual_lab.measurement.procedure import (
     outcome_of,
     sought_of,
 )
-from virtual_lab.measurement.reduction.flights import timed
 from virtual_lab.measurement.reduction.observations import (
     BallReadings,
     ImpactReadings,
@@ -163,14 +162,13 @@ def reduce_hits(
     rules, constants = preparation.procedure.spec, dict(preparation.constants)
     _require_channels(session, rules)
     readings = observe_impact(session)
-    if "impact.gates.height_0" not in constants:
+    if not readings.seen.shows_height:
         constants["impact.aim.across_square"] = across_constant(session.records["impact"])
     model = MeasurementModel(
         rules=rules,
         balls=preparation.balls,
         lot=preparation.lot,
         readings=readings,
-        by_gates=timed("impact", readings.passages),
     )
     best = best_values(constants)
     shots = model.shots(best)

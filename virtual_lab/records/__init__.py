@@ -8,9 +8,9 @@ documents every column.
 
 from virtual_lab.records.clip import ClipRecord, TrackRecord
 from virtual_lab.records.kinds import (
-    RECORD_NAMES,
     RECORD_TYPES,
     AimMarks,
+    BallRecord,
     BoardRecord,
     EncoderRecord,
     GateRecord,
@@ -20,13 +20,15 @@ from virtual_lab.records.kinds import (
     PendulumRecord,
     RateRecord,
     ShotLog,
+    record_name,
+    record_types,
 )
 from virtual_lab.records.record import Record, RecordColumn, join
 
 __all__ = [
-    "RECORD_NAMES",
     "RECORD_TYPES",
     "AimMarks",
+    "BallRecord",
     "BoardRecord",
     "ClipRecord",
     "EncoderRecord",
@@ -41,4 +43,6 @@ __all__ = [
     "ShotLog",
     "TrackRecord",
     "join",
+    "record_name",
+    "record_types",
 ]

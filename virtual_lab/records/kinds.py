@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import entry_points
 from typing import ClassVar
 
 import numpy as np
@@ -54,7 +56,12 @@ class PendulumRecord(Record):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GateRecord(Record):
+class BallRecord(Record):
+    """Base of records of the balls' flights: a stage that fires balls has one such channel."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GateRecord(BallRecord):
     """Times at which beams broke and cleared, shape (shot, way, gate, edge), NaN: not seen.
 
     `way` 0 is the ball going in, 1 coming back; `edge` 0 broke, 1 cleared; gates count from
@@ -71,7 +78,7 @@ class GateRecord(Record):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BoardRecord(Record):
+class BoardRecord(BallRecord):
     """Times at which each beam of a board broke and cleared, NaN: the ball missed it.
 
     Shape (shot, way, board, beam, edge); ways and edges as in `GateRecord`, boards count from
@@ -90,7 +97,7 @@ class BoardRecord(Record):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PassageRecord(Record):
+class PassageRecord(BallRecord):
     """Record of gates that sum: passage of the ball's centre at each, (shot, way, gate).
 
     Time of its passage and height above the gates' zero; NaN: not seen, or not measured.
@@ -205,4 +212,18 @@ RECORD_TYPES: Mapping[str, type[Record]] = {
     "aim-marks": AimMarks,
     "shot-log": ShotLog,
 }
-RECORD_NAMES: Mapping[type[Record], str] = {kind: name for name, kind in RECORD_TYPES.items()}
+
+
+@cache
+def record_types() -> Mapping[str, type[Record]]:
+    """Return the kinds of record by name: ours, and those of installed packages.
+
+    A package adds one by an entry point in the group ``virtual_lab.records``.
+    """
+    others = {point.name: point.load() for point in entry_points(group="virtual_lab.records")}
+    return {**RECORD_TYPES, **others, **RECORD_TYPES}  # ours first, and none replaced
+
+
+def record_name(record: Record) -> str:
+    """Return the name of a record's kind."""
+    return next(name for name, kind in record_types().items() if kind is type(record))

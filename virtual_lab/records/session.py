@@ -24,7 +24,7 @@ from virtual_lab.catalog.specs import BatSport, Name, Real, Spec, Sport, Title, 
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.files import contents, parse_table, read_bytes, read_json, read_text
-from virtual_lab.records import RECORD_NAMES, RECORD_TYPES, Record
+from virtual_lab.records import Record, record_name, record_types
 from virtual_lab.records.constants import require_plausible
 from virtual_lab.records.origin import Origin, Simulated, Supplied
 from virtual_lab.uncertainty.estimate import Estimate
@@ -61,7 +61,7 @@ def save_session(session: Session, folder: Path) -> None:
             data = table.to_csv(index=False).encode()
             (folder / stage / f"{channel}.csv").write_bytes(data)
             channels.setdefault(stage, {})[channel] = {
-                "record": RECORD_NAMES[type(record)],
+                "record": record_name(record),
                 "rows": len(table),
                 "sha256": _digest(data),
                 **_attached(record, folder / stage / channel),
@@ -241,8 +241,9 @@ def _known(entry: ConstantEntry, key: str, where: Path) -> Estimate:
 
 def _record(folder: Path, name: tuple[str, str], entry: ChannelEntry, where: Path) -> Record:
     key = f"channels.{'.'.join(name)}"
-    if entry.record not in RECORD_TYPES:
-        allowed = f"{nearest(entry.record, RECORD_TYPES)}allowed: {', '.join(RECORD_TYPES)}"
+    kinds = record_types()
+    if entry.record not in kinds:
+        allowed = f"{nearest(entry.record, kinds)}allowed: {', '.join(kinds)}"
         raise InputError(str(where), f"{key}.record", entry.record, allowed)
     path = folder / f"{'/'.join(name)}.csv"
     data = read_bytes(path)
@@ -252,7 +253,7 @@ def _record(folder: Path, name: tuple[str, str], entry: ChannelEntry, where: Pat
         raise InputError(str(path), "rows", len(table), allowed)
     if entry.sha256 != _digest(data):
         raise InputError(str(path), "sha256", None, CHANGED)
-    record = RECORD_TYPES[entry.record].from_table(table, str(path))
+    record = kinds[entry.record].from_table(table, str(path))
     return _with_arrays(record, entry, path)
 
 

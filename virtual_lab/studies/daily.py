@@ -18,7 +18,7 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
 from virtual_lab.lab.laboratory import constant_name
-from virtual_lab.measurement.reduction.gates import passages
+from virtual_lab.measurement.reduction.gates import GateReadings
 from virtual_lab.measurement.reduction.observations import BallReadings
 from virtual_lab.measurement.reduction.shot_algebra import measured_balls
 from virtual_lab.output.progress import Progress, quiet
@@ -284,7 +284,7 @@ def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
     draws = Reality.REAL.draws(seed)
     station = find_rig("ball-wall", Stage.BALLS).commission(draws)
     assert isinstance(station, WallStation)
-    constants = _constants(station.calibration, spec)
+    known = {constant_name(Stage.BALLS, name): of for name, of in station.calibration.items()}
     cylinder = catalog.load_bat(CYLINDER).spec  # a specimen has a bat; no wall meets it
     collision = Ladder(
         nominal=cylinder.body,
@@ -305,7 +305,7 @@ def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
         )
         gates = play.records["gates"]
         assert isinstance(gates, GateRecord)
-        values.append(_measured(gates, spec, plan, constants))
+        values.append(_measured(gates, spec, plan, known))
         if not np.isfinite(values[-1]):
             allowed = "the gates did not see every hit come back; allowed: a livelier ball or wall"
             raise InputError("", "day", day + 1, allowed)
@@ -314,20 +314,20 @@ def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
 
 
 def _measured(
-    gates: GateRecord, spec: BallSpec, plan: ShotPlan, constants: dict[str, Array]
+    gates: GateRecord, spec: BallSpec, plan: ShotPlan, known: Mapping[str, Estimate]
 ) -> float:
     """Return the check ball's mean e0 at the nominal speed; its mass is known."""
     readings = BallReadings(
         mass=np.array([spec.mass]),
         ball=plan.ball,
         nominal_speed=plan.speed,
-        passages=passages(gates),
+        seen=GateReadings.of(gates, known, Stage.BALLS.value),
     )
-    return float(measured_balls(constants, readings).restitution[0])
+    return float(measured_balls(_constants(known, spec), readings).restitution[0])
 
 
 def _constants(known: Mapping[str, Estimate], spec: BallSpec) -> dict[str, Array]:
-    named = {constant_name(Stage.BALLS, name): estimate.value for name, estimate in known.items()}
+    named = {name: estimate.value for name, estimate in known.items()}
     scale = {"bench.scale.zero": 0.0, "bench.scale.span": 1.0}
     ball = {"ball.radius": spec.radius, "ball.restitution_slope": spec.restitution.slope}
     error = {"balls.restitution_0": 0.0}

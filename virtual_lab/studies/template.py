@@ -15,7 +15,7 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import CHECK_STANDARD
 from virtual_lab.files import new_folder
 from virtual_lab.measurement.procedure import Procedure
-from virtual_lab.records import RECORD_NAMES, Record
+from virtual_lab.records import Record, record_name
 from virtual_lab.records.constants import constant_of
 from virtual_lab.records.foreign.laboratory import BLANK, FORM
 from virtual_lab.records.foreign.table import column_names
@@ -93,7 +93,7 @@ def _channel(stage: str, channel: str, record: Record) -> Iterator[str]:
         units = f" (or {', '.join(others)})" if others else ""
         yield f"# {column.name}{units}{once}{', or empty' if column.may_be_missing else ''}"
     yield f"[channels.{stage}.{channel}]"
-    yield f'record = "{RECORD_NAMES[type(record)]}"'
+    yield f'record = "{record_name(record)}"'
     yield f'file = "{stage}/{channel}.csv"'
 
 

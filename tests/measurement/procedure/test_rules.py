@@ -21,7 +21,7 @@ from virtual_lab.measurement.procedure import (
     to_set,
     verdict,
 )
-from virtual_lab.measurement.reduction.gates import Passages
+from virtual_lab.measurement.reduction.gates import GateReadings, Passages
 from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.reduction.rate import RateFit
 from virtual_lab.measurement.reduction.shot_algebra import ShotResults
@@ -63,11 +63,16 @@ def shots(*changes: dict[str, float]) -> tuple[ShotResults, ImpactReadings]:
     readings = ImpactReadings(
         ball=np.arange(n),
         place=column("place", AIMED),
-        passages=Passages(
-            times=np.ones((n, 2, 2)),
-            heights=np.full((n, 2, 2), nan),
-            heights_u=np.zeros((n, 2, 2)),
-            misfit=np.full((n, 2), nan),
+        seen=GateReadings(
+            stage="impact",
+            passages=Passages(
+                times=np.ones((n, 2, 2)),
+                heights=np.full((n, 2, 2), nan),
+                heights_u=np.zeros((n, 2, 2)),
+                misfit=np.full((n, 2), nan),
+            ),
+            distances=np.array([0.5, 0.2]),
+            shows_height=False,
         ),
         recoil=recoil,
         swing=None,
@@ -234,7 +239,7 @@ def test_aimed_place_is_set_in_half_millimetres() -> None:
         ("attempts = { value = 12,", "attempts = { value = 100000,", "2 to 1000"),
         ("attempts = { value = 12,", "attempts = { value = 3,", "cannot give"),
         ("speed = { value = 60,", "speed = { value = 1000000,", "beyond 2.2.* to 223.* mph"),
-        ("place_slope_u = { value = 0.013", "place_slope_u = { value = -1", "place_slope_u"),
+        ("place_slope_u = { value = 0.014", "place_slope_u = { value = -1", "place_slope_u"),
     ],
 )
 def test_rules_that_no_test_can_meet_are_refused(old: str, new: str, said: str) -> None:

@@ -9,7 +9,7 @@ import pytest
 from virtual_lab import catalog
 from virtual_lab.measurement.procedure import Procedure, findings, judge
 from virtual_lab.measurement.procedure.rules import Eligibility
-from virtual_lab.measurement.reduction.gates import Passages
+from virtual_lab.measurement.reduction.gates import GateReadings, Passages
 from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.reduction.rate import RateFit
 from virtual_lab.measurement.reduction.shot_algebra import BatProperties, ShotResults
@@ -68,11 +68,16 @@ def why(
     readings = ImpactReadings(
         ball=np.zeros(1, dtype=int),
         place=np.array([place]),
-        passages=Passages(
-            times=np.ones((1, 2, 3)),
-            heights=np.zeros((1, 2, 3)),
-            heights_u=np.zeros((1, 2, 3)),
-            misfit=np.array([misfit]),
+        seen=GateReadings(
+            stage="impact",
+            passages=Passages(
+                times=np.ones((1, 2, 3)),
+                heights=np.zeros((1, 2, 3)),
+                heights_u=np.zeros((1, 2, 3)),
+                misfit=np.array([misfit]),
+            ),
+            distances=np.array([0.5, 0.2]),
+            shows_height=False,
         ),
         recoil=struck if recoil else None,
         swing=swing if procedure is BESR else None,

@@ -9,8 +9,14 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from virtual_lab import catalog
-from virtual_lab.measurement.reduction.flights import Flights, flights, heights_moved
-from virtual_lab.measurement.reduction.gates import Passages, passages
+from virtual_lab.measurement.reduction.flights import Flights
+from virtual_lab.measurement.reduction.gates import (
+    GateReadings,
+    Passages,
+    flights,
+    heights_moved,
+    passages,
+)
 from virtual_lab.records import BoardRecord
 from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec
 from virtual_lab.simulation.instruments.passage import Passage
@@ -334,7 +340,9 @@ def test_moved_heights_have_the_covariance_of_a_line(blind: int | None) -> None:
         heights[:, :, blind] = heights_u[:, :, blind] = np.nan
     seen = replace(seen, heights=heights, heights_u=heights_u)
     still = flights(KNOWN, "impact", seen, np.array([DRAG]))
-    moved = heights_moved("impact", seen)(KNOWN, np.array([DRAG]))
+    distances = np.array([KNOWN[f"impact.gates.distance_{k}"] for k in range(seen.times.shape[2])])
+    readings = GateReadings(stage="impact", passages=seen, distances=distances, shows_height=True)
+    moved = heights_moved(readings)(KNOWN, np.array([DRAG]))
     parts = np.stack(
         [
             (getattr(moved, name) - getattr(still, name))[:, 0]

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from virtual_lab.measurement.reduction.flights import flights
-from virtual_lab.measurement.reduction.gates import passages
+from virtual_lab.measurement.reduction.gates import GateReadings, flights, passages
 from virtual_lab.records import GateRecord
+from virtual_lab.uncertainty.estimate import Estimate
 
 FAR, NEAR, RADIUS = 0.60, 0.25, 0.0366  # m
 SURVEYED = {
@@ -69,7 +69,8 @@ def test_a_ball_that_is_not_seen_gives_nan() -> None:
     times = np.array(record_of(26.8224, 7.0, 0.0).times)
     times[0, 1, 0, 1] = np.nan
     record = GateRecord(times=times)
-    seen = passages(record)
-    assert np.isnan(seen.duration_out[0])
-    assert np.isfinite(seen.duration_in[0])
-    assert seen.times.shape == (1, 2, 2)
+    known = {name: Estimate(value=float(value)) for name, value in SURVEYED.items()}
+    readings = GateReadings.of(record, known, "impact")
+    assert np.isnan(readings.raw.speed_out[0])
+    assert np.isfinite(readings.raw.speed_in[0])
+    assert readings.passages.times.shape == (1, 2, 2)

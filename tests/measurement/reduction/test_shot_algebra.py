@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from virtual_lab.measurement.reduction.flights import timed
-from virtual_lab.measurement.reduction.gates import Passages
+from virtual_lab.measurement.reduction.gates import GateReadings, Passages
 from virtual_lab.measurement.reduction.observations import (
     ImpactReadings,
     across_constant,
@@ -184,11 +183,16 @@ def worked(x: dict[str, np.ndarray]):
     readings = ImpactReadings(
         ball=np.zeros(1, dtype=int),
         place=np.array([LENGTH - 0.15 - B]),
-        passages=Passages(
-            times=np.array([[[0.0, 0.3 / V], [0.2 + 0.3 / 6.0, 0.2]]]),
-            heights=np.full((1, 2, 2), np.nan),
-            heights_u=np.zeros((1, 2, 2)),
-            misfit=np.full((1, 2), np.nan),
+        seen=GateReadings(
+            stage="impact",
+            passages=Passages(
+                times=np.array([[[0.0, 0.3 / V], [0.2 + 0.3 / 6.0, 0.2]]]),
+                heights=np.full((1, 2, 2), np.nan),
+                heights_u=np.zeros((1, 2, 2)),
+                misfit=np.full((1, 2), np.nan),
+            ),
+            distances=np.array([0.5, 0.2]),
+            shows_height=False,
         ),
         recoil=recoil,
         swing=None,
@@ -201,7 +205,7 @@ def worked(x: dict[str, np.ndarray]):
         turn_rate=np.zeros_like,
         window_speed=26.8224,
     )
-    return shot_results(x, bat, balls, readings, asked, timed("impact", readings.passages))
+    return shot_results(x, bat, balls, readings, asked)
 
 
 def test_a_collision_by_hand() -> None:

@@ -12,8 +12,7 @@ import pytest
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
-from virtual_lab.measurement.reduction.flights import flights
-from virtual_lab.measurement.reduction.gates import passages
+from virtual_lab.measurement.reduction.gates import Passages, flights, passages
 from virtual_lab.measurement.reduction.recoil import fit_recoil
 from virtual_lab.measurement.reduction.swing import fit_swing
 from virtual_lab.simulation.collision.modal import ModalModel
@@ -169,8 +168,13 @@ def test_gates_that_sum_up_scatter_as_their_edges_do() -> None:
             passage, contact, contact, Streams(2), "g", np.arange(contact.size), detail
         )
         seen = passages(record)
-        scatter.append([seen.duration_in.std(), seen.duration_out.std()])
+        scatter.append([inward(seen).std(), (seen.times[:, 1, 0] - seen.times[:, 1, -1]).std()])
     assert scatter[1] == pytest.approx(scatter[0], rel=4 * sqrt(2) / sqrt(2 * n))
+
+
+def inward(seen: Passages) -> np.ndarray:
+    """Return the time from the first gate to the last [s], (shot,)."""
+    return seen.times[:, 0, -1] - seen.times[:, 0, 0]
 
 
 class _Modal:
@@ -225,7 +229,7 @@ def test_recoil_summed_up_scatters_as_its_counts_do(bat: str, place: float) -> N
             if detail is RecordDetail.FULL:
                 seen = passages(play.records["gates"])
                 far, near = station.gates.distances[[0, -1]]
-                contact = seen.times[:, 0, -1] + near * seen.duration_in / (far - near)
+                contact = seen.times[:, 0, -1] + near * inward(seen) / (far - near)
                 record = fit_recoil(record, contact)
             turn = station.encoder.scale * station.encoder.spec.counts_per_turn / 2 / np.pi
             off = record.rate / turn * station.gates.clock - true
@@ -257,7 +261,7 @@ def test_swing_summed_up_scatters_as_its_counts_do() -> None:
                 spec = boards.spec
                 seen = passages(play.records["gates"], lowest=spec.lowest, pitch=spec.pitch)
                 far, near = boards.distances[[0, -1]]
-                speed = (far - near) / seen.duration_in
+                speed = (far - near) / inward(seen)
                 reach = (axis - 0.15) / speed / turn
                 record = fit_swing(record, seen.times[:, 0, -1] + near / speed, reach)
                 angles.append(record.angle / turn - truth["angle"])

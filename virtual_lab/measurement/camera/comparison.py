@@ -13,7 +13,8 @@ import numpy as np
 
 from virtual_lab.measurement.camera.filmed import CameraResults, FramesU, filmed, frames_u
 from virtual_lab.measurement.camera.windows import Sightings, sight
-from virtual_lab.measurement.reduction.flights import FlightModel, heights_moved, timed
+from virtual_lab.measurement.reduction.flights import FlightModel
+from virtual_lab.measurement.reduction.gates import GateReadings, heights_moved
 from virtual_lab.measurement.reduction.shot_algebra import ShotResults, drag_of
 from virtual_lab.measurement.session_reduction import SessionReduction, best_values, constants_known
 from virtual_lab.records import ClipRecord, TrackRecord
@@ -84,8 +85,10 @@ def compare_camera(
         return None
     best = best_values(reduced.constants)
     seen = sight(record, camera_constants(session), float(best["ball.radius"]))
-    variants, passages = propagator(reduced.constants), reduced.readings.passages
-    by_gates, risen = timed("impact", passages), heights_moved("impact", passages)
+    variants, gates = propagator(reduced.constants), reduced.readings.seen
+    if not isinstance(gates, GateReadings):  # which show how high a ball flies, so how far away
+        return None
+    by_gates, risen = gates.flights, heights_moved(gates)
     found = _by_both(reduced, seen, best, by_gates)
     moved = _by_both(reduced, seen, variants.columns, by_gates)
     both = np.isfinite(found.video.rebound_efficiency) & np.isfinite(found.gates.rebound_efficiency)

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from virtual_lab.measurement.diagnostics.evidence import Evidence
 from virtual_lab.measurement.diagnostics.flag import Flag
-from virtual_lab.measurement.reduction.flights import flights, gate_count
-from virtual_lab.measurement.reduction.gates import INBOUND, Passages
+from virtual_lab.measurement.reduction.flights import FlightReadings
+from virtual_lab.measurement.reduction.gates import INBOUND, GateReadings
 from virtual_lab.measurement.reduction.shot_algebra import drag_of
 from virtual_lab.records import BoardRecord, GateRecord
 from virtual_lab.units import Array
@@ -25,10 +25,10 @@ def chords(seen: Evidence) -> Iterator[Flag]:
     No beam can show more than the diameter; a single beam off the centre shows less.
     """
     found = {
-        "wall": _diameters(seen, "balls", seen.balls.passages, seen.balls.ball),
-        "bat": _diameters(seen, "impact", seen.readings.passages, seen.readings.ball),
+        "wall": _diameters(seen, "balls", seen.balls.seen, seen.balls.ball),
+        "bat": _diameters(seen, "impact", seen.readings.seen, seen.readings.ball),
     }
-    if isinstance(seen.session.records["impact"]["gates"], BoardRecord):
+    if isinstance(seen.session.records["impact"].get("gates"), BoardRecord):
         # the window on the edges has already thrown out what scraps of the sabot spoil
         found["bat"] = found["bat"][~seen.off_flight]
     nominal = 2 * float(seen.best["ball.radius"])
@@ -53,14 +53,17 @@ def chords(seen: Evidence) -> Iterator[Flag]:
             )
 
 
-def _diameters(seen: Evidence, stage: str, passages: Passages, ball: NDArray[np.int_]) -> Array:
+def _diameters(
+    seen: Evidence, stage: str, readings: FlightReadings, ball: NDArray[np.int_]
+) -> Array:
     """Return the diameter from each passage [m], (shot, way, gate); NaN: none."""
+    if not isinstance(readings, GateReadings):
+        return np.full((len(ball), 2, 1), np.nan)
     record: Any = seen.session.records[stage]["gates"]
     x = seen.best
     drag = drag_of(x, seen.measured_balls.mass[ball])
-    flown = flights(x, stage, passages, drag)
-    far = np.array([float(x[f"{stage}.gates.distance_{k}"]) for k in range(gate_count(x, stage))])
-    grows = np.exp(drag[:, None] * far)
+    flown = readings.flights(x, drag)
+    grows = np.exp(drag[:, None] * readings.distances)
     speed = np.stack([flown.speed_in[:, None] * grows, flown.speed_out[:, None] / grows], axis=1)
     if isinstance(record, GateRecord):
         times = record.times
@@ -74,8 +77,8 @@ def _diameters(seen: Evidence, stage: str, passages: Passages, ball: NDArray[np.
     pitch, lowest = float(x[f"{stage}.gates.pitch"]), float(x[f"{stage}.gates.lowest"])
     beams = lowest + pitch * np.arange(record.times.shape[3])
     along = np.diff(record.times[:, INBOUND], axis=-1)[..., 0] * speed[:, INBOUND, :, None]
-    above = beams - passages.heights[:, INBOUND, :, None]
+    above = beams - readings.passages.heights[:, INBOUND, :, None]
     square = along**2 + 4 * above**2
-    seen_any = np.isfinite(square).any(axis=-1)
+    seen_any = np.asarray(np.isfinite(square).any(axis=-1))
     middle = np.nanmedian(np.where(seen_any[..., None], square, 0.0), axis=-1)
     return np.sqrt(np.where(seen_any, middle, np.nan))

@@ -10,8 +10,7 @@ import numpy as np
 
 from virtual_lab.measurement.diagnostics.evidence import Evidence
 from virtual_lab.measurement.diagnostics.flag import Discrepancy, Flag, pair
-from virtual_lab.measurement.reduction.flights import gate_count
-from virtual_lab.measurement.reduction.gates import INBOUND
+from virtual_lab.measurement.reduction.gates import INBOUND, GateReadings
 from virtual_lab.measurement.reduction.rate import MOST_MISFIT
 from virtual_lab.measurement.reduction.shot_algebra import drag_of
 from virtual_lab.records import AimMarks, EncoderRecord
@@ -27,7 +26,7 @@ FEWEST_SHOTS = 3  # shots that a mean and its scatter may rest on
 
 def ball_seen(seen: Evidence) -> Iterator[Flag]:
     """Count incoming balls that a gate did not see: faultless gates see every one."""
-    missed = ~np.isfinite(seen.readings.passages.times[:, INBOUND]).all(axis=1)
+    missed = ~seen.readings.seen.raw.complete
     if missed.any():
         yield Flag(
             name="ball-seen",
@@ -49,11 +48,13 @@ def edges(seen: Evidence) -> Iterator[Flag]:
 
 def boards_in_line(seen: Evidence) -> Iterator[Discrepancy]:
     """Compare each board between first and last with the flight through these two."""
-    known, best = seen.constants, seen.best
-    last = gate_count(known, "impact") - 1
+    known, best, gates = seen.constants, seen.best, seen.readings.seen
+    if not isinstance(gates, GateReadings):
+        return
+    last = gates.distances.size - 1
     drag = drag_of(best, seen.shots.ball_mass)
     reach = [time_before(best[_distance(k)], 1.0, drag) for k in range(last + 1)]
-    times, valid = seen.readings.passages.times[:, INBOUND], seen.judgement.valid
+    times, valid = gates.passages.times[:, INBOUND], seen.judgement.valid
     for board in range(1, last):
         part = (times[:, board] - times[:, 0]) / (times[:, last] - times[:, 0])
         off = reach[board] - reach[0] - part * (reach[last] - reach[0])
@@ -139,15 +140,16 @@ def records_repeated(seen: Evidence) -> Iterator[Flag]:
     if not isinstance(record, EncoderRecord):
         return
     turned = np.flatnonzero(np.ptp(record.counts, axis=1))  # a bat that was not hit stands
+    raw = seen.readings.seen.raw
+    flown = np.stack([raw.contact, raw.speed_in, raw.speed_out], axis=1)
     first: dict[bytes, int] = {}
     for shot in map(int, turned):
         other = first.setdefault(record.counts[shot].tobytes(), shot)
-        flown = seen.readings.passages.times[[other, shot]]
-        if not np.array_equal(flown[0], flown[1], equal_nan=True):
+        if not np.array_equal(flown[other], flown[shot], equal_nan=True):
             yield Flag(
                 name="records-repeated",
                 sentence=f"shots {other} and {shot} have one and the same record in "
-                "impact/encoder, and other times at the gates",
+                "impact/encoder, and other flights of the ball",
                 invalidates=True,
             )
             return
@@ -163,10 +165,10 @@ def encoder_halves(seen: Evidence) -> Iterator[Discrepancy]:
         fit = getattr(seen.readings, which)
         if fit is None or seen.metric is None or not seen.metric.u:
             continue
-        used = (seen.effects != 0) & np.isfinite(fit.by_half) & np.isfinite(seen.effects)
+        lever = seen.effects * _by_rate(seen, which)  # 0 where the ball alone gives the result
+        used = (lever != 0) & np.isfinite(lever) & np.isfinite(fit.by_half)
         if not used.any():
             continue
-        lever = seen.effects * _by_rate(seen, which)
         apart, u = lever * (fit.by_half - fit.rate), np.abs(lever) * fit.by_half_u
         rounding, moves = RATE_ROUNDING * lever * fit.rate, 1 / seen.metric.u
         change = float(apart[used].sum())

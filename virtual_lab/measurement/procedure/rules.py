@@ -254,10 +254,10 @@ class Procedure(Spec):
 
     @property
     def needs(self) -> frozenset[str]:
-        """The channels of records that a rig must write for this procedure."""
+        """The channels a rig must write for this procedure, beside one that times the balls."""
         own = {"encoder"} if self.reads == "recoil" else set()
         moving = {"swing"} if self.bat_speed is not None else set()
-        return frozenset({"log", "gates"} | own | moving)
+        return frozenset({"log"} | own | moving)
 
     def turn_rate(self, length: ArrayLike) -> NDArray[np.float64]:
         """Return the nominal angular speed [rad/s] of a bat of a length [m]; 0 at rest."""

@@ -1,20 +1,35 @@
-"""From gate and board records to passages: time and height of the ball's centre at each gate.
+"""Gates and boards: from edges to passages of the ball's centre, and from these to flights.
 
 The two edges of a gate lie symmetrically about the passage of the centre, whatever part of the
 beam triggers and wherever the ball passes, so their mean is the time of passage. Each beam of a
 board measures a chord of the ball: the squares of the chords over height form a parabola with its
 maximum at the height of the centre; the means of the edges form a line that gives the time there.
+
+With quadratic drag the time to a distance is a known function of the distance divided by the speed
+at the target, so time is linear in 1/speed for any number of gates, and flights are found by least
+squares.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import count
+from math import prod
+from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from virtual_lab.errors import InputError
+from virtual_lab.measurement.reduction.flights import (
+    Constants,
+    FlightModel,
+    Flights,
+    RawFlights,
+)
 from virtual_lab.records import BoardRecord, GateRecord, PassageRecord
-from virtual_lab.units import Array
+from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.units import Array, Mask
 
 INBOUND, OUTBOUND = 0, 1
 
@@ -28,7 +43,7 @@ class Passages:
     heights_u: Array  # of each height, by the scatter of its edges; 0 where there are none [m]
     misfit: Array  # rms of the edges about the parabola and the line, (shot, way) [s]
 
-    def part(self, chosen: NDArray[np.bool_]) -> Passages:
+    def part(self, chosen: Mask) -> Passages:
         """Return some of the shots."""
         return Passages(
             times=self.times[chosen],
@@ -36,16 +51,6 @@ class Passages:
             heights_u=self.heights_u[chosen],
             misfit=self.misfit[chosen],
         )
-
-    @property
-    def duration_in(self) -> Array:
-        """Time from the first gate to the last [s], (shot,)."""
-        return np.asarray(self.times[:, INBOUND, -1] - self.times[:, INBOUND, 0])
-
-    @property
-    def duration_out(self) -> Array:
-        """Time of the returning ball from the last gate to the first [s], (shot,)."""
-        return np.asarray(self.times[:, OUTBOUND, 0] - self.times[:, OUTBOUND, -1])
 
 
 def passages(
@@ -84,3 +89,187 @@ def _of_boards(record: BoardRecord, lowest: float, pitch: float) -> Passages:
     return Passages(
         times=times, heights=lowest + pitch * heights, heights_u=pitch * heights_u, misfit=misfit
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GateReadings:
+    """Passages of a stage's balls through its gates or boards."""
+
+    stage: str
+    passages: Passages
+    distances: Array  # surveyed, of each gate from the target, (gate,) [m]
+    shows_height: bool
+
+    @classmethod
+    def of(
+        cls,
+        record: GateRecord | BoardRecord | PassageRecord,
+        known: Mapping[str, Estimate],
+        stage: str,
+    ) -> Self:
+        """Return the readings of a stage's gates. `InputError` where the calibration does not fit.
+
+        Raises `KeyError` for a constant that the calibration lacks.
+        """
+        of_boards = (
+            {name: known[f"{stage}.gates.{name}"].value for name in ("lowest", "pitch")}
+            if isinstance(record, BoardRecord)
+            else {}
+        )
+        seen, surveyed = passages(record, **of_boards), gate_count(known, stage)
+        if surveyed != seen.times.shape[2]:
+            allowed = f"the calibration has {surveyed}"
+            raise InputError(f"{stage}/gates", "gates", seen.times.shape[2], allowed)
+        distances = np.array([known[_distance(stage, k)].value for k in range(surveyed)])
+        if not distances[0] > distances[-1]:
+            raise InputError(
+                "session.json",
+                f"calibration.{_distance(stage, 0)}",
+                distances[0],
+                f"must be above {distances[-1]:g} m, the nearest gate's",
+            )
+        tall = f"{stage}.gates.height_0" in known
+        return cls(stage=stage, passages=seen, distances=distances, shows_height=tall)
+
+    @property
+    def raw(self) -> RawFlights:
+        """The flights between the first gate and the last, at a constant speed."""
+        times = self.passages.times
+        near, span = self.distances[-1], self.distances[0] - self.distances[-1]
+        into = times[:, INBOUND, -1] - times[:, INBOUND, 0]
+        back = times[:, OUTBOUND, 0] - times[:, OUTBOUND, -1]
+        with np.errstate(divide="ignore"):  # a clock too slow shows two gates at one tick
+            speed_in, speed_out = span / into, span / back
+        slope_in, level = self._line_u(INBOUND)
+        slope_out, _ = self._line_u(OUTBOUND)
+        return RawFlights(
+            speed_in=speed_in,
+            speed_in_u=speed_in**2 * slope_in,
+            speed_out=speed_out,
+            speed_out_u=speed_out**2 * slope_out,
+            contact=times[:, INBOUND, -1] + near * into / span,
+            contact_u=np.where(np.isfinite(into), level, np.nan),
+            misfit=self.passages.misfit,
+            complete=np.asarray(np.isfinite(times[:, INBOUND]).all(axis=1)),
+        )
+
+    def _line_u(self, way: int) -> tuple[float, float]:
+        """Return the u of slope [s/m] and zero [s] of a line through a ball's times.
+
+        Gates off their surveyed places move all balls alike, which is no matter of the readings:
+        the scatter is that about the mean ball. NaN with fewer than three gates or two balls.
+        """
+        times = self.passages.times[:, way]
+        times = times[np.isfinite(times).all(axis=1)]
+        balls, gates = times.shape
+        if gates < 3 or balls < 2:
+            return np.nan, np.nan
+        basis = np.vander(self.distances, 2)
+        left = times - times @ (basis @ np.linalg.pinv(basis)).T
+        left -= left.mean(axis=0)
+        variance = np.sum(left**2) / ((gates - 2) * (balls - 1))
+        slope, zero = np.sqrt(variance * np.diag(np.linalg.inv(basis.T @ basis)))
+        return float(slope), float(zero)
+
+    def flights(self, x: Constants, drag: Array) -> Flights:
+        """Return the flights by least squares over the gates, see `FlightReadings`.
+
+        `x` holds the distances of the gates, their heights where they measure them, the clock.
+        """
+        return flights(x, self.stage, self.passages, drag)
+
+    def clock(self, x: Constants) -> Array:
+        """Return the rate of the gates' clock."""
+        return x[f"{self.stage}.gates.clock"]
+
+    def part(self, chosen: Mask) -> Self:
+        """Return some of the shots."""
+        return replace(self, passages=self.passages.part(chosen))
+
+
+def _distance(stage: str, gate: int) -> str:
+    return f"{stage}.gates.distance_{gate}"
+
+
+def gate_count(x: Mapping[str, object], stage: str) -> int:
+    """Return the number of gates in a stage's calibration."""
+    return next(gate for gate in count() if f"{stage}.gates.distance_{gate}" not in x)
+
+
+def flights(x: Constants, stage: str, seen: Passages, drag: Array) -> Flights:
+    """Return the flights of a stage's balls.
+
+    Parameters
+    ----------
+    x
+        Constants, numbers or columns (k, 1): distances of the gates, their heights where they
+        measure them, the clock.
+    seen
+        Passages, (shot, way, gate).
+    drag
+        κ of each ball, (..., shot) [1/m].
+    """
+    from virtual_lab.measurement.reduction.flights_kernel import fit_heights, fit_speeds
+
+    gates = range(gate_count(x, stage))
+    tall = f"{stage}.gates.height_0" in x
+    names = [f"{stage}.gates.clock", *(f"{stage}.gates.distance_{index}" for index in gates)]
+    if tall:
+        names += ["hall.gravity", *(f"{stage}.gates.height_{index}" for index in gates)]
+    known = np.stack(np.broadcast_arrays(*(x[name] for name in names)), axis=-1)
+    shape = np.broadcast_shapes(known.shape[:-1], np.shape(drag), seen.times.shape[:1])
+    sets = np.broadcast_to(known.reshape(-1, len(names)), (prod(shape[:-1]), len(names)))
+    clock, distances = sets[:, 0].copy(), sets[:, 1 : 1 + len(gates)].copy()
+    drag = np.array(drag, ndmin=2, order="C")
+    speeds, heights = np.full((2, *shape), np.nan), np.full((3, *shape), np.nan)
+    by_set = -1, shape[-1]
+    fit_speeds(_by_gate(seen.times), distances, clock, drag, speeds.reshape(2, *by_set))
+    if tall:
+        gravity, zeros = sets[:, 1 + len(gates)].copy(), sets[:, 2 + len(gates) :].copy()
+        shown, flown = _by_gate(seen.heights), speeds.reshape(2, *by_set)
+        fit_heights(shown, flown, distances, zeros, gravity, drag, heights.reshape(3, *by_set))
+    return Flights(
+        speed_in=speeds[0],
+        speed_out=speeds[1],
+        offset=heights[0],
+        slope_in=heights[1],
+        slope_out=heights[2],
+    )
+
+
+def heights_moved(readings: GateReadings) -> FlightModel:
+    """Return the flights of one set of constants, (3, shot), with heights shifted by their u.
+
+    Each row shifts one of three quantities with independent errors: the height midway between the
+    gates on the way in, the slope in, the slope out.
+    """
+    stage, seen = readings.stage, readings.passages
+
+    def moved(x: Constants, drag: Array) -> Flights:
+        found = readings.flights(x, drag)
+        distances = np.array(
+            [x[f"{stage}.gates.distance_{i}"] for i in range(gate_count(x, stage))]
+        )
+        known = np.isfinite(seen.heights)
+        many = np.maximum(known.sum(axis=-1), 1)
+        middle = known @ distances / many
+        off = np.where(known, distances - middle[..., None], 0.0)
+        squares = np.sum(np.where(known, seen.heights_u, 0.0) ** 2, axis=-1) / many
+        base = np.sum(off**2, axis=-1)
+        level = np.sqrt(squares / many)[:, 0]
+        slope_in, slope_out = np.sqrt(squares / np.where(base > 0, base, np.inf)).T
+        still = np.zeros_like(level)
+        return Flights(
+            speed_in=found.speed_in,
+            speed_out=found.speed_out,
+            offset=found.offset + np.stack([level, -middle[:, 0] * slope_in, still]),
+            slope_in=found.slope_in + np.stack([still, slope_in, still]),
+            slope_out=found.slope_out + np.stack([still, still, slope_out]),
+        )
+
+    return moved
+
+
+def _by_gate(values: Array) -> Array:
+    """Return (shot, way, gate) as (way, gate, shot): whole shots lie side by side."""
+    return np.array(values.transpose(1, 2, 0), order="C")

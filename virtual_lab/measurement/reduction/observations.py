@@ -16,19 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
-from virtual_lab.measurement.reduction.flights import gate_count
-from virtual_lab.measurement.reduction.gates import Passages, passages
+from virtual_lab.measurement.reduction.flights import FlightReadings
+from virtual_lab.measurement.reduction.makers import flight_readings
 from virtual_lab.measurement.reduction.rate import RateFit, summed_up, unseen
 from virtual_lab.measurement.reduction.recoil import fit_recoil
 from virtual_lab.measurement.reduction.swing import fit_swing
 from virtual_lab.records import (
     AimMarks,
-    BoardRecord,
     EncoderRecord,
-    GateRecord,
     LengthReadings,
     MassReadings,
-    PassageRecord,
     PendulumRecord,
     RateRecord,
     Record,
@@ -56,7 +53,7 @@ class BallReadings:
     mass: Array  # mean scale reading a ball [kg], (ball,)
     ball: NDArray[np.int_]  # which ball, a wall hit
     nominal_speed: Array  # [m/s], (hit,)
-    passages: Passages
+    seen: FlightReadings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +62,7 @@ class ImpactReadings:
 
     ball: NDArray[np.int_]
     place: Array  # aimed at: as set, with what the cannon is off, from the barrel tip [m]
-    passages: Passages
+    seen: FlightReadings
     recoil: RateFit | None  # of a bat that was at rest, where an encoder watched it
     swing: RateFit | None  # of a bat that was swung
     along: float = 0.0  # what the cannon is off, as `place` takes it [m]
@@ -104,47 +101,36 @@ def bench_constants(session: Session) -> dict[str, Estimate]:
 
 
 def observe_balls(session: Session) -> BallReadings:
-    """Return the ball readings from the scale and the gates of the wall rig."""
-    log, seen = _log_and_passages(session, "balls")
+    """Return the ball readings from the scale and the instrument at the wall."""
+    log, seen = _log_and_flights(session, "balls")
     mass = _table(session, "ball-mass").mean(axis=1)
-    both = np.isfinite(seen.duration_in) & np.isfinite(seen.duration_out)
-    ball = log.ball.astype(int)[both]  # a hit the gates missed is no measurement of e0
+    raw = seen.raw
+    both = np.isfinite(raw.speed_in) & np.isfinite(raw.speed_out)
+    ball = log.ball.astype(int)[both]  # a hit not seen both ways is no measurement of e0
     hits = np.bincount(ball, minlength=mass.size)
     if hits.min() < 2:
-        raise InputError(
-            "balls/gates", "ball", int(hits.argmin()), "needs 2 wall hits seen both ways"
-        )
+        raise InputError("balls", "ball", int(hits.argmin()), "needs 2 wall hits seen both ways")
     return BallReadings(
-        mass=mass, ball=ball, nominal_speed=log.nominal_speed[both], passages=seen.part(both)
+        mass=mass, ball=ball, nominal_speed=log.nominal_speed[both], seen=seen.part(both)
     )
 
 
 def observe_impact(session: Session) -> ImpactReadings:
-    """Return the readings of gates and encoders for the shots."""
-    log, seen = _log_and_passages(session, "impact")
-    last = seen.times.shape[2] - 1
-    nearest = session.calibration[f"impact.gates.distance_{last}"].value
-    farthest = session.calibration["impact.gates.distance_0"].value
-    if not farthest > nearest:
-        raise InputError(
-            "session.json",
-            "calibration.impact.gates.distance_0",
-            farthest,
-            f"must be above {nearest:g} m, the nearest gate's",
-        )
-    contact = seen.times[:, 0, -1] + nearest * seen.duration_in / (farthest - nearest)
-    along = along_of(session)
-    recoil = _rates(session, "encoder", contact, fit_recoil)
-    with np.errstate(divide="ignore"):  # a clock too slow shows two gates at one tick
-        speed = (farthest - nearest) / seen.duration_in
+    """Return the readings of the ball and of the encoders for the shots."""
+    log, seen = _log_and_flights(session, "impact")
+    raw, along = seen.raw, along_of(session)
+    recoil = _rates(session, "encoder", raw.contact, fit_recoil)
     swing = _rates(
-        session, "swing", contact, lambda r, t: fit_swing(r, t, _reach(session, log, speed))
+        session,
+        "swing",
+        raw.contact,
+        lambda r, t: fit_swing(r, t, _reach(session, log, raw.speed_in)),
     )
     return ImpactReadings(
         ball=log.ball.astype(int),
         place=log.place + along,
         along=along,
-        passages=seen,
+        seen=seen,
         recoil=recoil,
         swing=swing,
     )
@@ -171,7 +157,8 @@ def ball_constants(readings: BallReadings) -> dict[str, Estimate]:
     balls are no uncertainty, because the whole lot is measured. The slope [s/m] has a constant
     only if the wall was hit at two or more speeds.
     """
-    ratio = readings.passages.duration_in / readings.passages.duration_out
+    raw = readings.seen.raw
+    ratio = raw.speed_out / raw.speed_in
     balls = len(readings.mass)
     hits = np.bincount(readings.ball, minlength=balls)
 
@@ -246,28 +233,17 @@ def _rates(
         raise InputError(where, "times", None, str(fault)) from fault
 
 
-def _log_and_passages(session: Session, stage: str) -> tuple[ShotLog, Passages]:
+def _log_and_flights(session: Session, stage: str) -> tuple[ShotLog, FlightReadings]:
     log = _channel(session, stage, "log", ShotLog)
-    gates = _channel(session, stage, "gates", GateRecord | BoardRecord | PassageRecord)
     balls = len(_table(session, "ball-mass"))
     odd = (log.ball != np.floor(log.ball)) | (log.ball < 0) | (log.ball >= balls)
     if odd.any():
         allowed = f"allowed: 0 to {balls - 1}, those weighed, counted from 0"
         raise InputError(f"{stage}/log", "ball", log.ball[odd][0], allowed)
-    if len(log.ball) != len(gates.times):
-        raise InputError(stage, "shots", len(gates.times), f"the log has {len(log.ball)}")
-    known = session.calibration
-    of_boards = (
-        {name: known[f"{stage}.gates.{name}"].value for name in ("lowest", "pitch")}
-        if isinstance(gates, BoardRecord)
-        else {}
-    )
-    seen = passages(gates, **of_boards)
-    surveyed = gate_count(known, stage)
-    if surveyed != seen.times.shape[2]:
-        raise InputError(
-            f"{stage}/gates", "gates", seen.times.shape[2], f"the calibration has {surveyed}"
-        )
+    seen = flight_readings(session, stage)
+    shots = len(seen.raw.contact)
+    if len(log.ball) != shots:
+        raise InputError(stage, "shots", shots, f"the log has {len(log.ball)}")
     return log, seen
 
 

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.measurement.reduction.flights import FlightModel, Flights, flights
+from virtual_lab.measurement.reduction.flights import FlightModel, Flights
 from virtual_lab.measurement.reduction.kinematics import (
     bat_performance_factor,
     efficiency_from_restitution,
@@ -135,7 +135,7 @@ def _inertia_cm(x: Constants, mass: Array, length: Array, z_cm: Array) -> Array:
 def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
     """Return the balls' masses and their mean e0 over the wall hits, at the hits' mean speed."""
     mass = (readings.mass - x["bench.scale.zero"]) / x["bench.scale.span"]
-    seen = flights(x, "balls", readings.passages, drag_of(x, mass[..., readings.ball]))
+    seen = readings.seen.flights(x, drag_of(x, mass[..., readings.ball]))
     nominal, given = float(readings.nominal_speed.mean()), seen.speed_out / seen.speed_in
     slope = _slope(x, readings, given)
     hits = given - slope * (seen.speed_in - nominal)
@@ -170,20 +170,20 @@ def shot_results(
     balls: MeasuredBalls,
     readings: ImpactReadings,
     asked: ReductionSettings,
-    flown: FlightModel,
+    flown: FlightModel | None = None,
     used: NDArray[np.bool_] | slice = ALL,
 ) -> ShotResults:
     """Return e_A by Eq. (2) or by angular momentum, e by Eq. (6), BPF by Eq. (5).
 
-    `flown` gives the flights of the balls, from the gates or another instrument. `used` are the
+    `flown` gives the flights by an instrument beside that of the readings. `used` are the
     balls that define the mean of the lot.
     """
     mass = balls.mass[..., readings.ball]
-    seen = flown(x, drag_of(x, mass))
+    seen = (flown or readings.seen.flights)(x, drag_of(x, mass))
     abreast = bat.length - x["impact.pivot.from_knob"] - _struck(x, readings)
     swing_rate, slant = np.zeros(()), np.zeros(())
     if readings.swing:
-        swing_rate = _turn(x, "swing", readings.swing.rate * x["impact.gates.clock"])
+        swing_rate = _turn(x, "swing", readings.swing.rate * readings.seen.clock(x))
         slant = _turn(x, "swing", readings.swing.angle)
     # the ball flies abreast of the axis at a set distance and meets a slanting bat farther out
     cosine = np.cos(slant)
@@ -192,7 +192,7 @@ def shot_results(
     relative_speed = seen.speed_in * cosine + bat_speed
     rate = np.array(np.nan)
     if readings.recoil:
-        rate = _turn(x, "encoder", readings.recoil.rate * x["impact.gates.clock"])
+        rate = _turn(x, "encoder", readings.recoil.rate * readings.seen.clock(x))
     sine = _sine_square(x, bat, seen)
 
     def squarely(efficiency: Array) -> Array:

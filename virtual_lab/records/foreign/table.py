@@ -12,7 +12,7 @@ import numpy as np
 from virtual_lab.catalog.specs import Spec, Whole
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.files import inside, read_table
-from virtual_lab.records import RECORD_TYPES, Record
+from virtual_lab.records import Record, record_types
 from virtual_lab.records.record import require_numbers
 from virtual_lab.units import DIMENSIONS, suffix
 
@@ -91,10 +91,11 @@ def read_channel(form: ChannelForm, folder: Path, index_from: FirstIndex, where:
     InputError
         The form does not fit the record or the file, or the file is no such record.
     """
-    if form.record not in RECORD_TYPES:
-        hint = nearest(form.record, RECORD_TYPES)
-        raise InputError(where, "record", form.record, f"{hint}allowed: {', '.join(RECORD_TYPES)}")
-    kind = RECORD_TYPES[form.record]
+    kinds = record_types()
+    if form.record not in kinds:
+        hint = nearest(form.record, kinds)
+        raise InputError(where, "record", form.record, f"{hint}allowed: {', '.join(kinds)}")
+    kind = kinds[form.record]
     meanings = _meanings(kind)
     first = _first(kind, form, index_from, where)
     path = inside(folder, form.file, where, "file")

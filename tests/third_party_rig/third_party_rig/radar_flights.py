@@ -1,0 +1,60 @@
+"""From the radar gun's record to flights: what the reduction asks of any instrument."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from third_party_rig.radar_record import RadarRecord
+from virtual_lab.measurement.reduction.flights import Constants, Flights, RawFlights, not_stated
+from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.units import Array, Mask
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RadarReadings:
+    """A stage's balls as the gun shows them. It sees no heights: aim marks stand in for them."""
+
+    stage: str
+    raw: RawFlights
+    shows_height: bool = False
+
+    @classmethod
+    def of(cls, record: RadarRecord, known: Mapping[str, Estimate], stage: str) -> Self:
+        unknown = not_stated(record.speed_in)
+        return cls(
+            stage=stage,
+            raw=RawFlights(
+                speed_in=record.speed_in,
+                speed_in_u=unknown,
+                speed_out=record.speed_out,
+                speed_out_u=unknown,
+                contact=record.turned,
+                contact_u=unknown,
+                misfit=np.full((record.speed_in.size, 2), np.nan),
+                complete=np.isfinite(record.speed_in),
+            ),
+        )
+
+    def flights(self, x: Constants, drag: Array) -> Flights:
+        """Carry the speeds from the gun's distance d to the target: v exp(∓κ d), dv/dx = -κ v."""
+        scale, distance = (x[f"{self.stage}.radar.{name}"] for name in ("scale", "distance"))
+        speed_in = self.raw.speed_in / scale * np.exp(-drag * distance)
+        unseen = np.full(speed_in.shape, np.nan)
+        return Flights(
+            speed_in=speed_in,
+            speed_out=self.raw.speed_out / scale * np.exp(drag * distance),
+            offset=unseen,
+            slope_in=unseen,
+            slope_out=unseen,
+        )
+
+    def clock(self, x: Constants) -> Array:
+        """Return 1: no encoder shares the gun's clock."""
+        return np.ones(1)
+
+    def part(self, chosen: Mask) -> Self:
+        return replace(self, raw=self.raw.part(chosen))

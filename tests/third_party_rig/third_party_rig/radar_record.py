@@ -1,0 +1,27 @@
+"""The raw record of a radar gun: what its display shows of each ball."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+from virtual_lab.records import BallRecord, RecordColumn
+from virtual_lab.units import Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RadarRecord(BallRecord):
+    """Speeds of a ball at the gun's distance, and when its echo turned, (shot,).
+
+    NaN: the ball did not come back.
+    """
+
+    speed_in: Array
+    speed_out: Array
+    turned: Array
+    columns: ClassVar[Mapping[str, RecordColumn]] = {
+        "speed_in": RecordColumn("speed_in_m_per_s", ("shot",)),
+        "speed_out": RecordColumn("speed_out_m_per_s", ("shot",), may_be_missing=True),
+        "turned": RecordColumn("time_s", ("shot",)),
+    }
