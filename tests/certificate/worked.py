@@ -896,6 +896,16 @@ def _shot(test: Test, metric: np.ndarray, n: int) -> Row:
     }
 
 
+def _speed_u(distances: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Return u of the balls' speeds by the scatter of their times about a line, ball by ball."""
+    seen = times[np.isfinite(times).all(axis=1)]
+    left = np.array([t - np.polyval(np.polyfit(distances, t, 1), distances) for t in seen])
+    left -= left.mean(axis=0)  # gates off their places shift all balls alike
+    noise = left.ravel() @ left.ravel() / ((distances.size - 2) * (len(seen) - 1))
+    speed = (distances[0] - distances[-1]) / (times[:, 0] - times[:, -1])
+    return speed**2 * np.sqrt(noise / (distances.size * distances.var()))
+
+
 def _readings(test: Test, metric: np.ndarray) -> dict[str, np.ndarray]:
     """Return the columns of ``readings.csv`` that are numbers."""
     best, times = test.best, test.times
@@ -917,6 +927,11 @@ def _readings(test: Test, metric: np.ndarray) -> dict[str, np.ndarray]:
         "weight": test.weights,
         "valid": test.valid,
     }
+    gates = times.shape[2]
+    if gates > 2:
+        far = np.array([test.known[f"impact.gates.distance_{k}"].value for k in range(gates)])
+        for way, name in enumerate(("speed_u_mph", "rebound_u_mph")):
+            columns[name] = np.abs(_speed_u(far, times[:, way])) / MPH
     for name, record in (("encoder", test.encoder), ("swing", test.swing)):
         if record is not None:
             columns[f"{name}_counts_per_s"] = record["counts_per_s"]
