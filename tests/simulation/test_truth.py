@@ -31,3 +31,12 @@ def test_the_mean_ball_is_that_of_the_balls_used() -> None:
     mean = replace(lot, mass=mass, restitution=e0, used=used).mean_ball()
     assert mean.mass == pytest.approx([0.145], rel=1e-12)
     assert mean.restitution == pytest.approx([0.55], rel=1e-12)
+
+
+def test_a_balls_mass_tells_nothing_of_its_e0() -> None:
+    """4 000 balls: each scatters as the sheet says (4.5/√8 000), |r| < 4.5/√4 000 (7e-6 each)."""
+    spec = load("balls", "baseball-2003", BallSpec).spec
+    lot = draw_balls(spec, 4000, Streams(2))
+    assert lot.mass.std() == pytest.approx(spec.spread.mass, rel=0.05)
+    assert lot.restitution.std() == pytest.approx(spec.spread.restitution, rel=0.05)
+    assert abs(np.corrcoef(lot.mass, lot.restitution)[0, 1]) < 0.071

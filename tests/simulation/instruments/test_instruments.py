@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from scipy import stats
 from scipy.special import ellipk
 
@@ -19,6 +20,7 @@ from tests.catalog.test_reading import INSTRUMENTS
 from virtual_lab import catalog
 from virtual_lab.simulation.instruments import calibration_of, errors_of
 from virtual_lab.simulation.instruments.air import Gravity, GravitySpec, HallAir, HallAirSpec
+from virtual_lab.simulation.instruments.calibrated import drawn
 from virtual_lab.simulation.instruments.camera.camera import Camera
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
@@ -35,6 +37,7 @@ from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateS
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.instruments.pendulum import Pendulum, PendulumSpec
 from virtual_lab.streams import Quiet, Streams
+from virtual_lab.uncertainty.estimate import Estimate
 
 MAKERS = {
     "air": HallAir,
@@ -471,3 +474,48 @@ def test_specs_are_those_of_the_catalog() -> None:
         RuleSpec,
         ScaleSpec,
     }
+
+
+def test_how_well_a_certificate_knows_u_does_not_move_the_instrument() -> None:
+    """ν is the certificate's: at the same draws the true constant is the same, u another."""
+    sheets = ({"x": Estimate(value=2.0, u=0.1, dof=dof)} for dof in (3.0, inf))
+    (few, true_of_few), (many, true) = (drawn(sheet, Streams(5), "n") for sheet in sheets)
+    assert true_of_few == true != {"x": 2.0}
+    assert few["x"].u != many["x"].u == 0.1
+
+
+def test_a_board_sees_from_its_lowest_beam_to_its_highest() -> None:
+    """21 beams 5 mm apart from -50 mm on: the top one at +50 mm, a ball of 36 mm to 86 mm."""
+    spec = replace(spec_of("light-boards"), beams=21, pitch=5e-3, lowest=-0.05)
+    assert spec.highest == pytest.approx(0.05, abs=1e-12)
+    assert spec.view(0.036) == pytest.approx((-0.086, 0.086), abs=1e-12)
+
+
+def test_scrap_of_the_sabot_trips_some_beams_of_the_first_board_before_the_ball() -> None:
+    """30 mm before the ball's front: at 60 m/s half a millisecond early, more for outer beams."""
+    spec = replace(spec_of("light-boards").ideal(), sabot_rate=0.5)
+    clean, scrapped = (
+        _edges_of(replace(spec, sabot_rate=rate), speed=60.0, shots=40) for rate in (0.0, 0.5)
+    )
+    early = clean - scrapped
+    moved = np.abs(early) > 1e-9
+    assert not moved[:, 1].any()  # on the way back
+    assert not moved[:, 0, 1:].any()  # at the other boards
+    assert not moved[..., 1].any()  # as the ball leaves a beam
+    assert 10 <= moved.any(axis=(1, 2, 3, 4)).sum() <= 30
+    assert early[moved].min() >= 0.03 / 60.0 - 1e-9
+    assert set(moved[:, 0, 0, :, 0].sum(axis=1)) <= {0, 1, 2, 3, 4}
+
+
+def _edges_of(spec: LightBoardSpec, *, speed: float, shots: int) -> NDArray[np.float64]:
+    boards = LightBoards.commission(spec, Quiet(), "b")
+    passage = Passage(
+        speed_in=np.full(shots, speed),
+        speed_out=np.full(shots, 20.0),
+        drag=np.zeros(shots),
+        radius=0.0366,
+        gravity=0.0,
+    )
+    contact = boards.arrival(passage)
+    record = boards.watch(passage, contact, contact, Streams(3), "b", np.arange(shots))
+    return np.nan_to_num(record.times)

@@ -20,7 +20,7 @@ from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.faults.fault import other_sheet
 from virtual_lab.simulation.impact import contact_angle
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.instruments.board_kernel import rows_of_gains
+from virtual_lab.simulation.instruments.board_kernel import CENTRE_PHASES, rows_of_gains
 from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec, gain_table
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.instruments.passage import Passage
@@ -275,3 +275,17 @@ def test_swing_summed_up_scatters_as_its_counts_do() -> None:
     assert abs(summed.mean() - full.mean()) < 5 * full.std() * sqrt(2 / full.size) + 3e-5
     # a line through boards 0.4 m off is 40 µs early for the drag it leaves out, 1.7 mrad of turn
     assert np.abs(np.concatenate(angles)).max() < 2.5e-3
+
+
+@pytest.mark.parametrize("missing", [0, 3, 7])
+def test_gains_of_a_ball_that_passes_the_end_of_a_board(missing: int) -> None:
+    """The intercept at the ball's centre of a line through the beams left (numpy.polyfit).
+
+    Each beam's middle is of two edges; one-sided beams tell the passage worse than as many about
+    the centre would.
+    """
+    radius, phase = 7.3, 0.0
+    beams = np.arange(-7, 8)[missing:] - phase
+    _, covariance = np.polyfit(beams, np.sin(beams), 1, cov="unscaled")
+    row = missing * (CENTRE_PHASES + 1)
+    assert gain_table(radius)[0, row] == pytest.approx(sqrt(covariance[1, 1] / 2), rel=1e-9)

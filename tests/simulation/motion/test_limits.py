@@ -8,13 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.simulation.motion.scenes import BODY, Array, frame_at, play, scene
+from tests.simulation.motion.scenes import BODY, RADIUS, Array, frame_at, play, scattered, scene
+from virtual_lab.catalog.specs import Profile
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.motion import pymunk_scene
 from virtual_lab.simulation.motion.played import Target
 from virtual_lab.simulation.motion.pymunk_scene import PymunkSettings, longest_step, play_pymunk
-from virtual_lab.simulation.motion.scene import FrameSpec, ShotScene
+from virtual_lab.simulation.motion.scene import FrameSpec, PivotedBat, ShotScene
+from virtual_lab.simulation.motion.touch import moved, nearness
 from virtual_lab.units import INCH
+
+BOTH = pytest.mark.parametrize("rung", ["closed-form", "pymunk"])
 
 
 @pytest.mark.parametrize(
@@ -126,3 +130,43 @@ def test_a_frame_pymunk_does_not_feel_is_an_error(monkeypatch: pytest.MonkeyPatc
 def constant(value: float) -> Callable[..., Array]:
     """Return an e_A that is the same everywhere."""
     return lambda place, *_: np.full(len(place), value)
+
+
+@BOTH
+@pytest.mark.parametrize("z", [-0.5 * RADIUS, BODY.length + 0.5 * RADIUS])
+def test_a_ball_on_the_edge_of_either_end_is_refused(rung: str, z: float) -> None:
+    """No law of a collision holds there, at the knob as little as at the tip."""
+    assert "edge of the bat's end" in str(play(scene(z=z), rung).refused[0])
+
+
+def test_a_bar_is_as_thick_as_it_is() -> None:
+    """Opening of ±200 mm, bars of 40 mm beyond it, a ball of 73.2 mm: clear to 163.4 mm.
+
+    And from 276.6 mm on, which passes outside; the plane lies 10 mm up.
+    """
+    frame = frame_at(-0.5)._replace(up=0.01)
+    for height, clear in ((0.1633, True), (0.1635, False), (0.2765, False), (0.2767, True)):
+        assert frame.clears(0.01 + height, RADIUS) == clear
+        assert frame.clears(0.01 - height, RADIUS) == clear
+
+
+def test_no_outline_is_steeper_than_its_bound() -> None:
+    """Between stations a monotone cubic is up to three times as steep as the chord."""
+    for diameters in ((0.02, 0.02, 0.06, 0.06), (0.066, 0.06, 0.03, 0.025)):
+        profile = Profile(z=(0.0, 0.3, 0.5, 0.8), outer_diameter=diameters)
+        bat = PivotedBat(profile, 0.7, 0.2)
+        z = np.linspace(0.0, 0.8, 100_001)
+        steepest = np.abs(np.gradient(bat.radius(z), z)).max()
+        assert 0.5 * bat.steepest / 1.5 < steepest <= bat.steepest
+
+
+def test_a_place_on_the_bat_slides_as_it_is_seen_to() -> None:
+    """Central differences of the place, ball and bat moving anyhow, no air."""
+    played = scattered(12, seed=4, drag=0.0, gravity=0.0)
+    every, step = np.arange(12), 1e-6
+    before, after = (
+        nearness(played, moved(played, played.start, np.full(12, sign * step), every)).place
+        for sign in (-1.0, 1.0)
+    )
+    found = nearness(played, played.start).sliding
+    assert found == pytest.approx((after - before) / (2 * step), rel=1e-6, abs=1e-6)

@@ -103,3 +103,15 @@ def test_a_pixel_keeps_its_own_faults() -> None:
     other = sensor.expose(light, [[110, 55]], Quiet(), "x").astype(float)
     assert np.array_equal(one[0, 5:, 10:], other[0, :-5, :-10])
     assert one.std() == pytest.approx(0.15 * 10_000 * 0.005, rel=0.2)
+
+
+def test_read_noise_is_in_the_mean_of_dark_frames() -> None:
+    """Four frames of 25 e of light: s = gain √((25 + 15²)/4), a hundred times what rounding adds.
+
+    16 000 pixels: s to 4/√32 000.
+    """
+    spec = replace(SPEC, columns=160, rows=100, photo_response=0.0, dark_signal=0.0)
+    sensor = Sensor.commission(spec, Streams(4), "s")
+    grey = sensor.mean_of(np.full((100, 160), 25.0, np.float32), 4, Streams(7), "m")
+    wanted = np.sqrt((sensor.gain**2 * 250.0 + 1 / 12) / 4)
+    assert float(grey.std()) == pytest.approx(wanted, rel=4 / np.sqrt(32_000))
