@@ -3,13 +3,15 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.bench.days import apparatus, day_of, detector
 from virtual_lab import catalog
 from virtual_lab.bench.actions import action_of
+from virtual_lab.bench.checks import _charted
 from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.inspection import detectable, doubts, fault_sheets
+from virtual_lab.bench.inspection import CLOCK, detectable, doubts, fault_sheets
 from virtual_lab.bench.keeping import played, taken
 from virtual_lab.bench.table import action_table
 from virtual_lab.errors import InputError
@@ -60,3 +62,19 @@ def test_detectable_is_what_the_study_found_on_99_days_of_100() -> None:
     found = {name: int(days) for name, days in ROW.findall(STUDY.read_text("utf-8"))}
     assert found.keys() == set(detectable())
     assert min(found.values()) >= 99
+
+
+def test_a_clock_that_runs_fast_is_shown_fast() -> None:
+    """By the fault's 100 ppm more than on the mornings before, to the 2 ppm of a comparison."""
+    day = taken(apparatus("gate-clock"), detector("gate-clock"))
+    event = Desk(day).last("compare-clock")
+    assert event is not None
+    shown = {what: value for what, value, _ in event.shown}
+    off = shown[f"{CLOCK}, today"] - shown[f"{CLOCK}, chart"]
+    assert off == pytest.approx(100, abs=10)
+
+
+def test_a_chart_shows_mean_and_scatter_of_its_mornings() -> None:
+    """1, 2, 3: mean 2, s = 1 of a sample."""
+    shown = _charted("ratio", 2.5, np.array([1.0, 2.0, 3.0]), 3, "ppm")
+    assert [value for _, value, _ in shown] == [2.5, 2.0, 1.0]

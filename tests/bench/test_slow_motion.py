@@ -12,7 +12,7 @@ from virtual_lab.bench.day import Day, DayEvent, replayed
 from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.firing import Firing, ShotConditions
 from virtual_lab.bench.page import day_page
-from virtual_lab.bench.sketching import blurred, scene_of_shot, true_motion
+from virtual_lab.bench.sketching import blurred, scene_of_shot, sketch_of, true_motion
 from virtual_lab.bench.slow_motion import contact_words, sketched, slow_motion
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.streams import Streams
@@ -123,3 +123,15 @@ def test_a_shot_that_meets_the_frame_says_so() -> None:
         "The ball strikes the bat; the bat strikes its stop; it comes back, rising."
     )
     assert contact_words([]) == "No ball came."
+
+
+@pytest.mark.parametrize(("up", "side"), [(0.025, "up"), (-0.025, "down")])
+def test_a_ball_above_the_axis_goes_up(up: float, side: str) -> None:
+    """Aimed 25 mm across: the sketch's side is that to which the ball flies off the bat."""
+    aimed = conditions(0)._replace(shift=((0.0, up),))
+    firing = apparatus().firing
+    seen = scene_of_shot(firing, aimed)
+    assert seen is not None
+    climbs = float(seen[1].pieces.state.vy[1])
+    assert climbs * up > 0
+    assert sketch_of(firing, aimed)["side"] == side

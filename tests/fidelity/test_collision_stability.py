@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from virtual_lab.fidelity import collision_stability as maps
+from virtual_lab.fidelity.collision_stability import ColumnOutcome, _cell
 from virtual_lab.fidelity.drawing import State
 from virtual_lab.fidelity.results import StabilityMap
 from virtual_lab.simulation.collision.stepping import FINE, OneByOne
@@ -98,3 +99,20 @@ def test_text_and_files(found: StabilityMap, tmp_path: Path) -> None:
     assert (tmp_path / "maps" / "stability.png").read_bytes().startswith(b"\x89PNG")
     assert len((tmp_path / "maps" / "stability.csv").read_text().splitlines()) == len(rows) + 1
     json.dumps(rows, allow_nan=False)
+
+
+@pytest.mark.parametrize(("share", "state"), [(0.99, "good"), (1.01, "inaccurate")])
+def test_good_is_what_the_default_promises(share: float, state: str) -> None:
+    """One scene of two off by a share of the tolerance, unnoticed; nobody doubted it."""
+
+    def outcome(efficiency: float) -> ColumnOutcome:
+        return ColumnOutcome(
+            efficiency=np.array([0.25, efficiency]),
+            leak=np.zeros(2),
+            doubted=np.zeros(2, dtype=bool),
+            given_up=np.zeros(2, dtype=bool),
+        )
+
+    cell = _cell(outcome(0.25 + share * FINE.tolerance), outcome(0.25), shipped=True)
+    assert cell["state"] == state
+    assert cell["off"] == (share > 1)

@@ -33,6 +33,9 @@ def test_the_calibration_beside_a_film_is_what_the_laboratory_knows(
     assert known.camera.matrix[0][0] == session["impact.camera.focal"].value
     assert known.camera.image_size == (1280, 800)
     assert known.camera.plane_height_u_m == session["impact.camera.plane"].u
+    parts = (session[f"impact.camera.{name}"] for name in ("focal", "place_z"))
+    scale_u = np.hypot(*(part.u / part.value for part in parts))
+    assert known.camera.relative_scale_u == pytest.approx(scale_u, rel=1e-12)
     assert known.ball_diameter_m == pytest.approx(0.0738, abs=5e-4)
     assert known.bat is not None
     before, pivot = known.bat.pivot_m

@@ -171,3 +171,10 @@ def test_the_folder_holds_tables_and_picture(paper: Critique, tmp_path: Path) ->
 def test_one_laboratory_has_no_scatter() -> None:
     with pytest.raises(InputError, match="2 and more"):
         critique(BATS, laboratories=1)
+
+
+def test_mean_and_scatter_of_a_bat_are_those_of_a_sample() -> None:
+    """90 and 92, a test without a result between them: mean 91, s = √2."""
+    row, _ = made_up((90.0, 91.0), (nan, 91.2), (92.0, 91.4)).metrics
+    assert (row.laboratories, row.mean) == (2, 91)
+    assert row.sd == pytest.approx(sqrt(2))

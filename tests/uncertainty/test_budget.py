@@ -10,9 +10,11 @@ from scipy import stats
 
 from virtual_lab.uncertainty.budget import (
     Component,
+    Variants,
     combine,
     effective_dof,
     interval_95,
+    mean_of_hits,
     propagate,
     scatter,
 )
@@ -243,3 +245,21 @@ def test_curvature_shifts_the_mean_by_half_of_it() -> None:
         "twins": 0.01,
         "c": 0,
     }
+
+
+def test_hits_weigh_in_the_scatter_by_their_effect_on_the_result() -> None:
+    """A top between places: value by weights, u by effects, what a constant explains taken off.
+
+    Hits 1, 3 and 2, 6 of two places, s² = 2 and 8. A constant moves two of them by +.5 and -.5:
+    (.25 + .25)/1 of the first place's 2. Effects .7, .7, -.2, -.2 give .98 · 1.5 + .08 · 8 for
+    the hits; for the constant .7 (.5 - .5) = 0.
+    """
+    variants = Variants.of({"k": Estimate(value=0.0, u=0.1)})
+    moved = np.array([0.5, -0.5, 0.0, 0.0])
+    hits = np.array([1.0, 3.0, 2.0, 6.0]) + np.outer([0.0, 1.0, -1.0], moved)
+    weights, effects = np.full(4, 0.25), np.array([0.7, 0.7, -0.2, -0.2])
+    found = mean_of_hits(variants, hits, weights, np.array([1, 1, 2, 2]), effects)
+    assert found.value == pytest.approx(3.0)
+    by_name = {part.name: part.contribution for part in found.components}
+    assert by_name["hits"] == pytest.approx(sqrt(0.98 * 1.5 + 0.08 * 8.0))
+    assert by_name["k"] == pytest.approx(0.0, abs=1e-12)
