@@ -1,6 +1,7 @@
 """The control bat: e of a test over what a bat of known e gave with the same balls."""
 
 from functools import cache
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from virtual_lab.certificate.text import certificate_text
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.model import CONTROL
 from virtual_lab.measurement.procedure import CHOICE, Procedure
+from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import Reality
 
 CYLINDER, STANDARD = "check-cylinder", 0.5
@@ -52,6 +54,23 @@ def test_without_errors_it_is_the_ratio_of_two_tests(rules: str) -> None:
     assert found.certification.metric.value == pytest.approx(expected, rel=1e-9)
     assert found.sealed.measurand["metric"] == pytest.approx(expected, rel=1e-9)
     assert found.certification.quantities["restitution"].value == pytest.approx(by_hand[0])
+
+
+def test_the_control_bat_is_hit_anew_in_every_test_of_a_laboratory(rules: str) -> None:
+    """Launches, noise and hits of the control bat in tests 1 and 2, and in the only test."""
+    launched = [
+        certify(
+            "r161",
+            procedure=rules,
+            control_bat=CYLINDER,
+            seed=7,
+            test=number,
+            detail=RecordDetail.SUMMED,
+        ).control.certification.shots.speed[:6]
+        for number in (None, 1, 2)
+    ]
+    for one, other in combinations(launched, 2):
+        assert not np.isin(one, other).any()
 
 
 def test_the_two_tests_share_balls_and_calibrations_and_nothing_else(rules: str) -> None:

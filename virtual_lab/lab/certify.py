@@ -15,6 +15,8 @@ from virtual_lab.records.session import Session
 from virtual_lab.simulation.truth import made_bat
 from virtual_lab.uncertainty.estimate import Estimate
 
+CONTROL_TEST = 1_000_000  # branch of its draws, beyond any number of tests
+
 
 def certify_bat(setup: TestSetup, progress: Progress = quiet) -> BatTest:
     """Take a bat through a procedure.
@@ -43,7 +45,8 @@ def certify_bat(setup: TestSetup, progress: Progress = quiet) -> BatTest:
     assert rules.correction is not None
     bat, standard = given.spec, rules.correction.standard
     require_places(rules, bat)
-    own = setup.draws(laboratory.seed, 1_000_000)  # beyond any number of tests
+    tests = () if setup.test is None else (setup.test,)
+    own = setup.draws(laboratory.seed, *tests, CONTROL_TEST)
     progress(f"control bat {bat.name}, with the same balls")
     session = _with_ratio(laboratory.session, Estimate(value=1.0))
     collision = collision_of(bat, setup.ball.spec, rules, setup.rung)
