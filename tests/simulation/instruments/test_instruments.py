@@ -335,7 +335,7 @@ def test_a_clock_that_starts_anywhere_shows_no_edge_early_or_late_in_the_mean() 
     sheet = spec_of("pivot-gates")
     spec = replace(sheet, edge_jitter=0.0, distance_u=0.0, clock_u=0.0, clock_fast=0.0, tick=tick)
     gates = LightGates.commission(spec, Streams(3), "g")
-    flown = passage(n, drag=np.zeros(n), gravity=0.0)
+    flown = passage(n, speed_in=np.full(n, 29.7131))  # no edge near a whole tick
     contact = gates.arrival(flown)
     record = gates.watch(flown, contact, contact, Streams(4), "g", np.arange(n))
     edges = np.array(spec.distances)[:, None] + flown.radius * np.array([1.0, -1.0])
