@@ -333,6 +333,31 @@ def test_the_encoder_turns_about_the_true_axis(detail: RecordDetail) -> None:
     assert np.abs(seen - ring).max() < 1e-3 * np.abs(ring).max()
 
 
+@pytest.mark.parametrize("off", [-0.05, 0.0, 0.05])
+def test_a_journal_rubs_by_the_reaction_of_the_blow(off: float) -> None:
+    """Struck `off` [m] the centre of percussion: it bears |1 - b m d/I| of the blow J, none there.
+
+    The rate falls by μ R J |1 - b m d/I|/I, of J = m v (1 + e_A); the sheet's R.
+    """
+    station = with_sheet(installed_rigs()["astm-pivot"].commission(Quiet()), "pivot", friction=0.0)
+    struck, asked = specimen(), plan("astm-pivot", RecordDetail.SUMMED, 1)
+    beam = beam_of(struck.bat.body)
+    axis = beam.length - station.holder.from_knob
+    arm, inertia = axis - beam.z_cm, beam.inertia(axis)
+    lever = inertia / (beam.mass * arm) - off
+    asked = replace(asked, place=np.array([axis - lever - station.cannon.true["along"]]))
+    rubbed = with_sheet(station, "pivot", friction=0.04)
+    (free, truth), (slow, _) = (
+        (play.records["encoder"].rate, play.truth)
+        for play in (each.play(asked, struck, Quiet()) for each in (station, rubbed))
+    )
+    blow = struck.balls.mass[0] * truth["speed"] * (1 + truth["collision_efficiency"])
+    borne = np.abs(1 - lever * beam.mass * arm / inertia)
+    lost = 0.04 * station.holder.spec.journal_radius * borne * blow / inertia
+    rate = blow * lever / inertia
+    assert 1 - slow / free == pytest.approx(lost / rate, rel=1e-6, abs=1e-12)
+
+
 def test_the_thresholds_of_beams_scatter_edges() -> None:
     """A sheet's spread of thresholds is drawn when the boards are commissioned."""
     spread = {}
@@ -620,6 +645,19 @@ def test_balls_that_strike_farther_along_have_a_shorter_lever(played: Play) -> N
     assert beside.collision_efficiency == pytest.approx(expected, rel=1e-9)
     assert beside.place == pytest.approx(reduced.shots.place)  # to which the slope carries it
     assert beside.recoil_factor == pytest.approx(reduced.shots.recoil_factor, rel=1e-12)
+
+
+def test_a_drive_that_droops_slows_by_its_share_a_second() -> None:
+    """Of a shaft without ripple, counted in parts: rate (1 + d t) at t s before the contact."""
+    station: Any = installed_rigs()["ncaa-swing"].commission(Quiet())
+    station = replace(station, drive=replace(station.drive, ripple=0.0, droop=-0.5))
+    station = with_sheet(station, "swing", whole_counts=False)
+    play = station.play(plan("ncaa-swing", RecordDetail.FULL, 1), specimen(), Quiet())
+    counts, spec = play.records["swing"].counts[0], station.encoder.spec
+    rates = np.diff(counts) * spec.sample_rate / spec.counts_per_turn * 2 * pi
+    moving = np.flatnonzero(rates > 1.0)[:-1]  # the last step holds the contact
+    slowing = np.polyfit(moving / spec.sample_rate, rates[moving], 1)[0]
+    assert slowing == pytest.approx(-0.5 * 40.0, rel=1e-3)
 
 
 @pytest.mark.parametrize("late", [-3.0, 3.0])

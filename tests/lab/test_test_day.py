@@ -36,6 +36,19 @@ def test_the_order_of_steps_and_rounds_changes_no_record() -> None:
     assert found.metric == by_the_book.metric
 
 
+def test_the_true_lot_is_the_one_that_the_wall_left() -> None:
+    """Softballs age: each is taken for as lively as it was over its own hits, on the mean."""
+    day = lab.TestDay.begin(opened("softball-34", procedure="asa", seed=3))
+    fresh, after = day.laboratory.specimen.balls, day.hit_wall()
+    assert after.wall is not None
+    balls = after.session.records["balls"]["log"].ball
+    loss = after.wall.truth["restitution_loss"]
+    means = [loss[balls == ball].mean() for ball in range(fresh.mass.size)]
+    assert min(means) > 1e-6
+    found = after.laboratory.specimen.balls.restitution
+    assert np.allclose(fresh.restitution - found, means, rtol=1e-9, atol=1e-15)
+
+
 def test_a_person_may_reject_a_hit() -> None:
     """Another ball is fired for it, the certificate gives the person's reason, the mean is new."""
 

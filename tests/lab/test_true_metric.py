@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from math import sqrt
 from pathlib import Path
+from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
@@ -20,7 +21,7 @@ from virtual_lab import catalog
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.errors import InputError
 from virtual_lab.lab import by_the_book
-from virtual_lab.lab.measurand import CONTINUOUS, true_curve
+from virtual_lab.lab.measurand import CONTINUOUS, WIDTH_KEY, _of_continuous, true_curve
 from virtual_lab.lab.true_metric import TrueCurve
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.procedure.rules import BallCorrection
@@ -192,6 +193,44 @@ def test_corrections_by_hand(method: str, by_hand: float) -> None:
         place=np.array([0.15]),
     )
     assert curve.metric(control=1.04)[0] == pytest.approx(by_hand, rel=1e-14)
+
+
+def test_a_shell_that_gives_back_less_than_the_ball_is_taken_for_a_rigid_one() -> None:
+    """Below e0 there is no trampoline: e of .40 with e0 .45, for a ball of .50, is .40/.9."""
+    rules = catalog.load("procedures", "bbcor", Procedure).spec
+    curve = replace(
+        exact_curve("r161", "bbcor"),
+        procedure=replace(rules, correction=BallCorrection(method="trampoline", standard=0.5)),
+        restitution=np.array([0.40, 0.451]),
+        ball_restitution=np.array([0.45, 0.45]),
+        recoil_factor=np.array([0.2, 0.2]),
+        place=np.array([0.15, 0.15]),
+    )
+    sprung = sqrt(1 - (1 - 0.451**2) * (1 - 0.5**2) / (1 - 0.45**2))
+    assert curve.metric() == pytest.approx([0.4 / 0.9, sprung], rel=1e-14)
+
+
+def test_the_width_is_that_of_the_highest_of_several_hills() -> None:
+    """Parabolas of tops 1 at 100 mm, .9 at 60 and 140 mm, bends of 400/m²; a drop of .02.
+
+    √(.02 · 2/400) = 10 mm to either side of the first; the lower hills cross the level nowhere,
+    those of .99 do, farther out.
+    """
+
+    def hills(lower: float) -> float:
+        place = np.linspace(0.04, 0.16, 241)
+        tops = ((0.06, lower), (0.1, 1.0), (0.14, lower))
+        values = np.max([top - 200 * (place - at) ** 2 for at, top in tops], axis=0)
+        curve = SimpleNamespace(
+            place=place,
+            sought=lambda _: values,
+            metric=lambda _: values,
+            procedure=SimpleNamespace(scan=SimpleNamespace(width_drop=0.02)),
+        )
+        return _of_continuous(cast("TrueCurve", curve), 1.0)[WIDTH_KEY]
+
+    assert hills(0.9) == pytest.approx(20e-3, rel=1e-3)
+    assert hills(0.99) == pytest.approx(20e-3, rel=1e-3)
 
 
 def short_of_recoil(e_A: np.ndarray, r: np.ndarray) -> np.ndarray:

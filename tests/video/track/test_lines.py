@@ -82,3 +82,30 @@ def test_scatter_that_nobody_claimed_widens_the_interval() -> None:
     found = fit_flight(t, places, np.full(30, NOISE), 0.0, ClipCalibration(), t[-1])
     white = 0.1 * np.sqrt(12 / (30 * (30**2 - 1))) * RATE
     assert white < found.speed_u < 4 * white
+
+
+def test_three_frames_know_their_own_scatter_badly() -> None:
+    """Places that scatter 30 times as claimed: two degrees of freedom, of a t of 4.3, not 1.96.
+
+    1 000 clips: the 95 % interval holds by a binomial bound of 1e-4; u by the root of t holds 89 %.
+    """
+    t, rng, clips = np.arange(3) / RATE, np.random.default_rng(1), 1000
+    inside = 0
+    for _ in range(clips):
+        places = np.outer(t, (50_000.0, 0.0)) + 0.1 * rng.standard_normal((3, 2))
+        found = fit_flight(t, places, np.full(3, NOISE), 0.0, ClipCalibration(), t[-1])
+        inside += abs(found.speed - 50_000) < 1.96 * found.speed_u
+    assert inside >= binom.ppf(1e-4, clips, 0.95)
+
+
+def test_places_by_chance_on_a_line_are_no_better_known() -> None:
+    """A quick fit of residuals 0 has the textbook's u all the same, of 4 u a scatter four times."""
+    frames = 20
+    t = np.arange(frames) / RATE
+    exact = np.outer(t, (50_000.0, 5_000.0))
+    textbook = NOISE * np.sqrt(12 / (frames * (frames**2 - 1))) * RATE
+    given = np.full(frames, NOISE), 0.0, ClipCalibration(), t[-1]
+    assert fit_flight(t, exact, *given, rough=True).speed_u == pytest.approx(textbook, rel=1e-9)
+    zigzag = exact + 4 * NOISE * (-1.0) ** np.arange(frames)[:, None]
+    found = fit_flight(t, zigzag, *given, rough=True).speed_u
+    assert found == pytest.approx(4 * textbook * np.sqrt(frames / (frames - 2)), rel=0.01)

@@ -121,6 +121,23 @@ def test_u_of_a_hit_by_repetition() -> None:
         assert 0.5 < np.sqrt(np.mean(np.square(each))) < 1.15, name
 
 
+def test_u_of_angle_and_place_are_the_textbooks() -> None:
+    """Of N = 20 places a flight, known to σ: σ_v = σ √(12/N(N² - 1))/dt of a line's slope.
+
+    At its far end, half a frame on, σ² (1/N + 12 (N/2)²/N(N² - 1)); the contact's place is the
+    mean of two such ends. Each angle's u is σ_v over the flight's own speed.
+    """
+    t, noise, count = frames(20, 20), 3e-5, 20
+    found = told(tracked(t, flown(t), u=noise))
+    slope = noise * np.sqrt(12 / (count * (count**2 - 1))) * RATE
+    for flight, velocity in zip(found.flights, (INTO, OUT), strict=True):
+        assert flight.angle_in.u == pytest.approx(slope / np.hypot(*velocity), rel=1e-3)
+    end = np.hypot(noise / np.sqrt(count), slope / RATE * count / 2)
+    assert found.contacts[0].metres_u == pytest.approx(end / np.sqrt(2), rel=1e-3)
+    change = np.hypot(*(OUT - INTO))
+    assert found.contacts[0].time.u == pytest.approx(end * np.sqrt(2) / change, rel=1e-3)
+
+
 def test_a_clock_s_u_is_every_speed_s_and_no_restitution_s() -> None:
     known = ClipCalibration(
         metres_per_pixel=SCALE, frames_per_second=RATE, frames_per_second_u=0.01 * RATE
