@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.lab.golden.make import TABLE, Case, Row, cases, differences, row_of, table, write
+from tests.lab.golden.make import Case, Row, cases, differences, row_of, table, write
 
 FEW = [  # with those of tests/lab/test_campaign, every rig
     Case(kind="summed", procedure="astm-f1881", bat="r161", number=2),
@@ -21,17 +21,14 @@ ROW = Row(
     kind="summed", procedure="astm-f1881", bat="r161", metric=0.95, u=0.007, dof=12.0, truth=0.94,
     shots=7, scenes=0, verdict="PASS", flags="chords+aim",
 )  # fmt: skip
-made = pytest.mark.skipif(not TABLE.exists(), reason="no table: python -m tests.lab.golden.make")
 
 
-@made
 @pytest.mark.parametrize("case", FEW, ids=lambda case: f"{case.kind}-{case.procedure}{case.what}")
 def test_a_few_tests_are_those_of_the_table(case: Case) -> None:
     """To 1e-9, as on any processor."""
     assert differences(row_of(case), table()[case], value=1e-9, dof=1e-6) == []
 
 
-@made
 @pytest.mark.long
 def test_every_test_is_that_of_the_table() -> None:
     """To 1e-12, ν to 1e-9: on the processor family that made it."""
