@@ -1,8 +1,9 @@
 """No two things that chance decides share a random number.
 
 A number belongs to (seed, branch, laboratory, name, slot, index). Whoever asks for one is told by
-the line that asks and the line that called it: a cannon fires at a bat and at an aim paper by the
-same line, called from two. One key asked for from two places would give two things one number.
+the line that asks and all that led to it in simulation and rigs: a cannon fires at a bat and at an
+aim paper by the same line, and every instrument of a laboratory is drawn by the same two. One key
+asked for from two places would give two things one number.
 """
 
 import sys
@@ -14,11 +15,16 @@ from types import FrameType
 
 import pytest
 
+import rigs
+from tests.lab.test_control import BBCOR, CORRECTION, CYLINDER
 from tests.laboratories import certify
-from virtual_lab import catalog, streams
+from virtual_lab import catalog, simulation, streams
+from virtual_lab.simulation.faults import CATALOGUE
 from virtual_lab.simulation.instruments import RecordDetail
 
 STREAMS = Path(streams.__file__).parent
+SIMULATED = Path(simulation.__file__).parent, *map(Path, rigs.__path__)
+HALL = {"hall.air.errors", "hall.gravity.errors"}  # one air and one gravity for all rigs
 Place = tuple[str, int]
 PROCEDURES = ("asa", "astm-f1881", "bbcor", "ncaa-besr", "ncaa-modified", "proposed")
 
@@ -39,15 +45,24 @@ def overheard(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[tuple, set[tuple
 
 
 def _callers() -> tuple[Place, ...]:
-    """Return the line outside the streams that asks, and the line that called it."""
+    """Return the line outside the streams that asks, and those in simulation and rigs above it."""
     frame: FrameType | None = sys._getframe(2)
     while frame is not None and Path(frame.f_code.co_filename).parent == STREAMS:
         frame = frame.f_back
-    places = []
-    while frame is not None and len(places) < 2:
-        places.append((frame.f_code.co_filename, frame.f_lineno))
+    places: list[Place] = []
+    while frame is not None:
+        file = frame.f_code.co_filename
+        if places and not any(Path(file).is_relative_to(folder) for folder in SIMULATED):
+            break
+        places.append((file, frame.f_lineno))
         frame = frame.f_back
     return tuple(places)
+
+
+def shared(asked: dict[tuple, set[tuple[Place, ...]]]) -> dict[tuple, set[tuple[Place, ...]]]:
+    """Return what was asked for from two places, but for what all rigs have in common."""
+    assert len(asked) > 25
+    return {key: who for key, who in asked.items() if len(who) > 1 and key[-1] not in HALL}
 
 
 @pytest.mark.parametrize("detail", RecordDetail)
@@ -59,6 +74,32 @@ def test_no_two_places_ask_for_the_same_numbers(
     bat = "softball-wood-34" if procedure == "asa" else "r161"
     with overheard(monkeypatch) as asked:
         certify(bat, procedure=procedure, seed=11, test=1, detail=detail)
-    assert len(asked) > 25
-    shared = {key: who for key, who in asked.items() if len(who) > 1}
-    assert not shared
+    assert not shared(asked)
+
+
+def test_nor_do_the_faults_of_a_day(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All at once, as each befalls this rig."""
+    with overheard(monkeypatch) as asked:
+        certify("r161", procedure="astm-f1881", seed=11, faults=tuple(CATALOGUE))
+    assert not shared(asked)
+
+
+def test_nor_do_a_bat_and_its_control_bat(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """In tests 1, 2, 3 of a laboratory, which have in common what belongs to no test: its rigs."""
+    rules = tmp_path / "controlled.toml"
+    rules.write_text(BBCOR + CORRECTION)
+    branches = []
+    for test in (1, 2, 3):
+        with overheard(monkeypatch) as asked:
+            certify(
+                "r161",
+                procedure=str(rules),
+                control_bat=CYLINDER,
+                seed=7,
+                test=test,
+                detail=RecordDetail.SUMMED,
+            )
+        assert not shared(asked)
+        branches.append({key[1] for key in asked} - {()})
+    assert [len(each) for each in branches] == [2, 2, 2]
+    assert len(set().union(*branches)) == 6
