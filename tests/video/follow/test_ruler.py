@@ -172,3 +172,17 @@ def test_of_two_rulers_the_surer_one_is_used(seen: Seen) -> None:
         assert by.scale is not None
         assert by.scale.source == used
         assert by.scale.relative_u < by.checks[0].relative_u
+
+
+def test_gravity_comes_second_where_lost_frames_are_mended_by_the_motion(seen: Seen) -> None:
+    """Time enters gravity squared: a frame miscounted would pass from the fit into the ruler."""
+    made, found = seen("flat")
+    assert found.scale is not None
+    assert found.scale.source == "gravity"
+    throw = Throw(light="flat", seed=SEED, **SMALL)
+    thinner = replace(made, frames=np.delete(made.frames, [8, 9], axis=0))
+    lost = follow(clip_of(throw, thinner), known_of(throw))
+    assert "LOST_FRAMES" in lost.flags
+    assert lost.scale is not None
+    assert lost.scale.source == "ball"
+    assert again(lost, ruler="gravity").scale.source == "gravity"

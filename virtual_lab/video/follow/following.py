@@ -287,7 +287,8 @@ def _measured(
         level = FittedFlights.beside(scene, ways, plumb, drift=drift, shared=True)
     ball = watched.found[[k for each in ways or found for k in each.blobs]]
     where = str(clip.source.path)
-    rulers = rulers_of(known, ball, fit, level, ways, max(scene.size), step, where)
+    lost, side = scene.lost(ways), max(scene.size)
+    rulers = rulers_of(known, ball, fit, level, ways, side, step, where, mended=bool(lost))
     scale = rulers[0] if rulers else None
     if fit and level and scale:
         notes += _of_camera(scene, fit, other, drift)
@@ -314,7 +315,7 @@ def _measured(
         )
         notes.append(("SECOND_BALL", words))
     notes += _leaps(watched, ways)
-    if lost := scene.lost(ways):
+    if lost:
         where = ", ".join(f"{n} before frame {frame}" for frame, n in sorted(lost.items())[:6])
         words = f"frames are missing though time stamps are even ({where}): time was mended"
         notes.append(("LOST_FRAMES", words))

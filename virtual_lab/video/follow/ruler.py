@@ -95,6 +95,8 @@ def rulers_of(
     longer_side: int,
     step: float,
     where: str,
+    *,
+    mended: bool,
 ) -> list[Ruler]:
     """Return the rulers that there are, first the one to be used.
 
@@ -110,6 +112,9 @@ def rulers_of(
         Of the picture [pixels].
     step
         Seconds of a frame.
+    mended
+        Whether lost frames were found by the motion itself: gravity, in which time enters squared,
+        then comes after the ball's size.
     where
         The clip, for an `InputError`: gravity was asked for, and shows nowhere.
     """
@@ -133,7 +138,10 @@ def rulers_of(
             "give --ball or --scale"
         )
         raise InputError(where, "--ruler", GRAVITY, allowed)
-    found = sorted((each for each in (ball, gravity) if each), key=lambda each: each.relative_u)
+    found = sorted(
+        (each for each in (ball, gravity) if each),
+        key=lambda each: (mended and each is gravity, each.relative_u),
+    )
     found.sort(key=lambda each: each.source != known.ruler)
     return [*([given] if given else []), *found]
 
