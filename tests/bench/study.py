@@ -96,7 +96,7 @@ def detection(days: int, faults: Sequence[str] = ()) -> None:
 
 
 def expert(days: int) -> None:
-    faults = detectable()
+    faults = list(detectable())
     missed: list[str] = []
     for number in range(days):
         fault = faults[number % len(faults)]
