@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tests.bench.days import Asked, asked, scenario
-from virtual_lab.bench import debrief as told
+from virtual_lab.bench import debrief as debriefing
 from virtual_lab.bench.day import Day, DayEvent, replayed
 from virtual_lab.bench.debrief import Debrief, debrief
 from virtual_lab.bench.desk import OwnResult
@@ -45,7 +45,7 @@ def verdict(word: str, confidence: float, worst: str = "none") -> tuple[Asked, A
 
 @dataclass
 class HandDesk:
-    """What the debrief asks of a desk, given by hand."""
+    """A desk with results given by hand, in place of the one that the debrief opens."""
 
     day: Day
     result: tuple[float, float] | None = (TRUTH, U)
@@ -79,7 +79,7 @@ def debriefed(monkeypatch: pytest.MonkeyPatch) -> Any:
         "_costly": lambda *_: (),
         "_fault_reviews": lambda *_: (),
     }.items():
-        monkeypatch.setattr(told, name, instead)
+        monkeypatch.setattr(debriefing, name, instead)
 
     def run(
         actions: Iterable[Asked],
@@ -94,8 +94,8 @@ def debriefed(monkeypatch: pytest.MonkeyPatch) -> Any:
         )
         untouched: Any = None
         day = replayed(Day(morning=untouched, balls=6), events)
-        monkeypatch.setattr(told, "Desk", lambda own: HandDesk(own or day, **records))
-        monkeypatch.setattr(told, "deviations", lambda _: iter(departed))
+        monkeypatch.setattr(debriefing, "Desk", lambda own: HandDesk(own or day, **records))
+        monkeypatch.setattr(debriefing, "deviations", lambda _: iter(departed))
         return debrief(machines, day, scenario(faults, minutes=60 * MINUTES, shots=SHOTS))
 
     return run
@@ -187,7 +187,7 @@ def test_who_judges_a_spoilt_day_and_names_half_of_it(debriefed: Any) -> None:
 
 
 def test_who_strikes_a_doubt_out_has_not_named_it(debriefed: Any) -> None:
-    """The fault is missed: (1 + 1)/2 with a PASS at 100 % beyond U. Noted anew, 60 %, it counts."""
+    """The fault is missed: (1 + 1)/2 with a PASS at 100 % beyond U. A note at 60 % counts."""
     noted = doubt("gate-moved", 90)
     strike = ("strike-out", {"entry": len(BOOK) + 1, "because": "it was the wind"})
     spoilt = {"faults": ("gate-moved",), "result": (TRUTH + 4 * U, U)}
@@ -277,5 +277,5 @@ def test_the_u_of_a_cost_is_that_of_the_hits_by_which_two_days_differ() -> None:
             )
         )
 
-    found = told._scatter(desk([1 / 4] * 4 + [0]), desk([0, *[1 / 3] * 3, 0]))
+    found = debriefing._scatter(desk([1 / 4] * 4 + [0]), desk([0, *[1 / 3] * 3, 0]))
     assert found == pytest.approx(sqrt(5 / 36), rel=1e-12)

@@ -86,7 +86,7 @@ def _rows() -> Iterator[Row]:
 
 
 def _certify(procedure: str) -> Work:
-    """Return what certifies the laboratories of a campaign, the same in every round."""
+    """Return the work of a round: certify the same laboratories of a campaign."""
     campaign = Campaign.of(BATS.get(procedure, "r161"), procedure)
     return lambda: list(campaign.run(LABORATORIES, 1))
 

@@ -75,7 +75,7 @@ def by_hand(case: str) -> dict[str, Any]:
 
 
 def same(found: Any, expected: Any, where: str, rel: float = 1e-7) -> Iterator[str]:
-    """Yield where a part of the document is not what was worked by hand."""
+    """Yield the paths of the document whose numbers differ from those worked by hand."""
     if isinstance(expected, dict):
         for key, value in expected.items():
             yield from same(found[key], value, f"{where}.{key}", rel)
@@ -224,7 +224,7 @@ def test_every_unverified_value_is_the_procedures(case: str) -> None:
 
 
 def agrees(text: str, value: float) -> bool:
-    """Return whether a printed number is `value` to half its last digit."""
+    """Compare a printed number with `value`, to half of its last digit."""
     printed = text.replace("\N{MINUS SIGN}", "-").replace("+", "")
     half = 0.5 * 10.0 ** -len(printed.partition(".")[2])
     return abs(float(printed) - value) <= half * (1 + 1e-6)
@@ -503,7 +503,7 @@ def drawing(case: str, name: str) -> str:
 
 
 def read_off(drawn: str, left: float) -> Callable[[float], float]:
-    """Return what value a height of the panel whose axis stands at `left` has, by its ticks."""
+    """Return the scale of a panel, heights to values, by the ticks of its axis at `left`."""
     ticks = [
         (float(y) - 2.8, float(value.replace("−", "-")))
         for x, y, value in re.findall(WORD, drawn)

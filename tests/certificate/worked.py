@@ -127,7 +127,7 @@ def mean_of(readings: np.ndarray, step: float = 0.0) -> Known:
 
 
 def swing_factor(first: float, last: float, swings: int) -> float:
-    """Return how much longer swings take than very small ones, on average."""
+    """Return the mean period over that of very small swings."""
     total = 0.0
     for k in range(swings):
         angle = first * (last / first) ** ((k + 0.5) / swings)
@@ -296,7 +296,7 @@ class Test:
         return {"mass": mass, "e0": np.array(e0), "slope": slope, "speed": middle}
 
     def _lot(self, x: Row) -> np.ndarray:
-        """Return which balls the rules admit."""
+        """Return the balls that the rules admit, a mask (ball,)."""
         balls, windows = self.balls(x), self.rules["windows"]
         e0 = balls["e0"] + balls["slope"] * (windows["ball_restitution_speed"] - balls["speed"])
         fit = (windows["ball_mass_low"] <= balls["mass"]) & (
@@ -341,7 +341,7 @@ class Test:
         return mass * (axis - place) ** 2 / inertia
 
     def model(self, x: Row) -> Row:
-        """Return what every shot gives for one set of constants."""
+        """Return the results of every shot for one set of constants, (shot,) each."""
         rules, bat, balls = self.rules, self.bat(x), self.balls(x)
         mass = balls["mass"][self.ball]
         flown = self.flights(x, "impact", self.times, self.heights, self.drag(x, mass))
