@@ -18,14 +18,16 @@ from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import Clip, open_clip
 from virtual_lab.video.follow.following import FollowedClip, following
 from virtual_lab.video.follow.following import follow as follow_clip
-from virtual_lab.video.follow.known import Known
+from virtual_lab.video.follow.known import ClipKnowledge
 
 RULERS = {"best": None, "ball": "ball"}
 
 
-def known_of(throw: Throw, ruler: str | None = None) -> Known:
+def known_of(throw: Throw, ruler: str | None = None) -> ClipKnowledge:
     """Return what a person says: the ball to .2 mm, the rate, a stand, no rolling shutter."""
-    return Known(rate=throw.fps, ball=DIAMETER, ball_u=2e-4, stands=True, readout=0.0, ruler=ruler)
+    return ClipKnowledge(
+        rate=throw.fps, ball=DIAMETER, ball_u=2e-4, stands=True, readout=0.0, ruler=ruler
+    )
 
 
 def clip_of(throw: Throw, made: Filmed) -> Clip:

@@ -21,7 +21,7 @@ from tests.video.scenes import matte
 from virtual_lab.errors import InputError
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.follow.following import FollowedClip, follow, following
-from virtual_lab.video.follow.known import Known
+from virtual_lab.video.follow.known import ClipKnowledge
 
 Get = Callable[[str], tuple[Made, FollowedClip]]
 SHORTER = {"carried": 45, "empty": 25, "pendulum": 75}  # exposures
@@ -154,7 +154,7 @@ def test_a_ball_before_stripes_as_bright_as_itself_is_followed_by_its_rim() -> N
         share = matte(wall.shape, x, y, 12.0)
         grey = wall * (1 - share) + 200.0 * share + noise.normal(0, 1.5, wall.shape)
         frames[k] = np.clip(np.rint(grey), 0, 255)
-    known = Known(rate=60.0, ball=0.0953, ball_u=1e-3, stands=True, readout=0.0)
+    known = ClipKnowledge(rate=60.0, ball=0.0953, ball_u=1e-3, stands=True, readout=0.0)
     (flown,) = follow(_clip(frames), known).ways
     assert flown.frames[0] <= 3
     assert len(flown.frames) >= 40
@@ -172,7 +172,7 @@ def test_a_background_that_leaps_is_said(leap: int) -> None:
         share = matte((240, 400), x, y, 12.0)
         grey = wall[:, 10 - leap * (k >= 30) :][:, :400] * (1 - share) + 250.0 * share
         frames[k] = np.clip(np.rint(grey + noise.normal(0, 1.5, grey.shape)), 0, 255)
-    known = Known(rate=60.0, ball=0.0953, ball_u=1e-3, readout=0.0)
+    known = ClipKnowledge(rate=60.0, ball=0.0953, ball_u=1e-3, readout=0.0)
     found = follow(_clip(frames), known)
     assert found.flights
     assert ("DRIFT_LEAPS" in found.flags) == bool(leap)

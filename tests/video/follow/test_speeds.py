@@ -12,7 +12,7 @@ from virtual_lab.video.find.blobs import Blobs
 from virtual_lab.video.find.watching import Watched
 from virtual_lab.video.follow.following import FollowedClip, following
 from virtual_lab.video.follow.joint import estimate_of, fit_flights
-from virtual_lab.video.follow.known import Known
+from virtual_lab.video.follow.known import ClipKnowledge
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.scene import FlightScene
 
@@ -35,7 +35,9 @@ def followed(found: Blobs, readout: float | None = 0.0) -> FollowedClip:
         found=found,
         change=np.full(count, np.nan),
     )
-    known = Known(rate=RATE, ball=BALL, ball_u=1e-4, stands=True, readout=readout, ruler="ball")
+    known = ClipKnowledge(
+        rate=RATE, ball=BALL, ball_u=1e-4, stands=True, readout=readout, ruler="ball"
+    )
     return following(cast("Clip", clip), watched, known)
 
 

@@ -10,7 +10,7 @@ from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import open_clip
 from virtual_lab.video.clips.timing import usual_step
 from virtual_lab.video.follow.following import FollowedClip, follow
-from virtual_lab.video.follow.known import Known
+from virtual_lab.video.follow.known import ClipKnowledge
 
 __all__ = ["require_contacts", "require_flights", "run"]
 
@@ -29,7 +29,7 @@ def run(scene: Scene, folder: Path) -> tuple[Made, FollowedClip]:
     clip = open_clip(made.path, ClipCalibration(frames_per_second=rate))
     diameter = scene.actors[0].ball.diameter if scene.actors else 0.05
     rate = rate or 1 / usual_step(clip.times)
-    return made, follow(clip, Known(rate=rate, ball=diameter, ball_u=0.01 * diameter))
+    return made, follow(clip, ClipKnowledge(rate=rate, ball=diameter, ball_u=0.01 * diameter))
 
 
 def require_flights(truth: BallTruth, found: FollowedClip, least: float = 0.8) -> None:

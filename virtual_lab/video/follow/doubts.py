@@ -10,7 +10,7 @@ import numpy as np
 from virtual_lab.errors import InputError
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.video.follow.contacts import Note
-from virtual_lab.video.follow.known import BALL, GIVEN, Known
+from virtual_lab.video.follow.known import BALL, GIVEN, ClipKnowledge
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.ruler import SAID, Ruler, off_u
 
@@ -32,7 +32,7 @@ DOUBTS = DoubtSettings()
 class Falls:
     """How the flights fall by a ruler other than gravity."""
 
-    known: Known
+    known: ClipKnowledge
     ways: Sequence[Piece]
     pulls: Sequence[Estimate]  # of each flight [m/s²]
     shared: Estimate  # of all

@@ -19,7 +19,7 @@ from virtual_lab.video.follow.doubts import Falls, against_size
 from virtual_lab.video.follow.flights import FLIGHTS, beside, flights_of, outer_places
 from virtual_lab.video.follow.joint import Fit, estimate_of
 from virtual_lab.video.follow.kinds import MotionKind, motion_of, swings
-from virtual_lab.video.follow.known import GRAVITY, Known
+from virtual_lab.video.follow.known import GRAVITY, ClipKnowledge
 from virtual_lab.video.follow.models import EVEN_SHARE, FittedFlights, fits_of, refit
 from virtual_lab.video.follow.pieces import GROWTH, Piece, pieces
 from virtual_lab.video.follow.ruler import TILT_U, Ruler, level_tilt, rulers_of
@@ -68,7 +68,7 @@ class FollowedClip:
 
     clip: Clip
     watched: Watched
-    known: Known
+    known: ClipKnowledge
     scene: FlightScene
     pieces: list[Piece]
     ways: list[Piece]  # of the flights
@@ -112,7 +112,7 @@ class _Search:
 
 
 def follow(
-    clip: Clip, known: Known, *, progress: Callable[[str], None] = lambda _: None
+    clip: Clip, known: ClipKnowledge, *, progress: Callable[[str], None] = lambda _: None
 ) -> FollowedClip:
     """Return what moves in a clip and how."""
     progress("looking for the ball")
@@ -123,7 +123,7 @@ def follow(
 
 
 def following(
-    clip: Clip, watched: Watched, known: Known, given: list[Piece] | None = None
+    clip: Clip, watched: Watched, known: ClipKnowledge, given: list[Piece] | None = None
 ) -> FollowedClip:
     """Return the same of a clip that was watched; `given`: ways corrected by hand."""
     same = repeated(watched)
@@ -143,7 +143,7 @@ def following(
     return _measured(clip, watched, known, best.scene, best.pieces, best.ways, same)
 
 
-def _again(watched: Watched, known: Known, ways: list[Piece]) -> Watched:
+def _again(watched: Watched, known: ClipKnowledge, ways: list[Piece]) -> Watched:
     """Return what was watched with the ball looked for again where it has no place."""
     radius = float(np.median(np.repeat([w.radius for w in ways], [len(w.t) for w in ways])))
     placed = np.concatenate([way.frames for way in ways])
@@ -165,7 +165,7 @@ def _kept(before: list[Piece], after: list[Piece]) -> bool:
 
 
 def _scene(
-    clip: Clip, watched: Watched, known: Known, same: Mask, *, squeezed: bool
+    clip: Clip, watched: Watched, known: ClipKnowledge, same: Mask, *, squeezed: bool
 ) -> FlightScene:
     """Return what is known before the search; squeezed: a repeat takes no time."""
     stamped = np.arange(clip.count, dtype=float)
@@ -187,7 +187,7 @@ def _scene(
 
 
 def _searched(
-    watched: Watched, known: Known, scene: FlightScene, pull: Array | None = None
+    watched: Watched, known: ClipKnowledge, scene: FlightScene, pull: Array | None = None
 ) -> _Search:
     """Return what is found, by a gravity (2,) [px/frame²] that is known or not."""
     best = _Search(scene=scene, support=-1.0)
@@ -229,7 +229,7 @@ def _support(scene: FlightScene, ways: list[Piece], fit: Fit) -> float:
     return spare / (0.02 + fit.spread / radius)
 
 
-def _step(known: Known, scene: FlightScene, ways: Sequence[Piece]) -> float:
+def _step(known: ClipKnowledge, scene: FlightScene, ways: Sequence[Piece]) -> float:
     """Return the seconds of a step of time: more than a picture's where repeats take no time.
 
     How many pictures are repeats shows where the ball flies; where nothing moves it does not.
@@ -266,7 +266,7 @@ def _thinned(scene: FlightScene, ways: Sequence[Piece]) -> float:
 def _measured(
     clip: Clip,
     watched: Watched,
-    known: Known,
+    known: ClipKnowledge,
     scene: FlightScene,
     found: list[Piece],
     ways: list[Piece],
@@ -441,7 +441,7 @@ def _of_camera(scene: FlightScene, fit: Fit, other: Fit | None, drift: float) ->
 
 
 def _falls(
-    known: Known,
+    known: ClipKnowledge,
     scene: FlightScene,
     ways: list[Piece],
     model: FittedFlights,

@@ -16,7 +16,7 @@ GIVEN, BALL, GRAVITY = "given", "ball", "gravity"  # rulers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Known:
+class ClipKnowledge:
     """What a person knows of a clip, SI."""
 
     rate: float  # pictures stored in a true second, repeats counted
@@ -36,7 +36,7 @@ class Known:
     ball_at: tuple[float, float, int] | None = None  # x, y, frame
 
 
-def known_of(clip: Clip, calibration: ClipCalibration) -> Known:
+def known_of(clip: Clip, calibration: ClipCalibration) -> ClipKnowledge:
     """Return what a calibration file says, as the following of any clip takes it.
 
     Whoever calibrates a camera is taken to have one that opens all its rows at once.
@@ -44,7 +44,7 @@ def known_of(clip: Clip, calibration: ClipCalibration) -> Known:
     scale, camera = calibration.metres_per_pixel, calibration.camera
     if camera and (far := distance_of(camera)):
         scale = far / camera.matrix[0][0]
-    return Known(
+    return ClipKnowledge(
         rate=1 / usual_step(clip.times),
         ball=calibration.ball_diameter_m,
         ball_u=calibration.ball_diameter_m_u,

@@ -33,7 +33,7 @@ from virtual_lab.units import DEGREE
 from virtual_lab.video.calibration.plane import PixelScale
 from virtual_lab.video.find.blobs import Blobs
 from virtual_lab.video.follow.joint import Fit, estimate_of
-from virtual_lab.video.follow.known import BALL, GIVEN, GRAVITY, Known
+from virtual_lab.video.follow.known import BALL, GIVEN, GRAVITY, ClipKnowledge
 from virtual_lab.video.follow.models import EVEN_SHARE, FittedFlights
 from virtual_lab.video.follow.pieces import Piece
 
@@ -87,7 +87,7 @@ def level_tilt(tilt: float) -> bool:
 
 
 def rulers_of(
-    known: Known,
+    known: ClipKnowledge,
     blobs: Blobs,
     fit: Fit | None,
     level: FittedFlights | None,

@@ -24,7 +24,7 @@ from virtual_lab.video.clips.clip import Clip, open_clip
 from virtual_lab.video.clips.reading import Frame, open_source
 from virtual_lab.video.follow.correction import read_track
 from virtual_lab.video.follow.following import FollowedClip, follow, following
-from virtual_lab.video.follow.known import BALL, GRAVITY, Known, known_of
+from virtual_lab.video.follow.known import BALL, GRAVITY, ClipKnowledge, known_of
 from virtual_lab.video.show.course import (
     BallCourse,
     course_of_followed,
@@ -232,7 +232,7 @@ def _ruler(calibration: ClipCalibration, asked: Asked) -> str | None:
 
 def _for_clip(
     clip: Clip, calibration: ClipCalibration, said: dict[str, Any], asked: Asked
-) -> Known:
+) -> ClipKnowledge:
     """Return what is known of a clip that has been opened."""
     axes = {90: (0, -1), 180: (1, -1), 270: (0, 1)}
     said = {"readout_axis": axes.get(clip.source.rotation, (1, 1))} | said
