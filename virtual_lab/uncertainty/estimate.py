@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from math import inf, isfinite, isnan, sqrt
-from typing import Literal
+from typing import Any, Literal, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+
+from virtual_lab.units import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,6 +35,49 @@ class Estimate:
             raise ValueError(f"standard uncertainty must be finite and at least 0, not {self.u}")
         if isnan(self.dof) or self.dof <= 0:
             raise ValueError(f"degrees of freedom must be above 0, not {self.dof}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Known:
+    """The estimates of one quantity in a block of laboratories, arrays (laboratory,).
+
+    Value and `u` are in SI; evaluation, source and pool are those of every laboratory.
+    """
+
+    value: Array
+    u: Array
+    dof: Array
+    evaluation: Literal["A", "B"] = "B"
+    source: str = ""
+    pool: str = ""
+
+    @classmethod
+    def stacked(cls, estimates: Sequence[Estimate]) -> Self:
+        """Return the estimates of some laboratories as a block.
+
+        Raises `ValueError` where they are not of one evaluation, source and pool.
+        """
+        kinds = {(each.evaluation, each.source, each.pool) for each in estimates}
+        if len(kinds) != 1:
+            raise ValueError(f"estimates of one kind allowed, not {sorted(kinds)}")
+        ((evaluation, source, pool),) = kinds
+        value, u, dof = np.array([(each.value, each.u, each.dof) for each in estimates]).T
+        return cls(value=value, u=u, dof=dof, evaluation=evaluation, source=source, pool=pool)
+
+    def of(self, laboratory: int) -> Estimate:
+        """Return what one laboratory of the block knows; `ValueError` where it is nothing."""
+        return Estimate(
+            value=float(self.value[laboratory]),
+            u=float(self.u[laboratory]),
+            dof=float(self.dof[laboratory]),
+            evaluation=self.evaluation,
+            source=self.source,
+            pool=self.pool,
+        )
+
+    def part(self, chosen: slice | NDArray[Any]) -> Self:
+        """Return the block of the laboratories chosen by an index or a mask."""
+        return replace(self, value=self.value[chosen], u=self.u[chosen], dof=self.dof[chosen])
 
 
 def mean_of_readings(readings: ArrayLike, *, least_u: float = 0.0) -> Estimate:
