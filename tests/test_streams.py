@@ -12,7 +12,7 @@ from scipy import stats
 from scipy.special import ndtri
 
 from virtual_lab.errors import InputError
-from virtual_lab.streams import Quiet, Streams, commitment
+from virtual_lab.streams import Quiet, Streams, commitment, in_turn, of_owners
 from virtual_lab.streams.philox import fill
 
 NAMES = st.text(min_size=1, max_size=20)
@@ -84,7 +84,22 @@ def test_every_number_is_that_of_its_counter(
     assert found.tolist() == [[uniform_of(seed, own, name, *at) for at in row] for row in rows]
 
 
-@pytest.mark.parametrize("laboratory", [-1, 2**32])
+@pytest.mark.parametrize("each", [1, 2, 3, 4, 7, 300, 513])
+def test_a_laboratory_draws_in_a_block_what_it_draws_alone(each: int) -> None:
+    """In any company, across the chunks of the compiled code; with slots and without."""
+    numbers = np.random.default_rng(2).integers(0, 2**32, 400)
+    slots = np.random.default_rng(3).integers(0, 2**32, 400)
+    block = Streams(9, (4,), numbers)
+    without, found = block.normal("a", each), block.normal("a", each, slots)
+    for row in (0, 1, 255, 256, 399):
+        alone = Streams(9, (4,), int(numbers[row]))
+        assert np.array_equal(without[row], alone.normal("a", each))
+        assert np.array_equal(found[row], alone.normal("a", each, slots[row : row + 1])[0])
+    some = np.array([399, 5, 5])
+    assert np.array_equal(block.at(some).normal("a", each, slots[some]), found[some])
+
+
+@pytest.mark.parametrize("laboratory", [-1, 2**32, np.array([3, -1]), np.array([2**32, 0])])
 def test_laboratories_that_cannot_be_counted_are_refused(laboratory: int) -> None:
     with pytest.raises(InputError, match=r"laboratory = .*allowed: 0 to 2\^32 - 1"):
         Streams(1, (), laboratory)
@@ -145,7 +160,8 @@ def test_words_at_the_ends_stay_between_the_halves() -> None:
 def test_slots_that_cannot_be_counted_are_refused(slots: list[int]) -> None:
     with pytest.raises(InputError, match="allowed as slots"):
         Streams(1).normal("a", 2, np.array(slots))
-    assert not fill((0, 0, 0), 0, np.array(slots), 2, True, np.empty(2 * len(slots)))
+    one = np.zeros(1, np.int64)
+    assert not fill((0, 0, 0), one, np.array(slots), 2, True, np.empty(2 * len(slots)))
 
 
 @given(seed=SEEDS, name=NAMES, other=NAMES, slot=WORDS)
@@ -223,6 +239,34 @@ def test_shapes() -> None:
             assert np.shape(draw("x", slots=np.arange(4))) == (4,)
             assert np.shape(draw("x", 3, np.arange(4))) == (4, 3)
             assert np.shape(draw("x", (3, 1), np.arange(0))) == (0, 3, 1)
+
+
+def test_shapes_of_a_block() -> None:
+    """A leading axis of the laboratories, with slots of their own or without."""
+    for draws in (Streams(1, (), np.arange(4)), Quiet(np.arange(4))):
+        for draw in (draws.normal, draws.uniform):
+            assert np.shape(draw("x")) == (4,)
+            assert np.shape(draw("x", (3, 1))) == (4, 3, 1)
+            assert np.shape(draw("x", 3, np.zeros(4, int))) == (4, 3)
+        assert np.shape(draws.at(np.array([1, 1])).normal("x", 3, np.arange(2))) == (2, 3)
+        with pytest.raises(InputError, match=r"slots = \(3,\).*allowed: one a row, \(4,\)"):
+            Streams(1, (), np.arange(4)).normal("x", 2, np.arange(3))
+
+
+def test_readings_in_turn_count_laboratory_after_laboratory() -> None:
+    owner, slots = in_turn((2,), 3)
+    assert owner.tolist() == [0, 0, 0, 1, 1, 1]
+    assert slots.tolist() == [0, 1, 2, 0, 1, 2]
+    owner, slots = in_turn((), 3)
+    assert owner is ...
+    assert slots.tolist() == [0, 1, 2]
+
+
+def test_one_laboratory_alone_owns_every_shot() -> None:
+    """Its draws and its numbers are the same ones, and numbers still."""
+    assert Streams(1, (), 5).at(...) == Streams(1, (), 5)
+    assert isinstance(of_owners(2.5, ...), float)
+    assert of_owners([2.5, 3.5], np.array([1, 0, 1])).tolist() == [3.5, 2.5, 3.5]
 
 
 @given(name=NAMES, slot=WORDS)

@@ -40,9 +40,9 @@ class Reality(Enum):
     NOISE_FREE = "noise-free"  # no randomness; ring, counts, drag and friction stay
     IDEAL = "ideal"  # nor these: every individual and instrument equals its nominal
 
-    def draws(self, seed: int, *branch: int, laboratory: int = 0) -> Draws:
-        """Return the random numbers a laboratory of this kind draws, or those of a branch."""
-        return Streams(seed, branch, laboratory) if self is Reality.REAL else Quiet()
+    def draws(self, seed: int, *branch: int, laboratory: int | Slots = 0) -> Draws:
+        """Return the random numbers of one laboratory, or of some, (n,); or of a branch of them."""
+        return Streams(seed, branch, laboratory) if self is Reality.REAL else Quiet(laboratory)
 
 
 class MotionRung(Enum):

@@ -12,29 +12,60 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from math import prod
 from struct import unpack
-from typing import Any, Protocol
+from types import EllipsisType
+from typing import Any, Protocol, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from virtual_lab.errors import InputError
 
-__all__ = ["LABORATORIES", "Draws", "Quiet", "Slots", "Streams", "commitment"]
+__all__ = [
+    "LABORATORIES",
+    "Draws",
+    "Owner",
+    "Quiet",
+    "Slots",
+    "Streams",
+    "commitment",
+    "in_turn",
+    "of_owners",
+]
 
 Array = NDArray[np.float64]
 Slots = NDArray[np.int_]
+# whose each row is: an index into a block of laboratories, ... where one laboratory is alone
+Owner = NDArray[np.int_] | EllipsisType
 LABORATORIES = 2**32  # that one study can count
 
 
-class Draws(Protocol):
-    """Standardised random numbers, independent by name, slot and index within the slot.
+def of_owners(values: ArrayLike, owner: Owner) -> Any:
+    """Return values (laboratory, ...) of the laboratories that own shots, (shot, ...).
 
-    With `slots` (n,), whole numbers from 0, the numbers are (n, *shape) and each row depends on
-    its own slot alone; without, they are those of slot 0, of `shape`.
+    Those of one laboratory alone are numbers, and stay numbers.
+    """
+    return np.asarray(values)[owner][()]
+
+
+def in_turn(laboratories: tuple[int, ...], count: int) -> tuple[Owner, Slots]:
+    """Return the owner and the slot of `count` readings in turn in every laboratory of a block.
+
+    `laboratories` is the shape of what a block has one of a laboratory: (n,), () of one alone.
+    """
+    slots = np.tile(np.arange(count), laboratories)
+    return (np.arange(*laboratories).repeat(count) if laboratories else ...), slots
+
+
+class Draws(Protocol):
+    """Standardised random numbers, independent by name, laboratory, slot and index in the slot.
+
+    Those of one laboratory: with `slots` (n,), whole numbers from 0, the numbers are (n, *shape)
+    and each row depends on its own slot alone; without, they are those of slot 0, of `shape`.
+    Those of n laboratories have a leading axis (n,), each row of its laboratory, and `slots` (n,).
     """
 
     def normal(
@@ -49,10 +80,14 @@ class Draws(Protocol):
         """Return uniform numbers of zero mean between -1/2 and 1/2."""
         ...
 
+    def at(self, owner: Owner) -> Self:
+        """Return the draws of the laboratories that own shots, (shot,)."""
+        ...
+
 
 @dataclass(frozen=True, slots=True)
 class Streams:
-    """The numbers of one laboratory of a study.
+    """The numbers of one laboratory of a study, or of some.
 
     The study has a `seed`, a whole number of any size, and its laboratories are counted, by whole
     numbers of 32 bits. Each `branch` of a seed has numbers of its own: what one laboratory draws
@@ -63,11 +98,13 @@ class Streams:
 
     seed: int
     branch: tuple[int, ...] = ()
-    laboratory: int = 0
+    laboratory: int | Slots = 0  # or (n,)
 
     def __post_init__(self) -> None:
-        if not 0 <= self.laboratory < LABORATORIES:
-            raise InputError("draws", "laboratory", self.laboratory, "allowed: 0 to 2^32 - 1")
+        numbers = np.asarray(self.laboratory)
+        wrong = numbers[(numbers < 0) | (numbers >= LABORATORIES)]
+        if wrong.size:
+            raise InputError("draws", "laboratory", wrong[0], "allowed: 0 to 2^32 - 1")
 
     def normal(
         self, name: str, shape: int | tuple[int, ...] = (), slots: Slots | None = None
@@ -79,38 +116,57 @@ class Streams:
     ) -> Array:
         return self._numbers(name, shape, slots, False)
 
+    def at(self, owner: Owner) -> Self:
+        return replace(self, laboratory=of_owners(self.laboratory, owner))
+
     def _numbers(
         self, name: str, shape: int | tuple[int, ...], slots: Slots | None, normal: bool
     ) -> Array:
-        each = shape if isinstance(shape, int) else prod(shape)
-        rows = np.ascontiguousarray([0] if slots is None else slots, dtype=np.int64)
+        own = (shape,) if isinstance(shape, int) else shape
+        leading, each = _leading(self.laboratory, slots), prod(own)
+        numbers = np.ascontiguousarray(self.laboratory, dtype=np.int64)  # of one axis at least
+        if slots is None:
+            rows = np.zeros(prod(leading), np.int64)
+        else:
+            rows = np.ascontiguousarray(slots, dtype=np.int64)
         out = np.empty(rows.size * each)
         key = _key(self.seed, self.branch, name)
-        if not _kernel()(key, self.laboratory, rows, each, normal, out):
+        if not _kernel()(key, numbers, rows, each, normal, out):
             raise InputError("draws", name, slots, "allowed as slots: 0 to 2^32 - 1")
-        return out.reshape(_laid(shape, slots))
+        return out.reshape(leading + own)
 
 
 @dataclass(frozen=True, slots=True)
 class Quiet:
     """No randomness: every draw is the mean of its distribution."""
 
+    laboratory: int | Slots = 0  # or (n,)
+
     def normal(
         self, name: str, shape: int | tuple[int, ...] = (), slots: Slots | None = None
     ) -> Array:
-        return np.zeros(_laid(shape, slots))
+        own = (shape,) if isinstance(shape, int) else shape
+        return np.zeros(_leading(self.laboratory, slots) + own)
 
     uniform = normal
+
+    def at(self, owner: Owner) -> Self:
+        return replace(self, laboratory=of_owners(self.laboratory, owner))
+
+
+def _leading(laboratory: int | Slots, slots: Slots | None) -> tuple[int, ...]:
+    """Return the leading axes of draws of some laboratories or slots."""
+    leading = np.shape(laboratory)
+    if slots is None:
+        return leading
+    if leading not in ((), np.shape(slots)):
+        raise InputError("draws", "slots", np.shape(slots), f"allowed: one a row, {leading}")
+    return np.shape(slots)
 
 
 def commitment(salt: bytes, seed: int) -> str:
     """Return SHA-256(salt‖seed) in hexadecimal: binds a record to a seed without telling it."""
     return hashlib.sha256(salt + str(seed).encode()).hexdigest()
-
-
-def _laid(shape: int | tuple[int, ...], slots: Slots | None) -> tuple[int, ...]:
-    own = (shape,) if isinstance(shape, int) else shape
-    return own if slots is None else (len(slots), *own)
 
 
 @lru_cache(4096)  # keys of some laboratories

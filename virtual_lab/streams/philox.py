@@ -30,7 +30,12 @@ LN_2 = log(2.0)
 
 @njit(cache=True)
 def fill(
-    key: tuple[int, int, int], laboratory: int, slots: Whole, each: int, normal: bool, out: Floats
+    key: tuple[int, int, int],
+    laboratories: Whole,
+    slots: Whole,
+    each: int,
+    normal: bool,
+    out: Floats,
 ) -> bool:
     """Fill `out` with `each` numbers of every slot; return whether all slots can be counted.
 
@@ -41,8 +46,9 @@ def fill(
     ----------
     key
         Three words of 32 bits.
-    laboratory
-        Its number in a study of many, which share a key: a whole number of 32 bits.
+    laboratories
+        (slot,), or (1,) that all slots belong to: numbers in a study of many, which share a key,
+        whole numbers of 32 bits.
     slots
         (slot,), whole numbers of 32 bits.
     normal
@@ -53,6 +59,7 @@ def fill(
     pairs = (each + 1) // 2
     room = min(256, slots.size * pairs)
     of_index, of_slot = np.empty(room, np.uint64), np.empty(room, np.uint64)
+    of_laboratory, last = np.empty(room, np.uint64), laboratories.size - 1
     first, second = np.empty(room, np.uint64), np.empty(room, np.uint64)
     words, values = np.empty(2 * room, np.uint64), np.empty(2 * room)
     tails, at = np.empty(2 * room + 1), np.empty(2 * room + 1, np.int64)
@@ -64,14 +71,16 @@ def fill(
             if slots[row] < 0 or slots[row] >= 2**32:
                 return False
             more = min(room - used, pairs - pair)
+            slot, laboratory = np.uint64(slots[row]), np.uint64(laboratories[min(row, last)])
             for i in range(more):
                 of_index[used + i] = np.uint64(pair + i)
-                of_slot[used + i] = np.uint64(slots[row])
+                of_slot[used + i] = slot
+                of_laboratory[used + i] = laboratory
             used += more
             pair += more
             if pair == pairs:
                 row, pair = row + 1, 0
-        _philox(key, laboratory, of_index[:used], of_slot[:used], first, second)
+        _philox(key, of_index[:used], of_slot[:used], of_laboratory[:used], first, second)
         if odd:
             for i in range(used):
                 words[wanted] = first[i]
@@ -95,15 +104,15 @@ def fill(
 @njit(cache=True)
 def _philox(
     key: tuple[int, int, int],
-    laboratory: int,
     index: Words,
     slot: Words,
+    laboratory: Words,
     first: Words,
     second: Words,
 ) -> None:
     """Fill in the two words of each counter."""
     for i in range(index.size):
-        a, b, c, d = index[i], slot[i], np.uint64(laboratory), np.uint64(key[2])
+        a, b, c, d = index[i], slot[i], laboratory[i], np.uint64(key[2])
         x, y = np.uint64(key[0]), np.uint64(key[1])
         for _ in range(10):
             p, q = a * MULTIPLIERS[0], c * MULTIPLIERS[1]
