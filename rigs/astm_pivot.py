@@ -24,6 +24,7 @@ from virtual_lab.simulation.cannon_station import (
     fitted,
 )
 from virtual_lab.simulation.instruments import Instrument, InstrumentFactory, RecordDetail
+from virtual_lab.simulation.instruments.calibrated import TrueConstant
 from virtual_lab.simulation.instruments.encoder import Encoder, EncoderSpec
 from virtual_lab.simulation.instruments.holder import AxisSpec, Holder
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
@@ -111,7 +112,7 @@ class AstmPivotStation(RestingBatStation):
         }
 
     @property
-    def gravity(self) -> float:
+    def gravity(self) -> TrueConstant:
         return 0.0 if self.ideal else self.hall.acceleration
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
@@ -139,7 +140,7 @@ class AstmPivotStation(RestingBatStation):
         impulse = scenes.ball_mass * scenes.relative_speed * (1 + fired.blows.efficiency)
         impulse = impulse * np.cos(fired.tilt) * fired.flown.met
         rate = impulse * (axis - scenes.impact_position) / beam_of(body).inertia(axis)
-        return rate - self._rubbed(rate, impulse, body)
+        return np.asarray(rate - self._rubbed(rate, impulse, body))
 
     def _rubbed(self, rate: Array, impulse: Array, body: BatBody) -> Array:
         """Return the rate the bearing takes while the blow loads it; none at percussion [rad/s]."""
@@ -167,7 +168,7 @@ class AstmPivotStation(RestingBatStation):
         reaction = impulse - beam.mass * lever * rate
         yields = 1 / beam.mass + lever**2 / beam.inertia_cm  # of the free bat, at the axis
         length = beam.inertia(beam.length - self.holder.from_knob) / (beam.mass * lever)
-        return -reaction * yields / length, self.holder.spec.clearance / length
+        return np.asarray(-reaction * yields / length), self.holder.spec.clearance / length
 
     def _recoil(self, specimen: Specimen, fired: BallFlights) -> Callable[[slice], Array]:
         """Return a function to the encoder's true angles [rad] of some shots, (shot, sample)."""

@@ -60,13 +60,16 @@ def slowest_within(distance: ArrayLike, drop: float) -> Array:
 
 
 def _exprel(x: Array) -> Array:
-    """Return (e^x - 1)/x. Over a hall's distances x is so small that its series is quicker."""
-    if np.abs(x).max(initial=0.0) > SERIES_BELOW:
-        from scipy.special import exprel  # half a second to load, that a page must not wait for
+    """Return (e^x - 1)/x. Over a hall's distances x is so small that its series is quicker.
 
-        return np.asarray(exprel(x))
+    Each by its own x alone, whatever stands beside it.
+    """
     series = np.full_like(x, SERIES[0])
     for coefficient in SERIES[1:]:
         series *= x
         series += coefficient
+    if (far := np.abs(x) > SERIES_BELOW).any():
+        from scipy.special import exprel  # half a second to load, that a page must not wait for
+
+        return np.where(far, exprel(x), series)
     return series

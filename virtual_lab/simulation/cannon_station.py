@@ -20,6 +20,7 @@ from virtual_lab.simulation.impact import (
 )
 from virtual_lab.simulation.instruments import FittedStation, Instrument, InstrumentFactory
 from virtual_lab.simulation.instruments.air import Gravity, GravitySpec, HallAir, HallAirSpec
+from virtual_lab.simulation.instruments.calibrated import TrueConstant
 from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
 from virtual_lab.simulation.instruments.holder import Holder
 from virtual_lab.simulation.instruments.light_gate import BallGates
@@ -111,7 +112,7 @@ class CannonStation(FittedStation):
         }
 
     @property
-    def gravity(self) -> float:
+    def gravity(self) -> TrueConstant:
         """That bends the flights [m/s²]."""
         return self.hall.acceleration
 

@@ -24,6 +24,7 @@ from virtual_lab.simulation.instruments.calibrated import drawn
 from virtual_lab.simulation.instruments.camera.camera import Camera
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
+from virtual_lab.simulation.instruments.certificate_kernel import pieces_of, stated_shares
 from virtual_lab.simulation.instruments.encoder import Encoder, EncoderSpec
 from virtual_lab.simulation.instruments.indicator import (
     Rule,
@@ -71,6 +72,13 @@ def spec_of(name: str):
     return catalog.load("instruments", name, INSTRUMENTS[KIND[name]]).spec
 
 
+def small(spec):
+    """Return the sheet of a camera of few pixels: maps of a million hold no constant."""
+    if not isinstance(spec, CameraSpec):
+        return spec
+    return replace(spec, window=8, sensor=replace(spec.sensor, columns=8, rows=8))
+
+
 @pytest.mark.parametrize("name", KIND)
 def test_calibration_and_errors_name_the_same_constants(name: str) -> None:
     """What is uncertain has a true value, what has a true value is reckoned with."""
@@ -100,9 +108,7 @@ def test_true_constants_scatter_as_the_calibration_says(name: str) -> None:
     """
     scores: dict[str, list[float]] = {}
     squares: dict[str, list[float]] = {}
-    spec = spec_of(name)
-    if isinstance(spec, CameraSpec):  # maps of a million pixels hold no constant
-        spec = replace(spec, window=8, sensor=replace(spec.sensor, columns=8, rows=8))
+    spec = small(spec_of(name))
     sheet = MAKERS[KIND[name]].commission(spec, Quiet(), name).calibration()
     for seed in range(400):
         instrument = MAKERS[KIND[name]].commission(spec, Streams(seed), name)
@@ -493,6 +499,47 @@ def test_specs_are_those_of_the_catalog() -> None:
         RuleSpec,
         ScaleSpec,
     }
+
+
+@pytest.mark.parametrize("name", KIND)
+def test_an_instrument_of_a_block_is_that_of_the_laboratory_alone(name: str) -> None:
+    """To the last bit: true constants, certificate, and what the sheet knows exactly."""
+    make, spec, numbers = (
+        MAKERS[KIND[name]].commission,
+        small(spec_of(name)),
+        np.array([7, 0, 7, 3]),
+    )
+    block = make(spec, Streams(2, (), numbers), name)
+    for at, number in enumerate(numbers):
+        alone = make(spec, Streams(2, (), int(number)), name)
+        assert {key: one.of(at) for key, one in block.calibration().items()} == alone.calibration()
+        assert {key: one[at] for key, one in block.errors().items()} == alone.errors()
+    gathered = block.at(np.array([3, 1])).true
+    assert all(np.array_equal(one, block.true[key][[3, 1]]) for key, one in gathered.items())
+
+
+@pytest.mark.parametrize("name", KIND)
+def test_a_quiet_block_states_the_sheet(name: str) -> None:
+    """σ itself for u, also where ν is finite; 0 stays 0."""
+    spec = small(spec_of(name))
+    block = MAKERS[KIND[name]].commission(spec, Quiet(np.arange(3)), name).calibration()
+    alone = MAKERS[KIND[name]].commission(spec, Quiet(), name).calibration()
+    assert {key: one.of(2) for key, one in block.items()} == alone
+    assert all(one.value.shape == one.u.shape == one.dof.shape == (3,) for one in block.values())
+
+
+@pytest.mark.parametrize("dof", [1.0, 2.0, 3.0, 9.0, 19.0, 1000.0])
+def test_the_u_on_a_certificate_is_the_root_of_chi_square(dof: float) -> None:
+    """Scipy's quantile, from the nearer tail, at 4000 normal numbers and out to ±7."""
+    chance = np.concatenate([np.random.default_rng(1).normal(size=4000), [-7.0, -5.0, 5.0, 7.0]])
+    shares = np.empty(chance.size)
+    stated_shares(chance, pieces_of(dof), shares)
+    law = stats.chi2(dof)
+    square = np.where(chance < 0, law.ppf(stats.norm.cdf(chance)), law.isf(stats.norm.sf(chance)))
+    usual = np.abs(chance) < 6
+    error = np.abs(shares / np.sqrt(square / dof) - 1)
+    assert error[usual].max() < 1e-13
+    assert error.max() < 2e-11
 
 
 def test_how_well_a_certificate_knows_u_does_not_move_the_instrument() -> None:

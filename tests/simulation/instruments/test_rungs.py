@@ -20,8 +20,8 @@ from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.faults.fault import other_sheet
 from virtual_lab.simulation.impact import contact_angle
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.instruments.board_kernel import CENTRE_PHASES, rows_of_gains
-from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec, gain_table
+from virtual_lab.simulation.instruments.board_kernel import fill_gains, gain_memory
+from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.physics.beam import beam_of
@@ -118,11 +118,12 @@ def test_the_edges_jitter_alone() -> None:
     assert np.abs(ratio - 1).max() < WITHIN
 
 
-def gains(centre: np.ndarray, beams: int, radius: float) -> np.ndarray:
+def gains(centre: np.ndarray, beams: int, radius: float | np.ndarray) -> np.ndarray:
     """Return the gains of passage, way and threshold for centres in pitches, (3, ...)."""
-    rows = np.empty(centre.size, dtype=np.int64)
-    rows_of_gains(centre.ravel(), beams, radius, rows)
-    return gain_table(radius)[:, rows].reshape(3, *centre.shape)
+    found = np.empty((3, centre.size))
+    radii = np.broadcast_to(radius, centre.shape).ravel().copy()
+    fill_gains(centre.ravel(), beams, radii, gain_memory(radii.max()), found)
+    return found.reshape(3, *centre.shape)
 
 
 def test_gains_of_a_full_diameter_of_beams() -> None:
@@ -287,5 +288,29 @@ def test_gains_of_a_ball_that_passes_the_end_of_a_board(missing: int) -> None:
     radius, phase = 7.3, 0.0
     beams = np.arange(-7, 8)[missing:] - phase
     _, covariance = np.polyfit(beams, np.sin(beams), 1, cov="unscaled")
-    row = missing * (CENTRE_PHASES + 1)
-    assert gain_table(radius)[0, row] == pytest.approx(sqrt(covariance[1, 1] / 2), rel=1e-9)
+    passage = gains(np.array([7.0 - missing]), 40, radius)[0, 0]
+    assert passage == pytest.approx(sqrt(covariance[1, 1] / 2), rel=1e-9)
+
+
+@pytest.mark.parametrize("missing", [0, 3, 7])
+def test_gains_of_the_height_are_those_of_a_weighted_parabola(missing: int) -> None:
+    """By numpy.polyfit through the chords' squares: its slope at the ball's centre, by each edge.
+
+    A chord's half moves its square by 2 √square of it; two edges make a chord.
+    """
+    radius, phase = 7.3, 0.25
+    place = (np.arange(-7, 8)[missing:] - phase) / radius
+    square = 1 - place**2
+    weight = np.sqrt(1 / np.maximum(square, 1e-2))
+    slopes = np.array([np.polyfit(place, one, 2, w=weight)[1] for one in np.eye(place.size)])
+    way, trip = gains(np.array([7.25 - missing]), 40, radius)[1:, 0]
+    assert way == pytest.approx(sqrt((slopes**2 * square).sum() / 2), rel=1e-9)
+    assert trip == pytest.approx(sqrt((slopes**2).sum()), rel=1e-9)
+
+
+def test_a_ball_keeps_its_gains_among_balls_of_other_radii() -> None:
+    """In whatever order they come."""
+    centre, radius = np.array([5.1, 5.1, 5.1, 6.3]), np.array([7.0, 7.3, 7.0, 7.3])
+    together = gains(centre, 40, radius)
+    alone = [gains(centre[i : i + 1], 40, radius[i]) for i in range(4)]
+    assert np.array_equal(together, np.concatenate(alone, axis=1))

@@ -9,7 +9,11 @@ from annotated_types import Ge, Gt
 
 from virtual_lab.catalog.specs import Dimension
 from virtual_lab.relations.flight import drag_rate
-from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, CalibratedSpec
+from virtual_lab.simulation.instruments.calibrated import (
+    CalibratedInstrument,
+    CalibratedSpec,
+    TrueConstant,
+)
 from virtual_lab.units import Array
 
 Number = Annotated[float, Ge(0), Dimension("number")]
@@ -33,7 +37,7 @@ class HallAirSpec(CalibratedSpec):
 class HallAir(CalibratedInstrument[HallAirSpec]):
     """The air of one laboratory."""
 
-    def drag(self, radius: float, mass: Array) -> Array:
+    def drag(self, radius: TrueConstant, mass: Array) -> Array:
         """Return κ of balls of `radius` [m] and `mass` [kg], shape (shot,) [1/m]."""
         return drag_rate(self.true["density"], self.true["drag_coefficient"], radius, mass)
 
@@ -53,6 +57,6 @@ class Gravity(CalibratedInstrument[GravitySpec]):
     """Gravity of one laboratory."""
 
     @property
-    def acceleration(self) -> float:
+    def acceleration(self) -> TrueConstant:
         """What it truly is [m/s²]."""
         return self.true["gravity"]

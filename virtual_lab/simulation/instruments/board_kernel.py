@@ -7,12 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from virtual_lab.relations.flight_kernel import BLOCK, FAST, time_over
 from virtual_lab.units import Array
 
-Rows = NDArray[np.int64]
 CENTRE_PHASES = 64  # of a centre between two beams
 
 
@@ -30,17 +28,17 @@ WAY = Way()
 
 
 class Boards(NamedTuple):
-    """The boards as they stand [SI]."""
+    """The boards as they stand for each shot [SI]."""
 
-    distances: Array  # (board,)
-    heights: Array  # (board,)
-    clock: float
+    distances: Array  # (board, shot)
+    heights: Array  # (board, shot)
+    clock: Array  # (shot,)
+    gravity: Array  # (shot,)
+    radius: Array  # of the ball, in pitches (shot,)
     tick: float
     lowest: float
     pitch: float
     beams: int
-    radius: float  # of the ball
-    gravity: float
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
@@ -68,11 +66,12 @@ def write_edges(
     for first in range(0, start.size, BLOCK):
         n = min(BLOCK, start.size - first)
         flight, (since, height, steep) = flights[:, first : first + n], known[:, :n]
-        for board in range(boards.distances.size):
-            _pass(flight, boards.distances[board], boards.gravity, since, height, steep)
+        for board in range(len(boards.distances)):
+            distance = boards.distances[board, first : first + n]
+            _pass(flight, distance, boards.gravity[first : first + n], since, height, steep)
             for i in range(n):
-                lean, ahead = 1 + steep[i] ** 2, boards.distances[board] - flight[WAY.plane, i]
-                bottom = height[i] - boards.heights[board] - boards.lowest
+                lean, ahead = 1 + steep[i] ** 2, distance[i] - flight[WAY.plane, i]
+                bottom = height[i] - boards.heights[board, first + i] - boards.lowest
                 pace[:], drag[:] = flight[WAY.pace, i], flight[WAY.drag, i]
                 for beam in range(boards.beams):
                     above = bottom - boards.pitch * beam
@@ -83,7 +82,8 @@ def write_edges(
                 time_over(way, pace, drag, time)
                 shown = records[first + i, board]
                 for edge in range(edges):
-                    shown[edge] += boards.clock * (start[first + i] + sign * time[edge])
+                    true = start[first + i] + sign * time[edge]
+                    shown[edge] += boards.clock[first + i] * true
                 if boards.tick:
                     for edge in range(edges):
                         shown[edge] = np.rint(shown[edge] / boards.tick) * boards.tick
@@ -91,7 +91,13 @@ def write_edges(
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def sum_up(
-    records: Array, flights: Array, start: Array, out: bool, boards: Boards, gains: Array
+    records: Array,
+    flights: Array,
+    start: Array,
+    out: bool,
+    boards: Boards,
+    edge: float,
+    trip: float,
 ) -> None:
     """Turn standard normal numbers into the times and heights that boards sum up, one way.
 
@@ -103,60 +109,124 @@ def sum_up(
         (5, shot) of `Passage.way`; when each ball is at the target [s], (shot,).
     out
         Whether the ball comes back.
-    gains
-        (3, row) of `gain_table`: u of the passage [s], of the way flown as a time [s], of the
-        height by thresholds [m].
+    edge, trip
+        Standard uncertainties of the time of an edge [s] and of the threshold of a beam [m].
     """
     sign = 1.0 if out else -1.0
-    known, rows = np.empty((6, BLOCK)), np.empty(BLOCK, dtype=np.int64)
+    known, gains = np.empty((3, BLOCK)), np.empty((3, BLOCK))
+    memory = gain_memory(boards.radius.max()) if start.size else np.empty((0, 4))
     for first in range(0, start.size, BLOCK):
         n = min(BLOCK, start.size - first)
-        flight, began = flights[:, first : first + n], start[first : first + n]
-        since, height, steep, u, u_way, u_trip = known[:, :n]
-        for board in range(boards.distances.size):
-            _pass(flight, boards.distances[board], boards.gravity, since, height, steep)
+        shots = slice(first, first + n)
+        flight, began, (since, height, steep) = flights[:, shots], start[shots], known[:, :n]
+        for board in range(len(boards.distances)):
+            distance = boards.distances[board, shots]
+            _pass(flight, distance, boards.gravity[shots], since, height, steep)
+            centre = gains[0, :n]
             for i in range(n):
-                height[i] -= boards.heights[board]
-                u[i] = (height[i] - boards.lowest) / boards.pitch
-            rows_of_gains(u, boards.beams, boards.radius / boards.pitch, rows[:n])
-            for i in range(n):
-                u[i], u_way[i], u_trip[i] = gains[0, rows[i]], gains[1, rows[i]], gains[2, rows[i]]
-            time, tall = records[:, board, first : first + n]
+                height[i] -= boards.heights[board, first + i]
+                centre[i] = (height[i] - boards.lowest) / boards.pitch
+            fill_gains(centre.copy(), boards.beams, boards.radius[shots], memory, gains[:, :n])
+            time, tall = records[:, board, shots]
             for i in range(n):
                 pace = sign * flight[WAY.pace, i]
-                off = tall[i] * sqrt((u_way[i] / pace) ** 2 + u_trip[i] ** 2)
-                late = time[i] * u[i] + off * steep[i] * pace
-                time[i] = boards.clock * (began[i] + sign * since[i]) + late
+                u_way = edge * gains[1, i] / pace
+                off = tall[i] * sqrt(u_way**2 + (trip * gains[2, i]) ** 2)
+                late = time[i] * (edge * gains[0, i]) + off * steep[i] * pace
+                time[i] = boards.clock[first + i] * (began[i] + sign * since[i]) + late
                 tall[i] = nan if np.isnan(late) else height[i] + off
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def _pass(
-    flight: Array, distance: float, gravity: float, since: Array, height: Array, steep: Array
+    flight: Array, distance: Array, gravity: Array, since: Array, height: Array, steep: Array
 ) -> None:
     """Fill in when, how high and how steeply balls pass a distance [s, m, 1]."""
     for i in range(since.size):
-        height[i] = distance - flight[WAY.plane, i]
+        height[i] = distance[i] - flight[WAY.plane, i]
     time_over(height, flight[WAY.pace], flight[WAY.drag], since)
     for i in range(since.size):
-        fall = gravity * since[i]
+        fall = gravity[i] * since[i]
         height[i] = flight[WAY.height, i] + flight[WAY.slope, i] * height[i] - fall * since[i] / 2
         steep[i] = flight[WAY.slope, i] - fall * flight[WAY.pace, i]
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
-def rows_of_gains(centre: Array, beams: int, radius: float, rows: Rows) -> None:
-    """Fill in the rows of `gain_table` for centres above the lowest beam, both in pitches.
+@njit(cache=True)
+def gain_memory(radius: float) -> Array:
+    """Return room for the gains of balls of up to a radius [pitches]: it, and its three gains."""
+    return np.zeros(((int(2 * radius) + 2) * (CENTRE_PHASES + 1), 4))
 
-    Beams missing above are beams missing below, upside down.
+
+@njit(cache=True, error_model="numpy")
+def fill_gains(centre: Array, beams: int, radius: Array, memory: Array, gains: Array) -> None:
+    """Fill in what an uncertainty of 1 at each edge comes to, (3, n); NaN: too few beams broken.
+
+    The first is that of the passage, from that of an edge's time; then that of the height, from
+    that of the way flown at an edge; then that of the height, from that of a beam's threshold.
+    They go by how many beams are missing, below, that the ball would break on a longer board, and
+    by where its centre passes between two beams, in `CENTRE_PHASES` steps. Beams missing above are
+    beams missing below, upside down.
+
+    Parameters
+    ----------
+    centre, radius
+        Of the ball above the lowest beam, and its own, both in pitches, (n,).
+    memory
+        `gain_memory` of the largest ball, for many balls of one radius.
     """
-    most = float(int(2 * radius) + 1)
-    for i in range(rows.size):
-        below = max(-ceil(centre[i] - radius), 0.0)
-        above = max(floor(centre[i] + radius) - (beams - 1), 0.0)
+    for i in range(centre.size):
+        below = max(-ceil(centre[i] - radius[i]), 0.0)
+        above = max(floor(centre[i] + radius[i]) - (beams - 1), 0.0)
+        most = float(int(2 * radius[i]) + 1)
         missing = max(below, above)
         missing = missing if missing < most else most  # which is where no ball is
         place = -centre[i] if above > below else centre[i]
         phase = place - floor(place)
-        phase = phase if phase >= 0.0 else 0.0
-        rows[i] = int(missing * (CENTRE_PHASES + 1) + floor(phase * CENTRE_PHASES + 0.5))
+        phase = floor(phase * CENTRE_PHASES + 0.5) if phase >= 0.0 else 0.0
+        known = memory[int(missing * (CENTRE_PHASES + 1) + phase)]
+        if known[0] != radius[i]:
+            known[0] = radius[i]
+            known[1:] = _gains(phase / CENTRE_PHASES, missing, radius[i])
+        gains[0, i], gains[1, i], gains[2, i] = known[1], known[2], known[3]
+
+
+@njit(cache=True, error_model="numpy")
+def _gains(phase: float, missing: float, radius: float) -> tuple[float, float, float]:
+    """Return the three gains with the lowest `missing` beams not there.
+
+    Chords' squares lie on a parabola; its slope at the centre, by weighted least squares, is the
+    height. Chords shorter than a tenth of the longest weigh no more than one of a tenth.
+    """
+    reach, skipped, many, middle = int(radius) + 1, 0.0, 0, 0.0
+    m0, m1, m2, m3, m4 = 0.0, 0.0, 0.0, 0.0, 0.0  # moments of the weights
+    for beam in range(-reach, reach + 2):
+        place = (beam - phase) / radius
+        if 1 - place**2 <= 0:
+            continue
+        skipped += 1
+        if skipped <= missing:
+            continue
+        weight = 1 / max(1 - place**2, 1e-2)
+        many, middle = many + 1, middle + place
+        m0, m1, m2 = m0 + weight, m1 + weight * place, m2 + weight * place**2
+        m3, m4 = m3 + weight * place**3, m4 + weight * place**4
+    if many < 4:
+        return nan, nan, nan
+    middle /= many
+    level, lean, bend = m2 * m3 - m1 * m4, m0 * m4 - m2**2, m1 * m2 - m0 * m3
+    normal = m1 * level + m2 * lean + m3 * bend  # Cramer's rule, by the row of the slope
+    level, lean, bend = level / normal, lean / normal, bend / normal
+    spread, way, trip = 0.0, 0.0, 0.0
+    for beam in range(-reach, reach + 2):
+        place = (beam - phase) / radius
+        square = 1 - place**2
+        if square <= 0:
+            continue
+        missing -= 1
+        if missing >= 0:
+            continue
+        spread += (place - middle) ** 2
+        slope = (level + lean * place + bend * place**2) / max(square, 1e-2)
+        way += slope**2 * square
+        trip += slope**2
+    return sqrt((1 / many + middle**2 / spread) / 2), sqrt(way / 2), sqrt(trip)

@@ -5,6 +5,9 @@ the true constant lies from it (σ), and the degrees of freedom ν that σ was f
 instrument the true constant is off by σ N, and the uncertainty on its certificate is an estimate
 itself: u = σ √(χ²_ν / ν), so that (true - value) / u is Student's t of ν. Without randomness the
 true constants are the certificate's values, and u is σ.
+
+Constants of one laboratory are numbers; those of a block are arrays (laboratory,), gathered to
+(shot,) where shots are played.
 """
 
 from __future__ import annotations
@@ -16,11 +19,14 @@ from typing import Annotated, Any, ClassVar, Generic, Self, TypeVar, cast
 
 import numpy as np
 from annotated_types import Gt
-from scipy.special import gammaincinv, ndtr
 
 from virtual_lab.catalog.specs import Dimension, Spec
-from virtual_lab.streams import Draws
-from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.streams import Draws, Owner, of_owners
+from virtual_lab.uncertainty.estimate import Estimate, Known
+from virtual_lab.units import Array
+
+TrueConstant = Any  # what is true: float of one laboratory, array of a block
+Stated = Estimate | Known  # what its certificate says of it
 
 Freedom = Annotated[float, Gt(0), Dimension("number")]  # degrees of freedom, inf where not stated
 
@@ -66,18 +72,49 @@ def certified(value: float, sigma: float, dof: float = inf) -> Estimate:
 
 def drawn(
     sheet: Mapping[str, Estimate], draws: Draws, name: str
-) -> tuple[dict[str, Estimate], dict[str, float]]:
-    """Return what the certificate of one instrument states, and its true constants."""
-    errors, chances = draws.normal(f"{name}.errors", (2, len(sheet)))
-    stated, true = {}, {}
-    for (key, known), error, chance in zip(sheet.items(), errors, chances, strict=True):
-        stated[key] = known
-        # a quiet laboratory draws 0 exactly, which stands for σ itself and not for χ²'s median
-        if chance and known.dof < inf:
-            spread = 2 * gammaincinv(known.dof / 2, ndtr(chance)) / known.dof
-            stated[key] = replace(known, u=known.u * float(np.sqrt(spread)))
-        true[key] = known.value + known.u * float(error)
+) -> tuple[dict[str, Stated], dict[str, TrueConstant]]:
+    """Return what the certificate of one instrument states, and its true constants.
+
+    Draws of a block give the instrument of every laboratory.
+    """
+    numbers = np.moveaxis(draws.normal(f"{name}.errors", 2 * len(sheet)), -1, 0)
+    laboratories = numbers.shape[1:]
+    of_each = numbers.copy() if laboratories else numbers.tolist()
+    stated: dict[str, Stated] = {}
+    true: dict[str, TrueConstant] = {}
+    for at, (key, known) in enumerate(sheet.items()):
+        error, chance = of_each[at], of_each[len(sheet) + at]
+        share = _share(chance, known.dof) if known.dof < inf else 1.0
+        stated[key] = at_all(known, laboratories, share)
+        true[key] = known.value + known.u * error
     return stated, true
+
+
+def at_all(known: Estimate, laboratories: tuple[int, ...], share: Array | float = 1.0) -> Stated:
+    """Return an estimate with a `share` of its u as all laboratories have it, one alone or (n,)."""
+    if not laboratories:
+        return replace(known, u=known.u * float(share))
+    return Known(
+        value=np.full(laboratories, known.value),
+        u=np.broadcast_to(known.u * share, laboratories),
+        dof=np.full(laboratories, known.dof),
+        evaluation=known.evaluation,
+        source=known.source,
+        pool=known.pool,
+    )
+
+
+def _share(chance: Array | float, dof: float) -> Array:
+    """Return u over σ of a certificate, of the shape of its standard normal `chance`.
+
+    A quiet laboratory draws 0 exactly, which stands for σ itself and not for χ²'s median.
+    """
+    from virtual_lab.simulation.instruments.certificate_kernel import pieces_of, stated_shares
+
+    chances = np.atleast_1d(chance)
+    shares = np.empty(chances.shape)
+    stated_shares(chances, pieces_of(dof), shares)
+    return shares.reshape(np.shape(chance))
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,28 +124,38 @@ class CalibratedInstrument(Generic[S]):
     unknown: ClassVar[frozenset[str]] = frozenset()  # constants that no certificate states
 
     spec: S
-    stated: Mapping[str, Estimate]
-    true: Mapping[str, float]
+    stated: Mapping[str, Stated]
+    true: Mapping[str, TrueConstant]
 
     @classmethod
     def commission(cls, spec: S, draws: Draws, name: str) -> Self:
         """Return an instrument of a sheet, its constants drawn under `name`."""
         return cls(spec, *drawn(spec.certificate(), draws, name))
 
+    @property
+    def laboratories(self) -> tuple[int, ...]:
+        """The shape of a constant: () of one laboratory, (n,) of a block."""
+        return np.shape(next(iter(self.true.values())))
+
+    def at(self, owner: Owner) -> Self:
+        """Return the instrument with the true constants of the laboratories that own shots."""
+        return replace(self, true={key: of_owners(one, owner) for key, one in self.true.items()})
+
     def exact(self) -> dict[str, Estimate]:
         """Return what the sheet says beside the certificate, in which there is no error."""
         return {}
 
-    def calibration(self) -> dict[str, Estimate]:
-        """Return what the laboratory knows of the instrument."""
+    def calibration(self) -> dict[str, Any]:
+        """Return what is known of the instrument: `Estimate`, `Known` of a block."""
         known = {key: stated for key, stated in self.stated.items() if key not in self.unknown}
-        return known | self.exact()
+        exact = self.exact().items()
+        return known | {key: at_all(one, self.laboratories) for key, one in exact}
 
-    def errors(self) -> dict[str, float]:
+    def errors(self) -> dict[str, Any]:
         """Return the true constants, to be sealed."""
         return dict(self.true)
 
-    def altered(self, **true: float) -> Self:
+    def altered(self, **true: TrueConstant) -> Self:
         """Return the instrument with other true constants, of which its certificate knows nothing.
 
         Raises `KeyError` where it has no such constant.

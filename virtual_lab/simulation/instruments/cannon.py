@@ -18,7 +18,7 @@ from virtual_lab.simulation.instruments.calibrated import (
     Freedom,
 )
 from virtual_lab.simulation.instruments.indicator import quantise
-from virtual_lab.streams import Draws, Slots
+from virtual_lab.streams import Draws, Slots, in_turn
 from virtual_lab.units import MPH, Array
 
 Distance = Annotated[float, Ge(0), Dimension("length")]
@@ -78,9 +78,12 @@ class Cannon(CalibratedInstrument[CannonSpec]):
         )
 
     def mark(self, draws: Draws, name: str) -> AimMarks:
-        """Fire at an aim paper before the test and read the marks with a rule."""
-        marks = np.arange(self.spec.marks)
-        launch = self.fire(np.full(marks.size, np.nan), draws, name, marks)
+        """Fire at an aim paper before the test and read the marks with a rule.
+
+        Those of a block are marks of one laboratory after another.
+        """
+        owner, marks = in_turn(self.laboratories, self.spec.marks)
+        launch = self.at(owner).fire(np.full(marks.size, np.nan), draws.at(owner), name, marks)
         return AimMarks(
             along=quantise(launch.along, self.spec.mark_resolution),
             across=quantise(launch.across, self.spec.mark_resolution),

@@ -20,6 +20,7 @@ from virtual_lab.simulation.instruments.calibrated import (
     CalibratedInstrument,
     CalibratedSpec,
     Freedom,
+    TrueConstant,
 )
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
@@ -56,7 +57,7 @@ class Encoder(CalibratedInstrument[EncoderSpec]):
         return {"counts_per_turn": Estimate(value=float(self.spec.counts_per_turn))}
 
     @property
-    def scale(self) -> float:
+    def scale(self) -> TrueConstant:
         """Angle shown over true angle."""
         return self.true["scale"]
 

@@ -13,6 +13,7 @@ from virtual_lab.simulation.instruments.calibrated import (
     CalibratedInstrument,
     CalibratedSpec,
     Freedom,
+    TrueConstant,
 )
 
 
@@ -43,11 +44,11 @@ class Holder(CalibratedInstrument[S]):
     """The holder of one laboratory."""
 
     @property
-    def from_knob(self) -> float:
+    def from_knob(self) -> TrueConstant:
         """The true distance of the axis from the knob [m]."""
         return self.true["from_knob"]
 
     @property
-    def height(self) -> float:
+    def height(self) -> TrueConstant:
         """The true height of the bat above the line of fire [m]."""
         return self.true.get("height", 0.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf
+from math import inf, prod
 from typing import Annotated, TypeVar
 
 import numpy as np
@@ -17,7 +17,7 @@ from virtual_lab.simulation.instruments.calibrated import (
     CalibratedSpec,
     Freedom,
 )
-from virtual_lab.streams import Draws, Slots
+from virtual_lab.streams import Draws, Slots, in_turn
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array
 
@@ -51,11 +51,13 @@ class Indicator(CalibratedInstrument[S]):
     ) -> Array:
         """Return readings of shape (item, repeat) of what would be shown, (item,), without scatter.
 
-        A reading's noise belongs to its item's number in `items`, (item,), in turn without them,
-        and to the repeat.
+        A reading's noise belongs to its item's number in `items`, (item,), and to the repeat.
+        Without them the items are in turn, of one laboratory of a block after another.
         """
         shown = np.atleast_1d(np.asarray(values, dtype=float))
-        items = np.arange(shown.size) if items is None else items
+        if items is None:
+            owner, items = in_turn(self.laboratories, shown.size // prod(self.laboratories))
+            draws = draws.at(owner)
         noise = self.spec.repeatability * draws.normal(name, repeats, items)
         return quantise(shown[:, None] + noise, self.spec.resolution)
 

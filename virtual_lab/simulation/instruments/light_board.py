@@ -8,7 +8,6 @@ now and then a scrap of the sabot crosses the first board just ahead of the ball
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 from math import inf, sqrt
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
@@ -17,7 +16,7 @@ from annotated_types import Ge, Gt, Lt, MinLen
 
 from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import BoardRecord, PassageRecord
-from virtual_lab.simulation.instruments.calibrated import Freedom, certified, drawn
+from virtual_lab.simulation.instruments.calibrated import Freedom, TrueConstant, certified, drawn
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.simulation.instruments.light_gate import BallGates, GateSheet, WatchedBatch
 from virtual_lab.simulation.instruments.passage import Passage
@@ -84,7 +83,7 @@ class LightBoardSpec(GateSheet):
 class LightBoards(BallGates[LightBoardSpec]):
     """The boards of one laboratory; the thresholds of their beams stand on no certificate."""
 
-    trips: Array  # what each beam adds to the ball's radius, (board, beam) [m]
+    trips: Array  # what each beam adds to the ball's radius, ([laboratory,] board, beam) [m]
 
     @classmethod
     def commission(cls, spec: LightBoardSpec, draws: Draws, name: str) -> Self:
@@ -97,8 +96,8 @@ class LightBoards(BallGates[LightBoardSpec]):
 
     @property
     def heights(self) -> Array:
-        """True heights of the boards' zeros above the line of fire, (board,) [m]."""
-        return np.array([self.true[f"height_{at}"] for at in range(len(self.spec.distances))])
+        """True heights of the boards' zeros above the line of fire, shaped as `distances` [m]."""
+        return self.of_gates("height")
 
     def edges(self, batch: WatchedBatch) -> BoardRecord:
         passage, contact, leaving, draws, name, slots = batch
@@ -131,13 +130,12 @@ class LightBoards(BallGates[LightBoardSpec]):
 
         spec = self.spec
         edge = sqrt(spec.edge_jitter**2 + spec.tick**2 / 12)
-        gains = gain_table(passage.radius / spec.pitch)
-        gains = gains * np.array([[edge], [edge], [spec.trip_spread]])
+        boards = self._boards(passage)
         # way by way, whole shots side by side; what starts as noise ends as records
         noise = draws.normal(f"{name}.sums", (2, 2, len(self.distances)), slots)
         records = np.ascontiguousarray(np.moveaxis(noise, 0, -1))
         for start, way, out in zip((contact, leaving), records, (False, True), strict=True):
-            sum_up(way, passage.way(out=out), start, out, self._boards(passage), gains)
+            sum_up(way, passage.way(out=out), start, out, boards, edge, spec.trip_spread)
         records.setflags(write=False)
         times, heights = records.transpose(1, 3, 0, 2)
         return PassageRecord(times=times, heights=heights)
@@ -145,17 +143,21 @@ class LightBoards(BallGates[LightBoardSpec]):
     def _boards(self, passage: Passage) -> Boards:
         from virtual_lab.simulation.instruments.board_kernel import Boards
 
-        spec = self.spec
+        spec, shots = self.spec, passage.speed_in.size
+
+        def at_shots(values: TrueConstant) -> Array:
+            return np.ascontiguousarray(np.broadcast_to(values, shots))
+
         return Boards(
-            distances=self.distances,
-            heights=self.heights,
-            clock=self.clock,
+            distances=np.stack([at_shots(each) for each in self.distances.T]),
+            heights=np.stack([at_shots(each) for each in self.heights.T]),
+            clock=at_shots(self.clock),
+            gravity=at_shots(passage.gravity),
+            radius=at_shots(passage.radius / spec.pitch),
             tick=spec.tick,
             lowest=spec.lowest,
             pitch=spec.pitch,
             beams=spec.beams,
-            radius=passage.radius,
-            gravity=passage.gravity,
         )
 
     def _scraps(
@@ -173,51 +175,3 @@ class LightBoards(BallGates[LightBoardSpec]):
         middle = (spec.beams - 1) * share[1, tripped, None]
         struck, beams = np.nonzero(np.abs(np.arange(spec.beams) - middle) < 2)
         return (tripped[struck], 0, 0, beams, 0), early[struck]
-
-
-@cache
-def gain_table(radius: float) -> Array:
-    """Return what an uncertainty of 1 at each edge comes to, (3, row); NaN: too few beams broken.
-
-    The first is that of the passage, from that of an edge's time; then that of the height, from
-    that of the way flown at an edge; then that of the height, from that of a beam's threshold.
-    Rows go by how many beams are missing, below, that the ball would break on a longer board,
-    and by where its centre passes between two beams, in `CENTRE_PHASES` steps.
-
-    Parameters
-    ----------
-    radius
-        Of the ball, in pitches.
-    """
-    most = int(2 * radius) + 1
-    return np.concatenate([_gains(radius, missing) for missing in range(most + 1)], axis=1)
-
-
-def _gains(radius: float, missing: int) -> Array:
-    """Return the three gains at each phase, the lowest `missing` beams not there."""
-    from virtual_lab.simulation.instruments.board_kernel import CENTRE_PHASES
-
-    reach = int(radius) + 1
-    phase = np.arange(CENTRE_PHASES + 1) / CENTRE_PHASES
-    place = (np.arange(-reach, reach + 2) - phase[:, None]) / radius
-    square = 1 - place**2
-    broken = square > 0
-    broken &= np.cumsum(broken, axis=1) > missing
-    square = np.where(broken, square, 0.0)
-    many = broken.sum(axis=1)
-    known = many >= 4
-    # chords shorter than a tenth of the longest weigh no more than one of a tenth
-    weight = broken / np.maximum(square, 1e-2 * square.max(axis=1, initial=1.0)[:, None])
-    powers = np.stack([place**k for k in range(3)], axis=-1)
-    weighed = (weight[..., None] * powers).transpose(0, 2, 1)
-    matrix = np.where(known[:, None, None], weighed @ powers, np.eye(3))
-    slope = np.linalg.solve(matrix, weighed)[:, 1]  # of the parabola, at the centre
-    many = many.clip(1)
-    middle = (broken * place).sum(axis=1) / many
-    spread = np.where(known, (broken * (place - middle[:, None]) ** 2).sum(axis=1), 1.0)
-    gains = [
-        np.sqrt((1 / many + middle**2 / spread) / 2),
-        np.sqrt((slope**2 * square).sum(axis=1) / 2),
-        np.sqrt((slope**2).sum(axis=1)),
-    ]
-    return np.where(known, gains, np.nan)

@@ -23,6 +23,7 @@ from virtual_lab.simulation.instruments.calibrated import (
     CalibratedInstrument,
     CalibratedSpec,
     Freedom,
+    TrueConstant,
     certified,
 )
 from virtual_lab.simulation.instruments.indicator import quantise
@@ -81,20 +82,25 @@ class BallGates(CalibratedInstrument[G], ABC):
 
     @property
     def distances(self) -> Array:
-        """Their true places, (gate,) [m]."""
-        return np.array([self.true[f"distance_{at}"] for at in range(len(self.spec.distances))])
+        """Their true places, (gate,), of a block (laboratory, gate) or (shot, gate) [m]."""
+        return self.of_gates("distance")
 
     @property
-    def clock(self) -> float:
+    def clock(self) -> TrueConstant:
         """Seconds shown a true second."""
         return self.true["clock"]
+
+    def of_gates(self, constant: str) -> Array:
+        """Return a true constant that every gate has, the gates along the last axis."""
+        gates = range(len(self.spec.distances))
+        return np.stack([self.true[f"{constant}_{gate}"] for gate in gates], axis=-1)
 
     def arrival(self, passage: Passage) -> Array:
         """Return the true time from the trigger to contact [s], shape (shot,).
 
         The trigger is the ball's front at the far gate.
         """
-        return passage.inbound(self.distances[None, 0] + passage.radius)[0]
+        return passage.inbound(np.atleast_1d(self.distances[..., 0] + passage.radius))[0]
 
     def watch(
         self,
@@ -160,7 +166,7 @@ class LightGates(BallGates[LightGateSpec]):
     def sums(self, batch: WatchedBatch) -> PassageRecord:
         """Sum each gate up: a passage with the noise of two edges."""
         passage, contact, leaving, draws, name, slots = batch
-        distances = self.distances[None]
+        distances = np.atleast_2d(self.distances)
         before, _ = passage.inbound(distances)
         after, height = passage.outbound(distances)
         inbound = contact[:, None] - before
@@ -168,7 +174,8 @@ class LightGates(BallGates[LightGateSpec]):
         times = np.stack([inbound, outbound], axis=1)
         jitter = sqrt((self.spec.edge_jitter**2 + self.spec.tick**2 / 12) / 2)
         noise = jitter * draws.normal(f"{name}.sums", times.shape[1:], slots)
-        return PassageRecord(times=self.clock * times + noise, heights=np.full(times.shape, np.nan))
+        shown = np.asarray(self.clock)[..., None, None] * times
+        return PassageRecord(times=shown + noise, heights=np.full(times.shape, np.nan))
 
     def _seen(self, time: Array, height: Array) -> Array:
         return np.where(np.abs(height) < self.spec.half_height, time, np.nan)

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from virtual_lab.relations.flight import time_after, time_before
+from virtual_lab.simulation.instruments.calibrated import TrueConstant
 from virtual_lab.units import Array
 
 R = TypeVar("R", bound=Any)  # a record of gates: its columns are (shot, way, gate, ...)
@@ -18,14 +19,15 @@ class Passage:
     """Flights of a batch, shape (shot,) but for the numbers that all share.
 
     Distances count from the target toward the cannon, heights from the line of fire. A way in
-    that no instrument heeds the height of is level and passes at the height 0.
+    that no instrument heeds the height of is level and passes at the height 0. Radius and gravity
+    are numbers of one laboratory, arrays (shot,) of a block.
     """
 
     speed_in: Array  # at the target [m/s]
     speed_out: Array  # along the line of fire [m/s]; not above 0: the ball does not come back
     drag: Array  # [1/m]
-    radius: float  # [m]
-    gravity: float  # [m/s^2]
+    radius: TrueConstant  # [m]
+    gravity: TrueConstant  # [m/s^2]
     height: Array | float = 0.0  # of the ball's centre at contact [m]
     slope_in: Array | float = 0.0  # height gained a metre of distance, on the way in
     slope_out: Array | float = 0.0  # the same on the way back
@@ -59,13 +61,17 @@ class Passage:
         return self.height if self.height_out is None else self.height_out
 
     def seen(self, record: R, distances: Array) -> R:
-        """Return a record of gates without the times of those that a frame kept the ball from."""
+        """Return a record of gates without the times of those that a frame kept the ball from.
+
+        `distances` of the gates are (gate,) or (shot, gate) [m].
+        """
         if self.reach is None:
             return record
         plane = np.broadcast_to(self.plane, self.reach.shape)
-        rows = np.flatnonzero(np.isfinite(self.reach) | (plane >= distances.min()))
-        never = distances < plane[rows, None]
-        gone = np.stack([never, never | (distances > self.reach[rows, None])], axis=1)
+        rows = np.flatnonzero(np.isfinite(self.reach) | (plane >= distances.min(axis=-1)))
+        gates = np.broadcast_to(distances, (plane.size, distances.shape[-1]))[rows]
+        never = gates < plane[rows, None]
+        gone = np.stack([never, never | (gates > self.reach[rows, None])], axis=1)
         columns = {name: getattr(record, name).copy() for name in record.columns}
         for values in columns.values():
             hidden = gone.reshape(gone.shape + (1,) * (values.ndim - gone.ndim))
@@ -93,7 +99,7 @@ class Passage:
     def _height(
         self, height: Array | float, way: Array, time: Array, slope: Array | float
     ) -> Array:
-        fall = self.gravity / 2 * time**2
+        fall = _column(self.gravity, time) / 2 * time**2
         return np.asarray(_column(height, way) + _column(slope, way) * way - fall)
 
 

@@ -16,10 +16,11 @@ from virtual_lab.simulation.instruments.calibrated import (
     CalibratedInstrument,
     CalibratedSpec,
     Freedom,
+    TrueConstant,
     certified,
 )
 from virtual_lab.simulation.instruments.indicator import quantise
-from virtual_lab.streams import Draws
+from virtual_lab.streams import Draws, in_turn, of_owners
 from virtual_lab.uncertainty.estimate import Estimate
 
 Time = Annotated[float, Ge(0), Dimension("time")]
@@ -77,34 +78,37 @@ class Pendulum(CalibratedInstrument[PendulumSpec]):
     def swing(
         self,
         *,
-        inertia: float,
-        moment: float,
-        gravity: float,
+        inertia: TrueConstant,
+        moment: TrueConstant,
+        gravity: TrueConstant,
         releases: int,
         draws: Draws,
         name: str,
     ) -> PendulumRecord:
         """Time `releases` of a bat of true `inertia` [kg m²] and `moment` M d [kg m].
 
-        `gravity` is that of the hall [m/s²].
+        `gravity` is that of the hall [m/s²]. Releases of a block are those of one laboratory after
+        another.
         """
         spec, true = self.spec, self.true
         period = small_period(
             inertia + true["clamp_inertia"], moment + true["clamp_moment"], gravity
         )
-        decay = (1 - spec.amplitude_decay) ** np.arange(spec.swings + 1)
-        amplitude = spec.release_amplitude * np.broadcast_to(decay, (releases, decay.size))
+        amplitude = spec.release_amplitude * (1 - spec.amplitude_decay) ** np.arange(
+            spec.swings + 1
+        )
         # a decaying swing takes its time from the amplitude at its middle
-        middle = np.sqrt(amplitude[:, :-1] * amplitude[:, 1:])
-        swings = period * amplitude_factor(middle)
-        passages = np.concatenate([np.zeros((releases, 1)), swings.cumsum(axis=1)], axis=1)
-        slots = np.arange(releases)
-        start = spec.timer_resolution * draws.uniform(f"{name}.start", 1, slots)
-        jitter = spec.timer_jitter * draws.normal(f"{name}.jitter", spec.swings + 1, slots)
-        shown = amplitude[:, [0, -1]] + true["amplitude_offset"]
-        ends = quantise(shown, spec.amplitude_resolution)
+        factor = amplitude_factor(np.sqrt(amplitude[:-1] * amplitude[1:]))
+        passages = np.cumsum(np.multiply.outer(period, [0.0, *factor]), axis=-1)
+        shown = np.asarray(true["clock"])[..., None] * passages
+        ends = np.add.outer(true["amplitude_offset"], amplitude[[0, -1]])
+        owner, slots = in_turn(self.laboratories, releases)
+        own = draws.at(owner)
+        start = spec.timer_resolution * own.uniform(f"{name}.start", 1, slots)
+        jitter = spec.timer_jitter * own.normal(f"{name}.jitter", spec.swings + 1, slots)
+        times = of_owners(shown, owner) + start + jitter
+        read = quantise(of_owners(ends, owner), spec.amplitude_resolution)
+        first, last = np.broadcast_to(read, (slots.size, 2)).T
         return PendulumRecord(
-            times=quantise(true["clock"] * passages + start + jitter, spec.timer_resolution),
-            first_amplitude=ends[:, 0],
-            last_amplitude=ends[:, 1],
+            times=quantise(times, spec.timer_resolution), first_amplitude=first, last_amplitude=last
         )

@@ -61,12 +61,12 @@ class Camera(CalibratedInstrument[CameraSpec]):
     @property
     def clock(self) -> float:
         """Its seconds a true second."""
-        return self.true["clock"]
+        return float(self.true["clock"])
 
     @property
     def plane(self) -> float:
         """Height of the rig's line of fire in the axes that were calibrated [m]."""
-        return self.true["plane"]
+        return float(self.true["plane"])
 
     def frames(
         self, course: Course, draws: Draws, name: str, slots: Slots, *, whole: bool = False

@@ -39,7 +39,7 @@ class Sensor(CalibratedInstrument[SensorSpec]):
     @property
     def gain(self) -> float:
         """Grey values an electron."""
-        return self.true["gain"]
+        return float(self.true["gain"])
 
     def exact(self) -> dict[str, Estimate]:
         spec = self.spec
