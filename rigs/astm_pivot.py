@@ -70,6 +70,7 @@ class AstmPivot:
 
     name = "astm-pivot"
     stage = Stage.IMPACT
+    blocks = True
     motions = frozenset(MotionRung)
     channels: Mapping[str, type[Record]] = {
         "log": ShotLog,
@@ -120,32 +121,31 @@ class AstmPivotStation(RestingBatStation):
         fired = self.fly(plan, specimen, draws)
         name, slots = "astm-pivot.encoder", plan.slot
         if plan.detail is RecordDetail.SUMMED:
-            rate = self._rate(fired, specimen)
+            rate, clock = self._rate(fired), self.gates.at(plan.owner).clock
             # to the record's end, or until the bat that is not yet slowed would meet its stop
             with np.errstate(divide="ignore"):
                 turning = self.stop.angle / np.abs(rate)
             span = np.minimum(self.encoder.spec.duration - fired.leaving, turning) - GAP
-            encoder: Record = self.encoder.sum_up(
-                rate / self.gates.clock, draws, name, slots, span=span, gap=GAP
+            own = draws.at(plan.owner)
+            encoder: Record = self.encoder.at(plan.owner).sum_up(
+                rate / clock, own, name, slots, span=span, gap=GAP
             )
         else:
             encoder = self.encoder.read(self._recoil(specimen, fired), draws, name, slots)
         timed = self.timed(fired, plan, draws)
         return replace(timed, records={**timed.records, "encoder": encoder})
 
-    def _rate(self, fired: BallFlights, specimen: Specimen) -> Array:
+    def _rate(self, fired: BallFlights) -> Array:
         """Return the rate of the rigid bat as the ball leaves [rad/s], (shot,)."""
-        body, scenes = specimen.bat.body, fired.blows.scenes
-        axis = body.length - self.holder.from_knob
+        body, axis, scenes = fired.bat.body, fired.bat.axis, fired.blows.scenes
         impulse = scenes.ball_mass * scenes.relative_speed * (1 + fired.blows.efficiency)
         impulse = impulse * np.cos(fired.tilt) * fired.flown.met
         rate = impulse * (axis - scenes.impact_position) / beam_of(body).inertia(axis)
-        return np.asarray(rate - self._rubbed(rate, impulse, body))
+        return rate - self._rubbed(rate, impulse, body, axis)
 
-    def _rubbed(self, rate: Array, impulse: Array, body: BatBody) -> Array:
+    def _rubbed(self, rate: Array, impulse: Array, body: BatBody, axis: Array) -> Array:
         """Return the rate the bearing takes while the blow loads it; none at percussion [rad/s]."""
         beam = beam_of(body)
-        axis = beam.length - self.holder.from_knob
         reaction = np.abs(impulse - beam.mass * (axis - beam.z_cm) * rate)
         lost = (
             self.holder.spec.friction
@@ -185,7 +185,7 @@ class AstmPivotStation(RestingBatStation):
         moved, moving = collisions.modal_displacements, collisions.modal_velocities
         impulse = collisions.impulse * np.cos(tilt)
         start, rate = ((own * turn)[:, : modes.rigid].sum(axis=1) for own in (moved, moving))
-        rate = rate - self._rubbed(rate, impulse, body)
+        rate = rate - self._rubbed(rate, impulse, body, fired.bat.axis)
         slip, play = self._loose(impulse, rate, body)
         shots, at_ticks = coasting(
             rate,

@@ -33,6 +33,7 @@ class BallCannon:
 
     name = "ball-cannon"
     stage = Stage.IMPACT
+    blocks = True
     motions = frozenset(MotionRung)
     channels: Mapping[str, type[Record]] = {"log": ShotLog, "gates": BoardRecord, "aim": AimMarks}
 

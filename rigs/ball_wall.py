@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
@@ -44,6 +44,7 @@ class BallWall:
 
     name = "ball-wall"
     stage = Stage.BALLS
+    blocks = True
     channels: Mapping[str, type[Record]] = {"log": ShotLog, "gates": GateRecord}
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> BallWallStation:
@@ -69,8 +70,9 @@ class BallWallStation(FittedStation):
     ideal: bool
 
     @property
-    def true_constants(self) -> dict[str, float]:
-        return {"wall.restitution": self.wall_restitution} | errors_of(self.instruments())
+    def true_constants(self) -> dict[str, Any]:
+        wall = np.full(self.gates.laboratories, self.wall_restitution)[()]
+        return {"wall.restitution": wall} | errors_of(self.instruments())
 
     def instruments(self) -> dict[str, Instrument]:
         return {"gates": self.gates, "air": self.air}
@@ -81,28 +83,28 @@ class BallWallStation(FittedStation):
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire the balls that `plan` names at the wall; its places mean nothing here."""
-        balls = specimen.balls
-        launch = self.cannon.fire(plan.speed, draws, "ball-wall.launch", plan.slot)
+        here, own, balls = self.at(plan.owner), draws.at(plan.owner), specimen.at(plan).balls
+        launch = here.cannon.fire(plan.speed, own, "ball-wall.launch", plan.slot)
         loss = self._loss(plan, specimen, launch.speed)
-        hit = balls.draw_hits(plan.ball, launch.speed, draws, "ball-wall.hit", plan.slot, loss)
+        hit = balls.draw_hits(..., launch.speed, own, "ball-wall.hit", plan.slot, loss)
         back = self.wall_restitution * hit
         passage = Passage(
             speed_in=launch.speed,
             speed_out=back * launch.speed,
-            drag=self.air.drag(balls.spec.radius, balls.mass[plan.ball]),
+            drag=here.air.drag(balls.spec.radius, balls.mass),
             radius=balls.spec.radius,
-            gravity=0.0 if self.ideal else self.hall.acceleration,
+            gravity=0.0 if self.ideal else here.hall.acceleration,
         )
-        contact = self.gates.arrival(passage)
+        contact = here.gates.arrival(passage)
         touching = wall_contact(
             speed=launch.speed,
-            mass=balls.mass[plan.ball],
+            mass=balls.mass,
             restitution=back,
-            stiffness=np.full(hit.shape, balls.spec.stiffness),
-            exponent=np.full(hit.shape, balls.spec.exponent),
+            stiffness=np.array(balls.spec.stiffness),
+            exponent=np.array(balls.spec.exponent),
         ).time
-        record = self.gates.watch(
-            passage, contact, contact + touching, draws, "ball-wall.gates", plan.slot, plan.detail
+        record = here.gates.watch(
+            passage, contact, contact + touching, own, "ball-wall.gates", plan.slot, plan.detail
         )
         log = plan.log()
         return RigOutput(
@@ -115,9 +117,10 @@ class BallWallStation(FittedStation):
         ageing = specimen.balls.spec.ageing
         if ageing is None or self.ideal:
             return np.zeros(speed.shape)
+        ball = specimen.balls.numbers(plan.owner, plan.ball)
         turn = np.argsort(plan.slot, kind="stable")
         loss = np.empty(speed.shape)
-        loss[turn] = loss_of_restitution(ageing, plan.ball[turn], speed[turn], self.rest)
+        loss[turn] = loss_of_restitution(ageing, ball[turn], speed[turn], self.rest)
         return loss
 
 

@@ -45,6 +45,7 @@ class Bench:
 
     name = "bench"
     stage = Stage.BENCH
+    blocks = True
     channels: Mapping[str, type[Record]] = {
         "bat-mass": MassReadings,
         "ball-mass": MassReadings,
@@ -88,7 +89,10 @@ class BenchStation(FittedStation):
         }
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
-        """Measure the bat and weigh the balls that `plan` names."""
+        """Measure the bat and weigh the balls that `plan` names.
+
+        Readings of a block are those of one laboratory after another.
+        """
         beam = beam_of(specimen.bat.body)
         axis = beam.length - self.pendulum.true["pivot_from_knob"]
         moment = beam.mass * (axis - beam.z_cm)
@@ -96,10 +100,10 @@ class BenchStation(FittedStation):
         return RigOutput(
             records={
                 "bat-mass": self.scale.weigh(beam.mass, repeats, draws, "bench.bat-mass"),
-                "ball-mass": self.scale.weigh(
-                    specimen.balls.mass[plan.ball],
+                "ball-mass": self.scale.at(plan.owner).weigh(
+                    specimen.at(plan).balls.mass,
                     repeats,
-                    draws,
+                    draws.at(plan.owner),
                     "bench.ball-mass",
                     plan.ball,
                 ),

@@ -51,6 +51,7 @@ class FilmedCannon(BallCannon):
     """The rig."""
 
     name = "filmed-cannon"
+    blocks = False  # a camera films in one laboratory
     channels: Mapping[str, type[Record]] = {**BallCannon.channels, "camera": ClipRecord}
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> FilmedCannonStation:

@@ -70,6 +70,7 @@ class NcaaSwing:
 
     name = "ncaa-swing"
     stage = Stage.IMPACT
+    blocks = True
     channels: Mapping[str, type[Record]] = {
         "log": ShotLog,
         "gates": BoardRecord,
@@ -112,39 +113,40 @@ class NcaaSwingStation(CannonStation):
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire at the turning bat; the ball is timed in and out, the shaft up to contact."""
-        balls, body, slots = specimen.balls, specimen.bat.body, plan.slot
-        launch = self.cannon.fire(plan.speed, draws, "ncaa-swing.launch", slots)
-        swing = self._swing(plan, draws)
-        axis = body.length - self.holder.from_knob
+        here, own, struck = self.at(plan.owner), draws.at(plan.owner), specimen.at(plan)
+        balls, slots = struck.balls, plan.slot
+        launch = here.cannon.fire(plan.speed, own, "ncaa-swing.launch", slots)
+        swing = self._swing(plan, own)
+        axis = struck.bat.body.length - here.holder.from_knob
         # the ball flies at a set distance from the axis and meets a slanting bat farther out
         abreast = axis - plan.place - launch.along
         cosine, sine = np.cos(swing.angle), np.sin(swing.angle)
         lever = abreast / cosine
         bat_speed = swing.rate * lever
-        across = launch.across - self.holder.height
-        tilt = contact_angle(specimen, axis - lever, across)
+        across = launch.across - here.holder.height
+        tilt = contact_angle(struck, axis - lever, across)
         closing = launch.speed * cosine + bat_speed
-        e0 = balls.draw_hits(plan.ball, closing, draws, "ncaa-swing.hit", slots)
-        blows = self.blows(plan, specimen, axis - lever, closing * np.cos(tilt), e0)
+        e0 = balls.draw_hits(..., closing, own, "ncaa-swing.hit", slots)
+        blows = here.blows(plan.detail, struck, axis - lever, closing * np.cos(tilt), e0)
         efficiency = blows.efficiency
         square, up = thrown_back(efficiency, tilt, closing, bat_speed)
         back = square * cosine - launch.speed * sine**2
         passage = Passage(
             speed_in=launch.speed,
             speed_out=back,
-            drag=self.air.drag(balls.spec.radius, balls.mass[plan.ball]),
+            drag=here.air.drag(balls.spec.radius, balls.mass),
             radius=balls.spec.radius,
-            gravity=self.hall.acceleration,
+            gravity=here.hall.acceleration,
             height=launch.across,
             slope_in=launch.slope,
             slope_out=up,
             plane=lever * sine,
         )
-        contact = self.gates.arrival(passage)
+        contact = here.gates.arrival(passage)
         leaving = contact + blows.contact_time
         return RigOutput(
             records=self.records(passage, contact, leaving, plan, draws)
-            | {"swing": self._count(plan, swing, contact, draws)},
+            | {"swing": here._count(plan, swing, contact, own)},
             truth={
                 "speed": launch.speed,
                 "bat_speed": bat_speed,

@@ -18,7 +18,12 @@ from virtual_lab.simulation.impact import (
     scenes_of,
     thrown_back,
 )
-from virtual_lab.simulation.instruments import FittedStation, Instrument, InstrumentFactory
+from virtual_lab.simulation.instruments import (
+    FittedStation,
+    Instrument,
+    InstrumentFactory,
+    RecordDetail,
+)
 from virtual_lab.simulation.instruments.air import Gravity, GravitySpec, HallAir, HallAirSpec
 from virtual_lab.simulation.instruments.calibrated import TrueConstant
 from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
@@ -123,29 +128,38 @@ class CannonStation(FittedStation):
         that of the bat where it was surveyed to hang.
         """
         nominal = self.holder.spec.nominal_from_knob
-        hung = self.holder.from_knob if self.ideal else nominal
+        hung = self.holder.spec.from_knob if self.ideal else nominal
         return error_free(plan, specimen, Pinned(specimen.bat.body.length - hung), nominal)
 
     def records(
         self, passage: Passage, contact: Array, leaving: Array, plan: ShotPlan, draws: Draws
     ) -> dict[str, Record]:
         """Return what log, gates and aim paper say of balls that fly."""
-        name, slots = self.name, plan.slot
+        name, gates = self.name, self.gates.at(plan.owner)
         return {
             "log": plan.log(),
-            "gates": self.gates.watch(
-                passage, contact, leaving, draws, f"{name}.gates", slots, plan.detail
+            "gates": gates.watch(
+                passage,
+                contact,
+                leaving,
+                draws.at(plan.owner),
+                f"{name}.gates",
+                plan.slot,
+                plan.detail,
             ),
             "aim": self.cannon.mark(draws, f"{name}.aim"),
         }
 
     def blows(
-        self, plan: ShotPlan, specimen: Specimen, place: Array, speed: Array, e0: Array
+        self, detail: RecordDetail, struck: Specimen, place: Array, speed: Array, e0: Array
     ) -> Blows:
-        """Return the collisions at places [m] and normal relative speeds [m/s]."""
-        scenes = scenes_of(specimen, plan.ball, place, speed, e0)
+        """Return the collisions of a specimen of shots, (shot,), and a station gathered to them.
+
+        At places [m] and normal relative speeds [m/s].
+        """
+        scenes = scenes_of(struck, ..., place, speed, e0)
         nominal = self.holder.spec.nominal_from_knob
-        return blows_of(specimen, plan.detail, scenes, self.holder.from_knob, nominal)
+        return blows_of(struck, detail, scenes, self.holder.from_knob, nominal)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,36 +173,36 @@ class RestingBatStation(CannonStation):
         """Fire at the bat at rest and time the ball through every gate, both ways."""
         return self.timed(self.fly(plan, specimen, draws), plan, draws)
 
-    def around(self, radius: float) -> Surroundings:
+    def around(self, radius: TrueConstant) -> Surroundings:
         """Return what stands around the bat, for balls of a radius [m]."""
         view = self.gates.spec.view(radius)
         return Surroundings(self.frame, self.stop, self.gates.distances, view)
 
     def fly(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> BallFlights:
         """Fire at the bat at rest: return what the balls do."""
-        name, slots, balls, body = self.name, plan.slot, specimen.balls, specimen.bat.body
-        launch = self.cannon.fire(plan.speed, draws, f"{name}.launch", slots)
-        e0 = balls.draw_hits(plan.ball, launch.speed, draws, f"{name}.hit", slots)
+        here, own, struck = self.at(plan.owner), draws.at(plan.owner), specimen.at(plan)
+        name, slots, balls, body = self.name, plan.slot, struck.balls, struck.bat.body
+        launch = here.cannon.fire(plan.speed, own, f"{name}.launch", slots)
+        e0 = balls.draw_hits(..., launch.speed, own, f"{name}.hit", slots)
         place = plan.place + launch.along
-        across = launch.across - self.holder.height
-        tilt = contact_angle(specimen, place, across)
-        blows = self.blows(plan, specimen, place, launch.speed * np.cos(tilt), e0)
+        across = launch.across - here.holder.height
+        tilt = contact_angle(struck, place, across)
+        blows = here.blows(plan.detail, struck, place, launch.speed * np.cos(tilt), e0)
         back, up = thrown_back(blows.efficiency, tilt, launch.speed, 0.0)
-        mass = balls.mass[plan.ball]
         passage = Passage(
             speed_in=launch.speed,
             speed_out=back,
-            drag=self.air.drag(balls.spec.radius, mass),
+            drag=here.air.drag(balls.spec.radius, balls.mass),
             radius=balls.spec.radius,
-            gravity=self.gravity,
+            gravity=here.gravity,
             height=launch.across,
             slope_in=launch.slope,
             slope_out=up,
         )
-        axis = body.length - self.holder.from_knob
-        bat = RestingBat(body, axis, place, across, blows.efficiency, mass)
-        shots = flown(passage, plan, bat, self.around(balls.spec.radius))
-        contact = self.gates.arrival(shots.passage)
+        axis = np.broadcast_to(body.length - here.holder.from_knob, place.shape)
+        bat = RestingBat(body, axis, place, across, blows.efficiency, balls.mass)
+        shots = flown(passage, plan, bat, here.around(balls.spec.radius))
+        contact = here.gates.arrival(shots.passage)
         return BallFlights(
             flown=shots,
             blows=blows,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from virtual_lab.catalog.specs import BatBody
 from virtual_lab.errors import InputError
 from virtual_lab.relations.flight import time_before
+from virtual_lab.simulation.instruments.calibrated import TrueConstant
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.motion.played import Pieces, Target
 from virtual_lab.simulation.motion.pymunk_scene import play_pymunk
@@ -36,23 +37,29 @@ class Surroundings(NamedTuple):
 
     frame: FrameSpec
     stop: StopSpec
-    gates: Array  # distances of the frames, those of their gates, far one first (gate,) [m]
-    view: tuple[float, float]  # heights between which a gate ever sees a ball's centre [m]
+    gates: Array  # distances of the frames, those of their gates, far first ([shot,] gate) [m]
+    # heights between which a gate ever sees a ball's centre [m]
+    view: tuple[TrueConstant, TrueConstant]
 
-    def hiding(self, radius: float) -> Array:
+    def hiding(self, radius: TrueConstant) -> Array:
         """Return the frames that can keep a ball on its way back from being seen.
 
         The far one does not, where it stops only balls that its own gate does not see.
         """
         low, high = self.frame.bottom + radius, self.frame.top - radius
-        return self.gates[int(low <= self.view[0] and high >= self.view[1]) :]
+        unseen = np.all((low <= self.view[0]) & (high >= self.view[1]))
+        return self.gates[..., int(unseen) :]
+
+    def at(self, shot: int) -> Surroundings:
+        """Return what stands around the bat of one shot."""
+        return self._replace(gates=self.gates[shot] if self.gates.ndim > 1 else self.gates)
 
 
 class RestingBat(NamedTuple):
     """A bat at rest and the blows on it, arrays (shot,)."""
 
     body: BatBody
-    axis: float  # from the tip [m]
+    axis: Array  # from the tip [m]
     place: Array  # of the ball's centre, from the tip [m]
     across: Array  # of the ball's centre, above the bat's axis [m]
     efficiency: Array  # e_A
@@ -94,12 +101,13 @@ def flown(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surrounding
     whole |= {"plane_out": whole["plane"].copy(), "height_out": whole["height"].copy()}
     whole.setdefault("reach", np.full(count, np.inf))
     late, met, kicks = np.zeros(count), np.ones(count, dtype=bool), []
-    for shot in shots:
+    for shot in shots.tolist():
         one = slice(shot, shot + 1)
-        blow = RestingBat(bat.body, bat.axis, *(each[one] for each in bat[2:]))
-        alone = replace(passage, **_columns(passage, count, one))
+        blow = RestingBat(bat.body, *(each[one] for each in bat[1:]))
+        alone = replace(passage, **_columns(passage, count, one), **_shared(passage, count, shot))
         # on a free way back a millisecond after the contact is enough: the ball has parted
-        scene = scene_of(alone, blow, around, RECORD if beyond[shot] or framed[shot] else 1e-3)
+        near = around.at(shot)
+        scene = scene_of(alone, blow, near, RECORD if beyond[shot] or framed[shot] else 1e-3)
         pieces = _played(scene, asked)
         if pieces is None:
             continue
@@ -120,7 +128,8 @@ def flown(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surrounding
 
 def scene_of(passage: Passage, bat: RestingBat, around: Surroundings, after: float) -> ShotScene:
     """Return the scene of one shot: flights and blow of (1,), to `after` [s] past the contact."""
-    held = PivotedBat(bat.body.profile, bat.axis, beam_of(bat.body).inertia(bat.axis))
+    axis = float(bat.axis[0])
+    held = PivotedBat(bat.body.profile, axis, beam_of(bat.body).inertia(axis))
     touching = -np.sqrt((held.radius(bat.place) + passage.radius) ** 2 - bat.across**2)
     span = time_before(AHEAD, passage.speed_in, passage.drag)
     up = float((bat.across - passage.height)[0])
@@ -153,26 +162,30 @@ def _beyond_closed_form(
     """
     frame, radius, count = around.frame, passage.radius, len(bat.place)
 
-    def framed(gate: float, speed: Any, slope: Any, height: Any) -> NDArray[np.bool_]:
-        far = gate + frame.radius + radius
-        slowest = far * np.exp(np.max(passage.drag) * far) / speed
-        rise, fall = slope * far, passage.gravity / 2 * slowest**2
-        low = height + np.minimum(rise, 0.0) - fall <= frame.bottom + radius
-        return np.asarray(low | (height + np.maximum(rise, 0.0) >= frame.top - radius))
+    def framed(
+        gate: Any, speed: Any, slope: Any, height: Any, flights: Passage = passage
+    ) -> NDArray[np.bool_]:
+        far = gate + frame.radius + flights.radius
+        slowest = far * np.exp(flights.drag * far) / speed
+        rise, fall = slope * far, flights.gravity / 2 * slowest**2
+        low = height + np.minimum(rise, 0.0) - fall <= frame.bottom + flights.radius
+        high = height + np.maximum(rise, 0.0) >= frame.top - flights.radius
+        return np.asarray(low | high)
 
     # what hardly ever happens is asked of the worst of the batch first
-    gate, height = around.gates[0], passage.height
+    gate, height, largest = around.gates[..., 0], passage.height, np.max(radius)
+    most = {name: np.max(getattr(passage, name)) for name in ("radius", "drag", "gravity")}
     worst = np.array([np.min(height), np.max(height)])
     aside = bat.place.min(), bat.place.max()
     beyond = np.zeros(count, dtype=bool)
-    if framed(gate, passage.speed_in.min(), 0.0, worst).any():
+    if framed(gate.max(), passage.speed_in.min(), 0.0, worst, replace(passage, **most)).any():
         beyond |= framed(gate, passage.speed_in, 0.0, height)
-    if aside[0] <= frame.tip_side + radius or aside[1] >= frame.knob_side - radius:
+    if aside[0] <= frame.tip_side + largest or aside[1] >= frame.knob_side - largest:
         beyond |= bat.place <= frame.tip_side + radius
         beyond |= bat.place >= frame.knob_side - radius
     beyond |= _caught(passage, bat, around.stop)
     with np.errstate(divide="ignore", invalid="ignore"):
-        gate = around.hiding(radius)[0]
+        gate = around.hiding(radius)[..., 0]
         back = framed(gate, passage.speed_out, passage.slope_out, height)
     return beyond, back & (passage.speed_out > 0)
 
@@ -189,7 +202,7 @@ def _caught(passage: Passage, bat: RestingBat, stop: StopSpec) -> NDArray[np.boo
 
     with np.errstate(divide="ignore", invalid="ignore"):
         blow = bat.mass.max() * passage.speed_in.max() * (1 + bat.efficiency.max())
-        most, slowest = blow * np.abs(lever).max() / inertia, speed.min()
+        most, slowest = blow * np.abs(lever).max() / inertia.min(), speed.min()
         if slowest > stop.restitution * most * np.abs(lever).max():
             return False
         if soonest(most, slowest) >= RECORD:
@@ -213,13 +226,14 @@ def _stopped(passage: Passage, around: Surroundings, chosen: NDArray[np.bool_]) 
     shots = np.flatnonzero(chosen)
     if not shots.size:
         return passage
-    faces = around.hiding(passage.radius) - around.frame.radius - passage.radius
-    names = ("speed_out", "drag", "height", "slope_out")
+    names = ("speed_out", "drag", "height", "slope_out", "radius", "gravity")
     each: dict[str, Any] = {name: np.asarray(getattr(passage, name)) for name in names}
     some = replace(passage, **{n: v[shots] if v.ndim else v for n, v in each.items()})
-    _, height = some.outbound(faces[None])
+    gates, radius = around.hiding(passage.radius), np.asarray(some.radius)[..., None]
+    faces = (gates[shots] if gates.ndim > 1 else gates[None]) - around.frame.radius - radius
+    _, height = some.outbound(faces)
     frame = GateFrame(around.frame, 0.0)
-    first = np.where(frame.clears(height, passage.radius), np.inf, faces).min(axis=1)
+    first = np.where(frame.clears(height, radius), np.inf, faces).min(axis=1)
     reach = np.full(len(chosen), np.inf)
     reach[shots] = first
     return replace(passage, reach=reach) if np.isfinite(first).any() else passage
@@ -240,6 +254,12 @@ def _columns(passage: Passage, count: int, chosen: Any = slice(None)) -> dict[st
     names += tuple(name for name in optional if getattr(passage, name) is not None)
     whole = {name: np.broadcast_to(getattr(passage, name), (count,)) for name in names}
     return {name: values[chosen].astype(float) for name, values in whole.items()}
+
+
+def _shared(passage: Passage, count: int, shot: int) -> dict[str, Any]:
+    """Return what one shot shares with all of its laboratory, as numbers."""
+    names = ("radius", "gravity")
+    return {n: float(np.broadcast_to(getattr(passage, n), count)[shot]) for n in names}
 
 
 def _played(scene: ShotScene, asked: bool) -> Pieces | None:

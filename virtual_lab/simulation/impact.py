@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
-from typing import NamedTuple
+from types import EllipsisType
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from virtual_lab.catalog.specs import BatBody
 from virtual_lab.simulation.collision.patch import PATCH, patch_shape
 from virtual_lab.simulation.collision.scene import Collisions, Scenes
 from virtual_lab.simulation.instruments import RecordDetail
+from virtual_lab.simulation.instruments.calibrated import TrueConstant
 from virtual_lab.simulation.physics.ball import Event, PowerLaw
 from virtual_lab.simulation.physics.beam import Free, Pinned, Support, outer_diameter
 from virtual_lab.simulation.physics.mesh import gauss_points
@@ -35,9 +37,13 @@ class Blows(NamedTuple):
 
 
 def scenes_of(
-    specimen: Specimen, ball: NDArray[np.int_], place: Array, speed: Array, e0: Array
+    specimen: Specimen,
+    ball: NDArray[np.int_] | EllipsisType,
+    place: Array,
+    speed: Array,
+    e0: Array,
 ) -> Scenes:
-    """Return collisions of the balls indexed by `ball`, shape (shot,)."""
+    """Return collisions of the balls indexed by `ball`, shape (shot,); `...` is one a shot."""
     balls = specimen.balls
     return Scenes.of(
         impact_position=place,
@@ -56,7 +62,7 @@ def contact_angle(specimen: Specimen, place: Array, across: Array) -> Array:
 
 
 def blows_of(
-    specimen: Specimen, detail: RecordDetail, scenes: Scenes, at: float, surveyed: float
+    specimen: Specimen, detail: RecordDetail, scenes: Scenes, at: TrueConstant, surveyed: float
 ) -> Blows:
     """Return the collisions of scenes with a bat whose axis is `at` [m] from its knob.
 
@@ -97,12 +103,12 @@ def error_free(
     rigid bat, free or on an axis exactly `pivot_from_knob` [m] from its knob, gives e and r. No
     equation that the reduction uses is used here.
     """
-    ball, body = specimen.balls.mean_ball(), specimen.bat.body
+    mean, body = specimen.balls.mean_ball(), specimen.bat.body
     axis = body.length - pivot_from_knob
     speed = plan.speed + plan.turn_rate * (axis - plan.place)
-    first = np.zeros(plan.place.shape, dtype=int)
-    e0 = ball.restitution_at(first, speed)
-    scenes = scenes_of(replace(specimen, balls=ball), first, plan.place, speed, e0)
+    ball = mean.of_shots(plan.owner, np.zeros(plan.place.shape, dtype=int))
+    e0 = ball.restitution_at(..., speed)
+    scenes = scenes_of(replace(specimen, balls=ball), ..., plan.place, speed, e0)
     efficiency = specimen.collision.true_efficiency(body, support, scenes)
     impulse = scenes.ball_mass * speed * (1 + efficiency)
     return TrueOutcome(
@@ -122,8 +128,9 @@ def _rigid_modes(body: BatBody, support: Support) -> Modes:
 def _recoil(body: BatBody, support: Support, scenes: Scenes, impulse: Array) -> TrueRecoil:
     """Return e and r of the bat that moves as a rigid one, by its unit-mass rigid modes."""
     modes = _rigid_modes(body, support)
-    place, speed = scenes.impact_position, scenes.relative_speed
-    yielding = np.sum(patch_shape(modes, place, PATCH) ** 2, axis=1)  # 1 / effective mass
+    speed = scenes.relative_speed
+    place, back = np.unique(scenes.impact_position, return_inverse=True)
+    yielding = np.sum(patch_shape(modes, place, PATCH) ** 2, axis=1)[back]  # 1 / effective mass
     bat_speed = impulse * yielding
     ball_speed = impulse / scenes.ball_mass - speed
     return TrueRecoil(
@@ -140,18 +147,19 @@ def wall_restitution(scenes: Scenes) -> Array:
     """
     x, weights = gauss_points(64)  # exact to rounding for any ball
     share, width = ((1 + x) / 2) ** 4, ((1 + x) / 2) ** 3 * weights  # crowded where powers begin
-    each, back = np.unique(
-        [scenes.stiffness, scenes.exponent, scenes.ball_restitution], axis=1, return_inverse=True
-    )
-    found = np.empty(each.shape[1])
-    for number, (stiffness, exponent, restitution) in enumerate(each.T):
-        law = PowerLaw.of(
-            stiffness=stiffness, exponent=exponent, restitution=restitution, speed=1.0
-        )
+    found = np.empty(len(scenes))
+    few = 256  # scenes at a time: keeps their forces in the cache
+    for first in range(0, len(scenes), few):
+        some = scenes.part(slice(first, first + few))
+        balls: dict[str, Any] = {
+            "stiffness": some.stiffness[:, None],
+            "exponent": some.exponent[:, None],
+            "restitution": some.ball_restitution[:, None],
+        }
+        law = PowerLaw.of(**balls, speed=1.0)
         loading = law.branch(Event.TOUCH, 0.0, None)
         unloading = law.branch(Event.TURN, 1.0, loading)
-        work_in, work_out = (
-            float(width @ [branch.force(u, 0.0) for u in share]) for branch in (loading, unloading)
-        )
-        found[number] = np.sqrt(work_out / work_in)
-    return found[back]
+        nodes: Any = share
+        work = [(width * branch.force(nodes, 0.0)).sum(axis=1) for branch in (loading, unloading)]
+        found[first : first + few] = np.sqrt(work[1] / work[0])
+    return found

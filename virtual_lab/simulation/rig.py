@@ -9,7 +9,7 @@ plans: true specimens in, raw records and sealed truth out. The conformance suit
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cache
 from importlib.metadata import entry_points
@@ -24,7 +24,7 @@ from virtual_lab.errors import InputError, nearest
 from virtual_lab.records import Record, ShotLog
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.truth import TrueBalls, TrueBat, TrueOutcome
-from virtual_lab.streams import Draws, Quiet, Slots, Streams
+from virtual_lab.streams import Draws, Owner, Quiet, Slots, Streams
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array
 
@@ -73,26 +73,35 @@ class Stage(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Specimen:
-    """What is on the rig: true bat, true balls, and the collision between them."""
+    """What is on the rig: true bat, true balls, and the collision between them.
+
+    That of a block of laboratories has one bat for all, and a lot of balls of each.
+    """
 
     bat: TrueBat
     balls: TrueBalls
     collision: Ladder
+
+    def at(self, plan: ShotPlan) -> Specimen:
+        """Return the specimen of a plan's shots: a lot of which shot i takes its ball i."""
+        return replace(self, balls=self.balls.of_shots(plan.owner, plan.ball))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShotPlan:
     """What the operator asks for: a ball, a nominal speed [m/s] and a set place [m] a shot.
 
-    `slot` is each shot's number in its laboratory, to which all that is random of it belongs.
-    A rig that swings its bat turns it at `turn_rate` [rad/s]; others leave it at rest.
+    `slot` is each shot's number in its laboratory, to which all that is random of it belongs;
+    `owner` counts that laboratory in its block, `...` where it is alone. A rig that swings its bat
+    turns it at `turn_rate` [rad/s], (shot,) or of all; others leave it at rest.
     """
 
     slot: Slots
     ball: NDArray[np.int_]
     speed: Array
     place: Array
-    turn_rate: float = 0.0
+    turn_rate: Array | float = 0.0
+    owner: Owner = ...
     detail: RecordDetail = RecordDetail.FULL
     motion: MotionRung = MotionRung.CLOSED_FORM
 
@@ -170,7 +179,12 @@ class WallStation(Station, Protocol):
 
 
 class Rig(Protocol):
-    """A machine as it is sold."""
+    """A machine as it is sold.
+
+    One that sets ``blocks = True`` can be set up in a block of laboratories at once, whose
+    instruments write sums: drawn from for all of them its station knows arrays of constants, and
+    plays the shots of all. Any other is played in one laboratory after another.
+    """
 
     @property
     def name(self) -> str: ...
@@ -184,6 +198,11 @@ class Rig(Protocol):
     def commission(self, draws: Draws, *, ideal: bool = False) -> Station:
         """Set the rig up in a laboratory: draw the errors that calibration leaves."""
         ...
+
+
+def knows_blocks(rig: Rig) -> bool:
+    """Return whether a rig can be set up in a block of laboratories at once."""
+    return getattr(rig, "blocks", False) is True
 
 
 @runtime_checkable

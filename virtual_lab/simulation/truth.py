@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.catalog.specs import BallSpec, BatBody, BatSpec
-from virtual_lab.streams import Draws, Slots
+from virtual_lab.streams import Draws, Owner, Slots, of_owners
 from virtual_lab.units import Array
 
 
@@ -30,7 +30,8 @@ class TrueBat:
 class TrueBalls:
     """A lot of balls, one entry a ball: mass [kg] and e0 at the reference speed, shape (ball,).
 
-    `spec` is the lot's: its radius and the slope of its e0 are the true ones.
+    `spec` is the lot's: its radius and the slope of its e0 are the true ones. Lots of a block of
+    laboratories are (laboratory, ball), their radius and slope (laboratory,).
     """
 
     spec: BallSpec
@@ -38,14 +39,40 @@ class TrueBalls:
     restitution: Array
     used: NDArray[np.bool_] | EllipsisType = ...  # those the laboratory did not set aside
 
-    def restitution_at(self, ball: NDArray[np.int_], speed: Array) -> Array:
-        """Return the ball-wall restitution of the balls indexed by `ball` at `speed` [m/s]."""
+    def of(self, laboratory: int) -> TrueBalls:
+        """Return the lot of one laboratory of a block."""
+        used = self.used if self.used is ... else self.used[laboratory]
+        return replace(self._of_owners(laboratory), used=used)
+
+    def of_shots(self, owner: Owner, ball: NDArray[np.int_]) -> TrueBalls:
+        """Return the balls of shots as one lot, (shot,): shot i takes its ball i."""
+        return self._of_owners((owner, ball))
+
+    def _of_owners(self, index: Any) -> TrueBalls:
+        """Return the balls of an index into the lots, and radius and slope of their owners."""
+        owner = index[0] if isinstance(index, tuple) else index
+        line = self.spec.restitution
+        return TrueBalls(
+            spec=replace(
+                self.spec,
+                radius=of_owners(self.spec.radius, owner),
+                restitution=replace(line, slope=of_owners(line.slope, owner)),
+            ),
+            mass=self.mass[index],
+            restitution=self.restitution[index],
+        )
+
+    def restitution_at(self, ball: NDArray[np.int_] | EllipsisType, speed: Array) -> Array:
+        """Return the ball-wall restitution at `speed` [m/s], (shot,), of the balls indexed.
+
+        `...` is every ball of a lot of shots.
+        """
         line = self.spec.restitution
         return np.maximum(self.restitution[ball] + line.slope * (speed - line.speed), line.floor)
 
     def draw_hits(
         self,
-        ball: NDArray[np.int_],
+        ball: NDArray[np.int_] | EllipsisType,
         speed: Array,
         draws: Draws,
         name: str,
@@ -60,18 +87,26 @@ class TrueBalls:
         e0 = self.restitution_at(ball, speed) - loss + scatter
         return np.clip(e0, self.spec.restitution.floor, 1.0)
 
-    def as_found(self, ball: NDArray[np.int_], loss: Array) -> TrueBalls:
+    def numbers(self, owner: Owner, ball: NDArray[np.int_]) -> NDArray[np.int_]:
+        """Return numbers that tell the balls of all laboratories apart, (shot,)."""
+        return np.arange(self.mass.size).reshape(self.mass.shape)[owner, ball]
+
+    def as_found(self, ball: NDArray[np.int_], loss: Array, owner: Owner = ...) -> TrueBalls:
         """Return the lot as hits found it: every ball of e0 less its mean `loss` over its hits."""
-        hits = np.bincount(ball, minlength=self.mass.size)
-        lost = np.bincount(ball, loss, self.mass.size) / np.maximum(hits, 1)
-        return replace(self, restitution=self.restitution - lost)
+        number, size = self.numbers(owner, ball), self.mass.size
+        hits = np.bincount(number, minlength=size)
+        lost = np.bincount(number, loss, size) / np.maximum(hits, 1)
+        return replace(self, restitution=self.restitution - lost.reshape(self.mass.shape))
 
     def mean_ball(self) -> TrueBalls:
         """Return a lot of one: the mean ball of this lot, the one a measurand speaks of."""
+        used = np.zeros(self.mass.shape, dtype=bool)
+        used[self.used] = True
+        many = used.sum(axis=-1, keepdims=True)
         return replace(
             self,
-            mass=self.mass[self.used].mean(keepdims=True),
-            restitution=self.restitution[self.used].mean(keepdims=True),
+            mass=np.where(used, self.mass, 0.0).sum(axis=-1, keepdims=True) / many,
+            restitution=np.where(used, self.restitution, 0.0).sum(axis=-1, keepdims=True) / many,
             used=...,
         )
 
@@ -160,8 +195,8 @@ def made_bat(spec: BatSpec, draws: Draws) -> TrueBat:
 
 def draw_balls(spec: BallSpec, number: int, draws: Draws) -> TrueBalls:
     """Draw a lot of `number` balls, with a radius and a slope of e0 of its own."""
-    mass, restitution = draws.normal("balls", (2, number))
-    wider, steeper = (float(error) for error in draws.normal("lot", 2))
+    mass, restitution = np.moveaxis(draws.normal("balls", (2, number)), -2, 0)
+    wider, steeper = np.moveaxis(draws.normal("lot", 2), -1, 0)
     line = spec.restitution
     return TrueBalls(
         spec=replace(

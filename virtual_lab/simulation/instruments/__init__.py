@@ -11,12 +11,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from enum import Enum
-from typing import Protocol, Self, TypeVar
+from typing import Any, Protocol, Self, TypeVar
 
 from virtual_lab import catalog
-from virtual_lab.simulation.instruments.calibrated import CalibratedSpec
-from virtual_lab.streams import Draws
-from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, CalibratedSpec
+from virtual_lab.streams import Draws, Owner
 
 __all__ = [
     "FittedStation",
@@ -38,8 +37,8 @@ class RecordDetail(Enum):
 class Instrument(Protocol):
     """What every instrument can be asked for."""
 
-    def calibration(self) -> Mapping[str, Estimate]: ...
-    def errors(self) -> Mapping[str, float]: ...
+    def calibration(self) -> Mapping[str, Any]: ...
+    def errors(self) -> Mapping[str, Any]: ...
 
 
 S = TypeVar("S", bound=CalibratedSpec)
@@ -65,7 +64,7 @@ class InstrumentFactory:
         return make(self.as_asked(spec), self.draws, name)
 
 
-def calibration_of(instruments: Mapping[str, Instrument]) -> dict[str, Estimate]:
+def calibration_of(instruments: Mapping[str, Instrument]) -> dict[str, Any]:
     """Return the constants of several instruments under ``instrument.constant`` names."""
     return {
         f"{name}.{key}": estimate
@@ -74,7 +73,7 @@ def calibration_of(instruments: Mapping[str, Instrument]) -> dict[str, Estimate]
     }
 
 
-def errors_of(instruments: Mapping[str, Instrument]) -> dict[str, float]:
+def errors_of(instruments: Mapping[str, Instrument]) -> dict[str, Any]:
     """Return their true constants under the same names."""
     return {
         f"{name}.{key}": value
@@ -85,7 +84,10 @@ def errors_of(instruments: Mapping[str, Instrument]) -> dict[str, float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FittedStation:
-    """A station whose fields are its instruments: what is known of them and what is true."""
+    """A station whose fields are its instruments: what is known of them and what is true.
+
+    Of a block of laboratories it knows `Known` constants, and true ones as arrays (laboratory,).
+    """
 
     def instruments(self) -> Mapping[str, Instrument]:
         """Return what measures, by the names of the constants."""
@@ -97,10 +99,20 @@ class FittedStation:
         (place,) = (part.name for part in fields(self) if getattr(self, part.name) is own)
         return replace(self, **{place: instrument})
 
+    def at(self, owner: Owner) -> Self:
+        """Return the station with the true constants of the laboratories that own shots."""
+        own = {part.name: getattr(self, part.name) for part in fields(self)}
+        instruments = {
+            name: part.at(owner)
+            for name, part in own.items()
+            if isinstance(part, CalibratedInstrument)
+        }
+        return replace(self, **instruments)
+
     @property
-    def calibration(self) -> dict[str, Estimate]:
+    def calibration(self) -> dict[str, Any]:
         return calibration_of(self.instruments())
 
     @property
-    def true_constants(self) -> dict[str, float]:
+    def true_constants(self) -> dict[str, Any]:
         return errors_of(self.instruments())

@@ -104,7 +104,7 @@ class LightBoards(BallGates[LightBoardSpec]):
         from virtual_lab.simulation.instruments.board_kernel import write_edges
 
         spec, ways = self.spec, (0, 1)
-        shape = (len(ways), len(self.distances), spec.beams, 2)
+        shape = (len(ways), len(spec.distances), spec.beams, 2)
         records = spec.edge_jitter * draws.normal(f"{name}.jitter", shape, slots)
         records += spec.tick * draws.uniform(f"{name}.start", (1, 1, 1, 1), slots)
         scraps, late = self._scraps(passage, contact, draws, name, slots)
@@ -132,7 +132,7 @@ class LightBoards(BallGates[LightBoardSpec]):
         edge = sqrt(spec.edge_jitter**2 + spec.tick**2 / 12)
         boards = self._boards(passage)
         # way by way, whole shots side by side; what starts as noise ends as records
-        noise = draws.normal(f"{name}.sums", (2, 2, len(self.distances)), slots)
+        noise = draws.normal(f"{name}.sums", (2, 2, len(spec.distances)), slots)
         records = np.ascontiguousarray(np.moveaxis(noise, 0, -1))
         for start, way, out in zip((contact, leaving), records, (False, True), strict=True):
             sum_up(way, passage.way(out=out), start, out, boards, edge, spec.trip_spread)

@@ -123,7 +123,7 @@ class GateFrame(NamedTuple):
     x: float
     up: float = 0.0
 
-    def clears(self, height: ArrayLike, ball_radius: float) -> NDArray[np.bool_]:
+    def clears(self, height: ArrayLike, ball_radius: float | Array) -> NDArray[np.bool_]:
         """Return whether balls at heights [m] above the bat's axis pass between or beside bars."""
         y, spec = np.asarray(height) - self.up, self.spec
         inside = (spec.bottom + ball_radius < y) & (y < spec.top - ball_radius)

@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from math import inf, isfinite
+from typing import overload
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -133,6 +134,7 @@ class Beam:
     mesh: Mesh
     mass_matrix: Array  # (2 n, 2 n)
     stiffness_matrix: Array  # (2 n, 2 n)
+    moments: tuple[float, float, float]  # of the mass about the tip, zeroth to second
 
     @property
     def length(self) -> float:
@@ -142,19 +144,21 @@ class Beam:
     @property
     def mass(self) -> float:
         """Mass [kg]."""
-        heave = self.heave()
-        return float(heave @ self.mass_matrix @ heave)
+        return self.moments[0]
 
     @property
     def z_cm(self) -> float:
         """Centre of mass, from the barrel tip [m]."""
-        # first moment of the mass about the tip, by a turn about the tip
-        return -float(self.heave() @ self.mass_matrix @ self.turn(0.0)) / self.mass
+        return self.moments[1] / self.mass
 
-    def inertia(self, z: float) -> float:
-        """Moment of inertia about `z` [kg m^2]."""
-        turn = self.turn(z)
-        return float(turn @ self.mass_matrix @ turn)
+    @overload
+    def inertia(self, z: float) -> float: ...
+    @overload
+    def inertia(self, z: Array) -> Array: ...
+    def inertia(self, z: float | Array) -> float | Array:
+        """Moment of inertia about `z` [m], of its shape [kg m^2]."""
+        mass, first, second = self.moments
+        return second + z * (z * mass - 2 * first)
 
     @property
     def inertia_cm(self) -> float:
@@ -163,13 +167,19 @@ class Beam:
 
     def heave(self) -> Array:
         """Return the freedoms of a unit shift, (2 n,)."""
-        nodes = self.mesh.nodes
-        return np.concatenate((np.ones_like(nodes), np.zeros_like(nodes)))
+        return _shift(self.mesh)
 
     def turn(self, z: float) -> Array:
         """Return the freedoms of a unit turn about `z`, (2 n,)."""
-        nodes = self.mesh.nodes
-        return np.concatenate((z - nodes, np.ones_like(nodes)))
+        return _turn(self.mesh, z)
+
+
+def _shift(mesh: Mesh) -> Array:
+    return np.concatenate((np.ones_like(mesh.nodes), np.zeros_like(mesh.nodes)))
+
+
+def _turn(mesh: Mesh, z: float) -> Array:
+    return np.concatenate((z - mesh.nodes, np.ones_like(mesh.nodes)))
 
 
 @lru_cache(maxsize=16)
@@ -194,7 +204,9 @@ def beam_of(
     mass, stiffness = _assemble(mesh, body)
     for lump in body.lumps:
         _add_lump(mass, mesh, lump)
-    return Beam(mesh=mesh, mass_matrix=mass, stiffness_matrix=stiffness)
+    shift, turn = _shift(mesh), _turn(mesh, 0.0)  # about the tip, which carries mass backward
+    moments = float(shift @ mass @ shift), -float(shift @ mass @ turn), float(turn @ mass @ turn)
+    return Beam(mesh=mesh, mass_matrix=mass, stiffness_matrix=stiffness, moments=moments)
 
 
 def _assemble(mesh: Mesh, body: BatBody) -> tuple[Array, Array]:
