@@ -32,9 +32,20 @@ def amplitude_factor(amplitude: ArrayLike) -> Array:
 def mean_amplitude_factor(first: ArrayLike, last: ArrayLike, swings: int) -> Array:
     """Return the mean of `amplitude_factor` over swings whose amplitude decays geometrically.
 
-    `first` and `last` are the amplitudes [rad] at the two ends of `swings` whole periods.
+    `first` and `last` are the amplitudes [rad] at the two ends of `swings` whole periods; a swing
+    counts by its middle.
     """
-    first, last = np.asarray(first, dtype=float), np.asarray(last, dtype=float)
-    step = (np.arange(swings) + 0.5) / swings  # a swing counts by its middle
-    amplitudes = first[..., None] * (last / first)[..., None] ** step
-    return np.asarray(amplitude_factor(amplitudes).mean(axis=-1))
+    square, decay = np.square(first), np.log(np.asarray(last) / np.asarray(first)) / swings
+    return np.asarray(
+        1
+        + square * _mean_power(2 * decay, swings) / 16
+        + 11 * np.square(square) * _mean_power(4 * decay, swings) / 3072
+    )
+
+
+def _mean_power(rate: Array, count: int) -> Array:
+    """Return the mean of e^(rate (i + 1/2)), i from 0 to count - 1: a geometric series."""
+    still = rate == 0
+    step = np.where(still, 1.0, rate)
+    total = np.exp(step / 2) * np.expm1(count * step) / np.expm1(step)
+    return np.asarray(np.where(still, 1.0, total / count))

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from virtual_lab.units import Array, Mask
 
 Constants = Mapping[str, Array]
+Shots = Mask | NDArray[np.intp]  # some of them: a mask, or their numbers, below 0 where there is none
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,9 +50,10 @@ class RawFlights:
     misfit: Array  # rms of the readings about one flight, (shot, way) [s]; NaN: not known
     complete: Mask  # every part of the instrument saw the ball come in
 
-    def part(self, chosen: Mask) -> Self:
-        """Return some of the shots."""
-        return type(self)(**{each.name: getattr(self, each.name)[chosen] for each in fields(self)})
+    def part(self, chosen: Shots) -> Self:
+        """Return some of the shots, see `part_of`."""
+        own = {each.name: part_of(getattr(self, each.name), chosen) for each in fields(self)}
+        return type(self)(**own)
 
 
 class FlightReadings(Protocol):
@@ -72,7 +75,7 @@ class FlightReadings(Protocol):
         Parameters
         ----------
         x
-            Constants, numbers or columns (k, 1).
+            Constants, numbers or columns (..., 1).
         drag
             κ of each ball, (..., shot) [1/m].
         """
@@ -82,9 +85,17 @@ class FlightReadings(Protocol):
         """Return the rate of the rig's clock, which an encoder shares: time shown over true."""
         ...
 
-    def part(self, chosen: Mask) -> Self:
-        """Return some of the shots."""
+    def part(self, chosen: Shots) -> Self:
+        """Return some of the shots: those of a mask, or by their numbers in any shape."""
         ...
+
+
+def part_of(values: NDArray[Any], chosen: Shots) -> NDArray[Any]:
+    """Return some of the values of shots, (shot, ...); nothing is known of a shot that is none."""
+    found = values[chosen]
+    if chosen.dtype != bool and (none := chosen < 0).any():
+        found[none] = False if found.dtype == bool else np.nan
+    return found
 
 
 def not_stated(like: Array) -> Array:

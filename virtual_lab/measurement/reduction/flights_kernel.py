@@ -1,48 +1,57 @@
-"""Least squares over the gates for many balls, block by block; compiled."""
+"""Least squares over the gates for many balls and many sets of constants; compiled."""
 
 from __future__ import annotations
 
-from math import nan
+from math import expm1, nan
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-from virtual_lab.relations.flight_kernel import BLOCK, FAST, time_over
+from virtual_lab.relations.flight import SERIES, SERIES_BELOW
+from virtual_lab.relations.flight_kernel import FAST
 from virtual_lab.units import Array
 
 SIGNS = (-1.0, 1.0)  # of the ways: a ball comes and its time falls with the distance, it goes
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
-def fit_speeds(times: Array, distances: Array, clock: Array, drag: Array, out: Array) -> None:
+def fit_speeds(
+    times: Array,
+    batch: NDArray[np.int64],
+    distances: Array,
+    clock: Array,
+    drag: Array,
+    out: Array,
+) -> None:
     """Fill in speeds at the target, in and out, (way, row, shot) [m/s].
 
     Parameters
     ----------
     times
-        (way, gate, shot) [s]; NaN: not seen.
+        (batch, way, gate, shot) [s]; NaN: not seen.
+    batch
+        Which batch of times a row is of, (row,).
     distances, clock
         (row, gate) [m] and (row,): rows are sets of constants.
     drag
-        κ (row, shot) [1/m], or one row for all sets.
+        κ (row, shot) [1/m].
     """
-    gates, shots = times.shape[1:]
-    reach, moments = np.empty((gates, BLOCK)), np.empty((3, BLOCK))
-    for row in range(len(distances)):
-        for first in range(0, shots, BLOCK):
-            part = slice(first, min(first + BLOCK, shots))
-            own = drag[min(row, len(drag) - 1), part]
-            for way in range(2):
-                speed = out[way, row, part]
-                _reaches(distances[row], SIGNS[way], own, reach)
-                _line(times[way, :, part], reach, moments, speed)
-                for i in range(speed.size):
-                    speed[i] *= SIGNS[way] * clock[row]
+    gates, shots = times.shape[2:]
+    reach, moments = np.empty((gates, shots)), np.empty((4, shots))
+    for row in range(batch.size):
+        for way in range(2):
+            speed = out[way, row]
+            _reaches(distances[row], SIGNS[way], drag[row], reach)
+            _line(times[batch[row], way], reach, moments, speed)
+            for i in range(shots):
+                speed[i] *= SIGNS[way] * clock[row]
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def fit_heights(
     heights: Array,
+    batch: NDArray[np.int64],
     speeds: Array,
     distances: Array,
     zeros: Array,
@@ -55,43 +64,43 @@ def fit_heights(
     Without gravity the heights are those of a straight line. `speeds` as from `fit_speeds`,
     `zeros` (row, gate) of the gates [m], `gravity` (row,) [m/s²], the others as there.
     """
-    gates, shots = heights.shape[1:]
-    reach, level = np.empty((gates, BLOCK)), np.empty((gates, BLOCK))
-    places = np.empty((gates, BLOCK))
-    moments, slope = np.empty((3, BLOCK)), np.empty(BLOCK)
-    for row in range(len(distances)):
+    gates, shots = heights.shape[2:]
+    reach, level, places = np.empty((3, gates, shots))
+    moments = np.empty((4, shots))
+    for row in range(batch.size):
         for gate in range(gates):
             places[gate, :] = distances[row, gate]
-        for first in range(0, shots, BLOCK):
-            part = slice(first, min(first + BLOCK, shots))
-            own = drag[min(row, len(drag) - 1), part]
-            n = own.size
-            for way in range(2):
-                _reaches(distances[row], SIGNS[way], own, reach)
-                speed = speeds[way, row, part]
-                for gate in range(gates):
-                    shown = heights[way, gate, part]
-                    for i in range(n):
-                        since = reach[gate, i] / speed[i]
-                        fallen = gravity[row] / 2 * since**2
-                        level[gate, i] = shown[i] + zeros[row, gate] + fallen
-                _line(places[:, :n], level, moments, slope[:n])
-                for i in range(n):
-                    out[1 + way, row, first + i] = slope[i]
-                    if way == 0:
-                        out[0, row, first + i] = moments[2, i] - slope[i] * moments[1, i]
+        for way in range(2):
+            _reaches(distances[row], SIGNS[way], drag[row], reach)
+            shown, speed, slope = heights[batch[row], way], speeds[way, row], out[1 + way, row]
+            for gate in range(gates):
+                for i in range(shots):
+                    since = reach[gate, i] / speed[i]
+                    fallen = gravity[row] / 2 * since**2
+                    level[gate, i] = shown[gate, i] + zeros[row, gate] + fallen
+            _line(places, level, moments, slope)
+            if way == 0:
+                for i in range(shots):
+                    out[0, row, i] = moments[2, i] - slope[i] * moments[1, i]
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def _reaches(distances: Array, sign: float, drag: Array, reach: Array) -> None:
     """Fill in the times to the gates of balls of speed 1 at the target, (gate, shot)."""
-    n = drag.size
-    signed, way, pace = np.empty(n), np.empty(n), np.ones(n)
-    for i in range(n):
-        signed[i] = sign * drag[i]
     for gate in range(distances.size):
-        way[:] = distances[gate]
-        time_over(way, pace, signed, reach[gate, :n])
+        way, long = distances[gate], 0
+        for i in range(drag.size):
+            x = sign * drag[i] * way
+            total = SERIES[0]
+            for k in range(1, len(SERIES)):
+                total = total * x + SERIES[k]
+            reach[gate, i] = way * total
+            long += abs(x) > SERIES_BELOW
+        if long:
+            for i in range(drag.size):
+                x = sign * drag[i] * way
+                if abs(x) > SERIES_BELOW:
+                    reach[gate, i] = expm1(x) / (sign * drag[i])
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
@@ -102,8 +111,7 @@ def _line(across: Array, up: Array, moments: Array, slope: Array) -> None:
     means of both.
     """
     gates, n = len(across), slope.size
-    count, x_mean, y_mean = moments[0, :n], moments[1, :n], moments[2, :n]
-    square = np.zeros(n)
+    count, x_mean, y_mean, square = moments[0], moments[1], moments[2], moments[3]
     moments[:] = 0.0
     slope[:] = 0.0
     for gate in range(gates):

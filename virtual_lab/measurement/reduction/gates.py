@@ -26,6 +26,8 @@ from virtual_lab.measurement.reduction.flights import (
     FlightModel,
     Flights,
     RawFlights,
+    Shots,
+    part_of,
 )
 from virtual_lab.records import BoardRecord, GateRecord, PassageRecord
 from virtual_lab.uncertainty.estimate import Estimate
@@ -36,20 +38,20 @@ INBOUND, OUTBOUND = 0, 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Passages:
-    """Uncorrected times and heights of the centre, (shot, way, gate); NaN: not seen."""
+    """Uncorrected times and heights of the centre, (..., shot, way, gate); NaN: not seen."""
 
     times: Array  # [s]
     heights: Array  # above the gates' own zeros [m]
     heights_u: Array  # of each height, by the scatter of its edges; 0 where there are none [m]
-    misfit: Array  # rms of the edges about the parabola and the line, (shot, way) [s]
+    misfit: Array  # rms of the edges about the parabola and the line, (..., shot, way) [s]
 
-    def part(self, chosen: Mask) -> Passages:
-        """Return some of the shots."""
+    def part(self, chosen: Shots) -> Passages:
+        """Return some of the shots, see `part_of`."""
         return Passages(
-            times=self.times[chosen],
-            heights=self.heights[chosen],
-            heights_u=self.heights_u[chosen],
-            misfit=self.misfit[chosen],
+            times=part_of(self.times, chosen),
+            heights=part_of(self.heights, chosen),
+            heights_u=part_of(self.heights_u, chosen),
+            misfit=part_of(self.misfit, chosen),
         )
 
 
@@ -97,7 +99,7 @@ class GateReadings:
 
     stage: str
     passages: Passages
-    distances: Array  # surveyed, of each gate from the target, (gate,) [m]
+    distances: Array  # surveyed, of each gate from the target, (..., gate) [m]
     shows_height: bool
 
     @classmethod
@@ -135,9 +137,10 @@ class GateReadings:
     def raw(self) -> RawFlights:
         """The flights between the first gate and the last, at a constant speed."""
         times = self.passages.times
-        near, span = self.distances[-1], self.distances[0] - self.distances[-1]
-        into = times[:, INBOUND, -1] - times[:, INBOUND, 0]
-        back = times[:, OUTBOUND, 0] - times[:, OUTBOUND, -1]
+        first, near = self.distances[..., 0, None], self.distances[..., -1, None]
+        span = first - near
+        into = times[..., INBOUND, -1] - times[..., INBOUND, 0]
+        back = times[..., OUTBOUND, 0] - times[..., OUTBOUND, -1]
         with np.errstate(divide="ignore"):  # a clock too slow shows two gates at one tick
             speed_in, speed_out = span / into, span / back
         slope_in, level = self._line_u(INBOUND)
@@ -147,29 +150,34 @@ class GateReadings:
             speed_in_u=speed_in**2 * slope_in,
             speed_out=speed_out,
             speed_out_u=speed_out**2 * slope_out,
-            contact=times[:, INBOUND, -1] + near * into / span,
+            contact=times[..., INBOUND, -1] + near * into / span,
             contact_u=np.where(np.isfinite(into), level, np.nan),
             misfit=self.passages.misfit,
-            complete=np.asarray(np.isfinite(times[:, INBOUND]).all(axis=1)),
+            complete=np.asarray(np.isfinite(times[..., INBOUND, :]).all(axis=-1)),
         )
 
-    def _line_u(self, way: int) -> tuple[float, float]:
-        """Return the u of slope [s/m] and zero [s] of a line through a ball's times.
+    def _line_u(self, way: int) -> tuple[Array, Array]:
+        """Return the u of slope [s/m] and zero [s] of a line through a ball's times, (..., 1).
 
         Gates off their surveyed places move all balls alike, which is no matter of the readings:
         the scatter is that about the mean ball. NaN with fewer than three gates or two balls.
         """
-        times = self.passages.times[:, way]
-        times = times[np.isfinite(times).all(axis=1)]
-        balls, gates = times.shape
-        if gates < 3 or balls < 2:
-            return np.nan, np.nan
-        basis = np.vander(self.distances, 2)
-        left = times - times @ (basis @ np.linalg.pinv(basis)).T
-        left -= left.mean(axis=0)
-        variance = np.sum(left**2) / ((gates - 2) * (balls - 1))
-        slope, zero = np.sqrt(variance * np.diag(np.linalg.inv(basis.T @ basis)))
-        return float(slope), float(zero)
+        times = self.passages.times[..., way, :]
+        gates = times.shape[-1]
+        whole = np.isfinite(times).all(axis=-1, keepdims=True)
+        balls = whole.sum(axis=-2)
+        middle = self.distances.mean(axis=-1, keepdims=True)
+        off = self.distances - middle
+        base = np.sum(off**2, axis=-1, keepdims=True)
+        shown = np.where(whole, times, 0.0)
+        shown = shown - shown.mean(axis=-1, keepdims=True)
+        lean = np.sum(shown * off[..., None, :], axis=-1, keepdims=True) / base[..., None]
+        left = shown - lean * off[..., None, :]
+        left -= left.sum(axis=-2, keepdims=True) / np.maximum(balls, 1)[..., None]
+        square = np.sum(np.where(whole, left, 0.0) ** 2, axis=(-2, -1))[..., None]
+        free = np.where((balls > 1) & (gates > 2), (gates - 2) * (balls - 1), np.nan)
+        variance = square / free
+        return np.sqrt(variance / base), np.sqrt(variance * (1 / gates + middle**2 / base))
 
     def flights(self, x: Constants, drag: Array) -> Flights:
         """Return the flights by least squares over the gates, see `FlightReadings`.
@@ -182,7 +190,7 @@ class GateReadings:
         """Return the rate of the gates' clock."""
         return x[f"{self.stage}.gates.clock"]
 
-    def part(self, chosen: Mask) -> Self:
+    def part(self, chosen: Shots) -> Self:
         """Return some of the shots."""
         return replace(self, passages=self.passages.part(chosen))
 
@@ -202,10 +210,10 @@ def flights(x: Constants, stage: str, seen: Passages, drag: Array) -> Flights:
     Parameters
     ----------
     x
-        Constants, numbers or columns (k, 1): distances of the gates, their heights where they
+        Constants, numbers or columns (..., 1): distances of the gates, their heights where they
         measure them, the clock.
     seen
-        Passages, (shot, way, gate).
+        Passages, (..., shot, way, gate).
     drag
         κ of each ball, (..., shot) [1/m].
     """
@@ -217,23 +225,30 @@ def flights(x: Constants, stage: str, seen: Passages, drag: Array) -> Flights:
     if tall:
         names += ["hall.gravity", *(f"{stage}.gates.height_{index}" for index in gates)]
     known = np.stack(np.broadcast_arrays(*(x[name] for name in names)), axis=-1)
-    shape = np.broadcast_shapes(known.shape[:-1], np.shape(drag), seen.times.shape[:1])
-    sets = np.broadcast_to(known.reshape(-1, len(names)), (prod(shape[:-1]), len(names)))
+    *own, shots, _, _ = seen.times.shape
+    # a set of constants is a row; the shots of some rows are the same ones
+    rows = np.broadcast_shapes(known.shape[:-2], np.shape(drag)[:-1], tuple(own))
+    many = prod(rows)
+    batch = np.broadcast_to(np.arange(prod(own)).reshape(own), rows).reshape(many)
+    if known.ndim == 1:
+        known = known[None]
+    sets = np.broadcast_to(known[..., 0, :], (*rows, len(names))).reshape(many, len(names))
     clock, distances = sets[:, 0].copy(), sets[:, 1 : 1 + len(gates)].copy()
-    drag = np.array(drag, ndmin=2, order="C")
-    speeds, heights = np.full((2, *shape), np.nan), np.full((3, *shape), np.nan)
-    by_set = -1, shape[-1]
-    fit_speeds(_by_gate(seen.times), distances, clock, drag, speeds.reshape(2, *by_set))
+    drag = np.broadcast_to(drag, (*rows, shots)).reshape(many, shots)
+    speeds, heights = np.full((2, many, shots), np.nan), np.full((3, many, shots), np.nan)
+    fit_speeds(_by_gate(seen.times), batch, distances, clock, drag, speeds)
     if tall:
         gravity, zeros = sets[:, 1 + len(gates)].copy(), sets[:, 2 + len(gates) :].copy()
-        shown, flown = _by_gate(seen.heights), speeds.reshape(2, *by_set)
-        fit_heights(shown, flown, distances, zeros, gravity, drag, heights.reshape(3, *by_set))
+        shown = _by_gate(seen.heights)
+        fit_heights(shown, batch, speeds, distances, zeros, gravity, drag, heights)
+    speed_in, speed_out = speeds.reshape(2, *rows, shots)
+    offset, slope_in, slope_out = heights.reshape(3, *rows, shots)
     return Flights(
-        speed_in=speeds[0],
-        speed_out=speeds[1],
-        offset=heights[0],
-        slope_in=heights[1],
-        slope_out=heights[2],
+        speed_in=speed_in,
+        speed_out=speed_out,
+        offset=offset,
+        slope_in=slope_in,
+        slope_out=slope_out,
     )
 
 
@@ -271,5 +286,6 @@ def heights_moved(readings: GateReadings) -> FlightModel:
 
 
 def _by_gate(values: Array) -> Array:
-    """Return (shot, way, gate) as (way, gate, shot): whole shots lie side by side."""
-    return np.array(values.transpose(1, 2, 0), order="C")
+    """Return (..., shot, way, gate) as (batch, way, gate, shot): whole shots lie side by side."""
+    flat = values.reshape(-1, *values.shape[-3:])
+    return np.array(flat.transpose(0, 2, 3, 1), order="C")
